@@ -1,0 +1,41 @@
+"""Errors ffseg raises on purpose: one sentence saying what and where, then the remedy."""
+
+from __future__ import annotations
+
+
+class FfsegError(Exception):
+    """Base of every error ffseg raises on purpose; its text is fit to be shown to a user."""
+
+
+class ParameterError(FfsegError):
+    """A parameter, a parameter file or an override is wrong (exit code 2)."""
+
+
+class UsageError(FfsegError):
+    """The inputs or outputs of a command do not fit together (exit code 2)."""
+
+
+class ImageReadError(FfsegError):
+    """An image file cannot be used.
+
+    Attributes
+    ----------
+    reason : str
+        One of the closed list of reasons in ``ffseg.formats.images``.
+    """
+
+    def __init__(self, reason: str, message: str) -> None:
+        super().__init__(message)
+        self.reason = reason
+
+
+class SegmentationError(FfsegError):
+    """An image was read but cannot be segmented as asked (a start outside the image, on an edge, ...)."""
+
+
+class CalibrationError(FfsegError):
+    """A camera, pose or pair file is wrong; the text names file and key."""
+
+
+class OutputError(FfsegError):
+    """An output cannot be written; the text names the path."""

@@ -1,0 +1,7 @@
+// The Python module `ffseg.native._core`: arrays in, arrays out.
+#include "bindings.hpp"
+
+NB_MODULE(_core, m) {
+    m.doc() = "Native loops of ffseg: arrays in, arrays out; no files, no policy.";
+    bind_edges(m);
+}

@@ -1,0 +1,6 @@
+// One binding function per part of the core; each lives beside its part.
+#pragma once
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+void bind_edges(nanobind::module_& m);
