@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from ffseg.native import _core
+from ffseg.parameters import Edges
 
 GRADIENT_SCALE = 32.0
 """Units of ``EdgeMap.gradient`` per grey level and pixel: 255/2*sqrt(2)*32 stays below 2**16."""
@@ -40,3 +44,59 @@ class EdgeMap:
         """Speed ``F_diff = 1 / (1 + |grad|**exponent)`` of Eq. 8, shape (H, W), in (0, 1]."""
         speed: NDArray[np.float64] = 1.0 / (1.0 + self.magnitude() ** exponent)
         return speed
+
+
+NOISE_QUANTILE = 0.5
+"""The median gradient of an image that is mostly homogeneous measures its noise, not its edges."""
+
+RAYLEIGH_MEDIAN = 1.1774
+"""Median of the gradient magnitude of smoothed white noise (Rayleigh) in units of its scale."""
+
+AUTO_HIGH = 5.5
+"""Noise scales above which an edge is strong: P(Rayleigh > 5.5) = 2.7e-7, less than one false edge in an image."""
+
+AUTO_LOW_RATIO = 0.5
+"""Low threshold as a part of the high one (Canny's advice is a ratio of two to three)."""
+
+AUTO_HIGH_MIN = 1.5
+"""Grey levels per pixel: below it lie the rounding steps of an 8-bit image (a step of 6 grey levels at sigma 1.5)."""
+
+QUANTILE_STRIDE = 4
+"""Rows skipped when the noise is measured; a quarter of the rows gives the median to better than one per cent."""
+
+
+def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] | None = None) -> EdgeMap:
+    """Edge map of an image (first step of Algorithm 5, Eq. 8).
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Colour images contribute their strongest channel at each pixel.
+    params : Edges
+        ``sigma`` in pixels, ``canny`` thresholds in grey levels per pixel of the smoothed image, or ``auto``.
+    domain : ndarray of uint8, shape (H, W), optional
+        Nonzero where the contour may go; ``auto`` thresholds are measured inside it.
+
+    Notes
+    -----
+    The gradient is a 3x3 Sobel operator on the Gaussian-smoothed image. ``auto`` sets the high threshold from the
+    noise: the median gradient of an image that is mostly homogeneous.
+    """
+    smoothed = cv2.GaussianBlur(image, (0, 0), params.sigma, borderType=cv2.BORDER_REPLICATE)
+    shape = (image.shape[0], image.shape[1])
+    gradient = np.empty(shape, np.uint16)
+    _core.gradient_magnitude(smoothed, gradient)
+    low, high = _thresholds(gradient, params, domain)
+    edges = np.empty(shape, np.uint8)
+    _core.canny(smoothed, gradient, round(low * GRADIENT_SCALE), round(high * GRADIENT_SCALE), edges)
+    return EdgeMap(gradient, edges, domain, (low, high))
+
+
+def _thresholds(
+    gradient: NDArray[np.uint16], params: Edges, domain: NDArray[np.uint8] | None
+) -> tuple[float, float]:
+    if params.canny != "auto":
+        return params.canny
+    median = _core.gradient_quantile(gradient, domain, QUANTILE_STRIDE, NOISE_QUANTILE) / GRADIENT_SCALE
+    high = max(AUTO_HIGH_MIN, AUTO_HIGH * median / RAYLEIGH_MEDIAN)
+    return AUTO_LOW_RATIO * high, high

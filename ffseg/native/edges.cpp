@@ -1,2 +1,0 @@
-#include "bindings.hpp"
-void bind_edges(nanobind::module_&) {}

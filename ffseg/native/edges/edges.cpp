@@ -1,0 +1,181 @@
+#include "edges/edges.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+
+// The loops below are plain C++; where the compiler can, it also builds an AVX2 version and picks one at load time.
+// Results are the same: only exact integer arithmetic and correctly rounded square roots are used.
+#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
+#define FFSEG_CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define FFSEG_CLONES
+#endif
+
+namespace ffseg {
+namespace {
+
+// A Sobel sum is 8 times the gradient, so 4 * |Sobel| is 32 * |gradient|.
+constexpr float kSobelToStored = kGradientScale / 8.0f;
+
+// One grey row between its two neighbours: vertical sums are formed first so that the inner loop is straight.
+FFSEG_CLONES
+void grey_row(const std::uint8_t* up, const std::uint8_t* mid, const std::uint8_t* down, std::int16_t* smooth,
+              std::int16_t* slope, std::uint16_t* out, int width) {
+    for (int x = 0; x < width; ++x) {
+        smooth[x + 1] = static_cast<std::int16_t>(up[x] + 2 * mid[x] + down[x]);
+        slope[x + 1] = static_cast<std::int16_t>(down[x] - up[x]);
+    }
+    smooth[0] = smooth[1];
+    slope[0] = slope[1];
+    smooth[width + 1] = smooth[width];
+    slope[width + 1] = slope[width];
+    for (int x = 0; x < width; ++x) {
+        const int gx = smooth[x + 2] - smooth[x];
+        const int gy = slope[x] + 2 * slope[x + 1] + slope[x + 2];
+        const float squared = static_cast<float>(gx * gx + gy * gy);
+        out[x] = static_cast<std::uint16_t>(std::sqrt(squared) * kSobelToStored + 0.5f);
+    }
+}
+
+FFSEG_CLONES
+void colour_row(const std::uint8_t* up, const std::uint8_t* mid, const std::uint8_t* down, int channels,
+                std::uint16_t* out, int width) {
+    for (int x = 0; x < width; ++x) {
+        const int left = std::max(x - 1, 0) * channels, here = x * channels;
+        const int right = std::min(x + 1, width - 1) * channels;
+        int strongest = 0;
+        for (int c = 0; c < channels; ++c) {
+            const int gx = (up[right + c] + 2 * mid[right + c] + down[right + c]) -
+                           (up[left + c] + 2 * mid[left + c] + down[left + c]);
+            const int gy = (down[left + c] + 2 * down[here + c] + down[right + c]) -
+                           (up[left + c] + 2 * up[here + c] + up[right + c]);
+            strongest = std::max(strongest, gx * gx + gy * gy);
+        }
+        out[x] = static_cast<std::uint16_t>(std::sqrt(static_cast<float>(strongest)) * kSobelToStored + 0.5f);
+    }
+}
+
+struct Slope {
+    int gx, gy;
+};
+
+// The Sobel vector of the strongest channel at one pixel.
+Slope slope_at(const GreyView& image, int x, int y) {
+    const int step = image.channels, row = image.width * step;
+    const std::uint8_t* up = image.data + static_cast<std::ptrdiff_t>(std::max(y - 1, 0)) * row;
+    const std::uint8_t* mid = image.data + static_cast<std::ptrdiff_t>(y) * row;
+    const std::uint8_t* down = image.data + static_cast<std::ptrdiff_t>(std::min(y + 1, image.height - 1)) * row;
+    const int left = std::max(x - 1, 0) * step, here = x * step, right = std::min(x + 1, image.width - 1) * step;
+    Slope best{0, 0};
+    int strongest = -1;
+    for (int c = 0; c < step; ++c) {
+        const int gx = (up[right + c] + 2 * mid[right + c] + down[right + c]) -
+                       (up[left + c] + 2 * mid[left + c] + down[left + c]);
+        const int gy = (down[left + c] + 2 * down[here + c] + down[right + c]) -
+                       (up[left + c] + 2 * up[here + c] + up[right + c]);
+        if (gx * gx + gy * gy > strongest) {
+            strongest = gx * gx + gy * gy;
+            best = {gx, gy};
+        }
+    }
+    return best;
+}
+
+// Is the gradient at (x, y) a maximum along its direction, quantised to the 8 neighbours as in Canny's method?
+// A tie keeps the pixel on the lower-index side, so that a ramp two pixels wide gives one edge.
+bool is_ridge(const std::uint16_t* gradient, int height, int width, int x, int y, Slope slope) {
+    const int ax = std::abs(slope.gx), ay = std::abs(slope.gy);
+    int dx = 0, dy = 0;
+    // tan(22.5 deg) = 0.4142 = 13573 / 32768
+    if (static_cast<std::int64_t>(ay) * 32768 < static_cast<std::int64_t>(ax) * 13573) {
+        dx = 1;
+    } else if (static_cast<std::int64_t>(ax) * 32768 < static_cast<std::int64_t>(ay) * 13573) {
+        dy = 1;
+    } else {
+        dx = (slope.gx > 0) == (slope.gy > 0) ? 1 : -1;
+        dy = 1;
+    }
+    const auto value = [&](int u, int v) -> int {
+        if (u < 0 || v < 0 || u >= width || v >= height) return 0;
+        return gradient[static_cast<std::ptrdiff_t>(v) * width + u];
+    };
+    const int here = value(x, y);
+    return here > value(x - dx, y - dy) && here >= value(x + dx, y + dy);
+}
+
+}  // namespace
+
+void gradient_magnitude(const GreyView& image, std::uint16_t* out) {
+    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(image.width) * image.channels;
+    std::vector<std::int16_t> smooth(static_cast<std::size_t>(image.width) + 2), slope(smooth.size());
+    for (int y = 0; y < image.height; ++y) {
+        const std::uint8_t* mid = image.data + y * row;
+        const std::uint8_t* up = y > 0 ? mid - row : mid;
+        const std::uint8_t* down = y + 1 < image.height ? mid + row : mid;
+        std::uint16_t* line = out + static_cast<std::ptrdiff_t>(y) * image.width;
+        if (image.channels == 1) {
+            grey_row(up, mid, down, smooth.data(), slope.data(), line, image.width);
+        } else {
+            colour_row(up, mid, down, image.channels, line, image.width);
+        }
+    }
+}
+
+std::uint16_t gradient_quantile(const std::uint16_t* gradient, const std::uint8_t* domain, int height, int width,
+                                int stride, double quantile) {
+    std::array<std::uint32_t, 6144> counts{};  // 180.4 * 32 = 5773 is the largest stored gradient
+    std::uint64_t total = 0;
+    for (int y = stride / 2; y < height; y += stride) {
+        const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * width;
+        for (int x = 0; x < width; ++x) {
+            if (domain != nullptr && domain[row + x] == 0) continue;
+            ++counts[std::min<std::size_t>(gradient[row + x], counts.size() - 1)];
+            ++total;
+        }
+    }
+    const auto wanted = static_cast<std::uint64_t>(quantile * static_cast<double>(total));
+    std::uint64_t seen = 0;
+    for (std::size_t value = 0; value < counts.size(); ++value) {
+        seen += counts[value];
+        if (seen > wanted) return static_cast<std::uint16_t>(value);
+    }
+    return 0;
+}
+
+void canny(const GreyView& image, const std::uint16_t* gradient, std::uint16_t low, std::uint16_t high,
+           std::uint8_t* out) {
+    constexpr std::uint8_t kWeak = 1, kEdge = 255;
+    const int height = image.height, width = image.width;
+    const std::size_t size = static_cast<std::size_t>(height) * static_cast<std::size_t>(width);
+    std::memset(out, 0, size);
+    std::vector<std::ptrdiff_t> strong;
+    for (int y = 0; y < height; ++y) {
+        const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * width;
+        for (int x = 0; x < width; ++x) {
+            const std::uint16_t value = gradient[row + x];
+            if (value < low || value == 0) continue;
+            if (!is_ridge(gradient, height, width, x, y, slope_at(image, x, y))) continue;
+            const bool is_strong = value >= high;
+            out[row + x] = is_strong ? kEdge : kWeak;
+            if (is_strong) strong.push_back(row + x);
+        }
+    }
+    while (!strong.empty()) {
+        const std::ptrdiff_t at = strong.back();
+        strong.pop_back();
+        const int x = static_cast<int>(at % width), y = static_cast<int>(at / width);
+        for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height - 1); ++v) {
+            for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width - 1); ++u) {
+                const std::ptrdiff_t near = static_cast<std::ptrdiff_t>(v) * width + u;
+                if (out[near] != kWeak) continue;
+                out[near] = kEdge;
+                strong.push_back(near);
+            }
+        }
+    }
+    for (std::size_t i = 0; i < size; ++i) out[i] = out[i] == kWeak ? std::uint8_t{0} : out[i];
+}
+
+}  // namespace ffseg
