@@ -5,3 +5,4 @@
 #include <nanobind/stl/optional.h>
 
 void bind_edges(nanobind::module_& m);
+void bind_freeform(nanobind::module_& m);

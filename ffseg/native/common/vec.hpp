@@ -1,0 +1,46 @@
+// Points, vectors and boxes in pixels: x right, y down, integers at pixel centres.
+#pragma once
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace ffseg {
+
+struct Vec2 {
+    double x = 0.0, y = 0.0;
+};
+
+inline Vec2 operator+(Vec2 a, Vec2 b) { return {a.x + b.x, a.y + b.y}; }
+inline Vec2 operator-(Vec2 a, Vec2 b) { return {a.x - b.x, a.y - b.y}; }
+inline Vec2 operator*(double s, Vec2 a) { return {s * a.x, s * a.y}; }
+inline Vec2& operator+=(Vec2& a, Vec2 b) { return a = a + b; }
+inline double dot(Vec2 a, Vec2 b) { return a.x * b.x + a.y * b.y; }
+// Positive when b lies clockwise of a on the screen (counter-clockwise in these y-down axes).
+inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
+inline double norm2(Vec2 a) { return dot(a, a); }
+inline double norm(Vec2 a) { return std::sqrt(norm2(a)); }
+
+struct Box {
+    double x0 = std::numeric_limits<double>::infinity(), y0 = x0, x1 = -x0, y1 = -x0;
+
+    void add(Vec2 p) {
+        x0 = std::min(x0, p.x);
+        y0 = std::min(y0, p.y);
+        x1 = std::max(x1, p.x);
+        y1 = std::max(y1, p.y);
+    }
+    bool meets(const Box& other) const {
+        return x0 <= other.x1 && other.x0 <= x1 && y0 <= other.y1 && other.y0 <= y1;
+    }
+};
+
+// Do the segments ab and cd cross at a point inside both? Touching and collinear segments do not count.
+inline bool segments_cross(Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
+    const Vec2 ab = b - a, cd = d - c;
+    const double c1 = cross(ab, c - a), d1 = cross(ab, d - a);
+    if ((c1 > 0) == (d1 > 0) || c1 == 0 || d1 == 0) return false;
+    const double a1 = cross(cd, a - c), b1 = cross(cd, b - c);
+    return (a1 > 0) != (b1 > 0) && a1 != 0 && b1 != 0;
+}
+
+}  // namespace ffseg

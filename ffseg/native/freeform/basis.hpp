@@ -1,0 +1,112 @@
+// Constant matrices of one Bezier degree: interpolation (Eq. 5, 6), derivatives at the samples, resampling.
+#pragma once
+#include <array>
+#include <cstddef>
+
+#include "common/vec.hpp"
+
+namespace ffseg {
+
+// A patch of degree D is known by its D + 1 samples M_k = B(k / D); every matrix below acts on them.
+template <int D>
+struct Basis {
+    static constexpr int kSub = 8;  // positions per interval between two samples
+    using Row = std::array<double, D + 1>;
+
+    std::array<Row, D + 1> vandermonde{};            // V: samples from control points (Eq. 5)
+    std::array<Row, D + 1> inverse{};                // V^-1: control points from samples (Eq. 6)
+    std::array<Row, D + 1> slope{};                  // V' V^-1: derivatives at the samples
+    std::array<std::array<Row, kSub>, D> between{};  // between[k][j]: the point at t = (k + j / kSub) / D
+    std::array<std::array<Row, kSub>, D> between_slope{};
+    std::array<Row, 2 * D + 1> halves{};             // the points at t = i / (2 D) (Alg. 2)
+
+    Basis() {
+        for (int k = 0; k <= D; ++k) vandermonde[k] = bernstein(static_cast<double>(k) / D);
+        invert();
+        for (int k = 0; k <= D; ++k) slope[k] = times_inverse(bernstein_slope(static_cast<double>(k) / D));
+        for (int k = 0; k < D; ++k) {
+            for (int j = 0; j < kSub; ++j) {
+                const double t = (k + static_cast<double>(j) / kSub) / D;
+                between[k][j] = times_inverse(bernstein(t));
+                between_slope[k][j] = times_inverse(bernstein_slope(t));
+            }
+        }
+        for (int i = 0; i <= 2 * D; ++i) halves[i] = times_inverse(bernstein(static_cast<double>(i) / (2 * D)));
+    }
+
+    static const Basis& get() {
+        static const Basis basis;
+        return basis;
+    }
+
+private:
+    static double binomial(int n, int k) {
+        double value = 1.0;
+        for (int i = 0; i < k; ++i) value = value * (n - i) / (i + 1);
+        return value;
+    }
+    static double power(double base, int exponent) {
+        double value = 1.0;
+        for (int i = 0; i < exponent; ++i) value *= base;
+        return value;
+    }
+    static Row bernstein(double t) {
+        Row row{};
+        for (int i = 0; i <= D; ++i) row[i] = binomial(D, i) * power(t, i) * power(1.0 - t, D - i);
+        return row;
+    }
+    static Row bernstein_slope(double t) {
+        Row row{};
+        for (int i = 0; i < D; ++i) {
+            const double b = D * binomial(D - 1, i) * power(t, i) * power(1.0 - t, D - 1 - i);
+            row[i] -= b;
+            row[i + 1] += b;
+        }
+        return row;
+    }
+    Row times_inverse(const Row& row) const {
+        Row out{};
+        for (int i = 0; i <= D; ++i) {
+            for (int j = 0; j <= D; ++j) out[j] += row[i] * inverse[i][j];
+        }
+        return out;
+    }
+    void invert() {  // Gauss-Jordan with pivoting; V of degree <= 6 has a condition number below 200
+        auto a = vandermonde;
+        for (int i = 0; i <= D; ++i) inverse[i][i] = 1.0;
+        for (int col = 0; col <= D; ++col) {
+            int pivot = col;
+            for (int r = col + 1; r <= D; ++r) {
+                if (std::abs(a[r][col]) > std::abs(a[pivot][col])) pivot = r;
+            }
+            std::swap(a[col], a[pivot]);
+            std::swap(inverse[col], inverse[pivot]);
+            const double scale = 1.0 / a[col][col];
+            for (int j = 0; j <= D; ++j) {
+                a[col][j] *= scale;
+                inverse[col][j] *= scale;
+            }
+            for (int r = 0; r <= D; ++r) {
+                const double factor = a[r][col];
+                if (r == col || factor == 0.0) continue;
+                for (int j = 0; j <= D; ++j) {
+                    a[r][j] -= factor * a[col][j];
+                    inverse[r][j] -= factor * inverse[col][j];
+                }
+            }
+        }
+    }
+};
+
+// A row of weights applied to D + 1 points.
+template <int D>
+inline Vec2 apply(const std::array<double, D + 1>& row, const std::array<Vec2, D + 1>& points) {
+    Vec2 sum{row[0] * points[0].x, row[0] * points[0].y};
+    for (int i = 1; i <= D; ++i) {
+        sum.x += row[i] * points[i].x;
+        sum.y += row[i] * points[i].y;
+    }
+    return sum;
+}
+
+}  // namespace ffseg

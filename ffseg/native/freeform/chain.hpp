@@ -1,0 +1,109 @@
+// The evolving contour: its state and the steps of one iteration, defined in move.hpp, refine.hpp, flip.hpp, ridge.hpp.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "freeform/evolution.hpp"
+#include "freeform/pool.hpp"
+
+namespace ffseg {
+
+// Marching along a normal looks at the edge map every half pixel.
+constexpr double kMarchStep = 0.5;
+// Near edges a sample moves at most this far in one iteration: the edge band is three pixels wide, so neither the
+// sample nor the stretch between two samples can pass it unseen.
+constexpr double kCautiousStep = 2.0;
+// A sample that moved less than half a march step is steady.
+constexpr double kSteady = 0.25;
+// A resting stretch that could still advance this far between its samples is split instead.
+constexpr double kUncovered = 1.5;
+// Patches are not split below this distance between samples.
+constexpr double kMinSpacing = 0.75;
+// Patches shorter than this per sample are pruned.
+constexpr double kPruneSpacing = 0.35;
+// Away from edges patches shorter than this part of the split threshold are pruned.
+constexpr double kPruneRatio = 0.2;
+// Components enclosing less cannot hold the band of one edge pixel (3 x 3) and are dropped.
+constexpr double kVoidArea = 4.0;
+// Rounds of crossing tests in one iteration; what is left waits for the next.
+constexpr int kFlipRounds = 3;
+// Patches near edges are halved at most this often before they are flipped, so that the flip cuts no edge.
+constexpr int kFlipDepth = 3;
+
+template <int D>
+class Chain final : public Evolution {
+public:
+    Chain(const ContourSet& starts, const std::uint8_t* edges, const std::uint8_t* domain, int height, int width,
+          const EvolutionOptions& options);
+
+    bool advance(int iterations) override;
+    void settle(const GradientView& gradient) override;
+    ContourSet contours() const override;
+    const EvolutionCounts& counts() const override { return counts_; }
+    StopReason stop_reason() const override { return reason_; }
+
+private:
+    using Points = std::array<Vec2, D + 1>;
+    static constexpr std::uint8_t kAllSteady = static_cast<std::uint8_t>((1u << D) - 1u);
+
+    // chain.hpp / chain_impl.hpp
+    void add_contour(const Vec2* points, std::size_t count);
+    bool step();
+    void wake(int i);
+    void release(int i);
+    void rest();
+    void forget_freed();
+    bool finish();
+    std::vector<int> loops() const;
+    double length(int i) const;
+    bool splittable(int i) const { return length(i) > 2 * D * kMinSpacing; }
+    int split(int i);
+
+    // move.hpp
+    void move();
+    void move_patch(int i);
+    Vec2 normal_at(int i, int k, const Points& points) const;
+    double reach(Vec2 from, Vec2 normal, double wanted) const;
+    void guard();
+    bool guard_patch(int i);
+    int first_hit(int i) const;
+    bool interval_hits(const Points& points, int k) const;
+    bool meets_edge(int i) const { return first_hit(i) >= 0; }
+    bool put_back(int i, int k);
+    bool uncovered(int i) const;
+
+    // refine.hpp
+    void refine();
+    bool too_long(int i) const;
+    void prune_short();
+    bool remove(int i);
+    bool straighten(int i);
+    bool folded(int i) const;
+
+    // flip.hpp
+    void flip_crossings();
+    bool flip_round(bool only_touched);
+    void sort_patches();
+    bool polygons_cross(int i, int j) const;
+    bool flip(int i, int j, int depth);
+    bool flip_finer(int i, int j, int depth);
+    void flip_adjacent(int i);
+    void classify(int i, int j);
+    void drop(int i);
+    double loop_area(int i) const;
+    double patch_area(int i, Vec2 origin) const;
+    bool loop_contains(int loop, Vec2 p) const;
+
+    EvolutionOptions options_;
+    Field field_;
+    Pool<D> pool_;
+    std::vector<int> active_, freed_, sorted_, queue_;
+    EvolutionCounts counts_;
+    StopReason reason_ = StopReason::kRunning;
+    // With a clearance the contour first stops before every passage narrower than it (`field_` is grown), then moves
+    // the rest of the way to the edges in the field without growth, in a fixed number of iterations.
+    std::unique_ptr<Field> open_field_;
+    int last_iterations_ = -1;
+};
+
+}  // namespace ffseg

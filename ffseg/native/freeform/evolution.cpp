@@ -1,0 +1,196 @@
+#include "freeform/evolution.hpp"
+
+#include <stdexcept>
+
+#include "freeform/chain.hpp"
+#include "freeform/flip.hpp"
+#include "freeform/move.hpp"
+#include "freeform/refine.hpp"
+#include "freeform/ridge.hpp"
+
+namespace ffseg {
+
+template <int D>
+Chain<D>::Chain(const ContourSet& starts, const std::uint8_t* edges, const std::uint8_t* domain, int height, int width,
+                const EvolutionOptions& options)
+    : options_(options), field_(edges, domain, height, width) {
+    for (std::size_t c = 0; c + 1 < starts.offsets.size(); ++c) {
+        add_contour(starts.points.data() + starts.offsets[c], starts.offsets[c + 1] - starts.offsets[c]);
+    }
+    if (options_.clearance > 0) {
+        open_field_ = std::make_unique<Field>(field_);
+        field_.grow(0.5 * options_.clearance);
+    }
+}
+
+template <int D>
+void Chain<D>::add_contour(const Vec2* points, std::size_t count) {
+    const int patches = static_cast<int>(count / D);
+    std::vector<int> made;
+    for (int i = 0; i < patches; ++i) made.push_back(pool_.acquire());
+    for (int i = 0; i < patches; ++i) {
+        Points control;
+        for (int k = 0; k <= D; ++k) control[k] = points[(static_cast<std::size_t>(i) * D + k) % count];
+        pool_.link(made[i], made[(i + 1) % patches]);
+        pool_.set_control(made[i], control);
+        for (Vec2& sample : pool_[made[i]].m) sample = field_.clamp(sample);
+        pool_[made[i]].before = pool_[made[i]].m;
+    }
+    for (int i : made) {
+        pool_.refresh(i);
+        pool_[i].active = true;
+        active_.push_back(i);
+        sorted_.push_back(i);
+    }
+}
+
+template <int D>
+void Chain<D>::wake(int i) {
+    if (pool_[i].active || !pool_[i].alive) return;
+    pool_[i].active = true;
+    active_.push_back(i);
+}
+
+template <int D>
+void Chain<D>::release(int i) {
+    pool_[i].alive = pool_[i].active = false;
+    freed_.push_back(i);
+}
+
+template <int D>
+int Chain<D>::split(int i) {
+    const int fresh = pool_.split(i);
+    sorted_.push_back(fresh);
+    if (pool_[fresh].active) active_.push_back(fresh);
+    ++counts_.splits;
+    return fresh;
+}
+
+template <int D>
+double Chain<D>::length(int i) const {
+    const Points points = pool_.samples(i);
+    double sum = 0.0;
+    for (int k = 0; k < D; ++k) sum += norm(points[k + 1] - points[k]);
+    return sum;
+}
+
+// Slots freed in this iteration are reused only now, when no list names them any more.
+template <int D>
+void Chain<D>::forget_freed() {
+    const auto dead = [this](int i) { return !pool_[i].alive; };
+    if (!freed_.empty()) sorted_.erase(std::remove_if(sorted_.begin(), sorted_.end(), dead), sorted_.end());
+    active_.erase(std::remove_if(active_.begin(), active_.end(), [this](int i) { return !pool_[i].active; }),
+                  active_.end());
+    for (int i : freed_) pool_.release(i);
+    freed_.clear();
+}
+
+// Patches whose samples are all steady leave the loop, unless the edge map between their samples is still open.
+template <int D>
+void Chain<D>::rest() {
+    const std::size_t count = active_.size();
+    for (std::size_t at = 0; at < count; ++at) {
+        const int i = active_[at];
+        const Patch<D>& patch = pool_[i];
+        if (!patch.alive || patch.steady != kAllSteady) continue;
+        const Patch<D>& next = pool_[patch.next];
+        if (next.active && (next.steady & 1u) == 0) continue;
+        if (options_.refine && splittable(i) && uncovered(i)) {
+            pool_[i].steady = 0;
+            const int fresh = split(i);
+            pool_[fresh].steady = 0;
+            continue;
+        }
+        pool_[i].active = false;
+    }
+}
+
+template <int D>
+bool Chain<D>::step() {
+    ++counts_.iterations;
+    move();
+    guard();
+    if (options_.refine) {
+        refine();
+    } else {
+        for (int i : active_) pool_.refresh(i);
+    }
+    if (options_.topology) flip_crossings();
+    rest();
+    forget_freed();
+    return !active_.empty();
+}
+
+// The contour has stopped; with a clearance this is where the second part begins. False when nothing is left to do.
+template <int D>
+bool Chain<D>::finish() {
+    if (open_field_ == nullptr) return false;
+    field_ = *open_field_;
+    open_field_.reset();
+    options_.balloon = 1.0;
+    last_iterations_ = static_cast<int>(std::ceil(0.5 * options_.clearance)) + 1;
+    for (int i : sorted_) wake(i);
+    return !active_.empty();
+}
+
+template <int D>
+bool Chain<D>::advance(int iterations) {
+    for (int done = 0; done < iterations && reason_ == StopReason::kRunning; ++done) {
+        if (counts_.iterations >= options_.max_iterations) {
+            reason_ = StopReason::kMaxIterations;
+        } else if (last_iterations_ == 0 || (!step() && !finish())) {
+            reason_ = sorted_.empty() ? StopReason::kVanished : StopReason::kConverged;
+        } else if (last_iterations_ > 0) {
+            --last_iterations_;
+        }
+    }
+    return reason_ == StopReason::kRunning;
+}
+
+template <int D>
+std::vector<int> Chain<D>::loops() const {
+    std::vector<int> firsts;
+    std::vector<bool> seen(static_cast<std::size_t>(pool_.size()));
+    for (int i = 0; i < pool_.size(); ++i) {
+        if (!pool_[i].alive || seen[static_cast<std::size_t>(i)]) continue;
+        firsts.push_back(i);
+        for (int at = i; !seen[static_cast<std::size_t>(at)]; at = pool_[at].next) seen[static_cast<std::size_t>(at)] = true;
+    }
+    return firsts;
+}
+
+template <int D>
+ContourSet Chain<D>::contours() const {
+    const Basis<D>& basis = Basis<D>::get();
+    ContourSet out;
+    for (int loop : loops()) {
+        int i = loop;
+        do {
+            const Points points = pool_.samples(i);
+            out.points.push_back(points[0]);
+            for (int k = 1; k < D; ++k) out.points.push_back(apply<D>(basis.inverse[k], points));
+            i = pool_[i].next;
+        } while (i != loop);
+        out.offsets.push_back(out.points.size());
+    }
+    return out;
+}
+
+std::unique_ptr<Evolution> make_evolution(const ContourSet& starts, const std::uint8_t* edges,
+                                          const std::uint8_t* domain, int height, int width,
+                                          const EvolutionOptions& options) {
+    const auto make = [&](auto degree) -> std::unique_ptr<Evolution> {
+        return std::make_unique<Chain<decltype(degree)::value>>(starts, edges, domain, height, width, options);
+    };
+    switch (options.degree) {
+        case 1: return make(std::integral_constant<int, 1>{});
+        case 2: return make(std::integral_constant<int, 2>{});
+        case 3: return make(std::integral_constant<int, 3>{});
+        case 4: return make(std::integral_constant<int, 4>{});
+        case 5: return make(std::integral_constant<int, 5>{});
+        case 6: return make(std::integral_constant<int, 6>{});
+        default: throw std::invalid_argument("the degree must be 1 to 6");
+    }
+}
+
+}  // namespace ffseg

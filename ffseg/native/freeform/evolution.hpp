@@ -1,0 +1,60 @@
+// The free-form active contour: Algorithms 2, 3 and 4 of the paper on a pool of Bezier patches.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/vec.hpp"
+#include "freeform/field.hpp"
+
+namespace ffseg {
+
+struct EvolutionOptions {
+    int degree = 3;
+    double split_threshold = 14.0;  // px, largest distance between control points of one patch
+    double balloon = 2.0;           // px per iteration, > 0
+    bool refine = true;
+    bool topology = true;
+    int max_iterations = 2000;
+    double clearance = 0.0;  // px
+    double settle = 4.0;     // px, reach of the attraction to the ridge; 0 switches it off
+    double ridge_low = 1.0;  // stored units: gradients below it are no ridge
+};
+
+struct EvolutionCounts {
+    int iterations = 0, splits = 0, prunes = 0, flips = 0, merges = 0, drops = 0;
+};
+
+enum class StopReason { kRunning, kConverged, kMaxIterations, kVanished };
+
+// Closed contours as runs of control points: contour c owns points[offsets[c] .. offsets[c + 1]).
+struct ContourSet {
+    std::vector<Vec2> points;
+    std::vector<std::size_t> offsets{0};
+};
+
+struct GradientView {
+    const std::uint16_t* data;
+    int height, width;
+};
+
+class Evolution {
+public:
+    virtual ~Evolution() = default;
+    // Runs at most `iterations` iterations; false once the contour has stopped.
+    virtual bool advance(int iterations) = 0;
+    // Attracts the stopped contour to the ridge of the gradient (the paper's attraction to edges).
+    virtual void settle(const GradientView& gradient) = 0;
+    virtual ContourSet contours() const = 0;
+    virtual const EvolutionCounts& counts() const = 0;
+    virtual StopReason stop_reason() const = 0;
+};
+
+// `starts`: control points of closed contours of degree options.degree, free space on the side of positive area.
+// The edge and domain arrays are read here only. Throws std::invalid_argument.
+std::unique_ptr<Evolution> make_evolution(const ContourSet& starts, const std::uint8_t* edges,
+                                          const std::uint8_t* domain, int height, int width,
+                                          const EvolutionOptions& options);
+
+}  // namespace ffseg

@@ -1,0 +1,144 @@
+#include "freeform/field.hpp"
+
+#include <cmath>
+#include <cstring>
+
+namespace ffseg {
+namespace {
+
+// Squared distance transform of one line (lower envelope of parabolas; Felzenszwalb and Huttenlocher 2012).
+void distance_line(const std::vector<double>& f, std::vector<double>& out, std::vector<int>& apex,
+                   std::vector<double>& bound) {
+    const int n = static_cast<int>(f.size());
+    int k = 0;
+    apex[0] = 0;
+    bound[0] = -1e18;
+    bound[1] = 1e18;
+    for (int q = 1; q < n; ++q) {
+        double s = 0.0;
+        do {
+            const int v = apex[k];
+            s = ((f[q] + static_cast<double>(q) * q) - (f[v] + static_cast<double>(v) * v)) / (2.0 * (q - v));
+        } while (s <= bound[k] && --k >= 0);
+        ++k;
+        apex[k] = q;
+        bound[k] = s;
+        bound[k + 1] = 1e18;
+    }
+    k = 0;
+    for (int q = 0; q < n; ++q) {
+        while (bound[k + 1] < q) ++k;
+        const double d = q - apex[k];
+        out[q] = d * d + f[apex[k]];
+    }
+}
+
+}  // namespace
+
+Field::Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, int width)
+    : height_(height),
+      width_(width),
+      stride_(static_cast<std::size_t>(width) + 2),
+      tiles_x_(static_cast<std::size_t>((width - 1) >> kTileShift) + 1),
+      tiles_y_(static_cast<std::size_t>((height - 1) >> kTileShift) + 1),
+      blocked_((static_cast<std::size_t>(height) + 2) * stride_) {
+    mark_edges(edges);
+    mark_outside(domain);
+    build_tiles();
+}
+
+void Field::mark_edges(const std::uint8_t* edges) {
+    for (int y = 0; y < height_; ++y) {
+        const std::uint8_t* row = edges + static_cast<std::size_t>(y) * width_;
+        std::uint8_t* out = blocked_.data() + static_cast<std::size_t>(y) * stride_;
+        int x = 0;
+        while (x < width_) {
+            std::uint64_t eight = 0;
+            if (x + 8 <= width_) {
+                std::memcpy(&eight, row + x, 8);
+                if (eight == 0) {
+                    x += 8;
+                    continue;
+                }
+            }
+            if (row[x] != 0) {
+                for (std::size_t v = 0; v < 3; ++v) {
+                    for (std::size_t u = 0; u < 3; ++u) out[v * stride_ + x + u] = kEdge;
+                }
+            }
+            ++x;
+        }
+    }
+}
+
+void Field::mark_outside(const std::uint8_t* domain) {
+    const std::size_t rows = static_cast<std::size_t>(height_) + 2;
+    std::memset(blocked_.data(), kOutside, stride_);
+    std::memset(blocked_.data() + (rows - 1) * stride_, kOutside, stride_);
+    for (std::size_t y = 0; y < rows; ++y) {
+        blocked_[y * stride_] = kOutside;
+        blocked_[(y + 1) * stride_ - 1] = kOutside;
+    }
+    if (domain == nullptr) return;
+    for (int y = 0; y < height_; ++y) {
+        for (int x = 0; x < width_; ++x) {
+            if (domain[static_cast<std::size_t>(y) * width_ + x] != 0) continue;
+            blocked_[(static_cast<std::size_t>(y) + 1) * stride_ + x + 1] = kOutside;
+        }
+    }
+}
+
+void Field::build_tiles() {
+    constexpr int kTile = 1 << kTileShift;
+    std::vector<std::uint8_t> occupied(tiles_x_ * tiles_y_);
+    for (int y = 0; y < height_; ++y) {
+        const std::uint8_t* row = blocked_.data() + (static_cast<std::size_t>(y) + 1) * stride_ + 1;
+        std::uint8_t* tiles = occupied.data() + static_cast<std::size_t>(y >> kTileShift) * tiles_x_;
+        for (int x = 0; x < width_; x += kTile) {
+            std::uint64_t eight = 0;
+            std::memcpy(&eight, row + x, static_cast<std::size_t>(std::min(kTile, width_ - x)));
+            tiles[x >> kTileShift] |= static_cast<std::uint8_t>(eight != 0);
+        }
+    }
+    crowded_.assign(tiles_x_ * tiles_y_, 0);
+    const int columns = static_cast<int>(tiles_x_), rows = static_cast<int>(tiles_y_);
+    for (int r = 0; r < rows; ++r) {
+        for (int c = 0; c < columns; ++c) {
+            // The last row and column of tiles may be cut, so their neighbours lie near the border as well.
+            bool any = r == 0 || c == 0 || r >= rows - 2 || c >= columns - 2;
+            for (int v = r - 1; v <= r + 1 && !any; ++v) {
+                for (int u = c - 1; u <= c + 1 && !any; ++u) any = occupied[static_cast<std::size_t>(v) * tiles_x_ + u];
+            }
+            crowded_[static_cast<std::size_t>(r) * tiles_x_ + c] = any;
+        }
+    }
+}
+
+void Field::grow(double radius) {
+    const std::size_t rows = static_cast<std::size_t>(height_) + 2, columns = stride_;
+    std::vector<float> squared(rows * columns);
+    const std::size_t longest = std::max(rows, columns);
+    std::vector<double> line, out;
+    std::vector<int> apex(longest);
+    std::vector<double> bound(longest + 1);
+    line.resize(columns);
+    out.resize(columns);
+    for (std::size_t y = 0; y < rows; ++y) {
+        for (std::size_t x = 0; x < columns; ++x) line[x] = blocked_[y * columns + x] == kEdge ? 0.0 : 1e9;
+        distance_line(line, out, apex, bound);
+        for (std::size_t x = 0; x < columns; ++x) squared[y * columns + x] = static_cast<float>(out[x]);
+    }
+    line.resize(rows);
+    out.resize(rows);
+    for (std::size_t x = 0; x < columns; ++x) {
+        for (std::size_t y = 0; y < rows; ++y) line[y] = squared[y * columns + x];
+        distance_line(line, out, apex, bound);
+        for (std::size_t y = 0; y < rows; ++y) {
+            std::uint8_t& cell = blocked_[y * columns + x];
+            if (cell == 0 && out[y] < radius * radius) cell = kEdge;
+        }
+    }
+    build_tiles();
+}
+
+}  // namespace ffseg

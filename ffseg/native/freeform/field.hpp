@@ -1,0 +1,58 @@
+// Where a contour may go: the pixels no edge band, domain limit or image border occupies.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "common/vec.hpp"
+
+namespace ffseg {
+
+class Field {
+public:
+    static constexpr int kTileShift = 3;
+    // A sample in a tile without blocked pixels in its 3x3 tiles has at least this much free space round it.
+    static constexpr double kFreeReach = 1 << kTileShift;
+
+    // Edges are thickened by one pixel all round, so that the band is 4-connected and cannot be slipped through.
+    // `domain` may be null. `clearance` > 0 also blocks every pixel nearer than clearance / 2 to an edge.
+    Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, int width);
+
+    // Blocks all that lies nearer than `radius` to a blocked pixel (for contour.clearance).
+    void grow(double radius);
+
+    int width() const { return width_; }
+    int height() const { return height_; }
+
+    Vec2 clamp(Vec2 p) const {
+        constexpr double kInside = 0.5 - 1e-6;
+        return {std::min(std::max(p.x, -kInside), width_ - 1 + kInside),
+                std::min(std::max(p.y, -kInside), height_ - 1 + kInside)};
+    }
+    // p must lie within one pixel of the image.
+    bool blocked(Vec2 p) const {
+        const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
+        return blocked_[static_cast<std::size_t>(row) * stride_ + column] != 0;
+    }
+    bool outside_domain(Vec2 p) const {
+        const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
+        return blocked_[static_cast<std::size_t>(row) * stride_ + column] == kOutside;
+    }
+    // Is something blocked nearer than kFreeReach?
+    bool crowded(Vec2 p) const {
+        const int column = static_cast<int>(p.x + 0.5) >> kTileShift, row = static_cast<int>(p.y + 0.5) >> kTileShift;
+        return crowded_[static_cast<std::size_t>(row) * tiles_x_ + column] != 0;
+    }
+
+private:
+    static constexpr std::uint8_t kEdge = 1, kOutside = 2;
+    void mark_edges(const std::uint8_t* edges);
+    void mark_outside(const std::uint8_t* domain);
+    void build_tiles();
+
+    int height_, width_;
+    std::size_t stride_, tiles_x_, tiles_y_;
+    std::vector<std::uint8_t> blocked_;  // (H + 2) x (W + 2), one ring of outside
+    std::vector<std::uint8_t> crowded_;
+};
+
+}  // namespace ffseg

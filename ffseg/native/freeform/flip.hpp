@@ -1,0 +1,242 @@
+// Topology: the bounding-box filter over patches sorted by insertion, and the flip (Algorithm 3, corrected).
+#pragma once
+#include "freeform/chain.hpp"
+
+namespace ffseg {
+
+// Patches ordered by the left side of their boxes; the order hardly changes in one iteration, so insertion is cheap.
+template <int D>
+void Chain<D>::sort_patches() {
+    const auto left = [this](int i) { return pool_[i].box.x0; };
+    for (std::size_t at = 1; at < sorted_.size(); ++at) {
+        const int moving = sorted_[at];
+        const double key = left(moving);
+        std::size_t to = at;
+        while (to > 0 && left(sorted_[to - 1]) > key) {
+            sorted_[to] = sorted_[to - 1];
+            --to;
+        }
+        sorted_[to] = moving;
+    }
+}
+
+// Do two control polygons cross properly? For adjacent patches the segments that share the joint do not count.
+template <int D>
+bool Chain<D>::polygons_cross(int i, int j) const {
+    const auto &p = pool_[i].control, &q = pool_[j].control;
+    for (int a = 0; a < D; ++a) {
+        Box box;
+        box.add(p[a]);
+        box.add(p[a + 1]);
+        if (!box.meets(pool_[j].box)) continue;
+        for (int b = 0; b < D; ++b) {
+            if (segments_cross(p[a], p[a + 1], q[b], q[b + 1])) return true;
+        }
+    }
+    return false;
+}
+
+template <int D>
+bool Chain<D>::flip_round(bool only_touched) {
+    bool any = false;
+    sort_patches();
+    for (std::size_t at = 0; at < sorted_.size(); ++at) {
+        const int i = sorted_[at];
+        if (!pool_[i].alive) continue;
+        for (std::size_t on = at + 1; on < sorted_.size(); ++on) {
+            const int j = sorted_[on];
+            const Patch<D>&a = pool_[i], &b = pool_[j];
+            if (b.box.x0 > a.box.x1) break;
+            if (!b.alive || !(a.active || b.active) || !a.box.meets(b.box)) continue;
+            if (only_touched && !(a.touched || b.touched)) continue;
+            if (a.next == j || b.next == i || !polygons_cross(i, j)) continue;
+            if (flip(i, j, 0)) {
+                any = true;
+                break;
+            }
+        }
+    }
+    return any;
+}
+
+template <int D>
+void Chain<D>::flip_crossings() {
+    for (int i : active_) pool_[i].touched = false;
+    for (int round = 0; round < kFlipRounds; ++round) {
+        if (!flip_round(round > 0)) break;
+    }
+    const std::size_t count = active_.size();
+    for (std::size_t at = 0; at < count; ++at) flip_adjacent(active_[at]);
+}
+
+// Gamma'_i = [P_0i .. P_ki, P_(k+1)j .. P_dj] and Gamma'_j = [P_0j .. P_kj, P_(k+1)i .. P_di], k = floor(d / 2), and the
+// successors of i and j change places. Differs from the order printed in Algorithm 3, which does not connect.
+template <int D>
+bool Chain<D>::flip(int i, int j, int depth) {
+    constexpr int k = D / 2;
+    if ((pool_[i].crowded || pool_[j].crowded) && depth < kFlipDepth && (splittable(i) || splittable(j)) &&
+        options_.refine) {
+        return flip_finer(i, j, depth);
+    }
+    Points first = pool_[i].control, second = pool_[j].control;
+    for (int a = k + 1; a <= D; ++a) std::swap(first[a], second[a]);
+    pool_.set_control(i, first);
+    pool_.set_control(j, second);
+    const int after_i = pool_[i].next, after_j = pool_[j].next;
+    pool_.link(i, after_j);
+    pool_.link(j, after_i);
+    ++counts_.flips;
+    for (const int near : {i, j, after_i, after_j, pool_[i].prev, pool_[j].prev}) wake(near);
+    for (const int changed : {i, j}) {
+        pool_[changed].touched = true;
+        pool_[changed].steady = 0;
+        pool_.refresh(changed);
+    }
+    classify(i, j);
+    return true;
+}
+
+// Near edges the patches are halved first, so that what the flip cuts off is too short to hold an edge.
+template <int D>
+bool Chain<D>::flip_finer(int i, int j, int depth) {
+    const int i2 = splittable(i) ? split(i) : -1;
+    const int j2 = splittable(j) ? split(j) : -1;
+    for (const int a : {i, i2}) {
+        for (const int b : {j, j2}) {
+            if (a < 0 || b < 0 || !pool_[a].box.meets(pool_[b].box) || !polygons_cross(a, b)) continue;
+            if (pool_[a].next == b || pool_[b].next == a) continue;
+            return flip(a, b, depth + 1);
+        }
+    }
+    return false;
+}
+
+// Two adjacent patches that cross cut off a loop of their own, which is dropped at once.
+template <int D>
+void Chain<D>::flip_adjacent(int i) {
+    if (!pool_[i].alive) return;
+    const int j = pool_[i].next;
+    if (j == i || pool_[j].next == i || !pool_[j].alive) return;
+    const auto &p = pool_[i].control, &q = pool_[j].control;
+    bool crossing = false;
+    for (int a = 0; a < D && !crossing; ++a) {
+        for (int b = 0; b < D && !crossing; ++b) {
+            if (a == D - 1 && b == 0) continue;
+            crossing = segments_cross(p[a], p[a + 1], q[b], q[b + 1]);
+        }
+    }
+    if (!crossing) return;
+    Points joined = p;
+    for (int a = D / 2 + 1; a <= D; ++a) joined[a] = q[a];
+    const auto kept = pool_[i].m;
+    const int after = pool_[j].next;
+    pool_.set_control(i, joined);
+    pool_.link(i, after);
+    if (meets_edge(i)) {
+        pool_[i].m = kept;
+        pool_.link(i, j);
+        pool_.link(j, after);
+        return;
+    }
+    release(j);
+    ++counts_.flips;
+    pool_[i].steady = 0;
+    wake(i);
+    wake(after);
+    pool_.refresh(i);
+}
+
+template <int D>
+double Chain<D>::patch_area(int i, Vec2 origin) const {
+    const Points points = pool_.samples(i);
+    double twice = 0.0;
+    for (int k = 0; k < D; ++k) twice += cross(points[k] - origin, points[k + 1] - origin);
+    return 0.5 * twice;
+}
+
+template <int D>
+double Chain<D>::loop_area(int i) const {
+    const Vec2 origin = pool_[i].m[0];
+    double area = 0.0;
+    int at = i;
+    do {
+        area += patch_area(at, origin);
+        at = pool_[at].next;
+    } while (at != i);
+    return area;
+}
+
+// Is p inside the polygon of samples of a loop (even-odd; the loop does not cross itself but at flips under way)?
+template <int D>
+bool Chain<D>::loop_contains(int loop, Vec2 p) const {
+    bool inside = false;
+    int at = loop;
+    do {
+        const Points points = pool_.samples(at);
+        for (int k = 0; k < D; ++k) {
+            const Vec2 a = points[k], b = points[k + 1];
+            if ((a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x)) inside = !inside;
+        }
+        at = pool_[at].next;
+    } while (at != loop);
+    return inside;
+}
+
+template <int D>
+void Chain<D>::drop(int i) {
+    int at = i;
+    do {
+        const int next = pool_[at].next;
+        release(at);
+        at = next;
+    } while (at != i);
+    ++counts_.drops;
+}
+
+// After a flip: one loop (two components merged) or two (one was cut off)? Both are walked in step, so the cost is
+// that of the shorter one. What bounds no region of positive winding number is dropped: a component of negligible
+// area, and a positive one inside another (the front never re-enters what it has filled).
+template <int D>
+void Chain<D>::classify(int i, int j) {
+    const Vec2 origin = pool_[i].m[0];
+    double area_i = 0.0, area_j = 0.0;
+    int at_i = i, at_j = j, small = -1, large = -1;
+    while (small < 0) {
+        area_i += patch_area(at_i, origin);
+        at_i = pool_[at_i].next;
+        if (at_i == j) {
+            ++counts_.merges;
+            return;
+        }
+        if (at_i == i) {
+            small = i;
+            large = j;
+            break;
+        }
+        area_j += patch_area(at_j, origin);
+        at_j = pool_[at_j].next;
+        if (at_j == i) {
+            ++counts_.merges;
+            return;
+        }
+        if (at_j == j) {
+            small = j;
+            large = i;
+        }
+    }
+    const double area = small == i ? area_i : area_j;
+    if (std::abs(area) < kVoidArea) {
+        drop(small);
+        return;
+    }
+    if (area < 0) return;  // a hole
+    const double other = loop_area(large);
+    if (other > 0) {
+        const int inner = area < other ? small : large, outer = inner == small ? large : small;
+        if (loop_contains(outer, pool_[inner].m[0])) drop(inner);
+    } else if (area < -other) {
+        drop(small);  // a hole folded over: what lies beyond its border is filled already
+    }
+}
+
+}  // namespace ffseg

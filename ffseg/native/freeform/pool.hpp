@@ -1,0 +1,112 @@
+// A pool of patches in closed chains: split, remove and flip are O(1) and move no array.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "common/vec.hpp"
+#include "freeform/basis.hpp"
+
+namespace ffseg {
+
+template <int D>
+struct Patch {
+    std::array<Vec2, D> m;            // on-curve samples M_0 .. M_{D-1}; M_D is the next patch's M_0
+    std::array<Vec2, D> before;       // the samples before this iteration's move
+    std::array<Vec2, D + 1> control;  // control points V^-1 M, valid after refresh()
+    Box box;                          // of the control points
+    int next = -1, prev = -1;
+    std::uint8_t steady = 0;    // bit k: sample k did not move in this iteration
+    std::uint8_t reverted = 0;  // bit k: sample k was put back because the curve met an edge
+    bool alive = false, active = false, crowded = false, wants_split = false, touched = false;
+};
+
+template <int D>
+class Pool {
+public:
+    using Points = std::array<Vec2, D + 1>;
+
+    Patch<D>& operator[](int i) { return patches_[static_cast<std::size_t>(i)]; }
+    const Patch<D>& operator[](int i) const { return patches_[static_cast<std::size_t>(i)]; }
+    int size() const { return static_cast<int>(patches_.size()); }
+    int num_alive() const { return alive_; }
+
+    int acquire() {
+        int at = 0;
+        if (free_.empty()) {
+            at = size();
+            patches_.emplace_back();
+        } else {
+            at = free_.back();
+            free_.pop_back();
+            (*this)[at] = Patch<D>{};
+        }
+        (*this)[at].alive = true;
+        ++alive_;
+        return at;
+    }
+    void release(int i) {
+        (*this)[i].alive = (*this)[i].active = false;
+        free_.push_back(i);
+        --alive_;
+    }
+    void link(int a, int b) {
+        (*this)[a].next = b;
+        (*this)[b].prev = a;
+    }
+    Vec2 end(int i) const { return (*this)[(*this)[i].next].m[0]; }
+    Points samples(int i) const {
+        const Patch<D>& patch = (*this)[i];
+        Points points;
+        for (int k = 0; k < D; ++k) points[k] = patch.m[k];
+        points[D] = end(i);
+        return points;
+    }
+    // Gives patch i the curve with these control points; the joint it starts with moves along, the end joint does not.
+    void set_control(int i, const Points& control) {
+        const Basis<D>& basis = Basis<D>::get();
+        Patch<D>& patch = (*this)[i];
+        patch.m[0] = control[0];
+        for (int k = 1; k < D; ++k) patch.m[k] = apply<D>(basis.vandermonde[k], control);
+        patch.before = patch.m;
+    }
+    // Control points (Eq. 6) and their box.
+    void refresh(int i) {
+        const Basis<D>& basis = Basis<D>::get();
+        Patch<D>& patch = (*this)[i];
+        const Points points = samples(i);
+        patch.control[0] = points[0];
+        patch.control[D] = points[D];
+        for (int k = 1; k < D; ++k) patch.control[k] = apply<D>(basis.inverse[k], points);
+        patch.box = Box{};
+        for (const Vec2& p : patch.control) patch.box.add(p);
+    }
+    // Algorithm 2: the same curve as two patches; the new one follows i. Returns it.
+    int split(int i) {
+        const Basis<D>& basis = Basis<D>::get();
+        const Points points = samples(i);
+        const int fresh = acquire(), after = (*this)[i].next;
+        Patch<D>&first = (*this)[i], &second = (*this)[fresh];
+        for (int k = 0; k < D; ++k) {
+            first.m[k] = apply<D>(basis.halves[k], points);
+            second.m[k] = apply<D>(basis.halves[D + k], points);
+        }
+        first.m[0] = points[0];
+        first.before = first.m;
+        second.before = second.m;
+        second.active = first.active;
+        second.crowded = first.crowded;
+        link(i, fresh);
+        link(fresh, after);
+        refresh(i);
+        refresh(fresh);
+        return fresh;
+    }
+
+private:
+    std::vector<Patch<D>> patches_;
+    std::vector<int> free_;
+    int alive_ = 0;
+};
+
+}  // namespace ffseg

@@ -1,0 +1,97 @@
+// Splitting patches that stretch (Algorithm 2) and pruning those that shrink or fold (the paper's footnote on pruning).
+#pragma once
+#include "freeform/chain.hpp"
+
+namespace ffseg {
+
+// The paper's test: the largest distance between two control points of the patch.
+template <int D>
+bool Chain<D>::too_long(int i) const {
+    const auto& p = pool_[i].control;
+    const double limit = options_.split_threshold * options_.split_threshold;
+    for (int a = 0; a < D; ++a) {
+        for (int b = a + 1; b <= D; ++b) {
+            if (norm2(p[b] - p[a]) > limit) return true;
+        }
+    }
+    return false;
+}
+
+// Has the curve run over itself here: does a stretch between two samples point backwards after the move?
+template <int D>
+bool Chain<D>::folded(int i) const {
+    const Patch<D>& patch = pool_[i];
+    const Patch<D>& next = pool_[patch.next];
+    const Vec2 end_before = next.active ? next.before[0] : next.m[0];
+    for (int k = 0; k < D; ++k) {
+        const Vec2 after = (k + 1 < D ? patch.m[k + 1] : next.m[0]) - patch.m[k];
+        const Vec2 before = (k + 1 < D ? patch.before[k + 1] : end_before) - patch.before[k];
+        if (dot(after, before) < 0) return true;
+    }
+    return false;
+}
+
+// Replaces the patch by its chord, unless the chord meets an edge.
+template <int D>
+bool Chain<D>::straighten(int i) {
+    Patch<D>& patch = pool_[i];
+    const auto kept = patch.m;
+    const Vec2 end = pool_.end(i);
+    for (int k = 1; k < D; ++k) patch.m[k] = patch.m[0] + (static_cast<double>(k) / D) * (end - patch.m[0]);
+    if (meets_edge(i)) {
+        patch.m = kept;
+        return false;
+    }
+    ++counts_.prunes;
+    return true;
+}
+
+// Takes patch i out; its neighbours meet at its middle, or at one of its ends where the middle would meet an edge.
+template <int D>
+bool Chain<D>::remove(int i) {
+    const int prev = pool_[i].prev, next = pool_[i].next;
+    if (prev == next || prev == i || pool_[next].next == prev) return false;
+    const Vec2 start = pool_[i].m[0], end = pool_[next].m[0];
+    pool_.link(prev, next);
+    for (const Vec2 joint : {0.5 * (start + end), start, end}) {
+        pool_[next].m[0] = joint;
+        if (meets_edge(prev) || meets_edge(next)) continue;
+        release(i);
+        pool_[next].steady &= static_cast<std::uint8_t>(~1u);
+        wake(prev);
+        wake(next);
+        pool_.refresh(prev);
+        pool_.refresh(next);
+        ++counts_.prunes;
+        return true;
+    }
+    pool_[next].m[0] = end;
+    pool_.link(prev, i);
+    pool_.link(i, next);
+    return false;
+}
+
+template <int D>
+void Chain<D>::refine() {
+    const std::size_t count = active_.size();  // patches made here were just measured
+    for (std::size_t at = 0; at < count; ++at) {
+        const int i = active_[at];
+        Patch<D>& patch = pool_[i];
+        if (!patch.alive) continue;
+        const double size = length(i);
+        const double shortest = patch.crowded ? D * kPruneSpacing : kPruneRatio * options_.split_threshold;
+        if (size < shortest && remove(i)) continue;
+        if (folded(i)) {
+            const Vec2 chord = pool_.end(i) - patch.m[0];
+            if (norm(chord) < 0.3 * size && remove(i)) continue;
+            if (straighten(i)) pool_.refresh(i);
+        }
+        pool_.refresh(i);
+        if ((patch.wants_split && splittable(i)) || too_long(i)) {
+            split(i);
+        }
+        pool_[i].wants_split = false;
+    }
+}
+
+}  // namespace ffseg
