@@ -16,7 +16,7 @@ constexpr double kCautiousStep = 2.0;
 // A sample that moved less than half a march step is steady.
 constexpr double kSteady = 0.25;
 // A resting stretch that could still advance this far between its samples is split instead.
-constexpr double kUncovered = 1.5;
+constexpr double kUncovered = 2.0;
 // Patches are not split below this distance between samples.
 constexpr double kMinSpacing = 0.75;
 // Patches shorter than this per sample are pruned.

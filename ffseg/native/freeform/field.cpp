@@ -48,9 +48,9 @@ Field::Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, 
 }
 
 void Field::mark_edges(const std::uint8_t* edges) {
+    std::vector<std::size_t> found;
     for (int y = 0; y < height_; ++y) {
         const std::uint8_t* row = edges + static_cast<std::size_t>(y) * width_;
-        std::uint8_t* out = blocked_.data() + static_cast<std::size_t>(y) * stride_;
         int x = 0;
         while (x < width_) {
             std::uint64_t eight = 0;
@@ -61,13 +61,22 @@ void Field::mark_edges(const std::uint8_t* edges) {
                     continue;
                 }
             }
-            if (row[x] != 0) {
-                for (std::size_t v = 0; v < 3; ++v) {
-                    for (std::size_t u = 0; u < 3; ++u) out[v * stride_ + x + u] = kEdge;
-                }
-            }
+            if (row[x] != 0) found.push_back((static_cast<std::size_t>(y) + 1) * stride_ + x + 1);
             ++x;
         }
+    }
+    for (const std::size_t at : found) {
+        for (const std::size_t row : {at - stride_, at, at + stride_}) {
+            for (const std::size_t near : {row - 1, row, row + 1}) blocked_[near] = kBand;
+        }
+    }
+    for (const std::size_t at : found) blocked_[at] = kEdge;
+    for (const std::size_t at : found) {  // close the diagonal steps: an edge is a 4-connected chain of solid pixels
+        const std::size_t below = at + stride_;
+        if (blocked_[below] == kEdge) continue;
+        const bool left = blocked_[below - 1] == kEdge && blocked_[at - 1] != kEdge;
+        const bool right = blocked_[below + 1] == kEdge && blocked_[at + 1] != kEdge;
+        if (left || right) blocked_[below] = kEdge;
     }
 }
 

@@ -13,7 +13,8 @@ public:
     // A sample in a tile without blocked pixels in its 3x3 tiles has at least this much free space round it.
     static constexpr double kFreeReach = 1 << kTileShift;
 
-    // Edges are thickened by one pixel all round, so that the band is 4-connected and cannot be slipped through.
+    // Edges are solid; the pixels round them are a band that stops samples, while the curve between two samples may
+    // run through it.
     // `domain` may be null. `clearance` > 0 also blocks every pixel nearer than clearance / 2 to an edge.
     Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, int width);
 
@@ -33,6 +34,10 @@ public:
         const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
         return blocked_[static_cast<std::size_t>(row) * stride_ + column] != 0;
     }
+    bool solid(Vec2 p) const {
+        const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
+        return blocked_[static_cast<std::size_t>(row) * stride_ + column] >= kEdge;
+    }
     bool outside_domain(Vec2 p) const {
         const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
         return blocked_[static_cast<std::size_t>(row) * stride_ + column] == kOutside;
@@ -44,7 +49,7 @@ public:
     }
 
 private:
-    static constexpr std::uint8_t kEdge = 1, kOutside = 2;
+    static constexpr std::uint8_t kBand = 1, kEdge = 2, kOutside = 3;
     void mark_edges(const std::uint8_t* edges);
     void mark_outside(const std::uint8_t* domain);
     void build_tiles();

@@ -76,30 +76,31 @@ void Chain<D>::move() {
     }
 }
 
-// Does the curve between samples k and k + 1 meet something blocked? Looked at once a pixel or closer.
+// Does the curve between samples k and k + 1 meet something blocked? Edges are 4-connected
+// chains of pixels, at least 0.7 pixels thick; the curve is looked at every 0.6 pixels or closer.
 template <int D>
 bool Chain<D>::interval_hits(const Points& points, int k) const {
     constexpr int kSub = Basis<D>::kSub;
     const Basis<D>& basis = Basis<D>::get();
     const double chord = norm(points[k + 1] - points[k]);
-    if (chord > kSub) {
-        const int pieces = 1 + static_cast<int>(chord / kSub);
+    if (chord > 0.6 * kSub) {
+        const int pieces = 1 + static_cast<int>(chord / (0.6 * kSub));
         for (int j = 0; j < kSub; ++j) {  // far apart: straight pieces between the kSub curve points
             const Vec2 a = apply<D>(basis.between[k][j], points);
             const Vec2 b = j + 1 < kSub ? apply<D>(basis.between[k][j + 1], points) : points[k + 1];
             for (int piece = 0; piece < pieces; ++piece) {
                 const double u = static_cast<double>(piece) / pieces;
-                if (field_.blocked(field_.clamp(a + u * (b - a)))) return true;
+                if (field_.solid(field_.clamp(a + u * (b - a)))) return true;
             }
         }
-        return field_.blocked(field_.clamp(points[k + 1]));
+        return field_.solid(field_.clamp(points[k + 1]));
     }
     if (!field_.crowded(points[k]) && !field_.crowded(points[k + 1])) return false;
-    const int stride = chord <= 2.0 ? 4 : chord <= 4.0 ? 2 : 1;
+    const int stride = chord <= 1.2 ? 4 : chord <= 2.4 ? 2 : 1;
     for (int j = stride; j < kSub; j += stride) {
-        if (field_.blocked(field_.clamp(apply<D>(basis.between[k][j], points)))) return true;
+        if (field_.solid(field_.clamp(apply<D>(basis.between[k][j], points)))) return true;
     }
-    return field_.blocked(points[k + 1]) || field_.blocked(points[k]);
+    return field_.solid(points[k + 1]) || field_.solid(points[k]);
 }
 
 template <int D>
