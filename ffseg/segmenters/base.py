@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
+from ffseg.image.edges import EdgeMap
+from ffseg.parameters import Parameters
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Progress:
+    """A snapshot of an evolution, handed to a callback."""
+
+    iteration: int
+    contours: tuple[FreeForm, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,3 +64,17 @@ class Segmentation:
     contours: tuple[FreeForm, ...]
     stats: Stats
     timings: Timings
+
+
+class Segmenter(Protocol):
+    """Evolves start contours on an edge map."""
+
+    def __call__(
+        self,
+        edge_map: EdgeMap,
+        starts: tuple[FreeForm, ...],
+        params: Parameters,
+        callback: Callable[[Progress], None] | None = None,
+        every: int = 10,
+    ) -> tuple[tuple[FreeForm, ...], Stats]:
+        """Return the final contours and their counts."""

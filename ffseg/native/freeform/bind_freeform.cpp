@@ -95,6 +95,7 @@ struct PyEvolution {
             case ffseg::StopReason::kConverged: return "converged";
             case ffseg::StopReason::kMaxIterations: return "max_iterations";
             case ffseg::StopReason::kVanished: return "vanished";
+            case ffseg::StopReason::kBlocked: return "blocked";
             default: return "running";
         }
     }

@@ -21,6 +21,11 @@ Chain<D>::Chain(const ContourSet& starts, const std::uint8_t* edges, const std::
         open_field_ = std::make_unique<Field>(field_);
         field_.grow(0.5 * options_.clearance);
     }
+    const auto free = [this](int i) {
+        const auto& m = pool_[i].m;
+        return std::any_of(m.begin(), m.end(), [this](Vec2 p) { return !field_.blocked(p); });
+    };
+    if (std::none_of(active_.begin(), active_.end(), free)) reason_ = StopReason::kBlocked;
 }
 
 template <int D>

@@ -1,0 +1,119 @@
+"""The free-form active contour (Algorithms 2 to 4): parameters and values round the native core."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import SegmentationError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
+from ffseg.native import _core
+from ffseg.parameters import Parameters
+from ffseg.segmenters.base import Progress, Stats
+
+RIDGE_SHARE = 0.5
+"""A ridge may be this much weaker than the low Canny threshold: between samples the edge fades and returns."""
+
+
+def run(
+    edge_map: EdgeMap,
+    starts: tuple[FreeForm, ...],
+    params: Parameters,
+    callback: Callable[[Progress], None] | None = None,
+    every: int = 10,
+) -> tuple[tuple[FreeForm, ...], Stats]:
+    """Evolve the start contours on an edge map until they stop (Algorithm 4), then settle them on its ridges.
+
+    Parameters
+    ----------
+    edge_map : EdgeMap
+    starts : tuple of FreeForm
+        Contours of degree ``params.contour.degree``, outer ones with positive area.
+    params : Parameters
+        ``contour`` is used. A negative ``contour.balloon`` closes in from outside.
+    callback : callable, optional
+        Called with a ``Progress`` at the start and after every ``every`` iterations.
+
+    Returns
+    -------
+    contours : tuple of FreeForm
+    stats : Stats
+
+    Raises
+    ------
+    SegmentationError
+        If every sample of every start lies on an edge or outside the domain.
+
+    Notes
+    -----
+    Differs: a contour that closes in is evolved as the hole of a growing one; its orientation is turned round
+    on the way in and out.
+    """
+    shrinking = params.contour.balloon < 0
+    oriented = tuple(c.reversed() for c in starts) if shrinking else starts
+    evolution = _core.Evolution(*_packed(oriented), edge_map.edges, edge_map.domain, _options(edge_map, params))
+    if evolution.stop_reason == "blocked":
+        raise SegmentationError(
+            "the start contour lies on an edge or outside the domain at every sample; "
+            "move init.center, change init.radius or raise edges.canny"
+        )
+
+    def current() -> tuple[FreeForm, ...]:
+        contours = _unpacked(evolution, params.contour.degree)
+        return tuple(c.reversed() for c in contours) if shrinking else contours
+
+    if callback is None:
+        evolution.advance(params.contour.max_iterations + 1)
+    else:
+        callback(Progress(0, starts))
+        while evolution.advance(every):
+            callback(Progress(evolution.counts()["iterations"], current()))
+    evolution.settle(edge_map.gradient)
+    contours = current()
+    if callback is not None:
+        callback(Progress(evolution.counts()["iterations"], contours))
+    return contours, _stats(evolution, starts, contours)
+
+
+def _options(edge_map: EdgeMap, params: Parameters) -> _core.EvolutionOptions:
+    contour, options = params.contour, _core.EvolutionOptions()
+    options.degree = contour.degree
+    options.split_threshold = contour.split_threshold
+    options.balloon = abs(contour.balloon)
+    options.refine = contour.refine
+    options.topology = contour.topology
+    options.max_iterations = contour.max_iterations
+    options.clearance = contour.clearance
+    options.settle = contour.settle
+    options.ridge_low = RIDGE_SHARE * edge_map.thresholds[0] * GRADIENT_SCALE
+    return options
+
+
+def _packed(contours: Iterable[FreeForm]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    points = [c.control_points for c in contours]
+    offsets = np.cumsum([0, *(len(p) for p in points)], dtype=np.int64)
+    return np.ascontiguousarray(np.concatenate(points)), offsets
+
+
+def _unpacked(evolution: _core.Evolution, degree: int) -> tuple[FreeForm, ...]:
+    points, offsets = evolution.contours()
+    return tuple(FreeForm(points[a:b].copy(), degree) for a, b in zip(offsets[:-1], offsets[1:], strict=True))
+
+
+def _stats(evolution: _core.Evolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]) -> Stats:
+    counts = evolution.counts()
+    final = sum(len(c.control_points) for c in contours)
+    return Stats(
+        iterations=counts["iterations"],
+        splits=counts["splits"],
+        prunes=counts["prunes"],
+        flips=counts["flips"],
+        merges=counts["merges"],
+        initial_points=sum(len(c.control_points) for c in starts),
+        final_points=final,
+        patches=sum(len(c.control_points) // c.degree for c in contours),
+        stop_reason=evolution.stop_reason,
+    )

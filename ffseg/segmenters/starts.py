@@ -1,0 +1,99 @@
+"""Start contours: a circle, or several circles, boxes, or the outlines in a mask image."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import SegmentationError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.outlines import outlines
+from ffseg.parameters import Parameters
+
+
+def start_contours(
+    shape: tuple[int, int],
+    params: Parameters,
+    start_mask: NDArray[np.uint8] | None = None,
+    center: tuple[float, float] | None = None,
+) -> tuple[FreeForm, ...]:
+    """Start contours of a segmentation, outer ones with positive area.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        (H, W) of the image.
+    params : Parameters
+        ``init`` says where; ``contour.degree`` and ``contour.patches`` how.
+    start_mask : ndarray of uint8, shape (H, W), optional
+        Nonzero inside the start regions; takes the place of circles and boxes.
+    center : tuple of float, optional
+        What ``init.center: auto`` stands for; without it the image centre.
+
+    Raises
+    ------
+    SegmentationError
+        If a start lies outside the image, or the mask has another size or is empty.
+    """
+    degree = params.contour.degree
+    if start_mask is not None:
+        return _from_mask(start_mask, shape, params)
+    circles, boxes = params.init.circles, params.init.boxes
+    if not circles and not boxes:
+        circles = ((*_center(shape, params, center), params.init.radius),)
+    for x, y, radius in circles:
+        _check_inside((x, y), shape, f"the start circle at ({x:g}, {y:g}), radius {radius:g}")
+    for x0, y0, x1, y1 in boxes:
+        if not (x0 < x1 and y0 < y1):
+            raise SegmentationError(f"the start box [{x0:g}, {y0:g}, {x1:g}, {y1:g}] needs x0 < x1 and y0 < y1")
+        _check_inside(((x0 + x1) / 2, (y0 + y1) / 2), shape, f"the start box [{x0:g}, {y0:g}, {x1:g}, {y1:g}]")
+    patches = params.contour.patches
+    contours = [FreeForm.circle((x, y), radius, patches, degree) for x, y, radius in circles]
+    contours += [_box(box, params) for box in boxes]
+    return tuple(contours)
+
+
+def _center(
+    shape: tuple[int, int], params: Parameters, center: tuple[float, float] | None
+) -> tuple[float, float]:
+    if params.init.center != "auto":
+        return params.init.center
+    if center is not None:
+        return center
+    return ((shape[1] - 1) / 2, (shape[0] - 1) / 2)
+
+
+def _check_inside(point: tuple[float, float], shape: tuple[int, int], what: str) -> None:
+    height, width = shape
+    if not (-0.5 <= point[0] <= width - 0.5 and -0.5 <= point[1] <= height - 0.5):
+        raise SegmentationError(
+            f"{what} has its centre outside the image of {width} x {height} pixels; set init.center inside it"
+        )
+
+
+def _box(box: tuple[float, float, float, float], params: Parameters) -> FreeForm:
+    x0, y0, x1, y1 = box
+    return _along(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), params)
+
+
+def _from_mask(mask: NDArray[np.uint8], shape: tuple[int, int], params: Parameters) -> tuple[FreeForm, ...]:
+    if mask.shape != shape:
+        raise SegmentationError(
+            f"the start mask has {mask.shape[1]} x {mask.shape[0]} pixels, the image {shape[1]} x {shape[0]}; "
+            "init.mask must have the image's size"
+        )
+    contours = tuple(_along(polygon, params) for polygon in outlines(mask))
+    if not contours:
+        raise SegmentationError("the start mask has no pixel set; init.mask must be nonzero inside the start region")
+    return contours
+
+
+def _along(polygon: NDArray[np.float64], params: Parameters) -> FreeForm:
+    """A polygon as patches with corners kept: straight patches no longer than half the split threshold."""
+    degree, longest = params.contour.degree, params.contour.split_threshold / 2
+    points = []
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        pieces = max(1, int(np.ceil(np.hypot(*(b - a)) / longest)))
+        steps = np.arange(pieces * degree)[:, None] / (pieces * degree)
+        points.append(a + steps * (b - a))
+    return FreeForm(np.concatenate(points), degree)
