@@ -1,4 +1,4 @@
-// The evolving contour: its state and the steps of one iteration, defined in move.hpp, refine.hpp, flip.hpp, ridge.hpp.
+// The evolving contour: its state and the steps of one iteration, defined in move.hpp, refine.hpp, flip.hpp.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -55,6 +55,7 @@ private:
     void forget_freed();
     bool finish();
     std::vector<int> loops() const;
+    std::vector<std::vector<Vec2>> sampled() const;
     double length(int i) const;
     bool splittable(int i) const { return length(i) > 2 * D * kMinSpacing; }
     int split(int i);
@@ -98,6 +99,7 @@ private:
     Field field_;
     Pool<D> pool_;
     std::vector<int> active_, freed_, sorted_, queue_;
+    std::vector<std::vector<Vec2>> settled_;  // the samples of each component once it has settled
     EvolutionCounts counts_;
     StopReason reason_ = StopReason::kRunning;
     // With a clearance the contour first stops before every passage narrower than it (`field_` is grown), then moves

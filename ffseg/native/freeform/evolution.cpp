@@ -6,7 +6,7 @@
 #include "freeform/flip.hpp"
 #include "freeform/move.hpp"
 #include "freeform/refine.hpp"
-#include "freeform/ridge.hpp"
+#include "freeform/settle.hpp"
 
 namespace ffseg {
 
@@ -165,17 +165,41 @@ std::vector<int> Chain<D>::loops() const {
 }
 
 template <int D>
+std::vector<Samples> Chain<D>::sampled() const {
+    std::vector<Samples> out;
+    for (int loop : loops()) {
+        out.emplace_back();
+        int i = loop;
+        do {
+            out.back().insert(out.back().end(), pool_[i].m.begin(), pool_[i].m.end());
+            i = pool_[i].next;
+        } while (i != loop);
+    }
+    return out;
+}
+
+template <int D>
+void Chain<D>::settle(const GradientView& gradient) {
+    if (options_.settle <= 0) return;
+    const Ridge ridge(gradient, options_.ridge_low);
+    Settling<D> settling(field_, ridge, options_.settle);
+    for (Samples& component : sampled()) {
+        const double spacing = options_.split_threshold / D;
+        settled_.push_back(settling.run(std::move(component), options_.refine, spacing, counts_.splits));
+    }
+}
+
+template <int D>
 ContourSet Chain<D>::contours() const {
     const Basis<D>& basis = Basis<D>::get();
     ContourSet out;
-    for (int loop : loops()) {
-        int i = loop;
-        do {
-            const Points points = pool_.samples(i);
+    for (const Samples& samples : settled_.empty() ? sampled() : settled_) {
+        for (std::size_t first = 0; first < samples.size(); first += D) {
+            Points points;
+            for (std::size_t k = 0; k <= D; ++k) points[k] = samples[(first + k) % samples.size()];
             out.points.push_back(points[0]);
             for (int k = 1; k < D; ++k) out.points.push_back(apply<D>(basis.inverse[k], points));
-            i = pool_[i].next;
-        } while (i != loop);
+        }
         out.offsets.push_back(out.points.size());
     }
     return out;

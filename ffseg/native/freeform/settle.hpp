@@ -1,0 +1,209 @@
+// The attraction to edges: a stopped contour settles on the ridge of the gradient, along its normals.
+#pragma once
+#include <algorithm>
+#include <vector>
+
+#include "freeform/basis.hpp"
+#include "freeform/field.hpp"
+#include "freeform/ridge.hpp"
+
+namespace ffseg {
+
+// The search also looks this far back: the band was entered by rounding, never by more than a pixel.
+constexpr double kRidgeBack = 1.0;
+// A stopped sample stands before the band of a Canny edge: one pixel of band and half an edge pixel.
+constexpr double kRidgeAhead = 1.5;
+// A displacement this far from the median of its neighbours follows another edge and takes the median instead.
+constexpr double kRidgeOutlier = 1.0;
+// Where the ridge runs farther than this from the curve between samples, the patch is split.
+constexpr double kRidgeMiss = 0.3;
+constexpr int kRidgeRounds = 3;
+// Distance between the samples of a settled contour: two scales of the smoothing, below which edges have no detail.
+constexpr double kSettledSpacing = 3.0;
+// Normals are taken across this distance to either side, over the jitter of samples stopped by a pixel staircase.
+constexpr double kNormalReach = 2.0;
+// Samples nearer to each other say nothing new.
+constexpr double kClosest = 0.5;
+
+// One component as its samples in order, D to a patch.
+using Samples = std::vector<Vec2>;
+
+template <int D>
+class Settling {
+public:
+    Settling(const Field& field, const Ridge& ridge, double reach) : field_(field), ridge_(ridge), reach_(reach) {}
+
+    // Returns the settled samples; with `refine` they are laid out anew, evenly, and closer where the ridge bends.
+    Samples run(Samples samples, bool refine, double spacing, int& splits) {
+        at_ = std::move(samples);
+        project(-kRidgeBack, reach_, kRidgeAhead);
+        if (refine) lay_out(std::min(spacing, kSettledSpacing));
+        project(-kRidgeAhead, kRidgeAhead, 0.0);
+        for (int round = 0; refine && round < kRidgeRounds; ++round) {
+            const int fresh = split_missed();
+            splits += fresh;
+            if (fresh == 0) break;
+            project(-0.5 * reach_, 0.5 * reach_, 0.0);
+        }
+        return std::move(at_);
+    }
+
+private:
+    void project(double from, double to, double expected) {
+        const std::size_t n = at_.size();
+        normal_.resize(n);
+        offset_.resize(n);
+        for (std::size_t i = 0; i < n; ++i) {
+            normal_[i] = normal_across(i);
+            offset_[i] = ridge_.offset(at_[i], normal_[i], from, to, expected);
+        }
+        agree();
+        for (std::size_t i = 0; i < n; ++i) {
+            if (std::isnan(offset_[i])) offset_[i] = to_limit(i);
+        }
+        unfold();
+        for (std::size_t i = 0; i < n; ++i) at_[i] = field_.clamp(at_[i] + offset_[i] * normal_[i]);
+    }
+
+    Vec2 normal_across(std::size_t i) const {
+        const std::size_t n = at_.size();
+        std::size_t back = (i + n - 1) % n, ahead = (i + 1) % n;
+        constexpr double kFar = kNormalReach * kNormalReach;
+        for (int tries = 0; tries < 4 && norm2(at_[i] - at_[back]) < kFar; ++tries) back = (back + n - 1) % n;
+        for (int tries = 0; tries < 4 && norm2(at_[ahead] - at_[i]) < kFar; ++tries) ahead = (ahead + 1) % n;
+        const Vec2 tangent = unit(unit(at_[i] - at_[back]) + unit(at_[ahead] - at_[i]));
+        return {tangent.y, -tangent.x};
+    }
+
+    // Gaps take the median of what their neighbours found; so do lone departures.
+    void agree() {
+        const std::size_t n = at_.size();
+        const std::vector<double> found = offset_;
+        for (std::size_t i = 0; i < n; ++i) {
+            std::array<double, 5> near{};
+            std::size_t count = 0;
+            for (std::size_t shift = 0; shift < 5; ++shift) {
+                const double value = found[(i + 2 * n - 2 + shift) % n];
+                if (!std::isnan(value)) near[count++] = value;
+            }
+            if (count < 3) continue;
+            std::sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count));
+            const double median = 0.5 * (near[(count - 1) / 2] + near[count / 2]);
+            if (std::isnan(offset_[i]) || std::abs(offset_[i] - median) > kRidgeOutlier) offset_[i] = median;
+        }
+    }
+
+    // A sample with no ridge in reach: if the domain stopped it, it moves up to the domain's limit.
+    double to_limit(std::size_t i) const {
+        constexpr double kFine = 1.0 / 16.0, kFar = 1.5;
+        for (double ahead = kFine; ahead <= kFar; ahead += kFine) {
+            if (field_.outside_domain(at_[i] + ahead * normal_[i])) return ahead - kFine;
+        }
+        return 0.0;
+    }
+
+    // Where the displacements would turn a stretch round, both ends stay nearer to where they were.
+    void unfold() {
+        const std::size_t n = at_.size();
+        for (int round = 0; round < 4; ++round) {
+            bool any = false;
+            for (std::size_t i = 0; i < n; ++i) {
+                const std::size_t j = (i + 1) % n;
+                const Vec2 before = at_[j] - at_[i];
+                const Vec2 after = before + offset_[j] * normal_[j] - offset_[i] * normal_[i];
+                if (dot(before, after) > 0.1 * norm2(before)) continue;
+                offset_[i] *= 0.5;
+                offset_[j] *= 0.5;
+                any = true;
+            }
+            if (!any) break;
+        }
+    }
+
+    // New samples, evenly along the polygon of the old ones, at most `spacing` apart.
+    void lay_out(double spacing) {
+        tidy();
+        double total = 0.0;
+        const std::size_t n = at_.size();
+        for (std::size_t i = 0; i < n; ++i) total += norm(at_[(i + 1) % n] - at_[i]);
+        const std::size_t patches = std::max<std::size_t>(2, static_cast<std::size_t>(std::ceil(total / (D * spacing))));
+        const std::size_t count = std::max<std::size_t>(patches * D, D == 1 ? 3 : 4);
+        const double step = total / static_cast<double>(count);
+        Samples even;
+        double passed = 0.0;
+        for (std::size_t i = 0; i < n && even.size() < count; ++i) {
+            const Vec2 chord = at_[(i + 1) % n] - at_[i];
+            const double size = norm(chord);
+            while (even.size() < count && static_cast<double>(even.size()) * step <= passed + size) {
+                const double along = static_cast<double>(even.size()) * step - passed;
+                even.push_back(at_[i] + (size > 0 ? along / size : 0.0) * chord);
+            }
+            passed += size;
+        }
+        while (even.size() % D != 0 || even.size() < 2 * D) even.push_back(at_[0]);
+        at_ = std::move(even);
+    }
+
+    // Drops samples that stand too close or turn back.
+    void tidy() {
+        Samples kept;
+        for (const Vec2 p : at_) {
+            if (!kept.empty() && norm2(p - kept.back()) < kClosest * kClosest) continue;
+            if (kept.size() >= 2) {
+                const Vec2 a = kept.back() - kept[kept.size() - 2], b = p - kept.back();
+                if (dot(a, b) < -0.5 * norm(a) * norm(b) && norm2(a) < 4.0 && norm2(b) < 4.0) kept.pop_back();
+            }
+            kept.push_back(p);
+        }
+        if (kept.size() >= 4) at_ = std::move(kept);
+    }
+
+    std::array<Vec2, D + 1> patch(std::size_t first) const {
+        std::array<Vec2, D + 1> points;
+        for (std::size_t k = 0; k <= D; ++k) points[k] = at_[(first + k) % at_.size()];
+        return points;
+    }
+
+    // Splits (Algorithm 2) the patches whose curve leaves the ridge between samples.
+    int split_missed() {
+        const Basis<D>& basis = Basis<D>::get();
+        Samples finer;
+        int splits = 0;
+        for (std::size_t first = 0; first < at_.size(); first += D) {
+            const auto points = patch(first);
+            const bool split = misses(points);
+            splits += split;
+            for (std::size_t k = 0; k < (split ? 2 * D : D); ++k) {
+                finer.push_back(split ? apply<D>(basis.halves[k], points) : points[k]);
+            }
+        }
+        at_ = std::move(finer);
+        return splits;
+    }
+
+    bool misses(const std::array<Vec2, D + 1>& points) const {
+        constexpr int kHalf = Basis<D>::kSub / 2;
+        const Basis<D>& basis = Basis<D>::get();
+        for (std::size_t k = 0; k < D; ++k) {
+            if (norm(points[k + 1] - points[k]) < 2 * kClosest) continue;
+            const Vec2 tangent = unit(apply<D>(basis.between_slope[k][kHalf], points));
+            const double off = ridge_.offset(apply<D>(basis.between[k][kHalf], points), {tangent.y, -tangent.x},
+                                             -0.5 * reach_, 0.5 * reach_, 0.0);
+            if (std::abs(off) > kRidgeMiss) return true;
+        }
+        return false;
+    }
+
+    static Vec2 unit(Vec2 v) {
+        const double size = norm(v);
+        return size > 0 ? (1.0 / size) * v : Vec2{};
+    }
+
+    const Field& field_;
+    const Ridge& ridge_;
+    double reach_;
+    Samples at_, normal_;
+    std::vector<double> offset_;
+};
+
+}  // namespace ffseg
