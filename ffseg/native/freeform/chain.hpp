@@ -23,6 +23,10 @@ constexpr double kMinSpacing = 0.75;
 constexpr double kPruneSpacing = 0.35;
 // Away from edges patches shorter than this part of the split threshold are pruned.
 constexpr double kPruneRatio = 0.2;
+// A patch whose longest distance between samples is this many times the shortest is laid out evenly.
+constexpr double kUneven = 3.0;
+// Patches that flip more often than this have curves that swing; they are straightened.
+constexpr int kFlipsAllowed = 3;
 // Components enclosing less cannot hold the band of one edge pixel (3 x 3) and are dropped.
 constexpr double kVoidArea = 4.0;
 // Rounds of crossing tests in one iteration; what is left waits for the next.
@@ -80,6 +84,7 @@ private:
     bool remove(int i);
     bool straighten(int i);
     bool folded(int i) const;
+    void even_out(int i);
 
     // flip.hpp
     void flip_crossings();

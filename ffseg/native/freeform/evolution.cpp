@@ -7,6 +7,7 @@
 #include "freeform/move.hpp"
 #include "freeform/refine.hpp"
 #include "freeform/settle.hpp"
+#include "freeform/untangle.hpp"
 
 namespace ffseg {
 
@@ -100,7 +101,8 @@ void Chain<D>::rest() {
         if (!patch.alive || patch.steady != kAllSteady) continue;
         const Patch<D>& next = pool_[patch.next];
         if (next.active && (next.steady & 1u) == 0) continue;
-        if (options_.refine && splittable(i) && uncovered(i)) {
+        if (options_.refine && splittable(i) && pool_[i].budget > 0 && uncovered(i)) {
+            --pool_[i].budget;
             pool_[i].steady = 0;
             const int fresh = split(i);
             pool_[fresh].steady = 0;
@@ -187,6 +189,7 @@ void Chain<D>::settle(const GradientView& gradient) {
         const double spacing = options_.split_threshold / D;
         settled_.push_back(settling.run(std::move(component), options_.refine, spacing, counts_.splits));
     }
+    if (options_.topology) Untangle<D>(settled_).run();
 }
 
 template <int D>

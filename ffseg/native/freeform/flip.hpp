@@ -90,6 +90,10 @@ bool Chain<D>::flip(int i, int j, int depth) {
     for (const int changed : {i, j}) {
         pool_[changed].touched = true;
         pool_[changed].steady = 0;
+        if (++pool_[changed].num_flips > kFlipsAllowed && options_.refine) {
+            straighten(changed);
+            pool_[changed].num_flips = 0;
+        }
         pool_.refresh(changed);
     }
     classify(i, j);

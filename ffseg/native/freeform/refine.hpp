@@ -71,6 +71,40 @@ bool Chain<D>::remove(int i) {
     return false;
 }
 
+// Samples that have drawn together or apart let the curve swing between them; they are laid evenly along it again.
+template <int D>
+void Chain<D>::even_out(int i) {
+    const Points points = pool_.samples(i);
+    double shortest = 1e300, longest = 0.0, total = 0.0;
+    for (int k = 0; k < D; ++k) {
+        const double chord = norm(points[k + 1] - points[k]);
+        shortest = std::min(shortest, chord);
+        longest = std::max(longest, chord);
+        total += chord;
+    }
+    if (D == 1 || longest <= kUneven * shortest || longest < 1.0) return;
+    Patch<D>& patch = pool_[i];
+    const auto kept = patch.m;
+    double passed = 0.0;
+    int at = 0;
+    for (int k = 1; k < D; ++k) {
+        const double wanted = total * k / D;
+        double chord = norm(points[at + 1] - points[at]);
+        while (at + 1 < D && passed + chord < wanted) {
+            passed += chord;
+            ++at;
+            chord = norm(points[at + 1] - points[at]);
+        }
+        const double u = chord > 0 ? std::min(1.0, (wanted - passed) / chord) : 0.0;
+        patch.m[k] = points[at] + u * (points[at + 1] - points[at]);
+    }
+    if (meets_edge(i)) {
+        patch.m = kept;
+    } else {
+        patch.steady &= 1u;
+    }
+}
+
 template <int D>
 void Chain<D>::refine() {
     const std::size_t count = active_.size();  // patches made here were just measured
@@ -86,8 +120,13 @@ void Chain<D>::refine() {
             if (norm(chord) < 0.3 * size && remove(i)) continue;
             if (straighten(i)) pool_.refresh(i);
         }
+        if (patch.crowded) even_out(i);
         pool_.refresh(i);
-        if ((patch.wants_split && splittable(i)) || too_long(i)) {
+        if (too_long(i)) {
+            pool_[i].budget = kSplitBudget;
+            split(i);
+        } else if (pool_[i].wants_split && pool_[i].budget > 0 && splittable(i)) {
+            --pool_[i].budget;
             split(i);
         }
         pool_[i].wants_split = false;

@@ -1,0 +1,132 @@
+// Settled contours that still cross themselves or each other are smoothed and drawn back there until they do not.
+#pragma once
+#include <algorithm>
+#include <vector>
+
+#include "freeform/settle.hpp"
+
+namespace ffseg {
+
+// Rounds of smoothing; a crossing of two contours on one ridge needs one or two.
+constexpr int kUntangleRounds = 24;
+// Pixels drawn back along the normal in each round.
+constexpr double kDrawBack = 0.25;
+
+template <int D>
+class Untangle {
+public:
+    explicit Untangle(std::vector<Samples>& components) : components_(components) {}
+
+    // True when no curve crosses any more (curves as polygons of kPieces segments between two samples).
+    bool run() {
+        for (int round = 0; round < kUntangleRounds; ++round) {
+            find_crossings();
+            if (crossing_.empty()) return true;
+            for (const Place& place : crossing_) ease(place);
+        }
+        find_crossings();
+        return crossing_.empty();
+    }
+
+private:
+    static constexpr int kPieces = 4;
+    static constexpr int kPoints = D * kPieces + 1;
+    struct Place {
+        std::size_t component, first;  // the patch beginning at this sample
+        bool operator<(const Place& o) const {
+            return component != o.component ? component < o.component : first < o.first;
+        }
+        bool operator==(const Place& o) const { return component == o.component && first == o.first; }
+    };
+    struct Piece {
+        Place place;
+        Box box;
+        std::array<Vec2, kPoints> points;
+    };
+
+    void flatten() {
+        const Basis<D>& basis = Basis<D>::get();
+        pieces_.clear();
+        for (std::size_t c = 0; c < components_.size(); ++c) {
+            const Samples& at = components_[c];
+            for (std::size_t first = 0; first < at.size(); first += D) {
+                std::array<Vec2, D + 1> points;
+                for (std::size_t k = 0; k <= D; ++k) points[k] = at[(first + k) % at.size()];
+                Piece piece{{c, first}, {}, {}};
+                for (std::size_t k = 0; k < D; ++k) {
+                    piece.points[k * kPieces] = points[k];
+                    for (std::size_t j = 1; j < kPieces; ++j) {
+                        piece.points[k * kPieces + j] = apply<D>(basis.between[k][j * Basis<D>::kSub / kPieces], points);
+                    }
+                }
+                piece.points[kPoints - 1] = points[D];
+                for (const Vec2 p : piece.points) piece.box.add(p);
+                pieces_.push_back(piece);
+            }
+        }
+    }
+
+    void find_crossings() {
+        flatten();
+        crossing_.clear();
+        order_.resize(pieces_.size());
+        for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = i;
+        std::sort(order_.begin(), order_.end(),
+                  [this](std::size_t a, std::size_t b) { return pieces_[a].box.x0 < pieces_[b].box.x0; });
+        for (std::size_t i = 0; i < order_.size(); ++i) {
+            const Piece& a = pieces_[order_[i]];
+            if (crosses_itself(a)) crossing_.push_back(a.place);
+            for (std::size_t j = i + 1; j < order_.size() && pieces_[order_[j]].box.x0 <= a.box.x1; ++j) {
+                const Piece& b = pieces_[order_[j]];
+                if (!a.box.meets(b.box) || !cross(a, b)) continue;
+                crossing_.push_back(a.place);
+                crossing_.push_back(b.place);
+            }
+        }
+        std::sort(crossing_.begin(), crossing_.end());
+        crossing_.erase(std::unique(crossing_.begin(), crossing_.end()), crossing_.end());
+    }
+
+    static bool crosses_itself(const Piece& a) {
+        for (std::size_t i = 0; i + 3 < kPoints; ++i) {
+            for (std::size_t j = i + 2; j + 1 < kPoints; ++j) {
+                if (segments_cross(a.points[i], a.points[i + 1], a.points[j], a.points[j + 1])) return true;
+            }
+        }
+        return false;
+    }
+
+    static bool cross(const Piece& a, const Piece& b) {
+        for (std::size_t i = 0; i + 1 < kPoints; ++i) {
+            Box box;
+            box.add(a.points[i]);
+            box.add(a.points[i + 1]);
+            if (!box.meets(b.box)) continue;
+            for (std::size_t j = 0; j + 1 < kPoints; ++j) {
+                if (segments_cross(a.points[i], a.points[i + 1], b.points[j], b.points[j + 1])) return true;
+            }
+        }
+        return false;
+    }
+
+    // Smooths the samples of a patch and draws them back, towards the region they bound.
+    void ease(const Place& place) {
+        Samples& at = components_[place.component];
+        const std::size_t n = at.size();
+        for (std::size_t k = 0; k <= D; ++k) {
+            const std::size_t i = (place.first + k) % n;
+            const Vec2 back = at[(i + n - 1) % n], ahead = at[(i + 1) % n];
+            const Vec2 tangent = ahead - back;
+            const double size = norm(tangent);
+            at[i] = 0.5 * at[i] + 0.25 * (back + ahead);
+            if (size > 0) at[i] += (kDrawBack / size) * Vec2{-tangent.y, tangent.x};
+        }
+    }
+
+    std::vector<Samples>& components_;
+    std::vector<Piece> pieces_;
+    std::vector<std::size_t> order_;
+    std::vector<Place> crossing_;
+};
+
+}  // namespace ffseg
