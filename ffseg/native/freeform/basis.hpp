@@ -11,6 +11,7 @@ namespace ffseg {
 template <int D>
 struct Basis {
     static constexpr int kSub = 8;  // positions per interval between two samples
+    static constexpr int kCalmDegree = D <= 3 ? (D <= 2 ? 1 : 2) : 3;
     using Row = std::array<double, D + 1>;
 
     std::array<Row, D + 1> vandermonde{};            // V: samples from control points (Eq. 5)
@@ -19,6 +20,8 @@ struct Basis {
     std::array<std::array<Row, kSub>, D> between{};  // between[k][j]: the point at t = (k + j / kSub) / D
     std::array<std::array<Row, kSub>, D> between_slope{};
     std::array<Row, 2 * D + 1> halves{};             // the points at t = i / (2 D) (Alg. 2)
+    std::array<Row, D + 1> calm{};                   // the samples of the least-squares curve of degree kCalmDegree
+                                                     // with the same ends
 
     Basis() {
         for (int k = 0; k <= D; ++k) vandermonde[k] = bernstein(static_cast<double>(k) / D);
@@ -31,6 +34,7 @@ struct Basis {
                 between_slope[k][j] = times_inverse(bernstein_slope(t));
             }
         }
+        fit_calm();
         for (int i = 0; i <= 2 * D; ++i) halves[i] = times_inverse(bernstein(static_cast<double>(i) / (2 * D)));
     }
 
@@ -70,6 +74,37 @@ private:
             for (int j = 0; j <= D; ++j) out[j] += row[i] * inverse[i][j];
         }
         return out;
+    }
+    // The fit is chord + t (1 - t) q(t) with q of degree kCalmDegree - 2: zero (the chord), constant or linear.
+    void fit_calm() {
+        double g00 = 0, g01 = 0, g11 = 0;
+        const auto bump = [](int k) {
+            const double t = static_cast<double>(k) / D;
+            return t * (1.0 - t);
+        };
+        for (int k = 1; k < D; ++k) {
+            const double a = bump(k), b = a * (2.0 * k / D - 1.0);
+            g00 += a * a;
+            g01 += a * b;
+            g11 += b * b;
+        }
+        for (int k = 0; k <= D; ++k) {
+            const double t = static_cast<double>(k) / D;
+            calm[k][0] = 1.0 - t;
+            calm[k][D] = t;
+            if (kCalmDegree < 2) continue;
+            const double a = bump(k), b = kCalmDegree > 2 ? a * (2.0 * t - 1.0) : 0.0;
+            const double det = g00 * g11 - g01 * g01;
+            const double wa = kCalmDegree > 2 ? (a * g11 - b * g01) / det : a / g00;
+            const double wb = kCalmDegree > 2 ? (b * g00 - a * g01) / det : 0.0;
+            for (int j = 1; j < D; ++j) {
+                const double tj = static_cast<double>(j) / D;
+                const double weight = wa * bump(j) + wb * bump(j) * (2.0 * tj - 1.0);
+                calm[k][j] += weight;
+                calm[k][0] -= weight * (1.0 - tj);
+                calm[k][D] -= weight * tj;
+            }
+        }
     }
     void invert() {  // Gauss-Jordan with pivoting; V of degree <= 6 has a condition number below 200
         auto a = vandermonde;

@@ -94,6 +94,7 @@ struct PyEvolution {
         switch (evolution->stop_reason()) {
             case ffseg::StopReason::kConverged: return "converged";
             case ffseg::StopReason::kMaxIterations: return "max_iterations";
+            case ffseg::StopReason::kMaxPatches: return "max_patches";
             case ffseg::StopReason::kVanished: return "vanished";
             case ffseg::StopReason::kBlocked: return "blocked";
             default: return "running";

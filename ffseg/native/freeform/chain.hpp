@@ -25,14 +25,19 @@ constexpr double kPruneSpacing = 0.35;
 constexpr double kPruneRatio = 0.2;
 // A patch whose longest distance between samples is this many times the shortest is laid out evenly.
 constexpr double kUneven = 3.0;
-// Patches that flip more often than this have curves that swing; they are straightened.
-constexpr int kFlipsAllowed = 3;
+// A control polygon this many times longer than the polygon of samples belongs to a curve that swings; that of a
+// quarter circle is 1.1 times longer.
+constexpr double kSwing = 1.25;
 // Components enclosing less cannot hold the band of one edge pixel (3 x 3) and are dropped.
 constexpr double kVoidArea = 4.0;
 // Rounds of crossing tests in one iteration; what is left waits for the next.
 constexpr int kFlipRounds = 3;
-// Patches near edges are halved at most this often before they are flipped, so that the flip cuts no edge.
-constexpr int kFlipDepth = 3;
+// Patches near edges are halved down to this length, at most this often, before they are flipped, so that the flip
+// cuts no edge.
+constexpr double kFlipLength = 4.0;
+constexpr int kFlipDepth = 4;
+// Patches there may be beside one for every 16 pixels: more only come from a contour that runs over itself for ever.
+constexpr int kMostPatches = 1000;
 
 template <int D>
 class Chain final : public Evolution {
@@ -85,6 +90,8 @@ private:
     bool straighten(int i);
     bool folded(int i) const;
     void even_out(int i);
+    bool swings(int i) const;
+    void calm(int i);
 
     // flip.hpp
     void flip_crossings();
@@ -93,6 +100,8 @@ private:
     bool polygons_cross(int i, int j) const;
     bool flip(int i, int j, int depth);
     bool flip_finer(int i, int j, int depth);
+    static Points joined_at(const Points& p, int a, const Points& q, int b, Vec2 at);
+    bool swap_halves(const Points& p, const Points& q, Points& first, Points& second) const;
     void flip_adjacent(int i);
     void classify(int i, int j);
     void drop(int i);
@@ -111,6 +120,7 @@ private:
     // the rest of the way to the edges in the field without growth, in a fixed number of iterations.
     std::unique_ptr<Field> open_field_;
     int last_iterations_ = -1;
+    int most_patches_;
 };
 
 }  // namespace ffseg

@@ -14,7 +14,9 @@ namespace ffseg {
 template <int D>
 Chain<D>::Chain(const ContourSet& starts, const std::uint8_t* edges, const std::uint8_t* domain, int height, int width,
                 const EvolutionOptions& options)
-    : options_(options), field_(edges, domain, height, width) {
+    : options_(options),
+      field_(edges, domain, height, width),
+      most_patches_(kMostPatches + height * (width / 16) + static_cast<int>(starts.points.size())) {
     for (std::size_t c = 0; c + 1 < starts.offsets.size(); ++c) {
         add_contour(starts.points.data() + starts.offsets[c], starts.offsets[c + 1] - starts.offsets[c]);
     }
@@ -145,6 +147,8 @@ bool Chain<D>::advance(int iterations) {
     for (int done = 0; done < iterations && reason_ == StopReason::kRunning; ++done) {
         if (counts_.iterations >= options_.max_iterations) {
             reason_ = StopReason::kMaxIterations;
+        } else if (pool_.num_alive() > most_patches_) {
+            reason_ = StopReason::kMaxPatches;
         } else if (last_iterations_ == 0 || (!step() && !finish())) {
             reason_ = sorted_.empty() ? StopReason::kVanished : StopReason::kConverged;
         } else if (last_iterations_ > 0) {

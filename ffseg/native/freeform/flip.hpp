@@ -69,31 +69,91 @@ void Chain<D>::flip_crossings() {
     for (std::size_t at = 0; at < count; ++at) flip_adjacent(active_[at]);
 }
 
-// Gamma'_i = [P_0i .. P_ki, P_(k+1)j .. P_dj] and Gamma'_j = [P_0j .. P_kj, P_(k+1)i .. P_di], k = floor(d / 2), and the
-// successors of i and j change places. Differs from the order printed in Algorithm 3, which does not connect.
+// D + 1 points evenly along the polygon p up to segment a, through `at`, along q from segment b on.
+template <int D>
+typename Chain<D>::Points Chain<D>::joined_at(const Points& p, int a, const Points& q, int b, Vec2 at) {
+    std::array<Vec2, 2 * D + 3> path;
+    std::size_t count = 0;
+    for (int k = 0; k <= a; ++k) path[count++] = p[k];
+    path[count++] = at;
+    for (int k = b + 1; k <= D; ++k) path[count++] = q[k];
+    double total = 0.0, passed = 0.0;
+    for (std::size_t k = 0; k + 1 < count; ++k) total += norm(path[k + 1] - path[k]);
+    Points even;
+    std::size_t on = 0;
+    for (int k = 0; k <= D; ++k) {
+        const double wanted = total * k / D;
+        double chord = norm(path[on + 1] - path[on]);
+        while (on + 2 < count && passed + chord < wanted) {
+            passed += chord;
+            ++on;
+            chord = norm(path[on + 1] - path[on]);
+        }
+        even[k] = path[on] + (chord > 0 ? std::min(1.0, (wanted - passed) / chord) : 0.0) * (path[on + 1] - path[on]);
+    }
+    even[0] = p[0];
+    even[D] = q[D];
+    return even;
+}
+
+// Gamma'_i = [P_0i .. P_ki, P_(k+1)j .. P_dj] and Gamma'_j = [P_0j .. P_kj, P_(k+1)i .. P_di], k = floor(d / 2).
+// Where these still cross (the crossing lay far from the middle of a patch), the polygons are joined at the crossing.
+template <int D>
+bool Chain<D>::swap_halves(const Points& p, const Points& q, Points& first, Points& second) const {
+    first = p;
+    second = q;
+    for (int a = D / 2 + 1; a <= D; ++a) std::swap(first[a], second[a]);
+    bool still = false;
+    for (int a = 0; a < D && !still; ++a) {
+        for (int b = 0; b < D && !still; ++b) still = segments_cross(first[a], first[a + 1], second[b], second[b + 1]);
+    }
+    if (!still) return true;
+    for (int a = 0; a < D; ++a) {
+        for (int b = 0; b < D; ++b) {
+            if (!segments_cross(p[a], p[a + 1], q[b], q[b + 1])) continue;
+            const Vec2 u = p[a + 1] - p[a], v = q[b + 1] - q[b];
+            const Vec2 at = p[a] + (cross(q[b] - p[a], v) / cross(u, v)) * u;
+            first = joined_at(p, a, q, b, at);
+            second = joined_at(q, b, p, a, at);
+            return false;
+        }
+    }
+    return true;
+}
+
+// Algorithm 3, and the successors of i and j change places. Differs from the order printed there, which does not connect.
 template <int D>
 bool Chain<D>::flip(int i, int j, int depth) {
-    constexpr int k = D / 2;
-    if ((pool_[i].crowded || pool_[j].crowded) && depth < kFlipDepth && (splittable(i) || splittable(j)) &&
-        options_.refine) {
+    const bool crowded = pool_[i].crowded || pool_[j].crowded;
+    if (crowded && depth < kFlipDepth && options_.refine && std::max(length(i), length(j)) > kFlipLength) {
         return flip_finer(i, j, depth);
     }
-    Points first = pool_[i].control, second = pool_[j].control;
-    for (int a = k + 1; a <= D; ++a) std::swap(first[a], second[a]);
-    pool_.set_control(i, first);
-    pool_.set_control(j, second);
+    const auto kept_i = pool_[i].m, kept_j = pool_[j].m;
+    const bool met = crowded && (meets_edge(i) || meets_edge(j));
+    Points first, second;
+    if (swap_halves(pool_[i].control, pool_[j].control, first, second)) {
+        pool_.set_control(i, first);
+        pool_.set_control(j, second);
+    } else {
+        std::copy_n(first.begin(), D, pool_[i].m.begin());
+        std::copy_n(second.begin(), D, pool_[j].m.begin());
+    }
     const int after_i = pool_[i].next, after_j = pool_[j].next;
     pool_.link(i, after_j);
     pool_.link(j, after_i);
+    if (crowded && !met && (meets_edge(i) || meets_edge(j))) {  // the flip would cut an edge: leave the crossing
+        pool_[i].m = kept_i;
+        pool_[j].m = kept_j;
+        pool_.link(i, after_i);
+        pool_.link(j, after_j);
+        return false;
+    }
     ++counts_.flips;
     for (const int near : {i, j, after_i, after_j, pool_[i].prev, pool_[j].prev}) wake(near);
     for (const int changed : {i, j}) {
         pool_[changed].touched = true;
         pool_[changed].steady = 0;
-        if (++pool_[changed].num_flips > kFlipsAllowed && options_.refine) {
-            straighten(changed);
-            pool_[changed].num_flips = 0;
-        }
+        pool_[changed].before = pool_[changed].m;
         pool_.refresh(changed);
     }
     classify(i, j);
@@ -103,8 +163,8 @@ bool Chain<D>::flip(int i, int j, int depth) {
 // Near edges the patches are halved first, so that what the flip cuts off is too short to hold an edge.
 template <int D>
 bool Chain<D>::flip_finer(int i, int j, int depth) {
-    const int i2 = splittable(i) ? split(i) : -1;
-    const int j2 = splittable(j) ? split(j) : -1;
+    const int i2 = length(i) > kFlipLength ? split(i) : -1;
+    const int j2 = length(j) > kFlipLength ? split(j) : -1;
     for (const int a : {i, i2}) {
         for (const int b : {j, j2}) {
             if (a < 0 || b < 0 || !pool_[a].box.meets(pool_[b].box) || !polygons_cross(a, b)) continue;

@@ -9,8 +9,8 @@
 
 namespace ffseg {
 
-// A stretch held by edges is halved at most this often: a patch of the largest threshold comes down to half a pixel.
-constexpr std::uint8_t kSplitBudget = 12;
+// A stretch held by edges is halved, straightened or laid out anew at most this often, so that it comes to rest.
+constexpr std::uint8_t kSplitBudget = 24;
 
 template <int D>
 struct Patch {
@@ -19,8 +19,7 @@ struct Patch {
     std::array<Vec2, D + 1> control;  // control points V^-1 M, valid after refresh()
     Box box;                          // of the control points
     int next = -1, prev = -1;
-    std::uint8_t budget = kSplitBudget;  // halvings left before edges stop refining this stretch
-    std::uint8_t num_flips = 0;
+    std::uint8_t budget = kSplitBudget;  // of repairs left, see kSplitBudget
     std::uint8_t steady = 0;    // bit k: sample k did not move in this iteration
     std::uint8_t reverted = 0;  // bit k: sample k was put back because the curve met an edge
     bool alive = false, active = false, crowded = false, wants_split = false, touched = false;
@@ -101,7 +100,6 @@ public:
         second.before = second.m;
         second.active = first.active;
         second.budget = first.budget;
-        second.num_flips = first.num_flips;
         second.crowded = first.crowded;
         link(i, fresh);
         link(fresh, after);

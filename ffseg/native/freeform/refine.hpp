@@ -35,6 +35,7 @@ bool Chain<D>::folded(int i) const {
 template <int D>
 bool Chain<D>::straighten(int i) {
     Patch<D>& patch = pool_[i];
+    if (patch.budget == 0) return false;
     const auto kept = patch.m;
     const Vec2 end = pool_.end(i);
     for (int k = 1; k < D; ++k) patch.m[k] = patch.m[0] + (static_cast<double>(k) / D) * (end - patch.m[0]);
@@ -42,6 +43,7 @@ bool Chain<D>::straighten(int i) {
         patch.m = kept;
         return false;
     }
+    --patch.budget;
     ++counts_.prunes;
     return true;
 }
@@ -82,8 +84,8 @@ void Chain<D>::even_out(int i) {
         longest = std::max(longest, chord);
         total += chord;
     }
-    if (D == 1 || longest <= kUneven * shortest || longest < 1.0) return;
     Patch<D>& patch = pool_[i];
+    if (D == 1 || patch.budget == 0 || longest <= kUneven * shortest || longest < 1.0) return;
     const auto kept = patch.m;
     double passed = 0.0;
     int at = 0;
@@ -101,8 +103,35 @@ void Chain<D>::even_out(int i) {
     if (meets_edge(i)) {
         patch.m = kept;
     } else {
+        --patch.budget;
         patch.steady &= 1u;
     }
+}
+
+// Is the control polygon much longer than the polygon of samples: does the curve swing about jittering samples?
+template <int D>
+bool Chain<D>::swings(int i) const {
+    if (D < 3) return false;
+    const Patch<D>& patch = pool_[i];
+    double polygon = 0.0;
+    for (int k = 0; k < D; ++k) polygon += norm(patch.control[k + 1] - patch.control[k]);
+    return polygon > kSwing * length(i);
+}
+
+// Replaces the patch by the least-squares curve of lower degree through its samples, unless that meets an edge.
+template <int D>
+void Chain<D>::calm(int i) {
+    const Basis<D>& basis = Basis<D>::get();
+    Patch<D>& patch = pool_[i];
+    const Points points = pool_.samples(i);
+    const auto kept = patch.m;
+    for (int k = 1; k < D; ++k) patch.m[k] = apply<D>(basis.calm[k], points);
+    if (meets_edge(i)) {
+        patch.m = kept;
+        patch.wants_split = true;
+        return;
+    }
+    pool_.refresh(i);
 }
 
 template <int D>
@@ -118,10 +147,11 @@ void Chain<D>::refine() {
         if (folded(i)) {
             const Vec2 chord = pool_.end(i) - patch.m[0];
             if (norm(chord) < 0.3 * size && remove(i)) continue;
-            if (straighten(i)) pool_.refresh(i);
+            straighten(i);
         }
         if (patch.crowded) even_out(i);
         pool_.refresh(i);
+        if (swings(i)) calm(i);
         if (too_long(i)) {
             pool_[i].budget = kSplitBudget;
             split(i);
