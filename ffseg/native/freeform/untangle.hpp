@@ -1,6 +1,7 @@
 // Settled contours that still cross themselves or each other are smoothed and drawn back there until they do not.
 #pragma once
 #include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "freeform/settle.hpp"
@@ -9,6 +10,8 @@ namespace ffseg {
 
 // Rounds of smoothing; a crossing of two contours on one ridge needs one or two.
 constexpr int kUntangleRounds = 24;
+// Loops that are still there after so many rounds are cut off.
+constexpr int kEaseRounds = 8;
 // Pixels drawn back along the normal in each round.
 constexpr double kDrawBack = 0.25;
 
@@ -23,6 +26,9 @@ public:
             find_crossings();
             if (crossing_.empty()) return true;
             for (const Place& place : crossing_) ease(place);
+            if (round >= kEaseRounds) {
+                for (const auto& [from, to] : loops_) cut(from, to);
+            }
         }
         find_crossings();
         return crossing_.empty();
@@ -69,18 +75,23 @@ private:
     void find_crossings() {
         flatten();
         crossing_.clear();
+        loops_.clear();
         order_.resize(pieces_.size());
         for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = i;
         std::sort(order_.begin(), order_.end(),
                   [this](std::size_t a, std::size_t b) { return pieces_[a].box.x0 < pieces_[b].box.x0; });
         for (std::size_t i = 0; i < order_.size(); ++i) {
             const Piece& a = pieces_[order_[i]];
-            if (crosses_itself(a)) crossing_.push_back(a.place);
+            if (crosses_itself(a)) {
+                crossing_.push_back(a.place);
+                loops_.emplace_back(a.place, a.place);
+            }
             for (std::size_t j = i + 1; j < order_.size() && pieces_[order_[j]].box.x0 <= a.box.x1; ++j) {
                 const Piece& b = pieces_[order_[j]];
                 if (!a.box.meets(b.box) || !cross(a, b)) continue;
                 crossing_.push_back(a.place);
                 crossing_.push_back(b.place);
+                if (a.place.component == b.place.component) loops_.emplace_back(a.place, b.place);
             }
         }
         std::sort(crossing_.begin(), crossing_.end());
@@ -123,7 +134,25 @@ private:
         }
     }
 
+    // What lies between two crossing patches of one component, the shorter way round, is laid on its chord.
+    void cut(Place from, Place to) {
+        Samples& at = components_[from.component];
+        const std::size_t n = at.size();
+        std::size_t span = (to.first + n - from.first) % n;
+        if (span > n / 2) {
+            std::swap(from, to);
+            span = n - span;
+        }
+        if (span + D >= n / 2) return;
+        const Vec2 begin = at[from.first], end = at[(to.first + D) % n];
+        for (std::size_t k = 1; k < span + D; ++k) {
+            const double u = static_cast<double>(k) / static_cast<double>(span + D);
+            at[(from.first + k) % n] = begin + u * (end - begin);
+        }
+    }
+
     std::vector<Samples>& components_;
+    std::vector<std::pair<Place, Place>> loops_;
     std::vector<Piece> pieces_;
     std::vector<std::size_t> order_;
     std::vector<Place> crossing_;
