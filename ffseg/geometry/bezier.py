@@ -1,0 +1,296 @@
+"""Bezier patches: Bernstein basis, evaluation, interpolation, deformation, splitting (Section 2 of the paper).
+
+A *patch* is an array of control points of shape (..., d + 1, 2); every function takes one patch or a stack of them.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import cache
+from math import comb
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+MAX_DEGREE = 6
+"""Highest degree ffseg supports: the largest entry of V^-1, by which errors in samples
+are amplified, grows from 1 to 30 up to here and to 5000 by degree 12."""
+
+Points = NDArray[np.float64]
+Table = list[list[Fraction]]
+
+
+def check_degree(degree: int) -> None:
+    """Refuse a degree outside 1..6.
+
+    Raises
+    ------
+    ValueError
+        When `degree` is not an integer from 1 to 6.
+    """
+    if isinstance(degree, bool) or not isinstance(degree, (int, np.integer)) or not 1 <= degree <= MAX_DEGREE:
+        raise ValueError(f"degree is {degree!r}: use a whole number from 1 to {MAX_DEGREE}")
+
+
+def bernstein(degree: int, t: ArrayLike) -> Points:
+    """Bernstein polynomials b_{d,0..d} at `t`.
+
+    Parameters
+    ----------
+    degree : int
+        d >= 0.
+    t : array_like of float, shape S
+
+    Returns
+    -------
+    ndarray of float64, shape S + (d + 1,)
+
+    Notes
+    -----
+    Eq. 2 of the paper. Rows sum to 1 up to rounding; at t = 0 and t = 1 they are exact unit rows.
+    """
+    at = np.asarray(t, dtype=np.float64)[..., None]
+    i = np.arange(degree + 1)
+    binomials = np.array([comb(degree, k) for k in i], dtype=np.float64)
+    basis: Points = binomials * at**i * (1.0 - at) ** (degree - i)
+    return basis
+
+
+def evaluate(patch: Points, t: ArrayLike) -> Points:
+    """Point of the patch at parameter `t` by de Casteljau's algorithm.
+
+    Parameters
+    ----------
+    patch : ndarray of float64, shape (..., d + 1, 2)
+        Control points, pixels.
+    t : array_like of float
+        Broadcasts against the stack of patches (``patch.shape[:-2]``).
+
+    Returns
+    -------
+    ndarray of float64, shape broadcast(..., t) + (2,)
+
+    Notes
+    -----
+    Algorithm 1. Differs: the recursion is run bottom-up, O(d^2) instead of O(2^d), in place of both recursive calls.
+    """
+    s = np.asarray(t, dtype=np.float64)[..., None]
+    column = [patch[..., i, :] for i in range(patch.shape[-2])]
+    while len(column) > 1:
+        column = [(1.0 - s) * a + s * b for a, b in zip(column, column[1:], strict=False)]
+    return column[0] + 0.0 * s
+
+
+@cache
+def interpolation_matrix(degree: int) -> Points:
+    """V of Eq. 5 for uniform samples t_i = i/d: ``V @ patch`` are the points M_i on the curve.
+
+    Returns
+    -------
+    ndarray of float64, shape (d + 1, d + 1), read-only
+        Each entry is the exact rational, rounded once.
+    """
+    check_degree(degree)
+    return _rounded(_bernstein_table(degree))
+
+
+@cache
+def interpolation_inverse(degree: int) -> Points:
+    """V^-1 of Eq. 6 for uniform samples: ``V^-1 @ M`` is the patch through the points M_i.
+
+    Returns
+    -------
+    ndarray of float64, shape (d + 1, d + 1), read-only
+        Each entry is the exact rational, rounded once. The first and last rows are unit rows.
+    """
+    check_degree(degree)
+    return _rounded(_inverse(_bernstein_table(degree)))
+
+
+@cache
+def differentiation_matrix(degree: int) -> Points:
+    """V' V^-1: takes the samples M_i of a patch to its derivatives with respect to t at the same t_i.
+
+    Returns
+    -------
+    ndarray of float64, shape (d + 1, d + 1), read-only
+        Each entry is the exact rational, rounded once. Rows sum to zero up to rounding.
+    """
+    check_degree(degree)
+    inverse = _inverse(_bernstein_table(degree))
+    slopes = [[inverse[j + 1][k] - inverse[j][k] for k in range(degree + 1)] for j in range(degree)]
+    lower = [[_bernstein_exact(degree - 1, j, Fraction(i, degree)) for j in range(degree)] for i in range(degree + 1)]
+    product = [[degree * sum(row[j] * slopes[j][k] for j in range(degree)) for k in range(degree + 1)] for row in lower]
+    return _rounded([[Fraction(value) for value in row] for row in product])
+
+
+def sample(patch: Points) -> Points:
+    """Points M_i of the patch at t_i = i/d, shape (..., d + 1, 2) (Eq. 4)."""
+    points: Points = interpolation_matrix(patch.shape[-2] - 1) @ patch
+    return points
+
+
+def interpolate(samples: Points) -> Points:
+    """Patch that passes through `samples` at t_i = i/d.
+
+    Parameters
+    ----------
+    samples : ndarray of float64, shape (..., d + 1, 2)
+        M_0..M_d. Points may coincide: the result is then a slower or degenerate curve, still exact at the t_i.
+
+    Returns
+    -------
+    ndarray of float64, shape (..., d + 1, 2)
+
+    Notes
+    -----
+    Eq. 6. The first and last points are kept bit for bit.
+    """
+    patch: Points = interpolation_inverse(samples.shape[-2] - 1) @ samples
+    patch[..., 0, :] = samples[..., 0, :]
+    patch[..., -1, :] = samples[..., -1, :]
+    return patch
+
+
+def deform(patch: Points, displacements: Points) -> Points:
+    """Patch whose points at t_i = i/d are moved by `displacements` (Eq. 7).
+
+    Parameters
+    ----------
+    patch, displacements : ndarray of float64, shape (..., d + 1, 2)
+
+    Returns
+    -------
+    ndarray of float64, shape (..., d + 1, 2)
+    """
+    return patch + interpolate(displacements)
+
+
+def derivative(patch: Points) -> Points:
+    """Control points, shape (..., d, 2), of the derivative with respect to t: a patch of degree d - 1."""
+    slope: Points = (patch.shape[-2] - 1) * np.diff(patch, axis=-2)
+    return slope
+
+
+def normals(patch: Points, t: ArrayLike) -> Points:
+    """Unit normals at `t`, pointing away from the region the contour encloses.
+
+    Parameters
+    ----------
+    patch : ndarray of float64, shape (..., d + 1, 2)
+    t : array_like of float
+        Broadcasts as in `evaluate`.
+
+    Returns
+    -------
+    ndarray of float64, shape broadcast(..., t) + (2,)
+        (T_y, -T_x) / |T| with T the derivative: outward on a component of positive area, into the hole on a
+        negative one. (0, 0) where the derivative vanishes: a cusp has no normal.
+    """
+    tangent = evaluate(derivative(patch), t)
+    length = np.hypot(tangent[..., 0], tangent[..., 1])
+    inverse = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
+    unit: Points = np.stack([tangent[..., 1] * inverse, -tangent[..., 0] * inverse], axis=-1)
+    return unit
+
+
+def split(patch: Points, t: float = 0.5) -> tuple[Points, Points]:
+    """The two patches of the same degree that cover [0, t] and [t, 1] (de Casteljau).
+
+    Parameters
+    ----------
+    patch : ndarray of float64, shape (..., d + 1, 2)
+    t : float
+        In [0, 1].
+
+    Returns
+    -------
+    left, right : ndarray of float64, shape (..., d + 1, 2)
+        ``left[..., -1, :]`` and ``right[..., 0, :]`` are the same bits. At t = 1/2 control points on a dyadic grid
+        stay exact while their bits fit a float64.
+    """
+    column = [patch[..., i, :] for i in range(patch.shape[-2])]
+    left, right = [column[0]], [column[-1]]
+    while len(column) > 1:
+        column = [(1.0 - t) * a + t * b for a, b in zip(column, column[1:], strict=False)]
+        left.append(column[0])
+        right.append(column[-1])
+    return np.stack(left, axis=-2), np.stack(right[::-1], axis=-2)
+
+
+def split_resampled(patch: Points) -> tuple[Points, Points]:
+    """The two halves of the patch by resampling 2d + 1 points and two interpolations.
+
+    Notes
+    -----
+    Algorithm 2. The same curves as ``split(patch)`` up to rounding, since a patch of degree d is determined by d + 1
+    of its points; the joint is shared bit for bit.
+    """
+    degree = patch.shape[-2] - 1
+    basis = bernstein(degree, np.arange(2 * degree + 1) / (2 * degree))
+    points: Points = basis @ patch
+    points[..., 0, :], points[..., -1, :] = patch[..., 0, :], patch[..., -1, :]
+    return interpolate(points[..., : degree + 1, :]), interpolate(points[..., degree:, :])
+
+
+def elevate(patch: Points) -> Points:
+    """The same curve as a patch of degree d + 1, shape (..., d + 2, 2); the end points keep their bits."""
+    degree = patch.shape[-2] - 1
+    weight = (np.arange(1, degree + 1) / (degree + 1))[:, None]
+    inner = weight * patch[..., :-1, :] + (1.0 - weight) * patch[..., 1:, :]
+    return np.concatenate([patch[..., :1, :], inner, patch[..., -1:, :]], axis=-2)
+
+
+def chord_count(patch: Points, tolerance: float) -> NDArray[np.int64]:
+    """How many equal parameter steps make chords that stay within `tolerance` of the patch.
+
+    Parameters
+    ----------
+    patch : ndarray of float64, shape (..., d + 1, 2)
+    tolerance : float
+        Pixels, > 0.
+
+    Returns
+    -------
+    ndarray of int64, shape (...)
+        n >= 1 with ``d (d - 1) max|P_i - 2 P_{i+1} + P_{i+2}| / (8 n^2) <= tolerance``.
+
+    Notes
+    -----
+    A chord over a step h is off by at most h^2 max|B''| / 8, and B'' is bounded by its control points.
+    """
+    degree = patch.shape[-2] - 1
+    if degree == 1:
+        return np.ones(patch.shape[:-2], dtype=np.int64)
+    bend = np.diff(patch, n=2, axis=-2)
+    largest = np.hypot(bend[..., 0], bend[..., 1]).max(axis=-1)
+    steps = np.ceil(np.sqrt(degree * (degree - 1) * largest / (8.0 * tolerance)))
+    return np.asarray(np.maximum(steps, 1.0), dtype=np.int64)
+
+
+def _bernstein_exact(degree: int, i: int, t: Fraction) -> Fraction:
+    return comb(degree, i) * t**i * (1 - t) ** (degree - i)
+
+
+def _bernstein_table(degree: int) -> Table:
+    columns = range(degree + 1)
+    return [[_bernstein_exact(degree, j, Fraction(i, degree)) for j in columns] for i in columns]
+
+
+def _inverse(table: Table) -> Table:
+    """Gauss-Jordan in rationals; the uniform V is totally positive, so no pivot is zero."""
+    size = len(table)
+    rows = [row + [Fraction(int(i == j)) for j in range(size)] for i, row in enumerate(table)]
+    for k in range(size):
+        rows[k] = [value / rows[k][k] for value in rows[k]]
+        for i in range(size):
+            if i != k:
+                factor = rows[i][k]
+                rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
+    return [row[size:] for row in rows]
+
+
+def _rounded(table: Table) -> Points:
+    matrix = np.array([[float(value) for value in row] for row in table])
+    matrix.setflags(write=False)
+    return matrix
