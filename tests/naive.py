@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 from math import comb
 
+import numpy as np
+
 Number = Fraction
 Point = tuple[Number, Number]
 Patch = list[Point]
@@ -124,3 +126,15 @@ def winding(polygons: Sequence[Sequence[Point]], p: Point) -> int:
 def raster(polygons: Sequence[Sequence[Point]], height: int, width: int) -> list[list[bool]]:
     """The pixel-centre rule: winding number > 0 at integer coordinates."""
     return [[winding(polygons, (Fraction(x), Fraction(y))) > 0 for x in range(width)] for y in range(height)]
+
+
+def winding_image(vertices: np.ndarray, height: int, width: int) -> np.ndarray:
+    """Winding numbers of one polygon at integer coordinates in plain floats: right but within rounding of an edge."""
+    y, x = np.indices((height, width))
+    total = np.zeros((height, width), dtype=int)
+    for (ax, ay), (bx, by) in zip(np.roll(vertices, 1, axis=0), vertices, strict=True):
+        if ay == by:
+            continue
+        crossed = (min(ay, by) <= y) & (y < max(ay, by))
+        total += np.where(crossed & (ax + (y - ay) * (bx - ax) / (by - ay) > x), 1 if ay < by else -1, 0)
+    return total

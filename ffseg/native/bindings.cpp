@@ -5,4 +5,5 @@ NB_MODULE(_core, m) {
     m.doc() = "Native loops of ffseg: arrays in, arrays out; no files, no policy.";
     bind_edges(m);
     bind_freeform(m);
+    bind_raster(m);
 }

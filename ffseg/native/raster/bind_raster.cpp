@@ -1,0 +1,66 @@
+#include <cmath>
+#include <stdexcept>
+
+#include "bindings.hpp"
+#include "raster/raster.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Points = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+using Indices = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Mask = nb::ndarray<std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+// Beyond this, sums of products in the exact side test would overflow.
+constexpr double kFarthest = 1e100;
+
+std::vector<ffseg::Vec2> checked_points(const Points& points) {
+    std::vector<ffseg::Vec2> checked(points.shape(0));
+    for (std::size_t i = 0; i < checked.size(); ++i) {
+        checked[i] = {points.data()[2 * i], points.data()[2 * i + 1]};
+        if (!(std::abs(checked[i].x) <= kFarthest && std::abs(checked[i].y) <= kFarthest)) {
+            throw std::invalid_argument("a control point is not finite or beyond 1e100 pixels");
+        }
+    }
+    return checked;
+}
+
+void check_contours(const Indices& offsets, const Indices& degrees, std::size_t count) {
+    const std::size_t contours = degrees.shape(0);
+    if (offsets.shape(0) != contours + 1 || offsets.data()[0] != 0 ||
+        offsets.data()[contours] != static_cast<std::int64_t>(count)) {
+        throw std::invalid_argument("offsets must run from 0 to the number of points, one more than the degrees");
+    }
+    for (std::size_t c = 0; c < contours; ++c) {
+        const std::int64_t degree = degrees.data()[c], size = offsets.data()[c + 1] - offsets.data()[c];
+        if (degree < 1 || degree > ffseg::kMaxDegree || size < degree || size % degree != 0) {
+            throw std::invalid_argument("a contour needs N * d control points, N >= 1, d from 1 to 6");
+        }
+    }
+}
+
+void py_rasterize(const Points& points, const Indices& offsets, const Indices& degrees, double tolerance, Mask out) {
+    if (!(tolerance >= 1e-6)) throw std::invalid_argument("the tolerance must be at least 1e-6 pixel");
+    if (out.shape(0) > 65535 || out.shape(1) > 65535) throw std::invalid_argument("the mask exceeds 65535 pixels a side");
+    const std::vector<ffseg::Vec2> control = checked_points(points);
+    check_contours(offsets, degrees, control.size());
+    const ffseg::MaskView mask{out.data(), static_cast<int>(out.shape(0)), static_cast<int>(out.shape(1))};
+    nb::gil_scoped_release release;
+    const ffseg::Grid grid{mask.width - 1.0, mask.height - 1.0, tolerance};
+    std::vector<ffseg::Edge> edges;
+    for (std::size_t c = 0; c < degrees.shape(0); ++c) {
+        const std::size_t begin = static_cast<std::size_t>(offsets.data()[c]);
+        const std::size_t end = static_cast<std::size_t>(offsets.data()[c + 1]);
+        ffseg::append_contour(control.data() + begin, end - begin, static_cast<int>(degrees.data()[c]), grid, edges);
+    }
+    ffseg::fill_mask(edges, mask);
+}
+
+}  // namespace
+
+void bind_raster(nb::module_& m) {
+    m.def("rasterize", &py_rasterize, "points"_a, "offsets"_a, "degrees"_a, "tolerance"_a, "out"_a,
+          "Region (winding > 0) of closed contours at the pixel centres, 1 or 0 into `out`.");
+}

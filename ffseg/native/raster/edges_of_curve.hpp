@@ -1,0 +1,27 @@
+// Straight edges that stand for Bezier patches on a grid of pixel centres.
+#pragma once
+#include <vector>
+
+#include "common/vec.hpp"
+
+namespace ffseg {
+
+constexpr int kMaxDegree = 6;
+
+// A piece of contour that crosses rows: low.y < high.y; sign +1 when the contour runs from low to high.
+struct Edge {
+    Vec2 low, high;
+    int sign;
+};
+
+// The pixel centres (0..right, 0..bottom) and how far an edge may leave its curve.
+struct Grid {
+    double right, bottom;
+    double tolerance;
+};
+
+// Appends the edges of one patch of d + 1 control points. Pieces that no row of centres can see are dropped; pieces left
+// of all centres are replaced by their chord, which crosses the same rows with the same sum of signs.
+void append_edges(const Vec2* patch, int degree, const Grid& grid, std::vector<Edge>& edges);
+
+}  // namespace ffseg

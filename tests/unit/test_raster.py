@@ -1,0 +1,129 @@
+"""Rasterising by the pixel-centre rule: analytic cases, ties, far and refused coordinates."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.raster import rasterize
+
+
+def disc(shape, center, radius):
+    y, x = np.indices(shape)
+    return np.hypot(x - center[0], y - center[1]) < radius
+
+
+def test_box_owns_its_left_and_top_edge_only():
+    mask = rasterize([FreeForm.box(1, 2, 4, 4)], (6, 8))
+    expected = np.zeros((6, 8), bool)
+    expected[2:4, 1:4] = True
+    np.testing.assert_array_equal(mask, expected)
+    assert mask.dtype == np.bool_
+
+
+def test_boxes_that_share_edges_share_no_pixel_and_leave_none():
+    tiles = [FreeForm.box(x, y, x + 3, y + 2) for x in range(0, 12, 3) for y in range(0, 8, 2)]
+    total = sum(rasterize([tile], (8, 12)).astype(int) for tile in tiles)
+    np.testing.assert_array_equal(total, 1)
+
+
+def test_triangles_that_share_a_diagonal_through_centres_partition_the_square():
+    upper = rasterize([FreeForm.polygon([(0, 0), (9, 0), (9, 9)])], (9, 9))
+    lower = rasterize([FreeForm.polygon([(0, 0), (9, 9), (0, 9)])], (9, 9))
+    np.testing.assert_array_equal(upper.astype(int) + lower, 1)
+    assert upper[3, 3]  # a centre on an edge belongs to the region right of it
+
+
+@pytest.mark.parametrize("degree", [3, 4, 5, 6])
+def test_circle_is_the_disc_and_does_not_paint_its_boundary(degree):
+    radius = math.sqrt(2530)  # no sum of two squares: every centre is at least 0.009 px off the circle
+    circle = FreeForm.circle((100, 80), radius, 40, degree)  # off the true circle by less than 1e-4 px
+    np.testing.assert_array_equal(rasterize([circle], (160, 200), 1e-3), disc((160, 200), (100, 80), radius))
+
+
+def test_hole_is_cut_out_and_orientation_decides():
+    outer, inner = FreeForm.circle((50, 50), 40, 20, 3), FreeForm.circle((50, 50), 15, 20, 3)
+    whole, part = rasterize([outer], (100, 100)), rasterize([inner], (100, 100))
+    np.testing.assert_array_equal(rasterize([outer, inner.reversed()], (100, 100)), whole & ~part)
+    np.testing.assert_array_equal(rasterize([outer, inner], (100, 100)), whole)
+    assert not rasterize([inner.reversed()], (100, 100)).any()
+
+
+def test_contours_of_several_degrees_go_together():
+    contours = [FreeForm.circle((20 + 40 * d, 30), 15, 12, d) for d in range(1, 7)]
+    alone = np.any([rasterize([c], (60, 300)) for c in contours], axis=0)
+    np.testing.assert_array_equal(rasterize(contours, (60, 300)), alone)
+
+
+def test_no_contours_and_empty_shapes():
+    assert not rasterize([], (4, 5)).any()
+    assert rasterize([FreeForm.box(0, 0, 9, 9)], (0, 7)).shape == (0, 7)
+    assert rasterize([FreeForm.box(0, 0, 9, 9)], (7, 0)).shape == (7, 0)
+
+
+@pytest.mark.parametrize("scale", [1e3, 1e6, 1e9, 1e30, 1e100])
+@pytest.mark.parametrize("degree", range(1, 7))
+def test_contours_far_larger_than_the_image(scale, degree):
+    wide = FreeForm.circle((0, 0), 0.9 * scale, 9, degree)
+    assert rasterize([wide], (30, 40)).all()
+    assert not rasterize([wide.reversed()], (30, 40)).any()
+    # the right half plane: an edge at x = 17.5 whose ends are far away
+    half = FreeForm.polygon([(17.5, -scale), (scale, -scale), (scale, scale), (17.5, scale)]).elevated(degree)
+    mask = rasterize([half], (30, 40))
+    assert mask[:, 18:].all()
+    assert not mask[:, :18].any()
+
+
+def test_contour_far_away_paints_nothing():
+    for dx, dy in [(1e6, 0), (-1e6, 0), (0, 1e6), (0, -1e6), (-1e99, 1e99)]:
+        assert not rasterize([FreeForm.circle((dx, dy), 100, 9, 3)], (30, 40)).any()
+
+
+def test_crossings_at_centres_are_decided_exactly():
+    sizes = [n for n in range(2, 200) if any(n * (k / n) > k for k in range(n))]
+    assert sizes  # there float64 puts the crossing just right of the centre it meets
+    y, x = np.indices((200, 200))
+    for n in sizes[:: max(1, len(sizes) // 10)]:
+        upper = rasterize([FreeForm.polygon([(0, 0), (n, 0), (n, n)])], (200, 200))
+        np.testing.assert_array_equal(upper, (x >= y) & (x < n))
+
+
+@pytest.mark.parametrize("bad", [1e101, -1e101])
+def test_refuses_coordinates_beyond_all_use(bad):
+    with pytest.raises(ValueError, match="1e100"):
+        rasterize([FreeForm.box(0, 0, bad, 1)], (4, 4))
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, 1e-7])
+def test_refuses_a_tolerance_too_small(bad):
+    with pytest.raises(ValueError, match="tolerance"):
+        rasterize([FreeForm.box(0, 0, 1, 1)], (4, 4), bad)
+
+
+def test_native_border_refuses_bad_offsets_and_values():
+    from ffseg.native import _core
+
+    mask = np.zeros((4, 4), np.uint8)
+
+    def call(points, offsets, degrees):
+        _core.rasterize(np.array(points, float).reshape(-1, 2), np.array(offsets), np.array(degrees, int), 0.01, mask)
+
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    call(square, [0, 4], [1])
+    for offsets, degrees in [
+        ([0], [1]),
+        ([1, 4], [1]),
+        ([0, 5], [1]),
+        ([0, 4], [3]),
+        ([0, 4], [0]),
+        ([0, 4], [7]),
+        ([0, 4, 2, 4], [1, 1, 1]),
+        ([0, 0, 4], [1, 1]),
+    ]:
+        with pytest.raises(ValueError, match="offsets|contour"):
+            call(square, offsets, degrees)
+    with pytest.raises(ValueError, match="finite"):
+        call([[0, 0], [math.nan, 0], [1, 1]], [0, 3], [1])
