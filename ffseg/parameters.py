@@ -1,82 +1,180 @@
-"""The parameter set: the only home of defaults."""
+"""The parameter set: the only home of defaults, and how it is read from files, presets and overrides."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from ffseg.errors import ParameterError
+from ffseg.schema import strict_yaml
+from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Number, OrWord, Row, Text
+from ffseg.schema.nodes import Node, Problems, Source, wrap
+from ffseg.schema.sections import Section, build, collect, declared, subsection
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Overrides = Mapping[str, object] | Sequence[str]
+
 Point = tuple[float, float]
 Circle = tuple[float, float, float]
 Box = tuple[float, float, float, float]
 
+_POSITIVE = Number(0, above=True)
+_POINT = Row(("x", "y"), (Number(), Number()))
+_CIRCLE = Row(("x", "y", "radius"), (Number(), Number(), _POSITIVE))
+_BOX = Row(("left", "top", "right", "bottom"), (Number(),) * 4)
+_THRESHOLDS = Row(("low", "high"), (Number(0),) * 2, ascending=True)
+_MOST_STARTS = 1000
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
-
-class Contour(_Section):
+@dataclass(frozen=True, slots=True)
+class Contour(Section):
     """The free-form contour and its evolution."""
 
-    degree: Annotated[int, Field(ge=1, le=6)] = 3
-    patches: Annotated[int, Field(ge=3, le=100_000)] = 13
-    split_threshold: Annotated[float, Field(ge=2, le=1000)] = 14.0
-    balloon: Annotated[float, Field(ge=-16, le=16)] = 2.0
-    refine: bool = True
-    topology: bool = True
-    clearance: Annotated[float, Field(ge=0, le=1000)] = 0.0
-    settle: Annotated[float, Field(ge=0, le=16)] = 4.0
-    max_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
+    degree: int = declared(3, Integer(1, 6), "degree of every patch")
+    patches: int = declared(13, Integer(3, 100_000), "patches of each start contour")
+    split_threshold: float = declared(14.0, Number(2, 1000), "px between control points at which a patch is split")
+    balloon: float = declared(2.0, Number(-16, 16), "px per iteration along the outer normal; negative closes in")
+    refine: bool = declared(True, Flag(), "split long patches and merge short ones (Section 3.3)")
+    topology: bool = declared(True, Flag(), "let the contour split off, merge and enclose holes (Algorithm 3)")
+    clearance: float = declared(0.0, Number(0, 1000), "px; passages narrower than this count as closed; 0 = off")
+    settle: float = declared(4.0, Number(0, 16), "px within which converged points move onto the gradient ridge")
+    max_iterations: int = declared(2000, Integer(1, 1_000_000), "iterations after which the evolution ends anyway")
 
 
-class Edges(_Section):
+@dataclass(frozen=True, slots=True)
+class Edges(Section):
     """The edge map."""
 
-    sigma: Annotated[float, Field(gt=0, le=20)] = 1.5
-    exponent: Annotated[float, Field(ge=1, le=8)] = 2.0
-    canny: tuple[NonNegative, NonNegative] | Literal["auto"] = "auto"
+    sigma: float = declared(1.5, Number(0, 20, above=True), "px, standard deviation of the smoothing Gaussian")
+    exponent: float = declared(2.0, Number(1, 8), "p of the edge force |grad|^p (Eq. 8)")
+    canny: tuple[float, float] | Literal["auto"] = declared(
+        "auto", OrWord("auto", _THRESHOLDS), "Canny thresholds on the gradient magnitude of 8-bit grey"
+    )
 
 
-class Init(_Section):
+@dataclass(frozen=True, slots=True)
+class Init(Section):
     """Where the contour starts: one circle, or several circles, boxes, or the outlines in a mask image."""
 
-    center: Point | Literal["auto"] = "auto"
-    radius: Positive = 40.0
-    circles: tuple[Circle, ...] = ()
-    boxes: tuple[Box, ...] = ()
-    mask: str | None = None
+    center: Point | Literal["auto"] = declared(
+        "auto", OrWord("auto", _POINT), "px; auto = image centre, or the camera's principal point"
+    )
+    radius: float = declared(40.0, _POSITIVE, "px, radius of the start circle")
+    circles: tuple[Circle, ...] = declared((), Many(_CIRCLE, _MOST_STARTS), "start circles instead of center, radius")
+    boxes: tuple[Box, ...] = declared((), Many(_BOX, _MOST_STARTS), "start boxes instead of center, radius")
+    mask: str | None = declared(None, FilePath(), "image whose outlines are the start contours")
 
 
-class Domain(_Section):
+@dataclass(frozen=True, slots=True)
+class Domain(Section):
     """Where the contour may go."""
 
-    mask: str | None = None
+    mask: str | None = declared(None, FilePath(), "image that is 0 where the contour may not go")
 
 
-class Obstacles(_Section):
+@dataclass(frozen=True, slots=True)
+class Obstacles(Section):
     """The structural test on enclosed components (Eq. 9)."""
 
-    altitude: Positive = 0.08
+    altitude: float = declared(0.08, _POSITIVE, "m; a point at or above this altitude makes an obstacle")
 
 
-class Snake(_Section):
+@dataclass(frozen=True, slots=True)
+class Snake(Section):
     """The parametric snake (PM), Section 5.1."""
 
 
-class LevelSet(_Section):
+@dataclass(frozen=True, slots=True)
+class LevelSet(Section):
     """The fast-marching level set (LS), Eq. 12."""
 
 
-class Parameters(_Section):
+@dataclass(frozen=True, slots=True)
+class Parameters(Section):
     """Everything that decides a segmentation."""
 
-    method: str = "freeform"
-    contour: Contour = Contour()
-    edges: Edges = Edges()
-    init: Init = Init()
-    domain: Domain = Domain()
-    obstacles: Obstacles = Obstacles()
-    snake: Snake = Snake()
-    levelset: LevelSet = LevelSet()
+    method: str = declared("freeform", Text(), "segmenter: freeform, snake, levelset, or the name of a peer")
+    contour: Contour = subsection(Contour)
+    edges: Edges = subsection(Edges)
+    init: Init = subsection(Init)
+    domain: Domain = subsection(Domain)
+    obstacles: Obstacles = subsection(Obstacles)
+    snake: Snake = subsection(Snake)
+    levelset: LevelSet = subsection(LevelSet)
+
+
+def load_params(source: str | os.PathLike[str] | None = None, overrides: Overrides | None = None) -> Parameters:
+    """Load a parameter set.
+
+    Parameters
+    ----------
+    source : path, str or None
+        A YAML file, the name of a preset, or None for the defaults. File names in a YAML file are relative to it.
+    overrides : mapping or sequence of str, optional
+        Keys (dotted, or nested mappings) and values, or texts ``KEY=VALUE`` with a YAML value; the last one wins.
+        File names in them are relative to the working directory.
+
+    Returns
+    -------
+    Parameters
+
+    Raises
+    ------
+    ParameterError
+        One line for everything that is wrong: where, which key, what is allowed, the nearest key.
+    """
+    problems = Problems()
+    roots = [] if source is None else [_file(source, problems)]
+    roots += _override_nodes(overrides, problems)
+    values: dict[str, object] = {}
+    for root in roots:
+        values.update(collect(Parameters, root, problems))
+    problems.raise_as(ParameterError)
+    return build(Parameters, values)
+
+
+def presets() -> dict[str, Path]:
+    """Parameter files that come with ffseg, by name."""
+    here = Path(__file__).parent
+    folder = next((path for path in (here / "configs", here.parent / "configs") if path.is_dir()), None)
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))} if folder else {}
+
+
+def _file(source: str | os.PathLike[str], problems: Problems) -> Node:
+    """Read a file, or the preset of that name."""
+    name = os.fspath(source)
+    if isinstance(source, str) and not _looks_like_path(name):
+        known = presets()
+        if name not in known and not os.path.exists(name):
+            problems.add(name, f"no such preset or file; the presets are {', '.join(known)}")
+            return Node({}, Source(name))
+        name = os.fspath(known.get(name, name))
+    return strict_yaml.read(name, problems)
+
+
+def _looks_like_path(name: str) -> bool:
+    return name.endswith((".yaml", ".yml", ".json")) or os.sep in name or "/" in name
+
+
+def _override_nodes(overrides: Overrides | None, problems: Problems) -> list[Node]:
+    if overrides is None:
+        return []
+    if isinstance(overrides, Mapping):
+        return [wrap(overrides, Source("overrides"))]
+    if isinstance(overrides, str):
+        raise ParameterError("overrides must be a mapping or a list of 'KEY=VALUE' texts; put the text into a list")
+    return [_assignment(text, problems) for text in overrides]
+
+
+def _assignment(text: str, problems: Problems) -> Node:
+    """Parse ``KEY=VALUE`` into a mapping of one key."""
+    key, equals, value = text.partition("=")
+    source = Source(f"--set {text}")
+    if not equals or not key.strip():
+        problems.add(source.name, "write KEY=VALUE, such as contour.degree=2")
+        return Node({}, source)
+    count = len(problems.lines)
+    node = strict_yaml.parse(value, source, problems)
+    return Node({key.strip(): node} if len(problems.lines) == count else {}, source)
