@@ -1,0 +1,44 @@
+"""Free-form active contours: batch image segmentation and free-space perception.
+
+The names below are loaded when first used, so that ``import ffseg`` costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "load_params": "ffseg.parameters",
+    "presets": "ffseg.parameters",
+    "Parameters": "ffseg.parameters",
+    "segment": "ffseg.segmenters.registry",
+    "Segmentation": "ffseg.segmenters.base",
+    "Stats": "ffseg.segmenters.base",
+    "Timings": "ffseg.segmenters.base",
+    "FreeForm": "ffseg.geometry.freeform",
+    "FfsegError": "ffseg.errors",
+    "ParameterError": "ffseg.errors",
+    "UsageError": "ffseg.errors",
+    "ImageReadError": "ffseg.errors",
+    "SegmentationError": "ffseg.errors",
+    "CalibrationError": "ffseg.errors",
+    "OutputError": "ffseg.errors",
+}
+
+__all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - the names are strings, in one place
+
+
+def __getattr__(name: str) -> object:
+    """Load a public name from its home (PEP 562)."""
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'ffseg' has no attribute {name!r}")
+    value = getattr(import_module(home), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -118,7 +118,8 @@ def load_params(source: str | os.PathLike[str] | None = None, overrides: Overrid
 
     Returns
     -------
-    Parameters
+    params : Parameters
+        Checked and complete: keys not given have their default.
 
     Raises
     ------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, field, fields
-from typing import TypeVar, cast
+from typing import TypeVar
 
 from ffseg.errors import ParameterError
 from ffseg.schema.kinds import BAD, Kind
@@ -17,12 +17,14 @@ PYTHON = Source("parameters")
 
 def declared(default: T, kind: Kind, doc: str) -> T:
     """Declare a key of a section: its default, what it may hold, and what it means."""
-    return cast(T, field(default=default, metadata={"kind": kind, "doc": doc}))
+    made: T = field(default=default, metadata={"kind": kind, "doc": doc})
+    return made
 
 
 def subsection(section: type[S]) -> S:
     """Declare a section inside the top one; every key of it has its default."""
-    return cast(S, field(default_factory=section, metadata={"section": section}))
+    made: S = field(default_factory=section, metadata={"section": section})
+    return made
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +157,7 @@ def _flatten(node: Node, prefix: str, groups: set[str]) -> Iterator[tuple[str, N
 
 def _nearest(key: str, known: list[str]) -> str:
     """Say which known key is meant, or list what there is."""
-    import difflib  # noqa: PLC0415 - 5 ms that only a wrong key should cost
+    import difflib  # 5 ms that only a wrong key should cost
 
     last = key.rpartition(".")[2]
     same_name = [name for name in known if name.rpartition(".")[2] == last]

@@ -75,7 +75,7 @@ def parse(text: str, source: Source, problems: Problems) -> Node:
     try:
         for event in _events(text):
             builder.take(event)
-    except _Refused as refused:
+    except _RefusedError as refused:
         problems.add(builder.place(refused.line), str(refused))
         return Node(None, source)
     except yaml.MarkedYAMLError as error:
@@ -85,7 +85,7 @@ def parse(text: str, source: Source, problems: Problems) -> Node:
     return builder.root or Node(None, source)
 
 
-def scalar(text: str) -> None | bool | int | float | str:
+def scalar(text: str) -> bool | int | float | str | None:
     """Resolve a plain scalar by the YAML 1.2 core schema."""
     if text in _WORDS:
         return _WORDS[text]
@@ -102,7 +102,7 @@ def scalar(text: str) -> None | bool | int | float | str:
     return text
 
 
-class _Refused(Exception):
+class _RefusedError(Exception):
     """A file is refused as a whole at `line`."""
 
     def __init__(self, line: int, text: str) -> None:
@@ -138,7 +138,8 @@ class _Builder:
 
     def take(self, event: yaml.Event) -> None:
         """Take one parser event."""
-        line = event.start_mark.line + 1
+        mark = event.start_mark
+        line = mark.line + 1 if mark else 0
         if isinstance(event, yaml.NodeEvent):
             self._refuse(event, line)
         if isinstance(event, yaml.ScalarEvent):
@@ -148,18 +149,19 @@ class _Builder:
         elif isinstance(event, yaml.MappingEndEvent | yaml.SequenceEndEvent):
             self._close()
         elif isinstance(event, yaml.DocumentStartEvent) and self.root is not None:
-            raise _Refused(line, "a second document begins here; write one document per file")
+            raise _RefusedError(line, "a second document begins here; write one document per file")
 
     def _refuse(self, event: yaml.NodeEvent, line: int) -> None:
         self._count += 1
         if self._count > MAX_VALUES:
-            raise _Refused(line, f"more than {MAX_VALUES} keys and values; parameter files are smaller")
+            raise _RefusedError(line, f"more than {MAX_VALUES} keys and values; parameter files are smaller")
         if isinstance(event, yaml.AliasEvent):
-            raise _Refused(line, f"alias '*{event.anchor}' is not supported; write the value out")
+            raise _RefusedError(line, f"alias '*{event.anchor}' is not supported; write the value out")
         if event.anchor is not None:
-            raise _Refused(line, f"anchor '&{event.anchor}' is not supported; write the value where it is used")
-        if getattr(event, "tag", None) is not None:
-            raise _Refused(line, f"tag '{event.tag}' is not supported; write the plain value")
+            raise _RefusedError(line, f"anchor '&{event.anchor}' is not supported; write the value where it is used")
+        tag = getattr(event, "tag", None)
+        if tag is not None:
+            raise _RefusedError(line, f"tag '{tag}' is not supported; write the plain value")
 
     def _scalar(self, event: yaml.ScalarEvent, line: int) -> None:
         parent = self._stack[-1] if self._stack else None
@@ -171,7 +173,7 @@ class _Builder:
 
     def _key(self, parent: _Open, event: yaml.ScalarEvent, line: int) -> None:
         if event.value == "<<" and not event.style:
-            raise _Refused(line, "merge key '<<' is not supported; write the keys out")
+            raise _RefusedError(line, "merge key '<<' is not supported; write the keys out")
         if event.value in parent.values:
             first = self.place(parent.values[event.value].key_line)
             self._problems.add(self.place(line), f"{event.value}: the key is given twice (first at {first}); keep one")
@@ -179,9 +181,9 @@ class _Builder:
 
     def _open(self, event: yaml.CollectionStartEvent, line: int) -> None:
         if len(self._stack) >= MAX_DEPTH:
-            raise _Refused(line, f"nested deeper than {MAX_DEPTH} levels")
+            raise _RefusedError(line, f"nested deeper than {MAX_DEPTH} levels")
         if self._stack and self._stack[-1].keyed and self._stack[-1].key is None:
-            raise _Refused(line, "a key must be a plain word, not a list or mapping")
+            raise _RefusedError(line, "a key must be a plain word, not a list or mapping")
         self._stack.append(_Open(line, isinstance(event, yaml.MappingStartEvent)))
 
     def _close(self) -> None:

@@ -1,0 +1,5 @@
+"""``python -m ffseg``."""
+
+from ffseg.cli.app import main
+
+main()

@@ -1,0 +1,108 @@
+"""The ``ffseg`` command: subcommands loaded when named, and errors turned into exit codes."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import traceback
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from ffseg import __version__
+from ffseg.cli import console
+from ffseg.errors import FfsegError
+
+COMMANDS = {
+    "run": "ffseg.cli.run",
+    "compare": "ffseg.cli.compare",
+    "bench": "ffseg.cli.bench",
+    "config": "ffseg.cli.config",
+    "samples": "ffseg.cli.samples",
+    "report": "ffseg.cli.report",
+}
+"""Module of each subcommand; it holds a function of the command's name, or a Typer ``app`` with commands of its own."""
+
+
+class LazyGroup(TyperGroup):
+    """A group that imports the module of a subcommand only when that subcommand is named or listed."""
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401, ARG002 - Typer's signature
+        """Names of the subcommands, in the order of the documentation."""
+        return [name for name, module in COMMANDS.items() if find_spec(module) is not None]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401 - Typer hides its command type
+        """Import and build one subcommand; None when there is none of that name."""
+        if cmd_name not in self.list_commands(ctx):
+            return None
+        module = import_module(COMMANDS[cmd_name])
+        inner = getattr(module, "app", None) or _single(getattr(module, cmd_name))
+        command = typer.main.get_command(inner)
+        command.name = cmd_name
+        return command
+
+
+app = typer.Typer(
+    cls=LazyGroup,
+    name="ffseg",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def main() -> None:
+    """Run the command line; never returns.
+
+    Exit codes: what the command gives; 2 for an `FfsegError`, shown as its sentence; 1 for anything unexpected, shown
+    as one line that names the file holding the traceback.
+    """
+    try:
+        app(prog_name="ffseg")
+    except FfsegError as error:
+        console.error(str(error))
+        sys.exit(2)
+    except Exception as error:  # noqa: BLE001 - the last resort of the program
+        console.error(f"unexpected {type(error).__name__}: {_one_line(error)}; the traceback is in {_traceback_file()}")
+        sys.exit(1)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        console.data(f"ffseg {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def ffseg(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Segment images with free-form active contours, one by one or by the folder."""
+
+
+def _single(function: Any) -> typer.Typer:  # noqa: ANN401 - any annotated function
+    single = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    single.command(no_args_is_help=True)(function)
+    return single
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]
+
+
+def _traceback_file() -> str:
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="ffseg-traceback-", suffix=".txt", delete=False, encoding="utf-8", errors="backslashreplace"
+        ) as file:
+            file.write(traceback.format_exc())
+            return file.name
+    except OSError:
+        traceback.print_exc()
+        return "the lines above"

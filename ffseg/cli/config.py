@@ -1,0 +1,67 @@
+"""``ffseg config``: list, show and check parameter sets."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+import typer
+
+from ffseg.cli import console
+from ffseg.errors import ParameterError
+from ffseg.parameter_text import json_schema, to_yaml
+from ffseg.parameters import load_params, presets
+
+app = typer.Typer(
+    help="List, show and check parameter sets.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.command("list")
+def list_presets() -> None:
+    """List the presets that come with ffseg: name, what for, file."""
+    known = presets()
+    width = max((len(name) for name in known), default=0)
+    for name, path in known.items():
+        console.data(f"{name:{width}}  {_purpose(path.read_text(encoding='utf-8'))}  ({path})")
+
+
+@app.command()
+def show(
+    source: Annotated[str | None, typer.Argument(metavar="[PRESET|FILE]", help="Default: the defaults.")] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key; may be repeated.")
+    ] = None,
+) -> None:
+    """Show every key of a parameter set as YAML, with what it means and what is allowed."""
+    console.data(to_yaml(load_params(source, settings)).rstrip("\n"))
+
+
+@app.command(no_args_is_help=True)
+def check(files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Parameter files or presets.")]) -> None:
+    """Check parameter files: everything that is wrong, each with file and line; exit code 2 if anything is."""
+    problems = []
+    for file in files:
+        try:
+            load_params(file)
+            console.data(f"{console.escape(file)}: ok")
+        except ParameterError as error:
+            problems.append(str(error))
+    if problems:
+        raise ParameterError("\n".join(problems))
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of parameter files, for editors."""
+    console.data(json.dumps(json_schema(), indent=2))
+
+
+def _purpose(text: str) -> str:
+    """First comment of a preset that is not for the editor."""
+    comments = [line.lstrip("# ") for line in text.splitlines() if line.startswith("#") and "$schema" not in line]
+    return comments[0] if comments else ""
