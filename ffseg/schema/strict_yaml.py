@@ -12,7 +12,6 @@ import re
 import stat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import yaml
 
@@ -54,7 +53,7 @@ def read(path: str | os.PathLike[str], problems: Problems) -> Node:
         The mapping; an empty one for an empty file or when the file cannot be used.
     """
     source = Source(os.fspath(path), os.path.dirname(os.fspath(path)))
-    text = _read_text(Path(path), problems)
+    text = read_text(path, problems)
     root = parse(text, source, problems)
     if root.value is None:
         return Node({}, source, 1, 1)
@@ -208,8 +207,8 @@ def _events(text: str) -> Iterator[yaml.Event]:
     yield from yaml.parse(text, Loader=_LOADER)
 
 
-def _read_text(path: Path, problems: Problems) -> str:
-    """Read at most 1 MB of UTF-8 from a regular file without waiting on pipes or devices."""
+def read_text(path: str | os.PathLike[str], problems: Problems) -> str:
+    """Read at most 1 MB of UTF-8 from a regular file without waiting on pipes or devices; empty after a problem."""
     try:
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
         try:
@@ -219,12 +218,12 @@ def _read_text(path: Path, problems: Problems) -> str:
             os.close(handle)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "not a usable file name"
-        problems.add(str(path), f"cannot be read ({reason}); check the path")
+        problems.add(os.fspath(path), f"cannot be read ({reason}); check the path")
         return ""
     if data is None:
-        problems.add(str(path), "not a regular file; give a YAML file")
+        problems.add(os.fspath(path), "not a regular file; give a YAML file")
         return ""
-    return _decode(path, data, problems)
+    return _decode(os.fspath(path), data, problems)
 
 
 def _read_bytes(handle: int, most: int) -> bytes:
@@ -234,9 +233,9 @@ def _read_bytes(handle: int, most: int) -> bytes:
     return data
 
 
-def _decode(path: Path, data: bytes, problems: Problems) -> str:
+def _decode(path: str, data: bytes, problems: Problems) -> str:
     if len(data) > MAX_BYTES:
-        problems.add(str(path), f"larger than {MAX_BYTES} bytes; parameter files are smaller")
+        problems.add(path, f"larger than {MAX_BYTES} bytes; parameter files are smaller")
         return ""
     try:
         return data.decode("utf-8-sig")
