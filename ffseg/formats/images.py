@@ -1,0 +1,161 @@
+"""Guarded reading of images: a header gate before the decoder, and one closed list of reasons for a refusal.
+
+Policies
+--------
+Orientation : an EXIF orientation is applied; the array, and so every mask, is upright.
+Bit depth : 16 bits are scaled by the full range to 8 (65535 becomes 255), 1 bit to 0 and 255, whatever the content.
+Alpha : ignored, the colours are taken as stored, hidden ones too. TIFF files with alpha are refused.
+Palette : replaced by its colours.
+CMYK : JPEG is converted to BGR by the decoder; TIFF is refused.
+Float, signed, complex : refused, they have no fixed white level.
+Several frames or pages : the first is the image.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+os.environ.setdefault(
+    "OPENCV_LOG_LEVEL", "SILENT"
+)  # read once, when cv2 is loaded: decoders would write to the terminal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import ImageReadError
+from ffseg.formats.files import printable, read_bytes
+from ffseg.formats.headers import Header, avif, bmp, gif, jpeg, jpeg2000, looks_like, png, pnm, truncated, webp
+from ffseg.formats.tiff import tiff
+
+REASONS = {
+    "missing": "no such file",
+    "link-loop": "a symbolic link that leads back to itself",
+    "bad-name": "a name the file system cannot hold",
+    "unreadable": "no permission, or the disk failed",
+    "not-a-file": "a folder, pipe, device or socket",
+    "empty": "a file without a byte",
+    "too-many-bytes": "a file above the limit in bytes",
+    "not-an-image": "the content is something else; the message says what it looks like",
+    "unsupported-pixels": "an image whose pixels have no reading that is sure to be right",
+    "no-pixels": "a width or height of zero",
+    "too-many-pixels": "an image above the limit in pixels",
+    "truncated": "the data ends before the image does",
+    "damaged": "the data contradicts itself",
+}
+"""Every reason an ``ImageReadError`` can carry."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """How large a file and an image may be before it is refused unread."""
+
+    max_bytes: int = 1 << 30
+    max_pixels: int = 100_000_000
+
+
+def read_image(path: str | os.PathLike[str], limits: Limits | None = None) -> NDArray[np.uint8]:
+    """Read one image file.
+
+    Parameters
+    ----------
+    path : path
+        A regular file; its format is told by its content, not its name.
+    limits : Limits, optional
+
+    Returns
+    -------
+    ndarray of uint8, shape (H, W) for grey or (H, W, 3) in BGR order
+
+    Raises
+    ------
+    ImageReadError
+        With one of ``REASONS``; the message names the file and the remedy.
+    """
+    limits = limits or Limits()
+    try:
+        return decode_image(read_bytes(path, limits.max_bytes), limits)
+    except ImageReadError as error:
+        raise ImageReadError(error.reason, f"{printable(path)}: {error}") from None
+
+
+def decode_image(data: bytes, limits: Limits | None = None) -> NDArray[np.uint8]:
+    """Decode the bytes of an image file; as `read_image`, but the message does not name the file."""
+    limits = limits or Limits()
+    header = inspect(data, limits)
+    flag = cv2.IMREAD_GRAYSCALE if header.grey else cv2.IMREAD_COLOR
+    try:
+        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), flag)
+    except cv2.error:
+        decoded = None
+    if decoded is None:
+        raise _undecodable(header)
+    image: NDArray[np.uint8] = np.asarray(decoded, np.uint8)
+    if {image.shape[0], image.shape[1]} != {header.height, header.width}:
+        raise ImageReadError("damaged", f"the {header.format} pixels have not the size its header claims; convert it")
+    if header.raw and _interrupted(image[::-1] if header.bottom_up else image):
+        raise truncated(f"the {header.format} pixels break off into zeros inside a row")
+    return image
+
+
+def inspect(data: bytes, limits: Limits) -> Header:
+    """Pass the bytes of a file through the gate without decoding them.
+
+    Raises
+    ------
+    ImageReadError
+        Not an image, an image above the limits, or one whose data cannot be complete.
+    """
+    parser = _parser_of(data)
+    if parser is None:
+        raise ImageReadError("not-an-image", f"the content looks like {looks_like(data)}")
+    header = parser(data)
+    if header.width <= 0 or header.height <= 0:
+        raise ImageReadError("no-pixels", f"the {header.format} header claims {header.width}x{header.height} pixels")
+    if header.width * header.height > limits.max_pixels:
+        claim = f"{header.width}x{header.height} pixels are more than the limit of {limits.max_pixels}"
+        raise ImageReadError("too-many-pixels", f"{claim}; raise the limit or scale the image down")
+    return header
+
+
+_PARSERS: tuple[tuple[bytes, Callable[[bytes], Header]], ...] = (
+    (rb"\x89PNG\r\n\x1a\n", png),
+    (rb"\xff\xd8\xff", jpeg),
+    (rb"BM", bmp),
+    (rb"GIF8[79]a", gif),
+    (rb"II[*+]\0|MM\0[*+]", tiff),
+    (rb"RIFF....WEBP", webp),
+    (rb"P[1-6][\s#]", pnm),
+    (rb"\0\0\0\x0cjP  \r\n\x87\n", jpeg2000),
+    (rb"....ftypavi[fs]", avif),
+)
+
+
+def _parser_of(data: bytes) -> Callable[[bytes], Header] | None:
+    return next((parser for start, parser in _PARSERS if re.match(start, data, re.DOTALL)), None)
+
+
+def _undecodable(header: Header) -> ImageReadError:
+    if header.format in ("AVIF", "GIF", "JPEG 2000", "TIFF"):
+        text = f"the {header.format} data is damaged, or of a kind the decoder does not read; convert it to PNG"
+    else:
+        text = f"the {header.format} data is damaged or incomplete; copy the file again"
+    return ImageReadError("damaged", text)
+
+
+def _interrupted(image: NDArray[np.uint8]) -> bool:
+    """Whether the pixels break off into zeros inside a row whose upper neighbour goes on: a copy that stopped.
+
+    Rows are in file order. A black margin does not look like this: above its first pixel the image is black as well.
+    """
+    rows = image.reshape(image.shape[0], -1)
+    if rows.shape[0] < 4 or rows[-2:].any() or not rows.any():
+        return False
+    last = int(np.flatnonzero(rows.any(axis=1))[-1])
+    end = int(np.flatnonzero(rows[last])[-1]) + 1
+    if last == 0 or rows.shape[1] - end < 6:  # a tail that starts with a row (to two pixels) may be a margin
+        return False
+    return bool(np.count_nonzero(rows[last - 1]) >= 0.9 * rows.shape[1] and np.count_nonzero(rows[last]) >= 0.9 * end)

@@ -1,0 +1,73 @@
+"""The atomic writer: whole or absent, the earlier file kept, the path named, no temporary left."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from ffseg.errors import OutputError
+from ffseg.formats.files import printable, write_bytes_atomic
+
+CALLS = ("open", "write", "fsync", "close", "replace")
+
+
+def test_writes_and_replaces(tmp_path: Path) -> None:
+    target = tmp_path / "a.bin"
+    write_bytes_atomic(target, b"one")
+    write_bytes_atomic(target, b"two")
+    assert target.read_bytes() == b"two"
+    assert os.listdir(tmp_path) == ["a.bin"]
+
+
+def _failing(call: str, code: int) -> Callable[..., int]:
+    real = getattr(os, call)
+
+    def fail(*arguments: object, **options: object) -> int:
+        if call == "close":
+            real(*arguments, **options)
+        raise OSError(code, os.strerror(code))
+
+    return fail
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO, errno.EACCES])
+@pytest.mark.parametrize("call", CALLS)
+def test_failing_call_keeps_the_earlier_file(
+    call: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "a.bin"
+    write_bytes_atomic(target, b"good")
+    with monkeypatch.context() as patch:
+        patch.setattr(os, call, _failing(call, code))
+        with pytest.raises(OutputError, match="a.bin"):
+            write_bytes_atomic(target, b"newer")
+    assert target.read_bytes() == b"good"
+    assert os.listdir(tmp_path) == ["a.bin"]
+
+
+def test_short_writes_are_continued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = os.write
+    monkeypatch.setattr(os, "write", lambda fd, data: real(fd, bytes(data)[:7]))
+    write_bytes_atomic(tmp_path / "a.bin", bytes(range(100)))
+    monkeypatch.undo()
+    assert (tmp_path / "a.bin").read_bytes() == bytes(range(100))
+
+
+def test_name_that_fills_the_limit_can_be_written(tmp_path: Path) -> None:
+    target = tmp_path / ("n" * 255)
+    write_bytes_atomic(target, b"x")
+    assert target.read_bytes() == b"x"
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [("plain name.png", "plain name.png"), ("a\nb", "a\\u000ab"), ("back\\slash", "back\\\\slash"), ("caf\u00e9", "caf\u00e9"),
+     (os.fsdecode(b"\xff.png"), "\\xff.png"), ("\u202egnp.exe", "\\u202egnp.exe"), ("\x1b[31m", "\\u001b[31m")],
+)  # fmt: skip
+def test_printable(name: str, shown: str) -> None:
+    assert printable(name) == shown
+    assert printable(name).encode("utf-8").decode() == shown

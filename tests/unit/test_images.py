@@ -1,0 +1,180 @@
+"""Guarded reading: right pixels or a refusal by name, never other values, a hang or a large allocation."""
+
+from __future__ import annotations
+
+import io
+import os
+import time
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ffseg.errors import ImageReadError
+from ffseg.formats.images import REASONS, Limits, decode_image, read_image
+from tests import bad_images
+
+CASES = bad_images.all_cases()
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case.pixels is not None], ids=lambda case: case.name)
+def test_good_and_odd_images_give_their_pixels(case: bad_images.Case) -> None:
+    image = decode_image(case.data)
+    assert case.pixels is not None
+    expected = case.pixels
+    assert image.dtype == np.uint8
+    assert image.shape[:2] == expected.shape[:2]
+    if expected.ndim == 3 and image.ndim == 2:
+        image = np.dstack([image] * 3)
+    difference = np.abs(image.astype(int) - expected.reshape(image.shape))
+    assert difference.max() <= case.tolerance
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case.pixels is None], ids=lambda case: case.name)
+def test_bad_images_are_refused_with_a_known_reason(case: bad_images.Case, tmp_path: Path) -> None:
+    path = tmp_path / case.name
+    path.write_bytes(case.data)
+    started = time.perf_counter()
+    with pytest.raises(ImageReadError) as caught:
+        read_image(path)
+    assert caught.value.reason in case.reasons
+    assert caught.value.reason in REASONS
+    assert case.name in str(caught.value)
+    assert time.perf_counter() - started < 2
+
+
+def test_bombs_are_refused_before_anything_is_allocated() -> None:
+    for case in bad_images.bombs():
+        tracemalloc.start()
+        with pytest.raises(ImageReadError):
+            decode_image(case.data)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 2_000_000, case.name
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("page.jpg", "HTML"), ("pointer.png", "git lfs pull"), ("drawing.png", "SVG"), ("archive.png", "zip"),
+     ("note.png", "text file"), ("zeros.jpg", "zeros"), ("float.pfm", "floats")],
+)  # fmt: skip
+def test_message_says_what_the_file_looks_like(name: str, words: str) -> None:
+    case = next(case for case in CASES if case.name == name)
+    with pytest.raises(ImageReadError, match=words):
+        decode_image(case.data)
+
+
+def test_limits_are_kept() -> None:
+    data = bad_images.plain_files()["png"]
+    assert decode_image(data, Limits(max_pixels=64 * 48)).shape == (48, 64, 3)
+    with pytest.raises(ImageReadError) as caught:
+        decode_image(data, Limits(max_pixels=64 * 48 - 1))
+    assert caught.value.reason == "too-many-pixels"
+
+
+def test_file_above_the_byte_limit_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    path.write_bytes(bad_images.plain_files()["png"])
+    with pytest.raises(ImageReadError) as caught:
+        read_image(path, Limits(max_bytes=100))
+    assert caught.value.reason == "too-many-bytes"
+
+
+def _special_files(folder: Path) -> dict[Path, str]:
+    pipe, loop, dangling, secret = folder / "pipe.png", folder / "loop.png", folder / "gone.png", folder / "secret.png"
+    os.mkfifo(pipe)
+    loop.symlink_to(loop)
+    dangling.symlink_to(folder / "nowhere")
+    secret.write_bytes(bad_images.plain_files()["png"])
+    secret.chmod(0)
+    special = {pipe: "not-a-file", loop: "link-loop", dangling: "missing", folder: "not-a-file"}
+    special[folder / ("n" * 256)] = "bad-name"
+    special[folder / "nul\0.png"] = "bad-name"
+    special[Path("/dev/zero")] = "not-a-file"
+    if os.geteuid() != 0:  # root reads every file
+        special[secret] = "unreadable"
+    return special
+
+
+def test_pipes_devices_folders_loops_are_refused_at_once(tmp_path: Path) -> None:
+    for path, reason in _special_files(tmp_path).items():
+        started = time.perf_counter()
+        with pytest.raises(ImageReadError) as caught:
+            read_image(path)
+        assert caught.value.reason == reason, path
+        assert time.perf_counter() - started < 1
+
+
+@pytest.mark.parametrize(
+    "name", [b"\xff\xfe.png", "\U0001f600.png".encode(), b"-rf.png", b"a\nb.png", b"n" * 251 + b".png"]
+)
+def test_odd_names_are_read_and_shown_as_one_line(name: bytes, tmp_path: Path) -> None:
+    path = os.path.join(os.fsencode(tmp_path), name)
+    with open(path, "wb") as file:
+        file.write(bad_images.plain_files()["png"])
+    assert read_image(os.fsdecode(path)).shape == (48, 64, 3)
+    with open(path, "wb") as file:
+        file.write(b"GIF89a")
+    with pytest.raises(ImageReadError) as caught:
+        read_image(os.fsdecode(path))
+    str(caught.value).encode("utf-8")
+    assert "\n" not in str(caught.value)
+
+
+def _tiff_variants() -> list[tuple[str, bytes, np.ndarray]]:
+    tifffile = pytest.importorskip("tifffile")
+    rgb = bad_images.picture()
+    grey = rgb[..., 0]
+    variants = []
+    for bits, samples, tile, planar, coding, order, big in [
+        (bits, samples, tile, planar, coding, order, big)
+        for bits in ("u1", "u2", "i2", "f4") for samples in (1, 2, 3, 4) for tile in (None, (16, 16))
+        for planar in ("contig", "separate") for coding in (None, "zlib") for order in "<>" for big in (False, True)
+    ]:  # fmt: skip
+        base = grey if samples == 1 else np.dstack([rgb, grey])[..., :samples]
+        stored = {"u1": base, "u2": base.astype("u2") * 257, "i2": base.astype("i2") * 90, "f4": base / np.float32(255)}
+        pixels = np.moveaxis(stored[bits], -1, 0) if planar == "separate" and samples > 1 else stored[bits]
+        options = {"extrasamples": ["unspecified"]} if samples in (2, 4) else {}
+        options |= {"planarconfig": planar} if samples > 1 else {}
+        buffer = io.BytesIO()
+        kind = "rgb" if samples >= 3 else "minisblack"
+        tifffile.imwrite(
+            buffer, pixels, photometric=kind, tile=tile, compression=coding, byteorder=order, bigtiff=big, **options
+        )
+        name = f"{bits}x{samples}-{tile}-{planar}-{coding}-{order}-{big}"
+        variants.append((name, buffer.getvalue(), base if samples == 1 else base[..., 2::-1]))
+    return variants
+
+
+def test_tiff_variants_are_read_right_or_refused_by_name() -> None:
+    pytest.importorskip("tifffile")
+    read = 0
+    for name, data, expected in _tiff_variants():
+        try:
+            image = decode_image(data)
+        except ImageReadError as error:
+            assert error.reason in ("unsupported-pixels", "damaged"), name
+            continue
+        read += 1
+        np.testing.assert_array_equal(image, expected, err_msg=name)
+    assert (
+        read >= 40
+    )  # plain grey and colour strips of 8 and 16 bits in both byte orders, classic and big, are no luxury
+
+
+@given(data=st.data())
+def test_flipped_bytes_never_escape_the_list_of_reasons(data: st.DataObject) -> None:
+    suffix = data.draw(st.sampled_from(["png", "jpg", "lzw.tif", "tif", "bmp", "webp", "gif", "ppm", "jp2"]))
+    content = bytearray(bad_images.plain_files()[suffix])
+    places = data.draw(st.lists(st.tuples(st.integers(0, min(len(content) - 1, 400)), st.integers(0, 255)), max_size=6))
+    for place, value in places:
+        content[place] = value
+    try:
+        image = decode_image(bytes(content), Limits(max_pixels=1_000_000))
+    except ImageReadError as error:
+        assert error.reason in REASONS
+    else:
+        assert image.size > 0
