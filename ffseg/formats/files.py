@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import itertools
 import os
@@ -152,10 +153,8 @@ def _write_new(path: str, data: bytes, *, durable: bool) -> None:
 
 
 def _discard(path: str) -> None:
-    try:
+    with contextlib.suppress(OSError):  # never created, or the disk is gone: the error being raised names it already
         os.unlink(path)
-    except OSError:
-        pass  # never created, or the disk is gone: the error being raised already names it
 
 
 def is_temporary(name: str) -> bool:

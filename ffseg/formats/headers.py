@@ -16,7 +16,7 @@ MAX_CHUNKS = 200_000
 DEFLATE_RATIO = 1032
 """The most bytes one byte of a deflate stream can stand for."""
 JPEG_PIXELS_PER_BYTE = 1024
-"""Huffman coding spends at least one bit on each 8x8 block of the DC scan: six bits on 16x16 pixels with 4:2:0 colours."""
+"""Huffman coding spends a bit or more on each 8x8 block of the DC scan: six bits on 16x16 pixels with 4:2:0 colours."""
 GIF_PIXELS_PER_BYTE = 4096
 """A 12-bit LZW code stands for at most 4096 pixels: 2731 for each byte."""
 

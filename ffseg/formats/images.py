@@ -18,10 +18,6 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-os.environ.setdefault(
-    "OPENCV_LOG_LEVEL", "SILENT"
-)  # read once, when cv2 is loaded: decoders would write to the terminal
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

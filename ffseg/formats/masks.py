@@ -1,0 +1,62 @@
+"""Masks as 8-bit one-channel PNG files, and masks read back as truth or domain."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.formats.images import Limits, read_image
+
+# A mask is runs of two values: run-length matching on unfiltered rows packs the 800x600 scenes into half the bytes of
+# OpenCV's default, in three quarters of its time. Releases of OpenCV without the filter option choose one themselves.
+_OPTIONS = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
+if hasattr(cv2, "IMWRITE_PNG_FILTER"):
+    _OPTIONS += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE]
+
+INSIDE = 128
+"""A grey level from here on counts as inside when a mask is read."""
+
+
+def encode_png(image: NDArray[np.uint8], options: list[int]) -> bytes:
+    """PNG file of a grey or BGR image."""
+    done, encoded = cv2.imencode(".png", image, options)
+    if not done:  # reached only when memory is gone: every uint8 image of positive size encodes
+        raise MemoryError("the PNG encoder failed")
+    data: bytes = encoded.tobytes()
+    return data
+
+
+def encode_mask(mask: NDArray[np.bool_]) -> bytes:
+    """PNG file of a region: 255 inside, 0 outside.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (H, W)
+    """
+    image = np.ascontiguousarray(mask).view(np.uint8) * np.uint8(255)
+    return encode_png(image, _OPTIONS)
+
+
+def read_levels(path: str | os.PathLike[str], limits: Limits | None = None) -> NDArray[np.uint8]:
+    """Grey levels of a truth image, shape (H, W): 255 inside, 128 to be ignored, 0 outside.
+
+    A colour image counts by its strongest channel.
+
+    Raises
+    ------
+    ImageReadError
+        As `read_image`.
+    """
+    image = read_image(path, limits)
+    levels: NDArray[Any] = image if image.ndim == 2 else image.max(axis=2)
+    return levels
+
+
+def read_mask(path: str | os.PathLike[str], limits: Limits | None = None) -> NDArray[np.bool_]:
+    """Mask file as a region, shape (H, W): True from a grey level of `INSIDE` on."""
+    inside: NDArray[np.bool_] = read_levels(path, limits) >= INSIDE
+    return inside

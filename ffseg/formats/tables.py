@@ -1,0 +1,53 @@
+"""CSV tables whose cells cannot be taken for formulas."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+
+Cell = str | int | float | None
+_FORMULA_STARTS = ("=", "+", "-", "@")
+_CONTROLS = {code: f"\\u{code:04x}" for code in (*range(32), 127)}
+
+
+def neutral(cell: Cell) -> str:
+    r"""Text of one cell.
+
+    Numbers are written as they are: floats as the shortest text that reads back equal, None and NaN as nothing. Text
+    that a spreadsheet would run as a formula is put behind an apostrophe; control characters become ``\uNNNN``, so that
+    a row is a line.
+    """
+    if cell is None:
+        return ""
+    if isinstance(cell, str):
+        text = cell.translate(_CONTROLS)
+        return f"'{text}" if text.startswith(_FORMULA_STARTS) else text
+    if isinstance(cell, float):
+        return "" if math.isnan(cell) else repr(cell)
+    return str(int(cell))
+
+
+def csv_row(cells: Iterable[Cell]) -> str:
+    """One line of a table, with its line end."""
+    buffer = io.StringIO(newline="")
+    csv.writer(buffer, lineterminator="\n").writerow([neutral(cell) for cell in cells])
+    return buffer.getvalue()
+
+
+def csv_table(columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> bytes:
+    """A whole table as UTF-8 with a header line.
+
+    Parameters
+    ----------
+    columns : sequence of str
+    rows : iterable of sequences
+        Each as long as `columns`.
+    """
+    lines = [csv_row(columns)]
+    for row in rows:
+        if len(row) != len(columns):
+            raise ValueError(f"a row of {len(row)} cells in a table of {len(columns)} columns")
+        lines.append(csv_row(row))
+    return "".join(lines).encode("utf-8")

@@ -1,0 +1,95 @@
+"""Masks, tables and overlays as bytes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from ffseg.formats.masks import encode_mask, read_levels, read_mask
+from ffseg.formats.overlays import COLOURS, Polyline, draw_overlay, encode_overlay
+from ffseg.formats.tables import csv_table
+
+
+def test_mask_is_8_bit_grey_of_0_and_255_and_reads_back(tmp_path: Path) -> None:
+    mask = np.random.default_rng(3).random((13, 17)) < 0.4
+    data = encode_mask(mask)
+    image = Image.open(io.BytesIO(data))
+    assert image.mode == "L"
+    np.testing.assert_array_equal(np.asarray(image), np.where(mask, 255, 0))
+    (tmp_path / "m.png").write_bytes(data)
+    np.testing.assert_array_equal(read_mask(tmp_path / "m.png"), mask)
+
+
+def test_mask_of_a_transposed_view_is_not_scrambled() -> None:
+    mask = np.arange(12).reshape(3, 4).T % 5 == 0
+    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(encode_mask(mask)))) == 255, mask)
+
+
+def test_truth_keeps_its_levels_and_colour_counts_by_its_strongest_channel(tmp_path: Path) -> None:
+    levels = np.array([[0, 128, 255]], np.uint8)
+    Image.fromarray(levels).save(tmp_path / "grey.png")
+    Image.fromarray(np.dstack([levels, levels * 0, levels * 0])).save(tmp_path / "red.png")
+    np.testing.assert_array_equal(read_levels(tmp_path / "grey.png"), levels)
+    np.testing.assert_array_equal(read_levels(tmp_path / "red.png"), levels)
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-2+3", "@SUM(A1)"])
+def test_cells_that_look_like_formulas_are_neutralised(text: str) -> None:
+    row = list(csv.reader(io.StringIO(csv_table(["a"], [[text]]).decode())))[1]
+    assert row == ["'" + text]
+
+
+def test_numbers_keep_their_value() -> None:
+    table = csv_table(["a", "b", "c", "d", "e"], [[-1, -0.1, None, float("nan"), np.float64(0.1).item()]]).decode()
+    assert table == "a,b,c,d,e\n-1,-0.1,,,0.1\n"
+
+
+@given(st.lists(st.text(st.characters(exclude_categories=["Cs"])), min_size=1, max_size=4))
+def test_table_reads_back_with_a_csv_reader_one_line_a_row(cells: list[str]) -> None:
+    text = csv_table([f"c{i}" for i in range(len(cells))], [cells]).decode("utf-8")
+    assert text.count("\n") == 2
+    row = list(csv.reader(io.StringIO(text, newline="")))[1]
+    shown = [re.sub(r"[\x00-\x1f\x7f]", lambda hit: f"\\u{ord(hit.group()):04x}", cell) for cell in cells]
+    assert row == [f"'{cell}" if cell[:1] in ("=", "+", "-", "@") and cell else cell for cell in shown]
+
+
+def test_row_of_wrong_length_is_an_error() -> None:
+    with pytest.raises(ValueError, match="3 cells"):
+        csv_table(["a", "b"], [[1, 2, 3]])
+
+
+def _nearest_kind(pixel: np.ndarray) -> str:
+    candidates = {**COLOURS, "image": (90, 90, 90)}
+    return min(candidates, key=lambda kind: float(np.abs(pixel - np.array(candidates[kind], float)).sum()))
+
+
+def test_overlay_draws_each_kind_in_its_colour_and_leaves_the_image_alone() -> None:
+    image = np.full((40, 60), 90, np.uint8)
+    square = np.array([[5.0, 5], [25, 5], [25, 25], [5, 25]])
+    drawn = draw_overlay(image, [Polyline(square, "outer"), Polyline(square + np.array([30, 5]), "obstacle")])
+    assert _nearest_kind(drawn[5, 15]) == "outer"  # antialiasing leaves a little of the image on the line
+    assert _nearest_kind(drawn[10, 45]) == "obstacle"
+    assert tuple(drawn[15, 15]) == (90, 90, 90)
+    assert (image == 90).all()
+
+
+def test_overlay_line_lies_on_its_coordinates() -> None:
+    image = np.zeros((21, 21, 3), np.uint8)
+    line = Polyline(np.array([[2.0, 10], [18, 10], [18, 10]]), "outer")
+    rows = np.flatnonzero(draw_overlay(image, [line])[:, 10].any(axis=1))
+    assert rows.mean() == 10
+
+
+def test_overlay_survives_far_points_and_colour_images_are_copied() -> None:
+    image = np.zeros((20, 20, 3), np.uint8)
+    encode_overlay(image, [Polyline(np.array([[-1e300, 5], [1e300, 5], [5, 1e18]]), "outer")])
+    draw_overlay(image, [Polyline(np.array([[1.0, 5], [9, 5], [5, 9]]), "false")])
+    assert not image.any()
