@@ -1,0 +1,142 @@
+"""The camera: a projection, the size of its image and how it is mounted above the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.projections import Array, Projection
+from ffseg.errors import CalibrationError
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """A calibrated omnidirectional camera.
+
+    Frame: x right in the image, y down in the image, z along the optical axis toward the scene on the ground side.
+
+    Attributes
+    ----------
+    projection : Projection
+        The pixel-ray mapping.
+    width, height : int
+        Image size, pixels.
+    center : tuple of float
+        (x, y) of the principal point, pixels: centre of the robot's disc and of the rim.
+    mount_height : float or None
+        Metres above the ground; None when the file does not say.
+    up : ndarray of float64, shape (3,)
+        Unit vector to the sky in the camera frame.
+    robot_radius : float
+        Pixels; the disc in which the camera sees its own robot. 0: none.
+    rim_radius : float or None
+        Pixels; nothing outside is part of the scene. None: the whole image.
+    """
+
+    projection: Projection
+    width: int
+    height: int
+    center: tuple[float, float]
+    mount_height: float | None = None
+    up: Array = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
+    robot_radius: float = 0.0
+    rim_radius: float | None = None
+
+    def lift(self, pixels: Array) -> Array:
+        """Unit rays of pixels.
+
+        Parameters
+        ----------
+        pixels : ndarray of float64, shape (..., 2)
+            (x, y), pixels; integer values are pixel centres.
+
+        Returns
+        -------
+        ndarray of float64, shape (..., 3)
+            NaN for a pixel that shows no direction. ``project`` is its exact inverse.
+        """
+        points = np.asarray(pixels, dtype=np.float64)
+        return self.projection.lift(points.reshape(-1, 2)).reshape(*points.shape[:-1], 3)
+
+    def project(self, points: Array) -> Array:
+        """Pixels of points.
+
+        Parameters
+        ----------
+        points : ndarray of float64, shape (..., 3)
+            Camera frame, any length above zero.
+
+        Returns
+        -------
+        ndarray of float64, shape (..., 2)
+            NaN for a direction the camera does not show; a pixel may lie outside the image.
+        """
+        points = np.asarray(points, dtype=np.float64)
+        return self.projection.project(points.reshape(-1, 3)).reshape(*points.shape[:-1], 2)
+
+    def altitude(self, points: Array) -> Array:
+        """Metres above the ground of points, shape (..., 3), in the camera frame: ``mount_height + up . X``."""
+        altitude: Array = self.mounting() + np.asarray(points) @ self.up
+        return altitude
+
+    def meet_plane(self, rays: Array, altitude: Array | float = 0.0) -> Array:
+        """Points where rays, shape (..., 3), meet the horizontal plane at ``altitude`` metres; NaN where they do not."""
+        fall = -(rays @ self.up)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = np.where(fall > 0, (self.mounting() - altitude) / fall, np.nan)
+        points: Array = rays * reach[..., None]
+        return points
+
+    def mounting(self) -> float:
+        """Mount height in metres.
+
+        Raises
+        ------
+        CalibrationError
+            When the camera file does not say it.
+        """
+        if self.mount_height is None:
+            raise CalibrationError(
+                "the camera file has no mount_height, which altitudes need: add 'mount_height: METRES' to it"
+            )
+        return self.mount_height
+
+    def level(self) -> Array:
+        """Smallest rotation, shape (3, 3), from the camera frame to one whose z axis points straight down."""
+        down = -self.up
+        cross = np.array([down[1], -down[0], 0.0])  # down x (0, 0, 1)
+        if down[2] <= -1.0 + 1e-12:
+            return np.diag([1.0, -1.0, -1.0])
+        k = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
+        rotation: Array = np.eye(3) + k + k @ k / (1.0 + down[2])
+        return rotation
+
+    def domain(self) -> Mask:
+        """True where the scene is: inside ``rim_radius`` and the image, shape (height, width).
+
+        The robot's own disc counts as inside: a contour starts round it and the robot stands on free ground.
+        """
+        if self.rim_radius is None:
+            return np.ones((self.height, self.width), dtype=np.bool_)
+        x = np.arange(self.width) - self.center[0]
+        y = np.arange(self.height) - self.center[1]
+        inside: Mask = x[None, :] ** 2 + y[:, None] ** 2 <= self.rim_radius**2
+        return inside
+
+    def check_size(self, width: int, height: int, image: str) -> None:
+        """Refuse an image of another size than the calibration's.
+
+        Raises
+        ------
+        CalibrationError
+            Naming the image and both sizes.
+        """
+        if (width, height) != (self.width, self.height):
+            raise CalibrationError(
+                f"{image} is {width}x{height}, the camera file says {self.width}x{self.height}: "
+                "use the calibration of this image size, or resize the image"
+            )

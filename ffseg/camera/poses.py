@@ -1,0 +1,182 @@
+"""Poses files: CSV ``image,x,y,theta`` and TUM trajectories; pairs files: CSV ``previous,current``."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+
+from ffseg.camera.model import Camera
+from ffseg.camera.motion import Pose, planar_pose
+from ffseg.errors import CalibrationError
+from ffseg.schema.nodes import Problems
+from ffseg.schema.strict_yaml import read_text
+
+POSE_HEADER = ["image", "x", "y", "theta"]
+PAIR_HEADER = ["previous", "current"]
+MAX_METRES = 1e7
+"""Positions beyond this (UTM coordinates stay below) are a slip of units and would cost the last digits."""
+NORM_SLACK = 1e-2
+"""How far a quaternion's norm may be from 1: four decimals in the file make 1e-4."""
+
+
+def load_poses(path: str | os.PathLike[str], images: Sequence[str], camera: Camera) -> Mapping[str, Pose]:
+    """Read the poses of images.
+
+    Parameters
+    ----------
+    path : path
+        CSV with the header ``image,x,y,theta`` (rows in any order, found by name), or a TUM trajectory
+        (``timestamp tx ty tz qx qy qz qw``) with one line per image in image order.
+    images : sequence of str
+        Relative names of the images, in order, with ``/``.
+    camera : Camera
+        Its ``up`` turns planar poses into poses of the tilted camera.
+
+    Returns
+    -------
+    mapping of str to Pose
+        Without the images that have no row; rows of other images are ignored.
+
+    Raises
+    ------
+    CalibrationError
+        One line for each thing wrong, with file and line; also when no image has a row.
+    """
+    problems = Problems()
+    name = os.fspath(path)
+    text = read_text(name, problems)
+    problems.raise_as(CalibrationError)
+    head = text.lstrip("\ufeff \t\r\n").partition("\n")[0]
+    if [cell.strip() for cell in head.split(",")] == POSE_HEADER:
+        poses = _csv_poses(text, name, camera, problems)
+    elif "," in head:
+        raise CalibrationError(f"{name}:1: the header must be {','.join(POSE_HEADER)}, it is {head[:60]!r}")
+    else:
+        poses = _tum_poses(text, name, images, problems)
+    problems.raise_as(CalibrationError)
+    found = {image: poses[image] for image in images if image in poses}
+    if images and not found:
+        raise CalibrationError(f"{name}: no row names any of the {len(images)} images; names are relative, such as {images[0]!r}")
+    return MappingProxyType(found)
+
+
+def load_pairs(path: str | os.PathLike[str], images: Sequence[str]) -> Mapping[str, str]:
+    """Read the pairs file.
+
+    Returns
+    -------
+    mapping of str to str
+        Previous image by current image.
+
+    Raises
+    ------
+    CalibrationError
+        One line for each thing wrong: header, unknown image, an image paired with itself or given two predecessors.
+    """
+    problems = Problems()
+    name = os.fspath(path)
+    text = read_text(name, problems)
+    problems.raise_as(CalibrationError)
+    pairs: dict[str, str] = {}
+    known = set(images)
+    for line, row in _rows(text, name, PAIR_HEADER, problems):
+        previous, current = row
+        for image in row:
+            if image not in known:
+                problems.add(f"{name}:{line}", f"{image!r} is not among the images; names are relative to the input folder")
+        if previous == current:
+            problems.add(f"{name}:{line}", f"{current!r} is paired with itself; name another previous image")
+        if current in pairs:
+            problems.add(f"{name}:{line}", f"{current!r} has a previous image already; keep one row")
+        pairs[current] = previous
+    problems.raise_as(CalibrationError)
+    return MappingProxyType(pairs)
+
+
+def _rows(text: str, name: str, header: list[str], problems: Problems) -> list[tuple[int, list[str]]]:
+    """Rows after the header with their line numbers; blank lines are skipped."""
+    reader = csv.reader(io.StringIO(text.lstrip("\ufeff"), newline=""), strict=True)
+    rows: list[tuple[int, list[str]]] = []
+    try:
+        first = [cell.strip() for cell in next(reader, [])]
+        if first != header:
+            problems.add(f"{name}:1", f"the header must be {','.join(header)}, it is {','.join(first)[:60]!r}")
+            return []
+        for row in reader:
+            if not row or row == [""]:
+                continue
+            if len(row) != len(header):
+                problems.add(f"{name}:{reader.line_num}", f"{len(row)} columns, must be {len(header)}: {','.join(header)}")
+            else:
+                rows.append((reader.line_num, [cell.strip() for cell in row]))
+    except csv.Error as error:
+        problems.add(f"{name}:{reader.line_num}", f"not valid CSV ({error})")
+    return rows
+
+
+def _csv_poses(text: str, name: str, camera: Camera, problems: Problems) -> dict[str, Pose]:
+    poses: dict[str, Pose] = {}
+    for line, (image, *words) in _rows(text, name, POSE_HEADER, problems):
+        values = _floats(words, f"{name}:{line}", POSE_HEADER[1:], problems)
+        if image in poses:
+            problems.add(f"{name}:{line}", f"{image!r} has a pose already; keep one row")
+        if values is not None:
+            poses[image] = planar_pose(camera, values[0], values[1], values[2])
+    return poses
+
+
+def _tum_poses(text: str, name: str, images: Sequence[str], problems: Problems) -> dict[str, Pose]:
+    names = ["timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"]
+    rows: list[tuple[int, list[float]]] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        if len(words) != len(names):
+            problems.add(f"{name}:{number}", f"{len(words)} values; a TUM line has 8: {' '.join(names)}")
+            continue
+        values = _floats(words, f"{name}:{number}", names, problems)
+        if values is None:
+            continue
+        if rows and values[0] <= rows[-1][1][0]:
+            problems.add(f"{name}:{number}", "timestamp: not later than the line before; poses must be in image order")
+        if abs(math.hypot(*values[4:]) - 1.0) > NORM_SLACK:
+            problems.add(f"{name}:{number}", "qx qy qz qw: not a unit quaternion; check the order of the columns")
+        rows.append((number, values))
+    if not problems.lines and len(rows) != len(images):
+        problems.add(name, f"{len(rows)} poses for {len(images)} images; a TUM trajectory has one line per image in order")
+    if problems.lines:
+        return {}
+    return {image: _tum_pose(values) for image, (_, values) in zip(images, rows, strict=True)}
+
+
+def _tum_pose(values: list[float]) -> Pose:
+    x, y, z, w = np.array(values[4:]) / math.hypot(*values[4:])
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return Pose(rotation, np.array(values[1:4]))
+
+
+def _floats(words: list[str], where: str, names: list[str], problems: Problems) -> list[float] | None:
+    values = []
+    for word, key in zip(words, names, strict=True):
+        try:
+            value = float(word) if "_" not in word else math.nan
+        except ValueError:
+            value = math.nan
+        limit = 1e300 if key == "timestamp" else MAX_METRES
+        if not abs(value) <= limit:
+            problems.add(where, f"{key}: {word[:40]!r} is not a finite number up to {limit:g}")
+        values.append(value)
+    return None if any(not math.isfinite(value) for value in values) else values

@@ -1,0 +1,347 @@
+"""Projection models: pixels to unit rays and back, each the exact inverse of the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+NEWTON_STEPS = 60
+"""More than any well-posed inversion takes (under 10); what has not converged by then has no ray."""
+CLOSED = 4e-15
+"""Relative residual at which an inversion counts as exact: a few units in the last place."""
+LAST_STEP = 1e-9
+"""A Newton step this small (relative) is followed by an error of its square: below the last place."""
+
+
+class Projection(Protocol):
+    """What a camera model has to offer."""
+
+    def lift(self, pixels: Array) -> Array:
+        """Unit rays, shape (n, 3), of pixels, shape (n, 2); NaN where no ray exists."""
+        ...
+
+    def project(self, points: Array) -> Array:
+        """Pixels, shape (n, 2), of points or directions, shape (n, 3); NaN where none exists."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Affine:
+    """The last step of a camera: normalised image plane to pixels (K with a skew).
+
+    Attributes
+    ----------
+    fx, fy, cx, cy : float
+        Focal lengths and principal point, pixels.
+    skew : float
+        K[0, 1], pixels.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    skew: float = 0.0
+
+    def pixels(self, plane: Array) -> Array:
+        """Pixels of normalised points, shape (n, 2)."""
+        x, y = plane[:, 0], plane[:, 1]
+        return np.stack([self.fx * x + self.skew * y + self.cx, self.fy * y + self.cy], axis=1)
+
+    def plane(self, pixels: Array) -> Array:
+        """Normalised points of pixels, shape (n, 2)."""
+        y = (pixels[:, 1] - self.cy) / self.fy
+        x = (pixels[:, 0] - self.cx - self.skew * y) / self.fx
+        return np.stack([x, y], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class UnifiedSphere:
+    """Unified sphere with radial-tangential distortion (Mei; OpenCV's omnidir parameters).
+
+    A unit direction ``(X, Y, Z)`` falls on ``m = (X, Y) / (Z + xi)``, is distorted as in ``distort`` and scaled by K.
+
+    Attributes
+    ----------
+    affine : Affine
+    xi : float
+        Mirror parameter, 0 (pinhole) and up; 1 is a parabolic mirror.
+    distortion : tuple of float
+        (k1, k2, p1, p2).
+    """
+
+    affine: Affine
+    xi: float
+    distortion: tuple[float, float, float, float]
+
+    def lift(self, pixels: Array) -> Array:
+        """Unit rays, shape (n, 3); NaN outside the model's image."""
+        plane = self._undistort(self.affine.plane(pixels))
+        square = np.sum(plane**2, axis=1)
+        with np.errstate(invalid="ignore"):
+            root = np.sqrt(1.0 + (1.0 - self.xi**2) * square)
+            eta = (self.xi + root) / (square + 1.0)
+            ray = np.column_stack([plane * eta[:, None], eta - self.xi])
+        return ray
+
+    def project(self, points: Array) -> Array:
+        """Pixels, shape (n, 2); NaN for directions the mirror does not show."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ray = points / np.sqrt(np.sum(points**2, axis=1, keepdims=True))
+            depth = ray[:, 2] + self.xi
+            # Beyond -1/xi (xi > 1) or -xi (xi <= 1) two directions would share a pixel, or fall behind the plane.
+            seen = ray[:, 2] > (-1.0 / self.xi if self.xi > 1.0 else -self.xi)
+            plane = ray[:, :2] / np.where(seen, depth, np.nan)[:, None]
+            plane[np.sum(plane**2, axis=1) > self._limit() ** 2] = np.nan
+        return self.affine.pixels(distort(plane, self.distortion))
+
+    def _limit(self) -> float:
+        """Radius on the undistorted plane up to which the radial distortion does not fold."""
+        k1, k2, _, _ = self.distortion
+        return _first_root((1.0, 3.0 * k1, 5.0 * k2))
+
+    def _undistort(self, target: Array) -> Array:
+        """Newton's inverse of ``distort`` to machine precision, on the branch that contains the centre."""
+        if not any(self.distortion):
+            return target.copy()
+        limit = self._limit()
+        radius = np.sqrt(np.sum(target**2, axis=1, keepdims=True))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            guess = target * np.minimum(1.0, 0.9 * limit / np.where(radius > 0, radius, 1.0))
+            plane = _newton_plane(guess, target, self.distortion)
+            plane[np.sum(plane**2, axis=1) > limit**2] = np.nan
+        return plane
+
+
+def distort(plane: Array, coefficients: tuple[float, float, float, float]) -> Array:
+    """Radial-tangential distortion of normalised points, shape (n, 2)."""
+    k1, k2, p1, p2 = coefficients
+    x, y = plane[:, 0], plane[:, 1]
+    square = x * x + y * y
+    radial = 1.0 + square * (k1 + k2 * square)
+    return np.stack(
+        [
+            x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x),
+            y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ],
+        axis=1,
+    )
+
+
+def _newton_plane(plane: Array, target: Array, coefficients: tuple[float, float, float, float]) -> Array:
+    """Solve ``distort(plane) = target``; rows without a solution become NaN."""
+    scale = 1.0 + np.abs(target).max(axis=1, initial=0.0)
+    residual = distort(plane, coefficients) - target
+    for _ in range(NEWTON_STEPS):
+        if not np.any(np.abs(residual).max(axis=1) > CLOSED * scale):
+            break
+        candidate = plane - _solve(_distort_jacobian(plane, coefficients), residual)
+        better = distort(candidate, coefficients) - target
+        # Half a step where a whole one makes it worse; near the root whole steps always win.
+        worse = np.sum(better**2, axis=1) > np.sum(residual**2, axis=1)
+        candidate[worse] = 0.5 * (candidate[worse] + plane[worse])
+        better[worse] = distort(candidate[worse], coefficients) - target[worse]
+        plane, residual = candidate, better
+    lost = ~(np.abs(residual).max(axis=1, initial=0.0) <= 64 * CLOSED * scale)
+    plane[lost] = np.nan
+    return plane
+
+
+def _distort_jacobian(plane: Array, coefficients: tuple[float, float, float, float]) -> Array:
+    """Derivative of ``distort``: columns xx, xy (= yx), yy; shape (n, 3)."""
+    k1, k2, p1, p2 = coefficients
+    x, y = plane[:, 0], plane[:, 1]
+    square = x * x + y * y
+    radial = 1.0 + square * (k1 + k2 * square)
+    slope = 2.0 * k1 + 4.0 * k2 * square
+    return np.stack(
+        [
+            radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x,
+            slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y,
+            radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x,
+        ],
+        axis=1,
+    )
+
+
+def _solve(symmetric: Array, right: Array) -> Array:
+    """Solve a symmetric 2x2 system per row."""
+    xx, xy, yy = symmetric.T
+    determinant = xx * yy - xy * xy
+    return (
+        np.stack([yy * right[:, 0] - xy * right[:, 1], xx * right[:, 1] - xy * right[:, 0]], axis=1)
+        / determinant[:, None]
+    )
+
+
+def _first_root(even: tuple[float, ...]) -> float:
+    """Smallest r > 0 with ``sum_k even[k] * r**(2k) = 0``, or infinity."""
+    coefficients = np.trim_zeros(np.array(even[::-1]), "f")
+    roots = np.roots(coefficients)
+    real = roots[np.abs(roots.imag) < 1e-12].real
+    positive = real[real > 0]
+    return float(np.sqrt(positive.min())) if positive.size else float("inf")
+
+
+@dataclass(frozen=True, slots=True)
+class Fisheye:
+    """Kannala-Brandt fisheye; all coefficients zero is the equidistant model ``r = f * theta``.
+
+    Attributes
+    ----------
+    affine : Affine
+    distortion : tuple of float
+        (k1, k2, k3, k4) of ``theta * (1 + k1 theta**2 + k2 theta**4 + k3 theta**6 + k4 theta**8)``.
+    """
+
+    affine: Affine
+    distortion: tuple[float, float, float, float]
+
+    def lift(self, pixels: Array) -> Array:
+        """Unit rays, shape (n, 3); NaN beyond the largest angle of the model (at most pi)."""
+        plane = self.affine.plane(pixels)
+        radius = np.hypot(plane[:, 0], plane[:, 1])
+        theta = self._angle(radius)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            side = np.where(radius > 0, np.sin(theta) / np.where(radius > 0, radius, 1.0), 1.0)
+        return np.column_stack([plane * side[:, None], np.cos(theta)])
+
+    def project(self, points: Array) -> Array:
+        """Pixels, shape (n, 2); NaN beyond the largest angle of the model."""
+        across = np.hypot(points[:, 0], points[:, 1])
+        theta = np.arctan2(across, points[:, 2])
+        theta[(theta > self._limit()) | ((across == 0) & (points[:, 2] <= 0))] = np.nan
+        with np.errstate(invalid="ignore", divide="ignore"):
+            scale = np.where(across > 0, self._radius(theta) / np.where(across > 0, across, 1.0), 0.0)
+            scale[np.isnan(theta)] = np.nan
+        return self.affine.pixels(points[:, :2] * scale[:, None])
+
+    def _radius(self, theta: Array) -> Array:
+        square = theta * theta
+        k1, k2, k3, k4 = self.distortion
+        radius: Array = theta * (1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
+        return radius
+
+    def _slope(self, theta: Array) -> Array:
+        square = theta * theta
+        k1, k2, k3, k4 = self.distortion
+        slope: Array = 1.0 + square * (3 * k1 + square * (5 * k2 + square * (7 * k3 + square * 9 * k4)))
+        return slope
+
+    def _limit(self) -> float:
+        k1, k2, k3, k4 = self.distortion
+        return min(np.pi, _first_root((1.0, 3 * k1, 5 * k2, 7 * k3, 9 * k4)))
+
+    def _angle(self, radius: Array) -> Array:
+        """Newton inside a shrinking bracket [0, limit]: the radius grows strictly there."""
+        low, high = np.zeros_like(radius), np.full_like(radius, self._limit())
+        inside = radius <= self._radius(high)
+        theta = np.clip(radius, low, high)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for _ in range(NEWTON_STEPS):
+                residual = self._radius(theta) - radius
+                low, high = np.where(residual <= 0, theta, low), np.where(residual >= 0, theta, high)
+                step = theta - residual / self._slope(theta)
+                step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+                done = not np.any(np.abs(step - theta) > LAST_STEP)
+                theta = step
+                if done:
+                    break
+        theta[~inside] = np.nan
+        return theta
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Polynomial:
+    """OCamCalib model: the forward polynomial defines it, the inverse is found as its root.
+
+    A pixel at distance ``r`` (after the affine part) has the direction ``(x, y, -f(r))`` with
+    ``f(r) = a0 + a1 r + a2 r**2 + ...`` and ``a0 < 0``. The file's own x runs along rows and its z away from the scene;
+    here x is right, y down and z toward the scene, as everywhere in ffseg.
+
+    Attributes
+    ----------
+    coefficients : ndarray of float64
+        a0, a1, ... as in the file.
+    center : tuple of float
+        (x, y) = (column, row) of the distortion centre.
+    affine : tuple of float
+        (c, d, e) of the file.
+    limit : float
+        Largest r used: the image's farthest corner, or less where the angle would stop growing.
+    """
+
+    coefficients: Array
+    center: tuple[float, float]
+    affine: tuple[float, float, float]
+    limit: float
+
+    def lift(self, pixels: Array) -> Array:
+        """Unit rays, shape (n, 3); NaN beyond ``limit``."""
+        c, d, e = self.affine
+        column, row = pixels[:, 0] - self.center[0], pixels[:, 1] - self.center[1]
+        determinant = c - d * e
+        down = (row - d * column) / determinant
+        right = (c * column - e * row) / determinant
+        radius = np.hypot(right, down)
+        ray = np.stack([right, down, -_horner(self.coefficients, radius)], axis=1)
+        ray[~(radius <= self.limit)] = np.nan
+        return ray / np.sqrt(np.sum(ray**2, axis=1, keepdims=True))
+
+    def project(self, points: Array) -> Array:
+        """Pixels, shape (n, 2); NaN for directions beyond ``limit``."""
+        across = np.hypot(points[:, 0], points[:, 1])
+        radius = self._radius(across, points[:, 2])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            scale = np.where(across > 0, radius / np.where(across > 0, across, 1.0), 0.0)
+        scale[np.isnan(radius)] = np.nan
+        right, down = points[:, 0] * scale, points[:, 1] * scale
+        c, d, e = self.affine
+        return np.stack([e * down + right + self.center[0], c * down + d * right + self.center[1]], axis=1)
+
+    def _radius(self, across: Array, depth: Array) -> Array:
+        """Root of ``f(r) * across + depth * r`` in [0, limit], Newton kept inside a bracket."""
+        norm = np.hypot(across, depth)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            side, ahead = across / norm, depth / norm
+        slope = np.polynomial.polynomial.polyder(self.coefficients)
+        low, high = np.zeros_like(side), np.full_like(side, self.limit)
+        outside = ~(_horner(self.coefficients, high) * side + ahead * high >= -CLOSED * self.limit)
+        radius = np.clip(-self.coefficients[0] * side / np.maximum(ahead, 0.2), low, high)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for _ in range(NEWTON_STEPS):
+                value = _horner(self.coefficients, radius) * side + ahead * radius
+                low, high = np.where(value <= 0, radius, low), np.where(value >= 0, radius, high)
+                step = radius - value / (_horner(slope, radius) * side + ahead)
+                step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+                done = not np.any(np.abs(step - radius) > LAST_STEP * self.limit)
+                radius = step
+                if done:
+                    break
+        radius[outside | (norm == 0)] = np.nan
+        return radius
+
+
+def polynomial_limit(coefficients: Array, farthest: float) -> float:
+    """Largest radius up to ``farthest`` before the angle ``atan2(r, -f(r))`` stops growing.
+
+    The angle grows while ``r f'(r) - f(r) > 0``; the first root is found among the polynomial's own.
+    """
+    powers = np.arange(len(coefficients))
+    growth = coefficients * (powers - 1)
+    roots = np.polynomial.polynomial.polyroots(np.trim_zeros(growth, "b"))
+    real = roots[np.abs(roots.imag) < 1e-9 * (1.0 + np.abs(roots.real))].real
+    positive = real[(real > 0) & (real < farthest)]
+    return float(positive.min()) if positive.size else farthest
+
+
+def _horner(coefficients: Array, x: Array) -> Array:
+    value = np.zeros_like(x)
+    for coefficient in coefficients[::-1]:
+        value = value * x + coefficient
+    return value

@@ -1,0 +1,66 @@
+"""Pairs of views of one random scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ffseg.camera.model import Camera
+from ffseg.camera.projections import Affine, UnifiedSphere
+from ffseg.rendering.raycast import Rendering, render
+from ffseg.rendering.scene import Scene, random_scene
+
+SHORTEST, LONGEST = 0.15, 0.4
+"""Metres between the two views."""
+WIDEST_TURN = np.deg2rad(20.0)
+
+PlanarPose = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RenderedPair:
+    """Two views of one scene.
+
+    Attributes
+    ----------
+    previous, current : Rendering
+    camera : Camera
+    poses : tuple of (x, y, theta)
+        Of the previous and of the current view, metres and radians.
+    scene : Scene
+    """
+
+    previous: Rendering
+    current: Rendering
+    camera: Camera
+    poses: tuple[PlanarPose, PlanarPose]
+    scene: Scene
+
+
+def sample_camera() -> Camera:
+    """The catadioptric camera of the rendered scenes: 800x600, 0.9 m above the ground."""
+    lens = UnifiedSphere(Affine(280.0, 280.0, 399.5, 299.5), 0.95, (0.0, 0.0, 0.0, 0.0))
+    return Camera(lens, 800, 600, (399.5, 299.5), mount_height=0.9, robot_radius=46.0, rim_radius=292.0)
+
+
+def random_poses(seed: int) -> tuple[PlanarPose, PlanarPose]:
+    """Poses of a pair: the current one turned anyhow at the origin, the previous one 0.15 to 0.4 m away."""
+    random = np.random.default_rng([seed, 5])
+    baseline, bearing = random.uniform(SHORTEST, LONGEST), random.uniform(0, 2 * np.pi)
+    theta = random.uniform(-np.pi, np.pi)
+    previous = (
+        float(baseline * np.cos(bearing)),
+        float(baseline * np.sin(bearing)),
+        float(theta + random.uniform(-WIDEST_TURN, WIDEST_TURN)),
+    )
+    return previous, (0.0, 0.0, float(theta))
+
+
+def render_pair(seed: int) -> RenderedPair:
+    """Render a pair; the same seed gives the same pixels."""
+    camera = sample_camera()
+    poses = random_poses(seed)
+    scene = random_scene(seed, camera.mounting(), np.array(poses[0][:2]))
+    previous, current = (render(scene, camera, pose, index) for index, pose in enumerate(poses))
+    return RenderedPair(previous, current, camera, poses, scene)

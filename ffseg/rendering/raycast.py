@@ -1,0 +1,241 @@
+"""Ray casting of a scene through a camera: image, truth mask and labels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.model import Camera
+from ffseg.rendering.scene import Box, Mark, Room, Scene
+from ffseg.rendering.texture import Noise
+
+Array = NDArray[np.float64]
+Labels = NDArray[np.int16]
+
+OUTSIDE, GROUND, FIRST_MARK, FIRST_BOX, FIRST_WALL = -1, 0, 1, 100, 200
+SUBSAMPLES = 4
+"""Per axis, in pixels where two surfaces meet."""
+SENSOR_SIGMA = 1.2
+"""Grey levels of noise in every pixel."""
+ROBOT_GREY, OUTSIDE_GREY = 28.0, 4.0
+RADIANS_PER_PIXEL = 1.0 / 160.0
+"""Typical of a mirror that spreads half the sphere over 300 pixels; only the fading of texture uses it."""
+FARTHEST = 50.0
+"""Metres; stands for rays that meet no wall."""
+
+GROUND_OCTAVES = ((0.02, 3.0), (0.04, 3.5), (0.08, 3.5), (0.16, 3.0), (0.5, 5.0), (1.6, 9.0))
+FACE_OCTAVES = ((0.015, 3.0), (0.03, 4.0), (0.06, 4.0), (0.12, 4.0))
+WALL_OCTAVES = ((0.05, 3.0), (0.2, 3.0), (0.8, 6.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rendering:
+    """One view.
+
+    Attributes
+    ----------
+    image : ndarray of uint8, shape (H, W)
+    truth : ndarray of bool, shape (H, W)
+        Free space: ground and marks connected with the robot, and the robot's own disc.
+    labels : ndarray of int16, shape (H, W)
+        What the pixel's centre shows: -1 robot or nothing, 0 ground, from 1 marks, from 100 boxes, from 200 walls.
+    """
+
+    image: NDArray[np.uint8]
+    truth: NDArray[np.bool_]
+    labels: Labels
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Hits:
+    """What rays meet: label, a finer number that also tells faces and patterns apart, and the grey."""
+
+    label: Labels
+    part: NDArray[np.int32]
+    grey: Array
+
+
+def render(scene: Scene, camera: Camera, pose: tuple[float, float, float], noise_seed: int = 0) -> Rendering:
+    """Render a view.
+
+    Parameters
+    ----------
+    scene : Scene
+    camera : Camera
+        Level (``up`` is (0, 0, -1)), with mount height and rim radius.
+    pose : tuple of float
+        (x, y, theta) on the ground, metres and radians.
+    noise_seed : int
+        Of the sensor noise.
+    """
+    caster = _Caster(scene, camera, pose)
+    x, y = np.meshgrid(np.arange(camera.width, dtype=np.float64), np.arange(camera.height, dtype=np.float64))
+    seen = camera.domain() & (np.hypot(x - camera.center[0], y - camera.center[1]) > camera.robot_radius)
+    hits = caster.cast(np.stack([x[seen], y[seen]], axis=1))
+    labels = np.full(seen.shape, OUTSIDE, dtype=np.int16)
+    parts = np.full(seen.shape, -1, dtype=np.int32)
+    grey = np.full(seen.shape, OUTSIDE_GREY)
+    grey[~seen & camera.domain()] = ROBOT_GREY
+    labels[seen], parts[seen], grey[seen] = hits.label, hits.part, hits.grey
+    parts[~seen & camera.domain()] = -2
+    _smooth_edges(grey, parts, caster)
+    noise = np.random.default_rng([scene.seed, 7, noise_seed]).normal(0.0, SENSOR_SIGMA, grey.shape)
+    image = np.clip(np.rint(grey + noise), 0, 255).astype(np.uint8)
+    return Rendering(image, _truth(labels, camera), labels)
+
+
+def _smooth_edges(grey: Array, parts: NDArray[np.int32], caster: _Caster) -> None:
+    """Replace pixels on a border between parts by the mean of ``SUBSAMPLES**2`` rays."""
+    border = np.zeros(parts.shape, dtype=np.bool_)
+    for axis in (0, 1):
+        differs = np.diff(parts, axis=axis) != 0
+        low, high = [slice(None)] * 2, [slice(None)] * 2
+        low[axis], high[axis] = slice(None, -1), slice(1, None)
+        border[tuple(low)] |= differs
+        border[tuple(high)] |= differs
+    rows, columns = np.nonzero(border)
+    offsets = (np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES - 0.5
+    total = np.zeros(len(rows))
+    for dy in offsets:
+        for dx in offsets:
+            total += caster.shade(np.stack([columns + dx, rows + dy], axis=1))
+    grey[rows, columns] = total / SUBSAMPLES**2
+
+
+class _Caster:
+    """Casts rays of one view."""
+
+    def __init__(self, scene: Scene, camera: Camera, pose: tuple[float, float, float]) -> None:
+        self._scene, self._camera, self._pose = scene, camera, pose
+        self._height = camera.mounting()
+        self._ground = Noise([scene.seed, 2], GROUND_OCTAVES)
+        self._faces = Noise([scene.seed, 3], FACE_OCTAVES)
+        self._walls = Noise([scene.seed, 4], WALL_OCTAVES)
+
+    def shade(self, pixels: Array) -> Array:
+        """Grey of pixels anywhere, shape (n, 2): scene, robot's disc or outside."""
+        camera = self._camera
+        radius = np.hypot(pixels[:, 0] - camera.center[0], pixels[:, 1] - camera.center[1])
+        grey = np.where(radius <= camera.robot_radius, ROBOT_GREY, OUTSIDE_GREY)
+        inside = (radius > camera.robot_radius) & (radius <= (camera.rim_radius or np.inf))
+        grey[inside] = self.cast(pixels[inside]).grey
+        return grey
+
+    def cast(self, pixels: Array) -> _Hits:
+        """Meet rays of pixels, shape (n, 2), with the scene."""
+        rays = self._camera.lift(pixels)
+        c, s = np.cos(self._pose[2]), np.sin(self._pose[2])
+        ways = np.stack([c * rays[:, 0] - s * rays[:, 1], s * rays[:, 0] + c * rays[:, 1], -rays[:, 2]], axis=1)
+        eye = np.array([self._pose[0], self._pose[1], self._height])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = np.where(ways[:, 2] < 0, -self._height / ways[:, 2], np.inf)
+            hits = self._ground_hits(eye, ways, np.minimum(reach, FARTHEST))
+            reach = self._room_hits(eye, ways, reach, hits)
+            for index, box in enumerate(self._scene.boxes):
+                reach = self._box_hits(eye, ways, reach, (index, box), hits)
+        return hits
+
+    def _ground_hits(self, eye: Array, ways: Array, reach: Array) -> _Hits:
+        points = eye[:2] + ways[:, :2] * reach[:, None]
+        slope = np.maximum(-ways[:, 2], 0.02)
+        grey = np.full(len(points), self._scene.ground_grey)
+        label = np.full(len(points), GROUND, dtype=np.int16)
+        for index, mark in enumerate(self._scene.marks):
+            inside = _inside(mark, points)
+            label[inside] = FIRST_MARK + index
+            grey[inside] = mark.grey
+        grey += self._ground(points, reach * RADIANS_PER_PIXEL / slope)
+        return _Hits(label, label.astype(np.int32), grey)
+
+    def _room_hits(self, eye: Array, ways: Array, reach: Array, hits: _Hits) -> Array:
+        room: Room = self._scene.room
+        origin, along = _turned(eye[:2], room.angle), _turned(ways[:, :2], room.angle)
+        exits = (np.sign(along) * room.half - origin) / along
+        wall = np.argmin(exits, axis=1)
+        far = exits[np.arange(len(exits)), wall]
+        met = far < reach
+        point = eye + ways[met] * far[met, None]
+        across = _turned(point[:, :2], room.angle)[np.arange(met.sum()), 1 - wall[met]]
+        surface = np.stack([across, point[:, 2]], axis=1)
+        side = wall[met] * 2 + (along[met, wall[met]] > 0)
+        skirting, poster = _wall_pattern(surface)
+        grey = np.where(skirting, 45.0, room.grey - 9.0 * side) + np.where(poster, -60.0, 0.0)
+        grey += self._walls(surface + 10.0 * side[:, None], far[met] * RADIANS_PER_PIXEL)
+        hits.label[met] = FIRST_WALL + side
+        hits.part[met] = (FIRST_WALL + side) * 4 + 2 * skirting + poster
+        hits.grey[met] = grey
+        return np.where(met, far, reach)
+
+    def _box_hits(self, eye: Array, ways: Array, reach: Array, item: tuple[int, Box], hits: _Hits) -> Array:
+        index, box = item
+        origin = np.append(_turned(eye[:2] - box.center, box.angle), eye[2] - box.height / 2)
+        along = np.column_stack([_turned(ways[:, :2], box.angle), ways[:, 2]])
+        half = np.append(box.half, box.height / 2)
+        enter = (-np.sign(along) * half - origin) / along
+        leave = (np.sign(along) * half - origin) / along
+        axis = np.argmax(enter, axis=1)
+        near = enter[np.arange(len(enter)), axis]
+        met = (near > 0) & (near <= leave.min(axis=1)) & (near < reach)
+        axis = axis[met]
+        point = origin + along[met] * near[met, None]
+        face = np.where(axis == 2, 0, 1 + 2 * axis + (along[met, axis] > 0))
+        others = np.array([[1, 2], [0, 2], [0, 1]])[axis]
+        surface = np.take_along_axis(point, others, axis=1)
+        sticker = np.all(np.abs(surface / half[others] - [0.2, 0.1]) < [0.45, 0.35], axis=1) & (box.label_contrast > 0)
+        grey = np.array(box.greys)[face] + np.where(sticker, box.label_contrast * (1 if box.greys[0] < 128 else -1), 0.0)
+        grey += self._faces(surface + 3.0 * (index + face)[:, None], near[met] * RADIANS_PER_PIXEL)
+        hits.label[met] = FIRST_BOX + index
+        hits.part[met] = ((FIRST_BOX + index) * 8 + face) * 2 + sticker
+        hits.grey[met] = grey
+        return np.where(met, near, reach)
+
+
+def _wall_pattern(surface: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Where a wall has its dark skirting and its posters; surface (along, height), metres."""
+    skirting = surface[:, 1] < 0.12
+    poster = (np.abs(np.mod(surface[:, 0], 1.3) - 0.6) < 0.35) & (np.abs(surface[:, 1] - 0.75) < 0.3)
+    return skirting, poster
+
+
+def _turned(points: Array, angle: float) -> Array:
+    """Points or directions, shape (..., 2), in axes turned by ``angle``."""
+    c, s = np.cos(angle), np.sin(angle)
+    turned: Array = points @ np.array([[c, -s], [s, c]])
+    return turned
+
+
+def _inside(mark: Mark, points: Array) -> NDArray[np.bool_]:
+    """Points inside a convex outline of either orientation."""
+    inside = np.ones(len(points), dtype=np.bool_)
+    edges = np.roll(mark.outline, -1, axis=0) - mark.outline
+    sign = np.sign(np.sum(mark.outline[:, 0] * edges[:, 1] - mark.outline[:, 1] * edges[:, 0]))
+    for corner, edge in zip(mark.outline, edges, strict=True):
+        side = edge[0] * (points[:, 1] - corner[1]) - edge[1] * (points[:, 0] - corner[0])
+        inside &= sign * side >= 0
+    return inside
+
+
+def _truth(labels: Labels, camera: Camera) -> NDArray[np.bool_]:
+    """Ground and marks connected with the robot by pixel sides, found row by row from the robot's disc."""
+    x = np.arange(camera.width) - camera.center[0]
+    y = np.arange(camera.height) - camera.center[1]
+    disc = x[None, :] ** 2 + y[:, None] ** 2 <= camera.robot_radius**2
+    open_ground = ((labels >= GROUND) & (labels < FIRST_BOX)) | disc
+    reached = disc
+    while True:
+        grown = _sweep(_sweep(reached, open_ground).T, open_ground.T).T
+        if np.array_equal(grown, reached):
+            return reached
+        reached = grown
+
+
+def _sweep(reached: NDArray[np.bool_], free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Grow along every row through free pixels: a run of free pixels is reached whole when one of it is."""
+    run = np.cumsum(np.diff(free, axis=1, prepend=False), axis=1)
+    index = run + (run.max() + 1) * np.arange(free.shape[0])[:, None]
+    hit = np.zeros(int(index.max()) + 1, dtype=np.bool_)
+    hit[index[reached]] = True
+    grown: NDArray[np.bool_] = hit[index] & free
+    return grown

@@ -1,0 +1,182 @@
+"""What stands and lies in a rendered scene, and scenes drawn at random."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+GAP = 0.16
+"""Metres of ground left between things: about a dozen pixels at the distances used, so that a contour passes."""
+FARTHEST_THING = 1.9
+"""Metres from the camera: beyond it 0.15 m are fewer than seven pixels of the mirror."""
+ATTEMPTS = 400
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mark:
+    """Paint on the ground.
+
+    Attributes
+    ----------
+    outline : ndarray of float64, shape (n, 2)
+        Convex polygon on the ground, metres, in order.
+    grey : float
+    """
+
+    outline: Array
+    grey: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Box:
+    """A cuboid standing on the ground.
+
+    Attributes
+    ----------
+    center, half : ndarray of float64, shape (2,)
+        Centre on the ground and half the sides, metres.
+    angle : float
+        Radians.
+    height : float
+        Metres.
+    greys : tuple of float
+        Of the top and of the four sides.
+    label_contrast : float
+        Grey levels between a face and the label on it; 0 leaves the faces plain.
+    """
+
+    center: Array
+    half: Array
+    angle: float
+    height: float
+    greys: tuple[float, ...]
+    label_contrast: float
+
+    def radius(self) -> float:
+        """Radius of the circle round the footprint, metres."""
+        return float(np.sqrt(np.sum(self.half**2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Room:
+    """Four walls: a rectangle round the origin with half sides ``half``, turned by ``angle``."""
+
+    half: tuple[float, float]
+    angle: float
+    grey: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """Everything that is seen."""
+
+    marks: tuple[Mark, ...]
+    boxes: tuple[Box, ...]
+    room: Room
+    ground_grey: float
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spot:
+    """Ground that a thing takes, seen from the camera: a circle and the shade a box throws behind it."""
+
+    center: Array
+    radius: float
+    shade: float
+
+    def clashes(self, other: _Spot) -> bool:
+        """True when the view of one touches the other, or nearly so."""
+        for along in np.linspace(0.0, 1.0, 6):
+            for across in np.linspace(0.0, 1.0, 6):
+                scale, other_scale = 1.0 + along * (self.shade - 1.0), 1.0 + across * (other.shade - 1.0)
+                distance = np.hypot(*(self.center * scale - other.center * other_scale))
+                if distance < self.radius * scale + other.radius * other_scale + GAP:
+                    return True
+        return False
+
+
+def random_scene(seed: int, mount_height: float, clear_of: Array) -> Scene:
+    """Draw a scene round a camera at the origin.
+
+    Parameters
+    ----------
+    seed : int
+    mount_height : float
+        Of the camera, metres: decides what a box hides.
+    clear_of : ndarray of float64, shape (2,)
+        Where the camera has been before: nothing is put there.
+    """
+    random = np.random.default_rng([seed, 1])
+    ground = float(random.uniform(90, 130))
+    room = Room(
+        (float(random.uniform(2.6, 4.5)), float(random.uniform(2.6, 4.5))),
+        float(random.uniform(0, np.pi)),
+        float(random.uniform(150, 200)),
+    )
+    taken = [_Spot(np.zeros(2), 0.34, 1.0), _Spot(clear_of, 0.34, 1.0)]
+    boxes: list[Box] = []
+    marks: list[Mark] = []
+    wanted_boxes, wanted_marks = int(random.integers(2, 4)), int(random.integers(3, 6))
+    for _ in range(ATTEMPTS):
+        if len(boxes) < wanted_boxes:
+            box = _random_box(random, ground)
+            if _place(_Spot(box.center, box.radius(), mount_height / (mount_height - box.height)), taken):
+                boxes.append(box)
+        elif len(marks) < wanted_marks:
+            mark = _random_mark(random, ground)
+            middle = mark.outline.mean(axis=0)
+            if _place(_Spot(middle, float(np.hypot(*(mark.outline - middle).T).max()), 1.0), taken):
+                marks.append(mark)
+    return Scene(tuple(marks), tuple(boxes), room, ground, seed)
+
+
+def _place(spot: _Spot, taken: list[_Spot]) -> bool:
+    if any(spot.clashes(other) for other in taken):
+        return False
+    taken.append(spot)
+    return True
+
+
+def _random_spot(random: np.random.Generator, nearest: float) -> Array:
+    distance, bearing = random.uniform(nearest, FARTHEST_THING), random.uniform(0, 2 * np.pi)
+    return np.array([distance * np.cos(bearing), distance * np.sin(bearing)])
+
+
+def _random_box(random: np.random.Generator, ground: float) -> Box:
+    greys = np.clip(_contrasting(random, ground) + random.uniform(-12, 12, 5), 8, 247)
+    return Box(
+        center=_random_spot(random, 0.75),
+        half=random.uniform(0.09, 0.22, 2),
+        angle=float(random.uniform(0, np.pi)),
+        height=float(random.uniform(0.18, 0.6)),
+        greys=tuple(float(grey) for grey in greys),
+        label_contrast=float(random.choice([0.0, 25.0, 50.0])),
+    )
+
+
+def _random_mark(random: np.random.Generator, ground: float) -> Mark:
+    """A disc, a regular polygon, a tile or a road line, 0.15 to 1.5 m long."""
+    center, angle = _random_spot(random, 0.6), random.uniform(0, 2 * np.pi)
+    kind = random.integers(0, 4)
+    if kind == 3:
+        length, width = random.uniform(0.5, 1.5), random.uniform(0.15, 0.18)
+        outline = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * [length / 2, width / 2]
+    else:
+        corners = (48, int(random.integers(3, 7)), 4)[kind]
+        turns = 2 * np.pi * np.arange(corners) / corners
+        size = random.uniform(0.15, 0.5) / 2
+        outline = np.stack([np.cos(turns), np.sin(turns)], axis=1) * size * max(1.0, 1.5 * (corners == 3))
+    c, s = np.cos(angle), np.sin(angle)
+    return Mark(center + outline @ np.array([[c, s], [-s, c]]), _contrasting(random, ground))
+
+
+def _contrasting(random: np.random.Generator, ground: float) -> float:
+    """A grey at least 55 levels from the ground's."""
+    dark = random.uniform(15, max(16.0, ground - 55))
+    light = random.uniform(min(239.0, ground + 60), 240)
+    return float(dark if random.random() < 0.5 else light)

@@ -1,0 +1,48 @@
+"""Noise that is fixed to a surface and fades where a pixel covers more of it than a wave."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LATTICE = 256
+"""Nodes per side of the periodic lattice: at the finest octave (2 cm) it repeats after 5 m."""
+
+
+class Noise:
+    """Sum of octaves of smooth value noise on a plane.
+
+    Parameters
+    ----------
+    seed : sequence of int
+    octaves : tuple of (wavelength in metres, amplitude in grey levels)
+    """
+
+    def __init__(self, seed: list[int], octaves: tuple[tuple[float, float], ...]) -> None:
+        random = np.random.default_rng(seed)
+        self._octaves = octaves
+        self._nodes = [random.uniform(-1, 1, (LATTICE, LATTICE)).astype(np.float32) for _ in octaves]
+        self._offsets = random.uniform(0, LATTICE, (len(octaves), 2))
+
+    def __call__(self, points: Array, footprint: Array) -> Array:
+        """Grey levels to add at points, shape (n, 2), metres, each seen by a pixel ``footprint`` metres wide."""
+        total = np.zeros(len(points))
+        for (wavelength, amplitude), nodes, offset in zip(self._octaves, self._nodes, self._offsets, strict=True):
+            fade = amplitude / (1.0 + (1.5 * footprint / wavelength) ** 4)
+            total += fade * _value(nodes, points / wavelength + offset)
+        return total
+
+
+def _value(nodes: NDArray[np.float32], at: Array) -> Array:
+    """Value noise: smoothstep between the four lattice nodes."""
+    low = np.floor(at)
+    part = at - low
+    u, v = (part * part * (3.0 - 2.0 * part)).T
+    x, y = low.astype(np.int64).T & (LATTICE - 1)
+    x1, y1 = (x + 1) & (LATTICE - 1), (y + 1) & (LATTICE - 1)
+    top = nodes[y, x] * (1 - u) + nodes[y, x1] * u
+    bottom = nodes[y1, x] * (1 - u) + nodes[y1, x1] * u
+    value: Array = top * (1 - v) + bottom * v
+    return value
