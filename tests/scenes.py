@@ -94,7 +94,8 @@ def _is_wide(truth: NDArray[np.bool_]) -> bool:
     core = _component(distance > NARROWEST / 2)
     reached = cv2.distanceTransform((~core).astype(np.uint8), cv2.DIST_L2, 5) <= NARROWEST / 2 + 1
     missed = truth & ~reached
-    return int(missed.sum()) <= 0.002 * int(truth.sum())
+    few_missed = int(missed.sum()) <= 0.002 * int(truth.sum())
+    return few_missed and _num_holes(core) == _num_holes(truth)
 
 
 def _shaded(coverage: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:

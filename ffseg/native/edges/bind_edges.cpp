@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 #include "bindings.hpp"
@@ -38,15 +39,30 @@ void py_gradient(const Bytes& image, Plane16 out) {
     ffseg::gradient_magnitude(grey, out.data());
 }
 
-int py_quantile(Plane16 gradient, std::optional<Domain> domain, int stride, double quantile) {
-    if (stride < 1 || !(quantile >= 0.0 && quantile < 1.0)) throw std::invalid_argument("stride or quantile");
-    if (domain && (domain->shape(0) != gradient.shape(0) || domain->shape(1) != gradient.shape(1))) {
-        throw std::invalid_argument("the arrays differ in size");
+// Thresholds from the noise: high = factor * local noise, at least `least`; low = low_ratio * high. The local noise is
+// held within `spread` times the median of the image either way. Returns the median.
+int py_canny_auto(const Bytes& image, Plane16 gradient, std::optional<Domain> domain, double factor, double least,
+                  double low_ratio, double spread, Plane8 out) {
+    const ffseg::GreyView grey = view(image);
+    check_plane(grey, gradient.shape(0), gradient.shape(1));
+    check_plane(grey, out.shape(0), out.shape(1));
+    if (domain) check_plane(grey, domain->shape(0), domain->shape(1));
+    if (!(factor >= 0 && least >= 0 && low_ratio >= 0 && low_ratio <= 1 && spread >= 1)) {
+        throw std::invalid_argument("a threshold option is out of range");
     }
     nb::gil_scoped_release release;
-    return ffseg::gradient_quantile(gradient.data(), domain ? domain->data() : nullptr,
-                                    static_cast<int>(gradient.shape(0)), static_cast<int>(gradient.shape(1)), stride,
-                                    quantile);
+    const std::uint8_t* limits = domain ? domain->data() : nullptr;
+    const ffseg::NoiseMap noise = ffseg::noise_map(gradient.data(), limits, grey.height, grey.width);
+    ffseg::ThresholdMap thresholds;
+    thresholds.columns = noise.columns;
+    for (const std::uint16_t block : noise.blocks) {
+        const double local = std::clamp<double>(block, noise.median / spread, noise.median * spread);
+        const double high = std::min(std::max(factor * local, least), 65535.0);
+        thresholds.high.push_back(static_cast<std::uint16_t>(std::lround(high)));
+        thresholds.low.push_back(static_cast<std::uint16_t>(std::lround(low_ratio * high)));
+    }
+    ffseg::canny(grey, gradient.data(), thresholds, out.data());
+    return noise.median;
 }
 
 void py_canny(const Bytes& image, Plane16 gradient, int low, int high, Plane8 out) {
@@ -55,7 +71,13 @@ void py_canny(const Bytes& image, Plane16 gradient, int low, int high, Plane8 ou
     check_plane(grey, out.shape(0), out.shape(1));
     const auto clamp = [](int value) { return static_cast<std::uint16_t>(std::clamp(value, 0, 65535)); };
     nb::gil_scoped_release release;
-    ffseg::canny(grey, gradient.data(), clamp(low), clamp(high), out.data());
+    constexpr int kBlock = ffseg::NoiseMap::kBlock;
+    ffseg::ThresholdMap thresholds;
+    thresholds.columns = (grey.width + kBlock - 1) / kBlock;
+    const std::size_t rows = static_cast<std::size_t>((grey.height + kBlock - 1) / kBlock);
+    thresholds.low.assign(rows * static_cast<std::size_t>(thresholds.columns), clamp(low));
+    thresholds.high.assign(thresholds.low.size(), clamp(high));
+    ffseg::canny(grey, gradient.data(), thresholds, out.data());
 }
 
 }  // namespace
@@ -63,8 +85,9 @@ void py_canny(const Bytes& image, Plane16 gradient, int low, int high, Plane8 ou
 void bind_edges(nb::module_& m) {
     m.def("gradient_magnitude", &py_gradient, "smoothed"_a, "out"_a,
           "Sobel gradient magnitude of the strongest channel, in 1/32 grey level per pixel, into `out`.");
-    m.def("gradient_quantile", &py_quantile, "gradient"_a, "domain"_a.none(), "stride"_a, "quantile"_a,
-          "Quantile of every stride-th row of the stored gradient, inside the domain.");
+    m.def("canny_auto", &py_canny_auto, "smoothed"_a, "gradient"_a, "domain"_a.none(), "factor"_a, "least"_a,
+          "low_ratio"_a, "spread"_a, "out"_a,
+          "Canny edges with thresholds from the local noise; returns the median gradient. Stored units.");
     m.def("canny", &py_canny, "smoothed"_a, "gradient"_a, "low"_a, "high"_a, "out"_a,
           "Canny edges (255) by non-maximum suppression and hysteresis; thresholds in stored units.");
 }

@@ -105,6 +105,43 @@ bool is_ridge(const std::uint16_t* gradient, int height, int width, int x, int y
     return here > value(x - dx, y - dy) && here >= value(x + dx, y + dy);
 }
 
+FFSEG_CLONES
+std::uint16_t highest_of_block(const std::uint16_t* values) {
+    std::uint16_t highest = 0;
+    for (int i = 0; i < NoiseMap::kBlock; ++i) highest = std::max(highest, values[i]);
+    return highest;
+}
+
+// Counts of stored gradients; 180.4 * 32 = 5773 is the largest. The bins below kFine are exact, those above 32 wide.
+class Histogram {
+public:
+    void add(std::uint16_t value) {
+        ++counts_[bin(value)];
+        ++total_;
+    }
+    void merge(const Histogram& other) {
+        for (std::size_t i = 0; i < counts_.size(); ++i) counts_[i] += other.counts_[i];
+        total_ += other.total_;
+    }
+    std::int64_t total() const { return total_; }
+    int median() const {
+        std::int64_t seen = 0;
+        for (std::size_t i = 0; i < counts_.size(); ++i) {
+            seen += counts_[i];
+            if (2 * seen > total_) return static_cast<int>(i < kFine ? i : kFine + (i - kFine) * 32 + 16);
+        }
+        return 0;
+    }
+
+private:
+    static constexpr std::size_t kFine = 512;
+    static std::size_t bin(std::uint16_t value) {
+        return value < kFine ? value : std::min<std::size_t>(kFine + (value - kFine) / 32, kFine + 255);
+    }
+    std::array<std::int32_t, kFine + 256> counts_{};
+    std::int64_t total_ = 0;
+};
+
 }  // namespace
 
 void gradient_magnitude(const GreyView& image, std::uint16_t* out) {
@@ -123,43 +160,70 @@ void gradient_magnitude(const GreyView& image, std::uint16_t* out) {
     }
 }
 
-std::uint16_t gradient_quantile(const std::uint16_t* gradient, const std::uint8_t* domain, int height, int width,
-                                int stride, double quantile) {
-    std::array<std::uint32_t, 6144> counts{};  // 180.4 * 32 = 5773 is the largest stored gradient
-    std::uint64_t total = 0;
-    for (int y = stride / 2; y < height; y += stride) {
-        const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * width;
-        for (int x = 0; x < width; ++x) {
-            if (domain != nullptr && domain[row + x] == 0) continue;
-            ++counts[std::min<std::size_t>(gradient[row + x], counts.size() - 1)];
-            ++total;
+NoiseMap noise_map(const std::uint16_t* gradient, const std::uint8_t* domain, int height, int width) {
+    constexpr int kBlock = NoiseMap::kBlock, kWindow = NoiseMap::kNoiseWindow, kSkip = 2;
+    NoiseMap map;
+    map.rows = (height + kBlock - 1) / kBlock;
+    map.columns = (width + kBlock - 1) / kBlock;
+    const int rows = (height + kWindow - 1) / kWindow, columns = (width + kWindow - 1) / kWindow;
+    Histogram all;
+    std::vector<int> medians(static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns), -1);
+    for (int r = 0; r < rows; ++r) {
+        for (int c = 0; c < columns; ++c) {
+            Histogram window;
+            const int bottom = std::min(height, (r + 1) * kWindow), right = std::min(width, (c + 1) * kWindow);
+            for (int y = r * kWindow; y < bottom; y += kSkip) {
+                const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * width;
+                for (int x = c * kWindow + (y / kSkip) % kSkip; x < right; x += kSkip) {
+                    if (domain == nullptr || domain[row + x] != 0) window.add(gradient[row + x]);
+                }
+            }
+            if (window.total() * 8 * kSkip * kSkip >= kWindow * kWindow) {
+                medians[static_cast<std::size_t>(r * columns + c)] = window.median();
+            }
+            all.merge(window);
         }
     }
-    const auto wanted = static_cast<std::uint64_t>(quantile * static_cast<double>(total));
-    std::uint64_t seen = 0;
-    for (std::size_t value = 0; value < counts.size(); ++value) {
-        seen += counts[value];
-        if (seen > wanted) return static_cast<std::uint16_t>(value);
+    map.median = static_cast<std::uint16_t>(all.median());
+    for (int& median : medians) median = median < 0 ? map.median : median;
+    map.blocks.resize(static_cast<std::size_t>(map.rows) * static_cast<std::size_t>(map.columns));
+    for (int r = 0; r < map.rows; ++r) {  // linear between the middles of the windows
+        const double y = std::clamp((r + 0.5) * kBlock / kWindow - 0.5, 0.0, rows - 1.0);
+        for (int c = 0; c < map.columns; ++c) {
+            const double x = std::clamp((c + 0.5) * kBlock / kWindow - 0.5, 0.0, columns - 1.0);
+            const int top = static_cast<int>(y), left = static_cast<int>(x);
+            const int below = std::min(top + 1, rows - 1), right = std::min(left + 1, columns - 1);
+            const double v = y - top, u = x - left;
+            const auto at = [&](int i, int j) { return medians[static_cast<std::size_t>(i * columns + j)]; };
+            const double value = (1 - v) * ((1 - u) * at(top, left) + u * at(top, right)) +
+                                 v * ((1 - u) * at(below, left) + u * at(below, right));
+            map.blocks[static_cast<std::size_t>(r * map.columns + c)] = static_cast<std::uint16_t>(value + 0.5);
+        }
     }
-    return 0;
+    return map;
 }
 
-void canny(const GreyView& image, const std::uint16_t* gradient, std::uint16_t low, std::uint16_t high,
-           std::uint8_t* out) {
+void canny(const GreyView& image, const std::uint16_t* gradient, const ThresholdMap& thresholds, std::uint8_t* out) {
     constexpr std::uint8_t kWeak = 1, kEdge = 255;
+    constexpr int kBlock = NoiseMap::kBlock;
     const int height = image.height, width = image.width;
-    const std::size_t size = static_cast<std::size_t>(height) * static_cast<std::size_t>(width);
-    std::memset(out, 0, size);
-    std::vector<std::ptrdiff_t> strong;
+    std::memset(out, 0, static_cast<std::size_t>(height) * static_cast<std::size_t>(width));
+    std::vector<std::ptrdiff_t> strong, weak;
     for (int y = 0; y < height; ++y) {
         const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * width;
-        for (int x = 0; x < width; ++x) {
-            const std::uint16_t value = gradient[row + x];
-            if (value < low || value == 0) continue;
-            if (!is_ridge(gradient, height, width, x, y, slope_at(image, x, y))) continue;
-            const bool is_strong = value >= high;
-            out[row + x] = is_strong ? kEdge : kWeak;
-            if (is_strong) strong.push_back(row + x);
+        const std::size_t blocks = static_cast<std::size_t>(y / kBlock) * static_cast<std::size_t>(thresholds.columns);
+        for (int block = 0; block < thresholds.columns; ++block) {
+            const int begin = block * kBlock, end = std::min(begin + kBlock, width);
+            const std::uint16_t low = std::max<std::uint16_t>(thresholds.low[blocks + static_cast<std::size_t>(block)], 1);
+            const std::uint16_t high = thresholds.high[blocks + static_cast<std::size_t>(block)];
+            if (end - begin == kBlock && highest_of_block(gradient + row + begin) < low) continue;
+            for (int x = begin; x < end; ++x) {
+                const std::uint16_t value = gradient[row + x];
+                if (value < low) continue;
+                if (!is_ridge(gradient, height, width, x, y, slope_at(image, x, y))) continue;
+                out[row + x] = value >= high ? kEdge : kWeak;
+                (value >= high ? strong : weak).push_back(row + x);
+            }
         }
     }
     while (!strong.empty()) {
@@ -175,7 +239,9 @@ void canny(const GreyView& image, const std::uint16_t* gradient, std::uint16_t l
             }
         }
     }
-    for (std::size_t i = 0; i < size; ++i) out[i] = out[i] == kWeak ? std::uint8_t{0} : out[i];
+    for (const std::ptrdiff_t at : weak) {
+        if (out[at] == kWeak) out[at] = 0;
+    }
 }
 
 }  // namespace ffseg

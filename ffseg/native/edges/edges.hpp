@@ -17,12 +17,23 @@ struct GreyView {
 // |grad| of the strongest channel, Sobel 3x3, replicated border, in 1/32 grey level per pixel.
 void gradient_magnitude(const GreyView& image, std::uint16_t* out);
 
-// Value at the given quantile of a subsample of the gradients (every `stride`-th row), optionally inside `domain`.
-std::uint16_t gradient_quantile(const std::uint16_t* gradient, const std::uint8_t* domain, int height, int width,
-                                int stride, double quantile);
+// The noise of an image, from its gradients: the median of a window of kNoiseWindow pixels round every block of kBlock.
+// Windows in which less than an eighth of the pixels lie in the domain take the median of all.
+struct NoiseMap {
+    static constexpr int kBlock = 16, kNoiseWindow = 64;
+    int rows = 0, columns = 0;
+    std::uint16_t median = 0;           // of the whole domain
+    std::vector<std::uint16_t> blocks;  // rows x columns
+};
+NoiseMap noise_map(const std::uint16_t* gradient, const std::uint8_t* domain, int height, int width);
+
+// Thresholds in stored units, one pair for every block of NoiseMap::kBlock pixels.
+struct ThresholdMap {
+    int columns = 0;
+    std::vector<std::uint16_t> low, high;
+};
 
 // Canny: non-maximum suppression along the gradient and hysteresis; 255 on edges, 0 elsewhere.
-void canny(const GreyView& image, const std::uint16_t* gradient, std::uint16_t low, std::uint16_t high,
-           std::uint8_t* out);
+void canny(const GreyView& image, const std::uint16_t* gradient, const ThresholdMap& thresholds, std::uint8_t* out);
 
 }  // namespace ffseg

@@ -1,0 +1,85 @@
+"""Random scenes against their truth: ``python -m tests.campaigns.stress --scenes 2000``.
+
+Checks, scene by scene: the evolution converges, the contours do not cross themselves or each other, and where the
+truth has no passage narrower than 6 pixels the IoU is at least 0.99.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+import ffseg
+from tests import scenes
+
+LEAST_IOU = 0.99
+FLATTEN_TOLERANCE = 0.05
+"""Pixels; contours are tested for crossings as polygons this close to their curves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What is wrong with one scene (empty when nothing is), and its figures."""
+
+    seed: int
+    faults: tuple[str, ...]
+    iou: float
+    wide: bool
+
+
+def is_simple(contours: tuple[ffseg.FreeForm, ...]) -> bool:
+    """Does no contour cross or touch itself or another?"""
+    rings = [c.flatten(FLATTEN_TOLERANCE) for c in contours]
+    closed = [np.vstack([ring, ring[:1]]) for ring in rings]
+    return bool(shapely.MultiLineString(closed).is_simple)
+
+
+def check(seed: int, overrides: dict[str, object]) -> Outcome:
+    """Segment scene number ``seed`` and say what is wrong."""
+    scene = scenes.scene(seed)
+    params = ffseg.load_params(None, {"init.center": list(scenes.START), "init.radius": scenes.START_RADIUS, **overrides})
+    result = ffseg.segment(scene.image, params)
+    both, either = np.sum(result.mask & scene.truth), np.sum(result.mask | scene.truth)
+    iou = float(both / either)
+    faults = []
+    if result.stats.stop_reason != "converged":
+        faults.append(f"stopped by {result.stats.stop_reason}")
+    if not is_simple(result.contours):
+        faults.append("contours cross")
+    if scene.wide and iou < LEAST_IOU:
+        faults.append(f"IoU {iou:.4f}")
+    num_holes = sum(c.signed_area < 0 for c in result.contours)
+    if scene.wide and num_holes != scene.holes:
+        faults.append(f"{num_holes} holes, truth {scene.holes}")
+    return Outcome(seed, tuple(faults), iou, scene.wide)
+
+
+def main() -> int:
+    """Run the campaign; the exit code is 1 when a scene has a fault."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", type=int, default=2000)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="as for ffseg run")
+    args = parser.parse_args()
+    overrides = dict(item.split("=", 1) for item in args.set)
+    outcomes = [check(seed, {k: _number(v) for k, v in overrides.items()})
+                for seed in range(args.first, args.first + args.scenes)]
+    for outcome in outcomes:
+        if outcome.faults:
+            print(f"scene {outcome.seed}: {'; '.join(outcome.faults)}")
+    wide = [o.iou for o in outcomes if o.wide]
+    faulty = sum(bool(o.faults) for o in outcomes)
+    print(f"{len(outcomes)} scenes, {faulty} faulty; {len(wide)} wide, IoU least {min(wide):.4f}, mean {np.mean(wide):.4f}")
+    return 1 if faulty else 0
+
+
+def _number(text: str) -> float | int:
+    return float(text) if "." in text else int(text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
