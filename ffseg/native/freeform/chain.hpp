@@ -63,6 +63,7 @@ private:
     void rest();
     void forget_freed();
     bool finish();
+    std::vector<std::uint8_t> region() const;
     std::vector<int> loops() const;
     std::vector<std::vector<Vec2>> sampled() const;
     double length(int i) const;
@@ -117,9 +118,9 @@ private:
     EvolutionCounts counts_;
     StopReason reason_ = StopReason::kRunning;
     // With a clearance the contour first stops before every passage narrower than it (`field_` is grown), then moves
-    // the rest of the way to the edges in the field without growth, in a fixed number of iterations.
+    // the rest of the way to the edges in the field without growth, where the passages it stopped at are closed.
     std::unique_ptr<Field> open_field_;
-    int last_iterations_ = -1;
+    bool outside_filled_ = false;
     int most_patches_;
 };
 

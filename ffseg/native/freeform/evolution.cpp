@@ -8,6 +8,7 @@
 #include "freeform/refine.hpp"
 #include "freeform/settle.hpp"
 #include "freeform/untangle.hpp"
+#include "raster/raster.hpp"
 
 namespace ffseg {
 
@@ -20,6 +21,9 @@ Chain<D>::Chain(const ContourSet& starts, const std::uint8_t* edges, const std::
     for (std::size_t c = 0; c + 1 < starts.offsets.size(); ++c) {
         add_contour(starts.points.data() + starts.offsets[c], starts.offsets[c + 1] - starts.offsets[c]);
     }
+    double area = 0.0;
+    for (int loop : loops()) area += loop_area(loop);
+    outside_filled_ = area < 0;
     if (options_.clearance > 0) {
         open_field_ = std::make_unique<Field>(field_);
         field_.grow(0.5 * options_.clearance);
@@ -130,16 +134,35 @@ bool Chain<D>::step() {
     return !active_.empty();
 }
 
+// The pixels inside the contours so far (a start that closes in from outside has the filled side outside).
+template <int D>
+std::vector<std::uint8_t> Chain<D>::region() const {
+    const ContourSet set = contours();
+    const Grid grid{field_.width() - 1.0, field_.height() - 1.0, 0.1};
+    std::vector<Edge> pieces;
+    for (std::size_t c = 0; c + 1 < set.offsets.size(); ++c) {
+        append_contour(set.points.data() + set.offsets[c], set.offsets[c + 1] - set.offsets[c], D, grid, pieces);
+    }
+    std::vector<std::uint8_t> mask(static_cast<std::size_t>(field_.width()) * static_cast<std::size_t>(field_.height()));
+    if (outside_filled_) {
+        for (Edge& piece : pieces) piece.sign = -piece.sign;
+    }
+    fill_mask(pieces, {mask.data(), field_.height(), field_.width()});
+    if (outside_filled_) {
+        for (std::uint8_t& pixel : mask) pixel ^= 1;
+    }
+    return mask;
+}
+
 // The contour has stopped; with a clearance this is where the second part begins. False when nothing is left to do.
 template <int D>
 bool Chain<D>::finish() {
-    if (open_field_ == nullptr) return false;
+    if (open_field_ == nullptr || sorted_.empty()) return false;
+    open_field_->close_passages(region(), field_, 0.5 * options_.clearance);
     field_ = *open_field_;
     open_field_.reset();
-    options_.balloon = 1.0;
-    last_iterations_ = static_cast<int>(std::ceil(0.5 * options_.clearance)) + 1;
     for (int i : sorted_) wake(i);
-    return !active_.empty();
+    return true;
 }
 
 template <int D>
@@ -149,10 +172,8 @@ bool Chain<D>::advance(int iterations) {
             reason_ = StopReason::kMaxIterations;
         } else if (pool_.num_alive() > most_patches_) {
             reason_ = StopReason::kMaxPatches;
-        } else if (last_iterations_ == 0 || (!step() && !finish())) {
+        } else if (!step() && !finish()) {
             reason_ = sorted_.empty() ? StopReason::kVanished : StopReason::kConverged;
-        } else if (last_iterations_ > 0) {
-            --last_iterations_;
         }
     }
     return reason_ == StopReason::kRunning;

@@ -123,17 +123,15 @@ void Field::build_tiles() {
     }
 }
 
-void Field::grow(double radius) {
-    const std::size_t rows = static_cast<std::size_t>(height_) + 2, columns = stride_;
-    std::vector<float> squared(rows * columns);
+std::vector<float> Field::squared_distance(const std::vector<std::uint8_t>& zero) const {
+    constexpr double kFar = 1e9;
+    const std::size_t columns = stride_, rows = zero.size() / columns;
+    std::vector<float> squared(zero.size());
     const std::size_t longest = std::max(rows, columns);
-    std::vector<double> line, out;
+    std::vector<double> line(columns), out(columns), bound(longest + 1);
     std::vector<int> apex(longest);
-    std::vector<double> bound(longest + 1);
-    line.resize(columns);
-    out.resize(columns);
     for (std::size_t y = 0; y < rows; ++y) {
-        for (std::size_t x = 0; x < columns; ++x) line[x] = blocked_[y * columns + x] == kEdge ? 0.0 : 1e9;
+        for (std::size_t x = 0; x < columns; ++x) line[x] = zero[y * columns + x] != 0 ? 0.0 : kFar;
         distance_line(line, out, apex, bound);
         for (std::size_t x = 0; x < columns; ++x) squared[y * columns + x] = static_cast<float>(out[x]);
     }
@@ -142,10 +140,48 @@ void Field::grow(double radius) {
     for (std::size_t x = 0; x < columns; ++x) {
         for (std::size_t y = 0; y < rows; ++y) line[y] = squared[y * columns + x];
         distance_line(line, out, apex, bound);
-        for (std::size_t y = 0; y < rows; ++y) {
-            std::uint8_t& cell = blocked_[y * columns + x];
-            if (cell == 0 && out[y] < radius * radius) cell = kEdge;
+        for (std::size_t y = 0; y < rows; ++y) squared[y * columns + x] = static_cast<float>(out[y]);
+    }
+    return squared;
+}
+
+void Field::grow(double radius) {
+    std::vector<std::uint8_t> edges(blocked_.size());
+    for (std::size_t at = 0; at < edges.size(); ++at) edges[at] = blocked_[at] == kEdge;
+    const std::vector<float> squared = squared_distance(edges);
+    for (std::size_t at = 0; at < edges.size(); ++at) {
+        if (blocked_[at] <= kBand && squared[at] < radius * radius) blocked_[at] = kEdge;
+    }
+    build_tiles();
+}
+
+void Field::close_passages(const std::vector<std::uint8_t>& reached, const Field& grown, double radius) {
+    std::vector<std::uint8_t> region(blocked_.size());
+    for (int y = 0; y < height_; ++y) {
+        for (int x = 0; x < width_; ++x) region[cell(x, y)] = reached[static_cast<std::size_t>(y) * width_ + x];
+    }
+    // Samples stop up to a pixel before what is blocked, so the region falls short of all that has clearance by as much.
+    const double near = radius + 1.0;
+    const std::vector<float> squared = squared_distance(region);
+    std::vector<std::uint8_t> seen(blocked_.size());
+    for (std::size_t at = 0; at < seen.size(); ++at) seen[at] = blocked_[at] != 0 || squared[at] <= near * near;
+    std::vector<std::size_t> pocket;
+    for (std::size_t first = stride_; first + stride_ < seen.size(); ++first) {
+        if (seen[first] != 0) continue;
+        pocket.assign(1, first);
+        seen[first] = 1;
+        bool open = false;
+        for (std::size_t at = 0; at < pocket.size(); ++at) {
+            const std::size_t here = pocket[at];
+            open = open || grown.blocked_[here] == 0;
+            for (const std::size_t next : {here - 1, here + 1, here - stride_, here + stride_}) {
+                if (seen[next] != 0) continue;
+                seen[next] = 1;
+                pocket.push_back(next);
+            }
         }
+        if (!open) continue;
+        for (const std::size_t at : pocket) blocked_[at] = kEdge;
     }
     build_tiles();
 }

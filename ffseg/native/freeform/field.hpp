@@ -21,6 +21,12 @@ public:
     // Blocks all that lies nearer than `radius` to a blocked pixel (for contour.clearance).
     void grow(double radius);
 
+    // For the end of an evolution with a clearance. `reached` (H x W) is 1 in the region so far, `grown` the field it
+    // stopped in. Free pixels farther than `radius` from the region form pockets. One that holds no place with clearance
+    // is a dead end or a narrow passage between reached places and stays free; any other lies beyond a narrow passage
+    // and is blocked.
+    void close_passages(const std::vector<std::uint8_t>& reached, const Field& grown, double radius);
+
     int width() const { return width_; }
     int height() const { return height_; }
 
@@ -50,6 +56,9 @@ public:
 
 private:
     static constexpr std::uint8_t kBand = 1, kEdge = 2, kOutside = 3;
+    std::size_t cell(int x, int y) const { return (static_cast<std::size_t>(y) + 1) * stride_ + x + 1; }
+    // Squared distances of all cells to the nearest one that is nonzero.
+    std::vector<float> squared_distance(const std::vector<std::uint8_t>& zero) const;
     void mark_edges(const std::uint8_t* edges);
     void mark_outside(const std::uint8_t* domain);
     void build_tiles();
