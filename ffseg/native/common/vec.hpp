@@ -19,6 +19,11 @@ inline double dot(Vec2 a, Vec2 b) { return a.x * b.x + a.y * b.y; }
 inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
 inline double norm2(Vec2 a) { return dot(a, a); }
 inline double norm(Vec2 a) { return std::sqrt(norm2(a)); }
+// The vector scaled to length 1; the zero vector stays.
+inline Vec2 unit(Vec2 a) {
+    const double size = norm(a);
+    return size > 0 ? (1.0 / size) * a : Vec2{};
+}
 
 struct Box {
     double x0 = std::numeric_limits<double>::infinity(), y0 = x0, x1 = -x0, y1 = -x0;

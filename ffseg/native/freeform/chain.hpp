@@ -13,6 +13,8 @@ constexpr double kMarchStep = 0.5;
 // Near edges a sample moves at most this far in one iteration: the edge band is three pixels wide, so neither the
 // sample nor the stretch between two samples can pass it unseen.
 constexpr double kCautiousStep = 2.0;
+// A curve between two samples stays within this many times their distance of either.
+constexpr double kBulge = 1.2;
 // A sample that moved less than half a march step is steady.
 constexpr double kSteady = 0.25;
 // A resting stretch that could still advance this far between its samples is split instead.
@@ -66,15 +68,20 @@ private:
     std::vector<std::uint8_t> region() const;
     std::vector<int> loops() const;
     std::vector<std::vector<Vec2>> sampled() const;
-    double length(int i) const;
+    double length(int i) const { return chords(i).total; }
     bool splittable(int i) const { return length(i) > 2 * D * kMinSpacing; }
     int split(int i);
 
     // move.hpp
     void move();
-    void move_patch(int i);
-    Vec2 normal_at(int i, int k, const Points& points) const;
-    double reach(Vec2 from, Vec2 normal, double wanted) const;
+    struct Motion {
+        Points points;
+        std::array<Vec2, D> tangent;
+        std::array<double, D> chord;
+    };
+    void measure(int i, Motion& motion);
+    void move_patch(int i, const Motion& motion);
+    double reach(Vec2 from, Vec2 normal, double wanted, double known) const;
     void guard();
     bool guard_patch(int i);
     int first_hit(int i) const;
@@ -90,8 +97,12 @@ private:
     bool remove(int i);
     bool straighten(int i);
     bool folded(int i) const;
-    void even_out(int i);
-    bool swings(int i) const;
+    struct Chords {
+        double shortest, longest, total;
+    };
+    Chords chords(int i) const;
+    void even_out(int i, const Chords& chords);
+    bool swings(int i, double size) const;
     void calm(int i);
 
     // flip.hpp
@@ -103,6 +114,7 @@ private:
     bool flip_finer(int i, int j, int depth);
     static Points joined_at(const Points& p, int a, const Points& q, int b, Vec2 at);
     bool swap_halves(const Points& p, const Points& q, Points& first, Points& second) const;
+    bool runs_one_way(int i, int j) const;
     void flip_adjacent(int i);
     void classify(int i, int j);
     void drop(int i);
@@ -114,6 +126,7 @@ private:
     Field field_;
     Pool<D> pool_;
     std::vector<int> active_, freed_, sorted_, queue_;
+    std::vector<Motion> motion_;
     std::vector<std::vector<Vec2>> settled_;  // the samples of each component once it has settled
     EvolutionCounts counts_;
     StopReason reason_ = StopReason::kRunning;

@@ -78,14 +78,6 @@ int Chain<D>::split(int i) {
     return fresh;
 }
 
-template <int D>
-double Chain<D>::length(int i) const {
-    const Points points = pool_.samples(i);
-    double sum = 0.0;
-    for (int k = 0; k < D; ++k) sum += norm(points[k + 1] - points[k]);
-    return sum;
-}
-
 // Slots freed in this iteration are reused only now, when no list names them any more.
 template <int D>
 void Chain<D>::forget_freed() {

@@ -42,15 +42,17 @@ Field::Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, 
       tiles_x_(static_cast<std::size_t>((width - 1) >> kTileShift) + 1),
       tiles_y_(static_cast<std::size_t>((height - 1) >> kTileShift) + 1),
       blocked_((static_cast<std::size_t>(height) + 2) * stride_) {
-    mark_edges(edges);
-    mark_outside(domain);
-    build_tiles();
+    std::vector<std::uint8_t> occupied(tiles_x_ * tiles_y_);
+    mark_edges(edges, occupied);
+    mark_outside(domain, occupied);
+    measure_reach(occupied);
 }
 
-void Field::mark_edges(const std::uint8_t* edges) {
+void Field::mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occupied) {
     std::vector<std::size_t> found;
     for (int y = 0; y < height_; ++y) {
         const std::uint8_t* row = edges + static_cast<std::size_t>(y) * width_;
+        const std::size_t tiles = static_cast<std::size_t>(y >> kTileShift) * tiles_x_;
         int x = 0;
         while (x < width_) {
             std::uint64_t eight = 0;
@@ -61,7 +63,10 @@ void Field::mark_edges(const std::uint8_t* edges) {
                     continue;
                 }
             }
-            if (row[x] != 0) found.push_back((static_cast<std::size_t>(y) + 1) * stride_ + x + 1);
+            if (row[x] != 0) {
+                found.push_back(cell(x, y));
+                occupied[tiles + static_cast<std::size_t>(x >> kTileShift)] = kEdge;
+            }
             ++x;
         }
     }
@@ -80,7 +85,7 @@ void Field::mark_edges(const std::uint8_t* edges) {
     }
 }
 
-void Field::mark_outside(const std::uint8_t* domain) {
+void Field::mark_outside(const std::uint8_t* domain, std::vector<std::uint8_t>& occupied) {
     const std::size_t rows = static_cast<std::size_t>(height_) + 2;
     std::memset(blocked_.data(), kOutside, stride_);
     std::memset(blocked_.data() + (rows - 1) * stride_, kOutside, stride_);
@@ -92,33 +97,57 @@ void Field::mark_outside(const std::uint8_t* domain) {
     for (int y = 0; y < height_; ++y) {
         for (int x = 0; x < width_; ++x) {
             if (domain[static_cast<std::size_t>(y) * width_ + x] != 0) continue;
-            blocked_[(static_cast<std::size_t>(y) + 1) * stride_ + x + 1] = kOutside;
+            blocked_[cell(x, y)] = kOutside;
+            occupied[static_cast<std::size_t>(y >> kTileShift) * tiles_x_ + static_cast<std::size_t>(x >> kTileShift)] = 1;
         }
     }
 }
 
+// Which tiles hold something blocked, from the pixels.
 void Field::build_tiles() {
-    constexpr int kTile = 1 << kTileShift;
     std::vector<std::uint8_t> occupied(tiles_x_ * tiles_y_);
     for (int y = 0; y < height_; ++y) {
-        const std::uint8_t* row = blocked_.data() + (static_cast<std::size_t>(y) + 1) * stride_ + 1;
-        std::uint8_t* tiles = occupied.data() + static_cast<std::size_t>(y >> kTileShift) * tiles_x_;
-        for (int x = 0; x < width_; x += kTile) {
-            std::uint64_t eight = 0;
-            std::memcpy(&eight, row + x, static_cast<std::size_t>(std::min(kTile, width_ - x)));
-            tiles[x >> kTileShift] |= static_cast<std::uint8_t>(eight != 0);
+        for (int x = 0; x < width_; ++x) {
+            if (blocked_[cell(x, y)] == 0) continue;
+            occupied[static_cast<std::size_t>(y >> kTileShift) * tiles_x_ + static_cast<std::size_t>(x >> kTileShift)] = 1;
         }
     }
-    crowded_.assign(tiles_x_ * tiles_y_, 0);
-    const int columns = static_cast<int>(tiles_x_), rows = static_cast<int>(tiles_y_);
-    for (int r = 0; r < rows; ++r) {
-        for (int c = 0; c < columns; ++c) {
-            // The last row and column of tiles may be cut, so their neighbours lie near the border as well.
-            bool any = r == 0 || c == 0 || r >= rows - 2 || c >= columns - 2;
-            for (int v = r - 1; v <= r + 1 && !any; ++v) {
-                for (int u = c - 1; u <= c + 1 && !any; ++u) any = occupied[static_cast<std::size_t>(v) * tiles_x_ + u];
+    measure_reach(occupied);
+}
+
+// Tiles grow by one all round, level by level; a tile not reached by level k has k free tiles on every side. Tiles at
+// the border (the last row and column may be cut) have the outside beside them. The band round an edge may lie in the
+// next tile, one pixel deep: what is free is one pixel less.
+void Field::measure_reach(std::vector<std::uint8_t>& occupied) {
+    const std::size_t columns = tiles_x_, rows = tiles_y_;
+    for (const std::size_t r : {rows - 1, std::max<std::size_t>(rows, 2) - 2}) {
+        std::memset(occupied.data() + r * columns, 1, columns);
+    }
+    for (const std::size_t c : {columns - 1, std::max<std::size_t>(columns, 2) - 2}) {
+        for (std::size_t r = 0; r < rows; ++r) occupied[r * columns + c] = 1;
+    }
+    reach_.assign(rows * columns, 0);
+    std::vector<std::uint8_t> grown(occupied.size());
+    for (int level = 0; level < kLevels; ++level) {
+        for (std::size_t r = 0; r < rows; ++r) {  // across
+            const std::uint8_t* in = occupied.data() + r * columns;
+            std::uint8_t* out = grown.data() + r * columns;
+            out[0] = 1;
+            out[columns - 1] = 1;
+            for (std::size_t c = 1; c + 1 < columns; ++c) out[c] = in[c - 1] | in[c] | in[c + 1];
+        }
+        for (std::size_t r = 0; r < rows; ++r) {  // down
+            std::uint8_t* out = occupied.data() + r * columns;
+            if (r == 0 || r + 1 == rows) {
+                std::memset(out, 1, columns);
+                continue;
             }
-            crowded_[static_cast<std::size_t>(r) * tiles_x_ + c] = any;
+            const std::uint8_t* in = grown.data() + r * columns;
+            for (std::size_t c = 0; c < columns; ++c) out[c] = in[c] | in[c - columns] | in[c + columns];
+        }
+        constexpr std::uint8_t kTile = 1 << kTileShift;
+        for (std::size_t at = 0; at < reach_.size(); ++at) {
+            reach_[at] = static_cast<std::uint8_t>(reach_[at] + (occupied[at] != 0 ? 0 : level == 0 ? kTile - 1 : kTile));
         }
     }
 }

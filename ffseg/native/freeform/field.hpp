@@ -9,9 +9,9 @@ namespace ffseg {
 
 class Field {
 public:
-    static constexpr int kTileShift = 3;
-    // A sample in a tile without blocked pixels in its 3x3 tiles has at least this much free space round it.
-    static constexpr double kFreeReach = 1 << kTileShift;
+    static constexpr int kTileShift = 2;
+    // Free space is known up to so many tiles away.
+    static constexpr int kLevels = 4;
 
     // Edges are solid; the pixels round them are a band that stops samples, while the curve between two samples may
     // run through it.
@@ -48,10 +48,10 @@ public:
         const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
         return blocked_[static_cast<std::size_t>(row) * stride_ + column] == kOutside;
     }
-    // Is something blocked nearer than kFreeReach?
-    bool crowded(Vec2 p) const {
+    // A lower bound of the distance from p to anything blocked, known in steps of a tile up to kLevels tiles.
+    double free_reach(Vec2 p) const {
         const int column = static_cast<int>(p.x + 0.5) >> kTileShift, row = static_cast<int>(p.y + 0.5) >> kTileShift;
-        return crowded_[static_cast<std::size_t>(row) * tiles_x_ + column] != 0;
+        return reach_[static_cast<std::size_t>(row) * tiles_x_ + column];
     }
 
 private:
@@ -59,14 +59,15 @@ private:
     std::size_t cell(int x, int y) const { return (static_cast<std::size_t>(y) + 1) * stride_ + x + 1; }
     // Squared distances of all cells to the nearest one that is nonzero.
     std::vector<float> squared_distance(const std::vector<std::uint8_t>& zero) const;
-    void mark_edges(const std::uint8_t* edges);
-    void mark_outside(const std::uint8_t* domain);
+    void mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occupied);
+    void mark_outside(const std::uint8_t* domain, std::vector<std::uint8_t>& occupied);
     void build_tiles();
+    void measure_reach(std::vector<std::uint8_t>& occupied);
 
     int height_, width_;
     std::size_t stride_, tiles_x_, tiles_y_;
     std::vector<std::uint8_t> blocked_;  // (H + 2) x (W + 2), one ring of outside
-    std::vector<std::uint8_t> crowded_;
+    std::vector<std::uint8_t> reach_;    // one for every tile, in pixels
 };
 
 }  // namespace ffseg

@@ -175,12 +175,23 @@ bool Chain<D>::flip_finer(int i, int j, int depth) {
     return false;
 }
 
+// Do both control polygons advance along one direction? Then they cannot cross.
+template <int D>
+bool Chain<D>::runs_one_way(int i, int j) const {
+    const auto &p = pool_[i].control, &q = pool_[j].control;
+    const Vec2 along = q[D] - p[0];
+    for (int k = 0; k < D; ++k) {
+        if (dot(p[k + 1] - p[k], along) < 0 || dot(q[k + 1] - q[k], along) < 0) return false;
+    }
+    return true;
+}
+
 // Two adjacent patches that cross cut off a loop of their own, which is dropped at once.
 template <int D>
 void Chain<D>::flip_adjacent(int i) {
     if (!pool_[i].alive) return;
     const int j = pool_[i].next;
-    if (j == i || pool_[j].next == i || !pool_[j].alive) return;
+    if (j == i || pool_[j].next == i || !pool_[j].alive || runs_one_way(i, j)) return;
     const auto &p = pool_[i].control, &q = pool_[j].control;
     bool crossing = false;
     for (int a = 0; a < D && !crossing; ++a) {

@@ -4,29 +4,11 @@
 
 namespace ffseg {
 
-// The outward normal at sample k: of the Bezier curve, at a joint the mean of both patches' normals.
+// How far a point may move along `normal`, at most `wanted`, before it meets what is blocked; `known` pixels are free.
 template <int D>
-Vec2 Chain<D>::normal_at(int i, int k, const Points& points) const {
-    const Basis<D>& basis = Basis<D>::get();
-    Vec2 tangent = apply<D>(basis.slope[k], points);
-    double size = norm(tangent);
-    if (size > 0) tangent = (1.0 / size) * tangent;
-    if (k == 0) {
-        const Vec2 other = apply<D>(basis.slope[D], pool_.samples(pool_[i].prev));
-        const double other_size = norm(other);
-        if (other_size > 0) tangent += (1.0 / other_size) * other;
-        size = norm(tangent);
-        if (size > 0) tangent = (1.0 / size) * tangent;
-    }
-    return {tangent.y, -tangent.x};
-}
-
-// How far a point may move along `normal`, at most `wanted`, before it meets what is blocked.
-template <int D>
-double Chain<D>::reach(Vec2 from, Vec2 normal, double wanted) const {
-    if (!field_.crowded(from)) return std::min(wanted, Field::kFreeReach);
-    const double limit = std::min(wanted, kCautiousStep);
-    double s = 0.0;
+double Chain<D>::reach(Vec2 from, Vec2 normal, double wanted, double known) const {
+    const double limit = std::min(wanted, std::max(kCautiousStep, known));
+    double s = std::min(limit, known);
     while (s < limit) {
         const double ahead = std::min(s + kMarchStep, limit);
         if (field_.blocked(from + ahead * normal)) break;
@@ -35,44 +17,59 @@ double Chain<D>::reach(Vec2 from, Vec2 normal, double wanted) const {
     return s;
 }
 
+// The tangents of the Bezier curve at its samples and the distances between them, before anything moves.
 template <int D>
-void Chain<D>::move_patch(int i) {
-    const Points points = pool_.samples(i);
+void Chain<D>::measure(int i, Motion& motion) {
+    const Basis<D>& basis = Basis<D>::get();
+    motion.points = pool_.samples(i);
+    for (int k = 0; k < D; ++k) motion.tangent[k] = unit(apply<D>(basis.slope[k], motion.points));
+    pool_[i].end_tangent = unit(apply<D>(basis.slope[D], motion.points));
+    for (int k = 0; k < D; ++k) motion.chord[k] = norm(motion.points[k + 1] - motion.points[k]);
+    pool_[i].last_chord = motion.chord[D - 1];
+}
+
+template <int D>
+void Chain<D>::move_patch(int i, const Motion& motion) {
     Patch<D>& patch = pool_[i];
+    const Patch<D>& prev = pool_[patch.prev];
     patch.steady = patch.reverted = 0;
-    patch.crowded = field_.crowded(points[D]);
-    for (int k = 0; k < D; ++k) {
-        const Vec2 normal = normal_at(i, k, points);
-        const double s = reach(points[k], normal, options_.balloon);
-        const bool crowded = field_.crowded(points[k]);
-        Vec2 to = points[k] + s * normal;
-        if (!crowded) {  // even out the spacing along the tangent; the shape keeps to first order
-            const Vec2 back = k > 0 ? points[k - 1] : pool_[patch.prev].m[D - 1];
-            const double slide = 0.25 * (norm(points[k + 1] - points[k]) - norm(points[k] - back));
-            to += std::min(std::max(slide, -1.0), 1.0) * Vec2{-normal.y, normal.x};
+    double free = field_.free_reach(motion.points[D]);
+    bool crowded = free <= 0;
+    for (int k = D - 1; k >= 0; --k) {
+        const double ahead = free;
+        free = field_.free_reach(motion.points[k]);
+        // Could the curve between this sample and the next, wherever they move now, be near anything blocked?
+        crowded = crowded || std::max(free, ahead) < kBulge * motion.chord[k] + options_.balloon;
+        const Vec2 tangent = k > 0 ? motion.tangent[k] : unit(motion.tangent[0] + prev.end_tangent);
+        const Vec2 normal{tangent.y, -tangent.x};
+        const double s = reach(motion.points[k], normal, options_.balloon, free);
+        Vec2 to = motion.points[k] + s * normal;
+        if (free > s + 1.0) {  // even out the spacing along the tangent; the shape keeps to first order
+            const double back = k > 0 ? motion.chord[k - 1] : prev.last_chord;
+            to += std::min(std::max(0.25 * (motion.chord[k] - back), -1.0), 1.0) * tangent;
         }
-        patch.crowded |= crowded;
         if (s < kSteady) patch.steady |= static_cast<std::uint8_t>(1u << k);
         patch.before[k] = to;  // swapped with m when every sample has its target
     }
-    // Between samples far apart the curve may come near edges that neither sample sees.
-    if (!patch.crowded) patch.crowded = length(i) > D * Field::kFreeReach;
+    patch.crowded = crowded;
 }
 
-// All samples move at once (Eq. 7 with displacements along the normals).
+// All samples move at once (Eq. 7 with displacements along the normals, at a joint along the mean of both patches').
 template <int D>
 void Chain<D>::move() {
-    for (int i : active_) move_patch(i);
-    for (int i : active_) {
+    motion_.resize(active_.size());
+    for (std::size_t at = 0; at < active_.size(); ++at) measure(active_[at], motion_[at]);
+    for (std::size_t at = 0; at < active_.size(); ++at) move_patch(active_[at], motion_[at]);
+    const std::size_t count = active_.size();
+    for (std::size_t at = 0; at < count; ++at) {
+        const int i = active_[at], prev = pool_[i].prev;
         std::swap(pool_[i].m, pool_[i].before);
-        const int prev = pool_[i].prev;
-        if (!pool_[prev].active && (pool_[i].steady & 1u) == 0) {
-            pool_[prev].before = pool_[prev].m;
-            pool_[prev].steady = kAllSteady;
-            pool_[prev].reverted = 0;
-            pool_[prev].crowded = true;
-            wake(prev);
-        }
+        if (pool_[prev].active || (pool_[i].steady & 1u) != 0) continue;
+        pool_[prev].before = pool_[prev].m;
+        pool_[prev].steady = kAllSteady;
+        pool_[prev].reverted = 0;
+        pool_[prev].crowded = true;
+        wake(prev);
     }
 }
 
@@ -83,6 +80,8 @@ bool Chain<D>::interval_hits(const Points& points, int k) const {
     constexpr int kSub = Basis<D>::kSub;
     const Basis<D>& basis = Basis<D>::get();
     const double chord = norm(points[k + 1] - points[k]);
+    const double free = std::max(field_.free_reach(points[k]), field_.free_reach(points[k + 1]));
+    if (free >= kBulge * chord && free > 0) return false;
     if (chord > 0.6 * kSub) {
         const int pieces = 1 + static_cast<int>(chord / (0.6 * kSub));
         for (int j = 0; j < kSub; ++j) {  // far apart: straight pieces between the kSub curve points
@@ -95,7 +94,6 @@ bool Chain<D>::interval_hits(const Points& points, int k) const {
         }
         return field_.solid(field_.clamp(points[k + 1]));
     }
-    if (!field_.crowded(points[k]) && !field_.crowded(points[k + 1])) return false;
     const int stride = chord <= 1.2 ? 4 : chord <= 2.4 ? 2 : 1;
     for (int j = stride; j < kSub; j += stride) {
         if (field_.solid(field_.clamp(apply<D>(basis.between[k][j], points)))) return true;
@@ -169,7 +167,7 @@ bool Chain<D>::uncovered(int i) const {
             const Vec2 p = field_.clamp(apply<D>(basis.between[k][j], points));
             if (field_.blocked(p)) continue;
             const Vec2 normal{tangent.y / size, -tangent.x / size};
-            if (reach(p, normal, kUncovered) >= kUncovered) return true;
+            if (reach(p, normal, kUncovered, field_.free_reach(p)) >= kUncovered) return true;
         }
     }
     return false;

@@ -18,6 +18,8 @@ struct Patch {
     std::array<Vec2, D> before;       // the samples before this iteration's move
     std::array<Vec2, D + 1> control;  // control points V^-1 M, valid after refresh()
     Box box;                          // of the control points
+    Vec2 end_tangent;        // unit tangent at the end joint before this iteration's move
+    double last_chord = 0;   // distance between the last two samples before this iteration's move
     int next = -1, prev = -1;
     std::uint8_t budget = kSplitBudget;  // of repairs left, see kSplitBudget
     std::uint8_t steady = 0;    // bit k: sample k did not move in this iteration

@@ -1,5 +1,7 @@
 // Splitting patches that stretch (Algorithm 2) and pruning those that shrink or fold (the paper's footnote on pruning).
 #pragma once
+#include <limits>
+
 #include "freeform/chain.hpp"
 
 namespace ffseg {
@@ -29,6 +31,19 @@ bool Chain<D>::folded(int i) const {
         if (dot(after, before) < 0) return true;
     }
     return false;
+}
+
+template <int D>
+typename Chain<D>::Chords Chain<D>::chords(int i) const {
+    const Points points = pool_.samples(i);
+    Chords found{std::numeric_limits<double>::infinity(), 0.0, 0.0};
+    for (int k = 0; k < D; ++k) {
+        const double chord = norm(points[k + 1] - points[k]);
+        found.shortest = std::min(found.shortest, chord);
+        found.longest = std::max(found.longest, chord);
+        found.total += chord;
+    }
+    return found;
 }
 
 // Replaces the patch by its chord, unless the chord meets an edge.
@@ -75,22 +90,15 @@ bool Chain<D>::remove(int i) {
 
 // Samples that have drawn together or apart let the curve swing between them; they are laid evenly along it again.
 template <int D>
-void Chain<D>::even_out(int i) {
-    const Points points = pool_.samples(i);
-    double shortest = 1e300, longest = 0.0, total = 0.0;
-    for (int k = 0; k < D; ++k) {
-        const double chord = norm(points[k + 1] - points[k]);
-        shortest = std::min(shortest, chord);
-        longest = std::max(longest, chord);
-        total += chord;
-    }
+void Chain<D>::even_out(int i, const Chords& chords) {
     Patch<D>& patch = pool_[i];
-    if (D == 1 || patch.budget == 0 || longest <= kUneven * shortest || longest < 1.0) return;
+    if (D == 1 || patch.budget == 0 || chords.longest <= kUneven * chords.shortest || chords.longest < 1.0) return;
+    const Points points = pool_.samples(i);
     const auto kept = patch.m;
     double passed = 0.0;
     int at = 0;
     for (int k = 1; k < D; ++k) {
-        const double wanted = total * k / D;
+        const double wanted = chords.total * k / D;
         double chord = norm(points[at + 1] - points[at]);
         while (at + 1 < D && passed + chord < wanted) {
             passed += chord;
@@ -110,12 +118,11 @@ void Chain<D>::even_out(int i) {
 
 // Is the control polygon much longer than the polygon of samples: does the curve swing about jittering samples?
 template <int D>
-bool Chain<D>::swings(int i) const {
-    if (D < 3) return false;
+bool Chain<D>::swings(int i, double size) const {
     const Patch<D>& patch = pool_[i];
     double polygon = 0.0;
     for (int k = 0; k < D; ++k) polygon += norm(patch.control[k + 1] - patch.control[k]);
-    return polygon > kSwing * length(i);
+    return polygon > kSwing * size;
 }
 
 // Replaces the patch by the least-squares curve of lower degree through its samples, unless that meets an edge.
@@ -141,7 +148,8 @@ void Chain<D>::refine() {
         const int i = active_[at];
         Patch<D>& patch = pool_[i];
         if (!patch.alive) continue;
-        const double size = length(i);
+        const Chords found = chords(i);
+        const double size = found.total;
         const double shortest = patch.crowded ? D * kPruneSpacing : kPruneRatio * options_.split_threshold;
         if (size < shortest && remove(i)) continue;
         if (folded(i)) {
@@ -149,9 +157,9 @@ void Chain<D>::refine() {
             if (norm(chord) < 0.3 * size && remove(i)) continue;
             straighten(i);
         }
-        if (patch.crowded) even_out(i);
+        if (patch.crowded) even_out(i, found);
         pool_.refresh(i);
-        if (swings(i)) calm(i);
+        if (D > 2 && swings(i, found.total)) calm(i);
         if (too_long(i)) {
             pool_[i].budget = kSplitBudget;
             split(i);

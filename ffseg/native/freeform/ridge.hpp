@@ -51,6 +51,30 @@ public:
         return best;
     }
 
+    // The same, uphill from `from`: the ridge on whose slope a point stands, if it lies within [least, most].
+    double climb(Vec2 p, Vec2 normal, double from, double least, double most) const {
+        double a = value(p + (from - kRidgeStep) * normal), b = value(p + from * normal);
+        double c = value(p + (from + kRidgeStep) * normal);
+        double s = from;
+        while (c > b && c >= a) {
+            s += kRidgeStep;
+            if (s > most) return std::numeric_limits<double>::quiet_NaN();
+            a = b;
+            b = c;
+            c = value(p + (s + kRidgeStep) * normal);
+        }
+        while (a > b) {
+            s -= kRidgeStep;
+            if (s < least) return std::numeric_limits<double>::quiet_NaN();
+            c = b;
+            b = a;
+            a = value(p + (s - kRidgeStep) * normal);
+        }
+        if (b < low_) return std::numeric_limits<double>::quiet_NaN();
+        const double bend = a - 2 * b + c;
+        return bend < 0 ? s + kRidgeStep * 0.5 * (a - c) / bend : s;
+    }
+
 private:
     GradientView view_;
     double low_;

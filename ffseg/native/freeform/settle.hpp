@@ -36,33 +36,40 @@ public:
     // Returns the settled samples; with `refine` they are laid out anew, evenly, and closer where the ridge bends.
     Samples run(Samples samples, bool refine, double spacing, int& splits) {
         at_ = std::move(samples);
-        project(-kRidgeBack, reach_, kRidgeAhead);
+        fresh_.assign(at_.size(), 1);
+        project(kRidgeAhead, -kRidgeBack, reach_);
         if (refine) lay_out(std::min(spacing, kSettledSpacing));
-        project(-kRidgeAhead, kRidgeAhead, 0.0);
+        fresh_.assign(at_.size(), 1);
+        project(0.0, -kRidgeAhead, kRidgeAhead);
         for (int round = 0; refine && round < kRidgeRounds; ++round) {
-            const int fresh = split_missed();
-            splits += fresh;
-            if (fresh == 0) break;
-            project(-0.5 * reach_, 0.5 * reach_, 0.0);
+            const int split = split_missed();
+            splits += split;
+            if (split == 0) break;
+            project(0.0, -0.5 * reach_, 0.5 * reach_);
         }
         return std::move(at_);
     }
 
 private:
-    void project(double from, double to, double expected) {
+    // Moves the fresh samples to the ridge found uphill from `expected`, else to the nearest in [from, to].
+    void project(double expected, double from, double to) {
         const std::size_t n = at_.size();
         normal_.resize(n);
-        offset_.resize(n);
+        offset_.assign(n, 0.0);
         for (std::size_t i = 0; i < n; ++i) {
+            if (!fresh_[i]) continue;
             normal_[i] = normal_across(i);
-            offset_[i] = ridge_.offset(at_[i], normal_[i], from, to, expected);
+            offset_[i] = ridge_.climb(at_[i], normal_[i], expected, from, to);
+            if (std::isnan(offset_[i])) offset_[i] = ridge_.offset(at_[i], normal_[i], from, to, expected);
         }
         agree();
         for (std::size_t i = 0; i < n; ++i) {
             if (std::isnan(offset_[i])) offset_[i] = to_limit(i);
         }
         unfold();
-        for (std::size_t i = 0; i < n; ++i) at_[i] = field_.clamp(at_[i] + offset_[i] * normal_[i]);
+        for (std::size_t i = 0; i < n; ++i) {
+            if (fresh_[i]) at_[i] = field_.clamp(at_[i] + offset_[i] * normal_[i]);
+        }
     }
 
     Vec2 normal_across(std::size_t i) const {
@@ -80,6 +87,9 @@ private:
         const std::size_t n = at_.size();
         const std::vector<double> found = offset_;
         for (std::size_t i = 0; i < n; ++i) {
+            if (!fresh_[i]) continue;
+            const double here = found[i], step = 0.5 * kRidgeOutlier;
+            if (std::abs(here - found[(i + n - 1) % n]) < step && std::abs(here - found[(i + 1) % n]) < step) continue;
             std::array<double, 5> near{};
             std::size_t count = 0;
             for (std::size_t shift = 0; shift < 5; ++shift) {
@@ -111,7 +121,7 @@ private:
                 const std::size_t j = (i + 1) % n;
                 const Vec2 before = at_[j] - at_[i];
                 const Vec2 after = before + offset_[j] * normal_[j] - offset_[i] * normal_[i];
-                if (dot(before, after) > 0.1 * norm2(before)) continue;
+                if (dot(before, after) > 0.1 * norm2(before) || (offset_[i] == 0 && offset_[j] == 0)) continue;
                 offset_[i] *= 0.5;
                 offset_[j] *= 0.5;
                 any = true;
@@ -164,20 +174,23 @@ private:
         return points;
     }
 
-    // Splits (Algorithm 2) the patches whose curve leaves the ridge between samples.
+    // Splits (Algorithm 2) the fresh patches whose curve leaves the ridge between samples; what they become is fresh.
     int split_missed() {
         const Basis<D>& basis = Basis<D>::get();
         Samples finer;
+        std::vector<std::uint8_t> fresh;
         int splits = 0;
         for (std::size_t first = 0; first < at_.size(); first += D) {
             const auto points = patch(first);
-            const bool split = misses(points);
+            const bool split = fresh_[first] != 0 && misses(points);
             splits += split;
             for (std::size_t k = 0; k < (split ? 2 * D : D); ++k) {
                 finer.push_back(split ? apply<D>(basis.halves[k], points) : points[k]);
+                fresh.push_back(split);
             }
         }
         at_ = std::move(finer);
+        fresh_ = std::move(fresh);
         return splits;
     }
 
@@ -185,18 +198,13 @@ private:
         constexpr int kHalf = Basis<D>::kSub / 2;
         const Basis<D>& basis = Basis<D>::get();
         for (std::size_t k = 0; k < D; ++k) {
-            if (norm(points[k + 1] - points[k]) < 2 * kClosest) continue;
+            if (norm2(points[k + 1] - points[k]) < 4 * kClosest * kClosest) continue;
             const Vec2 tangent = unit(apply<D>(basis.between_slope[k][kHalf], points));
-            const double off = ridge_.offset(apply<D>(basis.between[k][kHalf], points), {tangent.y, -tangent.x},
-                                             -0.5 * reach_, 0.5 * reach_, 0.0);
+            const Vec2 middle = apply<D>(basis.between[k][kHalf], points);
+            const double off = ridge_.climb(middle, {tangent.y, -tangent.x}, 0.0, -0.5 * reach_, 0.5 * reach_);
             if (std::abs(off) > kRidgeMiss) return true;
         }
         return false;
-    }
-
-    static Vec2 unit(Vec2 v) {
-        const double size = norm(v);
-        return size > 0 ? (1.0 / size) * v : Vec2{};
     }
 
     const Field& field_;
@@ -204,6 +212,7 @@ private:
     double reach_;
     Samples at_, normal_;
     std::vector<double> offset_;
+    std::vector<std::uint8_t> fresh_;  // 1 for samples that have not been moved to the ridge yet
 };
 
 }  // namespace ffseg
