@@ -4,6 +4,13 @@
 #include <cmath>
 #include <limits>
 
+// Small functions in the innermost loops, which compilers leave out of line when they are called often.
+#if defined(__GNUC__)
+#define FFSEG_INLINE inline __attribute__((always_inline))
+#else
+#define FFSEG_INLINE __forceinline
+#endif
+
 namespace ffseg {
 
 struct Vec2 {
@@ -18,9 +25,9 @@ inline double dot(Vec2 a, Vec2 b) { return a.x * b.x + a.y * b.y; }
 // Positive when b lies clockwise of a on the screen (counter-clockwise in these y-down axes).
 inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
 inline double norm2(Vec2 a) { return dot(a, a); }
-inline double norm(Vec2 a) { return std::sqrt(norm2(a)); }
+FFSEG_INLINE double norm(Vec2 a) { return std::sqrt(norm2(a)); }
 // The vector scaled to length 1; the zero vector stays.
-inline Vec2 unit(Vec2 a) {
+FFSEG_INLINE Vec2 unit(Vec2 a) {
     const double size = norm(a);
     return size > 0 ? (1.0 / size) * a : Vec2{};
 }

@@ -13,8 +13,11 @@ constexpr double kMarchStep = 0.5;
 // Near edges a sample moves at most this far in one iteration: the edge band is three pixels wide, so neither the
 // sample nor the stretch between two samples can pass it unseen.
 constexpr double kCautiousStep = 2.0;
-// A curve between two samples stays within this many times their distance of either.
-constexpr double kBulge = 1.2;
+// Discs round two samples whose radii sum to this many times the distance between them hold the curve in between: two
+// equal ones reach 0.41 of the distance to the side of its middle.
+constexpr double kBulge = 1.3;
+// The curve between samples is looked at every so many pixels: less than the thickness of a 4-connected chain.
+constexpr double kLookEvery = 0.7;
 // A sample that moved less than half a march step is steady.
 constexpr double kSteady = 0.25;
 // A resting stretch that could still advance this far between its samples is split instead.
@@ -30,6 +33,8 @@ constexpr double kUneven = 3.0;
 // A control polygon this many times longer than the polygon of samples belongs to a curve that swings; that of a
 // quarter circle is 1.1 times longer.
 constexpr double kSwing = 1.25;
+// With fewer than one patch in so many moving, these are compared with all others instead of sorting.
+constexpr std::size_t kFewActive = 16;
 // Components enclosing less cannot hold the band of one edge pixel (3 x 3) and are dropped.
 constexpr double kVoidArea = 4.0;
 // Rounds of crossing tests in one iteration; what is left waits for the next.
@@ -108,6 +113,8 @@ private:
     // flip.hpp
     void flip_crossings();
     bool flip_round(bool only_touched);
+    bool sweep(bool only_touched);
+    bool try_pair(int i, int j, bool only_touched);
     void sort_patches();
     bool polygons_cross(int i, int j) const;
     bool flip(int i, int j, int depth);
@@ -127,6 +134,7 @@ private:
     Pool<D> pool_;
     std::vector<int> active_, freed_, sorted_, queue_;
     std::vector<Motion> motion_;
+    std::vector<std::size_t> next_active_;
     std::vector<std::vector<Vec2>> settled_;  // the samples of each component once it has settled
     EvolutionCounts counts_;
     StopReason reason_ = StopReason::kRunning;

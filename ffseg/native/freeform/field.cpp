@@ -33,6 +33,14 @@ void distance_line(const std::vector<double>& f, std::vector<double>& out, std::
     }
 }
 
+constexpr int kRun = 32;
+
+bool all_zero(const std::uint8_t* bytes) {  // kRun of them
+    std::uint64_t words[kRun / 8];
+    std::memcpy(words, bytes, kRun);
+    return (words[0] | words[1] | words[2] | words[3]) == 0;
+}
+
 }  // namespace
 
 Field::Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, int width)
@@ -50,18 +58,15 @@ Field::Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, 
 
 void Field::mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occupied) {
     std::vector<std::size_t> found;
+    found.reserve(16384);
     for (int y = 0; y < height_; ++y) {
         const std::uint8_t* row = edges + static_cast<std::size_t>(y) * width_;
         const std::size_t tiles = static_cast<std::size_t>(y >> kTileShift) * tiles_x_;
         int x = 0;
         while (x < width_) {
-            std::uint64_t eight = 0;
-            if (x + 8 <= width_) {
-                std::memcpy(&eight, row + x, 8);
-                if (eight == 0) {
-                    x += 8;
-                    continue;
-                }
+            if (x + kRun <= width_ && all_zero(row + x)) {
+                x += kRun;
+                continue;
             }
             if (row[x] != 0) {
                 found.push_back(cell(x, y));
@@ -72,16 +77,18 @@ void Field::mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occ
     }
     for (const std::size_t at : found) {
         for (const std::size_t row : {at - stride_, at, at + stride_}) {
-            for (const std::size_t near : {row - 1, row, row + 1}) blocked_[near] = kBand;
+            for (std::size_t near = row - 1; near <= row + 1; ++near) blocked_[near] |= kBand;
         }
+        blocked_[at] |= kEdge;
     }
-    for (const std::size_t at : found) blocked_[at] = kEdge;
-    for (const std::size_t at : found) {  // close the diagonal steps: an edge is a 4-connected chain of solid pixels
+    // Close the diagonal steps: an edge is a 4-connected chain of solid pixels.
+    const auto solid = [this](std::size_t at) { return blocked_[at] >= kEdge; };
+    for (const std::size_t at : found) {
         const std::size_t below = at + stride_;
-        if (blocked_[below] == kEdge) continue;
-        const bool left = blocked_[below - 1] == kEdge && blocked_[at - 1] != kEdge;
-        const bool right = blocked_[below + 1] == kEdge && blocked_[at + 1] != kEdge;
-        if (left || right) blocked_[below] = kEdge;
+        if (solid(below)) continue;
+        const bool left = solid(below - 1) && !solid(at - 1);
+        const bool right = solid(below + 1) && !solid(at + 1);
+        if (left || right) blocked_[below] |= kEdge;
     }
 }
 
@@ -176,7 +183,7 @@ std::vector<float> Field::squared_distance(const std::vector<std::uint8_t>& zero
 
 void Field::grow(double radius) {
     std::vector<std::uint8_t> edges(blocked_.size());
-    for (std::size_t at = 0; at < edges.size(); ++at) edges[at] = blocked_[at] == kEdge;
+    for (std::size_t at = 0; at < edges.size(); ++at) edges[at] = blocked_[at] >= kEdge && blocked_[at] < kOutside;
     const std::vector<float> squared = squared_distance(edges);
     for (std::size_t at = 0; at < edges.size(); ++at) {
         if (blocked_[at] <= kBand && squared[at] < radius * radius) blocked_[at] = kEdge;

@@ -11,7 +11,7 @@ class Field {
 public:
     static constexpr int kTileShift = 2;
     // Free space is known up to so many tiles away.
-    static constexpr int kLevels = 4;
+    static constexpr int kLevels = 3;
 
     // Edges are solid; the pixels round them are a band that stops samples, while the curve between two samples may
     // run through it.
@@ -30,7 +30,7 @@ public:
     int width() const { return width_; }
     int height() const { return height_; }
 
-    Vec2 clamp(Vec2 p) const {
+    FFSEG_INLINE Vec2 clamp(Vec2 p) const {
         constexpr double kInside = 0.5 - 1e-6;
         return {std::min(std::max(p.x, -kInside), width_ - 1 + kInside),
                 std::min(std::max(p.y, -kInside), height_ - 1 + kInside)};
@@ -46,7 +46,7 @@ public:
     }
     bool outside_domain(Vec2 p) const {
         const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
-        return blocked_[static_cast<std::size_t>(row) * stride_ + column] == kOutside;
+        return blocked_[static_cast<std::size_t>(row) * stride_ + column] >= kOutside;
     }
     // A lower bound of the distance from p to anything blocked, known in steps of a tile up to kLevels tiles.
     double free_reach(Vec2 p) const {
@@ -55,7 +55,7 @@ public:
     }
 
 private:
-    static constexpr std::uint8_t kBand = 1, kEdge = 2, kOutside = 3;
+    static constexpr std::uint8_t kBand = 1, kEdge = 2, kOutside = 4;  // an edge pixel is kBand | kEdge
     std::size_t cell(int x, int y) const { return (static_cast<std::size_t>(y) + 1) * stride_ + x + 1; }
     // Squared distances of all cells to the nearest one that is nonzero.
     std::vector<float> squared_distance(const std::vector<std::uint8_t>& zero) const;

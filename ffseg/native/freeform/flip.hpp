@@ -7,7 +7,7 @@ namespace ffseg {
 // Patches ordered by the left side of their boxes; the order hardly changes in one iteration, so insertion is cheap.
 template <int D>
 void Chain<D>::sort_patches() {
-    const auto left = [this](int i) { return pool_[i].box.x0; };
+    const auto left = [this](int i) { return pool_.box(i).x0; };
     for (std::size_t at = 1; at < sorted_.size(); ++at) {
         const int moving = sorted_[at];
         const double key = left(moving);
@@ -28,7 +28,7 @@ bool Chain<D>::polygons_cross(int i, int j) const {
         Box box;
         box.add(p[a]);
         box.add(p[a + 1]);
-        if (!box.meets(pool_[j].box)) continue;
+        if (!box.meets(pool_.box(j))) continue;
         for (int b = 0; b < D; ++b) {
             if (segments_cross(p[a], p[a + 1], q[b], q[b + 1])) return true;
         }
@@ -36,24 +36,55 @@ bool Chain<D>::polygons_cross(int i, int j) const {
     return false;
 }
 
+// Flips i and j if they cross; pairs at rest and (in later rounds) pairs not touched by a flip cannot have changed.
 template <int D>
-bool Chain<D>::flip_round(bool only_touched) {
-    bool any = false;
+bool Chain<D>::try_pair(int i, int j, bool only_touched) {
+    const Patch<D>&a = pool_[i], &b = pool_[j];
+    if (!a.alive || !b.alive || !(a.active || b.active)) return false;
+    if (only_touched && !(a.touched || b.touched)) return false;
+    if (a.next == j || b.next == i || !polygons_cross(i, j)) return false;
+    return flip(i, j, 0);
+}
+
+// The bounding-box filter over the sorted patches. From a patch at rest only active ones are visited.
+template <int D>
+bool Chain<D>::sweep(bool only_touched) {
     sort_patches();
-    for (std::size_t at = 0; at < sorted_.size(); ++at) {
+    const std::size_t count = sorted_.size();
+    next_active_.resize(count + 1);
+    next_active_[count] = count;
+    for (std::size_t at = count; at-- > 0;) next_active_[at] = pool_[sorted_[at]].active ? at : next_active_[at + 1];
+    bool any = false;
+    for (std::size_t at = 0; at < count; ++at) {
         const int i = sorted_[at];
-        if (!pool_[i].alive) continue;
-        for (std::size_t on = at + 1; on < sorted_.size(); ++on) {
-            const int j = sorted_[on];
-            const Patch<D>&a = pool_[i], &b = pool_[j];
-            if (b.box.x0 > a.box.x1) break;
-            if (!b.alive || !(a.active || b.active) || !a.box.meets(b.box)) continue;
-            if (only_touched && !(a.touched || b.touched)) continue;
-            if (a.next == j || b.next == i || !polygons_cross(i, j)) continue;
-            if (flip(i, j, 0)) {
+        const Box box = pool_.box(i);
+        const bool active = next_active_[at] == at;
+        for (std::size_t on = active ? at + 1 : next_active_[at + 1]; on < count; on = active ? on + 1 : next_active_[on + 1]) {
+            const Box& other = pool_.box(sorted_[on]);
+            if (other.x0 > box.x1) break;
+            if (box.meets(other) && try_pair(i, sorted_[on], only_touched)) {
                 any = true;
                 break;
             }
+        }
+    }
+    return any;
+}
+
+// While few patches move, each is compared with all others; else the sorted sweep pays.
+template <int D>
+bool Chain<D>::flip_round(bool only_touched) {
+    if (active_.size() * kFewActive > sorted_.size()) return sweep(only_touched);
+    bool any = false;
+    const std::size_t moving = active_.size(), count = sorted_.size();
+    for (std::size_t at = 0; at < moving; ++at) {
+        const int i = active_[at];
+        const Box box = pool_.box(i);
+        for (std::size_t on = 0; on < count; ++on) {
+            const int j = sorted_[on];
+            if (j == i || !box.meets(pool_.box(j)) || !try_pair(i, j, only_touched)) continue;
+            any = true;
+            break;
         }
     }
     return any;
@@ -167,7 +198,7 @@ bool Chain<D>::flip_finer(int i, int j, int depth) {
     const int j2 = length(j) > kFlipLength ? split(j) : -1;
     for (const int a : {i, i2}) {
         for (const int b : {j, j2}) {
-            if (a < 0 || b < 0 || !pool_[a].box.meets(pool_[b].box) || !polygons_cross(a, b)) continue;
+            if (a < 0 || b < 0 || !pool_.box(a).meets(pool_.box(b)) || !polygons_cross(a, b)) continue;
             if (pool_[a].next == b || pool_[b].next == a) continue;
             return flip(a, b, depth + 1);
         }

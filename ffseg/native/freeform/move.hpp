@@ -39,7 +39,7 @@ void Chain<D>::move_patch(int i, const Motion& motion) {
         const double ahead = free;
         free = field_.free_reach(motion.points[k]);
         // Could the curve between this sample and the next, wherever they move now, be near anything blocked?
-        crowded = crowded || std::max(free, ahead) < kBulge * motion.chord[k] + options_.balloon;
+        crowded = crowded || free + ahead < kBulge * motion.chord[k] + 2 * options_.balloon;
         const Vec2 tangent = k > 0 ? motion.tangent[k] : unit(motion.tangent[0] + prev.end_tangent);
         const Vec2 normal{tangent.y, -tangent.x};
         const double s = reach(motion.points[k], normal, options_.balloon, free);
@@ -74,16 +74,16 @@ void Chain<D>::move() {
 }
 
 // Does the curve between samples k and k + 1 meet something blocked? Edges are 4-connected
-// chains of pixels, at least 0.7 pixels thick; the curve is looked at every 0.6 pixels or closer.
+// chains of pixels, at least 0.7 pixels thick.
 template <int D>
 bool Chain<D>::interval_hits(const Points& points, int k) const {
     constexpr int kSub = Basis<D>::kSub;
     const Basis<D>& basis = Basis<D>::get();
     const double chord = norm(points[k + 1] - points[k]);
-    const double free = std::max(field_.free_reach(points[k]), field_.free_reach(points[k + 1]));
-    if (free >= kBulge * chord && free > 0) return false;
-    if (chord > 0.6 * kSub) {
-        const int pieces = 1 + static_cast<int>(chord / (0.6 * kSub));
+    const double free = field_.free_reach(points[k]) + field_.free_reach(points[k + 1]);
+    if (free > 0 && free >= kBulge * chord) return false;
+    if (chord > kLookEvery * kSub) {
+        const int pieces = 1 + static_cast<int>(chord / (kLookEvery * kSub));
         for (int j = 0; j < kSub; ++j) {  // far apart: straight pieces between the kSub curve points
             const Vec2 a = apply<D>(basis.between[k][j], points);
             const Vec2 b = j + 1 < kSub ? apply<D>(basis.between[k][j + 1], points) : points[k + 1];
@@ -94,7 +94,7 @@ bool Chain<D>::interval_hits(const Points& points, int k) const {
         }
         return field_.solid(field_.clamp(points[k + 1]));
     }
-    const int stride = chord <= 1.2 ? 4 : chord <= 2.4 ? 2 : 1;
+    const int stride = chord <= 2 * kLookEvery ? 4 : chord <= 4 * kLookEvery ? 2 : 1;
     for (int j = stride; j < kSub; j += stride) {
         if (field_.solid(field_.clamp(apply<D>(basis.between[k][j], points)))) return true;
     }
@@ -142,7 +142,9 @@ template <int D>
 void Chain<D>::guard() {
     queue_.clear();
     for (int i : active_) {
-        if (pool_[i].crowded && guard_patch(i)) pool_[i].wants_split = true;
+        const Patch<D>& patch = pool_[i];
+        const bool still = patch.steady == kAllSteady && (pool_[patch.next].steady & 1u) != 0;
+        if (patch.crowded && !still && guard_patch(i)) pool_[i].wants_split = true;
     }
     for (std::size_t at = 0; at < queue_.size(); ++at) {
         const int i = queue_[at];

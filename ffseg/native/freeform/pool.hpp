@@ -17,7 +17,6 @@ struct Patch {
     std::array<Vec2, D> m;            // on-curve samples M_0 .. M_{D-1}; M_D is the next patch's M_0
     std::array<Vec2, D> before;       // the samples before this iteration's move
     std::array<Vec2, D + 1> control;  // control points V^-1 M, valid after refresh()
-    Box box;                          // of the control points
     Vec2 end_tangent;        // unit tangent at the end joint before this iteration's move
     double last_chord = 0;   // distance between the last two samples before this iteration's move
     int next = -1, prev = -1;
@@ -42,6 +41,7 @@ public:
         if (free_.empty()) {
             at = size();
             patches_.emplace_back();
+            boxes_.emplace_back();
         } else {
             at = free_.back();
             free_.pop_back();
@@ -56,6 +56,7 @@ public:
         free_.push_back(i);
         --alive_;
     }
+    const Box& box(int i) const { return boxes_[static_cast<std::size_t>(i)]; }
     void link(int a, int b) {
         (*this)[a].next = b;
         (*this)[b].prev = a;
@@ -84,8 +85,9 @@ public:
         patch.control[0] = points[0];
         patch.control[D] = points[D];
         for (int k = 1; k < D; ++k) patch.control[k] = apply<D>(basis.inverse[k], points);
-        patch.box = Box{};
-        for (const Vec2& p : patch.control) patch.box.add(p);
+        Box box;
+        for (const Vec2& p : patch.control) box.add(p);
+        boxes_[static_cast<std::size_t>(i)] = box;
     }
     // Algorithm 2: the same curve as two patches; the new one follows i. Returns it.
     int split(int i) {
@@ -112,6 +114,7 @@ public:
 
 private:
     std::vector<Patch<D>> patches_;
+    std::vector<Box> boxes_;  // of the control points, beside the patches: the filter reads nothing else
     std::vector<int> free_;
     int alive_ = 0;
 };

@@ -17,7 +17,7 @@ class Ridge {
 public:
     Ridge(const GradientView& gradient, double low) : view_(gradient), low_(low) {}
 
-    double value(Vec2 p) const {
+    FFSEG_INLINE double value(Vec2 p) const {
         const double x = std::min(std::max(p.x, 0.0), view_.width - 1.0);
         const double y = std::min(std::max(p.y, 0.0), view_.height - 1.0);
         const int column = std::min(static_cast<int>(x), std::max(view_.width - 2, 0));

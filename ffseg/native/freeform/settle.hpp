@@ -47,6 +47,8 @@ public:
             if (split == 0) break;
             project(0.0, -0.5 * reach_, 0.5 * reach_);
         }
+        fresh_.assign(at_.size(), 1);
+        project(0.0, -1.0, 1.0);
         return std::move(at_);
     }
 
