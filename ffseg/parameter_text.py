@@ -29,6 +29,16 @@ def to_yaml(params: Parameters) -> str:
     return "\n".join(lines) + "\n"
 
 
+def default_file() -> str:
+    """Write ``configs/default.yaml``: every key with its default."""
+    return f"{SCHEMA_COMMENT}\n# Every key with its default.\n\n{to_yaml(Parameters())}"
+
+
+def schema_file() -> str:
+    """Write ``configs/schema.json``, which editors check parameter files against."""
+    return json.dumps(json_schema(), indent=2) + "\n"
+
+
 def yaml_value(value: object) -> str:
     """Write one value so that the strict reader gives it back."""
     if isinstance(value, str) and _PLAIN.fullmatch(value) and isinstance(scalar(value), str) and value == value.strip():
@@ -47,8 +57,8 @@ def to_markdown() -> str:
     lines = [
         "# Parameters",
         "",
-        "Made by `./check --update` from `ffseg/parameters.py`. Set a key in a YAML file (`--config FILE`), on the",
-        'command line (`--set contour.degree=2`) or in Python (`ffseg.load_params(None, {"contour.degree": 2})`).',
+        "Made from `ffseg/parameters.py` by `pytest --update-golden`. Set a key in a YAML file (`--config FILE`), on",
+        'the command line (`--set contour.degree=2`) or in Python (`ffseg.load_params(None, {"contour.degree": 2})`).',
     ]
     sections: dict[str, type[Section]] = {"": Parameters, **subsections(Parameters)}
     for name, section in sections.items():

@@ -12,7 +12,7 @@ from ffseg.errors import ParameterError
 from ffseg.schema import strict_yaml
 from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Number, OrWord, Row, Text
 from ffseg.schema.nodes import Node, Problems, Source, wrap
-from ffseg.schema.sections import Section, build, collect, declared, subsection
+from ffseg.schema.sections import Section, build, collect, declared, nearest, subsection
 
 Overrides = Mapping[str, object] | Sequence[str]
 
@@ -149,7 +149,8 @@ def _file(source: str | os.PathLike[str], problems: Problems) -> Node:
     if isinstance(source, str) and not _looks_like_path(name):
         known = presets()
         if name not in known and not os.path.exists(name):
-            problems.add(name, f"no such preset or file; the presets are {', '.join(known)}")
+            hint = nearest(name, list(known))
+            problems.add(name, f"no such preset or file{hint}; the presets are {', '.join(known)}")
             return Node({}, Source(name))
         name = os.fspath(known.get(name, name))
     return strict_yaml.read(name, problems)

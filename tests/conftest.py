@@ -1,19 +1,78 @@
-"""Options and settings shared by every test; its place puts ``tests/`` (naive, strategies) on the import path."""
+"""What all tests share: options, golden files, the data folder, the command line."""
 
 from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-settings.register_profile("short", deadline=None, max_examples=50)
-settings.load_profile("short")
+ROOT = Path(__file__).resolve().parent.parent
+
+# Reproducible examples; no deadline, because a loaded machine is no defect of the code.
+settings.register_profile("short", deadline=None, max_examples=50, derandomize=True)
+settings.register_profile("long", deadline=None, max_examples=2000, print_blob=True)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--update-golden", action="store_true", help="rewrite the golden files from today's output")
+    parser.addoption("--update-golden", action="store_true", help="write golden files and generated pages anew")
+    parser.addoption("--long", action="store_true", help="run the long form of the campaigns")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    settings.load_profile("long" if config.getoption("--long") else "short")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("--long"):
+        return
+    for item in items:
+        if "long" in item.keywords:
+            item.add_marker(pytest.mark.skip(reason="long form of a campaign; run with --long"))
 
 
 @pytest.fixture
 def update_golden(request: pytest.FixtureRequest) -> bool:
     """True when golden files are to be rewritten instead of compared."""
     return bool(request.config.getoption("--update-golden"))
+
+
+@pytest.fixture
+def golden(update_golden: bool) -> Callable[[Path, str], None]:
+    """Compare whole text with a file kept in the repository; --update-golden writes it."""
+
+    def compare(path: Path, text: str) -> None:
+        if update_golden:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8", newline="\n")
+        name = path.relative_to(ROOT)
+        assert path.is_file(), f"{name} is missing; write it with pytest --update-golden"
+        assert path.read_text(encoding="utf-8") == text, f"{name} is stale; write it anew with pytest --update-golden"
+
+    return compare
+
+
+@pytest.fixture(scope="session")
+def data_folder() -> Path:
+    """Folder of the real images to develop on; tests that need it skip where it is absent."""
+    folder = Path(os.environ.get("FFSEG_DATA", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no data folder {folder}; name it in the environment variable FFSEG_DATA")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def ffseg_command() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run ``ffseg`` as its own process; returns exit code, stdout and stderr."""
+
+    def run(*arguments: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "ffseg", *map(str, arguments)]
+        return subprocess.run(
+            command, check=False, capture_output=True, text=True, encoding="utf-8", timeout=120, **options
+        )
+
+    return run

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated
 
 import typer
 
 from ffseg.cli import console
 from ffseg.errors import ParameterError
-from ffseg.parameter_text import json_schema, to_yaml
+from ffseg.parameter_text import schema_file, to_yaml
 from ffseg.parameters import load_params, presets
 
 app = typer.Typer(
@@ -58,7 +57,7 @@ def check(files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Pa
 @app.command()
 def schema() -> None:
     """Print the JSON Schema of parameter files, for editors."""
-    console.data(json.dumps(json_schema(), indent=2))
+    console.data(schema_file().rstrip("\n"))
 
 
 def _purpose(text: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +59,7 @@ class Paper:
     def stroke(self, points: Points, width: float) -> Stencil:
         """Round-ended line of `width` px through the points."""
         drawn = self.disc(points[0], width / 2)
-        for (xa, ya), (xb, yb) in zip(points[:-1], points[1:], strict=True):
+        for (xa, ya), (xb, yb) in pairwise(points):
             length = np.sqrt((xb - xa) ** 2 + (yb - ya) ** 2)
             nx, ny = (ya - yb) / length * width / 2, (xb - xa) / length * width / 2
             drawn |= self.polygon(((xa + nx, ya + ny), (xb + nx, yb + ny), (xb - nx, yb - ny), (xa - nx, ya - ny)))

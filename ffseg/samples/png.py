@@ -121,4 +121,5 @@ def _spread(values: NDArray[np.int64], widths: NDArray[np.int64]) -> NDArray[np.
     """Write each value as `width` bits, the lowest first."""
     ends = np.cumsum(widths)
     position = np.arange(ends[-1]) - np.repeat(ends - widths, widths)
-    return ((np.repeat(values, widths) >> position) & 1).astype(np.uint8)
+    bits: NDArray[np.uint8] = ((np.repeat(values, widths) >> position) & 1).astype(np.uint8)
+    return bits

@@ -37,7 +37,7 @@ def mottling(shape: tuple[int, int], cell: int, depth: float, seed: int) -> Surf
 
 
 def shading(shape: tuple[int, int], right: float, down: float) -> Surface:
-    """Brightness that changes evenly by `right` from left to right and by `down` from top to bottom, 0 in the middle."""
+    """Brightness rising evenly by `right` from left to right and by `down` from top to bottom, 0 in the middle."""
     x = np.arange(shape[1]) / (shape[1] - 1) - 0.5
     y = np.arange(shape[0]) / (shape[0] - 1) - 0.5
     return np.asarray(x[None, :] * right + y[:, None] * down)

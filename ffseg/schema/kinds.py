@@ -12,6 +12,8 @@ from ffseg.schema.nodes import Node, Problems, shown
 JsonSchema = dict[str, object]
 BAD = object()
 """What `check` returns for a value it has reported as a problem."""
+LARGEST = 1e300
+"""Larger numbers, infinity among them, overflow as soon as something is computed with them."""
 _TRUE_WORDS = {"yes": "true", "on": "true", "y": "true", "no": "false", "off": "false", "n": "false"}
 
 
@@ -88,7 +90,7 @@ class Number:
         if isinstance(value, bool) or not isinstance(value, int | float):
             return _reject(self, node, key, problems)
         fits = (self.low < value if self.above else self.low <= value) and value <= self.high
-        if not fits or not math.isfinite(value) or abs(value) > 1e300:
+        if not fits or abs(value) > LARGEST:
             return _reject(self, node, key, problems)
         return float(value)
 
@@ -98,7 +100,7 @@ class Number:
         if math.isinf(self.low) and math.isinf(self.high):
             return "a finite number"
         if math.isinf(self.high):
-            return f"a number above {low}" if self.above else f"a number of at least {low}"
+            return f"a finite number above {low}" if self.above else f"a finite number of at least {low}"
         return f"a number above {low} and up to {high}" if self.above else f"a number from {low} to {high}"
 
     def json_schema(self) -> JsonSchema:

@@ -95,6 +95,12 @@ def shown(value: object) -> str:
     return text if len(text) <= LONGEST_VALUE_SHOWN else text[:LONGEST_VALUE_SHOWN] + "…"
 
 
+def shown_key(key: str) -> str:
+    """Write a key as it stands, shortened and without control characters."""
+    text = key if key.isprintable() else repr(key)[1:-1]
+    return text if len(text) <= 2 * LONGEST_VALUE_SHOWN else text[: 2 * LONGEST_VALUE_SHOWN] + "…"
+
+
 class Problems:
     """What is wrong with a set of values, gathered so that all of it is said at once."""
 

@@ -8,11 +8,16 @@ from typing import TypeVar
 
 from ffseg.errors import ParameterError
 from ffseg.schema.kinds import BAD, Kind
-from ffseg.schema.nodes import Node, Problems, Source, shown, wrap
+from ffseg.schema.nodes import Node, Problems, Source, shown, shown_key, wrap
 
 T = TypeVar("T")
 S = TypeVar("S", bound="Section")
 PYTHON = Source("parameters")
+ENOUGH_PROBLEMS = 200
+"""A file with more is not a parameter file; looking on would only take time."""
+LONGEST_KEY = 64
+"""Longer words are no slip of the pen, and comparing them takes quadratic time."""
+SEE_ALL = "; 'ffseg config show' lists every key"
 
 
 def declared(default: T, kind: Kind, doc: str) -> T:
@@ -111,14 +116,16 @@ def collect(section: type[Section], root: Node, problems: Problems) -> dict[str,
     given: dict[str, str] = {}
     for key, node in _flatten(root, "", groups):
         if key in given:
-            problems.add(node.key_where, f"{key}: the key is given twice (first at {given[key]}); keep one")
+            problems.add(node.key_where, f"{shown_key(key)}: the key is given twice (first at {given[key]}); keep one")
         given[key] = node.key_where
+        if len(problems.lines) > ENOUGH_PROBLEMS:
+            break
         if key in known:
             value = known[key].kind.check(node, key, problems)
             if value is not BAD:
                 values[key] = value
         elif key not in groups:
-            problems.add(node.key_where, f"{key}: unknown key{_nearest(key, [*known, *groups])}")
+            problems.add(node.key_where, f"{shown_key(key)}: unknown key{nearest(key, [*known, *groups]) or SEE_ALL}")
         elif node.value is not None:
             problems.add(node.where, f"{key}: {shown(node.value)} is not a mapping; write {key}.KEY: VALUE")
     return values
@@ -155,8 +162,10 @@ def _flatten(node: Node, prefix: str, groups: set[str]) -> Iterator[tuple[str, N
             yield dotted, child
 
 
-def _nearest(key: str, known: list[str]) -> str:
-    """Say which known key is meant, or list what there is."""
+def nearest(key: str, known: list[str]) -> str:
+    """Ask ``; did you mean '...'?`` where a known key is near; a dotted key also by its last part."""
+    if len(key) > LONGEST_KEY:
+        return ""
     import difflib  # 5 ms that only a wrong key should cost
 
     last = key.rpartition(".")[2]
@@ -165,4 +174,4 @@ def _nearest(key: str, known: list[str]) -> str:
     if not near:
         by_name = {name.rpartition(".")[2]: name for name in known}
         near = [by_name[word] for word in difflib.get_close_matches(last, by_name, n=1, cutoff=0.75)]
-    return f"; did you mean '{near[0]}'?" if near else "; 'ffseg config show' lists every key"
+    return f"; did you mean '{near[0]}'?" if near else ""

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import yaml
 
-from ffseg.schema.nodes import Node, Problems, Source
+from ffseg.schema.nodes import Node, Problems, Source, shown_key
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 20
@@ -155,12 +155,13 @@ class _Builder:
         if self._count > MAX_VALUES:
             raise _RefusedError(line, f"more than {MAX_VALUES} keys and values; parameter files are smaller")
         if isinstance(event, yaml.AliasEvent):
-            raise _RefusedError(line, f"alias '*{event.anchor}' is not supported; write the value out")
+            raise _RefusedError(line, f"alias '*{shown_key(event.anchor)}' is not supported; write the value out")
         if event.anchor is not None:
-            raise _RefusedError(line, f"anchor '&{event.anchor}' is not supported; write the value where it is used")
+            name = shown_key(event.anchor)
+            raise _RefusedError(line, f"anchor '&{name}' is not supported; write the value where it is used")
         tag = getattr(event, "tag", None)
         if tag is not None:
-            raise _RefusedError(line, f"tag '{tag}' is not supported; write the plain value")
+            raise _RefusedError(line, f"tag '{shown_key(tag)}' is not supported; write the plain value")
 
     def _scalar(self, event: yaml.ScalarEvent, line: int) -> None:
         parent = self._stack[-1] if self._stack else None
@@ -175,7 +176,8 @@ class _Builder:
             raise _RefusedError(line, "merge key '<<' is not supported; write the keys out")
         if event.value in parent.values:
             first = self.place(parent.values[event.value].key_line)
-            self._problems.add(self.place(line), f"{event.value}: the key is given twice (first at {first}); keep one")
+            name = shown_key(event.value)
+            self._problems.add(self.place(line), f"{name}: the key is given twice (first at {first}); keep one")
         parent.key, parent.key_line = event.value, line
 
     def _open(self, event: yaml.CollectionStartEvent, line: int) -> None:

@@ -1,0 +1,149 @@
+"""Parameters: loading, overriding, and errors that come all at once with their places."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import FrozenInstanceError, fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ffseg.errors import ParameterError
+from ffseg.parameters import Contour, Edges, Init, Parameters, load_params, presets
+from ffseg.schema.sections import leaves
+
+
+def file_with(text: str, folder: Path) -> Path:
+    path = folder / "p.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def lines_of(call: object, *arguments: object) -> list[str]:
+    with pytest.raises(ParameterError) as caught:
+        call(*arguments)  # type: ignore[operator]
+    return str(caught.value).splitlines()
+
+
+def test_no_source_gives_the_defaults() -> None:
+    assert load_params() == Parameters()
+    assert load_params(None, {}) == load_params(None, []) == Parameters()
+
+
+def test_every_preset_loads_and_default_is_the_default() -> None:
+    assert {"default", "toy-fixed", "toy-refined", "toy-full", "omni-indoor", "omni-outdoor"} <= set(presets())
+    loaded = {name: load_params(name) for name in presets()}
+    assert loaded.pop("default") == Parameters()
+    assert all(params != Parameters() for params in loaded.values())
+
+
+def test_toy_presets_are_those_of_the_papers_figure() -> None:
+    chosen = {name: load_params(f"toy-{name}").contour for name in ("fixed", "refined", "full")}
+    assert (chosen["fixed"].patches, chosen["fixed"].refine, chosen["fixed"].topology) == (80, False, False)
+    assert (chosen["refined"].patches, chosen["refined"].refine, chosen["refined"].topology) == (8, True, False)
+    assert (chosen["full"].patches, chosen["full"].refine, chosen["full"].topology) == (8, True, True)
+
+
+def test_overrides_win_over_the_file_and_the_last_one_wins(tmp_path: Path) -> None:
+    path = file_with("contour: {degree: 2, balloon: 1e-3}\nedges.canny: [10, 30]\n", tmp_path)
+    params = load_params(path, ["contour.degree=4", "init.center=[400,300]", "contour.degree=5"])
+    assert params.contour == Contour(degree=5, balloon=0.001)
+    assert params.edges == Edges(canny=(10.0, 30.0))
+    assert params.init == Init(center=(400.0, 300.0))
+
+
+def test_python_overrides_take_python_values() -> None:
+    overrides = {"contour": {"degree": np.int64(2)}, "init.center": np.array([1, 2]), "init.mask": Path("m.png")}
+    params = load_params(None, overrides)
+    assert params.contour.degree == 2
+    assert type(params.contour.degree) is int
+    assert params.init == Init(center=(1.0, 2.0), mask="m.png")
+
+
+def test_all_errors_at_once_each_with_its_place(tmp_path: Path) -> None:
+    text = "contour:\n  degree: 9\n  split_treshold: 3\nedges:\n  canny: [30,\n    10]\nzebra: 1\ndegree: 2\n"
+    path = file_with(text, tmp_path)
+    assert lines_of(load_params, path, ["contour.refine=yes", "balloon"]) == [
+        "--set balloon: write KEY=VALUE, such as contour.degree=2",
+        f"{path}:2: contour.degree: 9 is not an integer from 1 to 6",
+        f"{path}:3: contour.split_treshold: unknown key; did you mean 'contour.split_threshold'?",
+        f"{path}:5: edges.canny: [30, 10] is not [low, high], each a finite number of at least 0, ascending",
+        f"{path}:7: zebra: unknown key; 'ffseg config show' lists every key",
+        f"{path}:8: degree: unknown key; did you mean 'contour.degree'?",
+        "--set contour.refine=yes: contour.refine: 'yes' is not true or false; write true",
+    ]
+
+
+def test_an_error_is_reported_even_where_an_override_replaces_the_value(tmp_path: Path) -> None:
+    path = file_with("contour.degree: 9\n", tmp_path)
+    assert len(lines_of(load_params, path, {"contour.degree": 3})) == 1
+
+
+def test_more_errors_than_a_screen_holds_are_counted(tmp_path: Path) -> None:
+    lines = lines_of(load_params, file_with("".join(f"k{i}: 1\n" for i in range(30)), tmp_path))
+    assert len(lines) == 21
+    assert lines[-1] == "... and 10 more problems"
+
+
+@pytest.mark.parametrize(
+    ("key", "bad"),
+    [
+        ("contour.degree", (0, 7, True, 2.0, "3", None)),
+        ("contour.balloon", (-16.1, 16.1, float("nan"), "2", False)),
+        ("edges.sigma", (0, -1, 20.5, float("inf"))),
+        ("edges.canny", ("automatic", [1], [1, 2, 3], [2, 1], [-1, 2], 3)),
+        ("init.center", ("middle", [1, "x"], [float("inf"), 0], {"x": 1})),
+        ("init.radius", (0, -1, 10**400, float("inf"), None)),
+        ("init.circles", ([1, 2, 3], [[1, 2]], [[1, 2, 0]], [[1, 2, 3]] * 1001)),
+        ("domain.mask", ("", 3, "a\0b")),
+        ("method", ("", 1, None)),
+    ],
+)
+def test_values_out_of_range_are_refused_in_python_too(key: str, bad: tuple[object, ...]) -> None:
+    for value in bad:
+        assert lines_of(load_params, None, {key: value})[0].startswith(f"overrides: {key}")
+
+
+def test_sections_check_themselves() -> None:
+    assert lines_of(lambda: Contour(degree=9, refine="no")) == [  # type: ignore[arg-type]
+        "parameters: degree: 9 is not an integer from 1 to 6",
+        "parameters: refine: 'no' is not true or false; write false",
+    ]
+
+
+def test_file_names_are_relative_to_the_file_they_stand_in(tmp_path: Path) -> None:
+    path = file_with("domain: {mask: sub/../m.png}\ninit.mask: /abs/i.png\n", tmp_path)
+    params = load_params(path)
+    assert params.domain.mask == str(tmp_path / "m.png")
+    assert params.init.mask == "/abs/i.png"
+    assert load_params(path, ["domain.mask=m.png"]).domain.mask == "m.png"
+
+
+def test_unknown_preset_names_the_nearest_and_the_others() -> None:
+    (line,) = lines_of(load_params, "toy-ful")
+    assert "did you mean 'toy-full'?" in line
+    assert "omni-indoor" in line
+
+
+def test_overrides_as_one_text_are_refused() -> None:
+    assert "list" in lines_of(load_params, None, "contour.degree=2")[0]
+
+
+def test_parameters_are_values() -> None:
+    params = load_params("toy-full")
+    assert pickle.loads(pickle.dumps(params)) == params  # noqa: S301 - our own bytes
+    assert hash(params) == hash(load_params("toy-full"))
+    with pytest.raises(FrozenInstanceError):
+        params.contour.degree = 2  # type: ignore[misc]
+
+
+def test_every_key_has_a_description_and_a_default_that_is_allowed() -> None:
+    known = leaves(Parameters)
+    assert all(leaf.doc for leaf in known.values())
+    assert load_params(None, {key: leaf.default for key, leaf in known.items()}) == Parameters()
+
+
+def test_section_fields_are_all_declared() -> None:
+    undeclared = [field.name for field in fields(Parameters) if not field.metadata]
+    assert undeclared == []
