@@ -59,13 +59,15 @@ def main() -> None:
     """Run the command line; never returns.
 
     Exit codes: what the command gives; 2 for an `FfsegError`, shown as its sentence; 1 for anything unexpected, shown
-    as one line that names the file holding the traceback.
+    as one line that names the file holding the traceback; 130 after an interrupt.
     """
     try:
         app(prog_name="ffseg")
     except FfsegError as error:
         console.error(str(error))
         sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
     except Exception as error:  # noqa: BLE001 - the last resort of the program
         console.error(f"unexpected {type(error).__name__}: {_one_line(error)}; the traceback is in {_traceback_file()}")
         sys.exit(1)

@@ -1,0 +1,132 @@
+"""The command line shell: start-up, exit codes, errors in one line, completion."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from ffseg import __version__
+from ffseg.cli import app, console
+from ffseg.cli.app import COMMANDS
+from ffseg.errors import OutputError
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+HEAVY = ("numpy", "cv2", "ffseg.native", "ffseg.parameters", "PIL", "pebble")
+START_RATIO = 1.3
+"""Bound for --version, in processor time, against an empty Typer program."""
+EMPTY = "import typer\napp = typer.Typer()\n@app.command()\ndef f() -> None: ...\napp()"
+
+
+def loaded_by(*arguments: str) -> set[str]:
+    """Run main() in a fresh interpreter and return the names of all modules it loaded."""
+    code = (
+        "import sys\nsys.argv = ['ffseg', *sys.argv[1:]]\nfrom ffseg.cli.app import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    print('MODULES', *sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *arguments], check=True, capture_output=True, text=True)
+    return set(done.stdout.rpartition("MODULES ")[2].split())
+
+
+@pytest.mark.parametrize("arguments", [["--version"], ["--help"], ["nothing"]])
+def test_help_and_version_load_nothing_heavy(arguments: list[str]) -> None:
+    modules = loaded_by(*arguments)
+    heavy = {"yaml", *HEAVY} if arguments == ["--version"] else set(HEAVY) - {"ffseg.parameters"}
+    assert modules & heavy == set()
+
+
+def test_import_ffseg_loads_nothing_heavy() -> None:
+    code = "import sys, ffseg; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    ours = {name for name in done.stdout.split() if name.partition(".")[0] in {"ffseg", "yaml", "typer", *HEAVY}}
+    assert ours == {"ffseg"}
+
+
+def cpu_seconds(code: str) -> float:
+    process = os.posix_spawn(
+        sys.executable, [sys.executable, "-c", code], os.environ,
+        file_actions=[(os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0)],
+    )  # fmt: skip
+    usage = os.wait4(process, 0)[2]
+    return usage.ru_utime + usage.ru_stime
+
+
+def test_version_starts_like_an_empty_typer_program() -> None:
+    ours = "import sys; sys.argv = ['ffseg', '--version']; from ffseg.cli.app import main; main()"
+    times = [(cpu_seconds(ours), cpu_seconds(EMPTY)) for _ in range(7)]
+    assert min(first for first, _ in times) <= START_RATIO * min(second for _, second in times)
+
+
+def test_version_is_that_of_the_package(ffseg_command: Run) -> None:
+    done = ffseg_command("--version")
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"ffseg {__version__}\n", "")
+
+
+def test_help_lists_every_command_there_is(ffseg_command: Run) -> None:
+    done = ffseg_command("--help")
+    listed = re.findall(r"^  (\w+)  ", done.stdout.partition("Commands:")[2], flags=re.MULTILINE)
+    assert done.returncode == 0
+    assert listed == [name for name in COMMANDS if name in listed]
+    assert {"config", "samples"} <= set(listed)
+
+
+@pytest.mark.parametrize("arguments", [["nothing"], ["--nothing"], ["config", "nothing"], ["samples"]])
+def test_usage_errors_end_with_2(arguments: list[str], ffseg_command: Run) -> None:
+    done = ffseg_command(*arguments)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert "Usage:" in done.stderr + done.stdout
+
+
+def raising(error: BaseException) -> Callable[..., None]:
+    def fail(**_: object) -> None:
+        raise error
+
+    return fail
+
+
+def exit_code(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> int:
+    monkeypatch.setattr(app, "app", raising(error))
+    with pytest.raises(SystemExit) as caught:
+        app.main()
+    return int(str(caught.value.code))
+
+
+def test_an_error_of_ours_is_its_sentence_and_2(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert exit_code(monkeypatch, OutputError("out: is read-only; choose another folder")) == 2
+    assert capsys.readouterr() == ("", "ffseg: error: out: is read-only; choose another folder\n")
+
+
+def test_anything_unexpected_is_one_line_and_a_file_with_the_traceback(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert exit_code(monkeypatch, ZeroDivisionError("two\nlines")) == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert said.startswith("ffseg: error: unexpected ZeroDivisionError: two lines; the traceback is in ")
+    (file,) = tmp_path.iterdir()
+    assert said.endswith(f"{file}\n")
+    assert "ZeroDivisionError" in file.read_text("utf-8")
+
+
+def test_an_interrupt_ends_with_130(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert exit_code(monkeypatch, KeyboardInterrupt()) == 130
+
+
+def test_terminal_text_is_escaped() -> None:
+    assert console.escape("a\x1b[2J\r\u202eb\udcff\n\té") == "a\\x1b[2J\\r\\u202eb\\udcff\n\té"
+
+
+def test_completion_names_the_commands() -> None:
+    environment = {**os.environ, "_FFSEG_COMPLETE": "complete_bash", "COMP_WORDS": "ffseg con", "COMP_CWORD": "1"}
+    command = [sys.executable, "-m", "ffseg"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, env=environment)
+    assert done.stdout.split() == ["config"]

@@ -1,0 +1,73 @@
+"""``ffseg config`` and ``ffseg samples``: exit code, sentence, effect."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+from ffseg.parameters import load_params, presets
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_list_names_every_preset_with_purpose_and_file(ffseg_command: Run) -> None:
+    done = ffseg_command("config", "list")
+    assert done.returncode == 0
+    lines = done.stdout.splitlines()
+    assert [line.split()[0] for line in lines] == list(presets())
+    assert all(str(path) in line for line, path in zip(lines, presets().values(), strict=True))
+    assert "$schema" not in done.stdout
+
+
+def test_show_can_be_read_back(ffseg_command: Run, tmp_path: Path) -> None:
+    done = ffseg_command("config", "show", "toy-full", "--set", "contour.degree=2", "--set", "init.mask='a: b.png'")
+    assert done.returncode == 0
+    file = tmp_path / "shown.yaml"
+    file.write_text(done.stdout.replace("a: b.png", str(tmp_path / "a: b.png")), encoding="utf-8")
+    expected = load_params("toy-full", {"contour.degree": 2, "init.mask": str(tmp_path / "a: b.png")})
+    assert load_params(file) == expected
+
+
+def test_check_names_good_files_and_every_problem_of_bad_ones(ffseg_command: Run, tmp_path: Path) -> None:
+    good, bad, worse = tmp_path / "good.yaml", tmp_path / "bad.yaml", tmp_path / "worse.yaml"
+    good.write_text("contour.degree: 2\n")
+    bad.write_text("contour.degree: 8\ncontuor: {}\n")
+    worse.write_text("[")
+    done = ffseg_command("config", "check", bad, good, worse)
+    assert done.returncode == 2
+    assert done.stdout == f"{good}: ok\n"
+    lines = done.stderr.splitlines()
+    assert lines[0] == f"ffseg: error: {bad}:1: contour.degree: 8 is not an integer from 1 to 6"
+    assert lines[1] == f"{bad}:2: contuor: unknown key; did you mean 'contour'?"
+    assert lines[2].startswith(f"{worse}:1: not valid YAML")
+    assert len(lines) == 3
+
+
+def test_schema_is_json_and_the_one_beside_the_presets(ffseg_command: Run) -> None:
+    done = ffseg_command("config", "schema")
+    assert json.loads(done.stdout) == json.loads((ROOT / "configs/schema.json").read_text("utf-8"))
+
+
+def test_every_preset_points_its_editor_to_the_schema() -> None:
+    for path in (ROOT / "configs").glob("*.yaml"):
+        assert path.read_text("utf-8").startswith("# yaml-language-server: $schema=schema.json\n")
+
+
+def test_samples_writes_the_committed_bytes(ffseg_command: Run, tmp_path: Path) -> None:
+    done = ffseg_command("samples", tmp_path / "new" / "folder")
+    assert done.returncode == 0
+    written = {path.relative_to(tmp_path / "new" / "folder") for path in (tmp_path / "new").rglob("*.png")}
+    assert len(done.stdout.splitlines()) == len(written)
+    for name in written:
+        assert (tmp_path / "new" / "folder" / name).read_bytes() == (ROOT / "samples" / name).read_bytes()
+
+
+def test_samples_into_a_file_is_refused(ffseg_command: Run, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("kept")
+    done = ffseg_command("samples", tmp_path / "file")
+    assert done.returncode == 2
+    assert str(tmp_path / "file") in done.stderr
+    assert (tmp_path / "file").read_text() == "kept"
