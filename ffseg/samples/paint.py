@@ -100,7 +100,7 @@ def coverage(stencil: Stencil) -> NDArray[np.float64]:
     """Share of each pixel that is inside, shape (H, W)."""
     height, width = stencil.shape[0] // GRID, stencil.shape[1] // GRID
     counts = stencil.reshape(height, GRID, width, GRID).sum(axis=(1, 3), dtype=np.int64)
-    return counts / (GRID * GRID)
+    return np.asarray(counts / (GRID * GRID))
 
 
 def centers(stencil: Stencil) -> NDArray[np.uint8]:

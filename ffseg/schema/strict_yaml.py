@@ -79,7 +79,8 @@ def parse(text: str, source: Source, problems: Problems) -> Node:
         return Node(None, source)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        problems.add(builder.place(mark.line + 1 if mark else 0), f"not valid YAML: {error.problem}")
+        last = len(text.splitlines())
+        problems.add(builder.place(min(mark.line + 1, last) if mark else 0), f"not valid YAML: {error.problem}")
         return Node(None, source)
     return builder.root or Node(None, source)
 
@@ -155,7 +156,7 @@ class _Builder:
         if self._count > MAX_VALUES:
             raise _RefusedError(line, f"more than {MAX_VALUES} keys and values; parameter files are smaller")
         if isinstance(event, yaml.AliasEvent):
-            raise _RefusedError(line, f"alias '*{shown_key(event.anchor)}' is not supported; write the value out")
+            raise _RefusedError(line, f"alias '*{shown_key(str(event.anchor))}' is not supported; write the value out")
         if event.anchor is not None:
             name = shown_key(event.anchor)
             raise _RefusedError(line, f"anchor '&{name}' is not supported; write the value where it is used")
