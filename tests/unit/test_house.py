@@ -1,0 +1,52 @@
+"""The house rules that no linter checks: sizes of files, functions, folders and parameter lists."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[2] / "ffseg"
+SOURCES = sorted(path for path in PACKAGE.rglob("*") if path.suffix in {".py", ".cpp", ".hpp"})
+MODULES = [path for path in SOURCES if path.suffix == ".py"]
+FILE_LINES = 500
+FUNCTION_LINES = 40
+FOLDER_FILES = 9
+NAMES = [str(path.relative_to(PACKAGE)) for path in MODULES]
+
+
+def functions(path: Path) -> Iterator[ast.FunctionDef]:
+    tree = ast.parse(path.read_text("utf-8"))
+    return (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+
+
+def lines_of(function: ast.FunctionDef) -> int:
+    """Lines from the def to the end, without the docstring and the signature."""
+    body = function.body
+    if isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant) and len(body) > 1:
+        body = body[1:]
+    return (body[-1].end_lineno or 0) - body[0].lineno + 2
+
+
+def test_there_are_sources() -> None:
+    assert len(MODULES) > 20
+    assert any(path.suffix == ".cpp" for path in SOURCES)
+
+
+def test_no_file_is_too_long() -> None:
+    lengths = {str(path.relative_to(PACKAGE)): len(path.read_text("utf-8").splitlines()) for path in SOURCES}
+    assert {name: length for name, length in lengths.items() if length > FILE_LINES} == {}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=NAMES)
+def test_no_function_is_too_long(path: Path) -> None:
+    assert {item.name: lines_of(item) for item in functions(path) if lines_of(item) > FUNCTION_LINES} == {}
+
+
+def test_no_folder_holds_too_many_files() -> None:
+    nouns = {path.with_suffix("") for path in SOURCES if path.stem != "__init__"}  # header and source are one
+    counts = Counter(noun.parent.relative_to(PACKAGE) for noun in nouns)
+    assert {str(folder): count for folder, count in counts.items() if count > FOLDER_FILES} == {}

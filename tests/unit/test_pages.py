@@ -1,0 +1,81 @@
+"""Generated files: pages, presets and the native stub say what the code does."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import inspect
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from ffseg.native import _core
+from ffseg.parameter_text import default_file, schema_file, to_markdown
+
+ROOT = Path(__file__).resolve().parents[2]
+STUB = ROOT / "ffseg" / "native" / "_core.pyi"
+Golden = Callable[[Path, str], None]
+
+
+def test_default_preset(golden: Golden) -> None:
+    golden(ROOT / "configs" / "default.yaml", default_file())
+
+
+def test_schema_file(golden: Golden) -> None:
+    golden(ROOT / "configs" / "schema.json", schema_file())
+
+
+def test_parameter_page(golden: Golden) -> None:
+    golden(ROOT / "docs" / "parameters.md", to_markdown())
+
+
+def help_of(*command: str) -> str:
+    """What ``ffseg COMMAND --help`` prints on a terminal of 80 columns."""
+    arguments = [sys.executable, "-m", "ffseg", *command, "--help"]
+    environment = {**os.environ, "COLUMNS": "80", "TERMINAL_WIDTH": "80", "NO_COLOR": "1"}
+    done = subprocess.run(arguments, check=True, capture_output=True, text=True, encoding="utf-8", env=environment)
+    return done.stdout.strip()
+
+
+def pages_under(*command: str) -> list[str]:
+    """Sections of the page for a command and all below it."""
+    text = help_of(*command)
+    title = " ".join(("ffseg", *command))
+    below = re.findall(r"^  ([\w-]+)(?:  |$)", text.partition("\nCommands:\n")[2], flags=re.MULTILINE)
+    sections = [f"## {title}\n\n```\n{text}\n```"]
+    return sections + [section for name in below for section in pages_under(*command, name)]
+
+
+def test_command_page(golden: Golden) -> None:
+    head = "# Commands\n\nMade from `--help` by `pytest --update-golden`."
+    golden(ROOT / "docs" / "commands.md", "\n\n".join([head, *pages_under()]) + "\n")
+
+
+def names_in(module: ast.Module) -> set[str]:
+    """Functions, classes and members a stub declares."""
+    found = set()
+    for node in module.body:
+        if isinstance(node, ast.FunctionDef):
+            found.add(node.name)
+        elif isinstance(node, ast.ClassDef):
+            members = (item.name for item in node.body if isinstance(item, ast.FunctionDef))
+            found |= {node.name, *(f"{node.name}.{name}" for name in members if not name.startswith("__"))}
+    return found
+
+
+def test_native_stub_names_what_the_module_holds(update_golden: bool) -> None:
+    if update_golden:
+        if importlib.util.find_spec("nanobind") is None:
+            pytest.skip("nanobind is needed to write the stub")
+        command = [sys.executable, "-m", "nanobind.stubgen", "-q", "-m", "ffseg.native._core", "-o", str(STUB)]
+        subprocess.run(command, check=True)
+    there = {name for name in dir(_core) if not name.startswith("_")}
+    for name in list(there):
+        if inspect.isclass(getattr(_core, name)):
+            there |= {f"{name}.{member}" for member in dir(getattr(_core, name)) if not member.startswith("_")}
+    assert names_in(ast.parse(STUB.read_text("utf-8"))) == there, "write it anew with pytest --update-golden"
