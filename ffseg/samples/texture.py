@@ -15,7 +15,8 @@ def uniform(shape: tuple[int, int], seed: int) -> Surface:
     bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     bits ^= bits >> np.uint64(31)
-    return np.asarray((bits >> np.uint64(11)).astype(np.float64).reshape(shape) / 2.0**53)
+    values: Surface = (bits >> np.uint64(11)).astype(np.float64).reshape(shape) / 2.0**53
+    return values
 
 
 def grain(shape: tuple[int, int], deviation: float, seed: int) -> Surface:

@@ -47,6 +47,5 @@ def test_no_function_is_too_long(path: Path) -> None:
 
 
 def test_no_folder_holds_too_many_files() -> None:
-    nouns = {path.with_suffix("") for path in SOURCES if path.stem != "__init__"}  # header and source are one
-    counts = Counter(noun.parent.relative_to(PACKAGE) for noun in nouns)
+    counts = Counter(path.parent.relative_to(PACKAGE) for path in MODULES if path.stem != "__init__")
     assert {str(folder): count for folder, count in counts.items() if count > FOLDER_FILES} == {}

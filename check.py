@@ -1,0 +1,76 @@
+"""Run every check of the project: ruff, types, import floors, tests, and a smoke test of a clean install.
+
+``python check.py`` needs ``pip install -e '.[test]'``; ``--no-install`` leaves the clean install out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent
+SCRIPTS = Path(sys.executable).parent
+CHECKS = {
+    "ruff": [sys.executable, "-m", "ruff", "check", "--output-format=concise"],
+    "types": [sys.executable, "-m", "mypy"],
+    "import floors": [str(SCRIPTS / "lint-imports"), "--no-logo"],
+    "tests": [sys.executable, "-m", "pytest", "-n", "2", "-q"],
+}
+"""Name and command of each check, run in the project's folder."""
+TEST_ONLY = ("pytest", "hypothesis", "shapely", "ruff", "mypy")
+
+
+def main() -> int:
+    """Run all checks, also after one has failed; 0 when all pass."""
+    parser = argparse.ArgumentParser(description="Run every check of the project.")
+    parser.add_argument("--no-install", action="store_true", help="leave out the smoke test of a clean install")
+    options = parser.parse_args()
+    results = {name: _timed(name, command) for name, command in CHECKS.items()}
+    if not options.no_install:
+        results["clean install"] = _clean_install()
+    for name, passed in results.items():
+        print(f"{'passed' if passed else 'FAILED'}  {name}")
+    return 0 if all(results.values()) else 1
+
+
+def _timed(name: str, command: list[str], folder: Path = ROOT) -> bool:
+    """Run one command; True when it ends with 0."""
+    print(f"== {name}", flush=True)
+    begin = time.monotonic()
+    code = subprocess.run(command, cwd=folder, check=False).returncode
+    print(f"== {name}: exit code {code}, {time.monotonic() - begin:.0f} s", flush=True)
+    return code == 0
+
+
+def _clean_install() -> bool:
+    """Install without the test packages into a new environment and run the command line on the samples."""
+    with tempfile.TemporaryDirectory(prefix="ffseg-check-") as temporary:
+        folder = Path(temporary)
+        venv.create(folder / "venv", with_pip=True)
+        scripts = folder / "venv" / SCRIPTS.name
+        python = str(scripts / Path(sys.executable).name)
+        if not _timed("install", [python, "-m", "pip", "install", "--quiet", str(ROOT)], folder):
+            return False
+        found = f"import importlib.util as u; print([n for n in {TEST_ONLY} if u.find_spec(n)])"
+        present = subprocess.run([python, "-c", found], cwd=folder, check=True, capture_output=True, text=True).stdout
+        print(f"test packages in the clean install: {present.strip()}")
+        return present.strip() == "[]" and all(_timed(" ".join(use), use, folder) for use in _uses(scripts / "ffseg"))
+
+
+def _uses(ffseg: Path) -> list[list[str]]:
+    """What a user does first."""
+    samples = ROOT / "samples"
+    return [
+        [str(ffseg), "--help"],
+        [str(ffseg), "config", "check", "default", "toy-full"],
+        [str(ffseg), "run", str(samples), "--out", "out", "--truth", str(samples / "truth")],
+    ]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
