@@ -204,4 +204,5 @@ def _weighted_fit(current: Array, previous: Array, sigma: Array) -> tuple[Array,
     information[0, 2] = information[2, 0] = -(weight * turned.imag).sum()
     information[1, 2] = information[2, 1] = (weight * turned.real).sum()
     information[2, 2] = (weight * np.abs(turned) ** 2).sum()
-    return np.array([shift.real, shift.imag, theta]), np.linalg.pinv(information)
+    covariance: Array = np.asarray(np.linalg.pinv(information), dtype=np.float64)
+    return np.array([shift.real, shift.imag, theta]), covariance

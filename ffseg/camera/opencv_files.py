@@ -128,7 +128,7 @@ def _integer(values: dict[str, Node], keys: tuple[str, ...], source: Source, pro
     return 1
 
 
-class _Refused(Exception):
+class _RefusedError(Exception):
     """An XML file is refused as a whole."""
 
 
@@ -155,12 +155,12 @@ class _XmlBuilder:
         self.parser.StartDoctypeDeclHandler = self._doctype
 
     def _doctype(self, *_: object) -> None:
-        raise _Refused("document type declarations and entities are not supported; remove them")
+        raise _RefusedError("document type declarations and entities are not supported; remove them")
 
     def _start(self, name: str, _: dict[str, str]) -> None:
         self._count += 1
         if len(self._stack) >= MAX_DEPTH or self._count > MAX_ELEMENTS:
-            raise _Refused(f"nested deeper than {MAX_DEPTH} levels or more than {MAX_ELEMENTS} elements")
+            raise _RefusedError(f"nested deeper than {MAX_DEPTH} levels or more than {MAX_ELEMENTS} elements")
         self._stack.append(_Element(name, self.parser.CurrentLineNumber))
 
     def _text(self, text: str) -> None:
@@ -177,7 +177,7 @@ class _XmlBuilder:
         elif done.name == "_":  # an item of a list that no calibration key uses
             return
         elif done.name in self._stack[-1].children:
-            raise _Refused(f"{done.name}: the key is given twice; keep one")
+            raise _RefusedError(f"{done.name}: the key is given twice; keep one")
         else:
             self._stack[-1].children[done.name] = node
 
@@ -190,7 +190,7 @@ def _xml(text: str, source: Source, problems: Problems) -> Node:
     builder = _XmlBuilder(source)
     try:
         builder.parser.Parse(text.encode("utf-8"), True)
-    except _Refused as refused:
+    except _RefusedError as refused:
         problems.add(f"{source.name}:{builder.parser.CurrentLineNumber}", str(refused))
     except (expat.ExpatError, ValueError, LookupError) as error:
         problems.add(source.name, f"not valid XML: {error}; write the file again with FileStorage")

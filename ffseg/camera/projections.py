@@ -173,10 +173,9 @@ def _solve(symmetric: Array, right: Array) -> Array:
     """Solve a symmetric 2x2 system per row."""
     xx, xy, yy = symmetric.T
     determinant = xx * yy - xy * xy
-    return (
-        np.stack([yy * right[:, 0] - xy * right[:, 1], xx * right[:, 1] - xy * right[:, 0]], axis=1)
-        / determinant[:, None]
-    )
+    adjugate: Array = np.stack([yy * right[:, 0] - xy * right[:, 1], xx * right[:, 1] - xy * right[:, 0]], axis=1)
+    solution: Array = adjugate / determinant[:, None]
+    return solution
 
 
 def _first_root(even: tuple[float, ...]) -> float:
@@ -291,7 +290,8 @@ class Polynomial:
         radius = np.hypot(right, down)
         ray = np.stack([right, down, -_horner(self.coefficients, radius)], axis=1)
         ray[~(radius <= self.limit)] = np.nan
-        return ray / np.sqrt(np.sum(ray**2, axis=1, keepdims=True))
+        unit: Array = ray / np.sqrt(np.sum(ray**2, axis=1, keepdims=True))
+        return unit
 
     def project(self, points: Array) -> Array:
         """Pixels, shape (n, 2); NaN for directions beyond ``limit``."""
@@ -309,7 +309,7 @@ class Polynomial:
         norm = np.hypot(across, depth)
         with np.errstate(invalid="ignore", divide="ignore"):
             side, ahead = across / norm, depth / norm
-        slope = np.polynomial.polynomial.polyder(self.coefficients)
+        slope: Array = np.asarray(np.polynomial.polynomial.polyder(self.coefficients), dtype=np.float64)
         low, high = np.zeros_like(side), np.full_like(side, self.limit)
         outside = ~(_horner(self.coefficients, high) * side + ahead * high >= -CLOSED * self.limit)
         radius = np.clip(-self.coefficients[0] * side / np.maximum(ahead, 0.2), low, high)
@@ -324,7 +324,8 @@ class Polynomial:
                 if done:
                     break
         radius[outside | (norm == 0)] = np.nan
-        return radius
+        root: Array = radius
+        return root
 
 
 def polynomial_limit(coefficients: Array, farthest: float) -> float:

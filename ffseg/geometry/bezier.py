@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from functools import cache
+from itertools import pairwise
 from math import comb
 
 import numpy as np
@@ -77,7 +78,7 @@ def evaluate(patch: Points, t: ArrayLike) -> Points:
     s = np.asarray(t, dtype=np.float64)[..., None]
     column = [patch[..., i, :] for i in range(patch.shape[-2])]
     while len(column) > 1:
-        column = [(1.0 - s) * a + s * b for a, b in zip(column, column[1:], strict=False)]
+        column = [(1.0 - s) * a + s * b for a, b in pairwise(column)]
     return column[0] + 0.0 * s
 
 
@@ -212,7 +213,7 @@ def split(patch: Points, t: float = 0.5) -> tuple[Points, Points]:
     column = [patch[..., i, :] for i in range(patch.shape[-2])]
     left, right = [column[0]], [column[-1]]
     while len(column) > 1:
-        column = [(1.0 - t) * a + t * b for a, b in zip(column, column[1:], strict=False)]
+        column = [(1.0 - t) * a + t * b for a, b in pairwise(column)]
         left.append(column[0])
         right.append(column[-1])
     return np.stack(left, axis=-2), np.stack(right[::-1], axis=-2)

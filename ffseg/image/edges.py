@@ -80,7 +80,9 @@ def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] 
     noise: the median gradient in windows of 64 pixels, which are mostly homogeneous, so that neither shading nor a
     noisy sensor asks for other parameters.
     """
-    smoothed = cv2.GaussianBlur(image, (0, 0), params.sigma, borderType=cv2.BORDER_REPLICATE)
+    smoothed: NDArray[np.uint8] = cv2.GaussianBlur(  # type: ignore[assignment]  # OpenCV keeps the type of the image
+        image, (0, 0), params.sigma, borderType=cv2.BORDER_REPLICATE
+    )
     shape = (image.shape[0], image.shape[1])
     gradient = np.empty(shape, np.uint16)
     _core.gradient_magnitude(smoothed, gradient)

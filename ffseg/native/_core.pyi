@@ -11,9 +11,9 @@ def gradient_magnitude(smoothed: Annotated[NDArray[numpy.uint8], dict(order='C',
     Sobel gradient magnitude of the strongest channel, in 1/32 grey level per pixel, into `out`.
     """
 
-def gradient_quantile(gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu')], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, stride: int, quantile: float) -> int:
+def canny_auto(smoothed: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu')], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, factor: float, least: float, low_ratio: float, spread: float, out: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu')]) -> int:
     """
-    Quantile of every stride-th row of the stored gradient, inside the domain.
+    Canny edges with thresholds from the local noise; returns the median gradient. Stored units.
     """
 
 def canny(smoothed: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu')], low: int, high: int, out: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu')]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,8 +23,8 @@ def uniform(shape: tuple[int, int], seed: int) -> Surface:
 
 def grain(shape: tuple[int, int], deviation: float, seed: int) -> Surface:
     """Bell-shaped noise: the sum of four uniform values, scaled to a standard deviation."""
-    total = sum((uniform(shape, seed + part) for part in range(4)), np.zeros(shape)) - 2.0
-    return total * (deviation * np.sqrt(3.0))  # four uniform values have the variance 1/3
+    total: Surface = sum((uniform(shape, seed + part) for part in range(4)), np.zeros(shape)) - 2.0
+    return total * (deviation * math.sqrt(3.0))  # four uniform values have the variance 1/3
 
 
 def mottling(shape: tuple[int, int], cell: int, depth: float, seed: int) -> Surface:

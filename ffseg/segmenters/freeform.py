@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +101,7 @@ def _packed(contours: Iterable[FreeForm]) -> tuple[NDArray[np.float64], NDArray[
 
 def _unpacked(evolution: _core.Evolution, degree: int) -> tuple[FreeForm, ...]:
     points, offsets = evolution.contours()
-    return tuple(FreeForm(points[a:b].copy(), degree) for a, b in zip(offsets[:-1], offsets[1:], strict=True))
+    return tuple(FreeForm(points[a:b].copy(), degree) for a, b in pairwise(offsets))
 
 
 def _stats(evolution: _core.Evolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]) -> Stats:

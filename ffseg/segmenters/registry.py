@@ -97,4 +97,4 @@ def _checked_shape(image: NDArray[np.uint8], domain: NDArray[np.uint8] | None) -
     return shape
 
 
-__all__ = ["EdgeMap", "SEGMENTERS", "segment", "segmenter"]
+__all__ = ["SEGMENTERS", "EdgeMap", "segment", "segmenter"]

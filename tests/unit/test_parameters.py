@@ -132,7 +132,7 @@ def test_overrides_as_one_text_are_refused() -> None:
 
 def test_parameters_are_values() -> None:
     params = load_params("toy-full")
-    assert pickle.loads(pickle.dumps(params)) == params  # noqa: S301 - our own bytes
+    assert pickle.loads(pickle.dumps(params)) == params
     assert hash(params) == hash(load_params("toy-full"))
     with pytest.raises(FrozenInstanceError):
         params.contour.degree = 2  # type: ignore[misc]
