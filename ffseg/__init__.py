@@ -6,6 +6,24 @@ The names below are loaded when first used, so that ``import ffseg`` costs nothi
 from __future__ import annotations
 
 from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ffseg.errors import CalibrationError as CalibrationError
+    from ffseg.errors import FfsegError as FfsegError
+    from ffseg.errors import ImageReadError as ImageReadError
+    from ffseg.errors import OutputError as OutputError
+    from ffseg.errors import ParameterError as ParameterError
+    from ffseg.errors import SegmentationError as SegmentationError
+    from ffseg.errors import UsageError as UsageError
+    from ffseg.geometry.freeform import FreeForm as FreeForm
+    from ffseg.parameters import Parameters as Parameters
+    from ffseg.parameters import load_params as load_params
+    from ffseg.parameters import presets as presets
+    from ffseg.segmenters.base import Segmentation as Segmentation
+    from ffseg.segmenters.base import Stats as Stats
+    from ffseg.segmenters.base import Timings as Timings
+    from ffseg.segmenters.registry import segment as segment
 
 __version__ = "0.1.0"
 

@@ -8,8 +8,6 @@ import typer
 
 from ffseg.cli import console
 from ffseg.errors import ParameterError
-from ffseg.parameter_text import schema_file, to_yaml
-from ffseg.parameters import load_params, presets
 
 app = typer.Typer(
     help="List, show and check parameter sets.",
@@ -23,6 +21,8 @@ app = typer.Typer(
 @app.command("list")
 def list_presets() -> None:
     """List the presets that come with ffseg: name, what for, file."""
+    from ffseg.parameters import presets
+
     known = presets()
     width = max((len(name) for name in known), default=0)
     for name, path in known.items():
@@ -37,12 +37,17 @@ def show(
     ] = None,
 ) -> None:
     """Show every key of a parameter set as YAML, with what it means and what is allowed."""
+    from ffseg.parameter_text import to_yaml
+    from ffseg.parameters import load_params
+
     console.data(to_yaml(load_params(source, settings)).rstrip("\n"))
 
 
 @app.command(no_args_is_help=True)
 def check(files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Parameter files or presets.")]) -> None:
     """Check parameter files: everything that is wrong, each with file and line; exit code 2 if anything is."""
+    from ffseg.parameters import load_params
+
     problems = []
     for file in files:
         try:
@@ -57,6 +62,8 @@ def check(files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Pa
 @app.command()
 def schema() -> None:
     """Print the JSON Schema of parameter files, for editors."""
+    from ffseg.parameter_text import schema_file
+
     console.data(schema_file().rstrip("\n"))
 
 

@@ -1,0 +1,139 @@
+"""The sample images: a PNG writer others can read, shapes that other libraries agree with, scenes as described."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from PIL import Image
+
+from ffseg.parameters import Parameters
+from ffseg.samples import png, texture
+from ffseg.samples.paint import CURVE_STEPS, GRID, Paper, centers, coverage, spline
+from ffseg.samples.scenes import SCENES, Scene
+from ffseg.samples.write import sample_files
+
+MOST_BYTES = 3_000_000
+"""All sample files together; they are part of every clone."""
+HOLES = {"toy": 4, "simple": 1, "complex": 9}
+
+
+@pytest.fixture(scope="module", params=list(SCENES))
+def named(request: pytest.FixtureRequest) -> tuple[str, Scene]:
+    return request.param, SCENES[request.param]()
+
+
+SHAPES = st.tuples(st.integers(1, 40), st.integers(1, 40))
+
+
+@given(arrays.arrays(np.uint8, SHAPES | SHAPES.map(lambda shape: (*shape, 3))))
+def test_png_is_read_back_by_other_libraries(image: np.ndarray) -> None:
+    data = png.encode(image)
+    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(data))), image)
+    colors = image if image.ndim == 2 else image[:, :, ::-1]
+    np.testing.assert_array_equal(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED), colors)
+
+
+def test_png_of_one_value_and_of_a_skewed_distribution() -> None:
+    for image in (np.zeros((7, 5), np.uint8), skewed()):
+        np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(png.encode(image)))), image)
+
+
+def skewed() -> np.ndarray:
+    """Row differences that occur 1, 2, 4, ... times: unlimited Huffman codes would take more than 15 bits."""
+    steps = np.repeat(np.arange(1, 20), 2 ** np.arange(19))
+    return np.cumsum(steps).astype(np.uint8)[:, None]
+
+
+def test_skewed_distribution_needs_the_length_limit() -> None:
+    depths = dict(png._depths(np.bincount(np.repeat(np.arange(19), 2 ** np.arange(19)))))
+    assert max(depths.values()) > png.LONGEST_CODE
+
+
+def test_png_stream_is_what_zlib_inflates() -> None:
+    image = texture.to_bytes(texture.grain((30, 20), 20, 1) + 128)
+    data = png.encode(image)
+    length = struct.unpack(">I", data[33:37])[0]
+    rows = np.frombuffer(zlib.decompress(data[41 : 41 + length]), np.uint8).reshape(30, 21)
+    assert set(rows[:, 0]) == {png.FILTER_UP}
+
+
+CORNERS = st.lists(st.tuples(st.integers(-5, 25), st.integers(-5, 25)), min_size=3, max_size=8)
+
+
+@given(CORNERS)
+def test_polygon_is_the_even_odd_inside_at_the_samples(corners: list[tuple[int, int]]) -> None:
+    stencil = Paper(20, 20).polygon(corners)
+    # Off the lattice of crossings at whole corners, where inside is a matter of convention.
+    rows, columns = np.nonzero(np.ones_like(stencil))
+    points = shapely.points((columns - GRID // 2) / GRID, (rows - GRID // 2) / GRID)
+    edges = shapely.linestrings(np.array([*corners, corners[0]], dtype=float))
+    clear = shapely.distance(edges, points) > 1e-9
+    region = shapely.Polygon()
+    for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
+        region = region.symmetric_difference(shapely.Polygon([corners[0], a, b]))
+    inside = shapely.contains_xy(region, shapely.get_x(points), shapely.get_y(points))
+    np.testing.assert_array_equal(stencil.ravel()[clear], inside[clear])
+
+
+@pytest.mark.parametrize("radius", [3.0, 20.5, 70.0])
+def test_disc_covers_its_area(radius: float) -> None:
+    share = coverage(Paper(160, 160).disc((79.3, 80.6), radius))
+    # The count of lattice points of spacing h in a disc is off by a few times sqrt(perimeter / h) of them.
+    spread = 4 * np.sqrt(2 * np.pi * radius * GRID) / GRID**2
+    assert share.sum() == pytest.approx(np.pi * radius**2, abs=spread)
+
+
+def test_pixel_centre_decides_the_truth() -> None:
+    paper = Paper(9, 9)
+    assert centers(paper.polygon([(2, 2), (6, 2), (6, 6), (2, 6)])).sum() == 255 * 16  # right and lower sides are out
+    assert centers(paper.disc((4, 4), 2.0001)).sum() == 255 * 13
+
+
+def test_spline_passes_the_middles_of_its_legs() -> None:
+    points = [(0.0, 0.0), (8.0, 0.0), (8.0, 6.0)]
+    assert spline(points)[::CURVE_STEPS] == [(4.0, 3.0), (4.0, 0.0), (8.0, 3.0)]
+
+
+def test_hash_is_splitmix64() -> None:
+    state, mask = 1, 2**64 - 1
+    z = (state * 0x9E3779B97F4A7C15) & mask
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & mask
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & mask
+    assert texture.uniform((2, 3), 0)[0, 0] == ((z ^ (z >> 31)) >> 11) / 2**53
+
+
+def test_grain_has_the_deviation_asked_for() -> None:
+    values = texture.grain((300, 400), 5.0, 3)
+    # 120,000 values: mean and deviation are off by 5 / sqrt(120,000) = 0.014 and 0.01; five times that.
+    assert abs(values.mean()) < 0.075
+    assert values.std() == pytest.approx(5.0, abs=0.05)
+
+
+def test_scene_is_one_free_region_with_its_holes(named: tuple[str, Scene]) -> None:
+    name, scene = named
+    assert scene.image.shape[:2] == scene.truth.shape == (600, 800)
+    assert set(np.unique(scene.truth)) == {0, 255}
+    free = cv2.connectedComponents(scene.truth, connectivity=4)[0] - 1
+    taken = cv2.connectedComponents(np.pad(255 - scene.truth, 1, constant_values=255), connectivity=8)[0] - 1
+    assert (free, taken - 1) == (1, HOLES[name])
+
+
+def test_default_start_circle_lies_well_inside(named: tuple[str, Scene]) -> None:
+    distance = cv2.distanceTransform(named[1].truth, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    assert distance[299:301, 399:401].min() > Parameters().init.radius + 20
+
+
+def test_files_are_small_and_the_same_twice() -> None:
+    files = sample_files()
+    assert sum(map(len, files.values())) <= MOST_BYTES
+    assert files == sample_files()
+    assert {f"truth/{name}" for name in files if "/" not in name} == {name for name in files if "/" in name}
