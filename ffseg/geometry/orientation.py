@@ -1,0 +1,103 @@
+"""Exact orientation of point triples, with ties broken as if no three points were ever in line.
+
+Shewchuk's expansions decide what float64 cannot; Edelsbrunner and Muecke's simulation of simplicity breaks exact ties:
+every vertex, known by its index, counts as moved by its own infinitesimal amount, consistently over all calls.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.geometry.bezier import Points
+
+Indices = NDArray[np.int64]
+Signs = NDArray[np.int8]
+Array = NDArray[np.float64]
+
+_FILTER = 4.0 * np.finfo(float).eps
+"""Relative error of the plain determinant is below 3.4 eps of the sum of its terms' sizes; rounded up."""
+
+_SPLITTER = 2.0**27 + 1.0
+"""Cuts a float64 into two halves of at most 26 bits each."""
+
+
+def orientation(vertices: Points, i: Indices, j: Indices, k: Indices) -> Signs:
+    """Turning sense of the triples of vertices i, j, k; never 0.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (M, 2)
+        Within about 1e-140 to 1e140 in size, or zero.
+    i, j, k : ndarray of int64, shape (n,)
+        Three different indices each.
+
+    Returns
+    -------
+    ndarray of int8, shape (n,)
+        Sign of (p_j - p_i) x (p_k - p_i): +1 turns from x toward y. Triples exactly in line, and points that coincide,
+        get the sign of the simulated perturbation.
+    """
+    a, b, c = vertices[i], vertices[j], vertices[k]
+    left = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1])
+    right = (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    determinant = left - right
+    unsure = np.flatnonzero(np.abs(determinant) <= _FILTER * (np.abs(left) + np.abs(right)))
+    signs: Signs = np.sign(determinant).astype(np.int8)
+    signs[unsure] = _exact_signs(a[unsure], b[unsure], c[unsure])
+    tied = unsure[signs[unsure] == 0]
+    signs[tied] = _perturbed_signs(vertices, np.stack([i[tied], j[tied], k[tied]], axis=-1))
+    return signs
+
+
+def _exact_signs(a: Points, b: Points, c: Points) -> Signs:
+    """Exact sign of the determinant: six products, each as two floats, summed without error."""
+    parts: list[Array] = []
+    for p, q in ((b, c), (c, a), (a, b)):
+        for factor, other in ((p[:, 0], q[:, 1]), (-p[:, 1], q[:, 0])):
+            for term in _product(factor, other):
+                _grow(parts, term)
+    sign: Signs = np.zeros(len(a), dtype=np.int8)
+    for part in reversed(parts):
+        sign = np.where(sign == 0, np.sign(part), sign).astype(np.int8)
+    return sign
+
+
+def _product(a: Array, b: Array) -> tuple[Array, Array]:
+    """High and low part of the exact products (Dekker)."""
+    high = a * b
+    a_high, b_high = _upper_half(a), _upper_half(b)
+    a_low, b_low = a - a_high, b - b_high
+    low = a_low * b_low - (((high - a_high * b_high) - a_low * b_high) - a_high * b_low)
+    return high, low
+
+
+def _upper_half(a: Array) -> Array:
+    scaled = _SPLITTER * a
+    return scaled - (scaled - a)
+
+
+def _grow(parts: list[Array], term: Array) -> None:
+    """Add a term to the non-overlapping expansion `parts` (smallest first) without error."""
+    for index, part in enumerate(parts):
+        total = term + part
+        virtual = total - term
+        parts[index] = (term - (total - virtual)) + (part - virtual)
+        term = total
+    parts.append(term)
+
+
+def _perturbed_signs(vertices: Points, triples: Indices) -> Signs:
+    """Signs of triples exactly in line: the first term of the perturbed determinant that is not zero.
+
+    With indices sorted, i moves most, along x before y; the terms in order are
+    y_j - y_k, x_k - x_j, y_k - y_i and -1.
+    """
+    order = np.argsort(triples, axis=1)
+    odd = ((order[:, 0] > order[:, 1]) ^ (order[:, 0] > order[:, 2]) ^ (order[:, 1] > order[:, 2])).astype(bool)
+    first, second, third = (vertices[column] for column in np.sort(triples, axis=1).T)
+    sign = np.sign(second[:, 1] - third[:, 1])
+    for term in (third[:, 0] - second[:, 0], third[:, 1] - first[:, 1], np.full(len(triples), -1.0)):
+        sign = np.where(sign == 0, np.sign(term), sign)
+    turned: Signs = np.where(odd, -sign, sign).astype(np.int8)
+    return turned
