@@ -21,7 +21,7 @@ Points = NDArray[np.float64]
 Table = list[list[Fraction]]
 
 
-def check_degree(degree: int) -> None:
+def check_degree(degree: object) -> None:
     """Refuse a degree outside 1..6.
 
     Raises

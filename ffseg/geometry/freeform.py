@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ffseg.geometry import bezier
 from ffseg.geometry.bezier import Points
+from ffseg.geometry.winding import winding_numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,6 +179,10 @@ class FreeForm:
         scaled = at * self.num_patches
         index = np.minimum(scaled.astype(np.int64), self.num_patches - 1)
         return bezier.evaluate(self.patches[index], scaled - index)
+
+    def winding(self, points: ArrayLike) -> NDArray[np.int64]:
+        """How often the contour runs round each of the points, shape S + (2,); see `winding_numbers`."""
+        return winding_numbers(self.patches, points)
 
     def flatten(self, tolerance: float = 0.02) -> Points:
         """Polygon, shape (M, 2), whose edges stay within `tolerance` px of the curve; joints are among its vertices.

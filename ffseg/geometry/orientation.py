@@ -44,16 +44,16 @@ def orientation(vertices: Points, i: Indices, j: Indices, k: Indices) -> Signs:
     determinant = left - right
     unsure = np.flatnonzero(np.abs(determinant) <= _FILTER * (np.abs(left) + np.abs(right)))
     signs: Signs = np.sign(determinant).astype(np.int8)
-    signs[unsure] = _exact_signs(a[unsure], b[unsure], c[unsure])
+    signs[unsure] = exact_signs(a[unsure], b[unsure], c[unsure])
     tied = unsure[signs[unsure] == 0]
     signs[tied] = _perturbed_signs(vertices, np.stack([i[tied], j[tied], k[tied]], axis=-1))
     return signs
 
 
-def _exact_signs(a: Points, b: Points, c: Points) -> Signs:
-    """Exact sign of the determinant: six products, each as two floats, summed without error."""
+def exact_signs(a: Points, b: Points, c: Points) -> Signs:
+    """Exact sign, -1, 0 or 1, of (b - a) x (c - a) for points of shape (n, 2) each."""
     parts: list[Array] = []
-    for p, q in ((b, c), (c, a), (a, b)):
+    for p, q in ((b, c), (c, a), (a, b)):  # six products, each as two floats, summed without error
         for factor, other in ((p[:, 0], q[:, 1]), (-p[:, 1], q[:, 0])):
             for term in _product(factor, other):
                 _grow(parts, term)

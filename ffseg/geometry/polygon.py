@@ -66,7 +66,7 @@ def self_intersections(contours: Sequence[FreeForm | Points], tolerance: float =
 
     Notes
     -----
-    Crossings deeper than `tolerance` are reported, and none is where the curves do not cross. Stretches that only touch,
+    Crossings deeper than `tolerance` are reported, and none where the curves do not cross. Stretches that only touch,
     or run along each other, or overlap by at most half of it, do not count, nor does a loop so thin; in between either
     answer may come. The curves are flattened within a quarter of the tolerance; crossings of the polygons are found
     exactly, ties broken by simulated perturbation; then lenses (two stretches between two crossings) and loops (out and
@@ -136,19 +136,26 @@ def _without_repeats(points: Points, owner: NDArray[np.int64]) -> tuple[Points, 
 def _crossing_edges(chains: _Chains) -> tuple[Indices, Indices]:
     """Pairs of edges without common vertex that cross after the simulated perturbation."""
     found = [np.empty((2, 0), np.int64)]
-    for a, c in _close_pairs(chains):
+    for pair in _close_pairs(chains):
+        a, c = pair[:, _apart(chains, *pair)]
         b, d = chains.successor[a], chains.successor[c]
-        apart = (a != d) & (b != c) & (a != b) & (c != d)
-        a, b, c, d = a[apart], b[apart], c[apart], d[apart]
-        straddled = orientation(chains.vertices, a, b, c) != orientation(chains.vertices, a, b, d)
-        a, b, c, d = a[straddled], b[straddled], c[straddled], d[straddled]
-        straddles = orientation(chains.vertices, c, d, a) != orientation(chains.vertices, c, d, b)
-        found.append(np.stack([a[straddles], c[straddles]]))
+        vertices = chains.vertices
+        crossed = orientation(vertices, a, b, c) != orientation(vertices, a, b, d)
+        a, b, c, d = a[crossed], b[crossed], c[crossed], d[crossed]
+        crosses = orientation(vertices, c, d, a) != orientation(vertices, c, d, b)
+        found.append(np.stack([a[crosses], c[crosses]]))
     first, second = np.concatenate(found, axis=1)
     return first, second
 
 
-def _close_pairs(chains: _Chains) -> Iterator[tuple[Indices, Indices]]:
+def _apart(chains: _Chains, a: Indices, c: Indices) -> NDArray[np.bool_]:
+    """Whether edges a and c have four different vertices."""
+    b, d = chains.successor[a], chains.successor[c]
+    apart: NDArray[np.bool_] = (a != d) & (b != c) & (a != b) & (c != d)
+    return apart
+
+
+def _close_pairs(chains: _Chains) -> Iterator[Indices]:
     """Pairs of edges whose boxes meet, in batches: sweep along the axis that leaves fewer pairs."""
     ends = np.stack([chains.vertices, chains.vertices[chains.successor]])
     low, high = ends.min(axis=0), ends.max(axis=0)
@@ -163,7 +170,7 @@ def _close_pairs(chains: _Chains) -> Iterator[tuple[Indices, Indices]]:
         there = here + 1 + np.arange(len(here)) - (total[here] - total[position])
         a, b = order[here], order[there]
         meets = (low[a, 1 - axis] <= high[b, 1 - axis]) & (low[b, 1 - axis] <= high[a, 1 - axis])
-        yield a[meets], b[meets]
+        yield np.stack([a[meets], b[meets]])
         position = stop
 
 

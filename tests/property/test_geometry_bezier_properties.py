@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-import naive
 import numpy as np
-import strategies as own
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ffseg.geometry import bezier
 from ffseg.geometry.freeform import FreeForm
+from tests import naive
+from tests import strategies as own
 
 
 def size(points: np.ndarray) -> float:
@@ -19,7 +19,7 @@ def size(points: np.ndarray) -> float:
 
 
 @given(own.dyadic_patch())
-def test_halving_is_exact_on_the_dyadic_grid(patch):
+def test_halving_is_exact_on_the_dyadic_grid(patch: own.Points) -> None:
     left, right = bezier.split(patch)
     expected = naive.halves(naive.exact(patch))
     assert naive.exact(left) == expected[0]
@@ -27,7 +27,7 @@ def test_halving_is_exact_on_the_dyadic_grid(patch):
 
 
 @given(own.dyadic_patch(degree=3))
-def test_halving_three_times_is_exact(patch):
+def test_halving_three_times_is_exact(patch: own.Points) -> None:
     piece, twin = patch, naive.exact(patch)
     for side in (0, 1, 0):
         piece, twin = bezier.split(piece)[side], naive.halves(twin)[side]
@@ -35,14 +35,14 @@ def test_halving_three_times_is_exact(patch):
 
 
 @given(own.dyadic_patch(), st.integers(0, 16))
-def test_evaluation_is_exact_at_dyadic_parameters(patch, k):
+def test_evaluation_is_exact_at_dyadic_parameters(patch: own.Points, k: int) -> None:
     # 18 + 8 bits of coordinate and 4 bits a level fit the 53 of a float64 for d <= 6
     point = bezier.evaluate(patch, k / 16)
     assert naive.exact([point])[0] == naive.bezier_point(naive.exact(patch), Fraction(k, 16))
 
 
 @given(own.dyadic_patch())
-def test_resampled_split_is_the_same_curve(patch):
+def test_resampled_split_is_the_same_curve(patch: own.Points) -> None:
     # each control point is a sum of d + 1 samples weighted by at most 30 (V^-1 at degree 6)
     for ours, other in zip(bezier.split_resampled(patch), bezier.split(patch), strict=True):
         np.testing.assert_allclose(ours, other, rtol=0, atol=100 * 2e-16 * size(patch))
@@ -52,20 +52,20 @@ def test_resampled_split_is_the_same_curve(patch):
 
 
 @given(own.dyadic_patch())
-def test_interpolation_agrees_with_lagrange(samples):
+def test_interpolation_agrees_with_lagrange(samples: own.Points) -> None:
     expected = [[float(x), float(y)] for x, y in naive.interpolate(naive.exact(samples))]
     np.testing.assert_allclose(bezier.interpolate(samples), expected, rtol=0, atol=100 * 2e-16 * size(samples))
 
 
 @given(own.dyadic_patch(), st.integers(0, 2**32 - 1))
-def test_deformation_moves_the_samples_and_nothing_else(patch, seed):
+def test_deformation_moves_the_samples_and_nothing_else(patch: own.Points, seed: int) -> None:
     shift = np.random.default_rng(seed).normal(size=patch.shape)
     moved = bezier.sample(bezier.deform(patch, shift))
     np.testing.assert_allclose(moved, bezier.sample(patch) + shift, rtol=0, atol=200 * 2e-16 * (size(patch) + 5))
 
 
 @given(own.dyadic_patch(), st.floats(0, 1))
-def test_split_anywhere_and_elevation_keep_the_curve(patch, t):
+def test_split_anywhere_and_elevation_keep_the_curve(patch: own.Points, t: float) -> None:
     bound = 40 * 2e-16 * size(patch)
     left, right = bezier.split(patch, t)
     for u in (0.0, 0.3, 1.0):
@@ -79,7 +79,7 @@ def test_split_anywhere_and_elevation_keep_the_curve(patch, t):
 
 
 @given(own.dyadic_patch(), st.floats(0, 1))
-def test_the_curve_lies_in_the_box_of_its_control_points(patch, t):
+def test_the_curve_lies_in_the_box_of_its_control_points(patch: own.Points, t: float) -> None:
     # each of at most 6 levels of de Casteljau rounds three times
     slack = 20 * 2e-16 * size(patch)
     point = bezier.evaluate(patch, t)
@@ -88,7 +88,7 @@ def test_the_curve_lies_in_the_box_of_its_control_points(patch, t):
 
 
 @given(own.dyadic_patch())
-def test_differentiation_matrix_gives_the_derivative_at_the_samples(patch):
+def test_differentiation_matrix_gives_the_derivative_at_the_samples(patch: own.Points) -> None:
     degree = len(patch) - 1
     slopes = bezier.differentiation_matrix(degree) @ bezier.sample(patch)
     expected = bezier.evaluate(bezier.derivative(patch), np.arange(degree + 1) / degree)
@@ -96,7 +96,7 @@ def test_differentiation_matrix_gives_the_derivative_at_the_samples(patch):
 
 
 @given(own.troubled_contour())
-def test_area_agrees_with_multiplied_out_polynomials(made):
+def test_area_agrees_with_multiplied_out_polynomials(made: tuple[own.Points, int]) -> None:
     points, degree = made
     expected = float(naive.signed_area(naive.exact(points), degree))
     extent = size(points - points[0])
@@ -105,7 +105,7 @@ def test_area_agrees_with_multiplied_out_polynomials(made):
 
 
 @given(own.troubled_contour())
-def test_reversal_changes_the_area_sign_and_keeps_the_curve(made):
+def test_reversal_changes_the_area_sign_and_keeps_the_curve(made: tuple[own.Points, int]) -> None:
     contour = FreeForm(*made)
     back = contour.reversed()
     scale = size(contour.control_points)
@@ -116,7 +116,7 @@ def test_reversal_changes_the_area_sign_and_keeps_the_curve(made):
 
 
 @given(own.troubled_contour())
-def test_bounding_box_holds_the_curve_and_touches_it(made):
+def test_bounding_box_holds_the_curve_and_touches_it(made: tuple[own.Points, int]) -> None:
     contour = FreeForm(*made)
     box = contour.bounding_box
     dense = bezier.evaluate(contour.patches[:, None], np.linspace(0, 1, 401)).reshape(-1, 2)
@@ -129,7 +129,7 @@ def test_bounding_box_holds_the_curve_and_touches_it(made):
 
 
 @given(own.troubled_contour(scaled=False), st.sampled_from([1e-1, 1e-2, 1e-4]))
-def test_flattening_stays_within_its_tolerance(made, tolerance):
+def test_flattening_stays_within_its_tolerance(made: tuple[own.Points, int], tolerance: float) -> None:
     contour = FreeForm(*made)
     vertices, owner = contour.flatten_indexed(tolerance)
     assert (np.diff(owner) >= 0).all()
@@ -143,7 +143,7 @@ def test_flattening_stays_within_its_tolerance(made, tolerance):
 
 
 @given(own.troubled_contour(), st.integers(0, 5))
-def test_elevation_of_a_contour_keeps_area_and_curve(made, more):
+def test_elevation_of_a_contour_keeps_area_and_curve(made: tuple[own.Points, int], more: int) -> None:
     contour = FreeForm(*made)
     raised = contour.elevated(min(6, contour.degree + more))
     scale = size(contour.control_points)

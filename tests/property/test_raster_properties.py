@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-import naive
 import numpy as np
 import shapely
-import strategies as own
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.raster import rasterize
+from tests import naive
+from tests import strategies as own
 
 SHAPE = (14, 15)
 
 
 @given(st.lists(own.half_grid_polygon(), min_size=0, max_size=3))
-def test_polygons_on_the_half_grid_agree_exactly(polygons):
+def test_polygons_on_the_half_grid_agree_exactly(polygons: list[own.Points]) -> None:
     expected = naive.raster([naive.exact(p) for p in polygons], *SHAPE)
     np.testing.assert_array_equal(rasterize([FreeForm.polygon(p) for p in polygons], SHAPE), expected)
 
 
 @given(own.troubled_points(9), st.sampled_from([8.0, 1e3, 1e7, 1e15, 1e40]), st.floats(-3, 18))
-def test_troubled_polygons_agree_exactly_at_any_scale(points, scale, shift):
+def test_troubled_polygons_agree_exactly_at_any_scale(points: own.Points, scale: float, shift: float) -> None:
     polygon = points * scale + shift
     expected = naive.raster([naive.exact(polygon)], *SHAPE)
     np.testing.assert_array_equal(rasterize([FreeForm.polygon(polygon)], SHAPE), expected)
 
 
 @given(own.troubled_contour(scaled=False), st.sampled_from([4.0, 40.0]))
-def test_curves_differ_from_the_exact_region_only_within_the_tolerance(made, scale):
+def test_curves_differ_from_the_exact_region_only_within_the_tolerance(
+    made: tuple[own.Points, int], scale: float
+) -> None:
     points, degree = made
     contour = FreeForm(points * scale + 7.0, degree)
     vertices = contour.flatten(1e-4)
@@ -41,7 +43,7 @@ def test_curves_differ_from_the_exact_region_only_within_the_tolerance(made, sca
 
 
 @given(st.integers(3, 40), st.integers(0, 2**32 - 1))
-def test_star_polygons_agree_with_shapely_at_pixel_centres(count, seed):
+def test_star_polygons_agree_with_shapely_at_pixel_centres(count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     angle = np.sort(rng.uniform(0, 2 * np.pi, count))
     points = (20, 15) + rng.uniform(2, 18, count)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
@@ -54,6 +56,6 @@ def test_star_polygons_agree_with_shapely_at_pixel_centres(count, seed):
 
 
 @given(own.troubled_contour(scaled=False), own.troubled_contour(scaled=False))
-def test_order_of_contours_does_not_matter(one, two):
+def test_order_of_contours_does_not_matter(one: tuple[own.Points, int], two: tuple[own.Points, int]) -> None:
     contours = [FreeForm(points * 9 + 7, degree) for points, degree in (one, two)]
     np.testing.assert_array_equal(rasterize(contours, SHAPE), rasterize(contours[::-1], SHAPE))

@@ -6,17 +6,18 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.raster import rasterize
 
 
-def disc(shape, center, radius):
+def disc(shape: tuple[int, int], center: tuple[float, float], radius: float) -> NDArray[np.bool_]:
     y, x = np.indices(shape)
     return np.hypot(x - center[0], y - center[1]) < radius
 
 
-def test_box_owns_its_left_and_top_edge_only():
+def test_box_owns_its_left_and_top_edge_only() -> None:
     mask = rasterize([FreeForm.box(1, 2, 4, 4)], (6, 8))
     expected = np.zeros((6, 8), bool)
     expected[2:4, 1:4] = True
@@ -24,13 +25,13 @@ def test_box_owns_its_left_and_top_edge_only():
     assert mask.dtype == np.bool_
 
 
-def test_boxes_that_share_edges_share_no_pixel_and_leave_none():
+def test_boxes_that_share_edges_share_no_pixel_and_leave_none() -> None:
     tiles = [FreeForm.box(x, y, x + 3, y + 2) for x in range(0, 12, 3) for y in range(0, 8, 2)]
     total = sum(rasterize([tile], (8, 12)).astype(int) for tile in tiles)
     np.testing.assert_array_equal(total, 1)
 
 
-def test_triangles_that_share_a_diagonal_through_centres_partition_the_square():
+def test_triangles_that_share_a_diagonal_through_centres_partition_the_square() -> None:
     upper = rasterize([FreeForm.polygon([(0, 0), (9, 0), (9, 9)])], (9, 9))
     lower = rasterize([FreeForm.polygon([(0, 0), (9, 9), (0, 9)])], (9, 9))
     np.testing.assert_array_equal(upper.astype(int) + lower, 1)
@@ -38,13 +39,13 @@ def test_triangles_that_share_a_diagonal_through_centres_partition_the_square():
 
 
 @pytest.mark.parametrize("degree", [3, 4, 5, 6])
-def test_circle_is_the_disc_and_does_not_paint_its_boundary(degree):
+def test_circle_is_the_disc_and_does_not_paint_its_boundary(degree: int) -> None:
     radius = math.sqrt(2530)  # no sum of two squares: every centre is at least 0.009 px off the circle
     circle = FreeForm.circle((100, 80), radius, 40, degree)  # off the true circle by less than 1e-4 px
     np.testing.assert_array_equal(rasterize([circle], (160, 200), 1e-3), disc((160, 200), (100, 80), radius))
 
 
-def test_hole_is_cut_out_and_orientation_decides():
+def test_hole_is_cut_out_and_orientation_decides() -> None:
     outer, inner = FreeForm.circle((50, 50), 40, 20, 3), FreeForm.circle((50, 50), 15, 20, 3)
     whole, part = rasterize([outer], (100, 100)), rasterize([inner], (100, 100))
     np.testing.assert_array_equal(rasterize([outer, inner.reversed()], (100, 100)), whole & ~part)
@@ -52,13 +53,13 @@ def test_hole_is_cut_out_and_orientation_decides():
     assert not rasterize([inner.reversed()], (100, 100)).any()
 
 
-def test_contours_of_several_degrees_go_together():
+def test_contours_of_several_degrees_go_together() -> None:
     contours = [FreeForm.circle((20 + 40 * d, 30), 15, 12, d) for d in range(1, 7)]
     alone = np.any([rasterize([c], (60, 300)) for c in contours], axis=0)
     np.testing.assert_array_equal(rasterize(contours, (60, 300)), alone)
 
 
-def test_no_contours_and_empty_shapes():
+def test_no_contours_and_empty_shapes() -> None:
     assert not rasterize([], (4, 5)).any()
     assert rasterize([FreeForm.box(0, 0, 9, 9)], (0, 7)).shape == (0, 7)
     assert rasterize([FreeForm.box(0, 0, 9, 9)], (7, 0)).shape == (7, 0)
@@ -66,7 +67,7 @@ def test_no_contours_and_empty_shapes():
 
 @pytest.mark.parametrize("scale", [1e3, 1e6, 1e9, 1e30, 1e100])
 @pytest.mark.parametrize("degree", range(1, 7))
-def test_contours_far_larger_than_the_image(scale, degree):
+def test_contours_far_larger_than_the_image(scale: float, degree: int) -> None:
     wide = FreeForm.circle((0, 0), 0.9 * scale, 9, degree)
     assert rasterize([wide], (30, 40)).all()
     assert not rasterize([wide.reversed()], (30, 40)).any()
@@ -77,12 +78,12 @@ def test_contours_far_larger_than_the_image(scale, degree):
     assert not mask[:, :18].any()
 
 
-def test_contour_far_away_paints_nothing():
+def test_contour_far_away_paints_nothing() -> None:
     for dx, dy in [(1e6, 0), (-1e6, 0), (0, 1e6), (0, -1e6), (-1e99, 1e99)]:
         assert not rasterize([FreeForm.circle((dx, dy), 100, 9, 3)], (30, 40)).any()
 
 
-def test_crossings_at_centres_are_decided_exactly():
+def test_crossings_at_centres_are_decided_exactly() -> None:
     sizes = [n for n in range(2, 200) if any(n * (k / n) > k for k in range(n))]
     assert sizes  # there float64 puts the crossing just right of the centre it meets
     y, x = np.indices((200, 200))
@@ -92,23 +93,23 @@ def test_crossings_at_centres_are_decided_exactly():
 
 
 @pytest.mark.parametrize("bad", [1e101, -1e101])
-def test_refuses_coordinates_beyond_all_use(bad):
+def test_refuses_coordinates_beyond_all_use(bad: float) -> None:
     with pytest.raises(ValueError, match="1e100"):
         rasterize([FreeForm.box(0, 0, bad, 1)], (4, 4))
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, 1e-7])
-def test_refuses_a_tolerance_too_small(bad):
+def test_refuses_a_tolerance_too_small(bad: float) -> None:
     with pytest.raises(ValueError, match="tolerance"):
         rasterize([FreeForm.box(0, 0, 1, 1)], (4, 4), bad)
 
 
-def test_native_border_refuses_bad_offsets_and_values():
+def test_native_border_refuses_bad_offsets_and_values() -> None:
     from ffseg.native import _core
 
     mask = np.zeros((4, 4), np.uint8)
 
-    def call(points, offsets, degrees):
+    def call(points: list[list[float]], offsets: list[int], degrees: list[int]) -> None:
         _core.rasterize(np.array(points, float).reshape(-1, 2), np.array(offsets), np.array(degrees, int), 0.01, mask)
 
     square = [[0, 0], [1, 0], [1, 1], [0, 1]]
@@ -123,7 +124,7 @@ def test_native_border_refuses_bad_offsets_and_values():
         ([0, 4, 2, 4], [1, 1, 1]),
         ([0, 0, 4], [1, 1]),
     ]:
-        with pytest.raises(ValueError, match="offsets|contour"):
+        with pytest.raises(ValueError, match=r"offsets|contour"):
             call(square, offsets, degrees)
     with pytest.raises(ValueError, match="finite"):
         call([[0, 0], [math.nan, 0], [1, 1]], [0, 3], [1])
