@@ -8,7 +8,7 @@ from __future__ import annotations
 from fractions import Fraction
 from functools import cache
 from itertools import pairwise
-from math import comb
+from math import ceil, comb, perm
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -267,6 +267,39 @@ def chord_count(patch: Points, tolerance: float) -> NDArray[np.int64]:
     largest = np.hypot(bend[..., 0], bend[..., 1]).max(axis=-1)
     steps = np.ceil(np.sqrt(degree * (degree - 1) * largest / (8.0 * tolerance)))
     return np.asarray(np.maximum(steps, 1.0), dtype=np.int64)
+
+
+def as_cubics(patch: Points, tolerance: float) -> Points:
+    """Cubic patches that follow one patch.
+
+    Parameters
+    ----------
+    patch : ndarray of float64, shape (d + 1, 2)
+    tolerance : float
+        Pixels, > 0.
+
+    Returns
+    -------
+    ndarray of float64, shape (K, 4, 2)
+        Joined end to end, within `tolerance` of the patch. Degrees up to 3 give one cubic, the same curve.
+
+    Notes
+    -----
+    Over a step h the cubic with the same end points and end derivatives is off by at most h^4 / 384 times the largest
+    fourth derivative, which its control points bound.
+    """
+    degree = patch.shape[-2] - 1
+    if degree <= 3:
+        for _ in range(3 - degree):
+            patch = elevate(patch)
+        return patch[None]
+    fourth = np.diff(patch, n=4, axis=0)
+    bound = perm(degree, 4) * float(np.hypot(fourth[:, 0], fourth[:, 1]).max())
+    pieces = max(1, ceil((bound / (384.0 * tolerance)) ** 0.25))
+    t = np.arange(pieces + 1) / pieces
+    points = evaluate(patch, t)
+    thirds = evaluate(derivative(patch), t) / (3.0 * pieces)
+    return np.stack([points[:-1], points[:-1] + thirds[:-1], points[1:] - thirds[1:], points[1:]], axis=1)
 
 
 def _bernstein_exact(degree: int, i: int, t: Fraction) -> Fraction:

@@ -15,7 +15,7 @@ _FLAT = 4.0 * np.finfo(float).eps
 """A piece with second differences below this part of its coordinates is its chord as far as float64 can tell."""
 
 _MAX_HALVINGS = 64
-"""Each halving divides the second differences by four: 27 make any piece flat. Rounding could stall it; this ends it."""
+"""Each halving divides the second differences by four: 27 make any piece flat, unless rounding stalls it."""
 
 _PAIRS_AT_ONCE = 100_000
 """Pairs of point and patch looked at together: bounds the memory, not the result."""
