@@ -1,0 +1,213 @@
+"""COCO, LabelMe and GeoJSON, opened in the programs that read them."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+from shapely.geometry import shape as shapely_shape
+
+from ffseg.formats.exports import (
+    AnnotatedImage,
+    PaintedRegion,
+    coco_document,
+    geojson_document,
+    json_text,
+    labelme_document,
+    merge_coco,
+    run_lengths,
+)
+from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.regions import group_regions
+from ffseg.image.raster import rasterize
+
+# pycocotools 2.0.11 predates the copy keyword of NumPy 2's __array__
+pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
+
+Mask = NDArray[np.bool_]
+SHAPE = (300, 400)
+
+
+def circle(x: float, y: float, radius: float, degree: int = 3) -> FreeForm:
+    return FreeForm.circle((x, y), radius, max(6, int(radius / 5)), degree)
+
+
+def annotated(contours: list[FreeForm], name: str = "view.png", label: str = "region") -> AnnotatedImage:
+    regions = tuple(PaintedRegion(r, rasterize(r.contours, SHAPE)) for r in group_regions(contours))
+    return AnnotatedImage(name, SHAPE[1], SHAPE[0], regions, label)
+
+
+def islands() -> AnnotatedImage:
+    sea, lake = circle(199.6, 150.3, 140.2), circle(180, 140, 60.5).reversed()
+    return annotated([sea, lake, circle(290, 150, 20, 2).reversed(), circle(182, 139, 30.7, 5)])
+
+
+def disc() -> AnnotatedImage:
+    return annotated([circle(199.6, 150.3, 140.2)])
+
+
+def overlap(a: Mask, b: Mask) -> float:
+    return float((a & b).sum() / (a | b).sum())
+
+
+def num_holes(mask: Mask) -> int:
+    return int(cv2.connectedComponents((~np.pad(mask, 1)).astype(np.uint8), connectivity=4)[0]) - 2
+
+
+def loaded_coco(document: dict[str, Any], folder: Path) -> Any:  # noqa: ANN401 - the reader ships no types
+    coco = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
+    path = folder / "coco.json"
+    path.write_text(json_text(document), encoding="utf-8")
+    return coco.COCO(path)
+
+
+def test_coco_regions_with_holes_come_back_pixel_for_pixel(tmp_path: Path) -> None:
+    image = islands()
+    coco = loaded_coco(coco_document(image), tmp_path)
+    holed, _ = coco.loadAnns(coco.getAnnIds(imgIds=[1]))
+    mask = coco.annToMask(holed).astype(bool)
+    np.testing.assert_array_equal(mask, image.regions[0].mask)
+    assert num_holes(mask) == 2
+    mask_of = pytest.importorskip("pycocotools.mask")
+    encoded = coco.annToRLE(holed)
+    assert mask_of.area(encoded) == holed["area"]
+    assert mask_of.toBbox(encoded).tolist() == holed["bbox"]
+
+
+def test_coco_polygons_agree_with_the_mask_to_a_fifth_of_a_pixel(tmp_path: Path) -> None:
+    image = disc()
+    coco = loaded_coco(coco_document(image), tmp_path)
+    (annotation,) = coco.loadAnns(coco.getAnnIds())
+    assert isinstance(annotation["segmentation"], list)
+    mask, ours = coco.annToMask(annotation).astype(bool), image.regions[0].mask
+    assert overlap(mask, ours) >= 0.999
+    rows, columns = np.nonzero(mask != ours)
+    radius = np.hypot(columns - 199.6, rows - 150.3)
+    # the reader rounds vertices to 1/5 px and lines between them once more
+    assert (np.abs(radius - 140.2) <= 0.2 + 0.02).all()
+
+
+@pytest.mark.parametrize("center", [(60, 60), (60.25, 60.5), (60.5, 60.75)])
+def test_coco_polygons_are_not_shifted(center: tuple[float, float], tmp_path: Path) -> None:
+    coco = loaded_coco(coco_document(annotated([circle(*center, 50)])), tmp_path)
+    (annotation,) = coco.loadAnns(coco.getAnnIds())
+    y, x = np.nonzero(coco.annToMask(annotation))
+    # the reader rounds to multiples of 1/5 px: by 1/10 at most; a wrong convention would show as 1/2
+    np.testing.assert_allclose((x.mean(), y.mean()), center, atol=0.1)
+
+
+def test_coco_merge_counts_ids_through_and_joins_categories(tmp_path: Path) -> None:
+    floor = annotated([circle(80, 80, 30)], "floor.png", "floor")
+    merged = merge_coco([coco_document(islands()), coco_document(floor), coco_document(disc())])
+    assert [image["id"] for image in merged["images"]] == [1, 2, 3]
+    assert [a["id"] for a in merged["annotations"]] == [1, 2, 3, 4]
+    assert [a["image_id"] for a in merged["annotations"]] == [1, 1, 2, 3]
+    assert [a["category_id"] for a in merged["annotations"]] == [1, 1, 2, 1]
+    assert [(c["id"], c["name"]) for c in merged["categories"]] == [(1, "region"), (2, "floor")]
+    assert merge_coco([merged]) == merged
+    assert merge_coco([])["images"] == []
+    assert len(loaded_coco(merged, tmp_path).getAnnIds(catIds=[2])) == 1
+
+
+@given(arrays(np.bool_, st.tuples(st.integers(1, 9), st.integers(1, 9))))
+def test_run_lengths_are_those_of_pycocotools(mask: Mask) -> None:
+    mask_of = pytest.importorskip("pycocotools.mask", reason="pycocotools is not installed")
+    counts = run_lengths(mask)
+    assert sum(counts) == mask.size
+    assert all(count > 0 for count in counts[1:])
+    encoded = mask_of.frPyObjects({"size": list(mask.shape), "counts": counts}, *mask.shape)
+    np.testing.assert_array_equal(mask_of.decode(encoded), mask)
+    assert encoded == mask_of.encode(np.asfortranarray(mask, dtype=np.uint8))
+
+
+def test_geojson_opens_in_shapely_with_its_holes() -> None:
+    image = islands()
+    document = json.loads(json_text(geojson_document(image)))
+    y, x = np.indices(SHAPE) + 0.5  # pixel centres counted from the image's corner
+    for feature, painted in zip(document["features"], image.regions, strict=True):
+        polygon = shapely_shape(feature["geometry"])
+        assert polygon.is_valid
+        assert len(polygon.interiors) == len(painted.region.holes) == feature["properties"]["holes"]
+        assert polygon.exterior.is_ccw
+        assert not any(ring.is_ccw for ring in polygon.interiors)
+        mask = shapely.contains_xy(polygon, x.ravel(), y.ravel()).reshape(SHAPE)
+        assert overlap(mask, painted.mask) >= 0.999
+        # chords lie within FLATNESS of the curve, on its inner side of a circle: less than the length times that
+        assert polygon.area == pytest.approx(feature["properties"]["area_px"], abs=0.02 * polygon.length)
+        assert all(
+            ring["coordinates"][0] == ring["coordinates"][-1] for ring in [shapely.geometry.mapping(polygon.exterior)]
+        )
+
+
+def labelme_masks(shapes: list[dict[str, Any]]) -> list[Mask]:
+    """Masks of LabelMe shapes by its documented fields: polygons from the corner, masks with their box inclusive."""
+    y, x = np.indices(SHAPE) + 0.5
+    masks = []
+    for entry in shapes:
+        mask = np.zeros(SHAPE, dtype=bool)
+        if entry["shape_type"] == "polygon":
+            inside = shapely.contains_xy(shapely.Polygon(entry["points"]), x.ravel(), y.ravel())
+            mask = inside.reshape(SHAPE)
+        else:
+            (left, top), (right, bottom) = entry["points"]
+            png = np.frombuffer(base64.b64decode(entry["mask"]), np.uint8)
+            mask[top : bottom + 1, left : right + 1] = cv2.imdecode(png, cv2.IMREAD_UNCHANGED) != 0
+        masks.append(mask)
+    return masks
+
+
+def test_labelme_fields_give_the_masks() -> None:
+    image = islands()
+    document = json.loads(json_text(labelme_document(image)))
+    assert {"version", "flags", "shapes", "imagePath", "imageData", "imageHeight", "imageWidth"} == set(document)
+    assert (document["imagePath"], document["imageHeight"], document["imageWidth"]) == ("view.png", 300, 400)
+    assert [entry["shape_type"] for entry in document["shapes"]] == ["mask", "polygon"]
+    holed, island = labelme_masks(document["shapes"])
+    np.testing.assert_array_equal(holed, image.regions[0].mask)
+    assert num_holes(holed) == 2
+    assert overlap(island, image.regions[1].mask) >= 0.999
+
+
+def test_labelme_opens_it(tmp_path: Path) -> None:
+    label_file = pytest.importorskip("labelme._label_file", reason="labelme is not installed")
+    cv2.imwrite(str(tmp_path / "view.png"), np.zeros(SHAPE, np.uint8))
+    path = tmp_path / "view.json"
+    image = islands()
+    path.write_text(json_text(labelme_document(image)), encoding="utf-8")
+    loaded = label_file.LabelFile(str(path))
+    assert [entry["label"] for entry in loaded.shapes] == ["region", "region"]
+    (left, top), (right, bottom) = loaded.shapes[0]["points"]
+    np.testing.assert_array_equal(loaded.shapes[0]["mask"], image.regions[0].mask[top : bottom + 1, left : right + 1])
+
+
+def test_regions_without_a_pixel_have_no_instance() -> None:
+    speck = annotated([circle(50.5, 50.5, 0.3)])
+    assert coco_document(speck)["annotations"] == labelme_document(speck)["shapes"] == []
+    assert len(geojson_document(speck)["features"]) == 1
+    nothing = annotated([])
+    assert geojson_document(nothing)["features"] == []
+    assert len(coco_document(nothing)["images"]) == 1
+
+
+@pytest.mark.parametrize("name", ['a"b\n<c>.png', "\udc80.png", "=cmd.png", "été.png"])
+def test_any_name_survives(name: str) -> None:
+    for document in (coco_document, labelme_document, geojson_document):
+        text = json_text(document(annotated([circle(50, 50, 9)], name)))
+        assert text.isascii()
+        assert name in str(json.loads(text)).replace("\\n", "\n") or json.dumps(name) in text
+
+
+def test_the_text_is_the_same_every_time() -> None:
+    for document in (coco_document, labelme_document, geojson_document):
+        assert json_text(document(islands())) == json_text(document(islands()))
+        assert "-0.0" not in json_text(document(annotated([FreeForm.box(-0.5, -0.50001, 9, 9)])))
