@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ffseg.geometry.bezier import Points
 from ffseg.geometry.freeform import FreeForm
 
 
@@ -52,22 +53,47 @@ def group_regions(contours: Sequence[FreeForm]) -> tuple[Region, ...]:
 
     Notes
     -----
-    A hole lies in an outer contour when most of its points do (joints and patch middles): it may touch the outer
-    contour, or leave it by a rounding, without being lost.
+    A hole lies in an outer contour when most of up to `_NUM_PROBES` points of it do: it may touch the outer contour, or
+    leave it by a rounding, without being lost.
     """
-    outers = [c for c in contours if c.signed_area > 0.0]
-    areas = [c.signed_area for c in outers]
+    areas = np.array([c.signed_area for c in contours])
+    outers = [contour for contour, area in zip(contours, areas, strict=True) if area > 0.0]
+    rising = np.argsort(areas[areas > 0.0], kind="stable").tolist()
+    probes = _Probes.of(outers)
     holes: list[list[FreeForm]] = [[] for _ in outers]
-    for hole in (c for c in contours if c.signed_area < 0.0):
-        around = [i for i, outer in enumerate(outers) if _contains(outer, hole)]
-        if around:
-            holes[min(around, key=areas.__getitem__)].append(hole)
+    for hole in (contour for contour, area in zip(contours, areas, strict=True) if area < 0.0):
+        owner = next((i for i in rising if probes.contains(i, hole)), None)
+        if owner is not None:
+            holes[owner].append(hole)
     return tuple(Region(outer, tuple(inside)) for outer, inside in zip(outers, holes, strict=True))
 
 
-def _contains(outer: FreeForm, hole: FreeForm) -> bool:
-    (low, high), (hole_low, hole_high) = outer.control_box, hole.control_box
-    if (hole_high < low).any() or (hole_low > high).any():
-        return False
-    points = hole.evaluate(np.arange(2 * hole.num_patches) / (2.0 * hole.num_patches))
-    return bool((outer.winding(points) != 0).mean() > 0.5)
+_NUM_PROBES = 9
+"""Points of a hole that are asked: odd, so that most is clear, and enough that touching at a few decides nothing."""
+
+_FLATNESS = 0.05
+"""Pixels by which outer contours are flattened to be asked: probes this close to the curve may be counted wrong."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Probes:
+    """Outer contours ready to be asked whether a hole lies in them."""
+
+    outers: Sequence[FreeForm]
+    boxes: Points
+    polygons: dict[int, FreeForm]
+
+    @classmethod
+    def of(cls, outers: Sequence[FreeForm]) -> _Probes:
+        return cls(outers, np.array([c.control_box for c in outers]).reshape(-1, 2, 2), {})
+
+    def contains(self, index: int, hole: FreeForm) -> bool:
+        points = hole.evaluate((np.arange(_NUM_PROBES) + 0.5) / _NUM_PROBES)
+        low, high = self.boxes[index]
+        boxed = ((points >= low) & (points <= high)).all(axis=1)
+        if 2 * np.count_nonzero(boxed) <= _NUM_PROBES:
+            return False
+        if index not in self.polygons:
+            self.polygons[index] = FreeForm.trusted(self.outers[index].flatten(_FLATNESS), 1)
+        inside = self.polygons[index].winding(points[boxed]) != 0
+        return 2 * int(np.count_nonzero(inside)) > _NUM_PROBES
