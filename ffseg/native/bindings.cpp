@@ -6,4 +6,5 @@ NB_MODULE(_core, m) {
     bind_edges(m);
     bind_freeform(m);
     bind_raster(m);
+    bind_baselines(m);
 }

@@ -7,3 +7,4 @@
 void bind_edges(nanobind::module_& m);
 void bind_freeform(nanobind::module_& m);
 void bind_raster(nanobind::module_& m);
+void bind_baselines(nanobind::module_& m);

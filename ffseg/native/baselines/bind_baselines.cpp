@@ -1,0 +1,179 @@
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "baselines/levelset.hpp"
+#include "baselines/march.hpp"
+#include "baselines/start_band.hpp"
+#include "bindings.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Points = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+using Offsets = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Plane8 = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Plane16 = nb::ndarray<const std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using PlaneF = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Table = nb::ndarray<const double, nb::shape<65536>, nb::c_contig, nb::device::cpu>;
+
+// Beyond it the square of a slowness or the sum of two times could overflow.
+constexpr double kFastest = 1e100, kSlowest = 1e-100;
+
+template <class Plane>
+ffseg::Grid grid_of(const Plane& plane) {
+    if (plane.shape(0) == 0 || plane.shape(1) == 0 || plane.shape(0) > 32767 || plane.shape(1) > 32767) {
+        throw std::invalid_argument("the image must have 1 to 32767 pixels a side");
+    }
+    return {static_cast<int>(plane.shape(0)), static_cast<int>(plane.shape(1))};
+}
+
+template <class Plane>
+void check_size(const ffseg::Grid& grid, const Plane& plane) {
+    if (plane.shape(0) != static_cast<std::size_t>(grid.height) || plane.shape(1) != static_cast<std::size_t>(grid.width)) {
+        throw std::invalid_argument("the arrays differ in size");
+    }
+}
+
+template <class T>
+nb::ndarray<nb::numpy, T> take(std::vector<T> values) {
+    auto* kept = new std::vector<T>(std::move(values));
+    nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+    return nb::ndarray<nb::numpy, T>(kept->data(), {kept->size()}, owner);
+}
+
+// Slowness on the grid with its ring; the ring and all that is not faster than `stop` is infinite.
+std::vector<double> slowness_of(const ffseg::Grid& grid, const double* speed, double stop) {
+    std::vector<double> slowness(grid.size(), std::numeric_limits<double>::infinity());
+    for (int y = 0; y < grid.height; ++y) {
+        double* row = slowness.data() + grid.node(0, y);
+        for (int x = 0; x < grid.width; ++x, ++speed) {
+            if (!(*speed >= 0 && *speed <= kFastest)) throw std::invalid_argument("a speed is negative or not finite");
+            if (*speed > std::max(stop, kSlowest)) row[x] = 1.0 / *speed;
+        }
+    }
+    return slowness;
+}
+
+std::vector<std::int32_t> raster_index(const ffseg::Grid& grid, const std::vector<std::int32_t>& nodes) {
+    std::vector<std::int32_t> index;
+    index.reserve(nodes.size());
+    for (const std::int32_t node : nodes) index.push_back(grid.y(node) * grid.width + grid.x(node));
+    return index;
+}
+
+nb::tuple py_march(const PlaneF& speed, double stop, const Plane8& inside, std::optional<Plane8> domain) {
+    const ffseg::Grid grid = grid_of(speed);
+    check_size(grid, inside);
+    if (domain) check_size(grid, *domain);
+    if (!(stop >= 0)) throw std::invalid_argument("the stop speed must not be negative");
+    ffseg::March march(grid, domain ? domain->data() : nullptr);
+    std::vector<double> time(static_cast<std::size_t>(grid.height) * static_cast<std::size_t>(grid.width));
+    std::size_t initial = 0;
+    {
+        nb::gil_scoped_release release;
+        const std::vector<double> values = slowness_of(grid, speed.data(), stop);
+        const ffseg::SlownessPlane slowness{values.data()};
+        march.accept(inside.data());
+        ffseg::ArrivalQueue queue(ffseg::bucket_width(grid, slowness), march.time.data(), march.grid.stride());
+        march.begin(slowness, {}, queue);
+        initial = march.met;
+        march.run(slowness, queue);
+        for (int y = 0; y < grid.height; ++y) {
+            std::copy_n(march.time.data() + grid.node(0, y), grid.width,
+                        time.data() + static_cast<std::ptrdiff_t>(y) * grid.width);
+        }
+        for (double& t : time) t = std::isnan(t) ? std::numeric_limits<double>::infinity() : t;
+        march.order = raster_index(grid, march.order);
+        march.on_contour = raster_index(grid, march.on_contour);
+    }
+    return nb::make_tuple(take(std::move(time)), take(std::move(march.order)), take(std::move(march.on_contour)), initial);
+}
+
+void unpack(const Points& points, const Offsets& offsets, std::vector<ffseg::Vec2>& to, std::vector<std::size_t>& ends) {
+    for (std::size_t i = 0; i < points.shape(0); ++i) {
+        const double x = points.data()[2 * i], y = points.data()[2 * i + 1];
+        if (!(std::abs(x) < 1e6 && std::abs(y) < 1e6)) throw std::invalid_argument("a contour point is not finite or far away");
+        to.push_back({x, y});
+    }
+    std::int64_t last = 0;
+    for (std::size_t c = 0; c < offsets.shape(0); ++c) {
+        const std::int64_t at = offsets.data()[c];
+        if (at < last || at > static_cast<std::int64_t>(to.size()) || (c == 0 && at != 0)) {
+            throw std::invalid_argument("offsets must begin with 0, rise and end within the points");
+        }
+        ends.push_back(static_cast<std::size_t>(last = at));
+    }
+}
+
+nb::tuple py_start_band(const Plane8& inside, const Points& points, const Offsets& offsets) {
+    const ffseg::Grid grid = grid_of(inside);
+    std::vector<ffseg::Vec2> corners;
+    std::vector<std::size_t> ends;
+    unpack(points, offsets, corners, ends);
+    std::vector<std::int32_t> nodes;
+    std::vector<double> distances;
+    for (const ffseg::Arrival& a : ffseg::start_band(grid, inside.data(), corners, ends)) {
+        nodes.push_back(a.node);
+        distances.push_back(a.time);
+    }
+    return nb::make_tuple(take(raster_index(grid, nodes)), take(std::move(distances)));
+}
+
+struct LevelSetOptions {
+    int stop = 1, reach = 4;
+    double min_area = 0.0;
+};
+
+nb::tuple py_level_set(const Plane16& gradient, const Table& slowness, const Plane8& inside, const Points& points,
+                       const Offsets& offsets, std::optional<Plane8> domain, const LevelSetOptions& options) {
+    const ffseg::Grid grid = grid_of(gradient);
+    check_size(grid, inside);
+    if (domain) check_size(grid, *domain);
+    if (options.stop < 1 || options.stop > 65536 || options.reach < 0 || options.reach > 64 || !(options.min_area >= 0)) {
+        throw std::invalid_argument("a level set option is out of range");
+    }
+    for (int level = 0; level < 65536; ++level) {
+        const double value = slowness.data()[level];
+        const bool fits = level < options.stop ? value >= kSlowest && value <= kFastest : std::isinf(value);
+        if (!fits) throw std::invalid_argument("the slowness must be finite below `stop` and infinite from there on");
+    }
+    std::vector<ffseg::Vec2> corners;
+    std::vector<std::size_t> ends;
+    unpack(points, offsets, corners, ends);
+    ffseg::LevelSetResult result;
+    {
+        nb::gil_scoped_release release;
+        const ffseg::LevelSetInput input{grid, gradient.data(), slowness.data(), inside.data(),
+                                         domain ? domain->data() : nullptr, options.stop, options.reach,
+                                         options.min_area};
+        result = ffseg::level_set(input, ffseg::start_band(grid, inside.data(), corners, ends));
+    }
+    std::vector<double> flat;
+    flat.reserve(2 * result.points.size());
+    for (const ffseg::Vec2 p : result.points) flat.insert(flat.end(), {p.x, p.y});
+    std::vector<std::int64_t> bounds(result.offsets.begin(), result.offsets.end());
+    nb::dict counts;
+    counts["accepted"] = result.accepted;
+    counts["initial_band"] = result.initial_band;
+    counts["on_contour"] = result.on_contour;
+    return nb::make_tuple(take(std::move(flat)), take(std::move(bounds)), counts);
+}
+
+}  // namespace
+
+void bind_baselines(nb::module_& m) {
+    m.def("fast_march", &py_march, "speed"_a, "stop_speed"_a, "inside"_a, "domain"_a.none(),
+          "Arrival times (H * W), accepted nodes in order, on-contour nodes, size of the first narrow band.");
+    m.def("start_band", &py_start_band, "inside"_a, "points"_a, "offsets"_a,
+          "Nodes just outside the start contours and their distances to them.");
+    nb::class_<LevelSetOptions>(m, "LevelSetOptions")
+        .def(nb::init<>())
+        .def_rw("stop", &LevelSetOptions::stop)
+        .def_rw("reach", &LevelSetOptions::reach)
+        .def_rw("min_area", &LevelSetOptions::min_area);
+    m.def("level_set", &py_level_set, "gradient"_a, "slowness"_a, "inside"_a, "points"_a, "offsets"_a, "domain"_a.none(),
+          "options"_a, "Outlines (flat x, y), their offsets and the counts of a level set.");
+}
