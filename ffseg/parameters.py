@@ -88,7 +88,13 @@ class Snake(Section):
 
 @dataclass(frozen=True, slots=True)
 class LevelSet(Section):
-    """The fast-marching level set (LS), Eq. 12."""
+    """The fast-marching level set (LS), Eq. 12. A negative contour.balloon closes in; max_iterations does not count."""
+
+    stop_speed: float | Literal["auto"] = declared(
+        "auto", OrWord("auto", Number(0, 1, above=True)), "F_diff of a node on an edge; auto = at the high Canny threshold"
+    )
+    settle: int = declared(6, Integer(0, 64), "px the front climbs an edge to its ridge after it has stopped")
+    min_area: float = declared(8.0, Number(0, 1e9), "px^2; outlines that enclose less are dropped")
 
 
 @dataclass(frozen=True, slots=True)

@@ -124,6 +124,7 @@ nb::tuple py_start_band(const Plane8& inside, const Points& points, const Offset
 
 struct LevelSetOptions {
     int stop = 1, reach = 4;
+    bool closing_in = false;
     double min_area = 0.0;
 };
 
@@ -148,7 +149,7 @@ nb::tuple py_level_set(const Plane16& gradient, const Table& slowness, const Pla
         nb::gil_scoped_release release;
         const ffseg::LevelSetInput input{grid, gradient.data(), slowness.data(), inside.data(),
                                          domain ? domain->data() : nullptr, options.stop, options.reach,
-                                         options.min_area};
+                                         options.closing_in, options.min_area};
         result = ffseg::level_set(input, ffseg::start_band(grid, inside.data(), corners, ends));
     }
     std::vector<double> flat;
@@ -173,6 +174,7 @@ void bind_baselines(nb::module_& m) {
         .def(nb::init<>())
         .def_rw("stop", &LevelSetOptions::stop)
         .def_rw("reach", &LevelSetOptions::reach)
+        .def_rw("closing_in", &LevelSetOptions::closing_in)
         .def_rw("min_area", &LevelSetOptions::min_area);
     m.def("level_set", &py_level_set, "gradient"_a, "slowness"_a, "inside"_a, "points"_a, "offsets"_a, "domain"_a.none(),
           "options"_a, "Outlines (flat x, y), their offsets and the counts of a level set.");

@@ -1,5 +1,7 @@
 #include "baselines/levelset.hpp"
 
+#include <algorithm>
+
 #include "baselines/outline.hpp"
 
 namespace ffseg {
@@ -29,8 +31,10 @@ LevelSetResult level_set(const LevelSetInput& input, const std::vector<Arrival>&
     result.on_contour = march.on_contour.size();
     Region region(march);
     region.climb(march.on_contour, gradient, input.domain, {input.stop, input.reach});
-    for (const std::vector<Vec2>& outline : region.outlines(input.reach > 0 ? &gradient : nullptr)) {
+    if (input.closing_in) region.surround(input.domain);
+    for (std::vector<Vec2>& outline : region.outlines(input.reach > 0 ? &gradient : nullptr)) {
         if (std::abs(shoelace(outline)) < input.min_area) continue;
+        if (input.closing_in) std::reverse(outline.begin(), outline.end());
         result.points.insert(result.points.end(), outline.begin(), outline.end());
         result.offsets.push_back(result.points.size());
     }

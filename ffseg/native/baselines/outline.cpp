@@ -31,6 +31,18 @@ Region::Region(const March& march) : grid(march.grid), inside(march.grid.size())
     for (const std::int32_t node : march.order) inside[node] = 1;
 }
 
+void Region::surround(const std::uint8_t* domain) {
+    for (std::int32_t node = 0; node < static_cast<std::int32_t>(grid.size()); ++node) {
+        if (!pixel(node)) inside[node] = 1;
+    }
+    if (domain == nullptr) return;
+    for (int y = 0; y < grid.height; ++y) {
+        for (int x = 0; x < grid.width; ++x) {
+            if (*domain++ == 0) inside[grid.node(x, y)] = 1;
+        }
+    }
+}
+
 std::int32_t Region::step(int side) const { return kDy[side] * grid.stride() + kDx[side]; }
 
 bool Region::rises(std::int32_t node, const GradientPlane& gradient) const {
@@ -106,7 +118,7 @@ std::vector<std::vector<Vec2>> Region::outlines(const GradientPlane* gradient) c
     std::vector<std::vector<Vec2>> found;
     std::vector<std::uint8_t> seen(grid.size());
     const auto stride = static_cast<std::size_t>(grid.stride());
-    for (std::size_t node = stride; node < grid.size() - stride; ++node) {
+    for (std::size_t node = stride; node < grid.size(); ++node) {  // every outline has an upper side somewhere
         if (!inside[node] || inside[node - stride] || seen[node]) continue;
         found.push_back(trace(static_cast<std::int32_t>(node), gradient, seen));
     }

@@ -31,6 +31,9 @@ class Region {
 public:
     explicit Region(const March& march);
 
+    // For a front that closes in: all that lies outside the image or the domain (may be null) joins the region.
+    void surround(const std::uint8_t* domain);
+
     // The front stopped where the edge begins. It now climbs: a node on an edge joins the region while the gradient
     // still rises along the front's way. At most `reach` nodes deep; it never comes down on the far side. Nodes at or
     // above `stop` are on an edge. Nodes outside the domain (may be null) stay outside.
