@@ -8,6 +8,7 @@ import time
 import tracemalloc
 from pathlib import Path
 
+import bad_images
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,7 +16,6 @@ from hypothesis import strategies as st
 
 from ffseg.errors import ImageReadError
 from ffseg.formats.images import REASONS, Limits, decode_image, read_image
-from tests import bad_images
 
 CASES = bad_images.all_cases()
 
