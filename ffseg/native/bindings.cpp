@@ -7,4 +7,5 @@ NB_MODULE(_core, m) {
     bind_freeform(m);
     bind_raster(m);
     bind_baselines(m);
+    bind_pairs(m);
 }

@@ -8,3 +8,4 @@ void bind_edges(nanobind::module_& m);
 void bind_freeform(nanobind::module_& m);
 void bind_raster(nanobind::module_& m);
 void bind_baselines(nanobind::module_& m);
+void bind_pairs(nanobind::module_& m);
