@@ -169,3 +169,33 @@ def align_patches(
     variance = np.maximum(out[:, 3], FINEST_RESIDUAL) ** 2
     information = np.stack([out[:, 4], out[:, 5], out[:, 5], out[:, 6]], axis=1).reshape(n, 2, 2)
     return Alignments(out[:, :2].copy(), out[:, 2].copy(), information / variance[:, None, None])
+
+
+OUTLINE_CELL = 4
+"""Pixels: one outline sample per cell, the strongest."""
+OUTLINE_FLOOR = 4.0
+"""Grey levels per pixel; a weaker edge cannot be placed better than the threshold's parallax."""
+
+
+def outline_points(grey: Grey, region: Mask, origin: tuple[int, int], most: int) -> Array:
+    """Pixels of strongest gradient inside a region, at most one per cell, evenly thinned; shape (n, 2)."""
+    x, y = origin
+    height, width = region.shape
+    part = np.ascontiguousarray(grey[y : y + height, x : x + width])
+    if part.size == 0:
+        return np.empty((0, 2))
+    dx = cv2.Sobel(part, cv2.CV_32F, 1, 0, scale=0.125, borderType=cv2.BORDER_REPLICATE)
+    dy = cv2.Sobel(part, cv2.CV_32F, 0, 1, scale=0.125, borderType=cv2.BORDER_REPLICATE)
+    strength = np.where(region, cv2.magnitude(dx, dy), 0.0)
+    rows, columns = -(-height // OUTLINE_CELL), -(-width // OUTLINE_CELL)
+    padded = np.zeros((rows * OUTLINE_CELL, columns * OUTLINE_CELL), np.float32)
+    padded[:height, :width] = strength
+    cells = padded.reshape(rows, OUTLINE_CELL, columns, OUTLINE_CELL).swapaxes(1, 2).reshape(rows * columns, -1)
+    best = cells.argmax(axis=1)
+    value = cells[np.arange(len(cells)), best]
+    chosen = np.flatnonzero(value > OUTLINE_FLOOR)
+    if len(chosen) > most:
+        chosen = chosen[np.linspace(0, len(chosen) - 1, most).round().astype(np.intp)]
+    row = chosen // columns * OUTLINE_CELL + best[chosen] // OUTLINE_CELL
+    column = chosen % columns * OUTLINE_CELL + best[chosen] % OUTLINE_CELL
+    return np.stack([column + x, row + y], axis=1).astype(np.float64)

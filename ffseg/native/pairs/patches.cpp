@@ -14,8 +14,8 @@ constexpr double kFlat = 4.0;
 constexpr double kStill = 0.01;
 // Pixels; a longer step means that the linearisation does not hold.
 constexpr double kLeap = 2.0;
-// Part of the trace added to the diagonal: along a straight edge the position then stays where it was.
-constexpr double kDamping = 1e-3;
+// Ratio of the two curvatures of the fit below which a patch is an edge.
+constexpr double kWeak = 0.05;
 
 double bilinear(const PlaneView& image, double x, double y) {
     const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
@@ -108,11 +108,21 @@ Slopes slopes(const Patch& reference, const Patch& wide, const Warp& warp, doubl
     return sums;
 }
 
-Vec2 solve(const Symmetric2& normal, Vec2 right) {
-    const double damping = kDamping * (normal.xx + normal.yy) + 1e-12;
-    const double xx = normal.xx + damping, yy = normal.yy + damping;
-    const double determinant = xx * yy - normal.xy * normal.xy;
-    return {(yy * right.x - normal.xy * right.y) / determinant, (xx * right.y - normal.xy * right.x) / determinant};
+// Gauss-Newton step. Along a straight edge only noise answers: a direction that is kWeak times weaker than the other
+// stays where it was, and its information is taken away.
+Vec2 solve(Symmetric2& normal, Vec2 right) {
+    const double half = 0.5 * (normal.xx + normal.yy), skew = 0.5 * (normal.xx - normal.yy);
+    const double radius = std::hypot(skew, normal.xy), strong = half + radius, weak = half - radius;
+    if (!(strong > 0.0)) return {0.0, 0.0};
+    if (weak < kWeak * strong) {
+        const double angle = 0.5 * std::atan2(normal.xy, skew);
+        const Vec2 along{std::cos(angle), std::sin(angle)};
+        normal = {strong * along.x * along.x, strong * along.x * along.y, strong * along.y * along.y};
+        return (dot(along, right) / strong) * along;
+    }
+    const double determinant = strong * weak;
+    return {(normal.yy * right.x - normal.xy * right.y) / determinant,
+            (normal.xx * right.y - normal.xy * right.x) / determinant};
 }
 
 }  // namespace
@@ -128,11 +138,11 @@ Alignment align_patch(const ImagePair& pair, Vec2 center, Vec2 start, const Warp
         }
         result.score = reference.correlation(seen);
         const double gain = seen.spread() > 0.0 ? reference.spread() / seen.spread() : 1.0;
-        const Slopes sums = slopes(reference, wide, warp, gain, seen.mean());
+        Slopes sums = slopes(reference, wide, warp, gain, seen.mean());
+        Vec2 move = solve(sums.normal, sums.right);
         result.normal = sums.normal;
         result.residual = std::sqrt(sums.squares / static_cast<double>(reference.values().size()));
         if (step == steps) break;
-        Vec2 move = solve(sums.normal, sums.right);
         const double length = norm(move);
         if (!(length > kStill)) break;
         if (length > kLeap) move = (kLeap / length) * move;

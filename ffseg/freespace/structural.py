@@ -1,0 +1,256 @@
+"""The structural test of Eq. 9: which enclosed components are paint on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.model import Camera
+from ffseg.camera.motion import Motion
+from ffseg.camera.triangulation import triangulate
+from ffseg.freespace.components import Component
+from ffseg.image.keypoints import (
+    Alignments, Array, Candidates, Grey, align_patches, harris_points, outline_points, patch_scores, plane_candidates,
+)  # fmt: skip
+
+Verdict = Literal["obstacle", "false_obstacle", "untested"]
+
+MOST_CORNERS = 16
+"""Per component; more say the same again."""
+MOST_OUTLINE = 48
+"""Outline samples per component: one every few pixels of the largest mark that is seen whole."""
+CORNER_RADIUS = 4
+OUTLINE_RADIUS = 3
+GROWN = 2
+"""Pixels: corners and edges lie on a component's border, which the settled contour cuts through."""
+
+LEAST_SCORE = 0.85
+"""Correlation of a right match; wrong ones of 9x9 patches rarely pass 0.7."""
+RIVAL = 2.5
+"""Pixels from the best place beyond which a second peak is another place."""
+RIVAL_MARGIN = 0.03
+"""A second peak this close in correlation makes a match ambiguous: it then says nothing."""
+REPROJECTION_GATE = 1.0
+"""Pixels that the rays of a match may miss each other by."""
+NOISE_PX = 0.2
+"""Standard deviation of a match per axis: what rendered and measured board corners show."""
+CONFIDENT = 2.0
+"""Standard deviations that an altitude must keep from the threshold to speak."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImagePair:
+    """Two images of one camera and the motion between them.
+
+    Attributes
+    ----------
+    current, previous : ndarray of uint8, shape (H, W)
+    camera : Camera
+    motion : Motion
+    """
+
+    current: Grey
+    previous: Grey
+    camera: Camera
+    motion: Motion
+
+
+@dataclass(frozen=True, slots=True)
+class ComponentVerdict:
+    """A row of ``obstacles.csv``.
+
+    Attributes
+    ----------
+    component : int
+    area_px : int
+    centroid_x, centroid_y : float
+        Pixels.
+    matched_points : int
+        Interest points found again and consistent with the motion.
+    max_altitude_m : float
+        Largest altitude among them, metres; NaN without any.
+    verdict : str
+        ``obstacle``, ``false_obstacle`` or ``untested``.
+    flat, raised : int
+        Corners and outline samples that speak for the ground and against it.
+    """
+
+    component: int
+    area_px: int
+    centroid_x: float
+    centroid_y: float
+    matched_points: int
+    max_altitude_m: float
+    verdict: Verdict
+    flat: int
+    raised: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matches:
+    """Interest points with their matches.
+
+    Attributes
+    ----------
+    owner : ndarray of int, shape (n,)
+        Position of the point's component in the list.
+    current, previous : ndarray of float64, shape (n, 2)
+        Pixels.
+    altitude, altitude_sigma : ndarray of float64, shape (n,)
+        Metres.
+    good : ndarray of bool, shape (n,)
+        Unique, similar and consistent with the motion.
+    """
+
+    owner: NDArray[np.intp]
+    current: Array
+    previous: Array
+    altitude: Array
+    altitude_sigma: Array
+    good: NDArray[np.bool_]
+
+
+def structural_test(
+    pair: ImagePair, components: Sequence[Component], epsilon: float
+) -> tuple[ComponentVerdict, ...]:
+    """Verdict on every component.
+
+    Parameters
+    ----------
+    pair : ImagePair
+    components : sequence of Component
+        Of the current image.
+    epsilon : float
+        ``obstacles.altitude``, metres.
+
+    Notes
+    -----
+    Eq. 9. Differs: a component is merged only if, besides its matched interest points, the samples of its outline are
+    found again where flat paint would be. A box of which only the base was matched so stays an obstacle, and one wrong
+    match neither merges a box nor keeps a mark.
+    """
+    grown = [component.grown(GROWN, pair.current.shape) for component in components]  # type: ignore[arg-type]
+    matches = match_corners(pair, grown, epsilon)
+    flat, raised = outline_votes(pair, grown, epsilon)
+    return tuple(
+        _verdict(component, place, matches, (int(flat[place]), int(raised[place])), epsilon)
+        for place, component in enumerate(components)
+    )
+
+
+def match_corners(pair: ImagePair, components: Sequence[Component], epsilon: float) -> Matches:
+    """Match Harris corners of components along their epipolar curves and triangulate them."""
+    found = [harris_points(pair.current, c.mask, c.origin, MOST_CORNERS) for c in components]
+    owner = np.repeat(np.arange(len(found)), [len(points) for points in found])
+    points = np.concatenate([np.empty((0, 2)), *found])
+    start, unique = _sweep(pair, points, epsilon)
+    aligned = align_patches(pair.current, pair.previous, points, start, CORNER_RADIUS)
+    placed = triangulate(pair.camera, pair.motion, points, aligned.pixels, NOISE_PX)
+    stayed = np.hypot(*(aligned.pixels - start.pixels[:, 0]).T) < RIVAL
+    good = unique & stayed & (aligned.score > LEAST_SCORE) & (placed.reprojection < REPROJECTION_GATE)
+    good &= np.isfinite(placed.altitude) & np.isfinite(placed.altitude_sigma)
+    return Matches(owner, points, aligned.pixels, placed.altitude, placed.altitude_sigma, good)
+
+
+HIGHEST = 0.7
+"""Part of the mount height up to which altitudes are tried: above it a pixel sees the far wall past the thing's top."""
+FINE_STEPS, COARSE_STEPS = 7, 24
+
+
+def _altitudes(mounting: float, epsilon: float) -> Array:
+    """Altitudes tried: fine round the ground, then evenly in parallax up to ``HIGHEST``."""
+    fine = np.linspace(-epsilon, epsilon, FINE_STEPS)
+    nearness = np.linspace(1.0 / (mounting - epsilon), 1.0 / (mounting * (1.0 - HIGHEST)), COARSE_STEPS + 1)[1:]
+    altitudes: Array = np.concatenate([fine, mounting - 1.0 / nearness])
+    return altitudes
+
+
+def _sweep(pair: ImagePair, points: Array, epsilon: float) -> tuple[Candidates, NDArray[np.bool_]]:
+    """Best candidate of each point over all altitudes, and whether no other place rivals it."""
+    candidates = plane_candidates(
+        pair.camera, pair.motion, points, _altitudes(pair.camera.mounting(), epsilon)
+    )
+    scores = np.nan_to_num(patch_scores(pair.current, pair.previous, points, candidates, CORNER_RADIUS), nan=-1.0)
+    best = np.argmax(scores, axis=1) if scores.size else np.zeros(len(points), np.intp)
+    rows = np.arange(len(points))
+    place, warp = candidates.pixels[rows, best], candidates.warps[rows, best]
+    top = scores[rows, best]
+    away = np.hypot(*np.moveaxis(candidates.pixels - place[:, None], -1, 0)) > RIVAL
+    rival = np.where(away, scores, -1.0).max(axis=1, initial=-1.0)
+    return Candidates(place[:, None], warp[:, None]), (top > 0) & (rival < top - RIVAL_MARGIN)
+
+
+def outline_votes(
+    pair: ImagePair, components: Sequence[Component], epsilon: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Samples of each component's edges that lie on the ground, and those that do not.
+
+    A sample is aligned from where the ground would put it. Its displacement along the epipolar curve is an altitude,
+    as certain as the edge crosses the curve; across the curve it must be small. Samples that cannot tell are left out.
+    """
+    found = [outline_points(pair.current, c.mask, c.origin, MOST_OUTLINE) for c in components]
+    owner = np.repeat(np.arange(len(found)), [len(points) for points in found])
+    points = np.concatenate([np.empty((0, 2)), *found])
+    ground = plane_candidates(pair.camera, pair.motion, points, np.array([0.0, epsilon]))
+    start = Candidates(ground.pixels[:, :1], ground.warps[:, :1])
+    aligned = align_patches(pair.current, pair.previous, points, start, OUTLINE_RADIUS)
+    flat, raised = _judge(aligned, ground, epsilon)
+    count = len(components)
+    return np.bincount(owner[flat], minlength=count), np.bincount(owner[raised], minlength=count)
+
+
+def _judge(aligned: Alignments, ground: Candidates, epsilon: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    shift = aligned.pixels - ground.pixels[:, 0]
+    parallax = ground.pixels[:, 1] - ground.pixels[:, 0]
+    information = _with_floor(aligned.information)
+    weighted = np.einsum("nij,nj->ni", information, parallax)
+    certainty = np.sum(weighted * parallax, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        altitude = np.sum(weighted * shift, axis=1) / certainty
+        sigma = 1.0 / np.sqrt(certainty)
+        left = shift - altitude[:, None] * parallax
+        miss = np.einsum("ni,nij,nj->n", left, information, left)
+        similar = aligned.score > LEAST_SCORE
+        raised = ~similar | (altitude - CONFIDENT * sigma > 1.0) | (miss > MISS_GATE)
+        flat = similar & (altitude + CONFIDENT * sigma < 1.0) & ~raised
+    seen = np.isfinite(aligned.score) & np.isfinite(parallax).all(axis=1)
+    return flat & seen, raised & seen
+
+
+MISS_GATE = 16.0
+"""Four standard deviations across the epipolar curve."""
+
+
+def _with_floor(information: Array) -> Array:
+    """Information of a shift whose variance is at least ``NOISE_PX**2`` in every direction."""
+    values, vectors = np.linalg.eigh(np.nan_to_num(information))
+    bounded: Array = np.einsum("nij,nj,nkj->nik", vectors, 1.0 / (1.0 / np.maximum(values, 1e-9) + NOISE_PX**2), vectors)
+    return bounded
+
+
+LEAST_FLAT = 4
+"""Samples that must speak for the ground before anything is merged."""
+MOST_RAISED = 0.2
+"""Share of the speaking samples that may contradict: sensor noise and half-hidden edges, not the upper half of a box."""
+
+
+def _verdict(
+    component: Component, place: int, matches: Matches, votes: tuple[int, int], epsilon: float
+) -> ComponentVerdict:
+    own = matches.good & (matches.owner == place)
+    altitude, sigma = matches.altitude[own], matches.altitude_sigma[own]
+    high = int(np.sum(altitude >= epsilon))
+    flat, raised = votes
+    verdict: Verdict = "obstacle"
+    if not len(altitude):
+        verdict = "untested"
+    elif high == 0 or (high == 1 and len(altitude) >= 6):
+        if flat >= LEAST_FLAT and raised <= MOST_RAISED * (flat + raised):
+            verdict = "false_obstacle"
+    x, y = component.centroid
+    highest = float(altitude.max()) if len(altitude) else float("nan")
+    return ComponentVerdict(component.index, component.area, x, y, len(altitude), highest, verdict, flat, raised)
