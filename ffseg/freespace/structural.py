@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
 from ffseg.camera.triangulation import triangulate
-from ffseg.freespace.components import Component
+from ffseg.image.components import Component
 from ffseg.image.keypoints import (
     Alignments, Array, Candidates, Grey, align_patches, harris_points, outline_points, patch_scores, plane_candidates,
 )  # fmt: skip
@@ -139,6 +139,13 @@ def structural_test(
     return tuple(
         _verdict(component, place, matches, (int(flat[place]), int(raised[place])), epsilon)
         for place, component in enumerate(components)
+    )
+
+
+def untested(components: Sequence[Component]) -> tuple[ComponentVerdict, ...]:
+    """Rows of components that nothing could be matched for."""
+    return tuple(
+        ComponentVerdict(c.index, c.area, *c.centroid, 0, float("nan"), "untested", 0, 0) for c in components
     )
 
 

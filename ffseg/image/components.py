@@ -9,6 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.raster import rasterize
+
 Mask = NDArray[np.bool_]
 
 
@@ -68,18 +71,29 @@ def component_of(index: int, mask: Mask) -> Component:
     return Component(index, (int(columns[0]), int(rows[0])), window.copy())
 
 
-def enclosed_components(region: Mask) -> list[Component]:
-    """Holes of a region: background that no path of pixel sides or corners joins to the image border."""
-    outside = np.pad(~region, 1, constant_values=True).view(np.uint8)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(outside, connectivity=8)
-    border = labels[0, 0]
-    found: list[Component] = []
-    for label in range(1, count):
-        if label != border:
-            x, y, w, h = (int(value) for value in stats[label][:4])
-            mask = labels[y : y + h, x : x + w] == label
-            found.append(Component(len(found), (x - 1, y - 1), mask))
-    return found
+def contour_components(
+    contours: Sequence[FreeForm], shape: tuple[int, int]
+) -> tuple[list[int], list[Component]]:
+    """Components enclosed by the inner contours (those of negative area).
+
+    Returns
+    -------
+    list of int
+        Places of the inner contours among `contours`.
+    list of Component
+        What each encloses by the pixel-centre rule, cut at the image border; ``index`` counts inner contours.
+    """
+    inner = [place for place, contour in enumerate(contours) if contour.signed_area < 0]
+    return inner, [_filled(index, contours[place], shape) for index, place in enumerate(inner)]
+
+
+def _filled(index: int, contour: FreeForm, shape: tuple[int, int]) -> Component:
+    low, high = contour.control_box
+    x0, y0 = (int(max(0, np.floor(value))) for value in low)
+    x1, y1 = min(shape[1], int(np.ceil(high[0])) + 1), min(shape[0], int(np.ceil(high[1])) + 1)
+    window = (max(0, y1 - y0), max(0, x1 - x0))
+    local = FreeForm(contour.control_points - [x0, y0], contour.degree).reversed()
+    return Component(index, (x0, y0), rasterize([local], window))
 
 
 def merged(region: Mask, components: Sequence[Component]) -> Mask:

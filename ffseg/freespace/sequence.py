@@ -1,0 +1,197 @@
+"""Algorithm 5: free space of the images of a moving camera, with false obstacles merged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.model import Camera
+from ffseg.camera.motion import Motion, Pose
+from ffseg.freespace.egomotion import pair_motion
+from ffseg.freespace.structural import ComponentVerdict, ImagePair, structural_test, untested
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.components import Component, contour_components, merged
+from ffseg.image.keypoints import Grey, grey_image
+from ffseg.parameters import Parameters
+from ffseg.segmenters.base import Segmentation
+from ffseg.segmenters.registry import segment
+
+START_MARGIN = 8.0
+"""Pixels between the robot's disc and the start circle: the disc's border is an edge some 5 px wide."""
+
+FIRST_IMAGE = "first image: nothing to compare with; its components stay untested"
+NOTHING_ENCLOSED = "no enclosed component to test"
+
+Segmenting = Callable[..., Segmentation]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """Free space of one image.
+
+    Attributes
+    ----------
+    mask : ndarray of bool, shape (H, W)
+        Free space with false obstacles merged. The robot's own disc counts as free.
+    contours : tuple of FreeForm
+        Contours of the merged free space.
+    merged_contours : tuple of FreeForm
+        Inner contours that were found to be false obstacles.
+    components : tuple of ComponentVerdict
+        One row per inner contour, in the order of the segmentation.
+    segmentation : Segmentation
+        Before the structural test.
+    motion : Motion or None
+        Of the camera since the previous image.
+    note : str
+        Where the motion comes from, or why nothing was tested.
+    obstacles_ms : float
+        Wall time of motion and structural test.
+    """
+
+    mask: NDArray[np.bool_]
+    contours: tuple[FreeForm, ...]
+    merged_contours: tuple[FreeForm, ...]
+    components: tuple[ComponentVerdict, ...]
+    segmentation: Segmentation
+    motion: Motion | None
+    note: str
+    obstacles_ms: float
+
+
+def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters:
+    """Parameters with a start circle that keeps clear of the robot's own disc."""
+    least = camera.robot_radius + START_MARGIN if camera.robot_radius else 0.0
+    if params.init.radius >= least:
+        return params
+    return replace(params, init=replace(params.init, radius=least))
+
+
+def segment_view(
+    image: Grey, camera: Camera, params: Parameters, method: str | None = None, domain: NDArray[np.uint8] | None = None
+) -> Segmentation:
+    """Segment one omnidirectional image inside the camera's rim, from round the robot.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    camera : Camera
+    params : Parameters
+    method : str, optional
+    domain : ndarray of uint8, shape (H, W), optional
+        A further bound, nonzero where the contour may go.
+
+    Raises
+    ------
+    CalibrationError
+        When the image has another size than the calibration.
+    SegmentationError
+        As `ffseg.segment`.
+    """
+    camera.check_size(image.shape[1], image.shape[0], "the image")
+    inside = camera.domain()
+    if domain is not None:
+        inside &= domain > 0
+    bound = np.where(inside, np.uint8(255), np.uint8(0))
+    return segment(image, omnidirectional_parameters(params, camera), method, domain=bound, center=camera.center)
+
+
+def free_space(
+    current: Grey,
+    segmentation: Segmentation,
+    previous: Grey | None,
+    camera: Camera,
+    epsilon: float,
+    poses: tuple[Pose, Pose] | None = None,
+) -> Frame:
+    """The structural test on a segmented image: a pure function of two images, the camera and the poses.
+
+    Parameters
+    ----------
+    current : ndarray of uint8, shape (H, W) or (H, W, 3)
+    segmentation : Segmentation
+        Of the current image.
+    previous : ndarray of uint8 or None
+        None for the first image.
+    camera : Camera
+    epsilon : float
+        ``obstacles.altitude``, metres.
+    poses : tuple of Pose, optional
+        Of the previous and the current image; without them the motion is read off the ground.
+
+    Raises
+    ------
+    CalibrationError
+        When the camera file has no mount_height, or the previous image another size.
+    """
+    begin = perf_counter()
+    inner, components = contour_components(segmentation.contours, segmentation.mask.shape)
+    motion, note = None, FIRST_IMAGE if previous is None else NOTHING_ENCLOSED
+    rows = untested(components)
+    if previous is not None and components:
+        camera.check_size(previous.shape[1], previous.shape[0], "the previous image")
+        pair = (grey_image(previous), grey_image(current))
+        chosen = pair_motion(camera, pair, poses, segmentation.mask, epsilon)
+        motion, note = chosen.motion, chosen.note
+        if motion is not None:
+            rows = structural_test(ImagePair(pair[1], pair[0], camera, motion), components, epsilon)
+    paint = {row.component for row in rows if row.verdict == "false_obstacle"}
+    dropped = {inner[place] for place in paint}
+    return Frame(
+        merged(segmentation.mask, [component for component in components if component.index in paint]),
+        tuple(contour for place, contour in enumerate(segmentation.contours) if place not in dropped),
+        tuple(segmentation.contours[place] for place in sorted(dropped)),
+        rows, segmentation, motion, note, (perf_counter() - begin) * 1e3,
+    )  # fmt: skip
+
+
+class Sequence:
+    """Free space for a robot: fed one image at a time (Algorithm 5).
+
+    Parameters
+    ----------
+    camera : Camera
+    params : Parameters
+    method : str, optional
+        Segmenter; ``params.method`` without it.
+
+    Examples
+    --------
+    >>> sequence = Sequence(camera, params)  # doctest: +SKIP
+    >>> for image in images:  # doctest: +SKIP
+    ...     frame = sequence.feed(image)
+    ...     frame.mask
+    """
+
+    def __init__(self, camera: Camera, params: Parameters, method: str | None = None) -> None:
+        camera.mounting()
+        self._camera, self._params, self._method = camera, params, method
+        self._previous: Grey | None = None
+        self._pose: Pose | None = None
+
+    def feed(self, image: Grey, pose: Pose | None = None) -> Frame:
+        """Take the next image, with its pose when there is one.
+
+        Parameters
+        ----------
+        image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        pose : Pose, optional
+            Without the pose of this image or of the one before, the motion is read off the ground.
+
+        Raises
+        ------
+        CalibrationError
+            When the image has another size than the calibration; the sequence stays as it was.
+        SegmentationError
+            When the image cannot be segmented; the sequence goes on from it all the same.
+        """
+        self._camera.check_size(image.shape[1], image.shape[0], "the image")
+        previous, before = self._previous, self._pose
+        self._previous, self._pose = grey_image(image), pose
+        found = segment_view(image, self._camera, self._params, self._method)
+        poses = (before, pose) if before is not None and pose is not None else None
+        return free_space(image, found, previous, self._camera, self._params.obstacles.altitude, poses)
