@@ -99,3 +99,49 @@ def rasterize(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), or
     """
     Region (winding > 0) of closed contours at the pixel centres, 1 or 0 into `out`.
     """
+
+def fast_march(speed: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], stop_speed: float, inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None) -> tuple:
+    """
+    Arrival times (H * W), accepted nodes in order, on-contour nodes, size of the first narrow band.
+    """
+
+def start_band(inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple:
+    """Nodes just outside the start contours and their distances to them."""
+
+class LevelSetOptions:
+    def __init__(self) -> None: ...
+
+    @property
+    def stop(self) -> int: ...
+
+    @stop.setter
+    def stop(self, arg: int, /) -> None: ...
+
+    @property
+    def reach(self) -> int: ...
+
+    @reach.setter
+    def reach(self, arg: int, /) -> None: ...
+
+    @property
+    def closing_in(self) -> bool: ...
+
+    @closing_in.setter
+    def closing_in(self, arg: bool, /) -> None: ...
+
+    @property
+    def min_area(self) -> float: ...
+
+    @min_area.setter
+    def min_area(self, arg: float, /) -> None: ...
+
+def level_set(gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu', writable=False)], slowness: Annotated[NDArray[numpy.float64], dict(shape=(65536), order='C', device='cpu', writable=False)], inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, options: LevelSetOptions) -> tuple:
+    """Outlines (flat x, y), their offsets and the counts of a level set."""
+
+def patch_scores(current: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], previous: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], centers: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], candidates: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], warps: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], radius: int, out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    Normalised cross-correlation of patches against warped candidates of the previous image, into `out`.
+    """
+
+def align_patches(current: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], previous: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], centers: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], starts: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], warps: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], radius: int, steps: int, out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """Sub-pixel alignment of patches in the previous image, into `out`."""
