@@ -76,6 +76,7 @@ private:
     double length(int i) const { return chords(i).total; }
     bool splittable(int i) const { return length(i) > 2 * D * kMinSpacing; }
     int split(int i);
+    void keep_inside(int i);
 
     // move.hpp
     void move();

@@ -69,9 +69,17 @@ void Chain<D>::release(int i) {
     freed_.push_back(i);
 }
 
+// The curve may swing out of the image between samples that do not; what is sampled from it anew must not.
+template <int D>
+void Chain<D>::keep_inside(int i) {
+    for (Vec2& sample : pool_[i].m) sample = field_.clamp(sample);
+}
+
 template <int D>
 int Chain<D>::split(int i) {
     const int fresh = pool_.split(i);
+    keep_inside(i);
+    keep_inside(fresh);
     sorted_.push_back(fresh);
     if (pool_[fresh].active) active_.push_back(fresh);
     ++counts_.splits;

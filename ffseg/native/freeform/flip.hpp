@@ -169,6 +169,8 @@ bool Chain<D>::flip(int i, int j, int depth) {
         std::copy_n(first.begin(), D, pool_[i].m.begin());
         std::copy_n(second.begin(), D, pool_[j].m.begin());
     }
+    keep_inside(i);
+    keep_inside(j);
     const int after_i = pool_[i].next, after_j = pool_[j].next;
     pool_.link(i, after_j);
     pool_.link(j, after_i);
@@ -237,6 +239,7 @@ void Chain<D>::flip_adjacent(int i) {
     const auto kept = pool_[i].m;
     const int after = pool_[j].next;
     pool_.set_control(i, joined);
+    keep_inside(i);
     pool_.link(i, after);
     if (meets_edge(i)) {
         pool_[i].m = kept;

@@ -133,7 +133,10 @@ bool Chain<D>::guard_patch(int i) {
         if (k < 0) break;
         stopped = true;
         const bool left = put_back(i, k), right = put_back(i, k + 1);
-        if (!left && !right) break;
+        if (left || right) continue;
+        bool any = false;  // the samples farther off bend the curve here as well
+        for (int other = 0; other <= D; ++other) any = put_back(i, other) || any;
+        if (!any) break;
     }
     return stopped;
 }

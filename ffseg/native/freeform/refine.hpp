@@ -132,7 +132,7 @@ void Chain<D>::calm(int i) {
     Patch<D>& patch = pool_[i];
     const Points points = pool_.samples(i);
     const auto kept = patch.m;
-    for (int k = 1; k < D; ++k) patch.m[k] = apply<D>(basis.calm[k], points);
+    for (int k = 1; k < D; ++k) patch.m[k] = field_.clamp(apply<D>(basis.calm[k], points));
     if (meets_edge(i)) {
         patch.m = kept;
         patch.wants_split = true;
