@@ -5,6 +5,7 @@
 
 #include "freeform/evolution.hpp"
 #include "freeform/pool.hpp"
+#include "freeform/settle.hpp"
 
 namespace ffseg {
 
@@ -30,9 +31,6 @@ constexpr double kPruneSpacing = 0.35;
 constexpr double kPruneRatio = 0.2;
 // A patch whose longest distance between samples is this many times the shortest is laid out evenly.
 constexpr double kUneven = 3.0;
-// A control polygon this many times longer than the polygon of samples belongs to a curve that swings; that of a
-// quarter circle is 1.1 times longer.
-constexpr double kSwing = 1.25;
 // With fewer than one patch in so many moving, these are compared with all others instead of sorting.
 constexpr std::size_t kFewActive = 16;
 // Components enclosing less cannot hold the band of one edge pixel (3 x 3) and are dropped.

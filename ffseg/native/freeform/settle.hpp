@@ -25,6 +25,10 @@ constexpr double kNormalReach = 2.0;
 // Samples nearer to each other say nothing new.
 constexpr double kClosest = 0.5;
 
+// A control polygon this many times longer than the polygon of samples belongs to a curve that swings; that of a
+// quarter circle is 1.1 times longer.
+constexpr double kSwing = 1.25;
+
 // One component as its samples in order, D to a patch.
 using Samples = std::vector<Vec2>;
 
@@ -49,6 +53,7 @@ public:
         }
         fresh_.assign(at_.size(), 1);
         project(0.0, -1.0, 1.0);
+        if (D > 2) calm();
         return std::move(at_);
     }
 
@@ -194,6 +199,24 @@ private:
         at_ = std::move(finer);
         fresh_ = std::move(fresh);
         return splits;
+    }
+
+    // Patches whose control polygon is much longer than the polygon of samples swing about them.
+    void calm() {
+        const Basis<D>& basis = Basis<D>::get();
+        for (std::size_t first = 0; first < at_.size(); first += D) {
+            const auto points = patch(first);
+            double size = 0.0, polygon = 0.0;
+            Vec2 last = points[0];
+            for (std::size_t k = 1; k <= D; ++k) {
+                const Vec2 control = apply<D>(basis.inverse[k], points);
+                polygon += norm(control - last);
+                last = control;
+                size += norm(points[k] - points[k - 1]);
+            }
+            if (polygon <= kSwing * size) continue;
+            for (std::size_t k = 1; k < D; ++k) at_[first + k] = field_.clamp(apply<D>(basis.calm[k], points));
+        }
     }
 
     bool misses(const std::array<Vec2, D + 1>& points) const {
