@@ -124,6 +124,7 @@ private:
     void flip_adjacent(int i);
     void classify(int i, int j);
     void drop(int i);
+    void drop_nested();
     double loop_area(int i) const;
     double patch_area(int i, Vec2 origin) const;
     bool loop_contains(int loop, Vec2 p) const;

@@ -191,6 +191,24 @@ void Field::grow(double radius) {
     build_tiles();
 }
 
+bool Field::encloses_solid(const Vec2* polygon, std::size_t count) const {
+    Box box;
+    for (std::size_t i = 0; i < count; ++i) box.add(clamp(polygon[i]));
+    const int right = static_cast<int>(std::floor(box.x1)), bottom = static_cast<int>(std::floor(box.y1));
+    for (int y = static_cast<int>(std::ceil(box.y0)); y <= bottom; ++y) {
+        for (int x = static_cast<int>(std::ceil(box.x0)); x <= right; ++x) {
+            if (blocked_[cell(x, y)] < kEdge) continue;
+            bool inside = false;
+            for (std::size_t i = 0, j = count - 1; i < count; j = i++) {
+                const Vec2 a = polygon[i], b = polygon[j];
+                if ((a.y > y) != (b.y > y) && x < a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x)) inside = !inside;
+            }
+            if (inside) return true;
+        }
+    }
+    return false;
+}
+
 void Field::close_passages(const std::vector<std::uint8_t>& reached, const Field& grown, double radius) {
     std::vector<std::uint8_t> region(blocked_.size());
     for (int y = 0; y < height_; ++y) {

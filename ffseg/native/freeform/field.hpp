@@ -48,6 +48,8 @@ public:
         const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
         return blocked_[static_cast<std::size_t>(row) * stride_ + column] >= kOutside;
     }
+    // Does the closed polygon hold the centre of a solid pixel (even-odd)?
+    bool encloses_solid(const Vec2* polygon, std::size_t count) const;
     // A lower bound of the distance from p to anything blocked, known in steps of a tile up to kLevels tiles.
     double free_reach(Vec2 p) const {
         const int column = static_cast<int>(p.x + 0.5) >> kTileShift, row = static_cast<int>(p.y + 0.5) >> kTileShift;

@@ -160,7 +160,7 @@ bool Chain<D>::flip(int i, int j, int depth) {
         return flip_finer(i, j, depth);
     }
     const auto kept_i = pool_[i].m, kept_j = pool_[j].m;
-    const bool met = crowded && (meets_edge(i) || meets_edge(j));
+    const bool met = meets_edge(i) || meets_edge(j);
     Points first, second;
     if (swap_halves(pool_[i].control, pool_[j].control, first, second)) {
         pool_.set_control(i, first);
@@ -174,7 +174,7 @@ bool Chain<D>::flip(int i, int j, int depth) {
     const int after_i = pool_[i].next, after_j = pool_[j].next;
     pool_.link(i, after_j);
     pool_.link(j, after_i);
-    if (crowded && !met && (meets_edge(i) || meets_edge(j))) {  // the flip would cut an edge: leave the crossing
+    if (!met && (meets_edge(i) || meets_edge(j))) {  // the flip would cut an edge: leave the crossing
         pool_[i].m = kept_i;
         pool_[j].m = kept_j;
         pool_.link(i, after_i);
@@ -184,7 +184,7 @@ bool Chain<D>::flip(int i, int j, int depth) {
     ++counts_.flips;
     for (const int near : {i, j, after_i, after_j, pool_[i].prev, pool_[j].prev}) wake(near);
     for (const int changed : {i, j}) {
-        pool_[changed].touched = true;
+        pool_[changed].touched = pool_[changed].crowded = true;
         pool_[changed].steady = 0;
         pool_[changed].before = pool_[changed].m;
         pool_.refresh(changed);
@@ -219,7 +219,8 @@ bool Chain<D>::runs_one_way(int i, int j) const {
     return true;
 }
 
-// Two adjacent patches that cross cut off a loop of their own, which is dropped at once.
+// Two adjacent patches that cross cut off a loop of their own, which is dropped at once; but if the loop may lie round
+// an edge, they are halved, so that patches that are not adjacent meet in the next iteration.
 template <int D>
 void Chain<D>::flip_adjacent(int i) {
     if (!pool_[i].alive) return;
@@ -234,6 +235,19 @@ void Chain<D>::flip_adjacent(int i) {
         }
     }
     if (!crossing) return;
+    std::array<Vec2, 2 * D + 1> both;
+    std::copy_n(pool_[i].m.begin(), D, both.begin());
+    const Points second = pool_.samples(j);
+    std::copy(second.begin(), second.end(), both.begin() + D);
+    if (field_.encloses_solid(both.data(), both.size())) {
+        for (const int half : {i, j}) {
+            if (pool_[half].budget == 0 || !splittable(half)) continue;
+            --pool_[half].budget;
+            wake(half);
+            split(half);
+        }
+        return;
+    }
     Points joined = p;
     for (int a = D / 2 + 1; a <= D; ++a) joined[a] = q[a];
     const auto kept = pool_[i].m;
@@ -345,6 +359,43 @@ void Chain<D>::classify(int i, int j) {
         if (loop_contains(outer, pool_[inner].m[0])) drop(inner);
     } else if (area < -other) {
         drop(small);  // a hole folded over: what lies beyond its border is filled already
+    }
+}
+
+// At the end: a component is kept where it bounds the region, that is where the winding number of the larger ones kept
+// is 0 outside an outer component and 1 outside a hole.
+template <int D>
+void Chain<D>::drop_nested() {
+    struct Loop {
+        int first;
+        double area;
+        Box box;
+    };
+    std::vector<Loop> found;
+    for (int loop : loops()) {
+        Loop entry{loop, loop_area(loop), {}};
+        int at = loop;
+        do {
+            for (const Vec2 p : pool_[at].m) entry.box.add(p);
+            at = pool_[at].next;
+        } while (at != loop);
+        found.push_back(entry);
+    }
+    std::stable_sort(found.begin(), found.end(),
+                     [](const Loop& a, const Loop& b) { return std::abs(a.area) > std::abs(b.area); });
+    std::vector<Loop> kept;
+    for (const Loop& loop : found) {
+        const Vec2 p = pool_[loop.first].m[0];
+        int winding = outside_filled_ ? 1 : 0;
+        for (const Loop& other : kept) {
+            const bool within = other.box.x0 <= p.x && p.x <= other.box.x1 && other.box.y0 <= p.y && p.y <= other.box.y1;
+            if (within && loop_contains(other.first, p)) winding += other.area > 0 ? 1 : -1;
+        }
+        if (winding == (loop.area > 0 ? 0 : 1)) {
+            kept.push_back(loop);
+        } else {
+            drop(loop.first);
+        }
     }
 }
 

@@ -46,11 +46,12 @@ typename Chain<D>::Chords Chain<D>::chords(int i) const {
     return found;
 }
 
-// Replaces the patch by its chord, unless the chord meets an edge.
+// Replaces the patch by its chord, unless the chord meets an edge or an edge lies between it and the curve.
 template <int D>
 bool Chain<D>::straighten(int i) {
     Patch<D>& patch = pool_[i];
-    if (patch.budget == 0) return false;
+    const Points points = pool_.samples(i);
+    if (patch.budget == 0 || (patch.crowded && field_.encloses_solid(points.data(), points.size()))) return false;
     const auto kept = patch.m;
     const Vec2 end = pool_.end(i);
     for (int k = 1; k < D; ++k) patch.m[k] = patch.m[0] + (static_cast<double>(k) / D) * (end - patch.m[0]);
