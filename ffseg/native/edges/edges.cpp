@@ -16,6 +16,9 @@
 namespace ffseg {
 namespace {
 
+// The outline of the smallest blob that smoothing leaves has eight pixels; shorter chains are noise.
+constexpr std::size_t kShortestEdge = 6;
+
 // A Sobel sum is 8 times the gradient, so 4 * |Sobel| is 32 * |gradient|.
 constexpr float kSobelToStored = kGradientScale / 8.0f;
 
@@ -142,6 +145,31 @@ private:
     std::int64_t total_ = 0;
 };
 
+// Hysteresis: every strong pixel (255) takes the weak ones (1) connected to it; chains shorter than kShortest go.
+void follow(const std::vector<std::ptrdiff_t>& strong, int height, int width, std::uint8_t* out) {
+    constexpr std::uint8_t kWeak = 1, kSeen = 2, kEdge = 255;
+    std::vector<std::ptrdiff_t> chain, kept;
+    for (const std::ptrdiff_t seed : strong) {
+        if (out[seed] != kEdge) continue;
+        chain.assign(1, seed);
+        out[seed] = kSeen;
+        for (std::size_t at = 0; at < chain.size(); ++at) {
+            const int x = static_cast<int>(chain[at] % width), y = static_cast<int>(chain[at] / width);
+            for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height - 1); ++v) {
+                for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width - 1); ++u) {
+                    const std::ptrdiff_t near = static_cast<std::ptrdiff_t>(v) * width + u;
+                    if (out[near] != kWeak && out[near] != kEdge) continue;
+                    out[near] = kSeen;
+                    chain.push_back(near);
+                }
+            }
+        }
+        if (chain.size() >= kShortestEdge) kept.insert(kept.end(), chain.begin(), chain.end());
+        for (const std::ptrdiff_t at : chain) out[at] = 0;
+    }
+    for (const std::ptrdiff_t at : kept) out[at] = kEdge;
+}
+
 }  // namespace
 
 void gradient_magnitude(const GreyView& image, std::uint16_t* out) {
@@ -226,19 +254,7 @@ void canny(const GreyView& image, const std::uint16_t* gradient, const Threshold
             }
         }
     }
-    while (!strong.empty()) {
-        const std::ptrdiff_t at = strong.back();
-        strong.pop_back();
-        const int x = static_cast<int>(at % width), y = static_cast<int>(at / width);
-        for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height - 1); ++v) {
-            for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width - 1); ++u) {
-                const std::ptrdiff_t near = static_cast<std::ptrdiff_t>(v) * width + u;
-                if (out[near] != kWeak) continue;
-                out[near] = kEdge;
-                strong.push_back(near);
-            }
-        }
-    }
+    follow(strong, height, width, out);
     for (const std::ptrdiff_t at : weak) {
         if (out[at] == kWeak) out[at] = 0;
     }

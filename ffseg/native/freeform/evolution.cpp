@@ -11,11 +11,6 @@
 #include "raster/raster.hpp"
 
 namespace ffseg {
-#ifdef FFSEG_DEBUGPROBE
-#define FFSEG_PROBE(W) { for (int q : sorted_) if (pool_[q].alive && meets_edge(q)) { printf("%s it %d patch %d crowded %d steady %d rev %d at %.2f %.2f\n", W, counts_.iterations, q, pool_[q].crowded, pool_[q].steady, pool_[q].reverted, pool_[q].m[0].x, pool_[q].m[0].y); fflush(stdout); } }
-#else
-#define FFSEG_PROBE(W)
-#endif
 
 template <int D>
 Chain<D>::Chain(const ContourSet& starts, const std::uint8_t* edges, const std::uint8_t* domain, int height, int width,
@@ -128,17 +123,13 @@ bool Chain<D>::step() {
     ++counts_.iterations;
     move();
     guard();
-    FFSEG_PROBE("guard")
     if (options_.refine) {
         refine();
     } else {
         for (int i : active_) pool_.refresh(i);
     }
-    FFSEG_PROBE("refine")
     if (options_.topology) flip_crossings();
-    FFSEG_PROBE("flip")
     rest();
-    FFSEG_PROBE("rest")
     forget_freed();
     return !active_.empty();
 }

@@ -12,6 +12,8 @@ namespace ffseg {
 constexpr int kUntangleRounds = 24;
 // Loops that are still there after so many rounds are cut off.
 constexpr int kEaseRounds = 8;
+// A component of at most so many samples that is still wound up then is replaced by its convex hull.
+constexpr std::size_t kSpeck = 64;
 // Pixels drawn back along the normal in each round.
 constexpr double kDrawBack = 0.25;
 
@@ -31,6 +33,10 @@ public:
             }
         }
         find_crossings();
+        for (const Place& place : crossing_) {
+            if (components_[place.component].size() <= kSpeck) enclose(components_[place.component]);
+        }
+        if (!crossing_.empty()) find_crossings();
         return crossing_.empty();
     }
 
@@ -148,6 +154,45 @@ private:
         for (std::size_t k = 1; k < span + D; ++k) {
             const double u = static_cast<double>(k) / static_cast<double>(span + D);
             at[(from.first + k) % n] = begin + u * (end - begin);
+        }
+    }
+
+    // A small component wound up on itself becomes its convex hull, of the same orientation.
+    static void enclose(Samples& at) {
+        Samples sorted = at;
+        std::sort(sorted.begin(), sorted.end(),
+                  [](Vec2 a, Vec2 b) { return a.x != b.x ? a.x < b.x : a.y < b.y; });
+        double twice = 0.0;
+        for (std::size_t i = 0; i < at.size(); ++i) {
+            twice += ffseg::cross(at[i] - at[0], at[(i + 1) % at.size()] - at[0]);
+        }
+        Samples hull;
+        for (int side = 0; side < 2; ++side) {  // Andrew's monotone chain
+            const std::size_t base = hull.size();
+            for (const Vec2 p : sorted) {
+                while (hull.size() >= base + 2 &&
+                       ffseg::cross(hull.back() - hull[hull.size() - 2], p - hull.back()) <= 0) {
+                    hull.pop_back();
+                }
+                hull.push_back(p);
+            }
+            hull.pop_back();
+            std::reverse(sorted.begin(), sorted.end());
+        }
+        if (twice < 0) std::reverse(hull.begin(), hull.end());
+        double total = 0.0, passed = 0.0;
+        for (std::size_t i = 0; i < hull.size(); ++i) total += norm(hull[(i + 1) % hull.size()] - hull[i]);
+        std::size_t on = 0;
+        for (std::size_t k = 0; k < at.size(); ++k) {
+            const double wanted = total * static_cast<double>(k) / static_cast<double>(at.size());
+            double chord = norm(hull[(on + 1) % hull.size()] - hull[on]);
+            while (on + 1 < hull.size() && passed + chord < wanted) {
+                passed += chord;
+                ++on;
+                chord = norm(hull[(on + 1) % hull.size()] - hull[on]);
+            }
+            const double u = chord > 0 ? std::min(1.0, (wanted - passed) / chord) : 0.0;
+            at[k] = hull[on] + u * (hull[(on + 1) % hull.size()] - hull[on]);
         }
     }
 
