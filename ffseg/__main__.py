@@ -1,5 +1,21 @@
-"""``python -m ffseg``."""
+"""``python -m ffseg``, and the entry point of the ``ffseg`` command."""
 
-from ffseg.cli.app import main
+from __future__ import annotations
 
-main()
+import sys
+
+
+def main() -> None:
+    """Run the command line; never returns."""
+    if sys.argv[1:2] == ["run"] and not {"-h", "--help", "--dry-run"} & set(sys.argv):
+        # A worker takes as long to load OpenCV as this process takes to load Typer and read parameters: side by side.
+        from ffseg.batch.workers.launch import launch_early
+
+        launch_early()
+    from ffseg.cli.app import main as command_line
+
+    command_line()
+
+
+if __name__ == "__main__":
+    main()

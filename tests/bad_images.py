@@ -63,7 +63,7 @@ def png_rows(image: NDArray[np.generic]) -> bytes:
 def plain_files() -> dict[str, bytes]:
     """The same picture in every format that is read."""
     image = Image.fromarray(picture())
-    files = {
+    return {
         "png": encoded(image, "PNG"),
         "jpg": encoded(image, "JPEG", quality=95, subsampling=0),
         "progressive.jpg": encoded(image, "JPEG", quality=95, progressive=True, subsampling=0),
@@ -75,11 +75,10 @@ def plain_files() -> dict[str, bytes]:
         "ppm": encoded(image, "PPM"),
         "jp2": encoded(image, "JPEG2000"),
     }
-    return files
 
 
 def good_cases() -> list[Case]:
-    """Every format as it should be; the lossy ones against what Pillow decodes, within rounding of the colour transform."""
+    """Every format as it should be; JPEG against what Pillow decodes, within the rounding of the colour transform."""
     cases = []
     for suffix, data in plain_files().items():
         truth = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))[..., ::-1]
@@ -108,8 +107,8 @@ def cut_files() -> list[Case]:
     reasons = frozenset({"truncated", "damaged", "unsupported-pixels"})
     cases = []
     for suffix, data in plain_files().items():
-        for percent in (5, 50, 90, 99):
-            cases.append(Case(f"cut{percent:02d}.{suffix}", data[: max(9, len(data) * percent // 100)], reasons))
+        ends = {percent: max(9, len(data) * percent // 100) for percent in (5, 50, 90, 99)}
+        cases += [Case(f"cut{percent:02d}.{suffix}", data[:end], reasons) for percent, end in ends.items()]
         half = len(data) // 2 + 37
         cases.append(Case(f"zeroed.{suffix}", data[:half] + bytes(len(data) - half), reasons))
     return cases

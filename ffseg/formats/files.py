@@ -7,7 +7,6 @@ import errno
 import itertools
 import os
 import stat
-from pathlib import Path
 
 from ffseg.errors import ImageReadError, OutputError
 
@@ -66,7 +65,7 @@ def read_bytes(path: str | os.PathLike[str], max_bytes: int) -> bytes:
     try:
         _require_regular(os.stat(path).st_mode)  # before open: opening a device can act on it
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
-        with open(descriptor, "rb", buffering=0) as file:
+        with os.fdopen(descriptor, "rb", buffering=0) as file:
             status = os.fstat(descriptor)  # again: the file may have been exchanged in between
             _require_regular(status.st_mode)
             _require_size(status.st_size, max_bytes)
@@ -171,7 +170,7 @@ def make_folder(path: str | os.PathLike[str]) -> None:
         Naming the folder.
     """
     try:
-        Path(path).mkdir(parents=True, exist_ok=True)
+        os.makedirs(path, exist_ok=True)
     except OSError as error:
         raise OutputError(f"the folder {printable(path)} cannot be made ({os.strerror(error.errno or 0)})") from error
 

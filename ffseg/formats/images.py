@@ -155,3 +155,11 @@ def _interrupted(image: NDArray[np.uint8]) -> bool:
     if last == 0 or rows.shape[1] - end < 6:  # a tail that starts with a row (to two pixels) may be a margin
         return False
     return bool(np.count_nonzero(rows[last - 1]) >= 0.9 * rows.shape[1] and np.count_nonzero(rows[last]) >= 0.9 * end)
+
+
+OPENCV_VERSION: str = cv2.__version__
+
+
+def single_thread() -> None:
+    """Keep OpenCV to one thread: a worker has one image and one core."""
+    cv2.setNumThreads(1)

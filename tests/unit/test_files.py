@@ -43,7 +43,7 @@ def test_failing_call_keeps_the_earlier_file(
     write_bytes_atomic(target, b"good")
     with monkeypatch.context() as patch:
         patch.setattr(os, call, _failing(call, code))
-        with pytest.raises(OutputError, match="a.bin"):
+        with pytest.raises(OutputError, match=r"a\.bin"):
             write_bytes_atomic(target, b"newer")
     assert target.read_bytes() == b"good"
     assert os.listdir(tmp_path) == ["a.bin"]
@@ -63,11 +63,18 @@ def test_name_that_fills_the_limit_can_be_written(tmp_path: Path) -> None:
     assert target.read_bytes() == b"x"
 
 
-@pytest.mark.parametrize(
-    ("name", "shown"),
-    [("plain name.png", "plain name.png"), ("a\nb", "a\\u000ab"), ("back\\slash", "back\\\\slash"), ("caf\u00e9", "caf\u00e9"),
-     (os.fsdecode(b"\xff.png"), "\\xff.png"), ("\u202egnp.exe", "\\u202egnp.exe"), ("\x1b[31m", "\\u001b[31m")],
-)  # fmt: skip
+SHOWN = {
+    "plain name.png": "plain name.png",
+    "a\nb": "a\\u000ab",
+    "back\\slash": "back\\\\slash",
+    "caf\u00e9": "caf\u00e9",
+    os.fsdecode(b"\xff.png"): "\\xff.png",
+    "\u202egnp.exe": "\\u202egnp.exe",
+    "\x1b[31m": "\\u001b[31m",
+}
+
+
+@pytest.mark.parametrize(("name", "shown"), SHOWN.items())
 def test_printable(name: str, shown: str) -> None:
     assert printable(name) == shown
     assert printable(name).encode("utf-8").decode() == shown

@@ -112,14 +112,12 @@ def test_pipes_devices_folders_loops_are_refused_at_once(tmp_path: Path) -> None
     "name", [b"\xff\xfe.png", "\U0001f600.png".encode(), b"-rf.png", b"a\nb.png", b"n" * 251 + b".png"]
 )
 def test_odd_names_are_read_and_shown_as_one_line(name: bytes, tmp_path: Path) -> None:
-    path = os.path.join(os.fsencode(tmp_path), name)
-    with open(path, "wb") as file:
-        file.write(bad_images.plain_files()["png"])
-    assert read_image(os.fsdecode(path)).shape == (48, 64, 3)
-    with open(path, "wb") as file:
-        file.write(b"GIF89a")
+    path = tmp_path / os.fsdecode(name)
+    path.write_bytes(bad_images.plain_files()["png"])
+    assert read_image(path).shape == (48, 64, 3)
+    path.write_bytes(b"GIF89a")
     with pytest.raises(ImageReadError) as caught:
-        read_image(os.fsdecode(path))
+        read_image(path)
     str(caught.value).encode("utf-8")
     assert "\n" not in str(caught.value)
 
@@ -151,18 +149,17 @@ def _tiff_variants() -> list[tuple[str, bytes, np.ndarray]]:
 
 def test_tiff_variants_are_read_right_or_refused_by_name() -> None:
     pytest.importorskip("tifffile")
-    read = 0
+    read, refused = 0, set()
     for name, data, expected in _tiff_variants():
         try:
             image = decode_image(data)
         except ImageReadError as error:
-            assert error.reason in ("unsupported-pixels", "damaged"), name
+            refused.add(error.reason)
             continue
         read += 1
         np.testing.assert_array_equal(image, expected, err_msg=name)
-    assert (
-        read >= 40
-    )  # plain grey and colour strips of 8 and 16 bits in both byte orders, classic and big, are no luxury
+    assert refused <= {"unsupported-pixels", "damaged"}
+    assert read >= 40  # grey and colour strips of 8 and 16 bits, in both byte orders, classic and big, are no luxury
 
 
 @given(data=st.data())
@@ -175,6 +172,7 @@ def test_flipped_bytes_never_escape_the_list_of_reasons(data: st.DataObject) -> 
     try:
         image = decode_image(bytes(content), Limits(max_pixels=1_000_000))
     except ImageReadError as error:
-        assert error.reason in REASONS
+        reason = error.reason
     else:
-        assert image.size > 0
+        reason = "" if image.size else "an image without pixels"
+    assert reason in {"", *REASONS}

@@ -1,0 +1,181 @@
+"""Inputs of a run: files, folders walked in natural order, and patterns, as one list without doubles."""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from ffseg.errors import UsageError
+from ffseg.formats.files import is_temporary, printable
+
+_READ = ".png .jpg .jpeg .jpe .jfif .tif .tiff .bmp .dib .webp .gif .ppm .pgm .pbm .pnm .jp2 .avif"
+_REFUSED = ".heic .heif .jxl .exr .hdr .pfm .pam .j2k .jpx .psd"
+SUFFIXES = frozenset(f"{_READ} {_REFUSED}".split())
+"""Files of a folder that count as images, also those of formats that are refused: they get a row that says so. A file
+that is named itself is taken whatever its suffix."""
+OUTPUT_FOLDERS = ("masks", "contours", "overlays", "panels")
+STATE_FOLDER = ".ffseg"
+"""Folder under the output with the lock, the journal and the error log; it marks a folder of ours."""
+
+_DIGITS = re.compile(r"([0-9]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One input image.
+
+    Attributes
+    ----------
+    path : str
+        To open it.
+    name : str
+        Relative to the INPUT it was found under, with ``/`` between folders; outputs mirror it.
+    problem : str
+        Why it cannot even be tried (``reason: text``), else empty.
+    """
+
+    path: str
+    name: str
+    problem: str = ""
+
+
+def natural_key(name: str) -> tuple[tuple[tuple[bool, int, str], ...], ...]:
+    """Sort key that puts ``a2`` before ``a10`` and keeps each folder together."""
+    return tuple(_part_key(part) for part in name.split("/"))
+
+
+def _part_key(part: str) -> tuple[tuple[bool, int, str], ...]:
+    pieces = enumerate(_DIGITS.split(part))  # every second piece is digits
+    return tuple((bool(index % 2), int(piece) if index % 2 else 0, piece) for index, piece in pieces)
+
+
+def discover(inputs: Sequence[str]) -> list[Source]:
+    """Images named by files, folders and patterns, each once.
+
+    Parameters
+    ----------
+    inputs : sequence of str
+        Each a file, a folder (walked recursively, natural order), or a pattern with ``*``, ``?``, ``[...]`` or ``**``.
+
+    Raises
+    ------
+    UsageError
+        If an input does not exist, or holds no image.
+    """
+    found: dict[tuple[str, str], Source] = {}
+    for text in inputs:
+        sources = _expand(text)
+        if not sources:
+            raise UsageError(
+                f"{printable(text)} holds no image; hidden files and the outputs of ffseg are left out, "
+                f"and images in a folder need one of the suffixes {_READ}"
+            )
+        for source in sources:
+            found.setdefault((os.path.realpath(source.path), source.name), source)
+    return list(found.values())
+
+
+def _expand(text: str) -> list[Source]:
+    if os.path.isdir(text):
+        return sorted(_walk(text), key=_source_key)
+    if os.path.lexists(text):
+        return [Source(text, os.path.basename(text))]
+    if not glob.has_magic(text):
+        raise UsageError(f"there is no file or folder {printable(text)}; check the name")
+    return _expand_pattern(text)
+
+
+def _expand_pattern(pattern: str) -> list[Source]:
+    base = _fixed_folder(pattern)
+    matches = sorted(glob.iglob(pattern, recursive=True), key=lambda path: natural_key(_relative(path, base)))
+    if not matches:
+        raise UsageError(f"the pattern {printable(pattern)} matches no file; check the folder it starts in")
+    sources: list[Source] = []
+    for match in matches:
+        if os.path.isdir(match):
+            if "**" not in pattern:  # '**' names the files below as well
+                below = sorted(_walk(match), key=_source_key)
+                sources += [Source(found.path, _relative(found.path, base), found.problem) for found in below]
+        elif _is_image_name(os.path.basename(match)) and not _is_output(_relative(match, base), base):
+            sources.append(Source(match, _relative(match, base)))
+    return sources
+
+
+def _fixed_folder(pattern: str) -> str:
+    """Longest leading folder of a pattern without wildcards; empty for the current one."""
+    parts = pattern.split("/")
+    fixed = next(index for index, part in enumerate(parts) if glob.has_magic(part))
+    return "/".join(parts[:fixed]) + ("/" if fixed else "")
+
+
+def _relative(path: str, base: str) -> str:
+    return os.path.relpath(path, base or ".").replace(os.sep, "/")
+
+
+def _is_output(name: str, base: str) -> bool:
+    """Whether a relative name leads through an output folder, told by the state folder beside it."""
+    parts = name.split("/")
+    return any(
+        part in OUTPUT_FOLDERS and os.path.isdir(os.path.join(base, *parts[:index], STATE_FOLDER))
+        for index, part in enumerate(parts[:-1])
+    )
+
+
+def _is_image_name(name: str) -> bool:
+    if name.startswith(".") or is_temporary(name):
+        return False
+    return os.path.splitext(name)[1].lower() in SUFFIXES
+
+
+def _source_key(source: Source) -> tuple[tuple[tuple[bool, int, str], ...], ...]:
+    return natural_key(source.name)
+
+
+def _walk(root: str) -> Iterator[Source]:
+    """Images below a folder; every real folder is entered once, first by its own name, then by links to it."""
+    visited: set[tuple[int, int] | None] = set()
+    folders, links = [(root, "")], list[tuple[str, str]]()
+    while folders or links:
+        folder, prefix = folders.pop() if folders else links.pop(0)
+        identity = _identity(folder)
+        if identity in visited:
+            continue
+        visited.add(identity)
+        entries = _entries(folder)
+        if isinstance(entries, str):
+            yield Source(folder, prefix.rstrip("/") or os.path.basename(folder), f"unreadable: {entries}")
+            continue
+        skipped = OUTPUT_FOLDERS if any(entry.name == STATE_FOLDER for entry in entries) else ()
+        for entry in entries:
+            if entry.name.startswith(".") or entry.name in skipped:
+                continue
+            if _is_folder(entry):
+                (links if entry.is_symlink() else folders).append((entry.path, f"{prefix}{entry.name}/"))
+            elif _is_image_name(entry.name):
+                yield Source(entry.path, prefix + entry.name)
+
+
+def _entries(folder: str) -> list[os.DirEntry[str]] | str:
+    try:
+        with os.scandir(folder) as entries:
+            return sorted(entries, key=lambda entry: natural_key(entry.name))
+    except OSError as error:
+        return f"the folder cannot be listed ({os.strerror(error.errno or 0)}); check its permissions"
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:  # a link that leads back to itself
+        return False
+
+
+def _identity(path: str) -> tuple[int, int] | None:
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino

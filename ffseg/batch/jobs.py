@@ -1,0 +1,230 @@
+"""The plan of a run: one job for each image, and everything refused before the first one starts."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from ffseg.batch.discover import OUTPUT_FOLDERS, STATE_FOLDER, SUFFIXES, Source, discover
+from ffseg.errors import OutputError, UsageError
+from ffseg.formats.files import make_folder, printable, write_bytes_atomic
+
+MAX_NAME_BYTES = 255
+"""The longest file name of the file systems in use."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One image of a run.
+
+    Attributes
+    ----------
+    index : int
+        Place in the input order.
+    source : Source
+    stem : str
+        Name of its outputs below ``masks/`` and so on, without the suffix.
+    truth : str
+        Path of the true mask, or empty.
+    previous : str
+        Path of the image before it in its sequence, or empty.
+    """
+
+    index: int
+    source: Source
+    stem: str
+    truth: str = ""
+    previous: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a run is going to do.
+
+    Attributes
+    ----------
+    out : str
+    jobs : tuple of Job
+    overlay : bool
+    with_truth : bool
+    """
+
+    out: str
+    jobs: tuple[Job, ...]
+    overlay: bool = False
+    with_truth: bool = False
+
+    @property
+    def kinds(self) -> tuple[tuple[str, str], ...]:
+        """Folder and suffix of each output of an image."""
+        always = (("masks", ".png"), ("contours", ".svg"))
+        return (*always, ("overlays", ".png")) if self.overlay else always
+
+    def outputs(self, job: Job) -> tuple[str, ...]:
+        """Outputs of a job, relative to `out`."""
+        return tuple(f"{folder}/{job.stem}{suffix}" for folder, suffix in self.kinds)
+
+
+def make_plan(inputs: Sequence[str], out: str, *, overlay: bool = False, truth: str = "") -> Plan:
+    """Find the inputs, pair them with their outputs and truths, and refuse what cannot work.
+
+    Nothing is written.
+
+    Raises
+    ------
+    UsageError
+        If an input is missing, two inputs share an output, or an output would replace an input.
+    """
+    sources = discover(inputs)
+    truths: dict[str, str] = {}
+    if truth:
+        truths = find_truths(sources, truth)
+        used = {os.path.realpath(path) for path in truths.values()}
+        sources = [source for source in sources if os.path.realpath(source.path) not in used]
+    jobs = tuple(
+        Job(index, _checked_name(source), os.path.splitext(source.name)[0], truths.get(source.name, ""))
+        for index, source in enumerate(sources)
+    )
+    plan = Plan(out, jobs, overlay=overlay, with_truth=bool(truth))
+    _refuse_collisions(plan)
+    _refuse_outputs_over_inputs(plan)
+    return plan
+
+
+def _checked_name(source: Source) -> Source:
+    longest = max(len(os.fsencode(part)) for part in os.path.splitext(source.name)[0].split("/"))
+    if longest + len(".png") <= MAX_NAME_BYTES or source.problem:
+        return source
+    return Source(source.path, source.name, "bad-name: its outputs' names would be too long; rename the file")
+
+
+def find_truths(sources: Iterable[Source], folder: str) -> dict[str, str]:
+    """True mask of each image that has one: the same relative name with any suffix, or with ``_truth`` before it.
+
+    Raises
+    ------
+    UsageError
+        If the folder does not exist, or no image has a true mask in it.
+    """
+    if not os.path.isdir(folder):
+        raise UsageError(f"--truth: there is no folder {printable(folder)}; check the name")
+    listings: dict[str, dict[str, str]] = {}
+    truths = {}
+    for source in sources:
+        place, name = os.path.split(source.name)
+        if place not in listings:
+            listings[place] = _masks_by_stem(os.path.join(folder, place))
+        stem = os.path.splitext(name)[0]
+        path = listings[place].get(f"{stem}_truth") or listings[place].get(stem, "")
+        if path and os.path.realpath(path) != os.path.realpath(source.path):
+            truths[source.name] = path
+    if not truths:
+        raise UsageError(
+            f"--truth: no image has a mask of its name in {printable(folder)} (NAME.png or NAME_truth.png)"
+        )
+    return truths
+
+
+def _masks_by_stem(folder: str) -> dict[str, str]:
+    try:
+        names = sorted(os.listdir(folder), reverse=True)
+    except OSError:
+        return {}
+    stems = (os.path.splitext(name) for name in names)
+    return {stem: os.path.join(folder, stem + suffix) for stem, suffix in stems if suffix.lower() in SUFFIXES}
+
+
+def _refuse_collisions(plan: Plan) -> None:
+    fold = str.casefold if _ignores_case(plan.out) else str
+    owners: dict[str, Job] = {}
+    for job in plan.jobs:
+        other = owners.setdefault(fold(job.stem), job)
+        if other is not job:
+            raise UsageError(
+                f"{printable(other.source.path)} and {printable(job.source.path)} would share the output "
+                f"masks/{printable(job.stem)}.png; rename one, or run them into two output folders"
+            )
+    folders = {fold(folder) for job in plan.jobs for folder in _parents(job.stem)}
+    for stem, job in owners.items():
+        taken = next((stem + suffix for suffix in (".png", ".svg") if stem + suffix in folders), None)
+        if taken:
+            raise UsageError(
+                f"the output masks/{printable(taken)} of {printable(job.source.path)} is also the folder "
+                "of other outputs; rename the image or the folder"
+            )
+
+
+def _parents(stem: str) -> Iterable[str]:
+    while "/" in stem:
+        stem = stem.rsplit("/", 1)[0]
+        yield stem
+
+
+def _ignores_case(folder: str) -> bool:
+    """Whether the file system of an output folder takes ``A`` and ``a`` for one name."""
+    while not os.path.isdir(folder):
+        folder = os.path.dirname(os.path.abspath(folder))
+    swapped = os.path.abspath(folder).swapcase()
+    try:
+        return swapped != os.path.abspath(folder) and os.path.samefile(folder, swapped)
+    except OSError:
+        return False
+
+
+def _refuse_outputs_over_inputs(plan: Plan) -> None:
+    inputs = {}
+    for job in plan.jobs:
+        for path in (job.source.path, job.truth):
+            inputs[_identity(path) if path else None] = path
+    inputs.pop(None, None)
+    for job in plan.jobs:
+        for output in plan.outputs(job):
+            path = os.path.join(plan.out, output)
+            if _identity(path) in inputs:
+                raise UsageError(
+                    f"the output {printable(path)} would replace an input image; choose another output folder"
+                )
+
+
+def _identity(path: str) -> tuple[int, int] | None:
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_dev, status.st_ino
+
+
+def foreign_outputs(plan: Plan) -> str:
+    """First planned output that exists although no run has left its state in the output folder; else empty."""
+    if os.path.isdir(os.path.join(plan.out, STATE_FOLDER)):
+        return ""
+    if not any(os.path.isdir(os.path.join(plan.out, folder)) for folder in OUTPUT_FOLDERS):
+        return ""
+    paths = (os.path.join(plan.out, output) for job in plan.jobs for output in plan.outputs(job))
+    return next((path for path in paths if os.path.lexists(path)), "")
+
+
+def prepare_output(plan: Plan) -> None:
+    """Make every output folder and prove that a file can be written there.
+
+    Raises
+    ------
+    OutputError
+        Naming the folder and the system's reason.
+    """
+    state = os.path.join(plan.out, STATE_FOLDER)
+    make_folder(state)
+    folders = {os.path.dirname(output) for job in plan.jobs for output in plan.outputs(job)}
+    for folder in sorted(folders):
+        make_folder(os.path.join(plan.out, folder))
+    probe = os.path.join(state, "probe")
+    try:
+        write_bytes_atomic(probe, bytes(PROBE_BYTES))
+        os.unlink(probe)
+    except OSError as error:
+        raise OutputError(f"{printable(plan.out)} cannot be written ({os.strerror(error.errno or 0)})") from error
+
+
+PROBE_BYTES = 1 << 16
+"""A disk that cannot take this much more cannot take the outputs of one image."""

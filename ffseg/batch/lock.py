@@ -1,0 +1,59 @@
+"""One run at a time in an output folder: a lock that dies with the process that holds it."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+from types import TracebackType
+
+from ffseg.batch.discover import STATE_FOLDER
+from ffseg.errors import OutputError, UsageError
+from ffseg.formats.files import make_folder, printable
+
+
+class OutputLock:
+    """Context manager that holds the lock of an output folder.
+
+    A record lock of the operating system: it is gone when the process is, however it ended, and child processes do not
+    inherit it. The file that carries it stays behind and means nothing by itself.
+
+    Raises
+    ------
+    UsageError
+        If another process holds it.
+    OutputError
+        If the lock file cannot be made.
+    """
+
+    def __init__(self, out: str) -> None:
+        self._out = out
+        self._descriptor = -1
+
+    def __enter__(self) -> OutputLock:
+        folder = os.path.join(self._out, STATE_FOLDER)
+        make_folder(folder)
+        path = os.path.join(folder, "lock")
+        try:
+            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        except OSError as error:
+            raise OutputError(f"{printable(path)} cannot be written ({os.strerror(error.errno or 0)})") from error
+        try:
+            fcntl.lockf(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            self._close()
+            if error.errno in (errno.EACCES, errno.EAGAIN):
+                raise UsageError(
+                    f"another ffseg run is writing to {printable(self._out)}; wait for it or choose another folder"
+                ) from error
+            raise OutputError(f"{printable(path)} cannot be locked ({os.strerror(error.errno or 0)})") from error
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._close()
+
+    def _close(self) -> None:
+        os.close(self._descriptor)  # gives the lock up as well
+        self._descriptor = -1

@@ -1,0 +1,352 @@
+"""A run over many images: each is whole or absent, done once, and its failure costs nobody else anything."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from time import perf_counter
+from types import TracebackType
+from typing import Any, Protocol
+
+from ffseg import __version__
+from ffseg.batch.discover import STATE_FOLDER
+from ffseg.batch.jobs import Job, Plan, foreign_outputs, prepare_output
+from ffseg.batch.journal import Journal, Record, read_header
+from ffseg.batch.lock import OutputLock
+from ffseg.batch.workers.launch import Process
+from ffseg.batch.workers.messages import Reply, Setup, Task
+from ffseg.batch.workers.pool import Pool
+from ffseg.errors import OutputError, UsageError
+from ffseg.formats.files import is_temporary, printable, sync_folder, write_bytes_atomic
+from ffseg.formats.tables import csv_table
+
+TIMING_COLUMNS = (
+    "image", "status", "error", "width", "height", "method", "initial_points", "final_points", "patches", "iterations",
+    "splits", "flips", "components", "holes", "area_px", "decode_ms", "edges_ms", "evolve_ms", "obstacles_ms",
+    "write_ms", "total_ms",
+)  # fmt: skip
+OBSTACLE_COLUMNS = (
+    "image", "component", "area_px", "centroid_x", "centroid_y", "matched_points", "max_altitude_m", "verdict",
+)  # fmt: skip
+
+JOB_REASONS = {
+    "segmentation": "the image was read but cannot be segmented as asked",
+    "parameters": "the parameters do not suit this image",
+    "truth": "the true mask has another size",
+    "output": "an output could not be written",
+    "crash": "the worker process died",
+    "timeout": "it took longer than --timeout allows",
+    "out-of-memory": "it needed more memory than --memory allows",
+    "internal": "a defect of ffseg; the traceback is in the error log",
+}
+"""Reasons of a failed row beside those of ``ffseg.formats.images.REASONS``."""
+
+
+class Stop(Protocol):
+    """Tells a run to end early.
+
+    Attributes
+    ----------
+    signal : int
+        0, or the signal that asks for the end.
+    descriptor : int
+        Becomes readable when `signal` is set.
+    """
+
+    @property
+    def signal(self) -> int:
+        """As above."""
+
+    @property
+    def descriptor(self) -> int:
+        """As above."""
+
+
+class Observer(Protocol):
+    """Hears of the progress of a run."""
+
+    def finished(self, job: Job, status: str, error: str) -> None:
+        """An image ended as ``ok``, ``same`` (done before) or ``failed``."""
+
+    def note(self, text: str) -> None:
+        """Something the user should know that belongs to no image."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How a run goes about its plan.
+
+    Attributes
+    ----------
+    num_workers : int
+    timeout : float
+        Seconds an image may take, 0 for no limit.
+    overwrite : bool
+        Do everything again, whatever an earlier run left.
+    """
+
+    num_workers: int = 1
+    timeout: float = 0.0
+    overwrite: bool = False
+
+
+@dataclass(slots=True)
+class Summary:
+    """How a run ended."""
+
+    total: int
+    done: int = 0
+    same: int = 0
+    failed: int = 0
+    seconds: float = 0.0
+    signal: int = 0
+    problems: list[str] = field(default_factory=list)
+
+
+class Run:
+    """One run into one output folder, a context manager that holds the folder's lock from `execute` to its end.
+
+    Parameters
+    ----------
+    plan : Plan
+    setup : Setup
+    options : Options
+    stop : Stop
+    observer : Observer
+    """
+
+    def __init__(self, plan: Plan, setup: Setup, options: Options, stop: Stop, observer: Observer) -> None:
+        self._plan, self._setup, self._options = plan, setup, options
+        self._stop, self._observer = stop, observer
+        self.summary = Summary(len(plan.jobs))
+        self._started = datetime.now(UTC)
+        self._versions: Mapping[str, str] = {}
+        self._finished = bytearray(len(plan.jobs))
+        self._journal: Journal
+        self._held = contextlib.ExitStack()
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._held.close()
+
+    def execute(self, first: Process | None = None) -> Summary:
+        """Do the plan.
+
+        Parameters
+        ----------
+        first : Process, optional
+            A worker process that has been started already.
+
+        Raises
+        ------
+        UsageError
+            Before the first image: another run is at work here, an earlier one had other parameters, or files that no
+            run has made are in the way.
+        OutputError
+            Before the first image: the output folder cannot be written.
+        """
+        foreign = "" if self._options.overwrite else foreign_outputs(self._plan)
+        if foreign:
+            raise UsageError(
+                f"{printable(foreign)} exists and no run made it; choose another folder or use --overwrite"
+            )
+        begin = perf_counter()
+        header = self._header()
+        self._held.enter_context(OutputLock(self._plan.out))
+        if not self._options.overwrite:
+            _refuse_other_parameters(self._plan.out, header)
+        prepare_output(self._plan)
+        self._sweep()
+        names = [job.source.name for job in self._plan.jobs]
+        self._journal = Journal(self._plan.out, header, names, keep=not self._options.overwrite)
+        self._held.callback(self._journal.close)
+        self._work(first)
+        self.summary.seconds = perf_counter() - begin
+        self._write_tables()
+        return self.summary
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Rows of ``timings.csv`` of the images that are finished, in input order."""
+        for job in self._plan.jobs:
+            record = self._journal.get(job.index) if self._finished[job.index] else None
+            if record is not None:
+                yield {"image": printable(job.source.name), **record.row}
+
+    def _header(self) -> dict[str, Any]:
+        params = self._setup.params
+        files = {"domain.mask": params.domain.mask, "init.mask": params.init.mask}
+        header = {"parameters": asdict(params), "files": {key: _digest_of(path) for key, path in files.items()}}
+        return dict(json.loads(json.dumps(header)))
+
+    def _folders(self) -> list[str]:
+        below = {os.path.dirname(output) for job in self._plan.jobs for output in self._plan.outputs(job)}
+        return [os.path.join(self._plan.out, folder) for folder in ("", STATE_FOLDER, *sorted(below))]
+
+    def _sweep(self) -> None:
+        """Remove the temporaries of a run that was killed; under the lock nobody else can be writing one."""
+        for folder in self._folders():
+            with os.scandir(folder) as entries:
+                left = [entry.path for entry in entries if is_temporary(entry.name)]
+            for path in left:
+                with contextlib.suppress(OSError):
+                    os.unlink(path)
+
+    def _work(self, first: Process | None) -> None:
+        pool = Pool(self._setup, self._options.num_workers, self._options.timeout, first)
+        jobs = iter(self._plan.jobs)
+        try:
+            pool.watch(self._stop.descriptor)
+            while not self._stop.signal:
+                while pool.room > 0 and (job := next(jobs, None)) is not None:
+                    self._offer(pool, job)
+                if pool.idle:
+                    break
+                for reply in pool.replies():
+                    self._take(reply)
+        finally:
+            pool.close()
+        self._versions = pool.versions
+        self.summary.signal = self._stop.signal
+
+    def _offer(self, pool: Pool, job: Job) -> None:
+        if job.source.problem:
+            reason, message = job.source.problem.split(": ", 1)
+            self._take(Reply(job.index, "failed", reason=reason, message=message))
+            return
+        record = self._journal.get(job.index)
+        known = None
+        if record is not None and record.status == "ok" and record.version == __version__:
+            known = (record.content, dict(record.outputs))
+        outputs = self._plan.outputs(job)
+        pool.put(Task(job.index, job.source.path, job.truth, self._plan.out, outputs, known))
+
+    def _take(self, reply: Reply) -> None:
+        job = self._plan.jobs[reply.index]
+        if reply.status == "same":
+            self._finished[reply.index] = 1
+            self.summary.same += 1
+            self._observer.finished(job, "same", "")
+            return
+        self._journal.forget(reply.index)
+        record = self._settled(job, reply)
+        try:
+            self._journal.add(reply.index, record)
+        except OutputError as error:
+            self._problem(str(error))
+        self._finished[reply.index] = 1
+        if record.status == "ok":
+            self.summary.done += 1
+        else:
+            self.summary.failed += 1
+        self._observer.finished(job, record.status, record.row["error"])
+
+    def _settled(self, job: Job, reply: Reply) -> Record:
+        """Write the outputs of an image and make its record."""
+        if reply.status == "failed":
+            return self._failure(job, reply.reason, reply.message, reply.traceback)
+        begin = perf_counter()
+        try:
+            for path, data, _ in reply.outputs:
+                write_bytes_atomic(os.path.join(self._plan.out, path), data)
+        except OutputError as error:
+            return self._failure(job, "output", str(error))
+        spent = (perf_counter() - begin) * 1e3
+        row = {"status": "ok", "error": "", **reply.row}
+        row["write_ms"] += spent
+        row["total_ms"] += spent
+        rounded = {column: round(cell, 3) if column.endswith("_ms") else cell for column, cell in row.items()}
+        digests = {path: digest for path, _, digest in reply.outputs}
+        return Record(job.source.name, "ok", __version__, reply.content, digests, rounded, reply.extra)
+
+    def _failure(self, job: Job, reason: str, message: str, trace: str = "") -> Record:
+        if trace:
+            self._log(f"{printable(job.source.path)}\n{reason}: {message}\n{trace}\n")
+            message += f"; see {STATE_FOLDER}/errors.log in the output folder"
+        row = {"status": "failed", "error": f"{reason}: {message}", "method": self._setup.params.method}
+        return Record(job.source.name, "failed", __version__, "", {}, row)
+
+    def _log(self, text: str) -> None:
+        path = os.path.join(self._plan.out, STATE_FOLDER, "errors.log")
+        try:
+            with Path(path).open("a", encoding="utf-8", errors="backslashreplace") as file:
+                file.write(f"{datetime.now(UTC).isoformat(timespec='seconds')} {text}\n")
+        except OSError as error:
+            self._problem(f"{printable(path)} cannot be written ({os.strerror(error.errno or 0)})")
+
+    def _problem(self, text: str) -> None:
+        if text not in self.summary.problems:
+            self.summary.problems.append(text)
+            self._observer.note(text)
+
+    def _write_tables(self) -> None:
+        extra = ("iou",) if self._plan.with_truth else ()
+        columns = (*TIMING_COLUMNS, *extra, "stop_reason")
+        timings = csv_table(columns, ([row.get(column) for column in columns] for row in self.rows()))
+        for name, content in (("timings.csv", timings), ("run.json", self._run_json())):
+            try:
+                write_bytes_atomic(os.path.join(self._plan.out, name), content)
+            except OutputError as error:
+                self._problem(str(error))
+        for folder in self._folders():
+            sync_folder(folder)
+
+    def _run_json(self) -> bytes:
+        summary = self.summary
+        value = {
+            "ffseg": __version__,
+            "status": "interrupted" if summary.signal else "finished",
+            "started": self._started.isoformat(timespec="seconds"),
+            "ended": datetime.now(UTC).isoformat(timespec="seconds"),
+            "seconds": round(summary.seconds, 3),
+            "counts": {name: getattr(summary, name) for name in ("total", "done", "same", "failed")},
+            "parameters": asdict(self._setup.params),
+            "versions": dict(self._versions),
+            "problems": summary.problems,
+        }
+        return (json.dumps(value, indent=2, default=str) + "\n").encode("utf-8")
+
+
+def _digest_of(path: str | None) -> str:
+    if path is None:
+        return ""
+    try:
+        return hashlib.blake2b(Path(path).read_bytes(), digest_size=16).hexdigest()
+    except OSError as error:
+        raise UsageError(f"the mask {printable(path)} cannot be read ({os.strerror(error.errno or 0)})") from error
+
+
+def _refuse_other_parameters(out: str, header: Mapping[str, Any]) -> None:
+    old = read_header(out)
+    if old is None:
+        return
+    changes = [*_differences(old.get("parameters", {}), header["parameters"]), *_changed_files(old, header)]
+    if changes:
+        shown = "; ".join(changes[:5]) + ("; ..." if len(changes) > 5 else "")
+        raise UsageError(
+            f"{printable(out)} holds results with other parameters ({shown}); "
+            "use --overwrite to do them again, or another output folder"
+        )
+
+
+def _differences(old: Any, new: Any, key: str = "") -> list[str]:  # noqa: ANN401 - JSON values
+    if isinstance(old, dict) and isinstance(new, dict):
+        keys: Sequence[str] = sorted({*old, *new})
+        return [
+            text for name in keys for text in _differences(old.get(name), new.get(name), f"{key}.{name}".strip("."))
+        ]
+    return [] if old == new else [f"{key} was {json.dumps(old)}, is {json.dumps(new)}"]
+
+
+def _changed_files(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    before = old.get("files", {})
+    return [f"the file of {key} has changed" for key in new["files"] if before.get(key) != new["files"][key]]

@@ -1,0 +1,212 @@
+"""Worker processes under watch: one that crashes or hangs costs the image it had, named, and is replaced."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import Any
+
+from ffseg.batch.workers.launch import Process, launch
+from ffseg.batch.workers.messages import Inbox, Ready, Refused, Reply, Setup, Task, send
+from ffseg.errors import UsageError
+
+AHEAD = 2
+"""Tasks a worker holds: the one it works on, and the next, so that it never waits while its last reply is written."""
+_LOG_TAIL = 2000  # bytes of a dead worker's stderr worth keeping
+_PIECE = 1 << 20
+
+
+class WorkerLostError(RuntimeError):
+    """A worker died before it was ready: the installation is broken, and every further one would die as well."""
+
+
+@dataclass(eq=False, slots=True)
+class Worker:
+    """One process and what it has been given."""
+
+    process: Process
+    ready: bool = False
+    queue: deque[Task] = field(default_factory=deque)
+    inbox: Inbox = field(default_factory=Inbox)
+    since: float = 0.0
+
+    def give(self, task: Task) -> None:
+        """Send a task; a process that dies meanwhile is noticed when its replies end."""
+        if not self.queue:
+            self.since = monotonic()
+        self.queue.append(task)
+        self.send(task)
+
+    def send(self, message: object) -> None:
+        """Send anything."""
+        with contextlib.suppress(BrokenPipeError):
+            send(self.process.tasks, message)
+
+    def log_tail(self) -> str:
+        """Last lines the process wrote to its stderr."""
+        size = os.fstat(self.process.log).st_size
+        return (
+            os.pread(self.process.log, _LOG_TAIL, max(0, size - _LOG_TAIL)).decode("utf-8", "backslashreplace").strip()
+        )
+
+    def clear_log(self) -> None:
+        """Forget what decoders grumbled about an image that is done."""
+        if os.fstat(self.process.log).st_size:
+            os.ftruncate(self.process.log, 0)
+
+
+class Pool:
+    """Workers fed with tasks in order; replies come as they are ready.
+
+    Parameters
+    ----------
+    setup : Setup
+    num_workers : int
+    timeout : float
+        Seconds an image may take; 0 for no limit.
+    first : Process, optional
+        One that was started before.
+    """
+
+    def __init__(self, setup: Setup, num_workers: int, timeout: float = 0.0, first: Process | None = None) -> None:
+        self._setup = setup
+        self._num_workers = num_workers
+        self._timeout = timeout
+        self._waiting: deque[Task] = deque()
+        self._workers: list[Worker] = []
+        self._poll = select.poll()
+        self.versions: dict[str, str] = {}
+        if first is not None:
+            self._adopt(first)
+
+    @property
+    def room(self) -> int:
+        """How many more tasks can be taken before replies have to be waited for."""
+        return self._num_workers * AHEAD - len(self._waiting) - sum(len(worker.queue) for worker in self._workers)
+
+    @property
+    def idle(self) -> bool:
+        """Whether every task has been answered."""
+        return not self._waiting and not any(worker.queue for worker in self._workers)
+
+    def put(self, task: Task) -> None:
+        """Take a task."""
+        self._waiting.append(task)
+
+    def watch(self, descriptor: int) -> None:
+        """Let something else end the waiting in `replies` (a signal)."""
+        self._poll.register(descriptor, select.POLLIN)
+
+    def replies(self) -> Iterator[Reply]:
+        """Wait until something happens and give the replies that came of it, often one, sometimes none.
+
+        Raises
+        ------
+        UsageError
+            If the setup does not work.
+        WorkerLostError
+            If a worker died before it was ready.
+        """
+        self._hand_out()
+        events = self._poll.poll(self._patience())
+        by_descriptor = {worker.process.replies: worker for worker in self._workers}
+        for descriptor, _ in events:
+            worker = by_descriptor.get(descriptor)
+            if worker is not None:
+                yield from self._read(worker)
+        yield from self._overdue()
+
+    def close(self) -> None:
+        """End every worker."""
+        for worker in list(self._workers):
+            self._drop(worker)
+
+    def _hand_out(self) -> None:
+        while self._waiting and (worker := self._next_worker()) is not None:
+            worker.give(self._waiting.popleft())
+
+    def _next_worker(self) -> Worker | None:
+        """One without a task; else a new one while there may be more; else the one with room for the next task."""
+        worker = min(self._workers, key=lambda worker: len(worker.queue), default=None)
+        if len(self._workers) < self._num_workers and (worker is None or worker.queue):
+            return self._adopt(launch())
+        return worker if worker is not None and len(worker.queue) < AHEAD else None
+
+    def _adopt(self, process: Process) -> Worker:
+        worker = Worker(process)
+        worker.send(self._setup)
+        self._workers.append(worker)
+        self._poll.register(process.replies, select.POLLIN)
+        return worker
+
+    def _drop(self, worker: Worker) -> None:
+        self._workers.remove(worker)
+        self._poll.unregister(worker.process.replies)
+        worker.process.end()
+
+    def _patience(self) -> int | None:
+        """Milliseconds until the first image is overdue; None when none can be."""
+        running = [worker.since for worker in self._workers if worker.ready and worker.queue]
+        if not self._timeout or not running:
+            return None
+        return max(0, int((min(running) + self._timeout - monotonic()) * 1000) + 1)
+
+    def _read(self, worker: Worker) -> Iterator[Reply]:
+        piece = os.read(worker.process.replies, _PIECE)
+        if not piece:
+            yield from self._lost(worker)
+            return
+        for message in worker.inbox.feed(piece):
+            if isinstance(message, Reply):
+                worker.queue.popleft()
+                worker.since = monotonic()
+                worker.clear_log()
+                yield message
+            else:
+                self._greet(worker, message)
+
+    def _greet(self, worker: Worker, message: Any) -> None:  # noqa: ANN401 - Ready or Refused
+        if isinstance(message, Refused):
+            raise UsageError(message.message)
+        if isinstance(message, Ready):
+            worker.ready, worker.since = True, monotonic()
+            self.versions = message.versions
+
+    def _lost(self, worker: Worker) -> Iterator[Reply]:
+        code = worker.process.handle.wait()
+        tail = worker.log_tail()
+        self._drop(worker)
+        if not worker.ready:
+            raise WorkerLostError(
+                f"a worker process ended ({_ending(code)}) before it was ready: {tail or 'no message'}"
+            )
+        if worker.queue:
+            task = worker.queue.popleft()
+            self._waiting.extendleft(reversed(worker.queue))
+            message = f"the worker process ended ({_ending(code)}) while it had this image; it was not tried again"
+            yield Reply(task.index, "failed", reason="crash", message=message, traceback=tail)
+
+    def _overdue(self) -> Iterator[Reply]:
+        if not self._timeout:
+            return
+        limit = monotonic() - self._timeout
+        for worker in [worker for worker in self._workers if worker.ready and worker.queue and worker.since < limit]:
+            task = worker.queue.popleft()
+            self._waiting.extendleft(reversed(worker.queue))
+            worker.queue.clear()
+            self._drop(worker)
+            message = f"it took more than {self._timeout:g} s; raise --timeout or leave it out"
+            yield Reply(task.index, "failed", reason="timeout", message=message)
+
+
+def _ending(code: int) -> str:
+    if code >= 0:
+        return f"exit code {code}"
+    name = signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
+    return f"{name}, perhaps memory ran out" if name == "SIGKILL" else name

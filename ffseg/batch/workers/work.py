@@ -1,0 +1,169 @@
+"""One image to its outputs as bytes: a pure function of the file, the parameters and the version."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import sys
+import traceback
+from importlib import import_module
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg import __version__
+from ffseg.batch.workers.messages import Reply, Setup, Task
+from ffseg.errors import FfsegError, ImageReadError, ParameterError, SegmentationError
+from ffseg.formats.files import printable, read_bytes
+from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, single_thread
+from ffseg.formats.masks import encode_mask, read_levels
+from ffseg.formats.overlays import Polyline, encode_overlay
+from ffseg.formats.svg import svg_document
+from ffseg.segmenters.base import Segmentation
+
+_FLATNESS = 0.1
+"""Tolerance of the lines drawn in overlays, px: a tenth of the line's width."""
+
+
+def digest(data: bytes) -> str:
+    """Digest that stands for content in the journal."""
+    return hashlib.blake2b(data, digest_size=16).hexdigest()
+
+
+class Workbench:
+    """What a worker has ready between images; none of it depends on the images it has seen.
+
+    Raises
+    ------
+    ParameterError
+        If a mask file that the parameters name cannot be read.
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        single_thread()
+        module, name = setup.segmenter.split(":")
+        self._segment = getattr(import_module(module), name)
+        self._setup = setup
+        self._limits = Limits(setup.max_bytes, setup.max_pixels)
+        self._domain = self._mask("domain.mask", setup.params.domain.mask)
+        self._start_mask = self._mask("init.mask", setup.params.init.mask)
+
+    def _mask(self, key: str, path: str | None) -> NDArray[np.uint8] | None:
+        if path is None:
+            return None
+        try:
+            return np.where(read_levels(path, self._limits) > 0, np.uint8(255), np.uint8(0))
+        except ImageReadError as error:
+            raise ParameterError(f"{key}: {error}") from error
+
+    def versions(self) -> dict[str, str]:
+        """Versions that a result can depend on."""
+        return {
+            "ffseg": __version__,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "opencv": OPENCV_VERSION,
+            "platform": sys.platform,
+        }
+
+    def reply(self, task: Task) -> Reply:
+        """Do a task; whatever goes wrong with its image is in the reply."""
+        try:
+            return self._do(task)
+        except ImageReadError as error:
+            return _failed(task, error.reason, str(error))
+        except SegmentationError as error:
+            return _failed(task, "segmentation", str(error))
+        except FfsegError as error:
+            return _failed(task, "parameters", str(error))
+        except MemoryError:
+            return _failed(task, "out-of-memory", "more memory than a worker may use; raise --memory or scale it down")
+        except Exception as error:  # noqa: BLE001 - a defect costs one image, and is written down
+            return _failed(task, "internal", f"{type(error).__name__}: {error}", traceback.format_exc())
+
+    def _do(self, task: Task) -> Reply:
+        begin = perf_counter()
+        data = read_bytes(task.path, self._setup.max_bytes)
+        content = self._content(data, task)
+        if task.known is not None and _still_right(task, content):
+            return Reply(task.index, "same")
+        image = decode_image(data, self._limits)
+        decoded = perf_counter()
+        result = self._segment(image, self._setup.params, domain=self._domain, start_mask=self._start_mask)
+        segmented = perf_counter()
+        outputs = tuple(
+            (path, made, digest(made)) for path, made in zip(task.outputs, self._encoded(image, result), strict=True)
+        )
+        row = _row(image, result, self._setup.params.method)
+        if task.truth:
+            row["iou"] = self._iou(result, task.truth)
+        end = perf_counter()
+        row |= {"decode_ms": (decoded - begin) * 1e3, "write_ms": (end - segmented) * 1e3}
+        row["total_ms"] = (end - begin) * 1e3
+        return Reply(task.index, "ok", row, content, outputs)
+
+    def _content(self, data: bytes, task: Task) -> str:
+        truth = read_bytes(task.truth, self._setup.max_bytes) if task.truth else b""
+        return digest(data) + (digest(truth) if truth else "")
+
+    def _encoded(self, image: NDArray[np.uint8], result: Segmentation) -> list[bytes]:
+        height, width = image.shape[:2]
+        encoded = [encode_mask(result.mask), svg_document(result.contours, width, height).encode("utf-8")]
+        if self._setup.overlay:
+            lines = [
+                Polyline(contour.flatten(_FLATNESS), "outer" if contour.signed_area > 0 else "obstacle")
+                for contour in result.contours
+            ]
+            encoded.append(encode_overlay(image, lines))
+        return encoded
+
+    def _iou(self, result: Segmentation, path: str) -> float:
+        truth = read_levels(path, self._limits)
+        if truth.shape != result.mask.shape:
+            sizes = f"{truth.shape[1]}x{truth.shape[0]}, the image {result.mask.shape[1]}x{result.mask.shape[0]}"
+            raise ImageReadError("truth", f"the true mask {printable(path)} has {sizes} pixels")
+        return float(import_module("ffseg.metrics").iou(result.mask, truth))
+
+
+def _failed(task: Task, reason: str, message: str, trace: str = "") -> Reply:
+    return Reply(task.index, "failed", reason=reason, message=message, traceback=trace)
+
+
+def _still_right(task: Task, content: str) -> bool:
+    """Whether the image is what it was, and each of its outputs is there with the content it was given."""
+    known_content, known_outputs = task.known or ("", {})
+    if known_content != content or set(known_outputs) != set(task.outputs):
+        return False
+    try:
+        return all(digest(_whole(os.path.join(task.out, path))) == known_outputs[path] for path in task.outputs)
+    except OSError:
+        return False
+
+
+def _whole(path: str) -> bytes:
+    return Path(path).read_bytes()
+
+
+def _row(image: NDArray[np.uint8], result: Segmentation, method: str) -> dict[str, Any]:
+    stats, areas = result.stats, [contour.signed_area for contour in result.contours]
+    return {
+        "width": image.shape[1],
+        "height": image.shape[0],
+        "method": method,
+        "initial_points": stats.initial_points,
+        "final_points": stats.final_points,
+        "patches": stats.patches,
+        "iterations": stats.iterations,
+        "splits": stats.splits,
+        "flips": stats.flips,
+        "components": sum(area > 0 for area in areas),
+        "holes": sum(area < 0 for area in areas),
+        "area_px": int(np.count_nonzero(result.mask)),
+        "edges_ms": result.timings.edges_ms,
+        "evolve_ms": result.timings.evolve_ms,
+        "stop_reason": stats.stop_reason,
+    }

@@ -1,0 +1,118 @@
+"""What a run tells while it works and at its end."""
+
+from __future__ import annotations
+
+import json
+import sys
+from statistics import mean, median
+from typing import Any
+
+from ffseg.batch.jobs import Job, Plan
+from ffseg.batch.runner import Run, Summary
+from ffseg.cli import console
+from ffseg.formats.files import printable
+
+_SHOWN_FAILURES = 100
+"""Failures named on the terminal; ``timings.csv`` has them all."""
+
+
+class Progress:
+    """Progress bar and messages on stderr.
+
+    Parameters
+    ----------
+    total : int
+    bar : bool
+        Show a bar, if stderr is a terminal.
+    verbose : bool
+        Say a line for each image.
+    """
+
+    def __init__(self, total: int, *, bar: bool, verbose: bool) -> None:
+        self._verbose = verbose
+        self._failures = 0
+        self._bar: Any = None
+        if bar and total > 1 and sys.stderr.isatty():
+            from tqdm import tqdm
+
+            self._bar = tqdm(total=total, unit="image", file=sys.stderr, dynamic_ncols=True)
+
+    def finished(self, job: Job, status: str, error: str) -> None:
+        """Count an image, and name it when it failed."""
+        if status == "failed":
+            self._failures += 1
+            if self._failures <= _SHOWN_FAILURES:
+                self.note(f"{printable(job.source.path)}: {error}")
+            elif self._failures == _SHOWN_FAILURES + 1:
+                self.note("further failures are named in timings.csv only")
+        elif self._verbose:
+            self.note(f"{printable(job.source.path)}: {'unchanged' if status == 'same' else 'done'}")
+        if self._bar is not None:
+            self._bar.update()
+
+    def note(self, text: str) -> None:
+        """Say a line without tearing the bar."""
+        if self._bar is not None:
+            self._bar.clear()
+        console.message(f"ffseg: {text}")
+        if self._bar is not None:
+            self._bar.refresh()
+
+    def close(self) -> None:
+        """Leave the terminal as it was."""
+        if self._bar is not None:
+            self._bar.close()
+
+
+def show_plan(plan: Plan, *, as_json: bool) -> None:
+    """Print what a run would do, one line an image, or as one JSON document."""
+    images = [
+        {
+            "image": job.source.path,
+            "outputs": list(plan.outputs(job)),
+            "truth": job.truth,
+            "problem": job.source.problem,
+        }
+        for job in plan.jobs
+    ]
+    if as_json:
+        console.data(json.dumps({"out": plan.out, "images": images}, indent=2))
+        return
+    for job in plan.jobs:
+        what = f"failed: {job.source.problem}" if job.source.problem else ", ".join(map(printable, plan.outputs(job)))
+        console.data(f"{printable(job.source.path)} -> {what}")
+    console.message(f"ffseg: {len(images)} images into {printable(plan.out)}; nothing was written")
+
+
+def show_result(run: Run, out: str, *, as_json: bool) -> None:
+    """Print how a run ended: the summary table, or one JSON document with every row."""
+    summary = run.summary
+    if as_json:
+        counts = {name: getattr(summary, name) for name in ("total", "done", "same", "failed")}
+        value = {"out": out, "counts": counts, "seconds": round(summary.seconds, 3), "problems": summary.problems}
+        console.data(json.dumps({**value, "images": list(run.rows())}, indent=2))
+        return
+    width = max(len(label) for label, _ in _lines(run, summary))
+    for label, text in _lines(run, summary):
+        console.data(f"{label:{width}}  {text}")
+    console.data(f"{'output':{width}}  {printable(out)}")
+
+
+def _lines(run: Run, summary: Summary) -> list[tuple[str, str]]:
+    rate = (summary.done + summary.failed + summary.same) / max(summary.seconds, 1e-9)
+    lines = [
+        ("images", f"{summary.total}"),
+        ("done", f"{summary.done}"),
+        ("unchanged", f"{summary.same}"),
+        ("failed", f"{summary.failed}"),
+        ("time", f"{summary.seconds:.2f} s ({rate:.1f} images/s)"),
+    ]
+    good = [row for row in run.rows() if row["status"] == "ok"]
+    if good:
+        parts = ("decode_ms", "edges_ms", "evolve_ms", "write_ms", "total_ms")
+        medians = (f"{part[:-3]} {median(row[part] for row in good):.1f}" for part in parts)
+        lines.append(("median ms", ", ".join(medians)))
+    overlaps = [row["iou"] for row in good if row.get("iou") is not None]
+    if overlaps:
+        lines.append(("mean IoU", f"{mean(overlaps):.4f} (lowest {min(overlaps):.4f}, of {len(overlaps)})"))
+    return lines

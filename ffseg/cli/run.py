@@ -1,0 +1,91 @@
+"""``ffseg run``: segment images, one by one or by the folder."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ffseg.batch.workers.launch import take
+
+FAILED_IMAGES = 3
+"""Exit code when at least one image failed."""
+_MEGABYTE = 1 << 20
+
+
+def run(  # noqa: PLR0913 - the options of the command
+    inputs: Annotated[
+        list[str], typer.Argument(metavar="INPUT...", help="Image files, folders (searched to any depth) or patterns.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the outputs; made if absent.")],
+    config: Annotated[
+        str | None, typer.Option("--config", metavar="FILE|PRESET", help="Parameter file or preset.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter; may be repeated.")
+    ] = None,
+    truth: Annotated[
+        Path | None, typer.Option("--truth", metavar="DIR", help="Folder of true masks (NAME.png): adds the IoU.")
+    ] = None,
+    jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Worker processes; 0 = one for each core.")] = 0,
+    overlay: Annotated[
+        bool, typer.Option("--overlay/--no-overlay", help="Write images with the contours drawn.")
+    ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Do everything again, whatever is there.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would be done and write nothing.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of the table.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table; errors only.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="A line for each image.")] = False,
+    timeout: Annotated[
+        float, typer.Option("--timeout", min=0, help="Seconds an image may take; 0 = no limit.")
+    ] = 300.0,
+    memory: Annotated[
+        int, typer.Option("--memory", min=0, help="MB a worker may add to its start; 0 = no limit.")
+    ] = 4096,
+    max_pixels: Annotated[int, typer.Option("--max-pixels", min=1, help="Refuse larger images.")] = 100_000_000,
+) -> None:
+    """Segment images: masks, exact contours, a table of timings and what went wrong.
+
+    A second run into the same folder does only what is missing or stale. Exit code: 0 every image done; 2 nothing was
+    run; 3 at least one image failed, the others are written.
+    """
+    first = take()  # it loads OpenCV while this process loads itself, reads parameters and plans
+    from ffseg.batch.jobs import make_plan
+    from ffseg.batch.runner import Options, Run
+    from ffseg.batch.workers.messages import Setup
+    from ffseg.cli.interruption import Interruption
+    from ffseg.cli.reporting import Progress, show_plan, show_result
+    from ffseg.parameters import load_params
+
+    with contextlib.ExitStack() as cleanup:
+        cleanup.callback(first.end)
+        interruption = cleanup.enter_context(Interruption())
+        params = load_params(config, settings)
+        setup = Setup(params=params, overlay=overlay, max_pixels=max_pixels, memory_bytes=memory * _MEGABYTE)
+        plan = make_plan(inputs, os.fspath(out), overlay=overlay, truth=os.fspath(truth) if truth else "")
+        if dry_run:
+            show_plan(plan, as_json=as_json)
+            return
+        progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet)
+        cleanup.callback(progress.close)
+        options = Options(jobs or cores(), timeout, overwrite)
+        work = cleanup.enter_context(Run(plan, setup, options, interruption, progress))
+        interruption.defer()
+        summary = work.execute(first)
+        progress.close()
+        if as_json or not quiet:
+            show_result(work, plan.out, as_json=as_json)
+        if summary.signal:
+            raise typer.Exit(interruption.exit_code)
+    if summary.failed or summary.problems:
+        raise typer.Exit(FAILED_IMAGES)
+
+
+def cores() -> int:
+    """Cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

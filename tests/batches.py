@@ -1,0 +1,80 @@
+"""Folders of small images and runs over them, for tests of the batch."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import stand_in
+from PIL import Image
+
+from ffseg.batch.jobs import Job, make_plan
+from ffseg.batch.runner import Options, Run, Summary
+from ffseg.batch.workers.messages import Setup
+from ffseg.parameters import Parameters, load_params
+
+
+@dataclass
+class Silent:
+    """Observer and stop in one: remembers what it hears, and asks for the end after `last` images."""
+
+    last: int = 1 << 60
+    heard: list[tuple[str, str, str]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    signal: int = 0
+    descriptor: int = field(default_factory=lambda: os.eventfd(0))
+
+    def finished(self, job: Job, status: str, error: str) -> None:
+        self.heard.append((job.source.name, status, error))
+        if len(self.heard) >= self.last:
+            self.signal = 15
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+    def __del__(self) -> None:
+        os.close(self.descriptor)
+
+
+def make_images(folder: Path, names: Iterable[str], levels: dict[str, int] | None = None) -> None:
+    """Write small grey images; `levels` sets the first pixel of some (see `stand_in`)."""
+    for index, name in enumerate(names):
+        pixels = np.random.default_rng(index).integers(0, 250, (12, 16), dtype=np.uint8)
+        pixels[0, 0] = (levels or {}).get(name, 0)
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(pixels).save(path)
+
+
+def run_batch(
+    folder: Path, out: Path, *, params: Parameters | None = None, observer: Silent | None = None, **options: object
+) -> Summary:
+    """Run the stand-in over a folder; options are those of `Options`, `make_plan` and `Setup` by name."""
+    plan_options = {key: options.pop(key) for key in ("overlay", "truth") if key in options}
+    setup_options = {key: options.pop(key) for key in ("memory_bytes",) if key in options}
+    plan = make_plan([str(folder)], str(out), **plan_options)
+    setup = Setup(
+        params=params or load_params(),
+        segmenter=stand_in.NAME,
+        overlay=bool(plan_options.get("overlay")),
+        **setup_options,
+    )
+    observer = observer or Silent()
+    with Run(plan, setup, Options(**options), observer, observer) as run:
+        return run.execute()
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def snapshot(out: Path) -> dict[str, bytes]:
+    """Content of the masks, contours and overlays under an output folder."""
+    files = (path for kind in ("masks", "contours", "overlays") for path in (out / kind).rglob("*") if path.is_file())
+    return {str(path.relative_to(out)): path.read_bytes() for path in files}

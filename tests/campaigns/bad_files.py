@@ -1,0 +1,113 @@
+"""R1, R2: every bad file costs a row with a known reason, 2 s and 500 MB at most, and never the run.
+
+``python tests/campaigns/bad_files.py --work DIR [--folder BAD]``; without ``--folder`` the files of
+``tests/bad_images.py`` are used. Each file is read by a process of its own, then all of them in one run.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import harness
+
+READ_ONE = """
+import json, resource, sys, time
+from ffseg.errors import ImageReadError
+from ffseg.formats.images import read_image
+base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+begin = time.perf_counter()
+try:
+    reason, shape = "", read_image(sys.argv[1]).shape
+except ImageReadError as error:
+    reason, shape = error.reason, ()
+spent = (time.perf_counter() - begin) * 1e3
+print(json.dumps([reason, shape, spent, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - base) / 1e3]))
+"""
+
+
+@dataclass
+class Figures:
+    """What the files did; `wrong` names each that crashed, hung, or ended without a known reason."""
+
+    files: int = 0
+    read: int = 0
+    reasons: Counter[str] = field(default_factory=Counter)
+    wrong: list[str] = field(default_factory=list)
+    slowest_ms: tuple[float, str] = (0.0, "")
+    largest_mb: tuple[float, str] = (0.0, "")
+    slowest_bomb_ms: tuple[float, str] = (0.0, "")
+    largest_bomb_mb: tuple[float, str] = (0.0, "")
+
+
+def campaign(folder: Path, work: Path) -> Figures:
+    """Read every file of a folder alone, then run over all of them."""
+    from ffseg.formats.images import REASONS
+
+    figures = Figures()
+    paths = sorted(path for path in folder.iterdir() if path.suffix not in (".npy", ".json"))
+    for path in paths:
+        _read_alone(path, figures, set(REASONS))
+    _run_over(paths, work, figures, set(REASONS))
+    return figures
+
+
+def _read_alone(path: Path, figures: Figures, known: set[str]) -> None:
+    figures.files += 1
+    done = subprocess.run(
+        [sys.executable, "-c", READ_ONE, str(path)], capture_output=True, timeout=60, check=False
+    )
+    if done.returncode != 0:
+        figures.wrong.append(f"{path.name}: exit {done.returncode}")
+        return
+    reason, _, spent, grown = json.loads(done.stdout)
+    figures.read += reason == ""
+    figures.reasons[reason] += reason != ""
+    if reason and reason not in known:
+        figures.wrong.append(f"{path.name}: {reason}")
+    figures.slowest_ms = max(figures.slowest_ms, (spent, path.name))
+    figures.largest_mb = max(figures.largest_mb, (grown, path.name))
+    if path.name.startswith("bomb"):
+        figures.slowest_bomb_ms = max(figures.slowest_bomb_ms, (spent, path.name))
+        figures.largest_bomb_mb = max(figures.largest_bomb_mb, (grown, path.name))
+
+
+def _run_over(paths: list[Path], work: Path, figures: Figures, known: set[str]) -> None:
+    """One run over all files, each in a folder of its own because many differ in their suffix only."""
+    source, out = work / "files", work / "out"
+    for place in (source, out):
+        shutil.rmtree(place, ignore_errors=True)
+    for path in paths:
+        place = source / path.name.replace(".", "_")
+        place.mkdir(parents=True)
+        shutil.copy(path, place)
+    ended = harness.run("run", source, "--out", out, "--jobs", "2", "-q", "--set", "init.radius=12")
+    if ended.code not in (0, 3) or "Traceback" in ended.stderr:
+        figures.wrong.append(f"the run ended with {ended.code}: {ended.stderr[-300:]}")
+        return
+    with (out / "timings.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    if len(rows) != len(paths):
+        figures.wrong.append(f"{len(rows)} rows for {len(paths)} files")
+    reasons = {row["image"]: row["error"].split(":")[0] for row in rows if row["status"] == "failed"}
+    allowed = known | {"segmentation"}
+    figures.wrong += [f"{name}: {reason}" for name, reason in reasons.items() if reason not in allowed]
+
+
+if __name__ == "__main__":
+    arguments = harness.parser(__doc__)
+    arguments.add_argument("--folder", type=Path)
+    given = arguments.parse_args()
+    if given.folder is None:
+        import bad_images
+
+        given.folder = given.work / "bad"
+        given.folder.mkdir(parents=True, exist_ok=True)
+        bad_images.write_all(given.folder)
+    harness.say(str(campaign(given.folder, given.work)))

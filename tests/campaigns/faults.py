@@ -1,0 +1,108 @@
+"""R5: when the n-th open, write, fsync or rename fails, for every n, earlier outputs are kept and the path is named.
+
+``python tests/campaigns/faults.py --work DIR [--errors ENOSPC,EIO,EACCES]``
+
+A library loaded before libc (``faults.c``, compiled here) makes the n-th call that touches the output folder fail.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import harness
+
+CALLS = ("open", "write", "fsync", "rename")
+
+
+@dataclass
+class Figures:
+    """What the faults did; `wrong` names each run that broke a promise."""
+
+    runs: int = 0
+    exit_codes: dict[int, int] = field(default_factory=dict)
+    wrong: list[str] = field(default_factory=list)
+
+
+def build(work: Path) -> Path:
+    """Compile the library."""
+    work.mkdir(parents=True, exist_ok=True)
+    library = work / "faults.so"
+    source = Path(__file__).with_name("faults.c")
+    subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", str(library), str(source), "-ldl"], check=True)
+    return library
+
+
+def campaign(work: Path, errors: tuple[str, ...], images: int = 3, most: int = 10_000) -> Figures:
+    """Fail each call once, in a run that follows a good one of the same images with other contents."""
+    library, figures = build(work), Figures()
+    before, after, prepared = work / "before", work / "after", work / "prepared"
+    harness.draw_blobs(before, images)
+    harness.draw_blobs(after, images + 1)
+    for index in range(images):  # the same names, other pictures
+        shutil.copy(after / f"i{index + 1}.png", after / f"i{index}.png")
+    (after / f"i{images}.png").unlink()
+    assert harness.run("run", before, "--out", prepared, "-q", "--jobs", "1", "--set", harness.CONFIG).code == 0
+    old = harness.outputs(prepared)
+    new_out = work / "new"
+    assert harness.run("run", after, "--out", new_out, "-q", "--jobs", "1", "--set", harness.CONFIG).code == 0
+    new = harness.outputs(new_out)
+    for call in CALLS:
+        for name in errors:
+            number = 0
+            while number < most:
+                number += 1
+                if not _one_fault(work, library, (call, name, number), (old, new), figures):
+                    break
+    return figures
+
+
+def _one_fault(
+    work: Path,
+    library: Path,
+    fault: tuple[str, str, int],
+    known: tuple[dict[str, bytes], dict[str, bytes]],
+    figures: Figures,
+) -> bool:
+    """Whether the fault happened: once n is beyond the last call it does not."""
+    call, name, number = fault
+    old, new = known
+    out, mark = work / "out", work / "hit"
+    shutil.rmtree(out, ignore_errors=True)
+    shutil.copytree(work / "prepared", out)
+    mark.unlink(missing_ok=True)
+    env = {
+        "LD_PRELOAD": str(library), "FAULT_UNDER": str(out), "FAULT_CALL": call, "FAULT_NUMBER": str(number),
+        "FAULT_ERRNO": str(getattr(errno, name)), "FAULT_MARK": str(mark),
+    }  # fmt: skip
+    ended = harness.run("run", work / "after", "--out", out, "--jobs", "1", "--set", harness.CONFIG, env=env)
+    if not mark.exists():
+        return False
+    figures.runs += 1
+    figures.exit_codes[ended.code] = figures.exit_codes.get(ended.code, 0) + 1
+    label = f"{call} {number} {name}"
+    found = harness.outputs(out)
+    broken = [path for path in old if found.get(path) not in (old[path], new[path])]
+    if broken:
+        figures.wrong.append(f"{label}: {broken} neither old nor new")
+    if "Traceback" in ended.stderr or ended.code not in (0, 2, 3):
+        figures.wrong.append(f"{label}: exit {ended.code} {ended.stderr[-200:]}")
+    if ended.code in (2, 3) and (str(out) not in ended.stderr or os.strerror(getattr(errno, name)) not in ended.stderr):
+        figures.wrong.append(f"{label}: path or reason not named: {ended.stderr[-200:]}")
+    if harness.temporaries(out):
+        figures.wrong.append(f"{label}: {harness.temporaries(out)} left")
+    again = harness.run("run", work / "after", "--out", out, "--jobs", "1", "-q", "--set", harness.CONFIG)
+    if again.code != 0 or harness.outputs(out) != new:
+        figures.wrong.append(f"{label}: the next run does not complete it ({again.code})")
+    return True
+
+
+if __name__ == "__main__":
+    arguments = harness.parser(__doc__)
+    arguments.add_argument("--errors", default="ENOSPC,EIO,EACCES")
+    given = arguments.parse_args()
+    harness.say(str(campaign(given.work, tuple(given.errors.split(",")))))

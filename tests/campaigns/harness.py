@@ -1,0 +1,134 @@
+"""What the campaigns share: small image folders, the command as a process, and a figure for each promise."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+KINDS = (("masks", ".png"), ("contours", ".svg"))
+CONFIG = "init.radius=8"
+"""A start circle that lies inside the small images."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command ended."""
+
+    code: int
+    seconds: float
+    stderr: str
+
+
+def command(*arguments: str | os.PathLike[str]) -> list[str]:
+    """The ``ffseg`` command of this interpreter."""
+    return [sys.executable, "-m", "ffseg", *map(os.fspath, arguments)]
+
+
+def run(*arguments: str | os.PathLike[str], env: Mapping[str, str] | None = None, limit: float = 300) -> Ended:
+    """Run ``ffseg`` to its end."""
+    begin = time.perf_counter()
+    done = subprocess.run(
+        command(*arguments), capture_output=True, timeout=limit, check=False, env={**os.environ, **(env or {})}
+    )
+    return Ended(done.returncode, time.perf_counter() - begin, done.stderr.decode("utf-8", "replace"))
+
+
+def start(*arguments: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
+    """Start ``ffseg`` in a process group of its own."""
+    return subprocess.Popen(
+        command(*arguments), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+
+
+def draw_blobs(folder: Path, count: int, size: tuple[int, int] = (64, 48)) -> None:
+    """Write `count` small images, each a bright region with its own shape and noise round the start of the contour."""
+    from PIL import Image
+
+    folder.mkdir(parents=True, exist_ok=True)
+    width, height = size
+    y, x = np.mgrid[0:height, 0:width]
+    for index in range(count):
+        rng = np.random.default_rng(index)
+        radius = 14 + 5 * np.sin(rng.integers(2, 5) * np.arctan2(y - height / 2, x - width / 2) + rng.uniform(0, 6))
+        inside = np.hypot(x - width / 2, y - height / 2) < radius
+        image = np.where(inside, 180, 60) + rng.normal(0, 3, (height, width))
+        Image.fromarray(np.clip(image, 0, 255).astype(np.uint8)).save(folder / f"i{index}.png", compress_level=1)
+
+
+def outputs(out: Path) -> dict[str, bytes]:
+    """Content of the masks and contours under an output folder, by relative path."""
+    files = (path for kind, _ in KINDS for path in (out / kind).rglob("*") if path.is_file())
+    return {str(path.relative_to(out)): path.read_bytes() for path in files if not path.name.endswith(".tmp")}
+
+
+def temporaries(out: Path) -> list[str]:
+    """Names of temporary files left under an output folder."""
+    return [str(path) for path in out.rglob("*") if path.name.startswith(".ffseg-")]
+
+
+def counts(out: Path) -> dict[str, int]:
+    """Counts of the last run into an output folder."""
+    found: dict[str, int] = json.loads((out / "run.json").read_text())["counts"]
+    return found
+
+
+def group_is_gone(process: subprocess.Popen[bytes], patience: float = 2.0) -> bool:
+    """Whether no process of a group started by `start` is left after a while."""
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        try:
+            os.killpg(process.pid, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def kill(process: subprocess.Popen[bytes], number: int = signal.SIGKILL) -> int:
+    """Send a signal to the command itself and wait for its end."""
+    process.send_signal(number)
+    return process.wait(timeout=30)
+
+
+def resident_mb(pids: Sequence[int]) -> float:
+    """Resident memory of processes, MB; those that are gone count nothing."""
+    total = 0
+    for pid in pids:
+        try:
+            total += int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+        except (OSError, IndexError):
+            continue
+    return total / 1e6
+
+
+def children(pid: int) -> list[int]:
+    """Direct children of a process."""
+    try:
+        return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    except OSError:
+        return []
+
+
+def parser(text: str | None) -> argparse.ArgumentParser:
+    """Parser that every campaign begins with."""
+    made = argparse.ArgumentParser(description=(text or "").split("\n", maxsplit=1)[0])
+    made.add_argument("--work", type=Path, required=True, help="folder to work in, made if absent")
+    return made
+
+
+def say(text: str) -> None:
+    """Print a figure."""
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()

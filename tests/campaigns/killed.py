@@ -1,0 +1,79 @@
+"""R4: kill -9 at random moments leaves no partial file, and resumed runs end in the bytes of an uninterrupted one.
+
+``python tests/campaigns/killed.py --work DIR --kills 200 --jobs 2``
+"""
+
+from __future__ import annotations
+
+import random
+import shutil
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import harness
+
+
+@dataclass
+class Figures:
+    """What the kills did."""
+
+    kills: int = 0
+    partial: int = 0
+    orphans: int = 0
+    most_redone: int = 0
+    resumed_differ: int = 0
+    left_over: int = 0
+    rounds: int = 0
+
+
+def campaign(work: Path, kills: int, jobs: int, images: int = 150, seed: int = 1) -> Figures:
+    """Kill runs into one folder until `kills` have hit a run at work; start anew whenever the folder is complete."""
+    source, straight, out = work / "in", work / "straight", work / "out"
+    harness.draw_blobs(source, images)
+    options = ("--set", harness.CONFIG, "--jobs", str(jobs), "-q")
+    begin = time.perf_counter()
+    assert harness.run("run", source, "--out", straight, *options).code == 0
+    longest = time.perf_counter() - begin
+    reference = harness.outputs(straight)
+    figures, rng = Figures(), random.Random(seed)  # noqa: S311 - moments to kill at
+    while figures.kills < kills:
+        shutil.rmtree(out, ignore_errors=True)
+        figures.rounds += 1
+        while figures.kills < kills and _one_kill(source, out, options, rng.uniform(0.15, longest), figures, reference):
+            pass
+        ended = harness.run("run", source, "--out", out, *options)
+        figures.resumed_differ += ended.code != 0 or harness.outputs(out) != reference
+        figures.left_over += len(harness.temporaries(out))
+    return figures
+
+
+def _one_kill(
+    source: Path, out: Path, options: tuple[str, ...], delay: float, figures: Figures, reference: dict[str, bytes]
+) -> bool:
+    process = harness.start("run", source, "--out", out, *options)
+    time.sleep(delay)
+    if process.poll() is not None:
+        return False
+    harness.kill(process)
+    figures.kills += 1
+    figures.orphans += not harness.group_is_gone(process)
+    found = harness.outputs(out)
+    figures.partial += sum(reference[name] != data for name, data in found.items())
+    whole = sum(f"contours/{Path(name).stem}.svg" in found for name in found if name.startswith("masks/"))
+    journal = out / ".ffseg" / "journal.jsonl"
+    known = sum(b'"status":"ok"' in line and line.endswith(b"\n") for line in _lines(journal))
+    figures.most_redone = max(figures.most_redone, whole - known)
+    return True
+
+
+def _lines(path: Path) -> list[bytes]:
+    return path.read_bytes().splitlines(keepends=True) if path.exists() else []
+
+
+if __name__ == "__main__":
+    arguments = harness.parser(__doc__)
+    arguments.add_argument("--kills", type=int, default=200)
+    arguments.add_argument("--jobs", type=int, default=2)
+    given = arguments.parse_args()
+    harness.say(str(campaign(given.work, given.kills, given.jobs)))

@@ -1,0 +1,50 @@
+"""A segmenter for tests of the batch: thresholds the image, and misbehaves when its first pixel says so."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import SegmentationError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.parameters import Parameters
+from ffseg.segmenters.base import Segmentation, Stats, Timings
+
+NAME = "stand_in:segment"
+CRASH, HANG, EAT, FAIL, DEFECT = 251, 252, 253, 254, 255
+"""Grey levels of the first pixel of an image that is to go wrong."""
+
+
+def segment(
+    image: NDArray[np.uint8],
+    params: Parameters,
+    *,
+    domain: NDArray[np.uint8] | None = None,
+    start_mask: NDArray[np.uint8] | None = None,
+) -> Segmentation:
+    """Pixels above 127, with one box as the contour."""
+    grey = image if image.ndim == 2 else image.max(axis=2)
+    _misbehave(int(grey[0, 0]))
+    mask = grey > 127
+    if domain is not None:
+        mask &= domain > 0
+    height, width = mask.shape
+    box = FreeForm.box(0.0, 0.0, width - 1.0, height - 1.0)
+    stats = Stats(1, 0, 0, 0, 0, 4, 4, 4, "converged")
+    return Segmentation(mask, (box,), stats, Timings(0.1, 0.2, 0.3))
+
+
+def _misbehave(level: int) -> None:
+    if level == CRASH:
+        ctypes.string_at(0)
+    elif level == HANG:
+        time.sleep(600)
+    elif level == EAT:
+        np.ones(1 << 36, np.uint8)
+    elif level == FAIL:
+        raise SegmentationError("the start circle lies on an edge; move init.center")
+    elif level == DEFECT:
+        raise ZeroDivisionError("a defect")

@@ -1,0 +1,161 @@
+"""Inputs: files, folders, patterns; natural order; what is left out; the plan and what it refuses."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+from batches import make_images
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ffseg.batch.discover import discover, natural_key
+from ffseg.batch.jobs import foreign_outputs, make_plan, prepare_output
+from ffseg.errors import OutputError, UsageError
+
+
+def _touch(folder: Path, *names: str) -> None:
+    for name in names:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+
+
+def _names(*inputs: Path | str) -> list[str]:
+    return [source.name for source in discover([str(text) for text in inputs])]
+
+
+def test_folder_is_walked_in_natural_order(tmp_path: Path) -> None:
+    _touch(tmp_path, "a10.png", "a2.png", "b/z1.JPG", "b/a/x.tif", "notes.txt", "a2.csv")
+    assert _names(tmp_path) == ["a2.png", "a10.png", "b/a/x.tif", "b/z1.JPG"]
+
+
+@given(st.lists(st.text("a1²/0٣.", min_size=1), max_size=6))
+def test_different_names_have_different_natural_keys(names: list[str]) -> None:
+    assert len({natural_key(name) for name in names}) == len(set(names))
+    sorted(names, key=natural_key)  # keys of any two names compare
+
+
+def test_hidden_files_temporaries_and_outputs_are_left_out(tmp_path: Path) -> None:
+    _touch(tmp_path, "a.png", ".b.png", ".git/c.png", ".ffseg-1-2.tmp", "masks/kept.png")
+    _touch(tmp_path, "out/.ffseg/lock", "out/masks/a.png", "out/overlays/b/a.png", "out/contours/a.png", "out/own.png")
+    assert _names(tmp_path) == ["a.png", "masks/kept.png", "out/own.png"]
+    assert _names(tmp_path / "**" / "*.png") == ["a.png", "masks/kept.png", "out/own.png"]
+
+
+def test_patterns_are_relative_to_their_fixed_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _touch(tmp_path, "run1/left/a.png", "run2/left/a.png", "run2/right/b.png")
+    assert _names(tmp_path / "run*" / "left") == ["run1/left/a.png", "run2/left/a.png"]
+    monkeypatch.chdir(tmp_path)
+    assert _names("run2/*/[ab].png") == ["left/a.png", "right/b.png"]
+    assert _names("*/left/*.png") == ["run1/left/a.png", "run2/left/a.png"]
+
+
+def test_named_file_needs_no_suffix_and_brackets_in_names_are_no_pattern(tmp_path: Path) -> None:
+    _touch(tmp_path, "scan", "a[1].png")
+    assert _names(tmp_path / "scan", tmp_path / "a[1].png") == ["scan", "a[1].png"]
+
+
+def test_link_loops_end_and_real_folders_come_first(tmp_path: Path) -> None:
+    _touch(tmp_path, "z/a.png")
+    (tmp_path / "z" / "up").symlink_to(tmp_path)
+    (tmp_path / "b").symlink_to(tmp_path / "z")
+    assert _names(tmp_path) == ["z/a.png"]
+
+
+def test_same_file_twice_is_one_input(tmp_path: Path) -> None:
+    _touch(tmp_path, "a.png")
+    assert _names(tmp_path, tmp_path / "a.png", tmp_path / "*.png") == ["a.png"]
+
+
+@pytest.mark.parametrize("text", ["nowhere.png", "nowhere/*.png", "empty"])
+def test_inputs_without_an_image_are_an_error(text: str, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(UsageError, match=text.split("/", maxsplit=1)[0]):
+        discover([str(tmp_path / text)])
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root lists every folder")
+def test_folder_that_cannot_be_listed_is_a_failed_row(tmp_path: Path) -> None:
+    _touch(tmp_path, "shut/a.png", "b.png")
+    (tmp_path / "shut").chmod(0)
+    problems = {source.name: source.problem for source in discover([str(tmp_path)])}
+    (tmp_path / "shut").chmod(0o700)
+    assert problems["shut"].startswith("unreadable: ")
+    assert problems["b.png"] == ""
+
+
+def test_inputs_that_share_an_output_are_refused(tmp_path: Path) -> None:
+    _touch(tmp_path, "a.png", "a.jpg")
+    with pytest.raises(UsageError, match=r"a\.jpg.*a\.png.*share"):
+        make_plan([str(tmp_path)], str(tmp_path / "out"))
+
+
+def test_output_that_is_a_folder_of_others_is_refused(tmp_path: Path) -> None:
+    _touch(tmp_path, "a.jpg", "a.png/b.jpg")
+    with pytest.raises(UsageError, match="also the folder"):
+        make_plan([str(tmp_path)], str(tmp_path / "out"))
+
+
+def test_outputs_over_inputs_are_refused_even_through_links(tmp_path: Path) -> None:
+    _touch(tmp_path, "masks/a.png")
+    (tmp_path / "link").symlink_to(tmp_path)
+    for out in (tmp_path, tmp_path / "link"):
+        with pytest.raises(UsageError, match="replace an input"):
+            make_plan([str(tmp_path / "masks" / "a.png")], str(out))
+
+
+def test_truths_beside_their_images_are_no_inputs(tmp_path: Path) -> None:
+    _touch(tmp_path, "a.png", "a_truth.png", "sub/b.jpg")
+    _touch(tmp_path / "t", "sub/b.png")
+    plan = make_plan([str(tmp_path / "a.png"), str(tmp_path / "a_truth.png")], str(tmp_path / "o"), truth=str(tmp_path))
+    assert [(job.source.name, os.path.basename(job.truth)) for job in plan.jobs] == [("a.png", "a_truth.png")]
+    plan = make_plan([str(tmp_path / "sub")], str(tmp_path / "o"), truth=str(tmp_path / "t" / "sub"))
+    assert plan.jobs[0].truth.endswith("t/sub/b.png")
+    with pytest.raises(UsageError, match="no image has a mask"):
+        make_plan([str(tmp_path / "sub")], str(tmp_path / "o"), truth=str(tmp_path / "t"))
+
+
+def test_outputs_no_run_made_are_found(tmp_path: Path) -> None:
+    _touch(tmp_path / "in", "a.png")
+    plan = make_plan([str(tmp_path / "in")], str(tmp_path / "out"))
+    assert foreign_outputs(plan) == ""
+    _touch(tmp_path / "out", "masks/a.png")
+    assert foreign_outputs(plan).endswith("masks/a.png")
+    _touch(tmp_path / "out", ".ffseg/lock")
+    assert foreign_outputs(plan) == ""
+
+
+def test_names_too_long_for_their_outputs_are_a_failed_row(tmp_path: Path) -> None:
+    _touch(tmp_path, "n" * 252 + ".gf", "n" * 251 + ".png")
+    plan = make_plan([str(path) for path in sorted(tmp_path.iterdir())], str(tmp_path / "out"))
+    assert sorted(job.source.problem[:8] for job in plan.jobs) == ["", "bad-name"]
+
+
+@pytest.mark.parametrize("blocker", ["out", "out/masks", "out/.ffseg"])
+def test_output_that_cannot_be_made_is_named(blocker: str, tmp_path: Path) -> None:
+    _touch(tmp_path, "in/a.png", blocker)
+    plan = make_plan([str(tmp_path / "in")], str(tmp_path / "out"))
+    with pytest.raises(OutputError, match=blocker):
+        prepare_output(plan)
+
+
+def test_ten_thousand_images_are_planned_in_five_seconds(tmp_path: Path) -> None:
+    folders = [tmp_path / f"f{number}" for number in range(20)]
+    for folder in folders:
+        folder.mkdir()
+    for number in range(10_000):
+        (folders[number % 20] / f"image{number}.png").touch()
+    started = time.perf_counter()
+    plan = make_plan([str(tmp_path)], str(tmp_path / "out"))
+    assert time.perf_counter() - started < 5
+    assert len(plan.jobs) == 10_000
+    assert [job.source.name for job in plan.jobs[:2]] == ["f0/image0.png", "f0/image20.png"]
+
+
+def test_planning_writes_nothing(tmp_path: Path) -> None:
+    make_images(tmp_path / "in", ["a.png"])
+    make_plan([str(tmp_path / "in")], str(tmp_path / "out"))
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,231 @@
+"""A run: whole or absent, once, in any order, and one bad image costs nobody else anything."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import stand_in
+from batches import Silent, make_images, run_batch, snapshot, table
+from PIL import Image
+
+import ffseg.batch.runner as runner_module
+from ffseg.batch.runner import TIMING_COLUMNS
+from ffseg.batch.workers import pool
+from ffseg.errors import OutputError, UsageError
+from ffseg.parameters import load_params
+
+NAMES = [f"s{index % 3}/image{index}.png" for index in range(12)]
+
+
+@pytest.fixture
+def images(tmp_path: Path) -> Path:
+    make_images(tmp_path / "in", NAMES)
+    return tmp_path / "in"
+
+
+def test_outputs_and_table_mirror_the_input(images: Path, tmp_path: Path) -> None:
+    summary = run_batch(images, tmp_path / "out", overlay=True)
+    assert (summary.total, summary.done, summary.failed) == (12, 12, 0)
+    made = snapshot(tmp_path / "out")
+    stems = [name.removesuffix(".png") for name in NAMES]
+    expected = [f"{kind}/{stem}{end}" for stem in stems for kind, end in
+                (("masks", ".png"), ("contours", ".svg"), ("overlays", ".png"))]  # fmt: skip
+    assert sorted(made) == sorted(expected)
+    rows = table(tmp_path / "out" / "timings.csv")
+    assert tuple(rows[0])[: len(TIMING_COLUMNS)] == TIMING_COLUMNS
+    assert [row["image"] for row in rows] == sorted(NAMES, key=lambda name: (name[:2], int(name[8:-4])))
+    mask = np.asarray(Image.open(tmp_path / "out" / "masks" / NAMES[0]))
+    np.testing.assert_array_equal(mask == 255, np.asarray(Image.open(images / NAMES[0])) > 127)
+    record = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert record["counts"] == {"total": 12, "done": 12, "same": 0, "failed": 0}
+    assert record["parameters"]["contour"]["degree"] == 3
+
+
+@pytest.mark.parametrize("workers", [2, 4])
+def test_number_of_workers_changes_no_byte(workers: int, images: Path, tmp_path: Path) -> None:
+    run_batch(images, tmp_path / "one", num_workers=1)
+    run_batch(images, tmp_path / "many", num_workers=workers)
+    assert snapshot(tmp_path / "one") == snapshot(tmp_path / "many")
+
+
+def test_second_run_does_only_what_is_missing_or_stale(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_batch(images, out)
+    before, rows = snapshot(out), table(out / "timings.csv")
+    assert run_batch(images, out).same == 12
+    assert table(out / "timings.csv") == rows
+    (out / "masks" / NAMES[0]).unlink()
+    (out / "contours" / NAMES[1]).with_suffix(".svg").write_bytes(b"<svg")
+    make_images(images, ["s0/new.png"])
+    shutil.copy(images / NAMES[3], images / NAMES[4])
+    summary = run_batch(images, out)
+    assert (summary.same, summary.done) == (9, 4)
+    after = snapshot(out)
+    assert after[f"masks/{NAMES[0]}"] == before[f"masks/{NAMES[0]}"]
+    assert after[f"masks/{NAMES[4]}"] == before[f"masks/{NAMES[3]}"]
+
+
+def test_touched_image_of_the_same_content_is_done(images: Path, tmp_path: Path) -> None:
+    run_batch(images, tmp_path / "out")
+    os.utime(images / NAMES[0], (1, 1))
+    assert run_batch(images, tmp_path / "out").same == 12
+
+
+def test_other_version_does_all_again(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run_batch(images, tmp_path / "out")
+    monkeypatch.setattr(runner_module, "__version__", "99")
+    assert run_batch(images, tmp_path / "out").done == 12
+
+
+def test_other_parameters_are_refused_by_name_unless_overwritten(images: Path, tmp_path: Path) -> None:
+    run_batch(images, tmp_path / "out")
+    other = load_params(None, {"contour.degree": 2})
+    before = snapshot(tmp_path / "out")
+    with pytest.raises(UsageError, match=r"contour\.degree was 3, is 2"):
+        run_batch(images, tmp_path / "out", params=other)
+    assert snapshot(tmp_path / "out") == before
+    assert run_batch(images, tmp_path / "out", params=other, overwrite=True).done == 12
+
+
+def test_changed_mask_file_counts_as_other_parameters(images: Path, tmp_path: Path) -> None:
+    mask = tmp_path / "domain.png"
+    Image.fromarray(np.full((12, 16), 255, np.uint8)).save(mask)
+    params = load_params(None, {"domain.mask": str(mask)})
+    run_batch(images, tmp_path / "out", params=params)
+    Image.fromarray(np.eye(12, 16, dtype=np.uint8)).save(mask)
+    with pytest.raises(UsageError, match=r"domain\.mask has changed"):
+        run_batch(images, tmp_path / "out", params=params)
+
+
+def test_unreadable_mask_of_the_parameters_stops_before_the_first_image(images: Path, tmp_path: Path) -> None:
+    (tmp_path / "domain.png").write_bytes(b"not an image")
+    params = load_params(None, {"domain.mask": str(tmp_path / "domain.png")})
+    with pytest.raises(UsageError, match=r"domain\.mask.*text file"):
+        run_batch(images, tmp_path / "out", params=params)
+    assert snapshot(tmp_path / "out") == {}
+
+
+def test_files_no_run_made_are_not_replaced(images: Path, tmp_path: Path) -> None:
+    mine = tmp_path / "out" / "masks" / NAMES[0]
+    mine.parent.mkdir(parents=True)
+    mine.write_bytes(b"mine")
+    with pytest.raises(UsageError, match="no run made it"):
+        run_batch(images, tmp_path / "out")
+    assert mine.read_bytes() == b"mine"
+    assert run_batch(images, tmp_path / "out", overwrite=True).done == 12
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_crash_hang_memory_and_defects_cost_only_their_image(workers: int, tmp_path: Path) -> None:
+    levels = {NAMES[2]: stand_in.CRASH, NAMES[3]: stand_in.HANG, NAMES[5]: stand_in.EAT,
+              NAMES[6]: stand_in.FAIL, NAMES[7]: stand_in.DEFECT, NAMES[8]: stand_in.CRASH}  # fmt: skip
+    make_images(tmp_path / "in", NAMES, levels)
+    out = tmp_path / "out"
+    summary = run_batch(tmp_path / "in", out, num_workers=workers, timeout=1.5, memory_bytes=1 << 30)
+    reasons = {
+        row["image"]: row["error"].split(":")[0] for row in table(out / "timings.csv") if row["status"] == "failed"
+    }
+    assert reasons == {
+        NAMES[2]: "crash", NAMES[3]: "timeout", NAMES[5]: "out-of-memory", NAMES[6]: "segmentation",
+        NAMES[7]: "internal", NAMES[8]: "crash",
+    }  # fmt: skip
+    assert (summary.done, summary.failed) == (6, 6)
+    assert "ZeroDivisionError" in (out / ".ffseg" / "errors.log").read_text()
+    assert "SIGSEGV" in next(row["error"] for row in table(out / "timings.csv") if row["image"] == NAMES[2])
+
+
+def test_failed_images_are_tried_again_by_the_next_run(tmp_path: Path) -> None:
+    make_images(tmp_path / "in", ["a.png", "b.png"], {"b.png": stand_in.FAIL})
+    assert run_batch(tmp_path / "in", tmp_path / "out").failed == 1
+    make_images(tmp_path / "in", ["b.png"])
+    summary = run_batch(tmp_path / "in", tmp_path / "out")
+    assert (summary.same, summary.done, summary.failed) == (1, 1, 0)
+
+
+def test_worker_that_dies_before_it_is_ready_ends_the_run(
+    images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stand_in, "NAME", "stand_in:absent")
+    with pytest.raises(pool.WorkerLostError, match="absent"):
+        run_batch(images, tmp_path / "out")
+
+
+def test_stopped_run_writes_what_it_has_and_the_next_one_goes_on(images: Path, tmp_path: Path) -> None:
+    observer = Silent(last=4)
+    started = time.perf_counter()
+    summary = run_batch(images, tmp_path / "out", observer=observer)
+    assert time.perf_counter() - started < 10
+    assert summary.signal == 15
+    assert 4 <= summary.done < 12
+    assert len(table(tmp_path / "out" / "timings.csv")) == summary.done
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == "interrupted"
+    rest = run_batch(images, tmp_path / "out")
+    assert (rest.same, rest.done) == (summary.done, 12 - summary.done)
+    run_batch(images, tmp_path / "straight")
+    assert snapshot(tmp_path / "out") == snapshot(tmp_path / "straight")
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
+def test_output_that_cannot_be_written_fails_its_image_and_names_the_path(
+    code: int, images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = os.replace
+
+    def fail(source: str, target: str) -> None:
+        if target.endswith("masks/s1/image4.png"):
+            raise OSError(code, os.strerror(code))
+        real(source, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", fail)
+        summary = run_batch(images, tmp_path / "out")
+    row = next(row for row in table(tmp_path / "out" / "timings.csv") if row["image"] == "s1/image4.png")
+    assert (summary.done, summary.failed) == (11, 1)
+    assert row["error"].startswith("output: ")
+    assert "masks/s1/image4.png" in row["error"]
+    assert not list((tmp_path / "out").rglob("*.tmp"))
+
+
+def test_temporaries_of_a_killed_run_are_removed(images: Path, tmp_path: Path) -> None:
+    run_batch(images, tmp_path / "out")
+    left = tmp_path / "out" / "masks" / "s0" / ".ffseg-1-1.tmp"
+    left.write_bytes(b"half")
+    run_batch(images, tmp_path / "out")
+    assert not left.exists()
+
+
+def test_truth_adds_the_overlap_and_a_truth_of_other_size_fails_its_image(images: Path, tmp_path: Path) -> None:
+    pytest.importorskip("ffseg.metrics")
+    run_batch(images, tmp_path / "first")
+    truth = tmp_path / "truth"
+    shutil.copytree(tmp_path / "first" / "masks", truth)
+    Image.fromarray(np.zeros((5, 5), np.uint8)).save(truth / NAMES[0])
+    (truth / NAMES[1]).unlink()
+    summary = run_batch(images, tmp_path / "out", truth=str(truth))
+    rows = {row["image"]: row for row in table(tmp_path / "out" / "timings.csv")}
+    assert summary.failed == 1
+    assert rows[NAMES[0]]["error"].startswith("truth: ")
+    assert rows[NAMES[1]]["iou"] == ""
+    assert {rows[name]["iou"] for name in NAMES[2:]} == {"1.0"}
+
+
+def test_formula_names_are_neutral_in_the_table(tmp_path: Path) -> None:
+    make_images(tmp_path / "in", ["=1+1.png", "@a.png", "plain.png"])
+    run_batch(tmp_path / "in", tmp_path / "out")
+    assert {row["image"] for row in table(tmp_path / "out" / "timings.csv")} == {"'=1+1.png", "'@a.png", "plain.png"}
+
+
+def test_read_only_output_is_refused_at_once(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> int:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(os, "open", fail)
+    with pytest.raises(OutputError, match="Read-only"):
+        run_batch(images, tmp_path / "out")
