@@ -53,23 +53,24 @@ def campaign(folder: Path, work: Path) -> Figures:
     figures = Figures()
     paths = sorted(path for path in folder.iterdir() if path.suffix not in (".npy", ".json"))
     for path in paths:
-        _read_alone(path, figures, set(REASONS))
+        read_alone(path, figures)
     _run_over(paths, work, figures, set(REASONS))
     return figures
 
 
-def _read_alone(path: Path, figures: Figures, known: set[str]) -> None:
+def read_alone(path: Path, figures: Figures) -> None:
+    """Read one file in a process of its own and note what it cost."""
+    from ffseg.formats.images import REASONS
+
     figures.files += 1
-    done = subprocess.run(
-        [sys.executable, "-c", READ_ONE, str(path)], capture_output=True, timeout=60, check=False
-    )
+    done = subprocess.run([sys.executable, "-c", READ_ONE, str(path)], capture_output=True, timeout=60, check=False)
     if done.returncode != 0:
         figures.wrong.append(f"{path.name}: exit {done.returncode}")
         return
     reason, _, spent, grown = json.loads(done.stdout)
     figures.read += reason == ""
     figures.reasons[reason] += reason != ""
-    if reason and reason not in known:
+    if reason and reason not in REASONS:
         figures.wrong.append(f"{path.name}: {reason}")
     figures.slowest_ms = max(figures.slowest_ms, (spent, path.name))
     figures.largest_mb = max(figures.largest_mb, (grown, path.name))

@@ -37,8 +37,8 @@ def build(work: Path) -> Path:
     return library
 
 
-def campaign(work: Path, errors: tuple[str, ...], images: int = 3, most: int = 10_000) -> Figures:
-    """Fail each call once, in a run that follows a good one of the same images with other contents."""
+def campaign(work: Path, errors: tuple[str, ...], images: int = 3, only: tuple[str, int] | None = None) -> Figures:
+    """Fail each call once (or `only` one), in a run that follows a good one of the same images with other contents."""
     library, figures = build(work), Figures()
     before, after, prepared = work / "before", work / "after", work / "prepared"
     harness.draw_blobs(before, images)
@@ -51,13 +51,14 @@ def campaign(work: Path, errors: tuple[str, ...], images: int = 3, most: int = 1
     new_out = work / "new"
     assert harness.run("run", after, "--out", new_out, "-q", "--jobs", "1", "--set", harness.CONFIG).code == 0
     new = harness.outputs(new_out)
-    for call in CALLS:
-        for name in errors:
-            number = 0
-            while number < most:
+    for name in errors:
+        if only is not None:
+            _one_fault(work, library, (only[0], name, only[1]), (old, new), figures)
+            continue
+        for call in CALLS:
+            number = 1
+            while _one_fault(work, library, (call, name, number), (old, new), figures):
                 number += 1
-                if not _one_fault(work, library, (call, name, number), (old, new), figures):
-                    break
     return figures
 
 

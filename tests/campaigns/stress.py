@@ -41,7 +41,9 @@ def is_simple(contours: tuple[ffseg.FreeForm, ...]) -> bool:
 def check(seed: int, overrides: dict[str, object]) -> Outcome:
     """Segment scene number ``seed`` and say what is wrong."""
     scene = scenes.scene(seed)
-    params = ffseg.load_params(None, {"init.center": list(scenes.START), "init.radius": scenes.START_RADIUS, **overrides})
+    params = ffseg.load_params(
+        None, {"init.center": list(scenes.START), "init.radius": scenes.START_RADIUS, **overrides}
+    )
     result = ffseg.segment(scene.image, params)
     both, either = np.sum(result.mask & scene.truth), np.sum(result.mask | scene.truth)
     iou = float(both / either)
@@ -66,14 +68,18 @@ def main() -> int:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="as for ffseg run")
     args = parser.parse_args()
     overrides = dict(item.split("=", 1) for item in args.set)
-    outcomes = [check(seed, {k: _number(v) for k, v in overrides.items()})
-                for seed in range(args.first, args.first + args.scenes)]
+    outcomes = [
+        check(seed, {k: _number(v) for k, v in overrides.items()})
+        for seed in range(args.first, args.first + args.scenes)
+    ]
     for outcome in outcomes:
         if outcome.faults:
             print(f"scene {outcome.seed}: {'; '.join(outcome.faults)}")
     wide = [o.iou for o in outcomes if o.wide]
     faulty = sum(bool(o.faults) for o in outcomes)
-    print(f"{len(outcomes)} scenes, {faulty} faulty; {len(wide)} wide, IoU least {min(wide):.4f}, mean {np.mean(wide):.4f}")
+    print(
+        f"{len(outcomes)} scenes, {faulty} faulty; {len(wide)} wide, IoU least {min(wide):.4f}, mean {np.mean(wide):.4f}"
+    )
     return 1 if faulty else 0
 
 

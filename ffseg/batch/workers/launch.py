@@ -7,7 +7,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 
-_START = "import sys; sys.path[:] = {path!r}; from ffseg.batch.workers.process import main; main({tasks}, {replies})"
+_START = "import sys; sys.path[:] = {path!r}; from ffseg.batch.workers.process import main; main({tasks}, {replies}, {parent})"
 
 
 @dataclass(eq=False, slots=True)
@@ -43,7 +43,7 @@ def launch() -> Process:
     reply_out, reply_in = os.pipe()
     log = _anonymous_file()
     # The same modules as here, wherever they come from, and nothing from the working directory that is not one of them.
-    code = _START.format(path=sys.path, tasks=task_out, replies=reply_in)
+    code = _START.format(path=sys.path, tasks=task_out, replies=reply_in, parent=os.getpid())
     try:
         handle = subprocess.Popen(  # noqa: S603 - our own interpreter with our own code
             [sys.executable, "-P", "-c", code],

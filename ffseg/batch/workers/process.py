@@ -4,28 +4,28 @@ from __future__ import annotations
 
 import ctypes
 import os
-import resource
 import signal
 import sys
-
-from ffseg.batch.workers.messages import Ready, Refused, Setup, receive, send
-from ffseg.errors import FfsegError
 
 _PR_SET_PDEATHSIG = 1
 
 
-def main(tasks: int, replies: int) -> None:
+def main(tasks: int, replies: int, parent: int) -> None:
     """Serve until the pipe of tasks ends.
 
     Parameters
     ----------
     tasks, replies : int
         File descriptors.
+    parent : int
+        Process that this one must not outlive.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the whole group; the run ends its workers itself
-    _die_with_parent()
+    _die_with(parent)
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    from ffseg.batch.workers.messages import Ready, Refused, receive, send
     from ffseg.batch.workers.work import Workbench
+    from ffseg.errors import FfsegError
 
     setup = receive(tasks)
     if setup is None:
@@ -36,24 +36,26 @@ def main(tasks: int, replies: int) -> None:
         send(replies, Refused(str(error)))
         return
     send(replies, Ready(bench.versions()))
-    _limit_memory(setup)
+    _limit_memory(setup.memory_bytes)
     while (task := receive(tasks)) is not None:
         send(replies, bench.reply(task))
 
 
-def _die_with_parent() -> None:
+def _die_with(parent: int) -> None:
     """Ask Linux to kill this process when the run is killed; elsewhere it ends with its current image."""
     if sys.platform == "linux":
-        parent = os.getppid()
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:  # it died in between
-            os._exit(1)
+    if os.getppid() != parent:  # it died before this one could ask
+        os._exit(1)
 
 
-def _limit_memory(setup: Setup) -> None:
-    if setup.memory_bytes and sys.platform == "linux":
-        with open("/proc/self/statm", encoding="ascii") as file:  # noqa: PTH123 - not a path of the user's
-            size = int(file.read().split()[0]) * resource.getpagesize()
+def _limit_memory(more: int) -> None:
+    """Let this process grow by so many bytes at most; 0 for no limit, which other systems than Linux do not keep."""
+    if more and sys.platform == "linux":
+        import resource
+        from pathlib import Path
+
+        size = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
         hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-        soft = size + setup.memory_bytes
+        soft = size + more
         resource.setrlimit(resource.RLIMIT_AS, (soft if hard < 0 else min(soft, hard), hard))
