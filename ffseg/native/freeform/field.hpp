@@ -35,29 +35,28 @@ public:
         return {std::min(std::max(p.x, -kInside), width_ - 1 + kInside),
                 std::min(std::max(p.y, -kInside), height_ - 1 + kInside)};
     }
-    // p must lie within one pixel of the image.
-    bool blocked(Vec2 p) const {
-        const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
-        return blocked_[static_cast<std::size_t>(row) * stride_ + column] != 0;
-    }
-    bool solid(Vec2 p) const {
-        const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
-        return blocked_[static_cast<std::size_t>(row) * stride_ + column] >= kEdge;
-    }
-    bool outside_domain(Vec2 p) const {
-        const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
-        return blocked_[static_cast<std::size_t>(row) * stride_ + column] >= kOutside;
-    }
+    // Beyond the image everything is outside the domain: a curve through samples inside it may bulge out.
+    bool blocked(Vec2 p) const { return at(p) != 0; }
+    bool solid(Vec2 p) const { return at(p) >= kEdge; }
+    bool outside_domain(Vec2 p) const { return at(p) >= kOutside; }
     // Does the closed polygon hold the centre of a solid pixel (even-odd)?
     bool encloses_solid(const Vec2* polygon, std::size_t count) const;
     // A lower bound of the distance from p to anything blocked, known in steps of a tile up to kLevels tiles.
     double free_reach(Vec2 p) const {
-        const int column = static_cast<int>(p.x + 0.5) >> kTileShift, row = static_cast<int>(p.y + 0.5) >> kTileShift;
-        return reach_[static_cast<std::size_t>(row) * tiles_x_ + column];
+        const int column = static_cast<int>(p.x + 0.5), row = static_cast<int>(p.y + 0.5);
+        // as unsigned, so that negative ones fail too
+        if (static_cast<unsigned>(column) >= static_cast<unsigned>(width_)) return 0.0;
+        if (static_cast<unsigned>(row) >= static_cast<unsigned>(height_)) return 0.0;
+        return reach_[static_cast<std::size_t>(row >> kTileShift) * tiles_x_ + (column >> kTileShift)];
     }
 
 private:
     static constexpr std::uint8_t kBand = 1, kEdge = 2, kOutside = 4;  // an edge pixel is kBand | kEdge
+    std::uint8_t at(Vec2 p) const {
+        const int column = std::clamp(static_cast<int>(p.x + 1.5), 0, width_ + 1);
+        const int row = std::clamp(static_cast<int>(p.y + 1.5), 0, height_ + 1);
+        return blocked_[static_cast<std::size_t>(row) * stride_ + column];
+    }
     std::size_t cell(int x, int y) const { return (static_cast<std::size_t>(y) + 1) * stride_ + x + 1; }
     // Squared distances of all cells to the nearest one that is nonzero.
     std::vector<float> squared_distance(const std::vector<std::uint8_t>& zero) const;
