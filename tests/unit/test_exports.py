@@ -64,7 +64,7 @@ def num_holes(mask: Mask) -> int:
     return int(cv2.connectedComponents((~np.pad(mask, 1)).astype(np.uint8), connectivity=4)[0]) - 2
 
 
-def loaded_coco(document: dict[str, Any], folder: Path) -> Any:  # noqa: ANN401 - the reader ships no types
+def loaded_coco(document: dict[str, Any], folder: Path) -> Any:
     coco = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
     path = folder / "coco.json"
     path.write_text(json_text(document), encoding="utf-8")
