@@ -83,7 +83,13 @@ class Obstacles(Section):
 
 @dataclass(frozen=True, slots=True)
 class Snake(Section):
-    """The parametric snake (PM), Section 5.1."""
+    """The parametric snake (PM), Section 5.1. It also takes contour.balloon, .refine and .max_iterations."""
+
+    tension: float = declared(0.02, Number(0, 1000), "weight of the first differences in the internal energy")
+    rigidity: float = declared(0.02, Number(0, 1000), "weight of the second differences in the internal energy")
+    attraction: float = declared(2.5, Number(0, 100), "px^2; edge force per slope of ln |grad I|; about sigma squared")
+    spacing: float = declared(6.0, Number(1, 1000), "px between points above which one is inserted")
+    tolerance: float = declared(0.05, Number(0, 10, above=True), "px per iteration; a point that moves less rests")
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,4 +8,5 @@ NB_MODULE(_core, m) {
     bind_raster(m);
     bind_baselines(m);
     bind_pairs(m);
+    bind_snake(m);
 }

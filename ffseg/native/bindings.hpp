@@ -9,3 +9,4 @@ void bind_freeform(nanobind::module_& m);
 void bind_raster(nanobind::module_& m);
 void bind_baselines(nanobind::module_& m);
 void bind_pairs(nanobind::module_& m);
+void bind_snake(nanobind::module_& m);

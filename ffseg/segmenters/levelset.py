@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +82,7 @@ def run(
             "move init.center, change init.radius or lower levelset.stop_speed"
         )
     vertices = flat.reshape(-1, 2)
-    contours = tuple(FreeForm(vertices[a:b], 1) for a, b in zip(ends[:-1], ends[1:], strict=True))
+    contours = tuple(FreeForm(vertices[a:b], 1) for a, b in pairwise(ends))
     if callback is not None:
         callback(Progress(0, starts))
         callback(Progress(counts["accepted"], contours))

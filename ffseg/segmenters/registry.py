@@ -12,11 +12,11 @@ from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.raster import rasterize
 from ffseg.parameters import Parameters
-from ffseg.segmenters import freeform, levelset
+from ffseg.segmenters import freeform, levelset, snake
 from ffseg.segmenters.base import Progress, Segmentation, Segmenter, Timings
 from ffseg.segmenters.starts import start_contours
 
-SEGMENTERS: dict[str, Segmenter] = {"freeform": freeform.run, "levelset": levelset.run}
+SEGMENTERS: dict[str, Segmenter] = {"freeform": freeform.run, "levelset": levelset.run, "snake": snake.run}
 
 
 def segmenter(name: str) -> Segmenter:

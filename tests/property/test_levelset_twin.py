@@ -63,13 +63,12 @@ def test_march_accepts_as_the_naive_heap_does(block: int) -> None:
 @pytest.mark.parametrize("seed", range(40))
 def test_mask_is_the_climbed_region(seed: int) -> None:
     rng = np.random.default_rng([seed, 14])
-    shape = (int(rng.integers(6, 40)), int(rng.integers(6, 40)))
+    shape = (int(rng.integers(12, 40)), int(rng.integers(12, 40)))
     gradient = smooth_gradient(rng, shape)
     settle, low = int(rng.integers(0, 5)), 32 * 4
     start = FreeForm.circle((shape[1] // 2, shape[0] // 2), 2.4, 8, 1)
     inside = rasterize((start,), shape)
-    level = 32.0 * np.array([4.0, 4.0])
-    edge_map = EdgeMap(gradient, np.zeros(shape, np.uint8), None, (2.0, float(level[0] / 32)))
+    edge_map = EdgeMap(gradient, np.zeros(shape, np.uint8), None, (2.0, low / 32))
     params = load_params(None, {"levelset.settle": settle, "levelset.min_area": 0.0})
     contours, stats = levelset.run(edge_map, (start,), params)
     speed = np.where(gradient >= low, 0.0, 1.0 / (1.0 + (gradient / 32.0) ** 2))
@@ -85,6 +84,6 @@ def test_mask_is_the_climbed_region(seed: int) -> None:
 def smooth_gradient(rng: np.random.Generator, shape: tuple[int, int]) -> NDArray[np.uint16]:
     """Ridges of a few pixels' width with noise on them."""
     y, x = np.mgrid[: shape[0], : shape[1]].astype(float)
-    distance = np.hypot(x - shape[1] // 2, y - shape[0] // 2) - rng.uniform(3, 9)
+    distance = np.hypot(x - shape[1] // 2, y - shape[0] // 2) - rng.uniform(6, 11)
     ridge = 40.0 * np.exp(-0.5 * (distance / 1.5) ** 2) * (rng.random(shape) < 0.97)
     return np.rint(32.0 * np.clip(ridge + rng.normal(0, 0.8, shape), 0, 500)).astype(np.uint16)

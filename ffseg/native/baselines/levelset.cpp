@@ -18,7 +18,7 @@ double shoelace(const std::vector<Vec2>& polygon) {
 }  // namespace
 
 LevelSetResult level_set(const LevelSetInput& input, const std::vector<Arrival>& first) {
-    const GradientPlane gradient(input.grid, input.gradient);
+    const GradientPlane gradient(input.grid, input.gradient, input.stop);
     const SlownessTable slowness{gradient.levels(), input.slowness};
     March march(input.grid, input.domain);
     march.accept(input.inside);
@@ -30,7 +30,7 @@ LevelSetResult level_set(const LevelSetInput& input, const std::vector<Arrival>&
     result.accepted = march.order.size();
     result.on_contour = march.on_contour.size();
     Region region(march);
-    region.climb(march.on_contour, gradient, input.domain, {input.stop, input.reach});
+    region.climb(march.on_contour, gradient, input.domain, input.reach);
     if (input.closing_in) region.surround(input.domain);
     for (std::vector<Vec2>& outline : region.outlines(input.reach > 0 ? &gradient : nullptr)) {
         if (std::abs(shoelace(outline)) < input.min_area) continue;

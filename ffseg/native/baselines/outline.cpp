@@ -15,7 +15,7 @@ constexpr double kMargin = 1.0 / 64.0;
 
 }  // namespace
 
-GradientPlane::GradientPlane(Grid grid, const std::uint16_t* gradient) : levels_(grid.size()) {
+GradientPlane::GradientPlane(Grid grid, const std::uint16_t* gradient, int stop) : levels_(grid.size()), stop_(stop) {
     const std::int32_t stride = grid.stride();
     for (int y = -1; y <= grid.height; ++y) {
         const std::uint16_t* row = gradient + static_cast<std::ptrdiff_t>(std::clamp(y, 0, grid.height - 1)) * grid.width;
@@ -59,13 +59,13 @@ bool Region::pixel(std::int32_t node) const {
 }
 
 void Region::climb(const std::vector<std::int32_t>& on_contour, const GradientPlane& gradient,
-                   const std::uint8_t* domain, Climb options) {
+                   const std::uint8_t* domain, int reach) {
     const auto open = [&](std::int32_t node) {
-        return !inside[node] && gradient.level(node) >= options.stop && pixel(node) &&
+        return !inside[node] && gradient.on_edge(node) && pixel(node) &&
                (domain == nullptr || domain[static_cast<std::ptrdiff_t>(grid.y(node)) * grid.width + grid.x(node)]);
     };
     std::vector<std::int32_t> level = on_contour, risen;
-    for (int depth = 0; depth < options.reach && !level.empty(); ++depth) {
+    for (int depth = 0; depth < reach && !level.empty(); ++depth) {
         risen.clear();
         for (const std::int32_t node : level) {
             if (rises(node, gradient)) risen.push_back(node);
@@ -83,11 +83,13 @@ void Region::climb(const std::vector<std::int32_t>& on_contour, const GradientPl
 }
 
 Vec2 Region::crossing(std::int32_t node, int side, const GradientPlane* gradient) const {
-    double share = 0.5;
     const std::int32_t other = node + step(side);
-    if (gradient != nullptr && pixel(other)) {
+    double share = 0.5;
+    if (gradient != nullptr && pixel(other) && (gradient->on_edge(node) || gradient->on_edge(other))) {
         const int here = gradient->rise(node, step(side)), there = gradient->rise(other, step(side));
-        if (here > 0 && there <= 0) share = std::clamp(static_cast<double>(here) / (here - there), kMargin, 1.0 - kMargin);
+        const bool before = here > 0, beyond = there <= 0;  // of the ridge
+        share = before && beyond ? static_cast<double>(here) / (here - there) : (before ? 1.0 : 0.0);
+        share = std::clamp(share, kMargin, 1.0 - kMargin);
     }
     return {grid.x(node) + share * kDx[side], grid.y(node) + share * kDy[side]};
 }

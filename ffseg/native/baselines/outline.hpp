@@ -11,7 +11,9 @@ namespace ffseg {
 // The gradient magnitude on the nodes of a grid, the ring repeating the border pixels.
 class GradientPlane {
 public:
-    GradientPlane(Grid grid, const std::uint16_t* gradient);
+    // Nodes at or above `stop` are on an edge.
+    GradientPlane(Grid grid, const std::uint16_t* gradient, int stop);
+    bool on_edge(std::int32_t node) const { return level(node) >= stop_; }
     const std::uint16_t* levels() const { return levels_.data(); }
     int level(std::int32_t node) const { return levels_[static_cast<std::size_t>(node)]; }
     // Twice the central difference along a step to a neighbouring node; the node must not lie in the ring.
@@ -19,11 +21,7 @@ public:
 
 private:
     std::vector<std::uint16_t> levels_;
-};
-
-struct Climb {
-    int stop;   // gradient level of an edge
-    int reach;  // nodes
+    int stop_;
 };
 
 // The region behind a front: `inside` is 1 on its nodes.
@@ -35,10 +33,10 @@ public:
     void surround(const std::uint8_t* domain);
 
     // The front stopped where the edge begins. It now climbs: a node on an edge joins the region while the gradient
-    // still rises along the front's way. At most `reach` nodes deep; it never comes down on the far side. Nodes at or
-    // above `stop` are on an edge. Nodes outside the domain (may be null) stay outside.
+    // still rises along the front's way. At most `reach` nodes deep; it never comes down on the far side. Nodes
+    // outside the domain (may be null) stay outside.
     void climb(const std::vector<std::int32_t>& on_contour, const GradientPlane& gradient, const std::uint8_t* domain,
-               Climb options);
+               int reach);
 
     // Closed outlines through the ridge between a node inside and its neighbour outside, half-way where there is none.
     // Outer ones have positive shoelace area. Nodes touching at a corner only are not connected.

@@ -1,0 +1,138 @@
+#include <nanobind/stl/vector.h>
+
+#include <cmath>
+#include <memory>
+#include <stdexcept>
+
+#include "baselines/cyclic.hpp"
+#include "baselines/snake.hpp"
+#include "bindings.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Points = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+using Altitudes = nb::ndarray<const double, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
+using Plane8 = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Plane16 = nb::ndarray<const std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+constexpr double kFar = 1e6;  // px; beyond it coordinates do not fit into pixel indices
+
+bool between(double value, double low, double high) { return value >= low && value <= high; }
+
+std::vector<ffseg::Vec2> vertices(const Points& points) {
+    std::vector<ffseg::Vec2> out;
+    for (std::size_t i = 0; i < points.shape(0); ++i) {
+        const double x = points.data()[2 * i], y = points.data()[2 * i + 1];
+        if (!between(x, -kFar, kFar) || !between(y, -kFar, kFar)) throw std::invalid_argument("a point is not finite or far away");
+        out.push_back({x, y});
+    }
+    return out;
+}
+
+nb::ndarray<nb::numpy, double> as_array(const std::vector<ffseg::Vec2>& points) {
+    auto* flat = new double[2 * points.size() + 1];
+    nb::capsule owner(flat, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        flat[2 * i] = points[i].x;
+        flat[2 * i + 1] = points[i].y;
+    }
+    return nb::ndarray<nb::numpy, double>(flat, {points.size(), 2}, owner);
+}
+
+void check(const ffseg::SnakeOptions& o) {
+    const bool sane = between(o.tension, 0, 1e3) && between(o.rigidity, 0, 1e3) && between(o.balloon, -64, 64) &&
+                      between(o.attraction, 0, 1e3) && between(o.spacing, 0.5, 1e6) && between(o.tolerance, 0, 1e6) &&
+                      o.max_iterations >= 0;
+    if (!sane) throw std::invalid_argument("a snake option is out of range");
+}
+
+std::vector<ffseg::AltitudePoint> altitude_points(const Altitudes& rows, double epsilon) {
+    std::vector<ffseg::AltitudePoint> out;
+    for (std::size_t i = 0; i < rows.shape(0); ++i) {
+        const double* row = rows.data() + 4 * i;
+        if (!between(row[0], -kFar, kFar) || !between(row[1], -kFar, kFar) || !std::isfinite(row[2]) || !between(row[3], 0, 1e4)) {
+            throw std::invalid_argument("an altitude point (x, y, altitude, radius) is out of range");
+        }
+        out.push_back({{row[0], row[1]}, row[3], row[2] < epsilon});
+    }
+    return out;
+}
+
+// The arrays stay alive as long as the snake that reads them.
+struct PySnake {
+    Plane16 gradient;
+    std::optional<Plane8> domain;
+    std::unique_ptr<ffseg::Snake> snake;
+
+    PySnake(const Points& points, Plane16 gradient_in, const Plane8& edges, std::optional<Plane8> domain_in,
+            const Altitudes& altitudes, double epsilon, const ffseg::SnakeOptions& options)
+        : gradient(std::move(gradient_in)), domain(std::move(domain_in)) {
+        check(options);
+        const std::size_t h = gradient.shape(0), w = gradient.shape(1);
+        if (h == 0 || w == 0 || h > 32767 || w > 32767) throw std::invalid_argument("the image must have 1 to 32767 pixels a side");
+        if (edges.shape(0) != h || edges.shape(1) != w || (domain && (domain->shape(0) != h || domain->shape(1) != w))) {
+            throw std::invalid_argument("the arrays differ in size");
+        }
+        const int height = static_cast<int>(h), width = static_cast<int>(w);
+        const std::vector<ffseg::AltitudePoint> known = altitude_points(altitudes, epsilon);
+        std::vector<ffseg::Vec2> start = vertices(points);
+        nb::gil_scoped_release release;
+        ffseg::SnakeField field{gradient.data(), height, width, domain ? domain->data() : nullptr,
+                                ffseg::snake_zones(edges.data(), height, width, known)};
+        snake = std::make_unique<ffseg::Snake>(std::move(field), std::move(start), options);
+    }
+
+    bool advance(int most) {
+        nb::gil_scoped_release release;
+        return snake->advance(most);
+    }
+
+    const char* stop_reason() const {
+        switch (snake->stop()) {
+            case ffseg::SnakeStop::kConverged: return "converged";
+            case ffseg::SnakeStop::kMaxIterations: return "max_iterations";
+            case ffseg::SnakeStop::kVanished: return "vanished";
+            case ffseg::SnakeStop::kMaxPoints: return "max_points";
+            default: return "running";
+        }
+    }
+};
+
+nb::ndarray<nb::numpy, double> py_solve(const Points& right, double tension, double rigidity) {
+    if (right.shape(0) < 5 || !between(tension, 0, 1e3) || !between(rigidity, 0, 1e3)) {
+        throw std::invalid_argument("a cyclic system needs 5 rows or more and weights from 0 to 1000");
+    }
+    std::vector<ffseg::Vec2> v = vertices(right);
+    ffseg::CyclicSystem(tension, rigidity).solve(v);
+    return as_array(v);
+}
+
+}  // namespace
+
+void bind_snake(nb::module_& m) {
+    using Options = ffseg::SnakeOptions;
+    nb::class_<Options>(m, "SnakeOptions")
+        .def(nb::init<>())
+        .def_rw("tension", &Options::tension)
+        .def_rw("rigidity", &Options::rigidity)
+        .def_rw("balloon", &Options::balloon)
+        .def_rw("attraction", &Options::attraction)
+        .def_rw("spacing", &Options::spacing)
+        .def_rw("tolerance", &Options::tolerance)
+        .def_rw("refine", &Options::refine)
+        .def_rw("max_iterations", &Options::max_iterations);
+    nb::class_<PySnake>(m, "Snake")
+        .def(nb::init<const Points&, Plane16, const Plane8&, std::optional<Plane8>, const Altitudes&, double, const Options&>(),
+             "points"_a, "gradient"_a, "edges"_a, "domain"_a.none(), "altitudes"_a, "epsilon"_a, "options"_a)
+        .def("advance", &PySnake::advance, "iterations"_a, "Runs iterations; False once the snake has stopped.")
+        .def("points", [](const PySnake& s) { return as_array(s.snake->points()); }, "Points of the snake, (M, 2).")
+        .def_prop_ro("iterations", [](const PySnake& s) { return s.snake->iterations(); })
+        .def_prop_ro("insertions", [](const PySnake& s) { return s.snake->insertions(); })
+        .def_prop_ro("removals", [](const PySnake& s) { return s.snake->removals(); })
+        .def_prop_ro("stop_reason", &PySnake::stop_reason);
+    m.def("solve_cyclic", &py_solve, "right"_a, "tension"_a, "rigidity"_a,
+          "Solution of (I + A) v = right for the internal energy of a closed chain.");
+}

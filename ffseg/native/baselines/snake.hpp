@@ -1,0 +1,81 @@
+// The parametric snake (PM): Kass's internal energy, Cohen's balloon, an edge force, distance-based refinement.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "baselines/cyclic.hpp"
+#include "common/vec.hpp"
+
+namespace ffseg {
+
+struct SnakeOptions {
+    double tension = 0.02, rigidity = 0.02;  // weights of first and second differences
+    double balloon = 2.0;                    // px per iteration; negative closes in
+    double attraction = 2.5;                 // px^2; the edge force is attraction * grad ln |grad I| along the normal
+    double spacing = 6.0;                    // px; longer stretches get a point, a third of it loses one
+    double tolerance = 0.05;                 // px; points that move less have stopped
+    bool refine = true;
+    int max_iterations = 2000;
+};
+
+// A matched interest point of a camera pair: points of low altitude switch off the edges within `radius` px, points
+// of high altitude double them (Eq. 11).
+struct AltitudePoint {
+    Vec2 at;
+    double radius;
+    bool low;
+};
+
+// What pushes and stops a snake. Arrays are (H, W) and outlive it.
+struct SnakeField {
+    const std::uint16_t* gradient;
+    int height, width;
+    const std::uint8_t* domain;      // zero where the snake may not go; may be null
+    std::vector<std::uint8_t> zone;  // SnakeZone of each pixel
+
+    Vec2 clamp(Vec2 p) const;
+    std::size_t pixel(Vec2 p) const;  // of a clamped point
+    bool barred(Vec2 p) const { return domain != nullptr && domain[pixel(p)] == 0; }
+};
+
+// Swept pixels are homogeneous ones the snake has moved over: two fronts that meet stop there.
+enum SnakeZone : std::uint8_t { kHomogeneous = 0, kEdge = 1, kStrongEdge = 2, kSwept = 3 };
+
+// Zones from thin edges, widened so that the edge force finds the ridge from all over an edge zone.
+std::vector<std::uint8_t> snake_zones(const std::uint8_t* edges, int height, int width,
+                                      const std::vector<AltitudePoint>& points);
+
+enum class SnakeStop { kRunning, kConverged, kMaxIterations, kVanished, kMaxPoints };
+
+class Snake {
+public:
+    Snake(SnakeField field, std::vector<Vec2> points, const SnakeOptions& options);
+
+    // Runs up to `most` iterations; false once the snake has stopped.
+    bool advance(int most);
+
+    const std::vector<Vec2>& points() const { return points_; }
+    SnakeStop stop() const { return stop_; }
+    int iterations() const { return iterations_; }
+    int insertions() const { return insertions_; }
+    int removals() const { return removals_; }
+
+private:
+    void step();
+    Vec2 normal(std::size_t i) const;
+    Vec2 force(std::size_t i) const;
+    double free_way(Vec2 from, Vec2 way) const;
+    Vec2 gradient(Vec2 p, double& level) const;
+    Vec2 move(Vec2 from, Vec2 to) const;
+    void sweep(Vec2 a, Vec2 b, Vec2 c, Vec2 d);
+    bool refine();
+
+    SnakeField field_;
+    SnakeOptions options_;
+    CyclicSystem system_;
+    std::vector<Vec2> points_, next_, normals_;
+    int iterations_ = 0, insertions_ = 0, removals_ = 0, quiet_ = 0;
+    SnakeStop stop_ = SnakeStop::kRunning;
+};
+
+}  // namespace ffseg

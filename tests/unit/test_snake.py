@@ -1,0 +1,171 @@
+"""The parametric snake on cases whose answer is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ffseg.errors import SegmentationError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.edges import EdgeMap, edge_map
+from ffseg.image.raster import rasterize
+from ffseg.native import _core
+from ffseg.parameters import Parameters, load_params
+from ffseg.segmenters import snake
+from ffseg.segmenters.base import Progress
+
+SHAPE = (160, 200)
+START = FreeForm.circle((100, 80), 14, 13, 3)
+
+
+def disc_image(radius: float, level: int = 180) -> NDArray[np.uint8]:
+    """A bright disc at (100.2, 79.7) on dark ground with an antialiased edge one pixel wide."""
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    inside = np.clip(radius - np.hypot(x - 100.2, y - 79.7) + 0.5, 0, 1)
+    return np.rint(60 + (level - 60) * inside).astype(np.uint8)
+
+
+def edges_of(image: NDArray[np.uint8], domain: NDArray[np.uint8] | None = None) -> EdgeMap:
+    return edge_map(image, Parameters().edges, domain)
+
+
+def test_it_rests_on_the_boundary_of_a_disc() -> None:
+    (contour,), stats = snake.run(edges_of(disc_image(52.4)), (START,), Parameters())
+    radius = np.hypot(*(contour.control_points - (100.2, 79.7)).T)
+    # Points rest on the ridge; bilinear sampling and the internal energy (tension * h^2 / R = 0.01 px) leave a tenth.
+    assert np.abs(radius - 52.4).max() <= 0.2
+    assert stats.stop_reason == "converged"
+    assert stats.iterations < 60
+    assert stats.splits > stats.initial_points
+    assert stats.final_points == len(contour.control_points) == stats.initial_points + stats.splits - stats.prunes
+
+
+def test_contrast_does_not_matter() -> None:
+    strong, _ = snake.run(edges_of(disc_image(52.4, 250)), (START,), Parameters())
+    weak, _ = snake.run(edges_of(disc_image(52.4, 80)), (START,), Parameters())
+    # 8-bit steps blur an edge of 20 grey levels: a tenth of a pixel on a perimeter of 329 px.
+    assert (rasterize(strong, SHAPE) ^ rasterize(weak, SHAPE)).sum() <= 33
+
+
+def test_a_negative_balloon_closes_in() -> None:
+    params = load_params(None, {"contour.balloon": -2.0})
+    start = FreeForm.circle((100, 80), 74, 13, 3)
+    (contour,), stats = snake.run(edges_of(disc_image(30.4)), (start,), params)
+    assert contour.signed_area == pytest.approx(np.pi * 30.4**2, rel=0.01)
+    assert stats.prunes > 0
+    assert stats.stop_reason == "converged"
+
+
+def test_a_shrinking_snake_without_an_object_vanishes() -> None:
+    params = load_params(None, {"contour.balloon": -2.0})
+    contours, stats = snake.run(edges_of(np.full(SHAPE, 90, np.uint8)), (START,), params)
+    assert contours == ()
+    assert (stats.stop_reason, stats.final_points) == ("vanished", 0)
+
+
+def test_round_an_island_it_closes_to_a_slit() -> None:
+    image = disc_image(70)
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    island = np.hypot(x - 135, y - 80) < 8
+    image[island] = 60
+    contours, stats = snake.run(edges_of(image), (START,), Parameters())
+    truth = (np.hypot(x - 100.2, y - 79.7) < 70) & ~island
+    mask = rasterize(contours, SHAPE)
+    assert len(contours) == 1
+    assert stats.stop_reason == "converged"
+    assert (mask & truth).sum() / (mask | truth).sum() > 0.98
+    assert not mask[island].any() or mask[island].mean() < 0.1
+
+
+def test_without_refinement_the_number_of_points_stays() -> None:
+    params = load_params(None, {"contour.refine": False})
+    (contour,), stats = snake.run(edges_of(disc_image(52.4)), (START,), params)
+    assert len(contour.control_points) == stats.initial_points
+    assert (stats.splits, stats.prunes) == (0, 0)
+
+
+def test_max_iterations_ends_it() -> None:
+    params = load_params(None, {"contour.max_iterations": 7})
+    _, stats = snake.run(edges_of(disc_image(52.4)), (START,), params)
+    assert (stats.iterations, stats.stop_reason) == (7, "max_iterations")
+
+
+def test_it_stays_in_domain_and_image() -> None:
+    domain = np.zeros(SHAPE, np.uint8)
+    domain[:130, 30:] = 255
+    contours, _ = snake.run(edges_of(np.full(SHAPE, 90, np.uint8), domain), (START,), Parameters())
+    mask = rasterize(contours, SHAPE)
+    assert not mask[domain == 0].any()
+    assert mask[domain > 0].mean() > 0.95  # a snake rounds the corners
+
+
+def altitude_case() -> tuple[EdgeMap, NDArray[np.bool_]]:
+    """A painted ring on the ground inside a disc, and the disc as truth."""
+    image = disc_image(70)
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    distance = np.hypot(x - 100.2, y - 79.7)
+    image[np.abs(distance - 40) < 2] = 250
+    return edges_of(image), distance < 70
+
+
+def ring_of(altitude: float, count: int) -> NDArray[np.float64]:
+    angle = np.arange(count) * (2 * np.pi / count)
+    points = np.stack([100.2 + 40 * np.cos(angle), 79.7 + 40 * np.sin(angle)], axis=1)
+    return np.concatenate([points, np.full((count, 1), altitude), np.full((count, 1), 10.0)], axis=1)
+
+
+def test_points_on_the_ground_let_it_pass_a_painted_ring() -> None:
+    edges, truth = altitude_case()
+    held, _ = snake.run(edges, (START,), Parameters())
+    passed, _ = snake.run(edges, (START,), Parameters(), altitudes=ring_of(0.0, 24))
+    tall, _ = snake.run(edges, (START,), Parameters(), altitudes=ring_of(0.5, 24))
+    assert rasterize(held, SHAPE).sum() < 0.4 * truth.sum()
+    assert rasterize(tall, SHAPE).sum() < 0.4 * truth.sum()
+    both = rasterize(passed, SHAPE)
+    assert (both & truth).sum() / (both | truth).sum() > 0.99
+
+
+def test_an_obstacle_wins_where_zones_overlap() -> None:
+    edges, truth = altitude_case()
+    mixed = np.concatenate([ring_of(0.0, 24), ring_of(0.5, 24)])
+    contours, _ = snake.run(edges, (START,), Parameters(), altitudes=mixed)
+    assert rasterize(contours, SHAPE).sum() < 0.4 * truth.sum()
+
+
+def test_too_few_ground_points_do_not_open_the_ring() -> None:
+    edges, truth = altitude_case()
+    sparse = ring_of(0.0, 3)
+    contours, _ = snake.run(edges, (START,), Parameters(), altitudes=sparse)
+    mask = rasterize(contours, SHAPE)
+    ring_end = truth.sum()
+    assert 0.3 * ring_end < mask.sum() < ring_end  # it gets out through three gaps, the ring itself stays uncovered
+
+
+def test_callbacks_do_not_change_the_result() -> None:
+    seen: list[Progress] = []
+    edges = edges_of(disc_image(52.4))
+    (plain,), stats = snake.run(edges, (START,), Parameters())
+    (watched,), _ = snake.run(edges, (START,), Parameters(), seen.append, every=7)
+    assert (plain.control_points == watched.control_points).all()
+    assert [p.iteration for p in seen[:3]] == [0, 7, 14]
+    assert seen[-1].iteration == stats.iterations
+
+
+def test_two_starts_are_refused() -> None:
+    with pytest.raises(SegmentationError, match="2 starts"):
+        snake.run(edges_of(disc_image(52.4)), (START, START), Parameters())
+
+
+def test_the_core_refuses_what_it_cannot_run_on() -> None:
+    gradient, edges = np.zeros((8, 8), np.uint16), np.zeros((8, 8), np.uint8)
+    none, options = np.empty((0, 4)), _core.SnakeOptions()
+    with pytest.raises(ValueError, match="not finite"):
+        _core.Snake(np.full((6, 2), np.nan), gradient, edges, None, none, 0.1, options)
+    with pytest.raises(ValueError, match="size"):
+        _core.Snake(np.zeros((6, 2)), gradient, edges[:4], None, none, 0.1, options)
+    with pytest.raises(ValueError, match="altitude"):
+        _core.Snake(np.zeros((6, 2)), gradient, edges, None, np.array([[0, 0, np.nan, 1.0]]), 0.1, options)
+    options.spacing = 0.0
+    with pytest.raises(ValueError, match="option"):
+        _core.Snake(np.zeros((6, 2)), gradient, edges, None, none, 0.1, options)
