@@ -145,3 +145,80 @@ def patch_scores(current: Annotated[NDArray[numpy.uint8], dict(shape=(None, None
 
 def align_patches(current: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], previous: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], centers: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], starts: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], warps: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], radius: int, steps: int, out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
     """Sub-pixel alignment of patches in the previous image, into `out`."""
+
+class SnakeOptions:
+    def __init__(self) -> None: ...
+
+    @property
+    def tension(self) -> float: ...
+
+    @tension.setter
+    def tension(self, arg: float, /) -> None: ...
+
+    @property
+    def rigidity(self) -> float: ...
+
+    @rigidity.setter
+    def rigidity(self, arg: float, /) -> None: ...
+
+    @property
+    def balloon(self) -> float: ...
+
+    @balloon.setter
+    def balloon(self, arg: float, /) -> None: ...
+
+    @property
+    def attraction(self) -> float: ...
+
+    @attraction.setter
+    def attraction(self, arg: float, /) -> None: ...
+
+    @property
+    def spacing(self) -> float: ...
+
+    @spacing.setter
+    def spacing(self, arg: float, /) -> None: ...
+
+    @property
+    def tolerance(self) -> float: ...
+
+    @tolerance.setter
+    def tolerance(self, arg: float, /) -> None: ...
+
+    @property
+    def refine(self) -> bool: ...
+
+    @refine.setter
+    def refine(self, arg: bool, /) -> None: ...
+
+    @property
+    def max_iterations(self) -> int: ...
+
+    @max_iterations.setter
+    def max_iterations(self, arg: int, /) -> None: ...
+
+class Snake:
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu', writable=False)], edges: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, altitudes: Annotated[NDArray[numpy.float64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], epsilon: float, options: SnakeOptions) -> None: ...
+
+    def advance(self, iterations: int) -> bool:
+        """Runs iterations; False once the snake has stopped."""
+
+    def points(self) -> NDArray[numpy.float64]:
+        """Points of the snake, (M, 2)."""
+
+    @property
+    def iterations(self) -> int: ...
+
+    @property
+    def insertions(self) -> int: ...
+
+    @property
+    def removals(self) -> int: ...
+
+    @property
+    def stop_reason(self) -> str: ...
+
+def solve_cyclic(right: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], tension: float, rigidity: float) -> NDArray[numpy.float64]:
+    """
+    Solution of (I + A) v = right for the internal energy of a closed chain.
+    """
