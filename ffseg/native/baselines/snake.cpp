@@ -194,11 +194,12 @@ void Snake::sweep(Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
     if (moved < options_.tolerance * options_.tolerance) return;
     const int ahead = 1 + static_cast<int>(std::sqrt(moved));
     const int along = 1 + static_cast<int>(std::sqrt(std::max(norm2(b - a), norm2(d - c))));
+    const Vec2 near_step = (1.0 / along) * (b - a), far_step = (1.0 / along) * (d - c);
+    const double share = 1.0 / ahead;
     for (int i = 0; i < along; ++i) {
-        const double u = static_cast<double>(i) / along;
-        const Vec2 from = a + u * (b - a), way = c + u * (d - c) - from;
+        const Vec2 from = a + i * near_step, step = share * (c + i * far_step - from);
         for (int k = 1; k <= ahead; ++k) {
-            std::uint8_t& zone = field_.zone[field_.pixel(from + (static_cast<double>(k) / ahead) * way)];
+            std::uint8_t& zone = field_.zone[field_.pixel(from + k * step)];
             if (zone == kHomogeneous) zone = kSwept;
         }
     }
