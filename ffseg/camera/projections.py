@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -120,6 +121,8 @@ class UnifiedSphere:
 
 def distort(plane: Array, coefficients: tuple[float, float, float, float]) -> Array:
     """Radial-tangential distortion of normalised points, shape (n, 2)."""
+    if not any(coefficients):
+        return plane
     k1, k2, p1, p2 = coefficients
     x, y = plane[:, 0], plane[:, 1]
     square = x * x + y * y
@@ -178,6 +181,7 @@ def _solve(symmetric: Array, right: Array) -> Array:
     return solution
 
 
+@lru_cache(maxsize=64)
 def _first_root(even: tuple[float, ...]) -> float:
     """Smallest r > 0 with ``sum_k even[k] * r**(2k) = 0``, or infinity."""
     coefficients = np.trim_zeros(np.array(even[::-1]), "f")

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Motion, Origin, fit_planar, ground_points, planar_motion
+from ffseg.camera.motion import MIN_INLIERS, Motion, Origin, fit_planar, ground_points, planar_motion
 from ffseg.image.keypoints import Alignments, Array, Candidates, Grey, Mask, align_patches, plane_candidates
 from ffseg.image.planes import eroded, halved
 
-GRID_STEP = 20
-"""Pixels between ground points: about 200 of them in the free space of an 800x600 image."""
+GRID_STEP = 28
+"""Pixels between ground points: some 130 of them in the free space of an 800x600 image."""
 PATCH_RADIUS = 6
 CLEAR = 10
 """Pixels a ground point keeps from everything that is not free space: its patch must show ground only."""
@@ -26,6 +26,10 @@ FINEST_SIGMA = 0.15
 GATE = 3.5
 """Standard deviations of a whitened residual."""
 ROUNDS = 4
+SETTLED = 0.3
+"""Pixels a motion may have changed its predictions by for the alignments made from them to stand."""
+PROBE = 1e-5
+"""Metres and radians; far above rounding, far below curvature."""
 LEAST_SHARE = 0.4
 """Share of well-placed points that must agree: the rest is what moves, shines or stands up."""
 
@@ -35,6 +39,7 @@ class _Tracks:
     """Ground points of the current image and where they were found in the previous one."""
 
     current: Array
+    start: Array
     ground: Array
     previous: Array
     information: Array
@@ -65,12 +70,15 @@ def refine_on_ground(
     """
     points = ground_grid(camera, free)
     motion = prior
-    for half in (True, False) if coarse else (False, False):
+    for half in (True, False, False) if coarse else (False, False):
         tracks = _track(camera, motion, (current, previous), points, half)
         refined = _fit(camera, motion, tracks, origin)
         if refined is None:
             return None
+        moved = _predicted(camera, refined, tracks.ground, np.zeros(3)) - tracks.start
         motion = refined
+        if not half and np.nanmedian(np.abs(moved)) < SETTLED:
+            break
     return motion
 
 
@@ -97,6 +105,7 @@ def _track(camera: Camera, motion: Motion, pair: tuple[Grey, Grey], points: Arra
     seen = ~np.isnan(candidates.pixels[:, 0, 0])
     points = points[seen]
     start = Candidates(candidates.pixels[seen], candidates.warps[seen])
+    placed = start.pixels[:, 0]
     if half:
         small = [halved(image) for image in pair]
         start = Candidates(start.pixels / 2.0, start.warps)
@@ -107,7 +116,7 @@ def _track(camera: Camera, motion: Motion, pair: tuple[Grey, Grey], points: Arra
     spread, information = _placed(found.information)
     good = (found.score > LEAST_SCORE) & (spread < WORST_SIGMA * (2.0 if half else 1.0))
     ground = ground_points(camera, points[good])
-    return _Tracks(points[good], ground, found.pixels[good], information[good])
+    return _Tracks(points[good], placed[good], ground, found.pixels[good], information[good])
 
 
 def _placed(information: Array) -> tuple[Array, Array]:
@@ -154,23 +163,16 @@ def _back_on_ground(camera: Camera, motion: Motion, previous: Array) -> Array:
     return points
 
 
-def _polish(
-    camera: Camera, prior: Motion, tracks: _Tracks, parameters: Array
-) -> tuple[Array, Array | None, int]:
+def _polish(camera: Camera, prior: Motion, tracks: _Tracks, parameters: Array) -> tuple[Array, Array | None, int]:
     """Gauss-Newton on whitened pixel residuals with a hard gate; parameters, covariance and number of inliers."""
     root = np.linalg.cholesky(tracks.information)
+    slope = np.einsum("nji,njk->nik", root, _jacobian(camera, prior, tracks, parameters))
     covariance, inliers = None, 0
     for _ in range(ROUNDS):
-        residual = _residual(camera, prior, tracks, parameters)
-        jacobian = np.stack(
-            [(_residual(camera, prior, tracks, parameters + probe) - residual) / 1e-5 for probe in np.eye(3) * 1e-5],
-            axis=2,
-        )
-        white = np.einsum("nji,nj->ni", root, residual)
-        slope = np.einsum("nji,njk->nik", root, jacobian)
-        kept = np.sum(white**2, axis=1) < GATE**2
+        white = np.einsum("nji,nj->ni", root, _predicted(camera, prior, tracks.ground, parameters) - tracks.previous)
+        kept = np.sum(white**2, axis=1) < GATE**2  # false for NaN
         inliers = int(kept.sum())
-        if inliers < 8:
+        if inliers < MIN_INLIERS:
             return parameters, None, inliers
         normal = np.einsum("nik,nil->kl", slope[kept], slope[kept])
         parameters = parameters - np.linalg.solve(normal, np.einsum("nik,ni->k", slope[kept], white[kept]))
@@ -179,10 +181,16 @@ def _polish(
     return parameters, covariance, inliers
 
 
-def _residual(camera: Camera, prior: Motion, tracks: _Tracks, parameters: Array) -> Array:
-    """Predicted less found pixels of the previous image, shape (n, 2); points that would not be seen count as far off."""
+def _jacobian(camera: Camera, prior: Motion, tracks: _Tracks, parameters: Array) -> Array:
+    """d(previous pixel)/d(x, y, theta), shape (n, 2, 3), by differences; the motion changes too little to renew it."""
+    base = _predicted(camera, prior, tracks.ground, parameters)
+    columns = [_predicted(camera, prior, tracks.ground, parameters + step) - base for step in np.eye(3) * PROBE]
+    return np.nan_to_num(np.stack(columns, axis=2) / PROBE)
+
+
+def _predicted(camera: Camera, prior: Motion, ground: Array, parameters: Array) -> Array:
+    """Previous pixels of levelled ground points after the planar correction, shape (n, 2)."""
     c, s = np.cos(parameters[2]), np.sin(parameters[2])
-    moved = tracks.ground @ np.array([[c, s], [-s, c]]) + parameters[:2]
+    moved = ground @ np.array([[c, s], [-s, c]]) + parameters[:2]
     level = np.column_stack([moved, np.full(len(moved), camera.mounting())])
-    predicted = camera.project(prior.apply(level @ camera.level()))
-    return np.nan_to_num(predicted - tracks.previous, nan=1e6)
+    return camera.project(prior.apply(level @ camera.level()))

@@ -11,7 +11,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // Sum of squared deviations below which a patch is flat: under half a grey level in the mean of a 9x9 patch.
 constexpr double kFlat = 4.0;
 // Pixels; a Gauss-Newton step shorter than this changes nothing that the noise does not.
-constexpr double kStill = 0.01;
+constexpr double kStill = 0.02;
 // Pixels; a longer step means that the linearisation does not hold.
 constexpr double kLeap = 2.0;
 // Ratio of the two curvatures of the fit below which a patch is an edge.
@@ -82,29 +82,59 @@ struct Slopes {
     double squares = 0.0;
 };
 
-// Gradients along the previous image's axes are those along the patch's axes times the inverse transposed warp.
+struct Moments {
+    double mean = 0.0, spread = 0.0, product = 0.0;
+};
+
+// Mean and spread of the inside of a patch that is one pixel wider, and its product with the reference.
+Moments moments(const Patch& reference, const Patch& wide) {
+    const int side = 2 * reference.radius() + 1, width = side + 2;
+    double sum = 0.0, squares = 0.0, product = 0.0;
+    for (int row = 0; row < side; ++row) {
+        const double* seen = wide.values().data() + (row + 1) * width + 1;
+        const double* grey = reference.values().data() + row * side;
+        for (int column = 0; column < side; ++column) {
+            sum += seen[column];
+            squares += seen[column] * seen[column];
+            product += seen[column] * grey[column];
+        }
+    }
+    Moments found;
+    const double count = static_cast<double>(side) * side;
+    found.mean = sum / count;
+    const double deviation = squares - sum * found.mean;
+    found.spread = deviation > kFlat ? std::sqrt(deviation) : 0.0;
+    found.product = product - sum * reference.mean();
+    return found;
+}
+
+// Differences are taken along the patch's axes; the sums are turned into the previous image's at the end.
 Slopes slopes(const Patch& reference, const Patch& wide, const Warp& warp, double gain, double seen_mean) {
-    const int radius = reference.radius(), width = 2 * radius + 3;
-    const double determinant = warp.xx * warp.yy - warp.xy * warp.yx;
-    const std::vector<double>&grey = reference.values(), &seen = wide.values();
+    const int side = 2 * reference.radius() + 1, width = side + 2;
     Slopes sums;
-    std::size_t k = 0;
-    for (int row = 1; row <= 2 * radius + 1; ++row) {
-        for (int column = 1; column <= 2 * radius + 1; ++column, ++k) {
-            const std::size_t at = static_cast<std::size_t>(row * width + column);
-            const double across = 0.5 * (seen[at + 1] - seen[at - 1]);
-            const double down = 0.5 * (seen[at + static_cast<std::size_t>(width)] -
-                                       seen[at - static_cast<std::size_t>(width)]);
-            const double gx = gain * (warp.yy * across - warp.yx * down) / determinant;
-            const double gy = gain * (warp.xx * down - warp.xy * across) / determinant;
-            const double difference = (grey[k] - reference.mean()) - gain * (seen[at] - seen_mean);
-            sums.normal.xx += gx * gx;
-            sums.normal.xy += gx * gy;
-            sums.normal.yy += gy * gy;
-            sums.right += Vec2{gx * difference, gy * difference};
+    Symmetric2 own;
+    Vec2 own_right;
+    for (int row = 0; row < side; ++row) {
+        const double* seen = wide.values().data() + (row + 1) * width + 1;
+        const double* grey = reference.values().data() + row * side;
+        for (int column = 0; column < side; ++column) {
+            const double across = seen[column + 1] - seen[column - 1];
+            const double down = seen[column + width] - seen[column - width];
+            const double difference = (grey[column] - reference.mean()) - gain * (seen[column] - seen_mean);
+            own.xx += across * across;
+            own.xy += across * down;
+            own.yy += down * down;
+            own_right += Vec2{across * difference, down * difference};
             sums.squares += difference * difference;
         }
     }
+    // Gradients in the image are the inverse transposed warp times those of the patch; central differences halve them.
+    const double scale = 0.5 * gain / (warp.xx * warp.yy - warp.xy * warp.yx);
+    const double a = scale * warp.yy, b = -scale * warp.yx, c = -scale * warp.xy, d = scale * warp.xx;
+    sums.normal.xx = a * a * own.xx + 2 * a * b * own.xy + b * b * own.yy;
+    sums.normal.xy = a * c * own.xx + (a * d + b * c) * own.xy + b * d * own.yy;
+    sums.normal.yy = c * c * own.xx + 2 * c * d * own.xy + d * d * own.yy;
+    sums.right = {a * own_right.x + b * own_right.y, c * own_right.x + d * own_right.y};
     return sums;
 }
 
@@ -129,22 +159,20 @@ Vec2 solve(Symmetric2& normal, Vec2 right) {
 
 Alignment align_patch(const ImagePair& pair, Vec2 center, Vec2 start, const Warp& warp, int radius, int steps) {
     Alignment result{start, kNan, kNan, {}};
-    Patch reference(radius), seen(radius), wide(radius + 1);
+    Patch reference(radius), wide(radius + 1);
     if (!reference.sample(pair.current, center, Warp{}) || reference.spread() == 0.0) return result;
-    if (std::abs(warp.xx * warp.yy - warp.xy * warp.yx) < 1e-3) return result;
+    if (!(std::abs(warp.xx * warp.yy - warp.xy * warp.yx) > 1e-3)) return result;
     for (int step = 0; step <= steps; ++step) {
-        if (!seen.sample(pair.previous, result.position, warp) || !wide.sample(pair.previous, result.position, warp)) {
-            return {result.position, kNan, kNan, {}};
-        }
-        result.score = reference.correlation(seen);
-        const double gain = seen.spread() > 0.0 ? reference.spread() / seen.spread() : 1.0;
-        Slopes sums = slopes(reference, wide, warp, gain, seen.mean());
+        if (!wide.sample(pair.previous, result.position, warp)) return {result.position, kNan, kNan, {}};
+        const Moments seen = moments(reference, wide);
+        result.score = seen.spread > 0.0 ? seen.product / (reference.spread() * seen.spread) : 0.0;
+        const double gain = seen.spread > 0.0 ? reference.spread() / seen.spread : 1.0;
+        Slopes sums = slopes(reference, wide, warp, gain, seen.mean);
         Vec2 move = solve(sums.normal, sums.right);
         result.normal = sums.normal;
         result.residual = std::sqrt(sums.squares / static_cast<double>(reference.values().size()));
-        if (step == steps) break;
         const double length = norm(move);
-        if (!(length > kStill)) break;
+        if (step == steps || !(length > kStill)) break;
         if (length > kLeap) move = (kLeap / length) * move;
         result.position += move;
     }

@@ -1,0 +1,171 @@
+"""Free space on rendered pairs: with poses, with noisy poses and without; run ``python -m tests.campaigns.freespace``.
+
+Says for every mode: boxes merged (there must be none), enclosed marks merged, mean IoU of the free space, translation
+error of the motion, and the time of the pairwise step beside the edge map's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import dataclass, field
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.motion import Pose, planar_pose, relative_motion
+from ffseg.freespace.sequence import Frame, free_space, segment_view
+from ffseg.image.edges import edge_map
+from ffseg.parameters import Parameters, load_params
+from ffseg.rendering import RenderedPair, render_pair
+from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL, GROUND
+
+MODES = ("poses", "noisy", "none")
+NOISE_METRES, NOISE_RADIANS = 0.02, np.deg2rad(0.5)
+"""Of the pose noise: relative to the baseline per axis, and absolute."""
+MARK_FREE = 0.9
+"""Share of a mark's pixels that must be free; its border pixels are mixed."""
+BOX_FREE = 0.05
+"""Share of a box's pixels that may be free; its border pixels are mixed."""
+RING = 6
+"""Pixels of plain ground round a mark for it to count as enclosed: the contour needs room to pass."""
+
+
+@dataclass
+class Tally:
+    """Counts over pairs."""
+
+    boxes: int = 0
+    boxes_merged: int = 0
+    marks: int = 0
+    marks_merged: int = 0
+    ious: list[float] = field(default_factory=list)
+    shift_errors: list[float] = field(default_factory=list)
+    ratios: list[float] = field(default_factory=list)
+    misses: list[str] = field(default_factory=list)
+
+
+def enclosed_marks(pair: RenderedPair) -> list[int]:
+    """Labels of marks with plain ground all round them, away from the start circle."""
+    labels = pair.current.labels
+    found = []
+    for label in range(1, len(pair.scene.marks) + 1):
+        mark = labels == label
+        if mark.any() and np.all(np.isin(labels[_ring(mark)], (GROUND, label))):
+            found.append(label)
+    return found
+
+
+def _ring(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    grown = mask.copy()
+    for axis in (0, 1):
+        for step in range(1, RING + 1):
+            grown |= np.roll(mask, step, axis) | np.roll(mask, -step, axis)
+        mask = grown.copy()
+    return grown
+
+
+def measure(pair: RenderedPair, frame: Frame, tally: Tally, name: str) -> None:
+    """Add one pair to the tally."""
+    labels, truth = pair.current.labels, pair.current.truth
+    for label in range(FIRST_BOX, min(FIRST_WALL, FIRST_BOX + len(pair.scene.boxes))):
+        box = labels == label
+        if box.any():
+            tally.boxes += 1
+            if frame.mask[box].mean() > BOX_FREE:
+                tally.boxes_merged += 1
+                tally.misses.append(f"{name}: box {label} is free")
+    for label in enclosed_marks(pair):
+        tally.marks += 1
+        if frame.mask[labels == label].mean() >= MARK_FREE:
+            tally.marks_merged += 1
+        else:
+            tally.misses.append(f"{name}: mark {label} stayed ({frame.note})")
+    tally.ious.append(float((frame.mask & truth).sum() / (frame.mask | truth).sum()))
+    if frame.motion is not None:
+        true = relative_motion(*true_poses(pair))
+        error = np.linalg.norm(frame.motion.translation - true.translation) / true.baseline
+        tally.shift_errors.append(float(error))
+
+
+def true_poses(pair: RenderedPair) -> tuple[Pose, Pose]:
+    """Poses the pair was rendered from."""
+    return planar_pose(pair.camera, *pair.poses[0]), planar_pose(pair.camera, *pair.poses[1])
+
+
+def poses_of(pair: RenderedPair, mode: str, seed: int) -> tuple[Pose, Pose] | None:
+    """Poses for a mode; noise is put on the previous one."""
+    if mode == "none":
+        return None
+    previous, current = true_poses(pair)
+    if mode == "poses":
+        return previous, current
+    random = np.random.default_rng([seed, 9])
+    x, y, theta = pair.poses[0]
+    spread = NOISE_METRES * np.hypot(x, y)
+    dx, dy = random.normal(0, spread, 2)
+    return planar_pose(pair.camera, x + dx, y + dy, theta + random.normal(0, NOISE_RADIANS)), current
+
+
+def run(seeds: range, params: Parameters, modes: tuple[str, ...] = MODES) -> dict[str, Tally]:
+    """Render, segment and test every pair in every mode."""
+    tallies = {mode: Tally() for mode in modes}
+    for seed in seeds:
+        pair = render_pair(seed)
+        segmentation = segment_view(pair.current.image, pair.camera, params)
+        edges_ms = _edges_ms(pair, params)
+        for mode in modes:
+            frame = free_space(
+                pair.current.image, segmentation, pair.previous.image, pair.camera,
+                params.obstacles.altitude, poses_of(pair, mode, seed),
+            )  # fmt: skip
+            measure(pair, frame, tallies[mode], f"pair {seed}")
+            tallies[mode].ratios.append(frame.obstacles_ms / edges_ms)
+    return tallies
+
+
+def _edges_ms(pair: RenderedPair, params: Parameters) -> float:
+    times = []
+    for _ in range(3):
+        begin = perf_counter()
+        edge_map(pair.current.image, params.edges)
+        times.append((perf_counter() - begin) * 1e3)
+    return float(np.median(times))
+
+
+def table(tallies: dict[str, Tally]) -> str:
+    """The figures as Markdown."""
+    lines = [
+        "| mode | boxes merged | marks merged | mean IoU | translation error max / mean | pair step / edge map |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for mode, tally in tallies.items():
+        errors = tally.shift_errors or [float("nan")]
+        lines.append(
+            f"| {mode} | {tally.boxes_merged} of {tally.boxes} | {tally.marks_merged} of {tally.marks} "
+            f"({tally.marks_merged / max(1, tally.marks):.1%}) | {np.mean(tally.ious):.4f} (min {min(tally.ious):.4f}) | "
+            f"{max(errors):.2%} / {np.mean(errors):.2%} | {np.median(tally.ratios):.2f} |"
+        )
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Run the campaign and say whether its promises hold."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--pairs", type=int, default=50)
+    parser.add_argument("--first", type=int, default=0)
+    options = parser.parse_args()
+    tallies = run(range(options.first, options.first + options.pairs), load_params())
+    print(table(tallies))  # noqa: T201 - a campaign's figures
+    for mode, tally in tallies.items():
+        for miss in tally.misses:
+            print(f"{mode}: {miss}")  # noqa: T201
+    least = {"poses": 0.95, "noisy": 0.90, "none": 0.85}
+    kept = all(t.boxes_merged == 0 and t.marks_merged >= least[mode] * t.marks for mode, t in tallies.items())
+    kept &= float(np.mean(tallies["poses"].ious)) >= 0.985 and max(tallies["none"].shift_errors) <= 0.05
+    return 0 if kept else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
