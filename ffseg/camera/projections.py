@@ -113,10 +113,20 @@ class UnifiedSphere:
         limit = self._limit()
         radius = np.sqrt(np.sum(target**2, axis=1, keepdims=True))
         with np.errstate(invalid="ignore", divide="ignore"):
-            guess = target * np.minimum(1.0, 0.9 * limit / np.where(radius > 0, radius, 1.0))
+            guess = target * (self._guess(radius) / np.where(radius > 0, radius, 1.0))
             plane = _newton_plane(guess, target, self.distortion)
             plane[np.sum(plane**2, axis=1) > limit**2] = np.nan
         return plane
+
+    def _guess(self, radius: Array) -> Array:
+        """Start radius: below the fold, and far out where the highest power rules (Newton would creep down there)."""
+        k1, k2, _, _ = self.distortion
+        guess: Array = np.minimum(radius, 0.9 * self._limit())
+        if k2 > 0.0:
+            guess = np.minimum(guess, (radius / k2) ** 0.2)
+        elif k1 > 0.0:
+            guess = np.minimum(guess, np.cbrt(radius / k1))
+        return guess
 
 
 def distort(plane: Array, coefficients: tuple[float, float, float, float]) -> Array:

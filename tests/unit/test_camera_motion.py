@@ -1,0 +1,168 @@
+"""Motion, planar RANSAC and triangulation against twins and synthetic truth; real boards."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from ffseg.camera.model import Camera
+from ffseg.camera.motion import (
+    Motion,
+    Pose,
+    fit_planar,
+    ground_points,
+    planar_motion,
+    planar_parameters,
+    planar_pose,
+    relative_motion,
+)
+from ffseg.camera.projections import Affine, UnifiedSphere
+from ffseg.camera.triangulation import triangulate
+from ffseg.rendering.pairs import sample_camera
+from tests import naive_camera
+from tests.shared_data import shared_data
+
+LENS = UnifiedSphere(Affine(280.0, 280.0, 399.5, 299.5), 0.95, (0.0, 0.0, 0.0, 0.0))
+
+
+def tilted() -> Camera:
+    up = np.array([0.08, -0.05, -1.0])
+    return Camera(LENS, 800, 600, (399.5, 299.5), 0.9, up / np.linalg.norm(up))
+
+
+def test_relative_motion_agrees_with_matrices():
+    random = np.random.default_rng(1)
+    camera = tilted()
+    first, second = planar_pose(camera, 1.0, 2.0, 0.3), planar_pose(camera, -0.5, 2.2, -2.0)
+    motion = relative_motion(first, second)
+    between = np.linalg.inv(naive_camera.homogeneous(first.rotation, first.position)) @ naive_camera.homogeneous(
+        second.rotation, second.position
+    )
+    points = random.normal(size=(10, 3))
+    expected = (np.column_stack([points, np.ones(10)]) @ between.T)[:, :3]
+    assert motion.apply(points) == pytest.approx(expected, abs=1e-12)
+    assert motion.baseline == pytest.approx(np.hypot(1.5, 0.2))
+
+
+def test_planar_parameters_undo_planar_motion():
+    camera = tilted()
+    motion = planar_motion(camera, np.array([0.2, -0.1, 0.4]), "ground points", 9, (0.0, 0.0))
+    assert planar_parameters(camera, motion) == pytest.approx([0.2, -0.1, 0.4], abs=1e-12)
+
+
+def test_contracts_pose_convention():
+    pose = planar_pose(sample_camera(), 0.0, 0.0, 0.7)
+    dx, dy = 0.3, -0.4
+    c, s = np.cos(0.7), np.sin(0.7)
+    assert (pose.rotation @ [dx, dy, 0.0])[:2] == pytest.approx([c * dx - s * dy, s * dx + c * dy])
+
+
+def test_ransac_finds_the_motion_under_half_outliers():
+    random = np.random.default_rng(2)
+    current = random.uniform(-2, 2, (120, 2))
+    turn = np.array([[np.cos(0.2), -np.sin(0.2)], [np.sin(0.2), np.cos(0.2)]])
+    previous = current @ turn.T + [0.3, -0.1] + random.normal(0, 0.002, (120, 2))
+    previous[:60] = random.uniform(-2, 2, (60, 2))
+    fit = fit_planar(current, previous, np.full(120, 0.004))
+    assert fit is not None
+    assert fit.parameters == pytest.approx([0.3, -0.1, 0.2], abs=0.002)
+    assert fit.inliers[60:].all()
+    assert fit.inliers[:60].sum() <= 2
+
+
+def test_ransac_refuses_what_does_not_agree():
+    random = np.random.default_rng(3)
+    current, previous = random.uniform(-2, 2, (2, 60, 2))
+    assert fit_planar(current, previous, np.full(60, 0.004)) is None
+    assert fit_planar(current[:4], current[:4], np.full(4, 0.1)) is None
+
+
+def test_triangulation_is_exact_without_noise():
+    random = np.random.default_rng(4)
+    camera = tilted()
+    motion = planar_motion(camera, np.array([0.3, 0.1, 0.4]), "ground points", 0, (0.0, 0.0))
+    points = random.uniform(-2, 2, (200, 3))
+    points[:, 2] = random.uniform(0.1, 0.9, 200)
+    points = points @ camera.level()
+    current, previous = camera.project(points), camera.project(motion.apply(points))
+    found = triangulate(camera, motion, current, previous, 0.2)
+    # Rounding is 1e-13 px; a depth may answer it some 1e4 times.
+    assert np.abs(found.points - points).max() < 1e-8
+    assert found.altitude == pytest.approx(camera.altitude(points), abs=1e-8)
+    assert found.reprojection.max() < 1e-8
+    assert found.epipolar.max() < 1e-9
+
+
+def test_triangulation_says_its_uncertainty():
+    random = np.random.default_rng(5)
+    camera = sample_camera()
+    motion = planar_motion(camera, np.array([0.25, 0.0, 0.1]), "poses", 0, (0.0, 0.0))
+    point = np.array([[0.9, 0.7, 0.6]])
+    current, previous = camera.project(point), camera.project(motion.apply(point))
+    noise = random.normal(0, 0.2, (2, 4000, 2))
+    many = triangulate(camera, motion, current + noise[0], previous + noise[1], 0.2)
+    one = triangulate(camera, motion, current, previous, 0.2)
+    # 4000 draws know their spread to 1 %; the rest is the second order of the propagation.
+    assert many.altitude.std() == pytest.approx(one.altitude_sigma[0], rel=0.05)
+
+
+def test_rays_that_meet_behind_have_no_point():
+    camera = sample_camera()
+    motion = planar_motion(camera, np.array([0.25, 0.0, 0.0]), "poses", 0, (0.0, 0.0))
+    point = np.array([[0.9, 0.7, 0.6]])
+    current, previous = camera.project(point), camera.project(motion.apply(point))
+    assert np.isnan(triangulate(camera, motion, previous, current, 0.2).altitude).all()
+    still = Motion(np.eye(3), np.zeros(3), "poses", 0, 0.0, 0.0)
+    assert np.isnan(triangulate(camera, still, current, current, 0.2).altitude).all()
+
+
+def test_ground_points_of_a_tilted_camera_lie_on_the_ground():
+    camera = tilted()
+    ground = ground_points(camera, np.array([[300.0, 250.0], [520.0, 420.0]]))
+    back = camera.project(np.column_stack([ground, [0.9, 0.9]]) @ camera.level())
+    assert back == pytest.approx(np.array([[300.0, 250.0], [520.0, 420.0]]), abs=1e-9)
+
+
+BOARDS = {
+    # file: (grid spacing in mm, images used)
+    "VMR_calib.json": (30.0, None),
+    # Only the images whose own pose fits below 1 px; two of the others are fitted to 1.8 and 2.4 px RMS.
+    "imgMei_calib.json": (42.0, ("imgMei_001.jpg", "imgMei_005.jpg", "imgMei_009.jpg", "imgMei_010.jpg")),
+}
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_real_boards(name):
+    data = json.loads((shared_data("omni_boards") / name).read_text())
+    k, (width, height) = data["K"], data["size"]
+    lens = UnifiedSphere(Affine(k[0][0], k[1][1], k[0][2], k[1][2], k[0][1]), data["xi"], tuple(data["D"]))
+    camera = Camera(lens, width, height, (k[0][2], k[1][2]), 1.0)
+    spacing, wanted = BOARDS[name]
+    for image in data["images"]:
+        points = np.array(image["board_mm"]) @ np.array(image["R"]).T + image["t"]
+        error = np.hypot(*(camera.project(points) - image["corner_px"]).T)
+        # The file says its residuals with four and three decimals.
+        assert np.sqrt(np.mean(error**2)) == pytest.approx(image["rms_px"], abs=6e-5)
+        assert error.max() == pytest.approx(image["max_px"], abs=6e-4)
+    used = [image for image in data["images"] if wanted is None or image["image"] in wanted]
+    for first in used:
+        for second in used:
+            if first is not second:
+                assert _grid_error(camera, first, second, spacing) < 0.03
+
+
+def _grid_error(camera: Camera, first: dict, second: dict, spacing: float) -> float:
+    """Median error of the triangulated distances between grid neighbours, relative."""
+    one, two = (naive_camera.homogeneous(np.array(i["R"]), np.array(i["t"])) for i in (first, second))
+    between = two @ np.linalg.inv(one)
+    motion = relative_motion(
+        Pose(between[:3, :3].T, -between[:3, :3].T @ between[:3, 3]), Pose(np.eye(3), np.zeros(3))
+    )
+    found = triangulate(camera, motion, np.array(first["corner_px"]), np.array(second["corner_px"]), 0.3).points
+    board = np.array(first["board_mm"])
+    apart = np.linalg.norm(board[:, None] - board, axis=2)
+    measured = np.linalg.norm(found[:, None] - found, axis=2)
+    near = np.abs(apart - spacing) < 1e-6
+    return float(np.median(np.abs(measured[near] / spacing - 1.0)))
