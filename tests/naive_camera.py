@@ -8,7 +8,9 @@ from collections import deque
 import numpy as np
 
 
-def unified_project(point, xi, k, skew, d):
+def unified_project(
+    point: np.ndarray, xi: float, k: tuple[float, ...], skew: float, d: tuple[float, ...]
+) -> tuple[float, float]:
     """Mei's model written out for one point."""
     norm = math.sqrt(sum(v * v for v in point))
     x, y, z = (v / norm for v in point)
@@ -21,7 +23,9 @@ def unified_project(point, xi, k, skew, d):
     return fx * xd + skew * yd + cx, fy * yd + cy
 
 
-def ocam_lift(column, row, coefficients, center, affine):
+def ocam_lift(
+    column: float, row: float, coefficients: np.ndarray, center: tuple[float, float], affine: tuple[float, float, float]
+) -> np.ndarray:
     """OCamCalib's cam2world for one pixel, in its own frame (x down the rows, z away from the scene)."""
     c, d, e = affine
     matrix = np.array([[c, d], [e, 1.0]])
@@ -31,7 +35,7 @@ def ocam_lift(column, row, coefficients, center, affine):
     return np.array([x, y, z]) / math.sqrt(x * x + y * y + z * z)
 
 
-def bilinear(image, x, y):
+def bilinear(image: np.ndarray, x: float, y: float) -> float:
     """One sample between four pixels."""
     x0, y0 = math.floor(x), math.floor(y)
     u, v = x - x0, y - y0
@@ -39,20 +43,20 @@ def bilinear(image, x, y):
     return part[0, 0] * (1 - u) * (1 - v) + part[0, 1] * u * (1 - v) + part[1, 0] * (1 - u) * v + part[1, 1] * u * v
 
 
-def patch(image, center, warp, radius):
+def patch(image: np.ndarray, center: np.ndarray, warp: np.ndarray | list[float], radius: int) -> np.ndarray:
     """Samples of a warped square patch."""
     warp = np.asarray(warp).reshape(2, 2)
     offsets = [(dx, dy) for dy in range(-radius, radius + 1) for dx in range(-radius, radius + 1)]
     return np.array([bilinear(image, *(np.asarray(center) + warp @ offset)) for offset in offsets])
 
 
-def correlation(a, b):
+def correlation(a: np.ndarray, b: np.ndarray) -> float:
     """Zero-mean normalised cross-correlation."""
     a, b = a - a.mean(), b - b.mean()
     return float(a @ b / math.sqrt((a @ a) * (b @ b)))
 
 
-def free_ground(labels, center, robot_radius):
+def free_ground(labels: np.ndarray, center: tuple[float, float], robot_radius: float) -> np.ndarray:
     """Ground and marks (labels 0 to 99) joined by pixel sides to the robot's disc, by flooding."""
     height, width = labels.shape
     y, x = np.mgrid[:height, :width]
@@ -69,7 +73,7 @@ def free_ground(labels, center, robot_radius):
     return reached
 
 
-def homogeneous(rotation, position):
+def homogeneous(rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
     """4x4 matrix of a pose."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, position

@@ -107,7 +107,7 @@ def _from_yaml(root: Node, problems: Problems) -> Camera | None:
         problems.add(_place(root, "up"), "up: the vector has no direction; write [0, 0, -1] for a level camera")
     rim = values.get("rim_radius")
     if rim is not None and rim <= values.get("robot_radius", 0.0):
-        problems.add(_place(root, "rim_radius"), "rim_radius: must be larger than robot_radius, nothing is left between")
+        problems.add(_place(root, "rim_radius"), "rim_radius: must exceed robot_radius, nothing is left between")
     if lens is None or problems.lines:
         return None
     return Camera(
@@ -158,8 +158,7 @@ def _inline(root: Node, values: dict[str, Any], problems: Problems) -> Lens | No
     affine = _matrix(root, values["K"], problems) if "K" in values else None
     if problems.lines:
         return None
-    if affine is None:
-        affine = Affine(values["fx"], values["fy"], values["cx"], values["cy"], values.get("skew", 0.0))
+    affine = affine or Affine(values["fx"], values["fy"], values["cx"], values["cy"], values.get("skew", 0.0))
     distortion = values.get("D", values.get("distortion", (0.0,) * 4))
     return lens_of(model, affine, values.get("xi"), distortion, (values["width"], values["height"]))
 
@@ -168,7 +167,7 @@ def _matrix(root: Node, rows: tuple[tuple[float, ...], ...], problems: Problems)
     return affine_of(rows, _place(root, "K"), "K", problems)
 
 
-def affine_of(rows: Sequence[Sequence[float]], where: str, key: str, problems: Problems) -> Affine | None:
+def affine_of(rows: tuple[tuple[float, ...], ...], where: str, key: str, problems: Problems) -> Affine | None:
     """K as an affine step, or None with the problem noted."""
     if len(rows) != 3 or rows[1][0] != 0 or tuple(rows[2]) != (0.0, 0.0, 1.0) or rows[0][0] <= 0 or rows[1][1] <= 0:
         problems.add(where, f"{key}: is not a camera matrix; write [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]")
@@ -176,10 +175,12 @@ def affine_of(rows: Sequence[Sequence[float]], where: str, key: str, problems: P
     return Affine(rows[0][0], rows[1][1], rows[0][2], rows[1][2], rows[0][1])
 
 
-def lens_of(model: str, affine: Affine, xi: float | None, distortion: Sequence[float], size: tuple[int, int]) -> Lens:
+def lens_of(model: str, affine: Affine, xi: float | None, distortion: tuple[float, ...], size: tuple[int, int]) -> Lens:
     """Build the lens of a sphere or fisheye model."""
     four = (float(distortion[0]), float(distortion[1]), float(distortion[2]), float(distortion[3]))
-    projection: Projection = Fisheye(affine, four) if model == "fisheye" else UnifiedSphere(affine, float(xi or 0), four)
+    projection: Projection = UnifiedSphere(affine, float(xi or 0), four)
+    if model == "fisheye":
+        projection = Fisheye(affine, four)
     return Lens(projection, *size, (affine.cx, affine.cy))
 
 

@@ -84,7 +84,7 @@ class Camera:
         return altitude
 
     def meet_plane(self, rays: Array, altitude: Array | float = 0.0) -> Array:
-        """Points where rays, shape (..., 3), meet the horizontal plane at ``altitude`` metres; NaN where they do not."""
+        """Points where rays, shape (..., 3), meet the plane at ``altitude`` metres; NaN where they do not."""
         fall = -(rays @ self.up)
         with np.errstate(divide="ignore", invalid="ignore"):
             reach = np.where(fall > 0, (self.mounting() - altitude) / fall, np.nan)

@@ -98,7 +98,7 @@ def planar_parameters(camera: Camera, motion: Motion) -> Array:
 
 
 def ground_points(camera: Camera, pixels: Array) -> Array:
-    """Where rays of pixels, shape (n, 2), meet the ground: (x, y) of the levelled frame, metres; NaN above the horizon."""
+    """Where rays of pixels, shape (n, 2), meet the ground: levelled (x, y), metres; NaN above the horizon."""
     points: Array = (camera.meet_plane(camera.lift(pixels)) @ camera.level().T)[:, :2]
     return points
 

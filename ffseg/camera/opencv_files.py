@@ -64,7 +64,7 @@ def read(text: str, source: Source, problems: Problems) -> Values | None:
 
 
 def _yaml(text: str, source: Source, problems: Problems) -> Node:
-    """FileStorage's dialect as plain YAML: its directive line and its one tag are taken off, the rest is read strictly."""
+    """FileStorage's dialect as plain YAML: its directive line and its one tag are taken off."""
     lines = text.lstrip().split("\n", 1)
     if lines[0].startswith("%YAML"):
         text = "\n" + (lines[1] if len(lines) > 1 else "")

@@ -62,7 +62,9 @@ def load_poses(path: str | os.PathLike[str], images: Sequence[str], camera: Came
     problems.raise_as(CalibrationError)
     found = {image: poses[image] for image in images if image in poses}
     if images and not found:
-        raise CalibrationError(f"{name}: no row names any of the {len(images)} images; names are relative, such as {images[0]!r}")
+        raise CalibrationError(
+            f"{name}: no row names any of the {len(images)} images; names are relative, such as {images[0]!r}"
+        )
     return MappingProxyType(found)
 
 
@@ -89,7 +91,7 @@ def load_pairs(path: str | os.PathLike[str], images: Sequence[str]) -> Mapping[s
         previous, current = row
         for image in row:
             if image not in known:
-                problems.add(f"{name}:{line}", f"{image!r} is not among the images; names are relative to the input folder")
+                problems.add(f"{name}:{line}", f"{image!r} is not among the images; names are relative to the input")
         if previous == current:
             problems.add(f"{name}:{line}", f"{current!r} is paired with itself; name another previous image")
         if current in pairs:
@@ -112,7 +114,8 @@ def _rows(text: str, name: str, header: list[str], problems: Problems) -> list[t
             if not row or row == [""]:
                 continue
             if len(row) != len(header):
-                problems.add(f"{name}:{reader.line_num}", f"{len(row)} columns, must be {len(header)}: {','.join(header)}")
+                text = f"{len(row)} columns, must be {len(header)}: {','.join(header)}"
+                problems.add(f"{name}:{reader.line_num}", text)
             else:
                 rows.append((reader.line_num, [cell.strip() for cell in row]))
     except csv.Error as error:
@@ -150,7 +153,7 @@ def _tum_poses(text: str, name: str, images: Sequence[str], problems: Problems) 
             problems.add(f"{name}:{number}", "qx qy qz qw: not a unit quaternion; check the order of the columns")
         rows.append((number, values))
     if not problems.lines and len(rows) != len(images):
-        problems.add(name, f"{len(rows)} poses for {len(images)} images; a TUM trajectory has one line per image in order")
+        problems.add(name, f"{len(rows)} poses for {len(images)} images; a TUM trajectory has one per image in order")
     if problems.lines:
         return {}
     return {image: _tum_pose(values) for image, (_, values) in zip(images, rows, strict=True)}

@@ -87,8 +87,7 @@ class UnifiedSphere:
         with np.errstate(invalid="ignore"):
             root = np.sqrt(1.0 + (1.0 - self.xi**2) * square)
             eta = (self.xi + root) / (square + 1.0)
-            ray = np.column_stack([plane * eta[:, None], eta - self.xi])
-        return ray
+            return np.column_stack([plane * eta[:, None], eta - self.xi])
 
     def project(self, points: Array) -> Array:
         """Pixels, shape (n, 2); NaN for directions the mirror does not show."""
@@ -186,7 +185,7 @@ def _solve(symmetric: Array, right: Array) -> Array:
     """Solve a symmetric 2x2 system per row."""
     xx, xy, yy = symmetric.T
     determinant = xx * yy - xy * xy
-    adjugate: Array = np.stack([yy * right[:, 0] - xy * right[:, 1], xx * right[:, 1] - xy * right[:, 0]], axis=1)
+    adjugate = np.stack([yy * right[:, 0] - xy * right[:, 1], xx * right[:, 1] - xy * right[:, 0]], axis=1)
     solution: Array = adjugate / determinant[:, None]
     return solution
 
@@ -304,8 +303,8 @@ class Polynomial:
         radius = np.hypot(right, down)
         ray = np.stack([right, down, -_horner(self.coefficients, radius)], axis=1)
         ray[~(radius <= self.limit)] = np.nan
-        unit: Array = ray / np.sqrt(np.sum(ray**2, axis=1, keepdims=True))
-        return unit
+        ray /= np.sqrt(np.sum(ray**2, axis=1, keepdims=True))
+        return ray
 
     def project(self, points: Array) -> Array:
         """Pixels, shape (n, 2); NaN for directions beyond ``limit``."""
@@ -323,7 +322,7 @@ class Polynomial:
         norm = np.hypot(across, depth)
         with np.errstate(invalid="ignore", divide="ignore"):
             side, ahead = across / norm, depth / norm
-        slope: Array = np.asarray(np.polynomial.polynomial.polyder(self.coefficients), dtype=np.float64)
+        slope = self.coefficients[1:] * np.arange(1, len(self.coefficients))
         low, high = np.zeros_like(side), np.full_like(side, self.limit)
         outside = ~(_horner(self.coefficients, high) * side + ahead * high >= -CLOSED * self.limit)
         radius = np.clip(-self.coefficients[0] * side / np.maximum(ahead, 0.2), low, high)
@@ -338,8 +337,8 @@ class Polynomial:
                 if done:
                     break
         radius[outside | (norm == 0)] = np.nan
-        root: Array = radius
-        return root
+        found: Array = radius
+        return found
 
 
 def polynomial_limit(coefficients: Array, farthest: float) -> float:

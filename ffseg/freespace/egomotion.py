@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Motion, Pose, relative_motion
+from ffseg.camera.motion import Motion, Origin, Pose, relative_motion
 from ffseg.freespace.ground import ground_grid, refine_on_ground, textured_points
-from ffseg.image.keypoints import Grey, Mask, plane_candidates
+from ffseg.image.keypoints import Array, Grey, Mask, plane_candidates
 from ffseg.image.planes import search_ground_motion
 
 POSE_TRANSLATION_SIGMA, POSE_ROTATION_SIGMA = 0.02, np.deg2rad(0.5)
@@ -95,14 +95,14 @@ def _with_poses(camera: Camera, images: tuple[Grey, Grey], poses: tuple[Pose, Po
     given = relative_motion(*poses)
     sigma = POSE_TRANSLATION_SIGMA * given.baseline
     given = Motion(given.rotation, given.translation, "poses", 0, sigma, POSE_ROTATION_SIGMA)
-    origin = "poses, refined on the ground"
+    origin: Origin = "poses, refined on the ground"
     refined = refine_on_ground(camera, given, current, previous, free, False, origin)
     if refined is None:
         refined = refine_on_ground(camera, given, current, previous, free, True, origin)
     if refined is None:
         if textured_points(camera, current, free) < MOST_TEXTURELESS:
             return PairMotion(given, _said(given))
-        return PairMotion(None, "no motion: the ground does not move as the poses say; check their order, units and theta")
+        return PairMotion(None, "no motion: the ground does not move as the poses say; check order, units and theta")
     shift = float(np.linalg.norm(refined.translation - given.translation))
     turn = _angle(refined.rotation.T @ given.rotation)
     if shift > SLACK_METRES + SLACK_TRANSLATION * sigma or turn > SLACK_ROTATION * POSE_ROTATION_SIGMA:
@@ -114,10 +114,10 @@ def _with_poses(camera: Camera, images: tuple[Grey, Grey], poses: tuple[Pose, Po
     return PairMotion(refined, _said(refined))
 
 
-def _angle(rotation: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
+def _angle(rotation: Array) -> float:
     """Angle of a rotation matrix, radians; the sine keeps small angles exact."""
-    sine = 0.5 * np.linalg.norm([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
-    return float(np.arctan2(sine, 0.5 * (np.trace(rotation) - 1.0)))
+    skew = rotation - rotation.T  # holds each of the three sines twice, doubled
+    return float(np.arctan2(np.linalg.norm(skew) / np.sqrt(8.0), 0.5 * (np.trace(rotation) - 1.0)))
 
 
 def _said(motion: Motion) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import MIN_INLIERS, Motion, Origin, fit_planar, ground_points, planar_motion
@@ -89,7 +88,8 @@ def ground_grid(camera: Camera, free: Mask) -> Array:
     rows, columns = np.nonzero(inside[first::GRID_STEP, first::GRID_STEP])
     points = np.stack([columns, rows], axis=1) * float(GRID_STEP) + first
     away = np.hypot(*(points - camera.center).T) > camera.robot_radius + CLEAR
-    return points[away]
+    kept: Array = points[away]
+    return kept
 
 
 def textured_points(camera: Camera, grey: Grey, free: Mask) -> int:
@@ -153,7 +153,7 @@ def _compose(prior: Motion, correction: Motion) -> Motion:
 
 
 def _back_on_ground(camera: Camera, motion: Motion, previous: Array) -> Array:
-    """Where previous pixels lie on the ground of the current camera if `motion` holds, levelled metres, shape (n, 2)."""
+    """Where previous pixels lie on the current camera's ground if `motion` holds: levelled metres, shape (n, 2)."""
     ways = camera.lift(previous) @ motion.rotation
     center = -motion.rotation.T @ motion.translation
     fall = -(ways @ camera.up)

@@ -14,7 +14,7 @@ from ffseg.camera.motion import Motion, Pose
 from ffseg.freespace.egomotion import pair_motion
 from ffseg.freespace.structural import ComponentVerdict, ImagePair, structural_test, untested
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.components import Component, contour_components, merged
+from ffseg.image.components import contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
 from ffseg.parameters import Parameters
 from ffseg.segmenters.base import Segmentation

@@ -14,7 +14,15 @@ from ffseg.camera.motion import Motion
 from ffseg.camera.triangulation import triangulate
 from ffseg.image.components import Component
 from ffseg.image.keypoints import (
-    Alignments, Array, Candidates, Grey, align_patches, harris_points, outline_points, patch_scores, plane_candidates,
+    Alignments,
+    Array,
+    Candidates,
+    Grey,
+    align_patches,
+    harris_points,
+    outline_points,
+    patch_scores,
+    plane_candidates,
 )  # fmt: skip
 
 Verdict = Literal["obstacle", "false_obstacle", "untested"]
@@ -114,9 +122,7 @@ class Matches:
     good: NDArray[np.bool_]
 
 
-def structural_test(
-    pair: ImagePair, components: Sequence[Component], epsilon: float
-) -> tuple[ComponentVerdict, ...]:
+def structural_test(pair: ImagePair, components: Sequence[Component], epsilon: float) -> tuple[ComponentVerdict, ...]:
     """Verdict on every component.
 
     Parameters
@@ -133,7 +139,7 @@ def structural_test(
     found again where flat paint would be. A box of which only the base was matched so stays an obstacle, and one wrong
     match neither merges a box nor keeps a mark.
     """
-    grown = [component.grown(GROWN, pair.current.shape) for component in components]  # type: ignore[arg-type]
+    grown = [component.grown(GROWN, (pair.current.shape[0], pair.current.shape[1])) for component in components]
     matches = match_corners(pair, grown, epsilon)
     flat, raised = outline_votes(pair, grown, epsilon)
     return tuple(
@@ -144,9 +150,7 @@ def structural_test(
 
 def untested(components: Sequence[Component]) -> tuple[ComponentVerdict, ...]:
     """Rows of components that nothing could be matched for."""
-    return tuple(
-        ComponentVerdict(c.index, c.area, *c.centroid, 0, float("nan"), "untested", 0, 0) for c in components
-    )
+    return tuple(ComponentVerdict(c.index, c.area, *c.centroid, 0, float("nan"), "untested", 0, 0) for c in components)
 
 
 def match_corners(pair: ImagePair, components: Sequence[Component], epsilon: float) -> Matches:
@@ -178,9 +182,7 @@ def _altitudes(mounting: float, epsilon: float) -> Array:
 
 def _sweep(pair: ImagePair, points: Array, epsilon: float) -> tuple[Candidates, NDArray[np.bool_]]:
     """Best candidate of each point over all altitudes, and whether no other place rivals it."""
-    candidates = plane_candidates(
-        pair.camera, pair.motion, points, _altitudes(pair.camera.mounting(), epsilon)
-    )
+    candidates = plane_candidates(pair.camera, pair.motion, points, _altitudes(pair.camera.mounting(), epsilon))
     scores = np.nan_to_num(patch_scores(pair.current, pair.previous, points, candidates, CORNER_RADIUS), nan=-1.0)
     best = np.argmax(scores, axis=1) if scores.size else np.zeros(len(points), np.intp)
     rows = np.arange(len(points))
@@ -205,12 +207,12 @@ def outline_votes(
     ground = plane_candidates(pair.camera, pair.motion, points, np.array([0.0, epsilon]))
     start = Candidates(ground.pixels[:, :1], ground.warps[:, :1])
     aligned = align_patches(pair.current, pair.previous, points, start, OUTLINE_RADIUS)
-    flat, raised = _judge(aligned, ground, epsilon)
+    flat, raised = _judge(aligned, ground)
     count = len(components)
     return np.bincount(owner[flat], minlength=count), np.bincount(owner[raised], minlength=count)
 
 
-def _judge(aligned: Alignments, ground: Candidates, epsilon: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _judge(aligned: Alignments, ground: Candidates) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     shift = aligned.pixels - ground.pixels[:, 0]
     parallax = ground.pixels[:, 1] - ground.pixels[:, 0]
     information = _with_floor(aligned.information)
@@ -235,14 +237,17 @@ MISS_GATE = 16.0
 def _with_floor(information: Array) -> Array:
     """Information of a shift whose variance is at least ``NOISE_PX**2`` in every direction."""
     values, vectors = np.linalg.eigh(np.nan_to_num(information))
-    bounded: Array = np.einsum("nij,nj,nkj->nik", vectors, 1.0 / (1.0 / np.maximum(values, 1e-9) + NOISE_PX**2), vectors)
+    variance = 1.0 / np.maximum(values, 1e-9) + NOISE_PX**2
+    bounded: Array = np.einsum("nij,nj,nkj->nik", vectors, 1.0 / variance, vectors)
     return bounded
 
 
 LEAST_FLAT = 4
 """Samples that must speak for the ground before anything is merged."""
+LOW_PER_HIGH = 5
+"""Corners surely on the ground that outweigh one found above it: one wrong match in six is what gates let through."""
 MOST_RAISED = 0.2
-"""Share of the speaking samples that may contradict: sensor noise and half-hidden edges, not the upper half of a box."""
+"""Share of the speaking samples that may contradict. Measured on rendered pairs: marks 0, boxes 0.57 and more."""
 
 
 def _verdict(
@@ -250,14 +255,13 @@ def _verdict(
 ) -> ComponentVerdict:
     own = matches.good & (matches.owner == place)
     altitude, sigma = matches.altitude[own], matches.altitude_sigma[own]
-    high = int(np.sum(altitude >= epsilon))
     flat, raised = votes
-    verdict: Verdict = "obstacle"
-    if not len(altitude):
-        verdict = "untested"
-    elif high == 0 or (high == 1 and len(altitude) >= 6):
-        if flat >= LEAST_FLAT and raised <= MOST_RAISED * (flat + raised):
-            verdict = "false_obstacle"
+    low = int(np.sum(altitude + CONFIDENT * sigma < epsilon))
+    high = int(np.sum(altitude >= epsilon))
+    verdict: Verdict = "obstacle" if len(altitude) else "untested"
+    on_ground = low > 0 and high * LOW_PER_HIGH <= low
+    if on_ground and flat >= LEAST_FLAT and raised <= MOST_RAISED * (flat + raised):
+        verdict = "false_obstacle"
     x, y = component.centroid
     highest = float(altitude.max()) if len(altitude) else float("nan")
     return ComponentVerdict(component.index, component.area, x, y, len(altitude), highest, verdict, flat, raised)

@@ -71,9 +71,7 @@ def component_of(index: int, mask: Mask) -> Component:
     return Component(index, (int(columns[0]), int(rows[0])), window.copy())
 
 
-def contour_components(
-    contours: Sequence[FreeForm], shape: tuple[int, int]
-) -> tuple[list[int], list[Component]]:
+def contour_components(contours: Sequence[FreeForm], shape: tuple[int, int]) -> tuple[list[int], list[Component]]:
     """Components enclosed by the inner contours (those of negative area).
 
     Returns

@@ -79,7 +79,8 @@ def _peak_offset(response: NDArray[np.float32], rows: NDArray[np.intp], columns:
         bend = after + before - 2.0 * middle
         with np.errstate(invalid="ignore", divide="ignore"):
             offsets.append(np.where(bend < 0, 0.5 * (before - after) / bend, 0.0))
-    return np.clip(np.stack(offsets, axis=1), -0.5, 0.5)
+    clipped: Array = np.clip(np.stack(offsets, axis=1), -0.5, 0.5)
+    return clipped
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -184,7 +184,8 @@ class _Caster:
         others = np.array([[1, 2], [0, 2], [0, 1]])[axis]
         surface = np.take_along_axis(point, others, axis=1)
         sticker = np.all(np.abs(surface / half[others] - [0.2, 0.1]) < [0.45, 0.35], axis=1) & (box.label_contrast > 0)
-        grey = np.array(box.greys)[face] + np.where(sticker, box.label_contrast * (1 if box.greys[0] < 128 else -1), 0.0)
+        contrast = box.label_contrast * (1.0 if box.greys[0] < 128 else -1.0)
+        grey = np.array(box.greys)[face] + contrast * sticker
         grey += self._faces(surface + 3.0 * (index + face)[:, None], near[met] * RADIANS_PER_PIXEL)
         hits.label[met] = FIRST_BOX + index
         hits.part[met] = ((FIRST_BOX + index) * 8 + face) * 2 + sticker

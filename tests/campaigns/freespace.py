@@ -144,8 +144,8 @@ def table(tallies: dict[str, Tally]) -> str:
         errors = tally.shift_errors or [float("nan")]
         lines.append(
             f"| {mode} | {tally.boxes_merged} of {tally.boxes} | {tally.marks_merged} of {tally.marks} "
-            f"({tally.marks_merged / max(1, tally.marks):.1%}) | {np.mean(tally.ious):.4f} (min {min(tally.ious):.4f}) | "
-            f"{max(errors):.2%} / {np.mean(errors):.2%} | {np.median(tally.ratios):.2f} |"
+            f"({tally.marks_merged / max(1, tally.marks):.1%}) | {np.mean(tally.ious):.4f} (min {min(tally.ious):.4f}) "
+            f"| {max(errors):.2%} / {np.mean(errors):.2%} | {np.median(tally.ratios):.2f} |"
         )
     return "\n".join(lines)
 

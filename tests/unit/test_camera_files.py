@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ffseg.camera import load_camera, load_pairs, load_poses
+from ffseg.camera import Camera, load_camera, load_pairs, load_poses
 from ffseg.camera.projections import Fisheye, Polynomial, UnifiedSphere
 from ffseg.errors import CalibrationError
 
@@ -71,7 +71,7 @@ def write(folder: Path, text: str, name: str = "camera.yaml") -> Path:
     return path
 
 
-def test_contract_file(tmp_path):
+def test_contract_file(tmp_path: Path) -> None:
     camera = load_camera(write(tmp_path, GOOD))
     assert isinstance(camera.projection, UnifiedSphere)
     assert (camera.width, camera.height, camera.center) == (800, 600, (399.5, 299.5))
@@ -79,14 +79,15 @@ def test_contract_file(tmp_path):
     assert (camera.mount_height, camera.robot_radius, camera.rim_radius) == (0.9, 46, 292)
 
 
-def test_omnidir_inline_with_skew(tmp_path):
-    text = "model: omnidir\nwidth: 1024\nheight: 768\nxi: 1.1\nK: [[282, -0.6, 516], [0, 281, 386], [0, 0, 1]]\nD: [0.1, 0, 0, 0]\n"
+def test_omnidir_inline_with_skew(tmp_path: Path) -> None:
+    text = "model: omnidir\nwidth: 1024\nheight: 768\nxi: 1.1\nD: [0.1, 0, 0, 0]\n"
+    text += "K: [[282, -0.6, 516], [0, 281, 386], [0, 0, 1]]\n"
     lens = load_camera(write(tmp_path, text)).projection
     assert isinstance(lens, UnifiedSphere)
     assert (lens.affine.skew, lens.distortion, lens.xi) == (-0.6, (0.1, 0, 0, 0), 1.1)
 
 
-def test_lens_files_beside_a_camera_file(tmp_path):
+def test_lens_files_beside_a_camera_file(tmp_path: Path) -> None:
     write(tmp_path, OCAM, "calib_results.txt")
     camera = load_camera(write(tmp_path, "model: ocam\nfile: calib_results.txt\nmount_height: 1.2\n"))
     assert isinstance(camera.projection, Polynomial)
@@ -96,7 +97,7 @@ def test_lens_files_beside_a_camera_file(tmp_path):
     assert isinstance(load_camera(write(tmp_path, "model: fisheye\nfile: lens.xml\n")).projection, Fisheye)
 
 
-def test_lens_files_read_directly_know_no_mounting(tmp_path):
+def test_lens_files_read_directly_know_no_mounting(tmp_path: Path) -> None:
     for text, kind in ((MATRIX_YAML, UnifiedSphere), (MATRIX_XML, Fisheye), (OCAM, Polynomial)):
         camera = load_camera(write(tmp_path, text))
         assert isinstance(camera.projection, kind)
@@ -124,11 +125,12 @@ BAD = {
     "huge width": (GOOD.replace("width: 800", "width: 99999999"), "width: 99999999 is not"),
     "short distortion": (GOOD.replace("[0, 0, 0, 0]", "[0, 0]"), "distortion"),
     "zero up": (GOOD.replace("[0, 0, -2]", "[0, 0, 0]"), "up: the vector has no direction"),
-    "rim inside robot": (GOOD.replace("rim_radius: 292", "rim_radius: 40"), "rim_radius: must be larger"),
+    "rim inside robot": (GOOD.replace("rim_radius: 292", "rim_radius: 40"), "rim_radius: must exceed"),
     "zero mount": (GOOD.replace("mount_height: 0.9", "mount_height: 0"), "mount_height: 0 is not"),
     "K and fx": (GOOD + "K: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n", "fx: given beside K"),
     "not a camera matrix": (
-        "model: omnidir\nwidth: 9\nheight: 9\nxi: 1\nK: [[1, 0, 0], [5, 1, 0], [0, 0, 1]]\n", "K: is not a camera matrix",
+        "model: omnidir\nwidth: 9\nheight: 9\nxi: 1\nK: [[1, 0, 0], [5, 1, 0], [0, 0, 1]]\n",
+        "K: is not a camera matrix",
     ),
     "ocam without file": ("model: ocam\n", "file: missing"),
     "file not there": ("model: ocam\nfile: nowhere.txt\n", "nowhere.txt: cannot be read"),
@@ -159,7 +161,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_hostile_camera_files_are_refused_by_file_and_key(name, tmp_path):
+def test_hostile_camera_files_are_refused_by_file_and_key(name: str, tmp_path: Path) -> None:
     text, said = BAD[name]
     path = write(tmp_path, text)
     with pytest.raises(CalibrationError, match=said) as caught:
@@ -167,7 +169,7 @@ def test_hostile_camera_files_are_refused_by_file_and_key(name, tmp_path):
     assert str(tmp_path) in str(caught.value)
 
 
-def test_missing_folder_and_binary_file(tmp_path):
+def test_missing_folder_and_binary_file(tmp_path: Path) -> None:
     for path in (tmp_path / "none.yaml", tmp_path):
         with pytest.raises(CalibrationError, match=r"cannot be read|not a regular file"):
             load_camera(path)
@@ -178,11 +180,11 @@ def test_missing_folder_and_binary_file(tmp_path):
 
 
 @pytest.fixture
-def camera(tmp_path):
+def camera(tmp_path: Path) -> Camera:
     return load_camera(write(tmp_path, GOOD))
 
 
-def test_csv_poses_are_found_by_name(tmp_path, camera):
+def test_csv_poses_are_found_by_name(tmp_path: Path, camera: Camera) -> None:
     path = write(tmp_path, "image,x,y,theta\nb.png,1,2,0.5\na.png,0,0,0\nother.png,9,9,9\n", "poses.csv")
     poses = load_poses(path, ["a.png", "b.png", "c.png"], camera)
     assert list(poses) == ["a.png", "b.png"]
@@ -191,7 +193,7 @@ def test_csv_poses_are_found_by_name(tmp_path, camera):
     assert direction == pytest.approx([np.cos(0.5), np.sin(0.5), 0])
 
 
-def test_tum_trajectory_in_image_order(tmp_path, camera):
+def test_tum_trajectory_in_image_order(tmp_path: Path, camera: Camera) -> None:
     half = np.sqrt(0.5)
     path = write(tmp_path, f"# t\n1.0 1 2 3 0 0 0 1\n2.0 1 2 3 0 0 {half} {half}\n", "traj.txt")
     poses = load_poses(path, ["a", "b"], camera)
@@ -216,13 +218,13 @@ BAD_POSES = {
 
 
 @pytest.mark.parametrize("name", BAD_POSES)
-def test_bad_poses_are_refused_by_line(name, tmp_path, camera):
+def test_bad_poses_are_refused_by_line(name: str, tmp_path: Path, camera: Camera) -> None:
     text, said = BAD_POSES[name]
     with pytest.raises(CalibrationError, match=said):
         load_poses(write(tmp_path, text, "poses"), ["a", "b"], camera)
 
 
-def test_pairs(tmp_path):
+def test_pairs(tmp_path: Path) -> None:
     images = ["a", "b", "c"]
     assert dict(load_pairs(write(tmp_path, "previous,current\na,c\n"), images)) == {"c": "a"}
     for text, said in (

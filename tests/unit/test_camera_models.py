@@ -32,7 +32,7 @@ def whole_image(width: int, height: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_project_undoes_lift_over_the_whole_image(name):
+def test_project_undoes_lift_over_the_whole_image(name: str) -> None:
     model, width, height = MODELS[name]
     pixels = whole_image(width, height)
     rays = model.lift(pixels)
@@ -44,7 +44,7 @@ def test_project_undoes_lift_over_the_whole_image(name):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_lift_undoes_project(name):
+def test_lift_undoes_project(name: str) -> None:
     rng = np.random.default_rng(3)
     model, _, _ = MODELS[name]
     points = rng.normal(size=(4000, 3)) * rng.uniform(0.1, 50, (4000, 1))
@@ -57,11 +57,11 @@ def test_lift_undoes_project(name):
 
 
 @pytest.mark.parametrize("name", ["unified", "distorted", "folding", "pinhole"])
-def test_sphere_agrees_with_its_twin(name):
+def test_sphere_agrees_with_its_twin(name: str) -> None:
     rng = np.random.default_rng(4)
     model, _, _ = MODELS[name]
     assert isinstance(model, UnifiedSphere)
-    points = rng.normal(size=(50, 3)) + [0, 0, 2.5]
+    points = rng.normal(size=(50, 3)) + np.array([0, 0, 2.5])
     k = model.affine
     for point, pixel in zip(points, model.project(points), strict=True):
         if not np.isnan(pixel).any():
@@ -69,9 +69,9 @@ def test_sphere_agrees_with_its_twin(name):
             assert pixel == pytest.approx(twin, abs=1e-9)
 
 
-def test_fisheye_agrees_with_opencv():
+def test_fisheye_agrees_with_opencv() -> None:
     rng = np.random.default_rng(5)
-    points = rng.normal(size=(60, 1, 3)) + [0, 0, 3.0]
+    points = rng.normal(size=(60, 1, 3)) + np.array([0, 0, 3.0])
     points = points[points[:, 0, 2] > 0.2]
     k = np.array([[230, 0.0, 399.5], [0, 231, 299.5], [0, 0, 1]])
     d = np.array([0.02, -0.01, 1e-3, 5e-4])
@@ -80,13 +80,13 @@ def test_fisheye_agrees_with_opencv():
     assert model.project(points[:, 0]) == pytest.approx(expected[:, 0], abs=1e-9)
 
 
-def test_ocam_agrees_with_its_twin_in_the_contracts_axes():
+def test_ocam_agrees_with_its_twin_in_the_contracts_axes() -> None:
     for column, row in ((10.0, 400.0), (385.0, 240.0), (700.0, 20.0)):
         down, right, away = naive_camera.ocam_lift(column, row, COEFFICIENTS, OCAM.center, OCAM.affine)
         assert OCAM.lift(np.array([[column, row]]))[0] == pytest.approx([right, down, -away], abs=1e-12)
 
 
-def test_directions_that_are_not_shown_have_no_pixel():
+def test_directions_that_are_not_shown_have_no_pixel() -> None:
     sphere = MODELS["unified"][0]
     assert np.isnan(sphere.project(np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0]]))).all()
     assert np.isnan(MODELS["equidistant"][0].project(np.array([[0.0, 0.0, -1.0]]))).all()
@@ -94,7 +94,7 @@ def test_directions_that_are_not_shown_have_no_pixel():
     assert not np.isnan(OCAM.project(np.array([[0.0, 0.0, 1.0]]))).any()
 
 
-def test_camera_geometry_of_a_tilted_camera():
+def test_camera_geometry_of_a_tilted_camera() -> None:
     up = np.array([0.1, -0.2, -1.0])
     camera = Camera(MODELS["unified"][0], 800, 600, (399.5, 299.5), 0.9, up / np.linalg.norm(up), 46, 292)
     assert camera.level() @ camera.up == pytest.approx([0, 0, -1], abs=1e-15)
@@ -105,7 +105,7 @@ def test_camera_geometry_of_a_tilted_camera():
     assert camera.altitude(np.zeros(3)) == pytest.approx(0.9)
 
 
-def test_domain_is_the_disc_inside_the_rim():
+def test_domain_is_the_disc_inside_the_rim() -> None:
     camera = Camera(MODELS["unified"][0], 800, 600, (399.5, 299.5), rim_radius=292.0)
     domain = camera.domain()
     assert domain[299, 399]

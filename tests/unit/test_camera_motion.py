@@ -32,7 +32,7 @@ def tilted() -> Camera:
     return Camera(LENS, 800, 600, (399.5, 299.5), 0.9, up / np.linalg.norm(up))
 
 
-def test_relative_motion_agrees_with_matrices():
+def test_relative_motion_agrees_with_matrices() -> None:
     random = np.random.default_rng(1)
     camera = tilted()
     first, second = planar_pose(camera, 1.0, 2.0, 0.3), planar_pose(camera, -0.5, 2.2, -2.0)
@@ -46,20 +46,20 @@ def test_relative_motion_agrees_with_matrices():
     assert motion.baseline == pytest.approx(np.hypot(1.5, 0.2))
 
 
-def test_planar_parameters_undo_planar_motion():
+def test_planar_parameters_undo_planar_motion() -> None:
     camera = tilted()
     motion = planar_motion(camera, np.array([0.2, -0.1, 0.4]), "ground points", 9, (0.0, 0.0))
     assert planar_parameters(camera, motion) == pytest.approx([0.2, -0.1, 0.4], abs=1e-12)
 
 
-def test_contracts_pose_convention():
+def test_contracts_pose_convention() -> None:
     pose = planar_pose(sample_camera(), 0.0, 0.0, 0.7)
     dx, dy = 0.3, -0.4
     c, s = np.cos(0.7), np.sin(0.7)
     assert (pose.rotation @ [dx, dy, 0.0])[:2] == pytest.approx([c * dx - s * dy, s * dx + c * dy])
 
 
-def test_ransac_finds_the_motion_under_half_outliers():
+def test_ransac_finds_the_motion_under_half_outliers() -> None:
     random = np.random.default_rng(2)
     current = random.uniform(-2, 2, (120, 2))
     turn = np.array([[np.cos(0.2), -np.sin(0.2)], [np.sin(0.2), np.cos(0.2)]])
@@ -72,14 +72,14 @@ def test_ransac_finds_the_motion_under_half_outliers():
     assert fit.inliers[:60].sum() <= 2
 
 
-def test_ransac_refuses_what_does_not_agree():
+def test_ransac_refuses_what_does_not_agree() -> None:
     random = np.random.default_rng(3)
     current, previous = random.uniform(-2, 2, (2, 60, 2))
     assert fit_planar(current, previous, np.full(60, 0.004)) is None
     assert fit_planar(current[:4], current[:4], np.full(4, 0.1)) is None
 
 
-def test_triangulation_is_exact_without_noise():
+def test_triangulation_is_exact_without_noise() -> None:
     random = np.random.default_rng(4)
     camera = tilted()
     motion = planar_motion(camera, np.array([0.3, 0.1, 0.4]), "ground points", 0, (0.0, 0.0))
@@ -95,7 +95,7 @@ def test_triangulation_is_exact_without_noise():
     assert found.epipolar.max() < 1e-9
 
 
-def test_triangulation_says_its_uncertainty():
+def test_triangulation_says_its_uncertainty() -> None:
     random = np.random.default_rng(5)
     camera = sample_camera()
     motion = planar_motion(camera, np.array([0.25, 0.0, 0.1]), "poses", 0, (0.0, 0.0))
@@ -108,7 +108,7 @@ def test_triangulation_says_its_uncertainty():
     assert many.altitude.std() == pytest.approx(one.altitude_sigma[0], rel=0.05)
 
 
-def test_rays_that_meet_behind_have_no_point():
+def test_rays_that_meet_behind_have_no_point() -> None:
     camera = sample_camera()
     motion = planar_motion(camera, np.array([0.25, 0.0, 0.0]), "poses", 0, (0.0, 0.0))
     point = np.array([[0.9, 0.7, 0.6]])
@@ -118,7 +118,7 @@ def test_rays_that_meet_behind_have_no_point():
     assert np.isnan(triangulate(camera, still, current, current, 0.2).altitude).all()
 
 
-def test_ground_points_of_a_tilted_camera_lie_on_the_ground():
+def test_ground_points_of_a_tilted_camera_lie_on_the_ground() -> None:
     camera = tilted()
     ground = ground_points(camera, np.array([[300.0, 250.0], [520.0, 420.0]]))
     back = camera.project(np.column_stack([ground, [0.9, 0.9]]) @ camera.level())
@@ -134,7 +134,7 @@ BOARDS = {
 
 
 @pytest.mark.parametrize("name", BOARDS)
-def test_real_boards(name):
+def test_real_boards(name: str) -> None:
     data = json.loads((shared_data("omni_boards") / name).read_text())
     k, (width, height) = data["K"], data["size"]
     lens = UnifiedSphere(Affine(k[0][0], k[1][1], k[0][2], k[1][2], k[0][1]), data["xi"], tuple(data["D"]))
@@ -153,13 +153,11 @@ def test_real_boards(name):
                 assert _grid_error(camera, first, second, spacing) < 0.03
 
 
-def _grid_error(camera: Camera, first: dict, second: dict, spacing: float) -> float:
+def _grid_error(camera: Camera, first: dict[str, list[float]], second: dict[str, list[float]], spacing: float) -> float:
     """Median error of the triangulated distances between grid neighbours, relative."""
     one, two = (naive_camera.homogeneous(np.array(i["R"]), np.array(i["t"])) for i in (first, second))
     between = two @ np.linalg.inv(one)
-    motion = relative_motion(
-        Pose(between[:3, :3].T, -between[:3, :3].T @ between[:3, 3]), Pose(np.eye(3), np.zeros(3))
-    )
+    motion = relative_motion(Pose(between[:3, :3].T, -between[:3, :3].T @ between[:3, 3]), Pose(np.eye(3), np.zeros(3)))
     found = triangulate(camera, motion, np.array(first["corner_px"]), np.array(second["corner_px"]), 0.3).points
     board = np.array(first["board_mm"])
     apart = np.linalg.norm(board[:, None] - board, axis=2)

@@ -1,0 +1,262 @@
+"""Patches, corners, rendering and the structural test on rendered pairs."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import pytest
+
+from ffseg.camera.motion import planar_parameters, relative_motion
+from ffseg.errors import CalibrationError
+from ffseg.freespace.egomotion import pair_motion
+from ffseg.freespace.ground import refine_on_ground
+from ffseg.freespace.sequence import Sequence, free_space, segment_view
+from ffseg.freespace.structural import ImagePair, structural_test
+from ffseg.image.components import component_of
+from ffseg.image.keypoints import Candidates, align_patches, harris_points, patch_scores, plane_candidates
+from ffseg.image.planes import search_ground_motion
+from ffseg.native import _core
+from ffseg.parameters import load_params
+from ffseg.rendering import RenderedPair, render_pair
+from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL
+from tests import naive_camera
+from tests.campaigns.freespace import run, true_poses
+
+EPSILON = 0.08
+
+
+@lru_cache(maxsize=4)
+def pair(seed: int) -> RenderedPair:
+    return render_pair(seed)
+
+
+def smooth_image(seed: int, shape: tuple[int, int] = (120, 140)) -> np.ndarray:
+    noise = np.random.default_rng(seed).uniform(0, 255, shape)
+    return cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 2.5), None, 10, 245, cv2.NORM_MINMAX).astype(np.uint8)
+
+
+def unit_warps(points: np.ndarray) -> Candidates:
+    return Candidates(points[:, None].copy(), np.tile([1.0, 0.0, 0.0, 1.0], (len(points), 1, 1)))
+
+
+def test_patch_scores_agree_with_their_twin() -> None:
+    random = np.random.default_rng(1)
+    current, previous = smooth_image(1), smooth_image(2)
+    points = random.uniform(20, 100, (12, 2))
+    places = random.uniform(20, 100, (12, 5, 2))
+    warps = np.array([1.0, 0, 0, 1]) + random.uniform(-0.3, 0.3, (12, 5, 4))
+    scores = patch_scores(current, previous, points, Candidates(places, warps), 4)
+    for i in range(12):
+        reference = naive_camera.patch(current, points[i], [1, 0, 0, 1], 4)
+        for j in range(5):
+            twin = naive_camera.correlation(reference, naive_camera.patch(previous, places[i, j], warps[i, j], 4))
+            assert scores[i, j] == pytest.approx(twin, abs=1e-9)
+
+
+def test_patches_that_leave_an_image_have_no_score() -> None:
+    image = smooth_image(3)
+    points = np.array([[2.0, 60.0], [60.0, 60.0], [60.0, 60.0]])
+    places = np.array([[60.0, 60.0], [137.0, 60.0], [np.nan, np.inf]])[:, None]
+    scores = patch_scores(image, image, points, Candidates(places, unit_warps(points).warps), 4)
+    assert np.isnan(scores).all()
+    assert np.isnan(align_patches(image, image, points, Candidates(places, unit_warps(points).warps), 4).score).all()
+
+
+def test_alignment_finds_a_known_warp_to_a_twentieth_of_a_pixel() -> None:
+    current = smooth_image(4)
+    warp = np.array([[1.08, -0.1, 3.3], [0.06, 0.95, -2.6]])
+    previous = cv2.warpAffine(current, warp, (140, 120), flags=cv2.INTER_CUBIC)
+    points = np.random.default_rng(5).uniform(30, 90, (40, 2))
+    truth = points @ warp[:, :2].T + warp[:, 2]
+    start = Candidates((truth + np.array([1.2, -0.9]))[:, None], np.tile(warp[:, :2].ravel(), (40, 1, 1)))
+    brighter = cv2.convertScaleAbs(previous, alpha=0.8, beta=20)
+    found = align_patches(current, brighter, points, start, 5)
+    error = found.pixels - truth
+    # The warped image is itself placed in steps of 1/32 px and rounded to 8 bits.
+    assert np.median(np.hypot(*error.T)) < 0.05
+    # What an alignment says of its certainty holds: five standard deviations of two coordinates.
+    assert np.einsum("ni,nij,nj->n", error, found.information, error).max() < 25
+    assert found.score.min() > 0.99
+
+
+def test_alignment_does_not_slide_along_an_edge() -> None:
+    image = np.full((80, 80), 60, np.uint8)
+    image[:, 40:] = 180
+    image = cv2.GaussianBlur(image, (0, 0), 1.0)
+    noisy = cv2.add(image, np.random.default_rng(6).integers(0, 4, (80, 80)).astype(np.uint8))
+    points = np.array([[39.5, 40.0]])
+    start = unit_warps(points)
+    start.pixels[0, 0] = [40.7, 44.0]
+    found = align_patches(noisy, image, points, start, 4)
+    assert found.pixels[0] == pytest.approx([39.5, 44.0], abs=0.1)
+    values = np.linalg.eigvalsh(found.information[0])
+    assert values[0] < 1e-9 * values[1]
+
+
+def test_native_borders_refuse_arrays_that_differ() -> None:
+    image, two = np.zeros((20, 20), np.uint8), np.zeros((3, 2))
+    with pytest.raises(ValueError, match="differ in size"):
+        _core.patch_scores(image, image, two, np.zeros((3, 3)), np.zeros((3, 4)), 3, np.zeros((3, 1)))
+    with pytest.raises(ValueError, match="radius"):
+        _core.align_patches(image, image, two, two, np.zeros((3, 4)), 0, 3, np.zeros((3, 7)))
+    with pytest.raises(ValueError, match="pixels a side"):
+        _core.align_patches(np.zeros((1, 9), np.uint8), image, two, two, np.zeros((3, 4)), 3, 3, np.zeros((3, 7)))
+
+
+def test_harris_finds_the_corners_of_a_square() -> None:
+    image = np.full((60, 60), 50, np.uint8)
+    image[20:40, 15:45] = 200
+    points = harris_points(image, np.ones((40, 50), np.bool_), (5, 8), 10)
+    expected = np.array([[14.5, 19.5], [44.5, 19.5], [14.5, 39.5], [44.5, 39.5]])
+    assert len(points) == 4
+    for corner in expected:
+        # The operator's window pulls a corner inward by about a pixel.
+        assert np.hypot(*(points - corner).T).min() < 1.5
+
+
+def test_plane_candidates_follow_points_of_that_altitude() -> None:
+    rendered = pair(1)
+    motion = relative_motion(*true_poses(rendered))
+    pixels = np.array([[500.0, 330.0], [300.0, 200.0]])
+    altitudes = np.array([0.0, 0.3])
+    found = plane_candidates(rendered.camera, motion, pixels, altitudes)
+    for j, altitude in enumerate(altitudes):
+        points = rendered.camera.meet_plane(rendered.camera.lift(pixels), altitude)
+        assert found.pixels[:, j] == pytest.approx(rendered.camera.project(motion.apply(points)), abs=1e-9)
+        step = rendered.camera.meet_plane(rendered.camera.lift(pixels + np.array([1.0, 0.0])), altitude)
+        moved = rendered.camera.project(motion.apply(step))
+        assert found.warps[:, j, [0, 2]] == pytest.approx(moved - found.pixels[:, j], abs=1e-9)
+
+
+def test_rendering_is_the_same_every_time_and_its_truth_is_connected() -> None:
+    first, second = pair(2), render_pair(2)
+    assert np.array_equal(first.current.image, second.current.image)
+    assert np.array_equal(first.previous.image, second.previous.image)
+    twin = naive_camera.free_ground(first.current.labels, first.camera.center, first.camera.robot_radius)
+    assert np.array_equal(first.current.truth, twin)
+    assert not np.array_equal(first.current.image, pair(1).current.image)
+
+
+def test_labels_agree_with_the_scenes_geometry() -> None:
+    rendered = pair(1)
+    camera, labels = rendered.camera, rendered.current.labels
+    _, current = true_poses(rendered)
+    assert (labels[~camera.domain()] == -1).all()
+    for index, mark in enumerate(rendered.scene.marks):
+        middle = np.append(mark.outline.mean(axis=0), 0.0) - current.position
+        x, y = camera.project((current.rotation.T @ middle + [0, 0, camera.mounting()])[None])[0]
+        assert labels[round(y), round(x)] == 1 + index
+    for index, box in enumerate(rendered.scene.boxes):
+        middle = np.append(box.center, 0.0) - current.position
+        top = current.rotation.T @ middle + [0, 0, camera.mounting() - box.height]
+        x, y = camera.project(top[None])[0]
+        assert labels[round(y), round(x)] == FIRST_BOX + index
+
+
+@pytest.mark.parametrize("seed", [3, 8])
+def test_marks_are_paint_and_boxes_are_not(seed: int) -> None:
+    rendered = pair(seed)
+    labels = [int(label) for label in np.unique(rendered.current.labels) if 1 <= label < FIRST_WALL]
+    components = [component_of(i, rendered.current.labels == label) for i, label in enumerate(labels)]
+    motion = relative_motion(*true_poses(rendered))
+    rows = structural_test(
+        ImagePair(rendered.current.image, rendered.previous.image, rendered.camera, motion), components, EPSILON
+    )
+    for label, row in zip(labels, rows, strict=True):
+        assert row.verdict == ("obstacle" if label >= FIRST_BOX else "false_obstacle"), (label, row)
+        if label >= FIRST_BOX and row.max_altitude_m > EPSILON:
+            # Corners lie below the top, or on it; 0.03 m is three standard deviations of the worst of them.
+            assert row.max_altitude_m < rendered.scene.boxes[label - FIRST_BOX].height + 0.03
+
+
+def test_ground_motion_from_nothing_is_the_true_one() -> None:
+    rendered = pair(3)
+    free = rendered.current.truth & (rendered.current.labels <= 0)
+    images = rendered.current.image, rendered.previous.image
+    rough = search_ground_motion(rendered.camera, *images, free)
+    assert rough is not None
+    found = refine_on_ground(rendered.camera, rough, *images, free, True, "ground points")
+    assert found is not None
+    true = planar_parameters(rendered.camera, relative_motion(*true_poses(rendered)))
+    error = planar_parameters(rendered.camera, found) - true
+    # Five of its own standard deviations: it says what it does not know.
+    assert np.abs(error[:2]).max() < 5 * found.translation_sigma
+    assert abs(error[2]) < 5 * found.rotation_sigma
+    assert found.inliers > 60
+
+
+def test_poses_that_the_ground_contradicts_are_not_believed() -> None:
+    rendered = pair(3)
+    free = rendered.current.truth & (rendered.current.labels <= 0)
+    previous, current = true_poses(rendered)
+    images = (rendered.previous.image, rendered.current.image)
+    for scale in (1.5, 10.0):
+        wrong = type(previous)(previous.rotation, scale * previous.position)
+        found = pair_motion(rendered.camera, images, (wrong, current), free, EPSILON)
+        assert found.motion is None
+        assert "poses" in found.note
+
+
+def test_bare_ground_leaves_the_poses_as_they_are() -> None:
+    rendered = pair(3)
+    flat = np.full_like(rendered.current.image, 120)
+    free = rendered.current.truth & (rendered.current.labels <= 0)
+    found = pair_motion(rendered.camera, (flat, flat), true_poses(rendered), free, EPSILON)
+    assert found.motion is not None
+    assert found.motion.origin == "poses"
+    assert pair_motion(rendered.camera, (flat, flat), None, free, EPSILON).motion is None
+
+
+def test_a_pair_without_baseline_is_degenerate() -> None:
+    rendered = pair(3)
+    _, current = true_poses(rendered)
+    images = (rendered.current.image, rendered.current.image)
+    free = rendered.current.truth & (rendered.current.labels <= 0)
+    for poses in ((current, current), None):
+        found = pair_motion(rendered.camera, images, poses, free, EPSILON)
+        assert found.motion is None
+        assert "degenerate" in found.note
+
+
+def test_sequence_gives_what_the_pure_steps_give() -> None:
+    rendered = pair(1)
+    params = load_params()
+    sequence = Sequence(rendered.camera, params)
+    previous, current = true_poses(rendered)
+    first = sequence.feed(rendered.previous.image, previous)
+    assert {row.verdict for row in first.components} == {"untested"}
+    assert "first image" in first.note
+    second = sequence.feed(rendered.current.image, current)
+    found = segment_view(rendered.current.image, rendered.camera, params)
+    pure = free_space(
+        rendered.current.image, found, rendered.previous.image, rendered.camera, EPSILON, (previous, current)
+    )
+    assert np.array_equal(second.mask, pure.mask)
+    assert second.components == pure.components
+    assert len(second.contours) + len(second.merged_contours) == len(found.contours)
+    assert (second.mask >= found.mask).all()
+
+
+def test_an_image_of_another_size_is_refused_by_both_sizes() -> None:
+    sequence = Sequence(pair(1).camera, load_params())
+    with pytest.raises(CalibrationError, match="640x480, the camera file says 800x600"):
+        sequence.feed(np.zeros((480, 640), np.uint8))
+
+
+def test_short_campaign() -> None:
+    tallies = run(range(30, 32), load_params())
+    for mode, tally in tallies.items():
+        assert tally.boxes_merged == 0, (mode, tally.misses)
+        assert tally.marks_merged == tally.marks, (mode, tally.misses)
+        assert np.mean(tally.ious) >= 0.985
+        assert max(tally.shift_errors) <= 0.05
+
+
+def test_unrelated_grounds_have_no_motion() -> None:
+    first, second = pair(1), pair(3)
+    images = (second.previous.image, first.current.image)
+    found = pair_motion(first.camera, images, None, first.current.truth, EPSILON)
+    assert found.motion is None
+    assert "no motion" in found.note
