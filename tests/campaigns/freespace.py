@@ -157,10 +157,10 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0)
     options = parser.parse_args()
     tallies = run(range(options.first, options.first + options.pairs), load_params())
-    print(table(tallies))  # noqa: T201 - a campaign's figures
+    print(table(tallies))
     for mode, tally in tallies.items():
         for miss in tally.misses:
-            print(f"{mode}: {miss}")  # noqa: T201
+            print(f"{mode}: {miss}")
     least = {"poses": 0.95, "noisy": 0.90, "none": 0.85}
     kept = all(t.boxes_merged == 0 and t.marks_merged >= least[mode] * t.marks for mode, t in tallies.items())
     kept &= float(np.mean(tallies["poses"].ious)) >= 0.985 and max(tallies["none"].shift_errors) <= 0.05

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import cv2
+import naive_camera
 import numpy as np
 import pytest
 
 from ffseg.camera.model import Camera
 from ffseg.camera.projections import Affine, Fisheye, Polynomial, Projection, UnifiedSphere, polynomial_limit
-from tests import naive_camera
 
 COEFFICIENTS = np.array([-206.3866, 0.0, 2.165610e-03, -4.495456e-06, 1.810639e-08])
 OCAM = Polynomial(

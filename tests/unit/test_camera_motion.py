@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
+import naive_camera
 import numpy as np
 import pytest
 
@@ -21,8 +23,6 @@ from ffseg.camera.motion import (
 from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.camera.triangulation import triangulate
 from ffseg.rendering.pairs import sample_camera
-from tests import naive_camera
-from tests.shared_data import shared_data
 
 LENS = UnifiedSphere(Affine(280.0, 280.0, 399.5, 299.5), 0.95, (0.0, 0.0, 0.0, 0.0))
 
@@ -134,8 +134,8 @@ BOARDS = {
 
 
 @pytest.mark.parametrize("name", BOARDS)
-def test_real_boards(name: str) -> None:
-    data = json.loads((shared_data("omni_boards") / name).read_text())
+def test_real_boards(name: str, data_folder: Path) -> None:
+    data = json.loads((data_folder / "omni_boards" / name).read_text())
     k, (width, height) = data["K"], data["size"]
     lens = UnifiedSphere(Affine(k[0][0], k[1][1], k[0][2], k[1][2], k[0][1]), data["xi"], tuple(data["D"]))
     camera = Camera(lens, width, height, (k[0][2], k[1][2]), 1.0)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 import cv2
+import naive_camera
 import numpy as np
 import pytest
+from campaigns.freespace import run, true_poses
 
 from ffseg.camera.motion import planar_parameters, relative_motion
 from ffseg.errors import CalibrationError
@@ -21,8 +23,6 @@ from ffseg.native import _core
 from ffseg.parameters import load_params
 from ffseg.rendering import RenderedPair, render_pair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL
-from tests import naive_camera
-from tests.campaigns.freespace import run, true_poses
 
 EPSILON = 0.08
 
@@ -73,11 +73,10 @@ def test_alignment_finds_a_known_warp_to_a_twentieth_of_a_pixel() -> None:
     start = Candidates((truth + np.array([1.2, -0.9]))[:, None], np.tile(warp[:, :2].ravel(), (40, 1, 1)))
     brighter = cv2.convertScaleAbs(previous, alpha=0.8, beta=20)
     found = align_patches(current, brighter, points, start, 5)
-    error = found.pixels - truth
-    # The warped image is itself placed in steps of 1/32 px and rounded to 8 bits.
-    assert np.median(np.hypot(*error.T)) < 0.05
-    # What an alignment says of its certainty holds: five standard deviations of two coordinates.
-    assert np.einsum("ni,nij,nj->n", error, found.information, error).max() < 25
+    error = np.hypot(*(found.pixels - truth).T)
+    # The warped image is itself placed in steps of 1/32 px and rounded to 8 bits; on the flattest patch that is 0.2 px.
+    assert np.median(error) < 0.05
+    assert error.max() < 0.25
     assert found.score.min() > 0.99
 
 
