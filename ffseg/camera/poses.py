@@ -7,7 +7,6 @@ import io
 import math
 import os
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 
 import numpy as np
 
@@ -65,7 +64,7 @@ def load_poses(path: str | os.PathLike[str], images: Sequence[str], camera: Came
         raise CalibrationError(
             f"{name}: no row names any of the {len(images)} images; names are relative, such as {images[0]!r}"
         )
-    return MappingProxyType(found)
+    return found
 
 
 def load_pairs(path: str | os.PathLike[str], images: Sequence[str]) -> Mapping[str, str]:
@@ -98,7 +97,7 @@ def load_pairs(path: str | os.PathLike[str], images: Sequence[str]) -> Mapping[s
             problems.add(f"{name}:{line}", f"{current!r} has a previous image already; keep one row")
         pairs[current] = previous
     problems.raise_as(CalibrationError)
-    return MappingProxyType(pairs)
+    return pairs
 
 
 def _rows(text: str, name: str, header: list[str], problems: Problems) -> list[tuple[int, list[str]]]:

@@ -1,0 +1,89 @@
+"""What a run over views needs: pairing, rows, overlays, and values that can be sent to a worker."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ffseg.batch.views import (
+    Views,
+    load_views,
+    merged_segmentation,
+    neighbours,
+    obstacle_rows,
+    overlay_lines,
+    view_frame,
+)
+from ffseg.errors import CalibrationError
+from ffseg.parameters import load_params
+from ffseg.rendering import render_pair
+
+CAMERA = """
+model: unified
+width: 800
+height: 600
+xi: 0.95
+fx: 280
+fy: 280
+cx: 399.5
+cy: 299.5
+mount_height: 0.9
+robot_radius: 46
+rim_radius: 292
+"""
+
+
+def test_neighbours_follow_within_their_folder() -> None:
+    names = ["a/1.png", "b/1.png", "a/2.png", "b/2.png", "a/3.png", "c.png"]
+    assert neighbours(names) == {"a/2.png": "a/1.png", "b/2.png": "b/1.png", "a/3.png": "a/2.png"}
+
+
+def files(folder: Path) -> tuple[str, str]:
+    pair = render_pair(4)
+    (folder / "camera.yaml").write_text(CAMERA)
+    rows = [f"{name},{x!r},{y!r},{t!r}" for name, (x, y, t) in zip(("0.png", "1.png"), pair.poses, strict=True)]
+    (folder / "poses.csv").write_text("image,x,y,theta\n" + "\n".join(rows) + "\n")
+    return str(folder / "camera.yaml"), str(folder / "poses.csv")
+
+
+def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
+    camera, poses = files(tmp_path)
+    views: Views = pickle.loads(pickle.dumps(load_views(camera, poses, None, ["0.png", "1.png"])))
+    pair = render_pair(4)
+    frame = view_frame(pair.current.image, pair.previous.image, "1.png", views, load_params())
+    rows = obstacle_rows("1.png", frame)
+    assert {row["verdict"] for row in rows} == {"obstacle", "false_obstacle"}
+    assert all(
+        row["max_altitude_m"] == pytest.approx(0, abs=0.08) for row in rows if row["verdict"] == "false_obstacle"
+    )
+    merged = merged_segmentation(frame)
+    assert (merged.mask & pair.current.truth).sum() / (merged.mask | pair.current.truth).sum() > 0.985
+    lines = overlay_lines(frame, 0.1)
+    assert {line.kind for line in lines} == {"outer", "obstacle", "false"}
+    first = view_frame(pair.previous.image, None, "0.png", views, load_params())
+    assert {row["verdict"] for row in obstacle_rows("0.png", first)} == {"untested"}
+    assert {row["max_altitude_m"] for row in obstacle_rows("0.png", first)} == {""}
+
+
+def test_missing_pose_rows_leave_the_motion_to_the_ground(tmp_path: Path) -> None:
+    camera, poses = files(tmp_path)
+    views = load_views(camera, poses, None, ["0.png", "1.png", "2.png"])
+    assert views.pair_poses("1.png") is not None
+    assert views.pair_poses("2.png") is None
+    assert views.pair_poses("0.png") is None
+
+
+def test_a_camera_without_mounting_is_refused_before_the_run(tmp_path: Path) -> None:
+    (tmp_path / "camera.yaml").write_text(CAMERA.replace("mount_height: 0.9\n", ""))
+    with pytest.raises(CalibrationError, match="mount_height"):
+        load_views(str(tmp_path / "camera.yaml"), None, None, ["0.png"])
+
+
+def test_another_size_is_refused(tmp_path: Path) -> None:
+    camera, _ = files(tmp_path)
+    views = load_views(camera, None, None, ["0.png"])
+    with pytest.raises(CalibrationError, match="9x8, the camera file says 800x600"):
+        view_frame(np.zeros((8, 9), np.uint8), None, "0.png", views, load_params())
