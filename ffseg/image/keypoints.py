@@ -70,16 +70,17 @@ def _harris_response(grey: Grey, shape: tuple[int, ...], origin: tuple[int, int]
 
 def _peak_offset(response: NDArray[np.float32], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Array:
     """Vertex of the parabola through a peak and its neighbours, per axis, within half a pixel; shape (n, 2)."""
-    padded = np.pad(response, 1, mode="edge").astype(np.float64)
-    y, x = rows + 1, columns + 1
-    middle = padded[y, x]
-    offsets = []
-    for dy, dx in ((0, 1), (1, 0)):
-        after, before = padded[y + dy, x + dx], padded[y - dy, x - dx]
-        bend = after + before - 2.0 * middle
-        with np.errstate(invalid="ignore", divide="ignore"):
-            offsets.append(np.where(bend < 0, 0.5 * (before - after) / bend, 0.0))
-    clipped: Array = np.clip(np.stack(offsets, axis=1), -0.5, 0.5)
+    height, width = response.shape
+    middle = response[rows, columns].astype(np.float64)
+    offsets = np.zeros((len(rows), 2))
+    neighbours = (
+        (response[rows, np.maximum(columns - 1, 0)], response[rows, np.minimum(columns + 1, width - 1)]),
+        (response[np.maximum(rows - 1, 0), columns], response[np.minimum(rows + 1, height - 1), columns]),
+    )
+    for axis, (before, after) in enumerate(neighbours):
+        bend = np.minimum(before + after - 2.0 * middle, -1e-30)  # a peak bends down; a plateau has no vertex
+        offsets[:, axis] = 0.5 * (before - after) / bend
+    clipped: Array = np.clip(offsets, -0.5, 0.5)
     return clipped
 
 
@@ -99,6 +100,10 @@ class Candidates:
     warps: Array
 
 
+WARP_EVERY = 3
+"""Altitudes that share the warp of the lowest of them: it changes by about a per cent from one to the next."""
+
+
 def plane_candidates(camera: Camera, motion: Motion, pixels: Array, altitudes: Array) -> Candidates:
     """Positions and warps induced by horizontal planes.
 
@@ -115,11 +120,14 @@ def plane_candidates(camera: Camera, motion: Motion, pixels: Array, altitudes: A
     with np.errstate(invalid="ignore", divide="ignore"):
         rays /= np.maximum(-(rays @ camera.up), 1e-9)[..., None]
     # A point at altitude h lies at (H - h) times its ray; only the direction counts: R ray + t / (H - h).
-    pull = motion.translation / (camera.mounting() - altitudes)[:, None]
-    seen = camera.project((rays @ motion.rotation.T)[:, None] + pull[None, :, None])
-    across, down = seen[:, :, 1] - seen[:, :, 0], seen[:, :, 2] - seen[:, :, 0]
-    warps = np.stack([across[..., 0], down[..., 0], across[..., 1], down[..., 1]], axis=-1)
-    return Candidates(seen[:, :, 0], warps)
+    turned = (rays @ motion.rotation.T)[:, None]
+    pull = (motion.translation / (camera.mounting() - altitudes)[:, None])[None, :, None]
+    centers = camera.project(turned[:, :, :1] + pull)[:, :, 0]
+    sparse = np.arange(0, len(altitudes), WARP_EVERY)
+    sides = camera.project(turned[:, :, 1:] + pull[:, sparse])
+    steps = np.moveaxis(sides - centers[:, sparse, None], 2, 3)  # (n, altitude, axis of the pixel, step)
+    warps = steps.reshape(len(pixels), len(sparse), 4)
+    return Candidates(centers, warps[:, np.arange(len(altitudes)) // WARP_EVERY])
 
 
 def patch_scores(current: Grey, previous: Grey, points: Array, candidates: Candidates, radius: int) -> Array:
