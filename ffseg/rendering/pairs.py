@@ -64,3 +64,24 @@ def render_pair(seed: int) -> RenderedPair:
     scene = random_scene(seed, camera.mounting(), np.array(poses[0][:2]))
     previous, current = (render(scene, camera, pose, index) for index, pose in enumerate(poses))
     return RenderedPair(previous, current, camera, poses, scene)
+
+
+CAMERA_YAML = """model: unified
+width: 800
+height: 600
+xi: 0.95
+fx: 280.0
+fy: 280.0
+cx: 399.5
+cy: 299.5
+mount_height: 0.9
+robot_radius: 46
+rim_radius: 292
+"""
+"""Camera file of `sample_camera`."""
+
+
+def poses_csv(pair: RenderedPair, names: tuple[str, str]) -> str:
+    """Poses file of a pair whose images have these names."""
+    rows = [f"{name},{x!r},{y!r},{theta!r}" for name, (x, y, theta) in zip(names, pair.poses, strict=True)]
+    return "\n".join(["image,x,y,theta", *rows, ""])

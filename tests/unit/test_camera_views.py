@@ -19,21 +19,7 @@ from ffseg.batch.views import (
 )
 from ffseg.errors import CalibrationError
 from ffseg.parameters import load_params
-from ffseg.rendering import render_pair
-
-CAMERA = """
-model: unified
-width: 800
-height: 600
-xi: 0.95
-fx: 280
-fy: 280
-cx: 399.5
-cy: 299.5
-mount_height: 0.9
-robot_radius: 46
-rim_radius: 292
-"""
+from ffseg.rendering import CAMERA_YAML, poses_csv, render_pair, sample_camera
 
 
 def test_neighbours_follow_within_their_folder() -> None:
@@ -43,9 +29,8 @@ def test_neighbours_follow_within_their_folder() -> None:
 
 def files(folder: Path) -> tuple[str, str]:
     pair = render_pair(4)
-    (folder / "camera.yaml").write_text(CAMERA)
-    rows = [f"{name},{x!r},{y!r},{t!r}" for name, (x, y, t) in zip(("0.png", "1.png"), pair.poses, strict=True)]
-    (folder / "poses.csv").write_text("image,x,y,theta\n" + "\n".join(rows) + "\n")
+    (folder / "camera.yaml").write_text(CAMERA_YAML)
+    (folder / "poses.csv").write_text(poses_csv(pair, ("0.png", "1.png")))
     return str(folder / "camera.yaml"), str(folder / "poses.csv")
 
 
@@ -77,7 +62,7 @@ def test_missing_pose_rows_leave_the_motion_to_the_ground(tmp_path: Path) -> Non
 
 
 def test_a_camera_without_mounting_is_refused_before_the_run(tmp_path: Path) -> None:
-    (tmp_path / "camera.yaml").write_text(CAMERA.replace("mount_height: 0.9\n", ""))
+    (tmp_path / "camera.yaml").write_text(CAMERA_YAML.replace("mount_height: 0.9\n", ""))
     with pytest.raises(CalibrationError, match="mount_height"):
         load_views(str(tmp_path / "camera.yaml"), None, None, ["0.png"])
 
@@ -87,3 +72,12 @@ def test_another_size_is_refused(tmp_path: Path) -> None:
     views = load_views(camera, None, None, ["0.png"])
     with pytest.raises(CalibrationError, match="9x8, the camera file says 800x600"):
         view_frame(np.zeros((8, 9), np.uint8), None, "0.png", views, load_params())
+
+
+def test_the_sample_cameras_file_is_the_sample_camera(tmp_path: Path) -> None:
+    camera, poses = files(tmp_path)
+    views, own, pair = load_views(camera, poses, None, ["0.png", "1.png"]), sample_camera(), render_pair(4)
+    assert views.camera.projection == own.projection
+    for name in ("width", "height", "center", "mount_height", "robot_radius", "rim_radius"):
+        assert getattr(views.camera, name) == getattr(own, name)
+    assert views.poses["0.png"].position[:2].tolist() == list(pair.poses[0][:2])
