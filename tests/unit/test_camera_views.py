@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,12 @@ from ffseg.batch.views import (
 )
 from ffseg.errors import CalibrationError
 from ffseg.parameters import load_params
-from ffseg.rendering import CAMERA_YAML, poses_csv, render_pair, sample_camera
+from ffseg.rendering import CAMERA_YAML, RenderedPair, poses_csv, render_pair, sample_camera
+
+
+@lru_cache(maxsize=1)
+def rendered() -> RenderedPair:
+    return render_pair(4)
 
 
 def test_neighbours_follow_within_their_folder() -> None:
@@ -28,7 +34,7 @@ def test_neighbours_follow_within_their_folder() -> None:
 
 
 def files(folder: Path) -> tuple[str, str]:
-    pair = render_pair(4)
+    pair = rendered()
     (folder / "camera.yaml").write_text(CAMERA_YAML)
     (folder / "poses.csv").write_text(poses_csv(pair, ("0.png", "1.png")))
     return str(folder / "camera.yaml"), str(folder / "poses.csv")
@@ -37,7 +43,7 @@ def files(folder: Path) -> tuple[str, str]:
 def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     camera, poses = files(tmp_path)
     views: Views = pickle.loads(pickle.dumps(load_views(camera, poses, None, ["0.png", "1.png"])))
-    pair = render_pair(4)
+    pair = rendered()
     frame = view_frame(pair.current.image, pair.previous.image, "1.png", views, load_params())
     rows = obstacle_rows("1.png", frame)
     assert {row["verdict"] for row in rows} == {"obstacle", "false_obstacle"}
@@ -76,7 +82,7 @@ def test_another_size_is_refused(tmp_path: Path) -> None:
 
 def test_the_sample_cameras_file_is_the_sample_camera(tmp_path: Path) -> None:
     camera, poses = files(tmp_path)
-    views, own, pair = load_views(camera, poses, None, ["0.png", "1.png"]), sample_camera(), render_pair(4)
+    views, own, pair = load_views(camera, poses, None, ["0.png", "1.png"]), sample_camera(), rendered()
     assert views.camera.projection == own.projection
     for name in ("width", "height", "center", "mount_height", "robot_radius", "rim_radius"):
         assert getattr(views.camera, name) == getattr(own, name)
