@@ -119,7 +119,9 @@ private:
     bool flip(int i, int j, int depth);
     bool flip_finer(int i, int j, int depth);
     static Points joined_at(const Points& p, int a, const Points& q, int b, Vec2 at);
-    bool swap_halves(const Points& p, const Points& q, Points& first, Points& second) const;
+    bool swap_halves(int i, int j, Points& first, Points& second) const;
+    static bool join_at_crossing(const Points& p, const Points& q, Points& first, Points& second);
+    bool exchange(int i, int j);
     bool runs_one_way(int i, int j) const;
     void flip_adjacent(int i);
     void classify(int i, int j);

@@ -127,18 +127,28 @@ typename Chain<D>::Points Chain<D>::joined_at(const Points& p, int a, const Poin
     return even;
 }
 
-// Gamma'_i = [P_0i .. P_ki, P_(k+1)j .. P_dj] and Gamma'_j = [P_0j .. P_kj, P_(k+1)i .. P_di], k = floor(d / 2).
-// Where these still cross (the crossing lay far from the middle of a patch), the polygons are joined at the crossing.
+// Gamma'_i = [P_0i .. P_ki, P_(k+1)j .. P_dj] and Gamma'_j = [P_0j .. P_kj, P_(k+1)i .. P_di], k = floor(d / 2), as
+// samples. False where these still cross: the crossing lies far from the middle of a patch.
 template <int D>
-bool Chain<D>::swap_halves(const Points& p, const Points& q, Points& first, Points& second) const {
-    first = p;
-    second = q;
-    for (int a = D / 2 + 1; a <= D; ++a) std::swap(first[a], second[a]);
-    bool still = false;
-    for (int a = 0; a < D && !still; ++a) {
-        for (int b = 0; b < D && !still; ++b) still = segments_cross(first[a], first[a + 1], second[b], second[b + 1]);
+bool Chain<D>::swap_halves(int i, int j, Points& first, Points& second) const {
+    const Basis<D>& basis = Basis<D>::get();
+    Points p = pool_[i].control, q = pool_[j].control;
+    for (int a = D / 2 + 1; a <= D; ++a) std::swap(p[a], q[a]);
+    for (int a = 0; a < D; ++a) {
+        for (int b = 0; b < D; ++b) {
+            if (segments_cross(p[a], p[a + 1], q[b], q[b + 1])) return false;
+        }
     }
-    if (!still) return true;
+    for (int k = 0; k <= D; ++k) {
+        first[k] = apply<D>(basis.vandermonde[k], p);
+        second[k] = apply<D>(basis.vandermonde[k], q);
+    }
+    return true;
+}
+
+// The same polygons joined where they cross, so that neither leaves the ground both have covered.
+template <int D>
+bool Chain<D>::join_at_crossing(const Points& p, const Points& q, Points& first, Points& second) {
     for (int a = 0; a < D; ++a) {
         for (int b = 0; b < D; ++b) {
             if (!segments_cross(p[a], p[a + 1], q[b], q[b + 1])) continue;
@@ -146,10 +156,44 @@ bool Chain<D>::swap_halves(const Points& p, const Points& q, Points& first, Poin
             const Vec2 at = p[a] + (cross(q[b] - p[a], v) / cross(u, v)) * u;
             first = joined_at(p, a, q, b, at);
             second = joined_at(q, b, p, a, at);
-            return false;
+            return true;
         }
     }
-    return true;
+    return false;
+}
+
+// Gives i and j their new curves and exchanges their successors: the swapped halves, or where these cross or would cut
+// an edge, the curves joined at their crossing. False, with nothing changed, where only the control polygons cross.
+template <int D>
+bool Chain<D>::exchange(int i, int j) {
+    const Patch<D>&a = pool_[i], &b = pool_[j];
+    const auto kept_i = a.m, kept_j = b.m;
+    const int after_i = a.next, after_j = b.next;
+    const Points p = pool_.samples(i), q = pool_.samples(j);
+    const bool met = meets_edge(i) || meets_edge(j);
+    const auto apply_pair = [&](const Points& first, const Points& second) {
+        std::copy_n(first.begin(), D, pool_[i].m.begin());
+        std::copy_n(second.begin(), D, pool_[j].m.begin());
+        keep_inside(i);
+        keep_inside(j);
+        pool_.link(i, after_j);
+        pool_.link(j, after_i);
+        return met || !(meets_edge(i) || meets_edge(j));
+    };
+    Points first, second;
+    if (swap_halves(i, j, first, second) && apply_pair(first, second)) return true;
+    pool_.link(i, after_i);
+    pool_.link(j, after_j);
+    if (join_at_crossing(p, q, first, second)) {
+        apply_pair(first, second);
+        return true;
+    }
+    if (join_at_crossing(a.control, b.control, first, second) && apply_pair(first, second)) return true;
+    pool_[i].m = kept_i;
+    pool_[j].m = kept_j;
+    pool_.link(i, after_i);
+    pool_.link(j, after_j);
+    return false;
 }
 
 // Algorithm 3, and the successors of i and j change places. Differs from the order printed there, which does not connect.
@@ -159,28 +203,8 @@ bool Chain<D>::flip(int i, int j, int depth) {
     if (crowded && depth < kFlipDepth && options_.refine && std::max(length(i), length(j)) > kFlipLength) {
         return flip_finer(i, j, depth);
     }
-    const auto kept_i = pool_[i].m, kept_j = pool_[j].m;
-    const bool met = meets_edge(i) || meets_edge(j);
-    Points first, second;
-    if (swap_halves(pool_[i].control, pool_[j].control, first, second)) {
-        pool_.set_control(i, first);
-        pool_.set_control(j, second);
-    } else {
-        std::copy_n(first.begin(), D, pool_[i].m.begin());
-        std::copy_n(second.begin(), D, pool_[j].m.begin());
-    }
-    keep_inside(i);
-    keep_inside(j);
     const int after_i = pool_[i].next, after_j = pool_[j].next;
-    pool_.link(i, after_j);
-    pool_.link(j, after_i);
-    if (!met && (meets_edge(i) || meets_edge(j))) {  // the flip would cut an edge: leave the crossing
-        pool_[i].m = kept_i;
-        pool_[j].m = kept_j;
-        pool_.link(i, after_i);
-        pool_.link(j, after_j);
-        return false;
-    }
+    if (!exchange(i, j)) return false;
     ++counts_.flips;
     for (const int near : {i, j, after_i, after_j, pool_[i].prev, pool_[j].prev}) wake(near);
     for (const int changed : {i, j}) {
