@@ -1,6 +1,7 @@
 // The evolving contour: its state and the steps of one iteration, defined in move.hpp, refine.hpp, flip.hpp.
 #pragma once
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "freeform/evolution.hpp"
@@ -36,7 +37,7 @@ constexpr std::size_t kFewActive = 16;
 // Components enclosing less cannot hold the band of one edge pixel (3 x 3) and are dropped.
 constexpr double kVoidArea = 4.0;
 // Rounds of crossing tests in one iteration; what is left waits for the next.
-constexpr int kFlipRounds = 3;
+constexpr int kFlipRounds = 6;
 // Patches near edges are halved down to this length, at most this often, before they are flipped, so that the flip
 // cuts no edge.
 constexpr double kFlipLength = 4.0;
@@ -124,7 +125,8 @@ private:
     bool exchange(int i, int j);
     bool runs_one_way(int i, int j) const;
     void flip_adjacent(int i);
-    void classify(int i, int j);
+    void classify(int i, int j, bool simple);
+    bool loop_encloses_solid(int i) const;
     void drop(int i);
     void drop_nested();
     double loop_area(int i) const;
@@ -136,6 +138,7 @@ private:
     Pool<D> pool_;
     std::vector<int> active_, freed_, sorted_, queue_;
     std::vector<Motion> motion_;
+    std::vector<std::pair<int, int>> undecided_;  // flips whose components cannot be classified yet
     std::vector<std::size_t> next_active_;
     std::vector<std::vector<Vec2>> settled_;  // the samples of each component once it has settled
     EvolutionCounts counts_;

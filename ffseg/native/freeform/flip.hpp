@@ -93,8 +93,13 @@ bool Chain<D>::flip_round(bool only_touched) {
 template <int D>
 void Chain<D>::flip_crossings() {
     for (int i : active_) pool_[i].touched = false;
-    for (int round = 0; round < kFlipRounds; ++round) {
-        if (!flip_round(round > 0)) break;
+    bool crossing = true;
+    for (int round = 0; round < kFlipRounds && crossing; ++round) crossing = flip_round(round > 0);
+    if (!crossing) {  // what was left undecided has become a simple curve
+        for (const auto& [i, j] : undecided_) {
+            if (pool_[i].alive && pool_[j].alive) classify(i, j, true);
+        }
+        undecided_.clear();
     }
     const std::size_t count = active_.size();
     for (std::size_t at = 0; at < count; ++at) flip_adjacent(active_[at]);
@@ -213,7 +218,7 @@ bool Chain<D>::flip(int i, int j, int depth) {
         pool_[changed].before = pool_[changed].m;
         pool_.refresh(changed);
     }
-    classify(i, j);
+    classify(i, j, false);
     return true;
 }
 
@@ -330,6 +335,17 @@ bool Chain<D>::loop_contains(int loop, Vec2 p) const {
 }
 
 template <int D>
+bool Chain<D>::loop_encloses_solid(int i) const {
+    std::vector<Vec2> polygon;
+    int at = i;
+    do {
+        polygon.insert(polygon.end(), pool_[at].m.begin(), pool_[at].m.end());
+        at = pool_[at].next;
+    } while (at != i);
+    return field_.encloses_solid(polygon.data(), polygon.size());
+}
+
+template <int D>
 void Chain<D>::drop(int i) {
     int at = i;
     do {
@@ -340,11 +356,11 @@ void Chain<D>::drop(int i) {
     ++counts_.drops;
 }
 
-// After a flip: one loop (two components merged) or two (one was cut off)? Both are walked in step, so the cost is
-// that of the shorter one. What bounds no region of positive winding number is dropped: a component of negligible
+// After flips: one loop (two components merged) or two (one was cut off)? Both are walked in step, so the cost is that
+// of the shorter one. What bounds no region of positive winding number is dropped: a component of negligible
 // area, and a positive one inside another (the front never re-enters what it has filled).
 template <int D>
-void Chain<D>::classify(int i, int j) {
+void Chain<D>::classify(int i, int j, bool simple) {
     const Vec2 origin = pool_[i].m[0];
     double area_i = 0.0, area_j = 0.0;
     int at_i = i, at_j = j, small = -1, large = -1;
@@ -377,6 +393,10 @@ void Chain<D>::classify(int i, int j) {
         return;
     }
     if (area < 0) return;  // a hole
+    if (!simple && loop_encloses_solid(small)) {  // crossings still to come may show a hole in it
+        undecided_.emplace_back(i, j);
+        return;
+    }
     const double other = loop_area(large);
     if (other > 0) {
         const int inner = area < other ? small : large, outer = inner == small ? large : small;
