@@ -116,7 +116,7 @@ def test_the_value_owns_read_only_points() -> None:
     contour = FreeForm(points, 3)
     points[0] = 9.0
     assert contour.control_points[0, 0] == 0.0
-    sent = pickle.loads(pickle.dumps(contour))  # noqa: S301 - as between worker processes
+    sent = pickle.loads(pickle.dumps(contour))  # as between worker processes
     for value in (contour, sent, copy.deepcopy(contour), contour.reversed()):
         with pytest.raises(ValueError, match="read-only"):
             value.control_points[0] = 1.0
