@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from ffseg.batch.discover import OUTPUT_FOLDERS, STATE_FOLDER, SUFFIXES, Source, discover
 from ffseg.errors import OutputError, UsageError
@@ -90,6 +90,13 @@ def make_plan(inputs: Sequence[str], out: str, *, overlay: bool = False, truth: 
     _refuse_collisions(plan)
     _refuse_outputs_over_inputs(plan)
     return plan
+
+
+def with_previous(plan: Plan, before: Mapping[str, str]) -> Plan:
+    """The plan with each image's predecessor, given by names."""
+    paths = {job.source.name: job.source.path for job in plan.jobs}
+    jobs = tuple(replace(job, previous=paths.get(before.get(job.source.name, ""), "")) for job in plan.jobs)
+    return replace(plan, jobs=jobs)
 
 
 def _checked_name(source: Source) -> Source:

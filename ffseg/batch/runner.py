@@ -38,6 +38,7 @@ OBSTACLE_COLUMNS = (
 JOB_REASONS = {
     "segmentation": "the image was read but cannot be segmented as asked",
     "parameters": "the parameters do not suit this image",
+    "calibration": "the image does not fit the camera file",
     "truth": "the true mask has another size",
     "output": "an output could not be written",
     "crash": "the worker process died",
@@ -182,10 +183,19 @@ class Run:
             if record is not None:
                 yield {"image": printable(job.source.name), **record.row}
 
+    def _obstacle_cells(self) -> Iterator[list[Any]]:
+        for job in self._plan.jobs:
+            record = self._journal.get(job.index) if self._finished[job.index] else None
+            for line in record.extra if record is not None else ():
+                yield [printable(job.source.name), *(line[column] for column in OBSTACLE_COLUMNS[1:])]
+
     def _header(self) -> dict[str, Any]:
         params = self._setup.params
         files = {"domain.mask": params.domain.mask, "init.mask": params.init.mask}
-        header = {"parameters": asdict(params), "files": {key: _digest_of(path) for key, path in files.items()}}
+        digests = {key: _digest_of(path) for key, path in files.items()}
+        views = self._setup.views
+        digests["camera"] = hashlib.blake2b(views.camera_text().encode(), digest_size=16).hexdigest() if views else ""
+        header = {"parameters": asdict(params), "files": digests}
         return dict(json.loads(json.dumps(header)))
 
     def _folders(self) -> list[str]:
@@ -228,7 +238,9 @@ class Run:
         if record is not None and record.status == "ok" and record.version == __version__:
             known = (record.content, dict(record.outputs))
         outputs = self._plan.outputs(job)
-        pool.put(Task(job.index, job.source.path, job.truth, self._plan.out, outputs, known))
+        pool.put(
+            Task(job.index, job.source.path, job.truth, self._plan.out, outputs, known, job.source.name, job.previous)
+        )
 
     def _take(self, reply: Reply) -> None:
         job = self._plan.jobs[reply.index]
@@ -290,9 +302,12 @@ class Run:
 
     def _write_tables(self) -> None:
         extra = ("iou",) if self._plan.with_truth else ()
-        columns = (*TIMING_COLUMNS, *extra, "stop_reason")
+        columns = (*TIMING_COLUMNS, *extra, "stop_reason", *(("note",) if self._setup.views else ()))
         timings = csv_table(columns, ([row.get(column) for column in columns] for row in self.rows()))
-        for name, content in (("timings.csv", timings), ("run.json", self._run_json())):
+        tables = [("timings.csv", timings), ("run.json", self._run_json())]
+        if self._setup.views:
+            tables.append(("obstacles.csv", csv_table(OBSTACLE_COLUMNS, self._obstacle_cells())))
+        for name, content in tables:
             try:
                 write_bytes_atomic(os.path.join(self._plan.out, name), content)
             except OutputError as error:
@@ -349,4 +364,4 @@ def _differences(old: Any, new: Any, key: str = "") -> list[str]:  # noqa: ANN40
 
 def _changed_files(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     before = old.get("files", {})
-    return [f"the file of {key} has changed" for key in new["files"] if before.get(key) != new["files"][key]]
+    return [f"the file of {key} has changed" for key in new["files"] if before.get(key, "") != new["files"][key]]

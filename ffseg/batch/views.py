@@ -1,23 +1,15 @@
-"""What ``--camera``, ``--poses`` and ``--pairs`` add to a run: which image comes before which, and the test on pairs."""
+"""What ``--camera``, ``--poses`` and ``--pairs`` say about a run: plain values that load neither OpenCV nor the core."""
 
 from __future__ import annotations
 
-import math
+import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ffseg.camera import Camera, Pose, load_camera, load_pairs, load_poses
-from ffseg.formats.overlays import Kind, Polyline
-from ffseg.freespace.sequence import Frame, free_space, segment_view
-from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Segmentation
-
-_KINDS: dict[str, Kind] = {"obstacle": "obstacle", "false_obstacle": "false", "untested": "untested"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +33,21 @@ class Views:
         """Poses of the image before and of the image; None unless both are known."""
         before, pose = self.poses.get(self.previous.get(name, "")), self.poses.get(name)
         return (before, pose) if before is not None and pose is not None else None
+
+    def camera_text(self) -> str:
+        """Everything the camera file said, as one text: equal texts, equal cameras."""
+        return json.dumps(asdict(self.camera), default=_plain, sort_keys=True)
+
+    def pair_text(self, name: str) -> str:
+        """What is known of an image's pair beside its two files."""
+        poses = self.pair_poses(name)
+        return json.dumps([asdict(pose) for pose in poses], default=_plain) if poses else ""
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    raise TypeError(type(value).__name__)
 
 
 def load_views(camera: str, poses: str | None, pairs: str | None, names: Sequence[str]) -> Views:
@@ -76,60 +83,3 @@ def neighbours(names: Iterable[str]) -> dict[str, str]:
             found[name] = last[folder]
         last[folder] = name
     return found
-
-
-def view_frame(
-    image: NDArray[np.uint8],
-    previous: NDArray[np.uint8] | None,
-    name: str,
-    views: Views,
-    params: Parameters,
-    domain: NDArray[np.uint8] | None = None,
-) -> Frame:
-    """Segment an image and test its components against the image before: depends on nothing else.
-
-    Raises
-    ------
-    CalibrationError
-        When an image has another size than the calibration.
-    SegmentationError
-        As `ffseg.segment`.
-    """
-    found = segment_view(image, views.camera, params, domain=domain)
-    return free_space(image, found, previous, views.camera, params.obstacles.altitude, views.pair_poses(name))
-
-
-def merged_segmentation(frame: Frame) -> Segmentation:
-    """The segmentation with its false obstacles merged: what masks, contours and counts are written from."""
-    return replace(frame.segmentation, mask=frame.mask, contours=frame.contours)
-
-
-def obstacle_rows(name: str, frame: Frame) -> list[dict[str, Any]]:
-    """Lines of ``obstacles.csv``; an altitude that nobody knows is an empty cell."""
-    return [
-        {
-            "image": name,
-            "component": row.component,
-            "area_px": row.area_px,
-            "centroid_x": _cell(row.centroid_x, 2),
-            "centroid_y": _cell(row.centroid_y, 2),
-            "matched_points": row.matched_points,
-            "max_altitude_m": _cell(row.max_altitude_m, 4),
-            "verdict": row.verdict,
-        }
-        for row in frame.components
-    ]
-
-
-def _cell(value: float, digits: int) -> float | str:
-    return round(value, digits) if math.isfinite(value) else ""
-
-
-def overlay_lines(frame: Frame, flatness: float) -> list[Polyline]:
-    """Contours of the segmentation, each drawn as what it was found to be."""
-    verdicts = iter(frame.components)
-    lines = []
-    for contour in frame.segmentation.contours:
-        kind: Kind = _KINDS[next(verdicts).verdict] if contour.signed_area < 0 else "outer"
-        lines.append(Polyline(contour.flatten(flatness), kind))
-    return lines

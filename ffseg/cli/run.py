@@ -5,11 +5,16 @@ from __future__ import annotations
 import contextlib
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ffseg.batch.workers.launch import take
+from ffseg.errors import UsageError
+
+if TYPE_CHECKING:
+    from ffseg.batch.jobs import Plan
+    from ffseg.batch.views import Views
 
 FAILED_IMAGES = 3
 """Exit code when at least one image failed."""
@@ -26,6 +31,15 @@ def run(  # noqa: PLR0913 - the options of the command
     ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter; may be repeated.")
+    ] = None,
+    camera: Annotated[
+        Path | None, typer.Option("--camera", metavar="FILE", help="Camera file: tests enclosed components on pairs.")
+    ] = None,
+    poses: Annotated[
+        Path | None, typer.Option("--poses", metavar="FILE", help="Poses CSV or TUM trajectory; else from the ground.")
+    ] = None,
+    pairs: Annotated[
+        Path | None, typer.Option("--pairs", metavar="FILE", help="CSV previous,current; else neighbours in a folder.")
     ] = None,
     truth: Annotated[
         Path | None, typer.Option("--truth", metavar="DIR", help="Folder of true masks (NAME.png): adds the IoU.")
@@ -53,7 +67,7 @@ def run(  # noqa: PLR0913 - the options of the command
     run; 3 at least one image failed, the others are written.
     """
     first = take()  # it loads OpenCV while this process loads itself, reads parameters and plans
-    from ffseg.batch.jobs import make_plan
+    from ffseg.batch.jobs import make_plan, with_previous
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
     from ffseg.cli.interruption import Interruption
@@ -64,8 +78,12 @@ def run(  # noqa: PLR0913 - the options of the command
         cleanup.callback(first.end)
         interruption = cleanup.enter_context(Interruption())
         params = load_params(config, settings)
-        setup = Setup(params=params, overlay=overlay, max_pixels=max_pixels, memory_bytes=memory * _MEGABYTE)
         plan = make_plan(inputs, os.fspath(out), overlay=overlay, truth=os.fspath(truth) if truth else "")
+        views = read_views(camera, poses, pairs, plan)
+        plan = with_previous(plan, views.previous) if views else plan
+        setup = Setup(
+            params=params, views=views, overlay=overlay, max_pixels=max_pixels, memory_bytes=memory * _MEGABYTE
+        )
         if dry_run:
             show_plan(plan, as_json=as_json)
             return
@@ -82,6 +100,28 @@ def run(  # noqa: PLR0913 - the options of the command
             raise typer.Exit(interruption.exit_code)
     if summary.failed or summary.problems:
         raise typer.Exit(FAILED_IMAGES)
+
+
+def read_views(camera: Path | None, poses: Path | None, pairs: Path | None, plan: Plan) -> Views | None:
+    """Camera, poses and pairs of a run; None without a camera.
+
+    Raises
+    ------
+    UsageError
+        For poses or pairs without a camera.
+    CalibrationError
+        For files that are wrong.
+    """
+    if camera is None:
+        if poses or pairs:
+            raise UsageError("--poses and --pairs need --camera; name the camera file")
+        return None
+    from ffseg.batch.views import load_views
+
+    names = [job.source.name for job in plan.jobs]
+    return load_views(
+        os.fspath(camera), os.fspath(poses) if poses else None, os.fspath(pairs) if pairs else None, names
+    )
 
 
 def cores() -> int:

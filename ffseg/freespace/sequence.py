@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose
+from ffseg.errors import SegmentationError
 from ffseg.freespace.egomotion import pair_motion
 from ffseg.freespace.structural import ComponentVerdict, ImagePair, structural_test, untested
 from ffseg.geometry.freeform import FreeForm
@@ -72,7 +73,13 @@ def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters
 
 
 def segment_view(
-    image: Grey, camera: Camera, params: Parameters, method: str | None = None, domain: NDArray[np.uint8] | None = None
+    image: Grey,
+    camera: Camera,
+    params: Parameters,
+    method: str | None = None,
+    *,
+    domain: NDArray[np.uint8] | None = None,
+    start_mask: NDArray[np.uint8] | None = None,
 ) -> Segmentation:
     """Segment one omnidirectional image inside the camera's rim, from round the robot.
 
@@ -84,6 +91,8 @@ def segment_view(
     method : str, optional
     domain : ndarray of uint8, shape (H, W), optional
         A further bound, nonzero where the contour may go.
+    start_mask : ndarray of uint8, shape (H, W), optional
+        Nonzero inside the start regions; takes the place of the start circle.
 
     Raises
     ------
@@ -94,10 +103,13 @@ def segment_view(
     """
     camera.check_size(image.shape[1], image.shape[0], "the image")
     inside = camera.domain()
-    if domain is not None:
-        inside &= domain > 0
-    bound = np.where(inside, np.uint8(255), np.uint8(0))
-    return segment(image, omnidirectional_parameters(params, camera), method, domain=bound, center=camera.center)
+    if domain is not None and domain.shape != inside.shape:
+        raise SegmentationError(
+            f"the domain has {domain.shape[1]} x {domain.shape[0]} pixels, the camera {camera.width} x {camera.height}"
+        )
+    bound = np.where(inside if domain is None else inside & (domain > 0), np.uint8(255), np.uint8(0))
+    params = omnidirectional_parameters(params, camera)
+    return segment(image, params, method, domain=bound, start_mask=start_mask, center=camera.center)
 
 
 def free_space(

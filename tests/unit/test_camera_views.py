@@ -9,15 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ffseg.batch.views import (
-    Views,
-    load_views,
-    merged_segmentation,
-    neighbours,
-    obstacle_rows,
-    overlay_lines,
-    view_frame,
-)
+from ffseg.batch.views import Views, load_views, neighbours
+from ffseg.batch.workers.frames import FrameBench, Masks, merged_segmentation, obstacle_rows, overlay_lines
 from ffseg.errors import CalibrationError
 from ffseg.parameters import load_params
 from ffseg.rendering import CAMERA_YAML, RenderedPair, poses_csv, render_pair, sample_camera
@@ -44,8 +37,8 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     camera, poses = files(tmp_path)
     views: Views = pickle.loads(pickle.dumps(load_views(camera, poses, None, ["0.png", "1.png"])))
     pair = rendered()
-    frame = view_frame(pair.current.image, pair.previous.image, "1.png", views, load_params())
-    rows = obstacle_rows("1.png", frame)
+    frame = FrameBench(views, load_params(), Masks()).frame(pair.current.image, pair.previous.image, "1.png")
+    rows = obstacle_rows(frame)
     assert {row["verdict"] for row in rows} == {"obstacle", "false_obstacle"}
     assert all(
         row["max_altitude_m"] == pytest.approx(0, abs=0.08) for row in rows if row["verdict"] == "false_obstacle"
@@ -54,9 +47,9 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     assert (merged.mask & pair.current.truth).sum() / (merged.mask | pair.current.truth).sum() > 0.985
     lines = overlay_lines(frame, 0.1)
     assert {line.kind for line in lines} == {"outer", "obstacle", "false"}
-    first = view_frame(pair.previous.image, None, "0.png", views, load_params())
-    assert {row["verdict"] for row in obstacle_rows("0.png", first)} == {"untested"}
-    assert {row["max_altitude_m"] for row in obstacle_rows("0.png", first)} == {""}
+    first = FrameBench(views, load_params(), Masks()).frame(pair.previous.image, None, "0.png")
+    assert {row["verdict"] for row in obstacle_rows(first)} == {"untested"}
+    assert {row["max_altitude_m"] for row in obstacle_rows(first)} == {""}
 
 
 def test_missing_pose_rows_leave_the_motion_to_the_ground(tmp_path: Path) -> None:
@@ -77,7 +70,7 @@ def test_another_size_is_refused(tmp_path: Path) -> None:
     camera, _ = files(tmp_path)
     views = load_views(camera, None, None, ["0.png"])
     with pytest.raises(CalibrationError, match="9x8, the camera file says 800x600"):
-        view_frame(np.zeros((8, 9), np.uint8), None, "0.png", views, load_params())
+        FrameBench(views, load_params(), Masks()).frame(np.zeros((8, 9), np.uint8), None, "0.png")
 
 
 def test_the_sample_cameras_file_is_the_sample_camera(tmp_path: Path) -> None:

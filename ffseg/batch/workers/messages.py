@@ -6,9 +6,12 @@ import os
 import pickle
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ffseg.parameters import Parameters
+
+if TYPE_CHECKING:
+    from ffseg.batch.views import Views
 
 _LENGTH_BYTES = 8
 
@@ -21,7 +24,9 @@ class Setup:
     ----------
     params : Parameters
     segmenter : str
-        Function that segments, as ``module:name``, called like `ffseg.segment`.
+        Function that segments, as ``module:name``, called like `ffseg.segment`; not used with `views`.
+    views : Views or None
+        Camera, poses and pairs, when components are to be tested on pairs of images.
     overlay : bool
     max_pixels, max_bytes : int
         Limits of one image file.
@@ -31,6 +36,7 @@ class Setup:
 
     params: Parameters
     segmenter: str = "ffseg.segmenters.registry:segment"
+    views: Views | None = None
     overlay: bool = False
     max_pixels: int = 100_000_000
     max_bytes: int = 1 << 30
@@ -53,6 +59,10 @@ class Task:
         Where its outputs go below `out`: mask, contours, and the overlay if there is to be one.
     known : tuple of (str, dict) or None
         Content digest and output digests of an earlier run with the same parameters and version.
+    name : str
+        Relative name of the image, by which poses are found.
+    previous : str
+        Path of the image before it, or empty.
     """
 
     index: int
@@ -61,6 +71,8 @@ class Task:
     out: str
     outputs: tuple[str, ...]
     known: tuple[str, dict[str, str]] | None = None
+    name: str = ""
+    previous: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ import os
 import platform
 import sys
 import traceback
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
@@ -16,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg import __version__
+from ffseg.batch.workers.frames import FrameBench, Masks, merged_segmentation, obstacle_rows, overlay_lines
 from ffseg.batch.workers.messages import Reply, Setup, Task
-from ffseg.errors import FfsegError, ImageReadError, ParameterError, SegmentationError
+from ffseg.errors import CalibrationError, FfsegError, ImageReadError, ParameterError, SegmentationError
 from ffseg.formats.files import printable, read_bytes
 from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, single_thread
 from ffseg.formats.masks import encode_mask, read_levels
@@ -51,6 +53,9 @@ class Workbench:
         self._limits = Limits(setup.max_bytes, setup.max_pixels)
         self._domain = self._mask("domain.mask", setup.params.domain.mask)
         self._start_mask = self._mask("init.mask", setup.params.init.mask)
+        self._frames = None
+        if setup.views is not None:
+            self._frames = FrameBench(setup.views, setup.params, Masks(self._domain, self._start_mask))
 
     def _mask(self, key: str, path: str | None) -> NDArray[np.uint8] | None:
         if path is None:
@@ -78,6 +83,8 @@ class Workbench:
             return _failed(task, error.reason, str(error))
         except SegmentationError as error:
             return _failed(task, "segmentation", str(error))
+        except CalibrationError as error:
+            return _failed(task, "calibration", str(error))
         except FfsegError as error:
             return _failed(task, "parameters", str(error))
         except MemoryError:
@@ -88,37 +95,63 @@ class Workbench:
     def _do(self, task: Task) -> Reply:
         begin = perf_counter()
         data = read_bytes(task.path, self._setup.max_bytes)
-        content = self._content(data, task)
+        before = self._before(task)
+        content = self._content(data, task) + self._pair_content(before, task)
         if task.known is not None and _still_right(task, content):
             return Reply(task.index, "same")
         image = decode_image(data, self._limits)
         decoded = perf_counter()
-        result = self._segment(image, self._setup.params, domain=self._domain, start_mask=self._start_mask)
+        found = self._found(image, before, task)
         segmented = perf_counter()
         outputs = tuple(
-            (path, made, digest(made)) for path, made in zip(task.outputs, self._encoded(image, result), strict=True)
+            (path, made, digest(made)) for path, made in zip(task.outputs, self._encoded(image, found), strict=True)
         )
-        row = _row(image, result, self._setup.params.method)
+        result = found.result
+        row = _row(image, result, self._setup.params.method) | found.row
         if task.truth:
             row["iou"] = self._iou(result, task.truth)
         end = perf_counter()
         row |= {"decode_ms": (decoded - begin) * 1e3, "write_ms": (end - segmented) * 1e3}
         row["total_ms"] = (end - begin) * 1e3
-        return Reply(task.index, "ok", row, content, outputs)
+        return Reply(task.index, "ok", row, content, outputs, found.extra)
+
+    def _found(self, image: NDArray[np.uint8], before: bytes | None, task: Task) -> _Found:
+        if self._frames is None:
+            result = self._segment(image, self._setup.params, domain=self._domain, start_mask=self._start_mask)
+            lines = [
+                Polyline(contour.flatten(_FLATNESS), "outer" if contour.signed_area > 0 else "obstacle")
+                for contour in (result.contours if self._setup.overlay else ())
+            ]
+            return _Found(result, lines)
+        frame = self._frames.frame_of(image, before, task.name, self._limits)
+        lines = overlay_lines(frame, _FLATNESS) if self._setup.overlay else []
+        row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note}
+        return _Found(merged_segmentation(frame), lines, row, obstacle_rows(frame))
+
+    def _before(self, task: Task) -> bytes | None:
+        """Content of the image before; empty, which no decoder takes, when it cannot be read."""
+        if not task.previous:
+            return None
+        try:
+            return read_bytes(task.previous, self._setup.max_bytes)
+        except ImageReadError:
+            return b""
+
+    def _pair_content(self, before: bytes | None, task: Task) -> str:
+        if self._setup.views is None:
+            return ""
+        return digest(before or b"") + digest(self._setup.views.pair_text(task.name).encode("utf-8"))
 
     def _content(self, data: bytes, task: Task) -> str:
         truth = read_bytes(task.truth, self._setup.max_bytes) if task.truth else b""
         return digest(data) + (digest(truth) if truth else "")
 
-    def _encoded(self, image: NDArray[np.uint8], result: Segmentation) -> list[bytes]:
+    def _encoded(self, image: NDArray[np.uint8], found: _Found) -> list[bytes]:
         height, width = image.shape[:2]
+        result = found.result
         encoded = [encode_mask(result.mask), svg_document(result.contours, width, height).encode("utf-8")]
         if self._setup.overlay:
-            lines = [
-                Polyline(contour.flatten(_FLATNESS), "outer" if contour.signed_area > 0 else "obstacle")
-                for contour in result.contours
-            ]
-            encoded.append(encode_overlay(image, lines))
+            encoded.append(encode_overlay(image, found.lines))
         return encoded
 
     def _iou(self, result: Segmentation, path: str) -> float:
@@ -127,6 +160,16 @@ class Workbench:
             sizes = f"{truth.shape[1]}x{truth.shape[0]}, the image {result.mask.shape[1]}x{result.mask.shape[0]}"
             raise ImageReadError("truth", f"the true mask {printable(path)} has {sizes} pixels")
         return float(import_module("ffseg.metrics").iou(result.mask, truth))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """A result, its lines for the overlay, and what a camera adds to its rows."""
+
+    result: Segmentation
+    lines: list[Polyline]
+    row: dict[str, Any] = field(default_factory=dict)
+    extra: list[dict[str, Any]] = field(default_factory=list)
 
 
 def _failed(task: Task, reason: str, message: str, trace: str = "") -> Reply:

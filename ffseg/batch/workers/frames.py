@@ -1,0 +1,116 @@
+"""Free space on pairs inside a worker: the frame of one image, and what is written from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.views import Views
+from ffseg.errors import ImageReadError
+from ffseg.formats.images import Limits, decode_image
+from ffseg.formats.overlays import Kind, Polyline
+from ffseg.freespace.sequence import Frame, free_space, segment_view
+from ffseg.parameters import Parameters
+from ffseg.segmenters.base import Segmentation
+
+_KINDS: dict[str, Kind] = {"obstacle": "obstacle", "false_obstacle": "false", "untested": "untested"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Masks:
+    """Masks that the parameters name.
+
+    Attributes
+    ----------
+    domain, start : ndarray of uint8, shape (H, W), or None
+    """
+
+    domain: NDArray[np.uint8] | None = None
+    start: NDArray[np.uint8] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameBench:
+    """Makes frames; none depends on the frames before.
+
+    Attributes
+    ----------
+    views : Views
+    params : Parameters
+    masks : Masks
+    """
+
+    views: Views
+    params: Parameters
+    masks: Masks
+
+    def frame(self, image: NDArray[np.uint8], previous: NDArray[np.uint8] | None, name: str) -> Frame:
+        """Segment an image and test its components against the image before.
+
+        Raises
+        ------
+        CalibrationError
+            When an image has another size than the calibration.
+        SegmentationError
+            As `ffseg.segment`.
+        """
+        camera = self.views.camera
+        found = segment_view(image, camera, self.params, domain=self.masks.domain, start_mask=self.masks.start)
+        epsilon = self.params.obstacles.altitude
+        return free_space(image, found, previous, camera, epsilon, self.views.pair_poses(name))
+
+    def frame_of(self, image: NDArray[np.uint8], before: bytes | None, name: str, limits: Limits) -> Frame:
+        """The same with the image before as a file's content.
+
+        One that cannot be read, or has another size, costs the image nothing but the test: the note says so.
+        """
+        if before is None:
+            return self.frame(image, None, name)
+        try:
+            previous = decode_image(before, limits)
+        except ImageReadError as error:
+            return replace(self.frame(image, None, name), note=f"the previous image cannot be used: {error}")
+        camera = self.views.camera
+        if previous.shape[:2] != (camera.height, camera.width):
+            size = f"{previous.shape[1]}x{previous.shape[0]}"
+            return replace(self.frame(image, None, name), note=f"the previous image cannot be used: it is {size}")
+        return self.frame(image, previous, name)
+
+
+def merged_segmentation(frame: Frame) -> Segmentation:
+    """The segmentation with its false obstacles merged: what masks, contours and counts are written from."""
+    return replace(frame.segmentation, mask=frame.mask, contours=frame.contours)
+
+
+def obstacle_rows(frame: Frame) -> list[dict[str, Any]]:
+    """Lines of ``obstacles.csv`` without the image's name; an altitude that nobody knows is an empty cell."""
+    return [
+        {
+            "component": row.component,
+            "area_px": row.area_px,
+            "centroid_x": _cell(row.centroid_x, 2),
+            "centroid_y": _cell(row.centroid_y, 2),
+            "matched_points": row.matched_points,
+            "max_altitude_m": _cell(row.max_altitude_m, 4),
+            "verdict": row.verdict,
+        }
+        for row in frame.components
+    ]
+
+
+def _cell(value: float, digits: int) -> float | str:
+    return round(value, digits) if math.isfinite(value) else ""
+
+
+def overlay_lines(frame: Frame, flatness: float) -> list[Polyline]:
+    """Contours of the segmentation, each drawn as what it was found to be."""
+    verdicts = iter(frame.components)
+    lines = []
+    for contour in frame.segmentation.contours:
+        kind: Kind = _KINDS[next(verdicts).verdict] if contour.signed_area < 0 else "outer"
+        lines.append(Polyline(contour.flatten(flatness), kind))
+    return lines

@@ -1,0 +1,134 @@
+"""``ffseg run --camera``: pairs, tables, overlays, what is refused, and what is done again."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+import subprocess
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from ffseg.rendering import CAMERA_YAML, RenderedPair, poses_csv, render_pair
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@lru_cache(maxsize=1)
+def rendered() -> RenderedPair:
+    return render_pair(4)
+
+
+@pytest.fixture
+def views(tmp_path: Path) -> Path:
+    folder = tmp_path / "views"
+    folder.mkdir()
+    pair = rendered()
+    for name, view in (("1.png", pair.previous), ("2.png", pair.current)):
+        cv2.imwrite(str(folder / name), view.image)
+    (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
+    (tmp_path / "poses.csv").write_text(poses_csv(pair, ("1.png", "2.png")))
+    return tmp_path
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8-sig"))))
+
+
+def run(ffseg_command: Command, folder: Path, *more: str | Path, out: str = "out") -> subprocess.CompletedProcess[str]:
+    return ffseg_command("run", folder / "views", "--out", folder / out, "--jobs", "1", *more)
+
+
+def with_camera(folder: Path) -> tuple[str | Path, ...]:
+    return "--camera", folder / "camera.yaml", "--poses", folder / "poses.csv"
+
+
+def test_a_sequence_writes_verdicts_and_merged_masks(ffseg_command: Command, views: Path) -> None:
+    result = run(ffseg_command, views, *with_camera(views), "--overlay")
+    assert result.returncode == 0, result.stderr
+    table = rows(views / "out" / "obstacles.csv")
+    assert list(table[0]) == [
+        "image", "component", "area_px", "centroid_x", "centroid_y", "matched_points", "max_altitude_m", "verdict",
+    ]  # fmt: skip
+    assert {row["verdict"] for row in table if row["image"] == "1.png"} == {"untested"}
+    assert {row["verdict"] for row in table if row["image"] == "2.png"} == {"obstacle", "false_obstacle"}
+    mask = cv2.imread(str(views / "out" / "masks" / "2.png"), cv2.IMREAD_GRAYSCALE) == 255
+    truth = rendered().current.truth
+    assert (mask & truth).sum() / (mask | truth).sum() > 0.985
+    timings = rows(views / "out" / "timings.csv")
+    assert "first image" in timings[0]["note"]
+    assert "refined on the ground" in timings[1]["note"]
+    assert float(timings[1]["obstacles_ms"]) > 0
+    overlay = cv2.imread(str(views / "out" / "overlays" / "2.png")).astype(int)
+    blue = (overlay[..., 0] - overlay[..., 2] > 100).sum()
+    red = (overlay[..., 2] - overlay[..., 0] > 100).sum()
+    assert blue > 50
+    assert red > 50
+
+
+def test_pairs_name_the_previous_image(ffseg_command: Command, views: Path) -> None:
+    (views / "pairs.csv").write_text("previous,current\n2.png,1.png\n")
+    result = run(ffseg_command, views, *with_camera(views), "--pairs", views / "pairs.csv")
+    assert result.returncode == 0, result.stderr
+    table = rows(views / "out" / "obstacles.csv")
+    assert {row["verdict"] for row in table if row["image"] == "2.png"} == {"untested"}
+    assert "false_obstacle" in {row["verdict"] for row in table if row["image"] == "1.png"}
+
+
+def test_the_same_bytes_for_one_and_two_workers(ffseg_command: Command, views: Path) -> None:
+    shutil.copy(views / "views" / "1.png", views / "views" / "3.png")
+    one = run(ffseg_command, views, "--camera", views / "camera.yaml", out="one")
+    two = run(ffseg_command, views, "--camera", views / "camera.yaml", "--jobs", "2", out="two")
+    assert (one.returncode, two.returncode) == (0, 0)
+    for name in ("obstacles.csv", "masks/2.png", "contours/2.svg", "masks/3.png"):
+        assert (views / "one" / name).read_bytes() == (views / "two" / name).read_bytes()
+
+
+def test_a_second_run_does_only_what_its_inputs_changed(ffseg_command: Command, views: Path) -> None:
+    command = ("--camera", views / "camera.yaml", "--poses", views / "poses.csv", "--json")
+    run(ffseg_command, views, *command)
+    assert '"same": 2' in run(ffseg_command, views, *command).stdout
+    image = rendered().previous.image.copy()
+    image[:5, :5] = 9
+    cv2.imwrite(str(views / "views" / "1.png"), image)
+    again = run(ffseg_command, views, *command)
+    assert '"same": 0' in again.stdout, "the second image is judged by the first, which has changed"
+    text = (views / "poses.csv").read_text()
+    (views / "poses.csv").write_text(text.replace("2.png,0.0,", "2.png,0.001,"))
+    assert '"same": 1' in run(ffseg_command, views, *command).stdout
+    (views / "camera.yaml").write_text(CAMERA_YAML.replace("mount_height: 0.9", "mount_height: 1.1"))
+    refused = run(ffseg_command, views, *command)
+    assert refused.returncode == 2
+    assert "the file of camera has changed" in refused.stderr
+
+
+def test_bad_files_are_refused_before_the_first_image(ffseg_command: Command, views: Path) -> None:
+    for text, said in (
+        (CAMERA_YAML.replace("xi: 0.95", "xi: minus"), "xi: 'minus' is not"),
+        (CAMERA_YAML.replace("mount_height: 0.9\n", ""), "mount_height"),
+    ):
+        (views / "bad.yaml").write_text(text)
+        result = run(ffseg_command, views, "--camera", views / "bad.yaml")
+        assert result.returncode == 2
+        assert said in result.stderr
+        assert not (views / "out").exists()
+    result = run(ffseg_command, views, "--poses", views / "poses.csv")
+    assert result.returncode == 2
+    assert "--camera" in result.stderr
+
+
+def test_another_size_or_a_broken_predecessor_costs_no_other_image(ffseg_command: Command, views: Path) -> None:
+    cv2.imwrite(str(views / "views" / "0.png"), np.full((60, 80), 90, np.uint8))
+    result = run(ffseg_command, views, "--camera", views / "camera.yaml")
+    assert result.returncode == 3
+    timings = {row["image"]: row for row in rows(views / "out" / "timings.csv")}
+    assert "80x60, the camera file says 800x600" in timings["0.png"]["error"]
+    assert timings["0.png"]["error"].startswith("calibration: ")
+    assert timings["1.png"]["status"] == "ok"
+    assert "previous image cannot be used: it is 80x60" in timings["1.png"]["note"]
+    assert timings["2.png"]["status"] == "ok"
