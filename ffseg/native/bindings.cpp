@@ -6,7 +6,8 @@ NB_MODULE(_core, m) {
     bind_edges(m);
     bind_freeform(m);
     bind_raster(m);
-    bind_baselines(m);
+    bind_levelset(m);
+    bind_measures(m);
     bind_pairs(m);
     bind_snake(m);
 }

@@ -2,9 +2,9 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "baselines/levelset.hpp"
-#include "baselines/march.hpp"
-#include "baselines/start_band.hpp"
+#include "baselines/levelset/levelset.hpp"
+#include "baselines/marching/march.hpp"
+#include "baselines/marching/start_band.hpp"
 #include "bindings.hpp"
 
 namespace nb = nanobind;
@@ -165,7 +165,7 @@ nb::tuple py_level_set(const Plane16& gradient, const Table& slowness, const Pla
 
 }  // namespace
 
-void bind_baselines(nb::module_& m) {
+void bind_levelset(nb::module_& m) {
     m.def("fast_march", &py_march, "speed"_a, "stop_speed"_a, "inside"_a, "domain"_a.none(),
           "Arrival times (H * W), accepted nodes in order, on-contour nodes, size of the first narrow band.");
     m.def("start_band", &py_start_band, "inside"_a, "points"_a, "offsets"_a,

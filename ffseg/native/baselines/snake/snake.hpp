@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "baselines/cyclic.hpp"
+#include "baselines/snake/cyclic.hpp"
 #include "common/vec.hpp"
 
 namespace ffseg {

@@ -1,4 +1,4 @@
-#include "baselines/outline.hpp"
+#include "baselines/levelset/outline.hpp"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "baselines/start_band.hpp"
+#include "baselines/marching/start_band.hpp"
 
 #include <algorithm>
 

@@ -2,7 +2,7 @@
 #pragma once
 #include <vector>
 
-#include "baselines/march.hpp"
+#include "baselines/marching/march.hpp"
 #include "common/vec.hpp"
 
 namespace ffseg {

@@ -1,4 +1,4 @@
-#include "baselines/march.hpp"
+#include "baselines/marching/march.hpp"
 
 #include <algorithm>
 

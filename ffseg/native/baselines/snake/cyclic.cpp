@@ -1,4 +1,4 @@
-#include "baselines/cyclic.hpp"
+#include "baselines/snake/cyclic.hpp"
 
 #include <cmath>
 

@@ -4,8 +4,8 @@
 #include <memory>
 #include <stdexcept>
 
-#include "baselines/cyclic.hpp"
-#include "baselines/snake.hpp"
+#include "baselines/snake/cyclic.hpp"
+#include "baselines/snake/snake.hpp"
 #include "bindings.hpp"
 
 namespace nb = nanobind;

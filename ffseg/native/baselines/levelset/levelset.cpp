@@ -1,8 +1,8 @@
-#include "baselines/levelset.hpp"
+#include "baselines/levelset/levelset.hpp"
 
 #include <algorithm>
 
-#include "baselines/outline.hpp"
+#include "baselines/levelset/outline.hpp"
 
 namespace ffseg {
 namespace {

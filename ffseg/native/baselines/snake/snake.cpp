@@ -1,4 +1,4 @@
-#include "baselines/snake.hpp"
+#include "baselines/snake/snake.hpp"
 
 #include <algorithm>
 #include <cmath>

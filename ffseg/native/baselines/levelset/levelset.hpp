@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "baselines/march.hpp"
+#include "baselines/marching/march.hpp"
 #include "common/vec.hpp"
 
 namespace ffseg {

@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "baselines/queue.hpp"
+#include "baselines/marching/queue.hpp"
 
 namespace ffseg {
 
