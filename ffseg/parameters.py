@@ -152,7 +152,8 @@ def presets() -> dict[str, Path]:
     """Parameter files that come with ffseg, by name."""
     here = Path(__file__).parent
     folder = next((path for path in (here / "configs", here.parent / "configs") if path.is_dir()), None)
-    return {path.stem: path for path in sorted(folder.glob("*.yaml"))} if folder else {}
+    files = sorted(folder.glob("*.yaml")) if folder else []
+    return {path.stem: path for path in files if path.stem != "peers"}  # that file is for `ffseg compare --peers`
 
 
 def _file(source: str | os.PathLike[str], problems: Problems) -> Node:

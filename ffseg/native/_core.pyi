@@ -108,6 +108,11 @@ def fast_march(speed: Annotated[NDArray[numpy.float64], dict(shape=(None, None),
 def start_band(inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple:
     """Nodes just outside the start contours and their distances to them."""
 
+def mask_outlines(mask: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
+    """
+    Outlines (flat x, y) half-way between pixels inside and outside, and their offsets; holes turn the other way.
+    """
+
 class LevelSetOptions:
     def __init__(self) -> None: ...
 

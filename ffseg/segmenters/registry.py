@@ -12,8 +12,10 @@ from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.raster import rasterize
 from ffseg.parameters import Parameters
+from ffseg.peer_parameters import PeerParameters
 from ffseg.segmenters import freeform, levelset, snake
 from ffseg.segmenters.base import Progress, Segmentation, Segmenter, Timings
+from ffseg.segmenters.peers import PEERS, segment_peer
 from ffseg.segmenters.starts import start_contours
 
 SEGMENTERS: dict[str, Segmenter] = {"freeform": freeform.run, "levelset": levelset.run, "snake": snake.run}
@@ -28,7 +30,8 @@ def segmenter(name: str) -> Segmenter:
         If there is none.
     """
     if name not in SEGMENTERS:
-        raise ParameterError(f"method: there is no segmenter '{name}'; choose one of {', '.join(sorted(SEGMENTERS))}")
+        known = ", ".join([*sorted(SEGMENTERS), *PEERS])
+        raise ParameterError(f"method: there is no segmenter '{name}'; choose one of {known}")
     return SEGMENTERS[name]
 
 
@@ -50,7 +53,7 @@ def segment(
         Grey or BGR.
     params : Parameters
     method : str, optional
-        Takes the place of ``params.method``.
+        Takes the place of ``params.method``. A peer runs with the parameters of ``configs/peers.yaml``.
     domain : ndarray of uint8, shape (H, W), optional
         Nonzero where the contour may go.
     start_mask : ndarray of uint8, shape (H, W), optional
@@ -71,8 +74,12 @@ def segment(
     ParameterError
         If there is no such method.
     """
-    run = segmenter(method or params.method)
+    name = method or params.method
     shape = _checked_shape(image, domain)
+    if name in PEERS:
+        peers = PeerParameters()
+        return segment_peer(image, params, name, peers, domain=domain, start_mask=start_mask, center=center)
+    run = segmenter(name)
     begin = perf_counter()
     edges = edge_map(image, params.edges, domain)
     edges_done = perf_counter()

@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "baselines/levelset/levelset.hpp"
+#include "baselines/levelset/outline.hpp"
 #include "baselines/marching/march.hpp"
 #include "baselines/marching/start_band.hpp"
 #include "bindings.hpp"
@@ -163,6 +164,20 @@ nb::tuple py_level_set(const Plane16& gradient, const Table& slowness, const Pla
     return nb::make_tuple(take(std::move(flat)), take(std::move(bounds)), counts);
 }
 
+nb::tuple py_outlines(const Plane8& mask) {
+    const ffseg::Grid grid = grid_of(mask);
+    std::vector<double> flat;
+    std::vector<std::int64_t> ends{0};
+    {
+        nb::gil_scoped_release release;
+        for (const std::vector<ffseg::Vec2>& outline : ffseg::Region(grid, mask.data()).outlines(nullptr)) {
+            for (const ffseg::Vec2 p : outline) flat.insert(flat.end(), {p.x, p.y});
+            ends.push_back(static_cast<std::int64_t>(flat.size() / 2));
+        }
+    }
+    return nb::make_tuple(take(std::move(flat)), take(std::move(ends)));
+}
+
 }  // namespace
 
 void bind_levelset(nb::module_& m) {
@@ -170,6 +185,8 @@ void bind_levelset(nb::module_& m) {
           "Arrival times (H * W), accepted nodes in order, on-contour nodes, size of the first narrow band.");
     m.def("start_band", &py_start_band, "inside"_a, "points"_a, "offsets"_a,
           "Nodes just outside the start contours and their distances to them.");
+    m.def("mask_outlines", &py_outlines, "mask"_a,
+          "Outlines (flat x, y) half-way between pixels inside and outside, and their offsets; holes turn the other way.");
     nb::class_<LevelSetOptions>(m, "LevelSetOptions")
         .def(nb::init<>())
         .def_rw("stop", &LevelSetOptions::stop)

@@ -31,6 +31,12 @@ Region::Region(const March& march) : grid(march.grid), inside(march.grid.size())
     for (const std::int32_t node : march.order) inside[node] = 1;
 }
 
+Region::Region(Grid size, const std::uint8_t* mask) : grid(size), inside(size.size()) {
+    for (int y = 0; y < grid.height; ++y) {
+        for (int x = 0; x < grid.width; ++x) inside[grid.node(x, y)] = *mask++ != 0;
+    }
+}
+
 void Region::surround(const std::uint8_t* domain) {
     for (std::int32_t node = 0; node < static_cast<std::int32_t>(grid.size()); ++node) {
         if (!pixel(node)) inside[node] = 1;

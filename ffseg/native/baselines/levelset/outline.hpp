@@ -28,6 +28,8 @@ private:
 class Region {
 public:
     explicit Region(const March& march);
+    // Pixels that are nonzero in a mask, (H, W).
+    Region(Grid size, const std::uint8_t* mask);
 
     // For a front that closes in: all that lies outside the image or the domain (may be null) joins the region.
     void surround(const std::uint8_t* domain);

@@ -1,0 +1,269 @@
+"""Several methods on the same images: times, agreement with truth, the paper's table."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from statistics import median
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.jobs import Job, make_plan
+from ffseg.errors import ImageReadError, ParameterError, UsageError
+from ffseg.formats.files import make_folder, printable, write_bytes_atomic
+from ffseg.formats.images import read_image, single_thread
+from ffseg.formats.masks import read_levels
+from ffseg.formats.overlays import Polyline
+from ffseg.formats.panels import Tile, encode_panel
+from ffseg.formats.tables import csv_table
+from ffseg.image.components import num_holes
+from ffseg.metrics import scores
+from ffseg.parameters import Parameters
+from ffseg.peer_parameters import PeerParameters
+from ffseg.segmenters.base import Segmentation
+from ffseg.segmenters.peers import PEERS, segment_peer
+from ffseg.segmenters.registry import SEGMENTERS, segment
+
+COLUMNS = (
+    *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),
+    *("iou", "boundary_mean_px", "boundary_max_px", "holes", "status", "error", "boundary_f_2px"),
+)
+_FLATNESS = 0.1
+"""Tolerance of the lines drawn in panels, px: a tenth of the line's width."""
+_LONGEST_ERROR = 300
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One method on one image; None stands for what is not known. `status` is ok, failed or skipped."""
+
+    image: str
+    method: str
+    initial_points: int | None = None
+    final_points: int | None = None
+    iterations: int | None = None
+    edges_ms: float | None = None
+    evolve_ms: float | None = None
+    total_ms: float | None = None
+    iou: float | None = None
+    boundary_mean_px: float | None = None
+    boundary_max_px: float | None = None
+    holes: int | None = None
+    status: str = "ok"
+    error: str = ""
+    boundary_f_2px: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What is to be compared.
+
+    Attributes
+    ----------
+    jobs : tuple of Job
+    out : str
+    methods : tuple of str
+    params : Parameters
+    peers : PeerParameters
+    repeat : int
+        Runs of each method on each image; the median time counts.
+    """
+
+    jobs: tuple[Job, ...]
+    out: str
+    methods: tuple[str, ...]
+    params: Parameters
+    peers: PeerParameters
+    repeat: int = 1
+
+
+def choose_methods(text: str) -> tuple[str, ...]:
+    """Methods named by a comma-separated list; ``all`` stands for every one, ``peers`` for every peer.
+
+    Raises
+    ------
+    UsageError
+        If a name is unknown.
+    """
+    groups = {"all": (*SEGMENTERS, *PEERS), "peers": tuple(PEERS)}
+    names: list[str] = []
+    for name in (part.strip() for part in text.split(",")):
+        known = groups.get(name, (name,) if name in SEGMENTERS or name in PEERS else ())
+        if not known:
+            choices = ", ".join([*SEGMENTERS, *PEERS, *groups])
+            raise UsageError(f"--methods: there is no method {printable(name)!r}; choose from {choices}")
+        names += [one for one in known if one not in names]
+    return tuple(names)
+
+
+def plan_comparison(inputs: Sequence[str], out: str, truth: str = "") -> tuple[Job, ...]:
+    """Images to compare on, each with its truth.
+
+    Raises
+    ------
+    UsageError
+        If an input is missing, two share a name, or a panel would replace an input.
+    """
+    jobs = make_plan(inputs, out, truth=truth).jobs
+    taken = {os.path.realpath(path) for job in jobs for path in (job.source.path, job.truth) if path}
+    for job in jobs:
+        panel = os.path.join(out, "panels", f"{job.stem}.png")
+        if os.path.realpath(panel) in taken:
+            raise UsageError(f"the output {printable(panel)} would replace an input image; choose another folder")
+    return jobs
+
+
+def compare(task: Comparison, tell: Callable[[Row], None]) -> list[Row]:
+    """Run every method on every image and write ``compare.csv``, ``compare.md`` and ``panels/``.
+
+    Parameters
+    ----------
+    task : Comparison
+    tell : callable
+        Called with each row when it is known.
+
+    Returns
+    -------
+    list of Row
+        Image by image, methods in the order asked for.
+
+    Raises
+    ------
+    ParameterError
+        If a mask file that the parameters name cannot be read.
+    OutputError
+        If an output cannot be written.
+    """
+    from ffseg.batch.compare_text import markdown
+
+    single_thread()
+    make_folder(task.out)
+    masks = _Masks(_mask("domain.mask", task.params.domain.mask), _mask("init.mask", task.params.init.mask))
+    rows: list[Row] = []
+    for job in task.jobs:
+        made = _compare_image(task, job, masks, tell)
+        rows += made
+    write_bytes_atomic(os.path.join(task.out, "compare.csv"), table(rows))
+    write_bytes_atomic(os.path.join(task.out, "compare.md"), markdown(task, rows).encode("utf-8"))
+    return rows
+
+
+def table(rows: Iterable[Row]) -> bytes:
+    """CSV of all rows."""
+    return csv_table(COLUMNS, [[asdict(row)[column] for column in COLUMNS] for row in rows])
+
+
+def missed_gates(rows: Sequence[Row], gates: dict[str, float]) -> list[str]:
+    """One sentence for each method whose IoU lies below its gate on an image, or is not known there.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+    gates : dict of float
+        Least IoU by method; the empty name stands for every method that was run.
+    """
+    missed = []
+    for row in rows:
+        gate = gates.get(row.method, gates.get(""))
+        if gate is None or (row.status == "skipped" and row.method not in gates):
+            continue
+        if row.iou is None:
+            missed.append(f"{row.image}: {row.method} has no IoU, the gate is {gate:g}")
+        elif row.iou < gate:
+            missed.append(f"{row.image}: {row.method} has IoU {row.iou:.4f}, the gate is {gate:g}")
+    return missed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Masks:
+    """Masks that the parameters name, 255 or 0."""
+
+    domain: NDArray[np.uint8] | None
+    start: NDArray[np.uint8] | None
+
+
+def _mask(key: str, path: str | None) -> NDArray[np.uint8] | None:
+    if path is None:
+        return None
+    try:
+        return np.where(read_levels(path) > 0, np.uint8(255), np.uint8(0))
+    except ImageReadError as error:
+        raise ParameterError(f"{key}: {error}") from error
+
+
+def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Row], None]) -> list[Row]:
+    """Rows of one image; its panel is written."""
+    name = printable(job.source.name)
+    try:
+        image = read_image(job.source.path)
+        truth = read_levels(job.truth) if job.truth else None
+        if truth is not None and truth.shape != image.shape[:2]:
+            raise ImageReadError("damaged", f"{printable(job.truth)} has not the size of its image; exchange it")
+    except ImageReadError as error:
+        rows = [Row(name, method, status="failed", error=f"{error.reason}: {error}") for method in task.methods]
+        for row in rows:
+            tell(row)
+        return rows
+    rows, tiles = [], []
+    for method in task.methods:
+        row, result = _run(task, image, Row(name, method), masks)
+        row = row if result is None else _scored(row, result, truth)
+        tell(row)
+        rows.append(row)
+        tiles.append(_tile(row, result))
+    panel = os.path.join(task.out, "panels", f"{job.stem}.png")
+    make_folder(os.path.dirname(panel))
+    write_bytes_atomic(panel, encode_panel(image, tiles))
+    return rows
+
+
+def _run(task: Comparison, image: NDArray[np.uint8], row: Row, masks: _Masks) -> tuple[Row, Segmentation | None]:
+    """Run a method `repeat` times: its last result and the median times."""
+    peer = PEERS.get(row.method)
+    if peer is not None and not peer.installed:
+        return replace(row, status="skipped", error=f"the package {peer.package} is not installed"), None
+    try:
+        results = [_segment(task, image, row.method, masks) for _ in range(task.repeat)]
+    except Exception as error:  # noqa: BLE001 - a package may raise anything; the others are compared all the same
+        text = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_ERROR]
+        return replace(row, status="failed", error=text), None
+    times = {
+        key: round(median(getattr(result.timings, key) for result in results), 3)
+        for key in ("edges_ms", "evolve_ms", "total_ms")
+    }
+    stats = results[-1].stats
+    counts = {} if peer else {key: getattr(stats, key) for key in ("initial_points", "final_points", "iterations")}
+    return replace(row, **times, **counts), results[-1]
+
+
+def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: _Masks) -> Segmentation:
+    if method in PEERS:
+        return segment_peer(image, task.params, method, task.peers, domain=masks.domain, start_mask=masks.start)
+    return segment(image, task.params, method, domain=masks.domain, start_mask=masks.start)
+
+
+def _scored(row: Row, result: Segmentation, truth: NDArray[np.uint8] | None) -> Row:
+    row = replace(row, holes=num_holes(result.mask))
+    if truth is None:
+        return row
+    found = scores(result.mask, truth)
+    return replace(
+        row,
+        iou=found.iou,
+        boundary_mean_px=found.boundary_mean,
+        boundary_max_px=found.boundary_max,
+        boundary_f_2px=found.boundary_f,
+    )
+
+
+def _tile(row: Row, result: Segmentation | None) -> Tile:
+    if result is None:
+        return Tile(f"{row.method}: {row.status}", None, ())
+    lines = [
+        Polyline(contour.flatten(_FLATNESS), "outer" if contour.signed_area >= 0 else "obstacle")
+        for contour in result.contours
+    ]
+    label = f"{row.method}  {row.evolve_ms:.1f} ms" + ("" if row.iou is None else f"  IoU {row.iou:.4f}")
+    return Tile(label, result.mask, lines)

@@ -1,0 +1,112 @@
+"""``ffseg compare``: several methods on the same images."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ffseg.cli import console
+from ffseg.errors import UsageError
+
+if TYPE_CHECKING:
+    from ffseg.batch.compare import Row
+
+FAILED_IMAGES, MISSED_GATE = 3, 4
+"""Exit codes."""
+
+
+def compare(  # noqa: PLR0913 - the options of the command
+    inputs: Annotated[
+        list[str], typer.Argument(metavar="INPUT...", help="Image files, folders (searched to any depth) or patterns.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the outputs; made if absent.")],
+    methods: Annotated[
+        str, typer.Option("--methods", metavar="A,B,C", help="Methods and peers; 'peers' or 'all' for every one.")
+    ] = "freeform,snake,levelset",
+    truth: Annotated[
+        Path | None, typer.Option("--truth", metavar="DIR", help="Folder of true masks: 255 inside, 128 ignored.")
+    ] = None,
+    repeat: Annotated[int, typer.Option("--repeat", min=1, help="Runs of each; the median time counts.")] = 1,
+    config: Annotated[
+        str | None, typer.Option("--config", metavar="FILE|PRESET", help="Parameter file or preset.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter; may be repeated.")
+    ] = None,
+    peers: Annotated[
+        Path | None, typer.Option("--peers", metavar="FILE", help="Parameters of the peers, like configs/peers.yaml.")
+    ] = None,
+    min_iou: Annotated[
+        list[str] | None,
+        typer.Option("--min-iou", metavar="X|METHOD=X", help="Least IoU on every image; exit code 4 when missed."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of the table.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages, no table; errors only.")] = False,
+) -> None:
+    """Compare methods on the same images: times, agreement with truth, panels side by side.
+
+    Writes compare.csv, compare.md and panels/. Exit code: 0 done; 2 nothing was run; 3 a method failed on an image; 4 a
+    gate was missed. Peers that are not installed are named and skipped.
+    """
+    from ffseg.batch import compare as work
+    from ffseg.cli.interruption import Interruption
+    from ffseg.parameters import load_params
+    from ffseg.peer_parameters import load_peer_parameters
+
+    chosen = work.choose_methods(methods)
+    gates = _gates(min_iou or [], chosen, with_truth=truth is not None)
+    params, peer_params = load_params(config, settings), load_peer_parameters(peers)
+    folder = os.fspath(out)
+    jobs = work.plan_comparison(inputs, folder, os.fspath(truth) if truth else "")
+    task = work.Comparison(jobs, folder, chosen, params, peer_params, repeat)
+    with Interruption():
+        rows = work.compare(task, _silent if quiet else _tell)
+    missed = work.missed_gates(rows, gates)
+    if as_json:
+        console.data(json.dumps({"out": folder, "missed": missed, "rows": [_plain(row) for row in rows]}, indent=2))
+    elif not quiet:
+        console.data((out / "compare.md").read_text(encoding="utf-8").rstrip("\n"))
+    for sentence in missed:
+        console.error(sentence)
+    if any(row.status == "failed" for row in rows):
+        raise typer.Exit(FAILED_IMAGES)
+    if missed:
+        raise typer.Exit(MISSED_GATE)
+
+
+def _gates(texts: Sequence[str], methods: Sequence[str], *, with_truth: bool) -> dict[str, float]:
+    """Least IoU by method; the empty name stands for all."""
+    gates = {}
+    for text in texts:
+        method, equals, value = text.rpartition("=")
+        if equals and method not in methods:
+            raise UsageError(f"--min-iou {text}: the method is not compared; choose one of {', '.join(methods)}")
+        try:
+            gates[method] = float(value)
+        except ValueError:
+            gates[method] = -1.0
+        if not 0 <= gates[method] <= 1:
+            raise UsageError(f"--min-iou {text}: {value!r} is not a number from 0 to 1; write 0.99 or freeform=0.99")
+    if gates and not with_truth:
+        raise UsageError("--min-iou needs truth to measure against; add --truth DIR")
+    return gates
+
+
+def _plain(row: Row) -> dict[str, object]:
+    return {key: None if value != value else value for key, value in asdict(row).items()}
+
+
+def _tell(row: Row) -> None:
+    figures = f"{row.evolve_ms:.1f} ms" if row.evolve_ms is not None else row.error
+    overlap = "" if row.iou is None else f", IoU {row.iou:.4f}"
+    console.message(f"ffseg: {row.image}: {row.method} {row.status}: {figures}{overlap}")
+
+
+def _silent(row: Row) -> None:
+    """Say nothing."""

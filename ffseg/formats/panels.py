@@ -1,0 +1,76 @@
+"""Panels: what several methods made of one image, side by side under their names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.formats.masks import encode_png
+from ffseg.formats.overlays import Polyline, draw_overlay
+
+TILE_WIDTH = 400
+"""Pixels: four tiles fit a screen, and a boundary two pixels off shows in an 800x600 image."""
+COLUMNS = 4
+STRIP = 24
+"""Pixels of the strip the name stands in."""
+_WHITE, _DARK, _TINT = (255, 255, 255), (32, 32, 32), (80, 220, 60)
+_TINT_SHARE = 0.25
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tile:
+    """One method's result.
+
+    Attributes
+    ----------
+    label : str
+        ASCII; what stands above the picture.
+    mask : ndarray of bool, shape (H, W), or None
+        Region to tint; None when there is no result.
+    polylines : sequence of Polyline
+        Contours to draw.
+    """
+
+    label: str
+    mask: NDArray[np.bool_] | None
+    polylines: Sequence[Polyline]
+
+
+def encode_panel(image: NDArray[np.uint8], tiles: Sequence[Tile]) -> bytes:
+    """PNG file with one tile per method, four in a row.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    tiles : sequence of Tile
+        At least one.
+    """
+    drawn = [_drawn(image, tile) for tile in tiles]
+    columns = min(COLUMNS, len(drawn))
+    blank = np.full_like(drawn[0], _DARK[0])
+    drawn += [blank] * (-len(drawn) % columns)
+    rows = [np.hstack(drawn[start : start + columns]) for start in range(0, len(drawn), columns)]
+    return encode_png(np.ascontiguousarray(np.vstack(rows)), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+
+
+def _drawn(image: NDArray[np.uint8], tile: Tile) -> NDArray[np.uint8]:
+    picture = draw_overlay(_tinted(image, tile.mask), tile.polylines)
+    scale = TILE_WIDTH / image.shape[1]
+    size = (TILE_WIDTH, max(1, round(image.shape[0] * scale)))
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    strip = np.full((STRIP, TILE_WIDTH, 3), _DARK, np.uint8)
+    cv2.putText(strip, tile.label, (6, STRIP - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _WHITE, 1, cv2.LINE_AA)
+    return np.vstack([strip, np.asarray(small, np.uint8)])
+
+
+def _tinted(image: NDArray[np.uint8], mask: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
+    colour = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+    if mask is None:
+        return np.asarray(colour, np.uint8)
+    mixed = colour.copy()
+    mixed[mask] = np.rint((1 - _TINT_SHARE) * colour[mask] + _TINT_SHARE * np.array(_TINT)).astype(np.uint8)
+    return mixed

@@ -1,0 +1,100 @@
+"""What OpenCV offers for growing a region from a start: the peers `ffseg compare` runs beside the method.
+
+Each takes the image or a gradient and the start region, and gives the region found. Nothing here is tuned for speed
+beyond calling the library as its documentation asks.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
+from ffseg.peer_parameters import EdgeComponents, EdgeOpened, FloodFill, GrabCut, Watershed
+
+Mask = NDArray[np.bool_]
+Image = NDArray[np.uint8]
+
+_DISTANCE_MASK = 5
+"""Size of the mask of OpenCV's distance transform: distances to 2 per cent."""
+
+
+def floodfill(image: Image, seeds: Mask, params: FloodFill) -> Mask:
+    """``cv2.floodFill`` from a pixel of the start, whose level is set to the median of the start."""
+    smoothed = smooth(image, params.sigma)
+    smoothed[seeds] = np.median(smoothed[seeds], axis=0).astype(np.uint8)
+    rows, columns = np.nonzero(seeds)
+    middle = len(rows) // 2
+    filled = np.zeros((image.shape[0] + 2, image.shape[1] + 2), np.uint8)
+    flags = 4 | cv2.FLOODFILL_FIXED_RANGE | cv2.FLOODFILL_MASK_ONLY | (1 << 8)
+    reach = (params.tolerance,) * 3
+    cv2.floodFill(smoothed, filled, (int(columns[middle]), int(rows[middle])), (0, 0, 0), reach, reach, flags)
+    found: Mask = filled[1:-1, 1:-1] > 0
+    return found
+
+
+def edge_components(edges: EdgeMap, seeds: Mask, params: EdgeComponents) -> Mask:
+    """Pixels below an edge threshold that are connected to the start, grown up to the edge."""
+    return grown(connected(free_of_edges(edges, params.threshold) | seeds, seeds), params.grow)
+
+
+def edge_opened(edges: EdgeMap, seeds: Mask, params: EdgeOpened) -> Mask:
+    """The same, where only a disc can pass: its centre's way is followed, then the disc is put back."""
+    free = free_of_edges(edges, params.threshold) | seeds
+    depth = cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, _DISTANCE_MASK)
+    core = connected((depth > params.radius) | seeds, seeds)
+    return grown(grown(core, params.radius) & free, params.grow)
+
+
+def watershed(edges: EdgeMap, seeds: Mask, params: Watershed) -> Mask:
+    """``cv2.watershed`` of the gradient between the start and the image border."""
+    markers = np.full(seeds.shape, 2, np.int32)
+    markers[1:-1, 1:-1] = 0
+    markers[seeds] = 1
+    levels = np.clip(edges.gradient * (params.gain / GRADIENT_SCALE), 0, 255).astype(np.uint8)
+    cv2.watershed(cv2.cvtColor(levels, cv2.COLOR_GRAY2BGR), markers)
+    found: Mask = markers == 1
+    return found
+
+
+def grabcut(image: Image, seeds: Mask, params: GrabCut) -> Mask:
+    """``cv2.grabCut`` told the start and the border; the part connected to the start."""
+    colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    labels = np.full(seeds.shape, cv2.GC_BGD, np.uint8)
+    labels[1:-1, 1:-1] = cv2.GC_PR_BGD
+    labels[seeds] = cv2.GC_FGD
+    cv2.setRNGSeed(0)
+    background, foreground = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.grabCut(colour, labels, None, background, foreground, params.iterations, cv2.GC_INIT_WITH_MASK)  # type: ignore[call-overload]
+    return connected((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD), seeds)
+
+
+def smooth(image: Image, sigma: float) -> Image:
+    """Gaussian smoothing; always a new array."""
+    smoothed: Image = cv2.GaussianBlur(image, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)  # type: ignore[assignment]
+    return smoothed
+
+
+def free_of_edges(edges: EdgeMap, threshold: float) -> Mask:
+    """Pixels whose gradient stays below a threshold, inside the domain."""
+    free: Mask = edges.gradient < threshold * GRADIENT_SCALE
+    return free if edges.domain is None else free & (edges.domain > 0)
+
+
+def connected(free: Mask, seeds: Mask) -> Mask:
+    """What is connected to the seeds over the sides of free pixels."""
+    count, labels = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
+    chosen = np.zeros(count, np.bool_)
+    chosen[labels[seeds]] = True
+    chosen[0] = False
+    found: Mask = chosen[labels]
+    return found
+
+
+def grown(mask: Mask, by: float) -> Mask:
+    """All pixels within a distance of a region."""
+    if by <= 0 or not mask.any():
+        return mask
+    found: Mask = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, _DISTANCE_MASK) <= by
+    return found
