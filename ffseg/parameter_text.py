@@ -6,6 +6,7 @@ import json
 import re
 
 from ffseg.parameters import Parameters
+from ffseg.peer_parameters import PeerParameters
 from ffseg.schema.kinds import JsonSchema
 from ffseg.schema.sections import Leaf, Section, flat, leaves, subsections
 from ffseg.schema.strict_yaml import scalar
@@ -14,15 +15,15 @@ _PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./ -]*")
 SCHEMA_COMMENT = "# yaml-language-server: $schema=schema.json"
 
 
-def to_yaml(params: Parameters) -> str:
+def to_yaml(params: Section) -> str:
     """Write every key of a parameter set as YAML, each with what it means and what is allowed."""
-    values = flat(params)
+    values, sections = flat(params), subsections(type(params))
     lines: list[str] = []
     group = ""
-    for key, leaf in leaves(Parameters).items():
+    for key, leaf in leaves(type(params)).items():
         section, _, name = key.rpartition(".")
         if section != group:
-            lines += ["", f"# {_first_line(subsections(Parameters)[section])}", f"{section}:"]
+            lines += ["", f"# {_first_line(sections[section])}", f"{section}:"]
             group = section
         indent = "  " if section else ""
         lines += [f"{indent}# {leaf.doc}; {leaf.kind.allowed()}", f"{indent}{name}: {yaml_value(values[key])}"]
@@ -32,6 +33,11 @@ def to_yaml(params: Parameters) -> str:
 def default_file() -> str:
     """Write ``configs/default.yaml``: every key with its default."""
     return f"{SCHEMA_COMMENT}\n# Every key with its default.\n\n{to_yaml(Parameters())}"
+
+
+def peers_file() -> str:
+    """Write ``configs/peers.yaml``: every parameter of the peers with its default."""
+    return f"# Parameters of the peers, for `ffseg compare --peers FILE`.\n\n{to_yaml(PeerParameters())}"
 
 
 def schema_file() -> str:

@@ -49,10 +49,9 @@ class EdgeOpened(Section):
 
 @dataclass(frozen=True, slots=True)
 class Watershed(Section):
-    """OpenCV watershed of the gradient from the start and the image border."""
+    """OpenCV watershed from the start and the image border; its heights are the differences between pixels."""
 
-    sigma: float = declared(0.7, _SIGMA, _SIGMA_DOC)
-    gain: float = declared(4.0, Number(0, 1000, above=True), "8-bit levels per unit of gradient")
+    sigma: float = declared(0.8, _SIGMA, "px, smoothing of the image")
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,15 +47,20 @@ def edge_opened(edges: EdgeMap, seeds: Mask, params: EdgeOpened) -> Mask:
     return grown(grown(core, params.radius) & free, params.grow)
 
 
-def watershed(edges: EdgeMap, seeds: Mask, params: Watershed) -> Mask:
-    """``cv2.watershed`` of the gradient between the start and the image border."""
+def watershed(image: Image, seeds: Mask, params: Watershed) -> Mask:
+    """``cv2.watershed`` of the smoothed image between the start and the image border."""
     markers = np.full(seeds.shape, 2, np.int32)
-    markers[1:-1, 1:-1] = 0
+    inner = slice(_WATERSHED_BORDER, -_WATERSHED_BORDER)
+    markers[inner, inner] = 0
     markers[seeds] = 1
-    levels = np.clip(edges.gradient * (params.gain / GRADIENT_SCALE), 0, 255).astype(np.uint8)
-    cv2.watershed(cv2.cvtColor(levels, cv2.COLOR_GRAY2BGR), markers)
+    smoothed = smooth(image, params.sigma)
+    cv2.watershed(smoothed if image.ndim == 3 else cv2.cvtColor(smoothed, cv2.COLOR_GRAY2BGR), markers)
     found: Mask = markers == 1
     return found
+
+
+_WATERSHED_BORDER = 3
+"""Pixels of the outer marker: OpenCV overwrites the outermost one."""
 
 
 def grabcut(image: Image, seeds: Mask, params: GrabCut) -> Mask:

@@ -60,14 +60,13 @@ class Peer:
     @property
     def installed(self) -> bool:
         """Whether the package can be imported."""
-        return find_spec(self.module) is not None
+        return find_spec(self.module.partition(".")[0]) is not None
 
 
 def _skimage_gac(image: Image, edges: EdgeMap, seeds: Mask, params: SkimageGac) -> Mask:  # noqa: ARG001
-    from skimage.segmentation import morphological_geodesic_active_contour
-
+    skimage: Any = import_module("skimage.segmentation")
     stopping = 1.0 / np.sqrt(1.0 + params.alpha * edges.magnitude())
-    found: Mask = morphological_geodesic_active_contour(
+    found: Mask = skimage.morphological_geodesic_active_contour(
         stopping,
         params.iterations,
         init_level_set=seeds.astype(np.int8),
@@ -79,23 +78,21 @@ def _skimage_gac(image: Image, edges: EdgeMap, seeds: Mask, params: SkimageGac) 
 
 
 def _skimage_chan_vese(image: Image, edges: EdgeMap, seeds: Mask, params: SkimageChanVese) -> Mask:  # noqa: ARG001
-    from skimage.segmentation import morphological_chan_vese
-
+    skimage: Any = import_module("skimage.segmentation")
     grey = image if image.ndim == 2 else image.mean(axis=2).astype(np.uint8)
     levels = opencv_peers.smooth(grey, params.sigma) / 255.0
-    phase = morphological_chan_vese(levels, params.iterations, "checkerboard", smoothing=params.smoothing) > 0
+    phase = skimage.morphological_chan_vese(levels, params.iterations, "checkerboard", smoothing=params.smoothing) > 0
     return opencv_peers.connected(phase if 2 * phase[seeds].sum() >= seeds.sum() else ~phase, seeds)
 
 
 def _skimage_snake(image: Image, edges: EdgeMap, seeds: Mask, params: SkimageSnake) -> Mask:  # noqa: ARG001
-    from skimage.segmentation import active_contour
-
+    skimage: Any = import_module("skimage.segmentation")
     grey = image if image.ndim == 2 else image.mean(axis=2).astype(np.uint8)
     levels = opencv_peers.smooth(grey, params.sigma) / 255.0
     angle = np.arange(params.points) * (2 * np.pi / params.points)
     middle = (np.array(grey.shape) - 1) / 2  # row, column
     ellipse = middle + (middle - _MARGIN) * np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    found = active_contour(
+    found = skimage.active_contour(
         levels,
         ellipse,
         alpha=params.alpha,
@@ -164,8 +161,7 @@ _STEADY = 0.001
 
 
 def _skfmm(image: Image, edges: EdgeMap, seeds: Mask, params: SkFmm) -> Mask:  # noqa: ARG001
-    import skfmm
-
+    skfmm: Any = import_module("skfmm")
     speed = _speed(edges, seeds, params.threshold)
     start = np.ma.MaskedArray(np.where(seeds, -1.0, 1.0), speed == 0)
     times = skfmm.travel_time(start, speed)
@@ -184,14 +180,14 @@ PEERS: dict[str, Peer] = {
         lambda _image, edges, seeds, p: opencv_peers.edge_opened(edges, seeds, p), "opencv-python", "cv2"
     ),
     "cv_watershed": Peer(
-        lambda _image, edges, seeds, p: opencv_peers.watershed(edges, seeds, p), "opencv-python", "cv2"
+        lambda image, _edges, seeds, p: opencv_peers.watershed(image, seeds, p), "opencv-python", "cv2", False
     ),
     "cv_grabcut": Peer(
         lambda image, _edges, seeds, p: opencv_peers.grabcut(image, seeds, p), "opencv-python", "cv2", False
     ),
-    "skimage_gac": Peer(_skimage_gac, "scikit-image", "skimage"),
-    "skimage_chan_vese": Peer(_skimage_chan_vese, "scikit-image", "skimage", False),
-    "skimage_snake": Peer(_skimage_snake, "scikit-image", "skimage", False),
+    "skimage_gac": Peer(_skimage_gac, "scikit-image", "skimage.segmentation"),
+    "skimage_chan_vese": Peer(_skimage_chan_vese, "scikit-image", "skimage.segmentation", False),
+    "skimage_snake": Peer(_skimage_snake, "scikit-image", "skimage.segmentation", False),
     "sitk_fast_marching": Peer(_sitk_fast_marching, "SimpleITK", "SimpleITK"),
     "sitk_gac": Peer(_sitk_gac, "SimpleITK", "SimpleITK"),
     "skfmm": Peer(_skfmm, "scikit-fmm", "skfmm"),
@@ -229,6 +225,7 @@ def segment_peer(
     seeds = rasterize(starts, image.shape[:2])
     if not seeds.any():
         raise SegmentationError(f"the start contour covers no pixel, and {name} needs one; raise init.radius")
+    import_module(peer.module)  # its loading is not its time
     begin = perf_counter()
     edges = edge_map(image, _edge_parameters(name, params.edges, peers), domain)
     edges_done = perf_counter()

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from ffseg.native import _core
-from ffseg.parameter_text import default_file, schema_file, to_markdown
+from ffseg.parameter_text import default_file, peers_file, schema_file, to_markdown
 
 ROOT = Path(__file__).resolve().parents[2]
 STUB = ROOT / "ffseg" / "native" / "_core.pyi"
@@ -24,6 +24,10 @@ Golden = Callable[[Path, str], None]
 
 def test_default_preset(golden: Golden) -> None:
     golden(ROOT / "configs" / "default.yaml", default_file())
+
+
+def test_peers_file(golden: Golden) -> None:
+    golden(ROOT / "configs" / "peers.yaml", peers_file())
 
 
 def test_schema_file(golden: Golden) -> None:

@@ -1,0 +1,76 @@
+"""``ffseg compare``: exit codes, sentences, and what is on disk."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+
+def ffseg(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "ffseg", "compare", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def write_case(folder: Path) -> None:
+    y, x = np.mgrid[:90, :120]
+    inside = np.hypot(x - 60, y - 45) < 30
+    (folder / "truth").mkdir(parents=True)
+    cv2.imwrite(str(folder / "disc.png"), np.where(inside, 180, 60).astype(np.uint8))
+    cv2.imwrite(str(folder / "truth" / "disc.png"), np.where(inside, 255, 0).astype(np.uint8))
+
+
+def test_a_comparison_and_its_json(tmp_path: Path) -> None:
+    write_case(tmp_path)
+    out = tmp_path / "out"
+    done = ffseg(
+        *(tmp_path / "disc.png", "--out", out, "--truth", tmp_path / "truth", "--set", "init.radius=10"),
+        *("--methods", "freeform,levelset", "--json", "--min-iou", "0.9", "--min-iou", "levelset=0.95"),
+    )
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert [row["method"] for row in document["rows"]] == ["freeform", "levelset"]
+    assert document["missed"] == []
+    assert sorted(path.name for path in out.iterdir()) == ["compare.csv", "compare.md", "panels"]
+    assert "disc.png: levelset ok" in done.stderr
+
+
+def test_a_missed_gate_is_exit_4(tmp_path: Path) -> None:
+    write_case(tmp_path)
+    done = ffseg(
+        *(tmp_path / "disc.png", "--out", tmp_path / "out", "--truth", tmp_path / "truth", "--methods", "levelset"),
+        *("--set", "init.radius=10", "--set", "levelset.settle=0", "--min-iou", "0.99"),
+    )
+    assert done.returncode == 4
+    assert "levelset has IoU" in done.stderr
+    assert (tmp_path / "out" / "compare.csv").exists()
+
+
+def test_a_failed_image_is_exit_3(tmp_path: Path) -> None:
+    write_case(tmp_path)
+    (tmp_path / "bad.png").write_text("text", encoding="utf-8")
+    done = ffseg(tmp_path, "--out", tmp_path / "out", "--truth", tmp_path / "truth", "-q", "--set", "init.radius=10")
+    assert done.returncode == 3
+    assert done.stdout == ""
+    assert (tmp_path / "out" / "panels" / "disc.png").exists()
+
+
+def test_usage_errors_are_exit_2_and_write_nothing(tmp_path: Path) -> None:
+    write_case(tmp_path)
+    cases = {
+        "no method 'x'": ("--methods", "x"),
+        "needs truth": ("--min-iou", "0.9"),
+        "not a number": ("--truth", tmp_path / "truth", "--min-iou", "freeform=high"),
+        "not compared": ("--truth", tmp_path / "truth", "--min-iou", "cv_edges=0.9"),
+        "no folder": ("--truth", tmp_path / "none"),
+        "unknown key": ("--set", "snake.tensoin=1"),
+    }
+    for sentence, arguments in cases.items():
+        done = ffseg(tmp_path / "disc.png", "--out", tmp_path / "out", *arguments)
+        assert done.returncode == 2, (sentence, done.stderr)
+        assert sentence in done.stderr
+        assert not (tmp_path / "out").exists()

@@ -1,0 +1,182 @@
+"""The comparison: rows, gates, Markdown and panels."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from ffseg.batch import compare as work
+from ffseg.batch.compare_text import markdown
+from ffseg.errors import ParameterError, SegmentationError, UsageError
+from ffseg.formats.overlays import Polyline
+from ffseg.formats.panels import STRIP, TILE_WIDTH, Tile, encode_panel
+from ffseg.parameters import load_params
+from ffseg.peer_parameters import PeerParameters
+
+CONTRACT = [
+    *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),
+    *("iou", "boundary_mean_px", "boundary_max_px", "holes", "status", "error"),
+]
+
+
+def write_case(folder: Path, name: str = "disc.png") -> None:
+    """A disc image and its truth."""
+    y, x = np.mgrid[:90, :120]
+    inside = np.hypot(x - 60, y - 45) < 30
+    for place, image in ((folder, np.where(inside, 180, 60)), (folder / "truth", np.where(inside, 255, 0))):
+        place.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(place / name), image.astype(np.uint8))
+
+
+def task_of(folder: Path, methods: str, **settings: object) -> work.Comparison:
+    jobs = work.plan_comparison([str(folder)], str(folder / "out"), str(folder / "truth"))
+    params = load_params(None, {"init.radius": 10.0, **settings})
+    return work.Comparison(jobs, str(folder / "out"), work.choose_methods(methods), params, PeerParameters(), 2)
+
+
+def silent(row: work.Row) -> None:
+    """Say nothing."""
+
+
+def test_rows_files_and_panel(tmp_path: Path) -> None:
+    write_case(tmp_path)
+    seen: list[work.Row] = []
+    rows = work.compare(task_of(tmp_path, "freeform,snake,levelset,cv_edges"), seen.append)
+    assert rows == seen
+    assert [row.method for row in rows] == ["freeform", "snake", "levelset", "cv_edges"]
+    assert all(row.status == "ok" and row.iou is not None and row.iou > 0.98 and row.holes == 0 for row in rows)
+    assert rows[2].iterations is not None
+    assert rows[2].iterations > 1500  # nodes of a disc of radius 30 less the start
+    assert rows[3].iterations is None
+    table = list(csv.DictReader(io.StringIO((tmp_path / "out" / "compare.csv").read_text(encoding="utf-8"))))
+    assert list(table[0])[: len(CONTRACT)] == CONTRACT
+    assert float(table[0]["total_ms"]) >= float(table[0]["evolve_ms"]) > 0
+    panel = cv2.imread(str(tmp_path / "out" / "panels" / "disc.png"))
+    assert panel is not None
+    assert panel.shape == (STRIP + 300, 4 * TILE_WIDTH, 3)
+    assert "| freeform (FF) |" in (tmp_path / "out" / "compare.md").read_text(encoding="utf-8")
+
+
+def test_the_median_of_the_times_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_case(tmp_path)
+    task, calls = task_of(tmp_path, "freeform"), []
+    plain = work.segment
+
+    def counted(*args: object, **kwargs: object) -> object:
+        calls.append(1)
+        return plain(*args, **kwargs)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(work, "segment", counted)
+    work.compare(task, silent)
+    assert len(calls) == 2
+
+
+def test_a_method_that_fails_leaves_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_case(tmp_path)
+
+    def broken(*args: object, **kwargs: object) -> None:
+        raise RuntimeError("package\nbroke")
+
+    monkeypatch.setattr(work, "segment_peer", broken)
+    rows = work.compare(task_of(tmp_path, "cv_edges,freeform"), silent)
+    assert [row.status for row in rows] == ["failed", "ok"]
+    assert rows[0].error == "RuntimeError: package broke"
+
+
+def test_a_peer_that_is_not_installed_is_skipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_case(tmp_path)
+    peer = work.PEERS["skfmm"]
+    monkeypatch.setitem(work.PEERS, "skfmm", type(peer)(peer.run, peer.package, "no_such_module"))
+    rows = work.compare(task_of(tmp_path, "skfmm,freeform"), silent)
+    assert (rows[0].status, rows[0].error) == ("skipped", "the package scikit-fmm is not installed")
+    assert work.missed_gates(rows, {"": 0.9}) == []
+    assert len(work.missed_gates(rows, {"skfmm": 0.9})) == 1
+
+
+def test_an_unreadable_image_fails_every_method(tmp_path: Path) -> None:
+    write_case(tmp_path)
+    (tmp_path / "bad.png").write_bytes(b"<html>not an image</html>")
+    rows = work.compare(task_of(tmp_path, "freeform,snake"), silent)
+    assert [(row.image, row.status) for row in rows[:2]] == [("bad.png", "failed")] * 2
+    assert rows[0].error.startswith("not-an-image: ")
+    assert rows[2].status == "ok"
+
+
+def test_a_truth_of_another_size_fails(tmp_path: Path) -> None:
+    write_case(tmp_path)
+    cv2.imwrite(str(tmp_path / "truth" / "disc.png"), np.zeros((10, 10), np.uint8))
+    (row,) = work.compare(task_of(tmp_path, "freeform"), silent)
+    assert row.status == "failed"
+    assert "size" in row.error
+
+
+def test_gates() -> None:
+    rows = [work.Row("a", "freeform", iou=0.99), work.Row("a", "snake", iou=0.95), work.Row("b", "snake", iou=None)]
+    assert work.missed_gates(rows[:2], {}) == []
+    assert work.missed_gates(rows[:2], {"": 0.95}) == []
+    assert work.missed_gates(rows[:2], {"": 0.96}) == ["a: snake has IoU 0.9500, the gate is 0.96"]
+    assert work.missed_gates(rows[:2], {"": 0.96, "snake": 0.9}) == []
+    assert work.missed_gates(rows, {"snake": 0.9}) == ["b: snake has no IoU, the gate is 0.9"]
+
+
+def test_methods_are_named_or_grouped() -> None:
+    assert work.choose_methods("snake, freeform,snake") == ("snake", "freeform")
+    assert set(work.choose_methods("peers")) == set(work.PEERS)
+    assert work.choose_methods("levelset,all")[0] == "levelset"
+    with pytest.raises(UsageError, match="no method 'snak'"):
+        work.choose_methods("freeform,snak")
+
+
+def test_a_panel_never_replaces_an_input(tmp_path: Path) -> None:
+    write_case(tmp_path / "panels")
+    with pytest.raises(UsageError, match="replace an input"):
+        work.plan_comparison([str(tmp_path / "panels" / "disc.png")], str(tmp_path))
+
+
+def test_a_bad_domain_mask_is_named(tmp_path: Path) -> None:
+    write_case(tmp_path)
+    task = task_of(tmp_path, "freeform", **{"domain.mask": str(tmp_path / "none.png")})
+    with pytest.raises(ParameterError, match=r"domain\.mask: .*none\.png"):
+        work.compare(task, silent)
+
+
+def test_markdown_shows_failures_and_means(tmp_path: Path) -> None:
+    write_case(tmp_path)
+    task = task_of(tmp_path, "freeform,snake")
+    rows = [
+        work.Row("a|b.png", "freeform", iou=0.5, evolve_ms=2.0, total_ms=3.0, boundary_mean_px=float("nan")),
+        work.Row("a|b.png", "snake", status="failed", error="it *broke*"),
+        work.Row("c.png", "freeform", iou=1.0, evolve_ms=4.0, total_ms=5.0),
+        work.Row("c.png", "snake", iou=0.9, evolve_ms=4.0, total_ms=5.0),
+    ]
+    text = markdown(task, rows)
+    assert "## a\\|b.png" in text
+    assert "| snake (PM) | failed: it \\*broke\\* |" in text
+    assert "| freeform (FF) | 2 | 3.0 | 4.0 | 0.7500 | 0.5000 |" in text
+    assert "nan" not in text
+
+
+def test_panels_hold_any_number_of_tiles() -> None:
+    image = np.full((30, 40, 3), 100, np.uint8)
+    square = Polyline(np.array([[5.0, 5.0], [30.0, 5.0], [30.0, 20.0]]), "outer")
+    for count, shape in ((1, (1, 1)), (4, (1, 4)), (5, (2, 4))):
+        tiles = [Tile("method", np.ones((30, 40), bool), [square])] * count
+        panel = cv2.imdecode(np.frombuffer(encode_panel(image, tiles), np.uint8), cv2.IMREAD_COLOR)
+        assert panel is not None
+        assert panel.shape[:2] == (shape[0] * (STRIP + 300), shape[1] * TILE_WIDTH)
+    empty = encode_panel(image[..., 0], [Tile("failed", None, ())])
+    assert len(empty) > 100
+
+
+def test_the_error_of_a_method_is_a_row(tmp_path: Path) -> None:
+    write_case(tmp_path)
+    task = task_of(tmp_path, "snake", **{"init.circles": [[40, 45, 5], [80, 45, 5]]})
+    (row,) = work.compare(task, silent)
+    assert row.status == "failed"
+    assert row.error.startswith(SegmentationError.__name__)
+    assert "2 starts" in row.error

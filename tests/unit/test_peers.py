@@ -1,0 +1,108 @@
+"""Peers: each installed one finds a plain disc; those that are not installed say so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ffseg.errors import ParameterError, SegmentationError
+from ffseg.image.raster import rasterize
+from ffseg.metrics import scores
+from ffseg.parameters import load_params
+from ffseg.peer_parameters import PeerParameters, SkimageGac, load_peer_parameters
+from ffseg.segmenters import peers
+from ffseg.segmenters.registry import segment
+
+SHAPE = (120, 160)
+PARAMS = load_params(None, {"init.center": [80, 60], "init.radius": 12})
+FLOOR = {"skimage_snake": 0.9, "cv_grabcut": 0.97, "cv_watershed": 0.97}
+"""What a peer reaches on a disc of radius 40; 0.98 is a mean distance of 0.4 px."""
+
+
+def disc() -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    distance = 40.3 - np.hypot(x - 80.2, y - 59.7)
+    image = np.rint(60 + 120 * np.clip(distance + 0.5, 0, 1)).astype(np.uint8)
+    return image, (distance > 0).astype(np.uint8) * np.uint8(255)
+
+
+def peer_parameters() -> PeerParameters:
+    return replace(PeerParameters(), skimage_gac=SkimageGac(iterations=60))
+
+
+@pytest.mark.parametrize("name", peers.PEERS)
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the packages
+def test_a_peer_finds_a_disc(name: str) -> None:
+    if not peers.PEERS[name].installed:
+        pytest.skip(f"{peers.PEERS[name].package} is not installed")
+    image, truth = disc()
+    result = peers.segment_peer(image, PARAMS, name, peer_parameters())
+    assert scores(result.mask, truth).iou >= FLOOR.get(name, 0.98)
+    assert (rasterize(result.contours, SHAPE) == result.mask).all()
+    assert result.timings.evolve_ms > 0
+    assert (result.timings.edges_ms > 0) == peers.PEERS[name].uses_edges
+
+
+def test_colour_images_work_too() -> None:
+    image, truth = disc()
+    colour = np.stack([image, 255 - image, image], axis=2)
+    for name in ("cv_floodfill", "cv_edges", "cv_edges_opened", "cv_watershed", "cv_grabcut"):
+        found = peers.segment_peer(colour, PARAMS, name, PeerParameters())
+        assert scores(found.mask, truth).iou >= FLOOR.get(name, 0.98)
+
+
+def test_a_peer_is_a_method() -> None:
+    image, truth = disc()
+    assert scores(segment(image, PARAMS, "cv_edges").mask, truth).iou >= 0.98
+    with pytest.raises(ParameterError, match="cv_edges"):
+        segment(image, PARAMS, "no_such_method")
+
+
+def test_peers_stay_in_the_domain() -> None:
+    image, _ = disc()
+    domain = np.zeros(SHAPE, np.uint8)
+    domain[:, :90] = 255
+    for name in ("cv_floodfill", "cv_edges", "cv_edges_opened"):
+        assert not peers.segment_peer(image, PARAMS, name, PeerParameters(), domain=domain).mask[:, 90:].any()
+
+
+def test_opened_components_do_not_leak_through_a_gap() -> None:
+    image, truth = disc()
+    image[58:62, 112:135] = 180  # a passage of 4 px through the edge into a bright corridor
+    image[40:80, 130:158] = 180
+    plain = peers.segment_peer(image, PARAMS, "cv_edges", PeerParameters())
+    opened = peers.segment_peer(image, PARAMS, "cv_edges_opened", PeerParameters())
+    assert scores(opened.mask, truth).iou > 0.97
+    assert plain.mask[60, 145] or scores(plain.mask, truth).iou > 0.97
+
+
+def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(peers.PEERS, "skfmm", replace(peers.PEERS["skfmm"], module="no_such_module"))
+    with pytest.raises(SegmentationError, match="scikit-fmm"):
+        peers.segment_peer(disc()[0], PARAMS, "skfmm", PeerParameters())
+
+
+def test_every_peer_has_its_parameters() -> None:
+    sections = {name for name in PeerParameters.__dataclass_fields__ if name != "shared_edges"}
+    assert sections == set(peers.PEERS)
+
+
+def test_a_peer_file_is_read_strictly(tmp_path: Path) -> None:
+    good, bad = tmp_path / "good.yaml", tmp_path / "bad.yaml"
+    good.write_text("cv_edges:\n  threshold: 12\n", encoding="utf-8")
+    bad.write_text("cv_edges:\n  treshold: 12\n", encoding="utf-8")
+    assert load_peer_parameters(good).cv_edges.threshold == 12.0
+    with pytest.raises(ParameterError, match=r"bad\.yaml:2.*cv_edges\.threshold"):
+        load_peer_parameters(bad)
+
+
+def test_peers_can_share_one_edge_map() -> None:
+    edges = PARAMS.edges
+    own, shared = PeerParameters(), PeerParameters(shared_edges=True)
+    assert peers._edge_parameters("cv_edges", edges, own).sigma == own.cv_edges.sigma
+    assert peers._edge_parameters("cv_edges", edges, shared) == edges
+    assert peers._edge_parameters("cv_floodfill", edges, own) == edges
