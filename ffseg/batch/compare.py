@@ -206,9 +206,11 @@ def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Ro
         for row in rows:
             tell(row)
         return rows
+    # Method after method in every round, so that whatever else the machine does falls on all alike.
+    rounds = [[_run(task, image, Row(name, method), masks) for method in task.methods] for _ in range(task.repeat)]
     rows, tiles = [], []
-    for method in task.methods:
-        row, result = _run(task, image, Row(name, method), masks)
+    for runs in zip(*rounds, strict=True):
+        row, result = _middle(runs)
         row = row if result is None else _scored(row, result, truth)
         tell(row)
         rows.append(row)
@@ -219,23 +221,36 @@ def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Ro
     return rows
 
 
-def _run(task: Comparison, image: NDArray[np.uint8], row: Row, masks: _Masks) -> tuple[Row, Segmentation | None]:
-    """Run a method `repeat` times: its last result and the median times."""
+_Run = tuple[Row, Segmentation | None]
+
+
+def _run(task: Comparison, image: NDArray[np.uint8], row: Row, masks: _Masks) -> _Run:
+    """Run a method once: its row without scores, and its result if it has one."""
     peer = PEERS.get(row.method)
     if peer is not None and not peer.installed:
         return replace(row, status="skipped", error=f"the package {peer.package} is not installed"), None
     try:
-        results = [_segment(task, image, row.method, masks) for _ in range(task.repeat)]
+        result = _segment(task, image, row.method, masks)
     except Exception as error:  # noqa: BLE001 - a package may raise anything; the others are compared all the same
         text = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_ERROR]
         return replace(row, status="failed", error=text), None
-    times = {
-        key: round(median(getattr(result.timings, key) for result in results), 3)
-        for key in ("edges_ms", "evolve_ms", "total_ms")
-    }
-    stats = results[-1].stats
-    counts = {} if peer else {key: getattr(stats, key) for key in ("initial_points", "final_points", "iterations")}
-    return replace(row, **times, **counts), results[-1]
+    times = {key: getattr(result.timings, key) for key in _TIMES}
+    counts = {} if peer else {key: getattr(result.stats, key) for key in _COUNTS}
+    return replace(row, **times, **counts), result
+
+
+_TIMES = ("edges_ms", "evolve_ms", "total_ms")
+_COUNTS = ("initial_points", "final_points", "iterations")
+
+
+def _middle(runs: Sequence[_Run]) -> _Run:
+    """Last run with the median times of all, or the first run that failed."""
+    broken = next((run for run in runs if run[1] is None), None)
+    if broken is not None:
+        return broken
+    times = {key: round(median(getattr(row, key) for row, _ in runs), 3) for key in _TIMES}
+    row, result = runs[-1]
+    return replace(row, **times), result
 
 
 def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: _Masks) -> Segmentation:
