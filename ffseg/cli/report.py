@@ -1,0 +1,26 @@
+"""``ffseg report``: a page to look at a run or a comparison."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ffseg.cli import console
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Output folder of run or compare.")],
+    images: Annotated[
+        list[str] | None,
+        typer.Option("--images", metavar="INPUT", help="Where the input images are, if moved; may be repeated."),
+    ] = None,
+) -> None:
+    """Write DIR/report.html: one page with every image, its contours, numbers and failures.
+
+    The page needs no network and no server: open it in a browser.
+    """
+    from ffseg.batch.report import write_report
+
+    console.data(console.escape(str(write_report(folder, images or ()))))

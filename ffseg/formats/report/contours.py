@@ -1,0 +1,147 @@
+"""Contours read back from the SVG files of a run, and packed for a page that draws them live."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.geometry.freeform import FreeForm
+
+UNITS = 100
+"""Units of the packed paths in a pixel: a hundredth shows at no zoom the page offers."""
+
+_PATH = re.compile(r"<path\b[^>]*?\sd=\"([^\"]*)\"")
+_SUBPATH = re.compile(r"M([^M]*?)Z")
+_PIECE = re.compile(r"([LQC])")
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
+_DEGREES = {"L": 1, "Q": 2, "C": 3}
+_PLAIN = re.compile(r"[-+MLQCZe\d., \n]*")
+_FLATNESS = 0.25
+"""px; areas come from the curve itself, only centroids from the flattened one."""
+
+
+def read_contours(text: str) -> tuple[FreeForm, ...]:
+    """Contours of an SVG file written by `ffseg.formats.svg`.
+
+    Parameters
+    ----------
+    text : str
+        The whole file.
+
+    Returns
+    -------
+    tuple of FreeForm
+        In pixels, integers at pixel centres, in the order of the file.
+
+    Raises
+    ------
+    ValueError
+        If a path holds anything but closed chains of L, Q or C with absolute numbers.
+    """
+    contours: list[FreeForm] = []
+    for data in _PATH.findall(text):
+        if not _PLAIN.fullmatch(data):
+            raise ValueError("a path holds other commands than M, L, Q, C and Z")
+        contours += [_contour(piece) for piece in _SUBPATH.findall(data)]
+    return tuple(contours)
+
+
+def _contour(data: str) -> FreeForm:
+    """One closed chain, from behind its M to before its Z."""
+    letters = set(_PIECE.findall(data))
+    if len(letters) != 1:
+        raise ValueError("a contour mixes patches of several degrees, or has none")
+    degree = _DEGREES[letters.pop()]
+    numbers = np.array(_NUMBER.findall(data), dtype=np.float64)
+    points = numbers[: len(numbers) // 2 * 2].reshape(-1, 2) - 0.5
+    if degree > 1:
+        points = points[:-1]  # the last patch ends where the first begins; of degree 1, Z is the last patch
+    return FreeForm(np.ascontiguousarray(points), degree)
+
+
+def packed_path(contour: FreeForm) -> str:
+    """SVG path in `UNITS` to the pixel, corner at 0, relative to the pen: whole numbers, no drift."""
+    grid = np.rint((contour.patches + 0.5) * UNITS).astype(np.int64)
+    relative = (grid[:, 1:] - grid[:, :1]).reshape(-1)
+    start = grid[0, 0]
+    return f"M{start[0]} {start[1]}{'lqc'[contour.degree - 1]}{' '.join(map(str, relative.tolist()))}z"
+
+
+def centroid(contour: FreeForm) -> tuple[float, float]:
+    """Centre of the enclosed area; of the points where no area is enclosed."""
+    points = contour.flatten(_FLATNESS)
+    origin = points[0]
+    x, y = (points - origin).T
+    following_x, following_y = np.roll(x, -1), np.roll(y, -1)
+    cross = x * following_y - following_x * y
+    area = cross.sum() / 2
+    if abs(area) < 1e-9:
+        middle = points.mean(axis=0)
+        return float(middle[0]), float(middle[1])
+    moments = np.array([((x + following_x) * cross).sum(), ((y + following_y) * cross).sum()]) / (6 * area)
+    return float(origin[0] + moments[0]), float(origin[1] + moments[1])
+
+
+def packed_components(contours: Sequence[FreeForm], verdicts: Iterable[Mapping[str, object]] = ()) -> str:
+    """Contours and what is known about them, small enough to stand in a page a thousand times.
+
+    Parameters
+    ----------
+    contours : sequence of FreeForm
+        Of degree 1 to 3.
+    verdicts : iterable of mappings
+        Rows of ``obstacles.csv`` of the same image, with numbers as numbers.
+
+    Returns
+    -------
+    str
+        Base64 of raw deflate of a JSON list; each item has ``area`` and ``at``, ``d`` unless the component was merged
+        into the free space, and ``verdict``, ``points``, ``altitude`` where there is a row for it.
+    """
+    parts: list[dict[str, object]] = []
+    for contour in contours:
+        x, y = centroid(contour)
+        area = round(contour.signed_area, 1)
+        parts.append({"d": packed_path(contour), "area": area, "at": [round(x, 1), round(y, 1)]})
+    for row in verdicts:
+        _attach(parts, row)
+    return pack(parts)
+
+
+def pack(value: object) -> str:
+    """Base64 of the raw deflate stream of a JSON value."""
+    deflate = zlib.compressobj(9, zlib.DEFLATED, -15)
+    data = deflate.compress(json.dumps(value, separators=(",", ":")).encode("ascii")) + deflate.flush()
+    return base64.b64encode(data).decode("ascii")
+
+
+_NEAR = 3.0
+"""px between the centroid of the pixels of a component and that of its curve; more means another component."""
+
+
+def _attach(parts: list[dict[str, object]], row: Mapping[str, object]) -> None:
+    """Give a verdict to the hole it is about, or stand on its own where the hole is no more."""
+    at = _numbers(row, "centroid_x", "centroid_y")
+    facts = {"verdict": row.get("verdict"), "points": row.get("matched_points"), "altitude": row.get("max_altitude_m")}
+    holes = [part for part in parts if "d" in part and "verdict" not in part and _area(part) < 0]
+    distances = [float(np.hypot(*(np.array(part["at"]) - at))) for part in holes]
+    if distances and min(distances) <= _NEAR:
+        holes[int(np.argmin(distances))].update(facts)
+        return
+    parts.append({"area": -float(_numbers(row, "area_px")[0]), "at": at.tolist(), **facts})
+
+
+def _area(part: Mapping[str, object]) -> float:
+    area = part["area"]
+    return area if isinstance(area, float) else 0.0
+
+
+def _numbers(row: Mapping[str, object], *names: str) -> NDArray[np.float64]:
+    values = [row.get(name) for name in names]
+    return np.array([value if isinstance(value, (int, float)) else 0.0 for value in values], dtype=np.float64)

@@ -1,0 +1,165 @@
+"""A headless Chromium driven over its debugging pipe: no package and no port, only the browser itself."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+_WAIT = 60.0
+"""Seconds an answer may take: a cold start on a busy machine is the slowest."""
+
+_START = """
+import os, sys
+for given, number in zip(sys.argv[1:3], (103, 104)):
+    os.dup2(int(given), number)  # out of the way first: what is given may itself be 3 or 4
+for given, number in ((103, 3), (104, 4)):
+    os.dup2(given, number)
+os.closerange(5, 256)
+os.execvp(sys.argv[3], sys.argv[3:])
+"""
+"""Puts the pipes where the browser looks for them: it reads commands from descriptor 3 and answers on 4."""
+
+
+def find() -> str | None:
+    """The browser: what FFSEG_CHROMIUM names, or the first one on the search path."""
+    return os.environ.get("FFSEG_CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
+
+
+class Chromium:
+    """One browser with one tab.
+
+    Attributes
+    ----------
+    problems : list of str
+        Console errors and uncaught exceptions so far.
+    requests : list of str
+        Addresses the tab has asked for.
+    """
+
+    def __init__(self, program: str, profile: Path, size: tuple[int, int] = (1400, 1000)) -> None:
+        to_browser, self._write = os.pipe()
+        self._read, from_browser = os.pipe()
+        flags = [
+            "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--remote-debugging-pipe",
+            "--no-first-run", "--hide-scrollbars", f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}",
+        ]  # fmt: skip
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", _START, str(to_browser), str(from_browser), program, *flags, "about:blank"],
+            pass_fds=(to_browser, from_browser),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        os.close(to_browser)
+        os.close(from_browser)
+        self._buffer, self._last, self._session = b"", 0, ""
+        self.problems: list[str] = []
+        self.requests: list[str] = []
+        self._attach()
+
+    def __enter__(self) -> Chromium:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.terminate()
+        self._process.wait(timeout=_WAIT)
+        os.close(self._write)
+        os.close(self._read)
+
+    def _attach(self) -> None:
+        deadline = time.monotonic() + _WAIT
+        pages: list[dict[str, Any]] = []
+        while not pages and time.monotonic() < deadline:
+            targets = self.call("Target.getTargets")["targetInfos"]
+            pages = [target for target in targets if target["type"] == "page"]
+        parameters = {"targetId": pages[0]["targetId"], "flatten": True}
+        self._session = self.call("Target.attachToTarget", parameters)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.call(f"{domain}.enable")
+
+    def call(self, method: str, parameters: dict[str, Any] | None = None) -> dict[str, Any]:
+        """Run one command and return its result; events on the way are noted."""
+        self._last += 1
+        message: dict[str, Any] = {"id": self._last, "method": method, "params": parameters or {}}
+        if self._session:
+            message["sessionId"] = self._session
+        os.write(self._write, json.dumps(message).encode() + b"\0")
+        while True:
+            answer = self._next()
+            if answer.get("id") == self._last:
+                if "error" in answer:
+                    raise RuntimeError(f"{method}: {answer['error']}")
+                return dict(answer["result"])
+            self._note(answer)
+
+    def _next(self) -> dict[str, Any]:
+        while b"\0" not in self._buffer:
+            if not select.select([self._read], [], [], _WAIT)[0]:
+                raise TimeoutError("the browser does not answer")
+            piece = os.read(self._read, 1 << 16)
+            if not piece:
+                raise RuntimeError("the browser has gone")
+            self._buffer += piece
+        first, _, self._buffer = self._buffer.partition(b"\0")
+        return dict(json.loads(first))
+
+    def _note(self, event: dict[str, Any]) -> None:
+        parameters = event.get("params", {})
+        if event.get("method") == "Runtime.exceptionThrown":
+            self.problems.append(str(parameters["exceptionDetails"]))
+        elif event.get("method") == "Log.entryAdded" and parameters["entry"]["level"] == "error":
+            self.problems.append(f"{parameters['entry']['text']} {parameters['entry'].get('url', '')}")
+        elif event.get("method") == "Runtime.consoleAPICalled" and parameters["type"] in ("error", "assert"):
+            self.problems.append(str(parameters["args"]))
+        elif event.get("method") == "Network.requestWillBeSent":
+            self.requests.append(parameters["request"]["url"])
+
+    def open(self, address: str) -> None:
+        """Go to a page and wait until it has loaded."""
+        self.call("Page.navigate", {"url": address})
+        self.until("document.readyState === 'complete' && location.href !== 'about:blank'")
+
+    def value(self, script: str) -> Any:
+        """Value of an expression in the page; promises are awaited."""
+        parameters = {"expression": script, "returnByValue": True, "awaitPromise": True, "userGesture": True}
+        answer = self.call("Runtime.evaluate", parameters)
+        if "exceptionDetails" in answer:
+            raise AssertionError(f"{script}: {answer['exceptionDetails']}")
+        return answer["result"].get("value")
+
+    def until(self, script: str, seconds: float = 20.0) -> None:
+        """Wait for an expression to become true."""
+        deadline = time.monotonic() + seconds
+        while not self.value(script):
+            if time.monotonic() > deadline:
+                raise AssertionError(f"never true: {script}")
+            time.sleep(0.02)
+
+    def press(self, key: str) -> None:
+        """Type one key."""
+        text = {"text": key} if len(key) == 1 else {"text": "\r"} if key == "Enter" else {}
+        codes = {"Enter": 13, "Escape": 27, "ArrowLeft": 37, "ArrowRight": 39, "ArrowDown": 40}
+        code = codes.get(key, ord(key[0].upper()))
+        for kind in ("keyDown", "keyUp"):
+            parameters = {"type": kind, "key": key, "windowsVirtualKeyCode": code, **(text if kind == "keyDown" else {})}
+            self.call("Input.dispatchKeyEvent", parameters)
+
+    def hover(self, x: float, y: float) -> None:
+        """Move the mouse."""
+        self.call("Input.dispatchMouseEvent", {"type": "mouseMoved", "x": x, "y": y})
+
+    def screenshot(self, path: Path) -> None:
+        """Save what the tab shows as PNG."""
+        import base64
+
+        path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot")["data"]))

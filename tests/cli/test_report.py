@@ -1,0 +1,226 @@
+"""``ffseg report`` as a command, and its page in a headless Chromium."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import chromium
+import numpy as np
+import pytest
+import runs
+
+from ffseg.batch.report import write_report
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+HOSTILE = "<img src=x onerror=alert(1)><script>document.title='taken'</script>.png"
+FAILURES = [(HOSTILE, "truncated: the data ends"), ("blocked.png", "segmentation: the start contour lies on an edge")]
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
+    program = chromium.find()
+    if program is None:
+        pytest.skip("no Chromium on the search path; install it, or name one in the environment variable FFSEG_CHROMIUM")
+    with chromium.Chromium(program, tmp_path_factory.mktemp("profile")) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("run") / "aus <b>&amp; #1"
+    path.mkdir()
+    runs.sample_run(path, failures=FAILURES)
+    rows = "complex.png,1,4890,240,190,12,0.41,obstacle\ncomplex.png,2,2400,420,330,7,0.012,false_obstacle\n"
+    head = "image,component,area_px,centroid_x,centroid_y,matched_points,max_altitude_m,verdict\n"
+    (path / "obstacles.csv").write_text(head + rows)
+    write_report(path)
+    return path
+
+
+@pytest.fixture
+def tab(browser: chromium.Chromium, folder: Path) -> Iterator[chromium.Chromium]:
+    """The page of the run, newly loaded; after each test nothing may have gone wrong in it."""
+    browser.problems.clear()
+    browser.requests.clear()
+    browser.open("about:blank#")
+    browser.open((folder / "report.html").as_uri())
+    yield browser
+    assert browser.problems == []
+    assert [address for address in browser.requests if not address.startswith(("file:", "data:"))] == []
+
+
+def names(tab: chromium.Chromium) -> list[str]:
+    return list(tab.value("[...document.querySelectorAll('#sheet .name')].map((name) => name.textContent)"))
+
+
+def choose(tab: chromium.Chromium, **values: str) -> None:
+    """Fill in the filters, as typing does, and wait for the next frame."""
+    for name, value in values.items():
+        tab.value(f"document.getElementById({name.replace('__', '-')!r}).value = {value!r}")
+    tab.value("document.getElementById('filters').dispatchEvent(new Event('input'))")
+    tab.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def open_image(tab: chromium.Chromium, name: str) -> None:
+    tab.value(f"[...document.querySelectorAll('#sheet .card')].find((card) => card.textContent.includes({name!r})).click()")
+    tab.until("document.getElementById('viewer').open")
+
+
+def test_command_writes_the_page_and_says_where(ffseg_command: Command, tmp_path: Path) -> None:
+    runs.sample_run(tmp_path)
+    done = ffseg_command("report", tmp_path)
+    assert (done.returncode, done.stdout) == (0, f"{tmp_path / 'report.html'}\n")
+    assert (tmp_path / "report.html").stat().st_size > 50_000
+
+
+def test_command_refuses_a_folder_of_something_else(ffseg_command: Command, tmp_path: Path) -> None:
+    done = ffseg_command("report", tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "holds neither timings.csv nor compare.csv" in done.stderr
+    assert os.listdir(tmp_path) == []
+
+
+def test_page_shows_every_image_failures_first(tab: chromium.Chromium) -> None:
+    assert names(tab) == [HOSTILE, "blocked.png", "complex.png", "simple.png", "toy.png"]
+    assert tab.value("document.getElementById('failures-title').textContent") == "2 of 5 images failed"
+    tab.until("[...document.querySelectorAll('#sheet img')].filter((image) => image.naturalWidth > 0).length === 3")
+
+
+def test_hostile_names_stay_text(tab: chromium.Chromium) -> None:
+    assert tab.value("document.querySelectorAll('img[src=x], #sheet script, #failures img').length") == 0
+    assert tab.value("document.title") == "aus <b>&amp; #1 - ffseg run"
+    assert HOSTILE in tab.value("document.getElementById('failure-list').innerText")
+    open_image(tab, "onerror")
+    assert tab.value("document.getElementById('viewer-name').textContent") == HOSTILE
+    assert tab.value("document.getElementById('viewer-name').children.length") == 0
+
+
+def test_filters_by_text_status_and_numbers(tab: chromium.Chromium) -> None:
+    choose(tab, text="TOY png")
+    assert names(tab) == ["toy.png"]
+    choose(tab, text="", status="failed")
+    assert names(tab) == [HOSTILE, "blocked.png"]
+    choose(tab, status="", holes__min="2")
+    assert names(tab) == ["complex.png", "toy.png"]
+    choose(tab, holes__min="", iou__max="0.9885")
+    assert names(tab) == ["toy.png"]
+    choose(tab, iou__max="", total_ms__max="12")
+    assert names(tab) == ["complex.png"]
+    assert tab.value("document.getElementById('count').textContent") == "1 of 5 images"
+    assert tab.value("document.querySelectorAll('#plots .dot').length") == 2  # one in each plot
+
+
+def test_sorts(tab: chromium.Chromium) -> None:
+    choose(tab, sort="iou")
+    assert names(tab)[2:] == ["toy.png", "simple.png", "complex.png"]
+    tab.value("document.getElementById('descending').checked = true")
+    choose(tab, sort="total_ms")
+    assert names(tab)[2:] == ["toy.png", "simple.png", "complex.png"]
+    choose(tab, sort="holes")
+    assert names(tab)[2:] == ["complex.png", "toy.png", "simple.png"]
+
+
+def test_image_opens_with_its_contours_over_it(tab: chromium.Chromium) -> None:
+    open_image(tab, "complex.png")
+    tab.until("document.querySelectorAll('#layers .part').length === 11")  # outer, 9 holes, one given back
+    tab.until("document.querySelector('#layers img').naturalWidth === 800")
+    tab.hover(10, 10)
+    paths = "[...document.querySelectorAll('#layers path')]"
+    assert tab.value(f"{paths}.filter((path) => path.classList.contains('obstacle')).length") == 1
+    # the vector layer lies on the picture: image pixel (240, 190), corner at 0, is inside the hole drawn there
+    inside = "document.querySelector('#layers .obstacle').isPointInFill(new DOMPoint(24050, 19050))"
+    assert tab.value(inside) is True
+    boxes = "['img', 'svg'].map((tag) => document.querySelector('#layers ' + tag).getBoundingClientRect().toJSON())"
+    assert tab.value(f"(() => {{ const [a, b] = {boxes}; return JSON.stringify(a) === JSON.stringify(b) }})()")
+    assert "0.410 m, 12 points" in tab.value("document.getElementById('facts').innerText")
+    assert "contour.degree" in tab.value("document.getElementById('facts').textContent")
+
+
+def test_drawn_contour_covers_the_mask(tab: chromium.Chromium, folder: Path) -> None:
+    from ffseg.formats.masks import read_mask
+
+    open_image(tab, "complex.png")
+    tab.until("document.querySelectorAll('#layers path').length === 10")
+    mask = read_mask(folder / "masks" / "complex.png")
+    points = np.random.default_rng(6).integers((0, 0), (800, 600), (400, 2))
+    covered = tab.value(
+        "(() => { const paths = [...document.querySelectorAll('#layers path')];"
+        f"return {points.tolist()}.map(([x, y]) => paths.filter((path) => path.isPointInFill("
+        "new DOMPoint(x * 100 + 50, y * 100 + 50))).length % 2 === 1) })()"
+    )
+    # the packed path is rounded to 1/100 px: a pixel centre that close to the curve may fall on either side
+    assert sum(np.array(covered) != mask[points[:, 1], points[:, 0]]) <= 1
+
+
+def test_hover_highlights_a_component_and_its_line(tab: chromium.Chromium) -> None:
+    open_image(tab, "complex.png")
+    tab.until("document.querySelectorAll('#layers .obstacle').length === 1")
+    box = tab.value("document.querySelector('#layers .obstacle').getBoundingClientRect().toJSON()")
+    tab.hover(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    tab.until("document.querySelector('#layers .obstacle').classList.contains('hot')")
+    assert "obstacle (0.410 m" in tab.value("document.querySelector('tr.hot').textContent")
+
+
+def test_keys(tab: chromium.Chromium) -> None:
+    tab.press("/")
+    assert tab.value("document.activeElement.id") == "text"
+    tab.value("document.querySelector('#sheet .card').focus()")
+    tab.press("ArrowRight")
+    tab.press("ArrowRight")
+    assert "complex.png" in tab.value("document.activeElement.textContent")
+    tab.press("Enter")
+    tab.until("document.getElementById('viewer').open")
+    assert tab.value("location.hash") == "#image-1"
+    tab.until("document.querySelectorAll('#layers svg').length === 1")
+    tab.press("c")
+    assert tab.value("document.querySelector('#layers svg').hasAttribute('hidden')") is True
+    tab.press("+")
+    assert tab.value("document.getElementById('layers').style.transform").endswith("scale(1.5)")
+    tab.press("ArrowRight")
+    assert tab.value("document.getElementById('viewer-name').textContent") == "simple.png"
+    tab.press("b")
+    assert tab.value("document.querySelector('#backdrops [aria-pressed=true]').textContent") == "overlay"
+    tab.press("Escape")
+    tab.until("!document.getElementById('viewer').open")
+    assert tab.value("location.hash") == ""
+
+
+def test_address_opens_an_image(browser: chromium.Chromium, folder: Path) -> None:
+    browser.open("about:blank#")
+    browser.open((folder / "report.html").as_uri() + "#image-3")
+    browser.until("document.getElementById('viewer-name').textContent === 'toy.png'")
+
+
+def test_contours_are_drawn_where_there_is_no_overlay(browser: chromium.Chromium, tmp_path: Path) -> None:
+    runs.sample_run(tmp_path, overlay=False)
+    browser.open(write_report(tmp_path).as_uri())
+    browser.until("document.querySelectorAll('#sheet .picture svg').length === 3")
+    assert browser.problems == []
+
+
+def test_pictures_that_are_gone_leave_words(browser: chromium.Chromium, tmp_path: Path) -> None:
+    runs.large_run(tmp_path, 201)  # too many to stand in the page
+    page = write_report(tmp_path).as_uri()
+    (tmp_path / "overlays" / "0001.png").unlink()
+    (tmp_path / "masks" / "0001.png").unlink()
+    browser.open(page)
+    browser.until("document.querySelectorAll('#sheet .picture .nothing').length === 1")
+
+
+def test_two_thousand_images_load_lazily(browser: chromium.Chromium, tmp_path: Path) -> None:
+    runs.large_run(tmp_path, 2000)
+    browser.requests.clear()
+    browser.open(write_report(tmp_path).as_uri())
+    browser.until("document.querySelectorAll('#sheet .card').length === 2000")
+    browser.until("[...document.querySelectorAll('#sheet img')].some((image) => image.naturalWidth > 0)")
+    assert browser.value("document.querySelectorAll('#sheet img').length") < 200
+    asked = [address for address in browser.requests if "/overlays/" in address]
+    assert 0 < len(asked) < 200
+    browser.value("scrollTo(0, document.documentElement.scrollHeight)")
+    last = "document.querySelector('#sheet .card:last-child img')"
+    browser.until(f"{last} && {last}.naturalWidth > 0")
+    choose(browser, text="1999")
+    assert names(browser) == ["1999.png"]

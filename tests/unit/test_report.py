@@ -1,0 +1,217 @@
+"""The report page without a browser: contours read back and packed, tables, names, links."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import pytest
+import runs
+
+from ffseg.batch import report
+from ffseg.batch.report import write_report
+from ffseg.errors import UsageError
+from ffseg.formats.report.contours import UNITS, centroid, packed_components, packed_path, read_contours
+from ffseg.formats.report.page import page, script_json
+from ffseg.formats.svg import DECIMALS, svg_document
+from ffseg.formats.tables import csv_table
+from ffseg.geometry.freeform import FreeForm
+
+HOSTILE = "</script><img src=x onerror=alert(1)>&amp;\"'.png"
+
+
+def data_of(path: Path) -> dict[str, object]:
+    """What the page's script gets."""
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', path.read_text("utf-8"), re.DOTALL)
+    assert found
+    return dict(json.loads(found[1]))
+
+
+def unpacked(text: str) -> list[dict[str, object]]:
+    return list(json.loads(zlib.decompress(base64.b64decode(text), -15)))
+
+
+def drawn_points(path: str) -> np.ndarray:
+    """Control points of a packed path, by walking it as SVG says: each patch relative to where the pen stands."""
+    head, letter, rest = re.fullmatch(r"M(.*?)([lqc])(.*)z", path).groups()  # type: ignore[union-attr]
+    degree = "lqc".index(letter) + 1
+    pen = np.array(head.split(), dtype=float)
+    points = [pen]
+    for patch in np.array(rest.split(), dtype=float).reshape(-1, degree, 2):
+        points += list(pen + patch)
+        pen = points[-1]
+    return np.array(points) / UNITS - 0.5
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_svg_is_read_back(degree: int) -> None:
+    outer = FreeForm.circle((50.25, 40.5), 30, 8, degree)
+    hole = FreeForm.circle((45, 41), 9, 5, degree).reversed()
+    found = read_contours(svg_document([outer, hole], 100, 80, title="a path d='M0,0'"))
+    assert [contour.degree for contour in found] == [degree, degree]
+    for contour, expected in zip(found, (outer, hole), strict=True):
+        np.testing.assert_allclose(contour.control_points, expected.control_points, atol=0.51 * 10.0**-DECIMALS)
+
+
+def test_high_degrees_are_read_as_the_cubics_they_were_written_as() -> None:
+    found = read_contours(svg_document([FreeForm.circle((50, 40), 30, 4, 5)], 100, 80))
+    assert found[0].degree == 3
+    assert found[0].signed_area == pytest.approx(FreeForm.circle((50, 40), 30, 4, 5).signed_area, abs=1.0)
+
+
+@pytest.mark.parametrize("data", ["M0,0 A1,1 0 0 0 2,2 Z", "M0,0 L1,1 C1,2 3,4 5,6 Z", "M0,0 Z", "M0,0 L1,1);alert(1 Z"])
+def test_other_paths_are_refused(data: str) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011 - any reason will do
+        read_contours(f'<svg><path fill-rule="evenodd" d="{data}"/></svg>')
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_packed_path_is_the_contour_to_half_a_unit(degree: int) -> None:
+    contour = FreeForm.circle((512.3, 300.7), 200, 60, degree)
+    points = drawn_points(packed_path(contour))
+    closed = np.concatenate([contour.control_points, contour.control_points[:1]])
+    np.testing.assert_allclose(points, closed, atol=0.5 / UNITS + 1e-9)
+    assert (points[0] == points[-1]).all()
+
+
+def test_centroid_of_a_box_and_of_a_hole() -> None:
+    assert centroid(FreeForm.box(10, 20, 30, 60)) == pytest.approx((20, 40))
+    assert centroid(FreeForm.box(10, 20, 30, 60).reversed()) == pytest.approx((20, 40))
+    assert centroid(FreeForm.polygon([(0, 0), (3, 0), (0, 3)])) == pytest.approx((1, 1))
+
+
+def test_verdicts_find_their_hole_or_stand_alone() -> None:
+    holes = [FreeForm.circle(center, 5, 8, 3).reversed() for center in ((20, 20), (60, 20))]
+    contours = [FreeForm.box(0, 0, 100, 60).elevated(3), *holes]
+    rows = [
+        {"centroid_x": 60.4, "centroid_y": 20.3, "area_px": 79, "verdict": "obstacle", "max_altitude_m": 0.3},
+        {"centroid_x": 80.0, "centroid_y": 50.0, "area_px": 40, "verdict": "false_obstacle", "matched_points": 4},
+    ]
+    parts = unpacked(packed_components(contours, rows))
+    assert [part.get("verdict") for part in parts] == [None, None, "obstacle", "false_obstacle"]
+    assert "d" not in parts[3]
+    assert (parts[3]["at"], parts[3]["area"], parts[3]["points"]) == ([80.0, 50.0], -40.0, 4)
+
+
+def test_json_cannot_end_its_script() -> None:
+    text = script_json({"name": HOSTILE + "<!-- \u2028"})
+    assert not set("<>&") & set(text)
+    assert text.isascii()
+    assert json.loads(text) == {"name": HOSTILE + "<!-- \u2028"}
+
+
+def test_title_is_escaped_and_the_page_has_one_script() -> None:
+    text = page(HOSTILE, {"images": []})
+    assert text.count("<script") == 2  # the data and the program
+    assert "<img" not in text.partition("<script")[0]
+    assert "http://" not in text.replace("http://www.w3.org/2000/svg", "")
+    assert "https://" not in text
+
+
+def test_report_of_a_run(tmp_path: Path) -> None:
+    results = runs.sample_run(tmp_path, failures=[(HOSTILE, "truncated: the data ends")])
+    data = data_of(write_report(tmp_path))
+    assert (data["kind"], data["failed"]) == ("run", 1)
+    images = data["images"]
+    assert [image["name"] for image in images] == ["complex.png", "simple.png", "toy.png", HOSTILE]
+    assert images[0]["rows"][0]["holes"] == sum(c.signed_area < 0 for c in results[0].contours)
+    assert images[3]["rows"] == [{"status": "failed", "error": "truncated: the data ends", "method": "freeform"}]
+    assert images[3]["pictures"] == {}
+    areas = [part["area"] for part in unpacked(images[0]["contours"])]
+    assert sorted(areas) == pytest.approx(sorted(c.signed_area for c in results[0].contours), abs=1.0)
+    assert all((tmp_path / unquote(path)).is_file() for image in images for path in image["pictures"].values())
+    assert set(images[0]["pictures"]) == {"image", "overlay", "mask"}
+    assert images[0]["thumbnail"].startswith("data:image/webp;base64,")
+
+
+def test_parameters_that_differ_are_marked(tmp_path: Path) -> None:
+    runs.sample_run(tmp_path)
+    lines = {key: (value, changed) for key, value, changed in data_of(write_report(tmp_path))["parameters"]}
+    assert lines["contour.degree"] == ("2", True)
+    assert lines["init.center"] == ('"auto"', False)
+
+
+def test_odd_names_are_linked_to_their_files(tmp_path: Path) -> None:
+    import ffseg
+
+    image = np.full((40, 40), 200, np.uint8)
+    image[:5] = image[-5:] = image[:, :5] = image[:, -5:] = 10
+    result = ffseg.segment(image, ffseg.load_params(None, {"init.radius": 6}))
+    stems = ["=cmd", "a b#c?d%41", "line\nbreak", "back\\slash", "\udcff\udcfe", "sub/é", "<b>"]
+    for stem in stems:
+        runs.write_outputs(tmp_path, stem, image, result)
+    rows = [runs.done_row(f"{stem}.jpg", result) for stem in stems]
+    runs.write_tables(tmp_path, rows, [])
+    images = data_of(write_report(tmp_path))["images"]
+    assert [image["name"] for image in images][:2] == ["'=cmd.jpg", "a b#c?d%41.jpg"]
+    for image, stem in zip(images, stems, strict=True):
+        assert unquote(image["pictures"]["mask"], errors="surrogateescape") == f"masks/{stem}.png"
+        assert image["contours"]
+
+
+def test_unreadable_images_are_not_given_to_the_browser(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    for name in ("bomb.png", "blocked.png"):
+        (tmp_path / "in" / name).write_bytes((runs.ROOT / "samples" / "simple.png").read_bytes())
+    out = tmp_path / "out"
+    out.mkdir()
+    rows = [runs.failed_row("bomb.png", "too-many-pixels: 10^9"), runs.failed_row("blocked.png", "segmentation: no room")]
+    runs.write_tables(out, rows, [tmp_path / "in"])
+    images = data_of(write_report(out))["images"]
+    assert [set(image["pictures"]) for image in images] == [set(), {"image"}]
+
+
+def test_sources_can_be_named(tmp_path: Path) -> None:
+    runs.sample_run(tmp_path)
+    (tmp_path / "run.json").write_text("{}")
+    assert "image" not in data_of(write_report(tmp_path))["images"][0]["pictures"]
+    images = data_of(write_report(tmp_path, [str(runs.ROOT / "samples")]))["images"]
+    assert (tmp_path / images[0]["pictures"]["image"]).samefile(runs.ROOT / "samples" / "complex.png")
+
+
+def test_report_of_a_comparison(tmp_path: Path) -> None:
+    rows = []
+    for method, iou in (("freeform", 0.99), ("snake", 0.8)):
+        rows.append(["a.png", method, 39, 100, 50, 2.0, 5.0, 8.0, iou, 0.1, 1.0, 2, "ok", ""])
+        rows.append(["b.png", method, None, None, None, None, None, None, None, None, None, None, "failed", "truncated: x"])
+    (tmp_path / "compare.csv").write_bytes(csv_table(runs.COMPARED, rows))
+    (tmp_path / "panels").mkdir()
+    (tmp_path / "panels" / "a.png").write_bytes((runs.ROOT / "samples" / "simple.png").read_bytes())
+    data = data_of(write_report(tmp_path))
+    assert data["kind"] == "compare"
+    assert [[row["method"] for row in image["rows"]] for image in data["images"]] == [["freeform", "snake"]] * 2
+    assert data["images"][0]["pictures"] == {"panel": "panels/a.png"}
+
+
+@pytest.mark.parametrize("content", ["{", "[1]", ""])
+def test_broken_run_json(tmp_path: Path, content: str) -> None:
+    runs.sample_run(tmp_path)
+    (tmp_path / "run.json").write_text(content)
+    if content == "{":
+        with pytest.raises(UsageError, match=r"run\.json is no JSON"):
+            write_report(tmp_path)
+    else:
+        assert data_of(write_report(tmp_path))["parameters"] == []
+
+
+def test_broken_contours_are_left_out(tmp_path: Path) -> None:
+    runs.sample_run(tmp_path)
+    (tmp_path / "contours" / "toy.svg").write_text('<svg><path d="M0,0 L1,1"/><path d="M0 Z"/></svg>')
+    contours = [image["contours"] for image in data_of(write_report(tmp_path))["images"]]
+    assert [bool(text) for text in contours] == [True, True, False]
+
+
+def test_many_images_are_linked_not_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(report, "EMBEDDED_UP_TO", 2)
+    runs.sample_run(tmp_path)
+    assert not any("thumbnail" in image for image in data_of(write_report(tmp_path))["images"])
+
+
+def test_no_output_folder(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="neither timings.csv nor compare.csv; give the --out folder"):
+        write_report(tmp_path)
