@@ -48,12 +48,15 @@ class Plan:
     jobs : tuple of Job
     overlay : bool
     with_truth : bool
+    inputs : tuple of str
+        What was asked for, as absolute paths and patterns: how the images are found again.
     """
 
     out: str
     jobs: tuple[Job, ...]
     overlay: bool = False
     with_truth: bool = False
+    inputs: tuple[str, ...] = ()
 
     @property
     def kinds(self) -> tuple[tuple[str, str], ...]:
@@ -86,7 +89,8 @@ def make_plan(inputs: Sequence[str], out: str, *, overlay: bool = False, truth: 
         Job(index, _checked_name(source), os.path.splitext(source.name)[0], truths.get(source.name, ""))
         for index, source in enumerate(sources)
     )
-    plan = Plan(out, jobs, overlay=overlay, with_truth=bool(truth))
+    asked = tuple(map(os.path.abspath, inputs))
+    plan = Plan(out, jobs, overlay=overlay, with_truth=bool(truth), inputs=asked)
     _refuse_collisions(plan)
     _refuse_outputs_over_inputs(plan)
     return plan

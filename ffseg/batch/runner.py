@@ -324,6 +324,7 @@ class Run:
             "ended": datetime.now(UTC).isoformat(timespec="seconds"),
             "seconds": round(summary.seconds, 3),
             "counts": {name: getattr(summary, name) for name in ("total", "done", "same", "failed")},
+            "inputs": list(self._plan.inputs),
             "parameters": asdict(self._setup.params),
             "versions": dict(self._versions),
             "problems": summary.problems,
