@@ -19,13 +19,14 @@ from ffseg.samples.scenes import SCENES
 
 ROOT = Path(__file__).resolve().parent.parent
 COLUMNS = (
-    "image,status,error,width,height,method,initial_points,final_points,patches,iterations,splits,flips,components,"
-    "holes,area_px,decode_ms,edges_ms,evolve_ms,obstacles_ms,write_ms,total_ms,iou,stop_reason"
-).split(",")
+    "image", "status", "error", "width", "height", "method", "initial_points", "final_points", "patches", "iterations",
+    "splits", "flips", "components", "holes", "area_px", "decode_ms", "edges_ms", "evolve_ms", "obstacles_ms",
+    "write_ms", "total_ms", "iou", "stop_reason",
+)  # fmt: skip
 COMPARED = (
-    "image,method,initial_points,final_points,iterations,edges_ms,evolve_ms,total_ms,iou,boundary_mean_px,"
-    "boundary_max_px,holes,status,error"
-).split(",")
+    "image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms", "iou",
+    "boundary_mean_px", "boundary_max_px", "holes", "status", "error",
+)  # fmt: skip
 
 
 def done_row(name: str, result: ffseg.Segmentation, index: int = 0) -> list[object]:
@@ -35,7 +36,8 @@ def done_row(name: str, result: ffseg.Segmentation, index: int = 0) -> list[obje
     counts = [stats.initial_points, stats.final_points, stats.patches, stats.iterations, stats.splits, stats.flips]
     found = [sum(a > 0 for a in areas), sum(a < 0 for a in areas), int(result.mask.sum())]
     times = [3.5, 2.25, 4.0 + index % 300, None, 1.5, 11.25 + index % 300]
-    return [printable(name), "ok", "", width, height, "freeform", *counts, *found, *times, 0.99 - (index % 100) / 1000, "converged"]
+    quality = [0.99 - (index % 100) / 1000, "converged"]
+    return [printable(name), "ok", "", width, height, "freeform", *counts, *found, *times, *quality]
 
 
 def failed_row(name: str, error: str) -> list[object]:

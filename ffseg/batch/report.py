@@ -224,7 +224,7 @@ def _images(found: _Folder) -> Iterator[dict[str, Any]]:
         by_image.setdefault(row.get("image", ""), []).append(row)
     embed = len(by_image) <= EMBEDDED_UP_TO
     for name, rows in by_image.items():
-        entry = {"name": name, "rows": [{key: row[key] for key in row if key != "image"} for row in rows]}
+        entry: dict[str, Any] = {"name": name, "rows": [{key: row[key] for key in row if key != "image"} for row in rows]}
         done = any(row.get("status") == "ok" for row in rows)
         pictures = _pictures(found, name, done=done) if done or not _unreadable(rows) else {}
         if embed and pictures:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +19,11 @@ from ffseg.batch.report import write_report
 Command = Callable[..., subprocess.CompletedProcess[str]]
 HOSTILE = "<img src=x onerror=alert(1)><script>document.title='taken'</script>.png"
 FAILURES = [(HOSTILE, "truncated: the data ends"), ("blocked.png", "segmentation: the start contour lies on an edge")]
+
+
+def data_of(page: Path) -> dict[str, list[dict[str, dict[str, str]]]]:
+    """What the page's script gets."""
+    return dict(json.loads(re.findall('id="data">(.*?)</script>', page.read_text("utf-8"), re.DOTALL)[0]))
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +81,15 @@ def test_command_writes_the_page_and_says_where(ffseg_command: Command, tmp_path
     done = ffseg_command("report", tmp_path)
     assert (done.returncode, done.stdout) == (0, f"{tmp_path / 'report.html'}\n")
     assert (tmp_path / "report.html").stat().st_size > 50_000
+
+
+def test_page_of_a_run_links_the_images_it_was_given(ffseg_command: Command, tmp_path: Path) -> None:
+    assert ffseg_command("run", "samples", "--out", tmp_path, cwd=runs.ROOT).returncode == 0
+    assert ffseg_command("report", tmp_path).returncode == 0
+    images = data_of(tmp_path / "report.html")["images"]
+    assert len(images) == 6  # the truths are images below the folder, too
+    assert [(tmp_path / image["pictures"]["image"]).is_file() for image in images] == [True] * 6
+    assert all(image["contours"] for image in images)
 
 
 def test_command_refuses_a_folder_of_something_else(ffseg_command: Command, tmp_path: Path) -> None:
