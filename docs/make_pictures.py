@@ -1,0 +1,217 @@
+"""Make the pictures of the documentation from the project's own samples: ``python docs/make_pictures.py [NAME]...``.
+
+Without names, all of them. The page of a report is photographed where a Chromium is installed, and left as it is elsewhere.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+import ffseg
+from ffseg.formats.film.animation import animation_bytes
+from ffseg.formats.film.strip import film_strip_svg
+from ffseg.formats.overlays import Polyline, draw_overlay
+from ffseg.samples.scenes import SCENES
+
+FOLDER = Path(__file__).resolve().parent / "images"
+Image = NDArray[np.uint8]
+Settings = Mapping[str, Any]
+PANEL = 380
+"""px, width of one panel."""
+
+
+def sample(name: str) -> Image:
+    """A sample image as grey or BGR."""
+    image = SCENES[name]().image
+    return image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
+
+
+def iou(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
+    """Intersection over union."""
+    return float((mask & truth).sum() / (mask | truth).sum())
+
+
+def drawn(image: Image, result: ffseg.Segmentation, factor: int = 1) -> Image:
+    """The image, enlarged by whole pixels, with the contours on it."""
+    large = np.repeat(np.repeat(image, factor, axis=0), factor, axis=1)
+    shift = (factor - 1) / 2
+    lines = [
+        Polyline(c.flatten(0.1) * factor + shift, "outer" if c.signed_area > 0 else "obstacle") for c in result.contours
+    ]
+    return draw_overlay(np.ascontiguousarray(large), lines)
+
+
+def captioned(panel: Image, caption: str) -> Image:
+    """A panel of the common width with a line of text below it."""
+    height = round(panel.shape[0] * PANEL / panel.shape[1])
+    small = cv2.resize(panel, (PANEL, height), interpolation=cv2.INTER_AREA)
+    line = np.full((30, PANEL, 3), 255, np.uint8)
+    cv2.putText(line, caption, (4, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.47, (30, 30, 30), 1, cv2.LINE_AA)
+    return np.vstack([small, line])
+
+
+def side_by_side(name: str, panels: list[Image]) -> None:
+    """Write panels in one row."""
+    gap = np.full((panels[0].shape[0], 8, 3), 255, np.uint8)
+    row = np.hstack([piece for panel in panels for piece in (panel, gap)][:-1])
+    done, data = cv2.imencode(".webp", row, [cv2.IMWRITE_WEBP_QUALITY, 82])
+    assert done  # noqa: S101 - a picture of our own making
+    write(f"{name}.webp", data.tobytes())
+
+
+def write(name: str, data: bytes) -> None:
+    """Write one picture and say how large it is."""
+    FOLDER.mkdir(exist_ok=True)
+    (FOLDER / name).write_bytes(data)
+    print(f"{name}: {len(data) / 1000:.0f} kB")
+
+
+def with_settings(name: str, scene: str, cases: Mapping[str, Settings], crop: tuple[int, int, int, int] | None = None) -> None:
+    """One sample under several settings, each with its IoU and its holes in the caption."""
+    image, truth = sample(scene), SCENES[scene]().truth > 0
+    panels = []
+    for label, settings in cases.items():
+        result = ffseg.segment(image, ffseg.load_params(None, settings))
+        holes = sum(contour.signed_area < 0 for contour in result.contours)
+        panel = drawn(image, result, 1 if crop is None else 8)
+        if crop is not None:
+            x0, y0, x1, y1 = (8 * value for value in crop)
+            panel = panel[y0:y1, x0:x1]
+        panels.append(captioned(np.ascontiguousarray(panel), f"{label}: IoU {iou(result.mask, truth):.4f}, {holes} holes"))
+    side_by_side(name, panels)
+
+
+def snapshots(scene: str, source: str | None, settings: Settings | None = None) -> tuple[Image, list[Any]]:
+    """Snapshots of one evolution."""
+    image, seen = sample(scene), list[Any]()
+    ffseg.segment(image, ffseg.load_params(source, settings), callback=seen.append)
+    return image, seen
+
+
+def result() -> None:
+    """The first picture of the README: the contour grows over the complex sample."""
+    image, seen = snapshots("complex", None)
+    write("result.webp", animation_bytes(image, seen, "webp", 640))
+
+
+def toy() -> None:
+    """The paper's toy figure: fixed patches, refinement, refinement and topology changes."""
+    for preset, settings in (("toy-fixed", None), ("toy-refined", {"contour.max_iterations": 150}), ("toy-full", None)):
+        image, seen = snapshots("toy", preset, settings)
+        write(f"{preset}.webp", animation_bytes(image, seen, "webp", 400))
+        write(f"{preset}.svg", film_strip_svg(image, seen, 5, preset).encode("utf-8"))
+
+
+def report() -> None:
+    """The report page of a run over the samples, photographed."""
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+    import chromium
+    import runs
+
+    from ffseg.batch.report import write_report
+
+    program = chromium.find()
+    if program is None:
+        print("report.webp, report-image.webp: left as they are, no Chromium found")
+        return
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary) / "out"
+        failure = ("cut.png", "truncated: the PNG data ends before the image does; copy the file again")
+        runs.sample_run(folder, failures=[failure])
+        with chromium.Chromium(program, Path(temporary) / "profile", (1200, 900)) as tab:
+            tab.open(write_report(folder).as_uri())
+            tab.until("document.querySelectorAll('#sheet img').length === 3")
+            tab.value(f"document.getElementById('title').textContent = {folder.name!r}")
+            photograph(tab, "report")
+            tab.value("document.querySelector('#sheet .card:not(.failed)').click()")
+            tab.until("document.querySelectorAll('#layers .part').length > 3")
+            box = tab.value("document.querySelectorAll('#layers .hole')[1].getBoundingClientRect().toJSON()")
+            tab.hover(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+            time.sleep(0.5)
+            photograph(tab, "report-image")
+
+
+def photograph(tab: Any, name: str) -> None:  # noqa: ANN401 - the tests' browser
+    """Write what a tab shows as WebP."""
+    with tempfile.TemporaryDirectory() as temporary:
+        path = Path(temporary) / "shot.png"
+        tab.screenshot(path)
+        done, data = cv2.imencode(".webp", cv2.imread(str(path)), [cv2.IMWRITE_WEBP_QUALITY, 80])
+    assert done  # noqa: S101 - a picture of our own making
+    write(f"{name}.webp", data.tobytes())
+
+
+PICTURES: dict[str, Callable[[], None]] = {
+    "result": result,
+    "toy": toy,
+    "report": report,
+    "canny": lambda: with_settings(
+        "canny",
+        "complex",
+        {
+            "canny: [6, 12]": {"edges.canny": [6, 12]},
+            "auto": {},
+            "canny: [90, 180]": {"edges.canny": [90, 180]},
+        },
+    ),
+    "sigma": lambda: with_settings(
+        "sigma", "complex", {f"sigma: {sigma}": {"edges.sigma": sigma} for sigma in (1.5, 4.0, 8.0)}
+    ),
+    "split": lambda: with_settings(
+        "split", "toy", {f"split_threshold: {size}": {"contour.split_threshold": size} for size in (24, 80, 200)}
+    ),
+    "clearance": lambda: with_settings(
+        "clearance", "complex", {f"clearance: {width}": {"contour.clearance": width} for width in (0, 45)}
+    ),
+    "start": lambda: with_settings(
+        "start",
+        "complex",
+        {
+            "center: [420, 300], radius: 40": {"init.center": [420, 300], "init.radius": 40},
+            "center: [735, 366], radius: 8": {"init.center": [735, 366], "init.radius": 8},
+        },
+    ),
+    "closing": lambda: with_settings(
+        "closing",
+        "simple",
+        {
+            "balloon: 4": {},
+            "balloon: -4, box": {"contour.balloon": -4, "init.boxes": [[10, 10, 790, 590]]},
+        },
+    ),
+    "settle": lambda: with_settings(
+        "settle",
+        "simple",
+        {f"settle: {width}": {"contour.settle": width} for width in (0, 4)},
+        crop=(545, 190, 605, 235),
+    ),
+    "degree": lambda: with_settings(
+        "degree",
+        "simple",
+        {f"degree: {degree}": {"contour.degree": degree, "contour.split_threshold": 80} for degree in (1, 2, 3)},
+    ),
+}
+
+
+def main() -> int:
+    """Make the pictures that are named, or all."""
+    unknown = [name for name in sys.argv[1:] if name not in PICTURES]
+    if unknown:
+        print(f"no picture {', '.join(unknown)}; there are {', '.join(PICTURES)}", file=sys.stderr)
+        return 2
+    for name in sys.argv[1:] or PICTURES:
+        PICTURES[name]()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
