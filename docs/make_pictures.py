@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +17,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ffseg
+from ffseg.camera.motion import planar_pose
 from ffseg.formats.film.animation import animation_bytes
+from ffseg.formats.film.snapshots import scaled_contour, scaled_down
 from ffseg.formats.film.strip import film_strip_svg
-from ffseg.formats.overlays import Polyline, draw_overlay
+from ffseg.formats.overlays import Kind, Polyline, draw_overlay
+from ffseg.freespace.sequence import Sequence
+from ffseg.rendering.pairs import render_pair
+from ffseg.samples import texture
+from ffseg.samples.paint import Paper, coverage
 from ffseg.samples.scenes import SCENES
 
 FOLDER = Path(__file__).resolve().parent / "images"
 Image = NDArray[np.uint8]
 Settings = Mapping[str, Any]
+GROUND_SEED = 3
+"""Any rendered scene would do; this one has marks and boxes in plain sight."""
 PANEL = 380
 """px, width of one panel."""
 
@@ -41,13 +49,16 @@ def iou(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
 
 
 def drawn(image: Image, result: ffseg.Segmentation, factor: int = 1) -> Image:
-    """The image, enlarged by whole pixels, with the contours on it."""
-    large = np.repeat(np.repeat(image, factor, axis=0), factor, axis=1)
-    shift = (factor - 1) / 2
+    """The image in the width of a panel, or enlarged by whole pixels, with the contours on it."""
+    if factor == 1:
+        canvas, scale = scaled_down(image, PANEL)
+    else:
+        canvas, scale = np.repeat(np.repeat(image, factor, axis=0), factor, axis=1), float(factor)
     lines = [
-        Polyline(c.flatten(0.1) * factor + shift, "outer" if c.signed_area > 0 else "obstacle") for c in result.contours
+        Polyline(scaled_contour(c, scale).flatten(0.1), "outer" if c.signed_area > 0 else "obstacle")
+        for c in result.contours
     ]
-    return draw_overlay(np.ascontiguousarray(large), lines)
+    return draw_overlay(np.ascontiguousarray(canvas), lines)
 
 
 def captioned(panel: Image, caption: str) -> Image:
@@ -88,6 +99,39 @@ def with_settings(name: str, scene: str, cases: Mapping[str, Settings], crop: tu
             panel = panel[y0:y1, x0:x1]
         panels.append(captioned(np.ascontiguousarray(panel), f"{label}: IoU {iou(result.mask, truth):.4f}, {holes} holes"))
     side_by_side(name, panels)
+
+
+def rooms() -> None:
+    """Two rooms and a door of 20 px, with and without clearance."""
+    paper = Paper(400, 240)
+    doorway = paper.polygon([(150, 110), (260, 110), (260, 130), (150, 130)])
+    free = coverage(paper.ellipse((105, 120), (85, 95)) | paper.ellipse((300, 120), (80, 95)) | doorway)
+    image = texture.to_bytes(texture.softened(70 + 110 * free) + texture.grain((240, 400), 3.0, 7))
+    panels = []
+    for width in (0, 30):
+        settings = {"contour.clearance": width, "init.center": [105, 120], "init.radius": 30}
+        panels.append(captioned(drawn(image, ffseg.segment(image, ffseg.load_params(None, settings))), f"clearance: {width}"))
+    side_by_side("clearance", panels)
+
+
+def ground() -> None:
+    """A rendered pair under a mirror: enclosed components before and after the test of their altitude."""
+    pair = render_pair(GROUND_SEED)
+    sequence = Sequence(pair.camera, ffseg.load_params())
+    before, pose = (planar_pose(pair.camera, *values) for values in pair.poses)
+    sequence.feed(pair.previous.image, before)
+    frame = sequence.feed(pair.current.image, pose)
+    image, scale = scaled_down(pair.current.image, PANEL)
+
+    def lines(contours: Iterable[ffseg.FreeForm], inner: Kind) -> list[Polyline]:
+        return [
+            Polyline(scaled_contour(c, scale).flatten(0.1), "outer" if c.signed_area > 0 else inner) for c in contours
+        ]
+
+    first = draw_overlay(image, lines(frame.segmentation.contours, "obstacle"))
+    judged = draw_overlay(image, lines(frame.contours, "obstacle") + lines(frame.merged_contours, "false"))
+    caption = f"after the test: {len(frame.merged_contours)} marks given back (blue)"
+    side_by_side("ground", [captioned(first, "enclosed components of one image"), captioned(judged, caption)])
 
 
 def snapshots(scene: str, source: str | None, settings: Settings | None = None) -> tuple[Image, list[Any]]:
@@ -166,18 +210,14 @@ PICTURES: dict[str, Callable[[], None]] = {
     "sigma": lambda: with_settings(
         "sigma", "complex", {f"sigma: {sigma}": {"edges.sigma": sigma} for sigma in (1.5, 4.0, 8.0)}
     ),
-    "split": lambda: with_settings(
-        "split", "toy", {f"split_threshold: {size}": {"contour.split_threshold": size} for size in (24, 80, 200)}
-    ),
-    "clearance": lambda: with_settings(
-        "clearance", "complex", {f"clearance: {width}": {"contour.clearance": width} for width in (0, 45)}
-    ),
+    "rooms": rooms,
+    "ground": ground,
     "start": lambda: with_settings(
         "start",
         "complex",
         {
             "center: [420, 300], radius: 40": {"init.center": [420, 300], "init.radius": 40},
-            "center: [735, 366], radius: 8": {"init.center": [735, 366], "init.radius": 8},
+            "center: [620, 200], radius: 15": {"init.center": [620, 200], "init.radius": 15},
         },
     ),
     "closing": lambda: with_settings(
@@ -197,7 +237,10 @@ PICTURES: dict[str, Callable[[], None]] = {
     "degree": lambda: with_settings(
         "degree",
         "simple",
-        {f"degree: {degree}": {"contour.degree": degree, "contour.split_threshold": 80} for degree in (1, 2, 3)},
+        {
+            f"degree: {degree}": {"contour.degree": degree, "contour.refine": False, "contour.patches": 14}
+            for degree in (1, 2, 3)
+        },
     ),
 }
 
