@@ -18,6 +18,7 @@ DECIMALS = 4
 """Digits behind the point: a control point is off by at most 0.00005 px."""
 
 _COMMANDS = {1: "L", 2: "Q", 3: "C"}
+_POINT = f"%.{DECIMALS}f,%.{DECIMALS}f"
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters XML 1.0 cannot hold even escaped: controls, and the surrogates that stand for bytes of no encoding."""
@@ -55,14 +56,17 @@ def svg_document(contours: Sequence[FreeForm], width: int, height: int, title: s
 
 def path_data(contour: FreeForm) -> str:
     """The ``d`` attribute of one closed contour, shifted by half a pixel."""
-    command = _COMMANDS.get(contour.degree, "C")
     if contour.degree <= 3:
-        patches = contour.patches
+        points, degree = contour.control_points, contour.degree
     else:
-        patches = np.concatenate([bezier.as_cubics(patch, CUBIC_TOLERANCE) for patch in contour.patches])
-    drawn = patches[:-1] if contour.degree == 1 else patches  # Z draws the last edge
-    pieces = [f" {command}{' '.join(map(_point, piece))}" for piece in (drawn[:, 1:] + 0.5).tolist()]
-    return "".join([f"M{_point((patches[0, 0] + 0.5).tolist())}", *pieces, " Z"])
+        cubics = np.concatenate([bezier.as_cubics(patch, CUBIC_TOLERANCE) for patch in contour.patches])
+        points, degree = cubics[:, :3].reshape(-1, 2), 3
+    num_commands = len(points) // degree - (degree == 1)  # Z draws the last edge of a polygon
+    shifted = (points + 0.5).ravel().tolist()
+    if degree > 1:
+        shifted += shifted[:2]
+    template = f"M{_POINT} {(_COMMANDS[degree] + ' '.join([_POINT] * degree) + ' ') * num_commands}"
+    return f"{_trimmed(template % tuple(shifted))}Z"
 
 
 def number(value: float) -> str:
@@ -79,5 +83,14 @@ def escape(text: str) -> str:
     return clean
 
 
-def _point(point: list[float]) -> str:
-    return f"{number(point[0])},{number(point[1])}"
+def _trimmed(text: str) -> str:
+    """Text of coordinates with every one written as `number` writes it; each stands before a comma or a space.
+
+    Replacing all of one kind at once takes a tenth of the time of trimming number by number.
+    """
+    for end in (",", " "):
+        text = text.replace(f".{'0' * DECIMALS}{end}", f".{end}")  # the point keeps the zeros of 100 from being trimmed
+        for zeros in range(DECIMALS - 1, 0, -1):
+            text = text.replace(f"{'0' * zeros}{end}", end)
+        text = text.replace(f".{end}", end).replace(f"-0{end}", f"0{end}")
+    return text

@@ -39,14 +39,21 @@ def orientation(vertices: Points, i: Indices, j: Indices, k: Indices) -> Signs:
         get the sign of the simulated perturbation.
     """
     a, b, c = vertices[i], vertices[j], vertices[k]
+    signs = signs_of_turns(a, b, c)
+    tied = np.flatnonzero(signs == 0)
+    signs[tied] = _perturbed_signs(vertices, np.stack([i[tied], j[tied], k[tied]], axis=-1))
+    return signs
+
+
+def signs_of_turns(a: Points, b: Points, c: Points) -> Signs:
+    """As `exact_signs`, in float64 for all triples but those too near a line for its rounding."""
     left = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1])
     right = (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     determinant = left - right
-    unsure = np.flatnonzero(np.abs(determinant) <= _FILTER * (np.abs(left) + np.abs(right)))
     signs: Signs = np.sign(determinant).astype(np.int8)
-    signs[unsure] = exact_signs(a[unsure], b[unsure], c[unsure])
-    tied = unsure[signs[unsure] == 0]
-    signs[tied] = _perturbed_signs(vertices, np.stack([i[tied], j[tied], k[tied]], axis=-1))
+    unsure = np.flatnonzero(np.abs(determinant) <= _FILTER * (np.abs(left) + np.abs(right)))
+    if len(unsure):
+        signs[unsure] = exact_signs(a[unsure], b[unsure], c[unsure])
     return signs
 
 

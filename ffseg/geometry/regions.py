@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ffseg.geometry import bezier
 from ffseg.geometry.bezier import Points
 from ffseg.geometry.freeform import FreeForm
 
@@ -56,16 +58,16 @@ def group_regions(contours: Sequence[FreeForm]) -> tuple[Region, ...]:
     A hole lies in an outer contour when most of up to `_NUM_PROBES` points of it do: it may touch the outer contour, or
     leave it by a rounding, without being lost.
     """
-    areas = np.array([c.signed_area for c in contours])
+    areas = [contour.signed_area for contour in contours]
     outers = [contour for contour, area in zip(contours, areas, strict=True) if area > 0.0]
-    rising = np.argsort(areas[areas > 0.0], kind="stable").tolist()
-    probes = _Probes.of(outers)
-    holes: list[list[FreeForm]] = [[] for _ in outers]
-    for hole in (contour for contour, area in zip(contours, areas, strict=True) if area < 0.0):
-        owner = next((i for i in rising if probes.contains(i, hole)), None)
-        if owner is not None:
-            holes[owner].append(hole)
-    return tuple(Region(outer, tuple(inside)) for outer, inside in zip(outers, holes, strict=True))
+    holes = [contour for contour, area in zip(contours, areas, strict=True) if area < 0.0]
+    inside: list[list[FreeForm]] = [[] for _ in outers]
+    if outers and holes:
+        rising = np.argsort([area for area in areas if area > 0.0], kind="stable").tolist()
+        for hole, owner in zip(holes, _owners(outers, rising, _probes(holes)), strict=True):
+            if owner != _NOBODY:
+                inside[owner].append(hole)
+    return tuple(Region(outer, tuple(mine)) for outer, mine in zip(outers, inside, strict=True))
 
 
 _NUM_PROBES = 9
@@ -74,26 +76,43 @@ _NUM_PROBES = 9
 _FLATNESS = 0.05
 """Pixels by which outer contours are flattened to be asked: probes this close to the curve may be counted wrong."""
 
+_NOBODY = -1
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Probes:
-    """Outer contours ready to be asked whether a hole lies in them."""
 
-    outers: Sequence[FreeForm]
-    boxes: Points
-    polygons: dict[int, FreeForm]
+def _probes(holes: Sequence[FreeForm]) -> Points:
+    """Points of every hole at equal steps of its parameter, shape (H, _NUM_PROBES, 2)."""
+    at = (np.arange(_NUM_PROBES) + 0.5) / _NUM_PROBES
+    probes = np.empty((len(holes), _NUM_PROBES, 2))
+    for degree in {hole.degree for hole in holes}:  # all patches of one degree are evaluated at once
+        chosen = [index for index, hole in enumerate(holes) if hole.degree == degree]
+        control = np.concatenate([holes[index].control_points for index in chosen])
+        sizes = np.array([len(holes[index].control_points) for index in chosen])[:, None]
+        scaled = at * (sizes // degree)
+        patch = scaled.astype(np.int64)
+        place = (patch[..., None] * degree + np.arange(degree + 1)) % sizes[..., None]
+        starts = np.cumsum(sizes)[:, None, None] - sizes[..., None]
+        probes[chosen] = bezier.evaluate(control[starts + place], scaled - patch)
+    return probes
 
-    @classmethod
-    def of(cls, outers: Sequence[FreeForm]) -> _Probes:
-        return cls(outers, np.array([c.control_box for c in outers]).reshape(-1, 2, 2), {})
 
-    def contains(self, index: int, hole: FreeForm) -> bool:
-        points = hole.evaluate((np.arange(_NUM_PROBES) + 0.5) / _NUM_PROBES)
-        low, high = self.boxes[index]
-        boxed = ((points >= low) & (points <= high)).all(axis=1)
-        if 2 * np.count_nonzero(boxed) <= _NUM_PROBES:
-            return False
-        if index not in self.polygons:
-            self.polygons[index] = FreeForm.trusted(self.outers[index].flatten(_FLATNESS), 1)
-        inside = self.polygons[index].winding(points[boxed]) != 0
-        return 2 * int(np.count_nonzero(inside)) > _NUM_PROBES
+def _owners(outers: Sequence[FreeForm], rising: Sequence[int], probes: Points) -> list[int]:
+    """Index of the first outer contour in `rising` order that contains most probes of each hole, or `_NOBODY`."""
+    owners = np.full(len(probes), _NOBODY)
+    for index in rising:
+        open_ = np.flatnonzero(owners == _NOBODY)
+        low, high = outers[index].control_box
+        boxed = ((probes[open_] >= low) & (probes[open_] <= high)).all(axis=2)
+        near = _most(boxed)
+        if not near.any():
+            continue
+        open_, boxed = open_[near], boxed[near]
+        polygon = FreeForm.trusted(outers[index].flatten(_FLATNESS), 1)
+        boxed[boxed] = polygon.winding(probes[open_][boxed]) != 0
+        owners[open_[_most(boxed)]] = index
+    return list(owners.tolist())
+
+
+def _most(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether more than half of each row is marked."""
+    most: NDArray[np.bool_] = 2 * np.count_nonzero(marked, axis=1) > marked.shape[1]
+    return most

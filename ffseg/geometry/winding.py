@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ffseg.geometry import bezier
 from ffseg.geometry.bezier import Points
-from ffseg.geometry.orientation import exact_signs
+from ffseg.geometry.orientation import signs_of_turns
 
 Counts = NDArray[np.int64]
 
@@ -93,6 +93,6 @@ def _is_flat(pieces: Points) -> NDArray[np.bool_]:
 def _left_of_chord(pieces: Points, at: Points) -> NDArray[np.bool_]:
     """Whether the point lies strictly left of the chord, exact; a level chord counts for nothing anyway."""
     left: NDArray[np.bool_] = (
-        exact_signs(pieces[:, 0], pieces[:, -1], at) == np.sign(pieces[:, -1] - pieces[:, 0])[:, 1]
+        signs_of_turns(pieces[:, 0], pieces[:, -1], at) == np.sign(pieces[:, -1] - pieces[:, 0])[:, 1]
     )
     return left

@@ -63,3 +63,20 @@ def test_a_hole_that_touches_its_outer_stays_with_it() -> None:
     edge = FreeForm.box(-1e-9, 2, 4, 6).reversed()
     (region,) = group_regions([hole, outer, edge])
     assert region.holes == (hole, edge)
+
+
+def test_holes_of_different_degrees_are_asked_at_their_own_points() -> None:
+    rng = np.random.default_rng(5)
+    outers = [circle(x, y, 30) for x in (40, 120, 200) for y in (40, 120)]
+    holes = [
+        FreeForm.circle(outer.control_points.mean(axis=0) + rng.uniform(-9, 9, 2), 8, 7 + degree, degree).reversed()
+        for outer in outers
+        for degree in range(1, 7)
+    ]
+    mixed = [holes[index] for index in rng.permutation(len(holes))]
+    regions = group_regions([*mixed, *outers])
+    for outer, region in zip(outers, regions, strict=True):
+        middle = outer.control_points.mean(axis=0)
+        near = [hole for hole in mixed if np.hypot(*(hole.control_points.mean(axis=0) - middle)) < 30]
+        assert len(near) == 6
+        assert region.holes == tuple(near)

@@ -82,6 +82,18 @@ def test_numbers_read_back_within_their_rounding(value: float) -> None:
     assert text != "-0"
 
 
+@given(
+    st.lists(
+        st.one_of(st.floats(-1e7, 1e7), st.integers(-20000, 20000).map(lambda n: n / 1e4)), min_size=4, max_size=12
+    )
+)
+def test_paths_write_every_coordinate_as_number_does(values: list[float]) -> None:
+    points = np.array(values[: len(values) // 2 * 2]).reshape(-1, 2)
+    written = path_data(FreeForm(points, 1))
+    expected = " L".join(",".join(number(value) for value in point) for point in (points + 0.5).tolist())
+    assert written == f"M{expected} Z"
+
+
 @given(st.text())
 def test_any_title_stays_text(title: str) -> None:
     hostile = f'</title><script>alert("1")</script>&amp;\x00\udc80{title}'
