@@ -1,0 +1,140 @@
+"""Suites on images: ``scenes`` and ``method`` at one size, ``size`` over many."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.bench.measure import Fact, Group, Skipped, Task, timed
+from ffseg.batch.bench.suites.drawing import Drawing, draw
+from ffseg.batch.bench.suites.settings import Settings
+from ffseg.errors import UsageError
+from ffseg.formats.files import printable
+from ffseg.formats.images import read_image
+from ffseg.formats.masks import read_levels
+from ffseg.image.edges import edge_map
+from ffseg.image.reference import to_grey
+from ffseg.parameters import Parameters, load_params
+from ffseg.samples.scenes import SCENES
+from ffseg.segmenters.base import Segmentation
+from ffseg.segmenters.registry import SEGMENTERS, segment, segmenter
+from ffseg.segmenters.starts import start_contours
+
+Image = NDArray[np.uint8]
+
+SUFFIXES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm"}
+IGNORED = 128
+"""Level of a truth image whose pixels count neither way."""
+NUM_DRAWN = 4
+WIDTHS = (400, 800, 1600, 3200, 6400)
+QUICK_WIDTHS = (100, 150, 200)
+LONG = 1_000_000
+"""Iterations: a large image takes as many as it needs."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """An image to measure on, its truth (255, 128 to ignore, 0) if known, and parameters."""
+
+    name: str
+    image: Image
+    truth: Image | None
+    params: Parameters
+
+
+def scenes(settings: Settings) -> Iterator[Group]:
+    """Edge map, evolution and the whole segmentation of the user's images, or of samples and drawn scenes."""
+    for picture in _folder(settings.images) if settings.images else _own(settings):
+        yield _segmented("scenes", picture, "freeform", picture.name)
+
+
+def method(settings: Settings) -> Iterator[Group | Skipped]:
+    """Every segmenter there is on a simple and a complex image."""
+    for picture in _own(settings):
+        if picture.name not in ("simple", "complex", "small"):
+            continue
+        for name in sorted(SEGMENTERS):
+            yield _segmented("method", picture, name, f"{picture.name} by {name}")
+
+
+def size(settings: Settings) -> Iterator[Group]:
+    """The same scene from 400x300 to 6400x4800 pixels; what is measured grows with the pixels."""
+    for width in QUICK_WIDTHS if settings.quick else WIDTHS:
+        picture = _drawn(1, width)
+        name = f"{picture.image.shape[1]}x{picture.image.shape[0]}"
+        yield _segmented("size", picture, "freeform", f"scene, {name}", x=picture.image.size)
+
+
+def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: float = 0.0) -> Group:
+    """Tasks for the three stages of a segmentation, and what it found."""
+    image, params, run = picture.image, picture.params, segmenter(method_name)
+    shape = (image.shape[0], image.shape[1])
+    edges = edge_map(image, params.edges)
+    tasks = (
+        Task(case, "edges", timed(lambda: edge_map(image, params.edges)), x),
+        Task(case, "evolve", timed(lambda: run(edges, start_contours(shape, params), params, None)), x),
+        Task(case, "segment", timed(lambda: segment(image, params, method_name)), x),
+    )
+    facts = _facts(segment(image, params, method_name), picture.truth)
+    return Group(suite, case, to_grey(image), tasks, {"size": f"{shape[1]}x{shape[0]}", **facts})
+
+
+def _facts(result: Segmentation, truth: Image | None) -> dict[str, Fact]:
+    stats = result.stats
+    facts: dict[str, Fact] = {
+        "iterations": stats.iterations,
+        "patches": stats.patches,
+        "flips": stats.flips,
+        "holes": sum(contour.signed_area < 0 for contour in result.contours),
+        "stopped": stats.stop_reason,
+    }
+    if truth is not None and truth.shape == result.mask.shape:
+        facts["iou"] = round(_iou(result.mask, truth), 5)
+    return facts
+
+
+def _iou(mask: NDArray[np.bool_], truth: Image) -> float:
+    counted = truth != IGNORED
+    inside, found = truth > IGNORED, mask & counted
+    either = int(np.count_nonzero(found | inside))
+    return int(np.count_nonzero(found & inside)) / either if either else 1.0
+
+
+def _own(settings: Settings) -> Iterator[Picture]:
+    """The project's samples and some drawn scenes."""
+    if settings.quick:
+        yield _drawn(1, 160, "small")
+        return
+    for name, scene in SCENES.items():
+        drawing = scene()
+        image = drawing.image if drawing.image.ndim == 2 else np.ascontiguousarray(drawing.image[:, :, ::-1])
+        yield Picture(name, image, drawing.truth, Parameters())
+    for seed in range(NUM_DRAWN):
+        yield _drawn(seed, 800, f"drawn {seed}")
+
+
+def _drawn(seed: int, width: int, name: str = "scene") -> Picture:
+    drawing: Drawing = draw(seed, width, width * 3 // 4)
+    params = load_params(None, {"init.radius": drawing.start_radius, "contour.max_iterations": LONG})
+    return Picture(name, drawing.image, None, params)
+
+
+def _folder(folder: Path) -> Iterator[Picture]:
+    """Images of a folder; ``NAME_truth.png`` and ``truth/NAME.png`` are their truths."""
+    if not folder.is_dir():
+        raise UsageError(f"--images: there is no folder {printable(folder)}; check the name")
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+    paths = [path for path in paths if not path.stem.endswith("_truth")]
+    if not paths:
+        raise UsageError(f"--images: {printable(folder)} holds no image; give a folder of images")
+    for path in paths:
+        yield Picture(printable(path.stem), read_image(path), _truth_of(path), Parameters())
+
+
+def _truth_of(path: Path) -> Image | None:
+    places = (path.with_name(f"{path.stem}_truth.png"), path.parent / "truth" / f"{path.stem}.png")
+    return next((read_levels(place) for place in places if place.is_file()), None)

@@ -1,0 +1,63 @@
+"""``ffseg bench``: measure, report, and compare with an earlier run."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ffseg.cli import console
+
+MISSED_GATE = 4
+"""Exit code when a figure is slower than the baseline allows."""
+
+
+def bench(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the report; made if absent.")],
+    suite: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--suite", metavar="NAME", help="patches, size, method, scenes, batch, startup or memory; may be repeated."
+        ),
+    ] = None,
+    images: Annotated[
+        Path | None, typer.Option("--images", metavar="DIR", help="Images of the suite scenes, with NAME_truth.png.")
+    ] = None,
+    repeat: Annotated[int, typer.Option("--repeat", min=1, help="Rounds of every group.")] = 15,
+    budget: Annotated[float, typer.Option("--budget", min=0, help="Seconds after which a group gets no more.")] = 20.0,
+    baseline: Annotated[
+        Path | None, typer.Option("--baseline", metavar="FILE", help="bench.json of an earlier run to compare with.")
+    ] = None,
+    max_ratio: Annotated[
+        float, typer.Option("--max-ratio", min=1, metavar="X", help="Exit with 4 when a figure is X times its baseline.")
+    ] = 1.2,
+    quick: Annotated[bool, typer.Option("--quick", help="Tiny inputs, to see that it runs.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print bench.json instead of the tables.")] = False,
+) -> None:
+    """Measure speed and memory: medians, ratios to a fixed kernel K, exponents.
+
+    Writes bench.json, bench.csv, bench.md and, with matplotlib, plots. Exit code 4: a figure missed the baseline.
+    """
+    from ffseg.batch.bench.gate import read_baseline
+    from ffseg.batch.bench.measure import Effort
+    from ffseg.batch.bench.report import to_csv, to_json, to_markdown
+    from ffseg.batch.bench.session import Order, run_bench
+    from ffseg.formats.files import make_folder, write_bytes_atomic
+
+    known = read_baseline(baseline, max_ratio, quick=quick) if baseline else None
+    make_folder(out)
+    outcome = run_bench(Order(suite or (), Effort(repeat, budget), images, quick, known), console.message)
+    report = {
+        "bench.json": to_json(outcome),
+        "bench.csv": to_csv(outcome),
+        "bench.md": to_markdown(outcome).encode("utf-8"),
+    }
+    for name, content in report.items():
+        write_bytes_atomic(os.path.join(out, name), content)
+    console.data(report["bench.json" if as_json else "bench.md"].decode("utf-8").rstrip("\n"))
+    for item in outcome.slower:
+        console.error(str(item))
+    if outcome.slower:
+        raise typer.Exit(MISSED_GATE)

@@ -1,0 +1,57 @@
+"""The fixed kernel K that timings are divided by: what any user would run first, on one thread."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+SIGMA = 1.5
+LOW, HIGH = 50, 150
+"""Canny thresholds of K; they are part of its definition, as its duration depends on them a little."""
+
+
+def reference_kernel(grey: NDArray[np.uint8]) -> int:
+    """Blur, Canny edges and a flood fill from the middle: the fixed kernel K.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (H, W)
+
+    Returns
+    -------
+    int
+        Number of filled pixels, 0 when the middle is an edge pixel.
+    """
+    smoothed = cv2.GaussianBlur(grey, (0, 0), SIGMA)
+    edges = cv2.Canny(smoothed, LOW, HIGH)
+    middle = (grey.shape[1] // 2, grey.shape[0] // 2)
+    filled, *_ = cv2.floodFill(edges, None, middle, 128)  # type: ignore[call-overload]  # None is a legal mask
+    return int(filled)
+
+
+def to_grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Grey version of a grey or BGR image."""
+    if image.ndim == 2:
+        return image
+    grey: NDArray[np.uint8] = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)  # type: ignore[assignment]  # stays uint8
+    return grey
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep OpenCV to one thread meanwhile."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+def opencv_version() -> str:
+    """Version of OpenCV that runs K."""
+    return cv2.__version__
