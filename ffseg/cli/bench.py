@@ -14,7 +14,7 @@ MISSED_GATE = 4
 """Exit code when a figure is slower than the baseline allows."""
 
 
-def bench(
+def bench(  # noqa: PLR0913 - the options of the command
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the report; made if absent.")],
     suite: Annotated[
         list[str] | None,
@@ -31,7 +31,8 @@ def bench(
         Path | None, typer.Option("--baseline", metavar="FILE", help="bench.json of an earlier run to compare with.")
     ] = None,
     max_ratio: Annotated[
-        float, typer.Option("--max-ratio", min=1, metavar="X", help="Exit with 4 when a figure is X times its baseline.")
+        float,
+        typer.Option("--max-ratio", min=1, metavar="X", help="Exit with 4 when a figure is X times its baseline."),
     ] = 1.2,
     quick: Annotated[bool, typer.Option("--quick", help="Tiny inputs, to see that it runs.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print bench.json instead of the tables.")] = False,
@@ -41,7 +42,8 @@ def bench(
     Writes bench.json, bench.csv, bench.md and, with matplotlib, plots. Exit code 4: a figure missed the baseline.
     """
     from ffseg.batch.bench.gate import read_baseline
-    from ffseg.batch.bench.measure import Effort
+    from ffseg.batch.bench.measure import Effort, Skipped
+    from ffseg.batch.bench import plots
     from ffseg.batch.bench.report import to_csv, to_json, to_markdown
     from ffseg.batch.bench.session import Order, run_bench
     from ffseg.formats.files import make_folder, write_bytes_atomic
@@ -49,10 +51,15 @@ def bench(
     known = read_baseline(baseline, max_ratio, quick=quick) if baseline else None
     make_folder(out)
     outcome = run_bench(Order(suite or (), Effort(repeat, budget), images, quick, known), console.message)
+    drawn = plots.plots(outcome.figures) if plots.available() else {}
+    if not plots.available():
+        outcome.skipped.append(Skipped("plots", "all", "matplotlib is not installed: pip install 'ffseg[plot]'"))
+        console.message("plots skipped, matplotlib is not installed: pip install 'ffseg[plot]'")
     report = {
         "bench.json": to_json(outcome),
         "bench.csv": to_csv(outcome),
         "bench.md": to_markdown(outcome).encode("utf-8"),
+        **drawn,
     }
     for name, content in report.items():
         write_bytes_atomic(os.path.join(out, name), content)

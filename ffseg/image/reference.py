@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import cv2
 import numpy as np
@@ -29,7 +30,7 @@ def reference_kernel(grey: NDArray[np.uint8]) -> int:
     smoothed = cv2.GaussianBlur(grey, (0, 0), SIGMA)
     edges = cv2.Canny(smoothed, LOW, HIGH)
     middle = (grey.shape[1] // 2, grey.shape[0] // 2)
-    filled, *_ = cv2.floodFill(edges, None, middle, 128)  # type: ignore[call-overload]  # None is a legal mask
+    filled, *_ = cv2.floodFill(edges, None, middle, 128)
     return int(filled)
 
 
@@ -37,7 +38,7 @@ def to_grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Grey version of a grey or BGR image."""
     if image.ndim == 2:
         return image
-    grey: NDArray[np.uint8] = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)  # type: ignore[assignment]  # stays uint8
+    grey: NDArray[Any] = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     return grey
 
 

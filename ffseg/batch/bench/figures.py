@@ -19,7 +19,7 @@ class Figure:
     ----------
     suite, case, quantity : str
     unit : str
-        ``ms`` or ``MB``.
+        ``ms``, ``MB`` or ``B/px``.
     x : float
         Place on the suite's axis, 0 when there is none.
     values, robust : tuple of float
@@ -84,6 +84,25 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True)
+class Compared:
+    """One case in units of another: medians divided.
+
+    Attributes
+    ----------
+    suite, title : str
+    ratio : float
+        Of what is reported.
+    robust_ratio : float
+        Of the robust samples.
+    """
+
+    suite: str
+    title: str
+    ratio: float
+    robust_ratio: float
+
+
+@dataclass(frozen=True, slots=True)
 class Growth:
     """How a quantity grows along its suite's axis: ``robust_median ~ x ** exponent``.
 
@@ -101,6 +120,9 @@ class Growth:
     exponent: float
     upper: float
 
+    def __str__(self) -> str:
+        return f"{self.series}: exponent {self.exponent:.2f}, upper half {self.upper:.2f}"
+
 
 def series_of(figures: Iterable[Figure]) -> dict[tuple[str, str], list[Figure]]:
     """Figures with a place on an axis by suite and series, in the order of x.
@@ -116,12 +138,12 @@ def series_of(figures: Iterable[Figure]) -> dict[tuple[str, str], list[Figure]]:
 
 
 def growths(figures: Iterable[Figure]) -> list[Growth]:
-    """Exponents of every series of three figures or more."""
+    """Exponents of every series of three positive figures or more."""
     found = []
     for (suite, name), series in series_of(figures).items():
-        if len(series) < 3:
-            continue
         x, y = [figure.x for figure in series], [figure.robust_median for figure in series]
+        if len(series) < 3 or min(y) <= 0:
+            continue
         half = min(len(x) // 2, len(x) - 2)
         found.append(Growth(suite, name, exponent(x, y), exponent(x[half:], y[half:])))
     return found

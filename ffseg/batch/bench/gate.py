@@ -73,9 +73,7 @@ def read_baseline(path: Path, max_ratio: float, *, quick: bool) -> Baseline:
         raise UsageError(f"{name} cannot be read ({error.strerror}); give the bench.json of an earlier run") from error
     except (ValueError, KeyError, TypeError) as error:
         raise UsageError(f"{name} is no bench.json; give that of an earlier run") from error
-    if not steady or not all(value > 0 for value in steady.values()):
-        raise UsageError(f"{name} holds no figures, or one that is not positive; make it anew with ffseg bench")
-    return Baseline(steady, max_ratio)
+    return Baseline({key: value for key, value in steady.items() if value > 0}, max_ratio)
 
 
 def slower(figures: Iterable[Figure], baseline: Baseline) -> list[Slower]:

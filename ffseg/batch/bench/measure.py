@@ -10,7 +10,7 @@ from time import perf_counter, process_time
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.bench.figures import Figure
+from ffseg.batch.bench.figures import Compared, Figure
 from ffseg.image.reference import one_thread, reference_kernel
 
 Fact = str | int | float
@@ -23,7 +23,7 @@ class Sample:
     Attributes
     ----------
     value : float
-        What is reported: milliseconds of wall time, or megabytes.
+        What is reported: milliseconds of wall time, or memory.
     robust : float
         What the gate compares: processor time where the work is computing, because waiting for a turn on a busy
         machine is not in it; else the same as `value`.
@@ -69,7 +69,7 @@ class Task:
     x : float
         Place on the suite's axis (patches, pixels, jobs); 0 when there is none.
     unit : str
-        ``ms`` or ``MB``.
+        ``ms``, ``MB`` or ``B/px``.
     """
 
     case: str
@@ -77,6 +77,15 @@ class Task:
     sample: Timer
     x: float = 0.0
     unit: str = "ms"
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Two cases of a group whose medians are divided."""
+
+    title: str
+    case: str
+    over: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +100,10 @@ class Group:
         The image K runs on.
     tasks : sequence of Task
     facts : mapping
-        What else is known of the case: counts, scores, rates.
+        What else is known of the case: counts, scores.
+    comparisons : sequence of Comparison
+    rounds : int
+        Rounds that are enough, 0 for as many as the run is told.
     """
 
     suite: str
@@ -99,6 +111,8 @@ class Group:
     grey: NDArray[np.uint8]
     tasks: Sequence[Task]
     facts: Mapping[str, Fact]
+    comparisons: Sequence[Comparison] = ()
+    rounds: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +139,7 @@ def measure(group: Group, effort: Effort) -> list[Figure]:
     with one_thread():
         begin = perf_counter()
         _round(group.tasks, kernel)
-        while len(taken[0]) < effort.rounds:
+        while len(taken[0]) < (min(group.rounds, effort.rounds) or effort.rounds):
             for samples, pair in zip(taken, _round(group.tasks, kernel), strict=True):
                 samples.append(pair)
             if perf_counter() - begin > effort.budget_s:
@@ -155,3 +169,12 @@ def _figure(suite: str, task: Task, pairs: Sequence[tuple[Sample, Sample]]) -> F
         kernel_values=tuple(kernel.value for kernel, _ in pairs),
         kernel_robust=tuple(kernel.robust for kernel, _ in pairs),
     )
+
+
+def compared(group: Group, figures: Sequence[Figure]) -> list[Compared]:
+    """The comparisons of a group from its figures."""
+    of = {figure.case: figure for figure in figures}
+    pairs = [(part.title, of[part.case], of[part.over]) for part in group.comparisons]
+    return [
+        Compared(group.suite, title, a.median / b.median, a.robust_median / b.robust_median) for title, a, b in pairs
+    ]

@@ -28,6 +28,7 @@ def to_json(outcome: Outcome) -> bytes:
         "machine": dict(outcome.machine),
         "versions": dict(outcome.versions),
         "figures": [_figure(figure) for figure in outcome.figures],
+        "comparisons": [asdict(item) for item in outcome.comparisons],
         "growth": [asdict(growth) for growth in growths(outcome.figures)],
         "facts": {name: dict(facts) for name, facts in outcome.facts.items()},
         "skipped": [asdict(skipped) for skipped in outcome.skipped],
@@ -39,7 +40,13 @@ def to_json(outcome: Outcome) -> bytes:
 def _figure(figure: Figure) -> dict[str, object]:
     samples = {name: [round(value, 6) for value in values] for name, values in asdict(figure).items() if name in _RAW}
     named = {name: value for name, value in asdict(figure).items() if name not in _RAW}
-    derived = {"key": figure.key, "median": figure.median, "robust_median": figure.robust_median, "ratio_to_k": figure.ratio, "steady": figure.steady}
+    derived = {
+        "key": figure.key,
+        "median": figure.median,
+        "robust_median": figure.robust_median,
+        "ratio_to_k": figure.ratio,
+        "steady": figure.steady,
+    }
     return {**derived, **named, **samples}
 
 
@@ -96,10 +103,16 @@ def _suite_section(outcome: Outcome, suite: str) -> list[str]:
     if found:
         rows = ((growth.series, f"{growth.exponent:.3f}", f"{growth.upper:.3f}") for growth in found)
         lines += ["Fitted exponents:", "", *_table(("series", "all", "upper half"), rows), ""]
+    ratios = [item for item in outcome.comparisons if item.suite == suite]
+    if ratios:
+        rows = ((item.title, f"{item.ratio:.3f}", f"{item.robust_ratio:.3f}") for item in ratios)
+        lines += [*_table(("ratio of medians", "wall time or memory", "processor time or memory"), rows), ""]
     facts = {name: facts for name, facts in outcome.facts.items() if name.startswith(f"{suite}/") and facts}
     if facts:
         names = list(dict.fromkeys(name for values in facts.values() for name in values))
-        cells = ([key.partition("/")[2], *(str(values.get(name, "")) for name in names)] for key, values in facts.items())
+        cells = (
+            [key.partition("/")[2], *(str(values.get(name, "")) for name in names)] for key, values in facts.items()
+        )
         lines += [*_table(("case", *names), cells), ""]
     return lines
 
@@ -116,5 +129,7 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
     """A Markdown table padded so that it reads as plain text too."""
     cells = [[cell.replace("|", "\\|") for cell in row] for row in (head, *rows)]
     widths = [max(len(row[column]) for row in cells) for column in range(len(head))]
-    lines = ["| " + " | ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) + " |" for row in cells]
+    lines = [
+        "| " + " | ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) + " |" for row in cells
+    ]
     return [lines[0], "|" + "|".join("-" * (width + 2) for width in widths) + "|", *lines[1:]]

@@ -9,10 +9,10 @@ from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
 
-from ffseg.batch.bench.figures import Figure
+from ffseg.batch.bench.figures import Compared, Figure
 from ffseg.batch.bench.gate import Baseline, Slower, confirmed, slower
 from ffseg.batch.bench.machine import machine, versions
-from ffseg.batch.bench.measure import Effort, Fact, Group, Skipped, measure
+from ffseg.batch.bench.measure import Effort, Fact, Group, Skipped, compared, measure
 from ffseg.batch.bench.suites.settings import Settings
 from ffseg.errors import UsageError
 
@@ -26,7 +26,7 @@ SUITES = {
     "memory": "processes",
 }
 """Name of each suite and the module under ``suites`` that holds its function."""
-QUICK_ROUNDS = 2
+QUICK_ROUNDS = 1
 
 Suite = Callable[[Settings], Iterator[Group | Skipped]]
 Note = Callable[[str], None]
@@ -44,12 +44,12 @@ class Order:
     images : Path, optional
         For the suite ``scenes``.
     quick : bool
-        Tiny inputs and two rounds.
+        Tiny inputs and one round.
     baseline : Baseline, optional
     """
 
     suites: Sequence[str] = ()
-    effort: Effort = Effort()
+    effort: Effort = field(default_factory=Effort)
     images: Path | None = None
     quick: bool = False
     baseline: Baseline | None = None
@@ -65,6 +65,7 @@ class Outcome:
     versions: Mapping[str, str] = field(default_factory=versions)
     figures: list[Figure] = field(default_factory=list)
     facts: dict[str, Mapping[str, Fact]] = field(default_factory=dict)
+    comparisons: list[Compared] = field(default_factory=list)
     skipped: list[Skipped] = field(default_factory=list)
     slower: list[Slower] = field(default_factory=list)
 
@@ -114,6 +115,7 @@ def _take(part: Group | Skipped, outcome: Outcome, effort: Effort, baseline: Bas
 
         figures = confirmed(figures, baseline, again)
     outcome.figures += figures
+    outcome.comparisons += compared(part, figures)
     outcome.facts[f"{part.suite}/{part.name}"] = part.facts
 
 

@@ -18,17 +18,15 @@ COUNTS = (10, 30, 100, 300, 1000, 3000, 10_000, 20_000)
 QUICK_COUNTS = (10, 30, 100)
 PATCHES = 10
 """Patches of one circle; contours of N patches are N / 10 circles on a square lattice."""
-PATCH_LENGTH = 8.0
-"""Pixels at the start, between those that are merged and those that are split."""
 WARM_UP = 1
 """Iterations before the clock starts: the first sorts the patches and fills the lists."""
 ITERATIONS = 3
 """Iterations timed. Circles that touch in them meet in the first, and have merged on all sides after the last."""
 LEAST_WORK = 1000
 """Patches moved in one sample at least, by as many evolutions as that takes: the clock must not show."""
-CASES = {"still": (60.0, False), "filtered": (60.0, True), "merging": (31.4, True)}
-"""Distance of the circles in pixels, and whether topology changes are looked for: never looked for; looked for, none
-happening; every circle merging with its neighbours."""
+CASES = {"still": (2.5, False), "filtered": (2.5, True), "merging": (0.75, True)}
+"""Space between the circles, in the way the front goes meanwhile (twice that closes it), and whether topology changes
+are looked for: never looked for; looked for, none happening; every circle merging with its neighbours."""
 
 
 def patches(settings: Settings) -> Iterator[Group]:
@@ -40,10 +38,10 @@ def patches(settings: Settings) -> Iterator[Group]:
 
 
 def _task(case: str, count: int) -> Task:
-    spacing, topology = CASES[case]
-    points, offsets, side = _lattice(count // PATCHES, spacing)
-    edges = np.zeros((side, side), np.uint8)
+    space, topology = CASES[case]
     options = evolution_options(Parameters(), topology=topology)
+    points, offsets, side = _lattice(count // PATCHES, space * options.balloon * (WARM_UP + ITERATIONS), options)
+    edges = np.zeros((side, side), np.uint8)
     copies = max(1, LEAST_WORK // count)
 
     def make() -> Callable[[], None]:
@@ -70,12 +68,17 @@ def evolution_options(params: Parameters, *, topology: bool) -> _core.EvolutionO
     return options
 
 
-def _lattice(circles: int, spacing: float) -> tuple[NDArray[np.float64], NDArray[np.int64], int]:
-    """Control points and offsets of circles on a square lattice, and the side of the map that holds them."""
+def _lattice(
+    circles: int, space: float, options: _core.EvolutionOptions
+) -> tuple[NDArray[np.float64], NDArray[np.int64], int]:
+    """Control points and offsets of circles with `space` px between them, and the side of the map that holds them.
+
+    Their patches are half as long as those that are split.
+    """
     columns = int(np.ceil(np.sqrt(circles)))
-    radius = PATCHES * PATCH_LENGTH / (2 * np.pi)
-    margin = 2 * radius + 4 * (WARM_UP + ITERATIONS)
-    circle = FreeForm.circle((0.0, 0.0), radius, PATCHES, Parameters().contour.degree).control_points
+    radius = PATCHES * options.split_threshold / (4 * np.pi)
+    spacing, margin = 2 * radius + space, 2 * (radius + options.balloon * (WARM_UP + ITERATIONS))
+    circle = FreeForm.circle((0.0, 0.0), radius, PATCHES, options.degree).control_points
     places = np.stack(np.divmod(np.arange(circles), columns)[::-1], axis=1) * spacing + margin
     points = np.ascontiguousarray((places[:, None, :] + circle[None]).reshape(-1, 2))
     offsets = np.arange(circles + 1, dtype=np.int64) * len(circle)

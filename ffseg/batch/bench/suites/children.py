@@ -1,0 +1,94 @@
+"""Timed child processes: wall time, processor time and peak memory of a command."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+from ffseg.batch.bench.measure import Sample, Timer
+from ffseg.errors import FfsegError
+
+KILOBYTE = 1 if sys.platform == "darwin" else 1024
+"""Bytes in the unit the system counts peak memory in."""
+TAIL = 300
+"""Characters of a failed command's last words that are shown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """A child that ended well.
+
+    Attributes
+    ----------
+    wall_ms : float
+    processor_ms : float
+        Of the child and all its own children.
+    peak_bytes : int
+        Resident memory, the largest of the child and its own children.
+    """
+
+    wall_ms: float
+    processor_ms: float
+    peak_bytes: int
+
+
+def run_child(command: Sequence[str]) -> Ended:
+    """Run a command of this Python to its end.
+
+    Raises
+    ------
+    FfsegError
+        If it ends with another exit code than 0; with its last words.
+    """
+    begin = perf_counter()
+    with subprocess.Popen(  # noqa: S603 - this Python with arguments made here
+        [sys.executable, *command], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+    ) as child:
+        words = child.stderr.read() if child.stderr else b""
+        _, status, used = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+    wall = perf_counter() - begin
+    if child.returncode != 0:
+        last = words.decode("utf-8", "backslashreplace").strip()[-TAIL:]
+        raise FfsegError(f"python {' '.join(command)} ended with exit code {child.returncode}: {last}")
+    return Ended(wall * 1e3, (used.ru_utime + used.ru_stime) * 1e3, used.ru_maxrss * KILOBYTE)
+
+
+def timed_child(command: Callable[[], Sequence[str]], per: float = 1.0) -> Timer:
+    """A timer of a command that is made anew for every sample, in milliseconds divided by `per`."""
+
+    def sample() -> Sample:
+        ended = run_child(command())
+        return Sample(ended.wall_ms / per, ended.processor_ms / per)
+
+    return sample
+
+
+def measured_child(command: Callable[[], Sequence[str]]) -> Timer:
+    """Peak memory of a command in megabytes."""
+
+    def sample() -> Sample:
+        peak = run_child(command()).peak_bytes / 1e6
+        return Sample(peak, peak)
+
+    return sample
+
+
+class FreshFolders:
+    """Names of folders that do not exist yet; what was written into the one before is removed."""
+
+    def __init__(self, work: Path) -> None:
+        self._work, self._count = work, 0
+
+    def __call__(self) -> Path:
+        """Name of the next folder."""
+        import shutil
+
+        shutil.rmtree(self._work / f"out-{self._count}", ignore_errors=True)
+        self._count += 1
+        return self._work / f"out-{self._count}"
