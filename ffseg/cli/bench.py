@@ -41,9 +41,9 @@ def bench(  # noqa: PLR0913 - the options of the command
 
     Writes bench.json, bench.csv, bench.md and, with matplotlib, plots. Exit code 4: a figure missed the baseline.
     """
+    from ffseg.batch.bench import plots
     from ffseg.batch.bench.gate import read_baseline
     from ffseg.batch.bench.measure import Effort, Skipped
-    from ffseg.batch.bench import plots
     from ffseg.batch.bench.report import to_csv, to_json, to_markdown
     from ffseg.batch.bench.session import Order, run_bench
     from ffseg.formats.files import make_folder, write_bytes_atomic
