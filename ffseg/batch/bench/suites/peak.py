@@ -30,17 +30,30 @@ def main(image_file: str, radius: float) -> None:
 
 
 def _resident() -> int:
-    """Bytes in memory now; the peak begins anew where the system can do that, else it stands for them."""
+    """Bytes in memory now; the peak begins anew where the system can do that."""
     try:
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-        return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * resource.getpagesize()
     except OSError:
         return _peak()
+    return _status("VmRSS")
 
 
 def _peak() -> int:
-    """Most bytes in memory at any time so far."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * KILOBYTE
+    """Most bytes in memory at any time so far.
+
+    Where there is no ``/proc``, the system's count is taken, which begins with the size of the process this one was
+    started from.
+    """
+    try:
+        return _status("VmHWM")
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * KILOBYTE
+
+
+def _status(name: str) -> int:
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    kilobytes = next(line.split()[1] for line in lines if line.startswith(f"{name}:"))
+    return int(kilobytes) * 1024
 
 
 if __name__ == "__main__":
