@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,6 +68,11 @@ class Figure:
     def ratio(self) -> float | None:
         """Robust median in units of K; None for what is no time."""
         return self.robust_median / self.kernel if self.unit == "ms" else None
+
+    def joined(self, other: Figure) -> Figure:
+        """The figure with the samples of another measurement of it."""
+        samples = ("values", "robust", "kernel_values", "kernel_robust")
+        return replace(self, **{name: getattr(self, name) + getattr(other, name) for name in samples})
 
     @property
     def steady(self) -> float:

@@ -1,0 +1,111 @@
+"""``ffseg bench`` as a command: reports, the gate and its exit codes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from subprocess import CompletedProcess
+
+import pytest
+
+from ffseg.batch.bench import plots
+from ffseg.batch.bench.figures import Figure
+
+Command = Callable[..., CompletedProcess[str]]
+QUICK = ("bench", "--quick", "--suite", "patches", "--out")
+
+
+@pytest.fixture(scope="module")
+def report(ffseg_command: Command, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, CompletedProcess[str]]:
+    folder = tmp_path_factory.mktemp("bench") / "report"
+    return folder, ffseg_command(*QUICK, folder)
+
+
+def test_report_is_written_and_shown(report: tuple[Path, CompletedProcess[str]]) -> None:
+    folder, done = report
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == (folder / "bench.md").read_text("utf-8").rstrip("\n") + "\n"
+    document = json.loads((folder / "bench.json").read_text("utf-8"))
+    rows = list(csv.DictReader((folder / "bench.csv").read_text("utf-8").splitlines()))
+    assert [row["case"] for row in rows] == [figure["case"] for figure in document["figures"]]
+    assert {growth["series"] for growth in document["growth"]} == {f"{c} iteration" for c in ("still", "filtered", "merging")}
+    assert document["versions"]["ffseg"]
+    assert document["machine"]["cores"] >= 1
+    assert all(len(figure["values"]) == len(figure["kernel_values"]) for figure in document["figures"])
+    assert "patches: N = 100" in done.stderr
+
+
+def test_plots_or_a_word_that_they_are_skipped(report: tuple[Path, CompletedProcess[str]]) -> None:
+    folder, done = report
+    has_plot = (folder / "patches.svg").is_file()
+    assert has_plot == (find_spec("matplotlib") is not None)
+    assert ("plots skipped" in done.stderr) != has_plot
+
+
+def test_plot_is_the_same_for_the_same_figures() -> None:
+    pytest.importorskip("matplotlib")
+    sizes = (10.0, 100.0, 1000.0)
+    figures = [Figure("patches", f"still, {x:g}", "iteration", "ms", x, (x,), (x,), (1.0,), (1.0,)) for x in sizes]
+    drawn = plots.plots(figures)
+    assert list(drawn) == ["patches.svg"]
+    assert drawn == plots.plots(figures)
+    assert "still iteration: exponent 1.00, upper half 1.00" in drawn["patches.svg"].decode("utf-8")
+
+
+def with_steady(path: Path, factor: float, target: Path) -> Path:
+    """A baseline whose figures are so many times those of a report."""
+    document = json.loads((path / "bench.json").read_text("utf-8"))
+    for figure in document["figures"]:
+        figure["steady"] *= factor
+    target.write_text(json.dumps(document), "utf-8")
+    return target
+
+
+def test_gate_missed_exits_with_4_and_names_what_got_slower(
+    report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path
+) -> None:
+    baseline = with_steady(report[0], 0.01, tmp_path / "fast.json")
+    done = ffseg_command(*QUICK, tmp_path / "out", "--baseline", baseline, "--max-ratio", "2", "--json")
+    assert done.returncode == 4, done.stderr
+    document = json.loads(done.stdout)
+    assert {item["key"] for item in document["slower"]} == {figure["key"] for figure in document["figures"]}
+    assert "ffseg: error: patches/still, 100/iteration: " in done.stderr
+    assert "times the baseline" in done.stderr
+    assert "## Slower than the baseline" in (tmp_path / "out" / "bench.md").read_text("utf-8")
+
+
+def test_gate_held_exits_with_0(
+    report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path
+) -> None:
+    baseline = with_steady(report[0], 100, tmp_path / "slow.json")
+    done = ffseg_command(*QUICK, tmp_path / "out", "--baseline", baseline)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--suite", "pathces"), "there is no suite 'pathces'"),
+        (("--baseline", "absent.json"), "absent.json cannot be read"),
+        (("--images", "absent", "--suite", "scenes"), "--images: there is no folder absent"),
+    ],
+)
+def test_usage_errors_exit_with_2(
+    ffseg_command: Command, tmp_path: Path, arguments: tuple[str, ...], sentence: str
+) -> None:
+    done = ffseg_command("bench", "--quick", "--out", tmp_path / "out", *arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert done.stdout == ""
+
+
+def test_a_baseline_without_a_common_figure_cannot_pass(
+    report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path
+) -> None:
+    baseline = report[0] / "bench.json"
+    done = ffseg_command("bench", "--quick", "--suite", "size", "--out", tmp_path, "--baseline", baseline)
+    assert done.returncode == 2
+    assert "no figure of this run" in done.stderr

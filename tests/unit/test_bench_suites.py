@@ -1,0 +1,134 @@
+"""The suites of ``ffseg bench`` in their tiny form, and what they measure on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from ffseg.batch.bench.session import SUITES, Order, Outcome, run_bench
+from ffseg.batch.bench.suites import bare, children, drawing
+from ffseg.batch.bench.suites.patches import evolution_options, patches
+from ffseg.batch.bench.suites.settings import Settings
+from ffseg.errors import FfsegError, UsageError
+from ffseg.formats.masks import encode_mask, read_mask
+from ffseg.image.reference import one_thread, reference_kernel
+from ffseg.parameters import Parameters
+
+
+def quick(*suites: str, images: Path | None = None) -> Outcome:
+    return run_bench(Order(suites, quick=True, images=images), lambda text: None)
+
+
+def test_kernel_fills_what_the_edges_enclose() -> None:
+    grey = np.full((100, 120), 50, np.uint8)
+    cv2.circle(grey, (60, 50), 30, 200, -1)
+    # Canny lies on the circle or a pixel beside it: the fill is its inside but for a ring of two pixels at most.
+    assert np.pi * 27.5**2 < reference_kernel(grey) < np.pi * 30.5**2
+
+
+def test_one_thread_is_given_back() -> None:
+    before = cv2.getNumThreads()
+    with one_thread():
+        assert cv2.getNumThreads() == 1
+    assert cv2.getNumThreads() == before
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_drawn_scene_is_the_same_at_every_size(seed: int) -> None:
+    small, large = drawing.draw(seed, 200, 150), drawing.draw(seed, 800, 600)
+    assert large.start_radius == 4 * small.start_radius
+    shrunk = large.ground.reshape(150, 4, 200, 4).mean(axis=(1, 3))
+    # Where a small pixel lies whole inside or outside in the large scene, the small scene says the same.
+    whole = (shrunk == 0) | (shrunk == 1)
+    assert whole.mean() > 0.9
+    assert (small.ground[whole] == (shrunk[whole] == 1)).all()
+
+
+def test_drawn_scene_leaves_the_start_free_and_the_rest_mixed() -> None:
+    for seed in range(20):
+        scene = drawing.draw(seed)
+        y, x = np.mgrid[:600, :800]
+        assert scene.ground[np.hypot(x - 399.5, y - 299.5) < scene.start_radius + 20].all()
+        assert 0.1 < scene.ground.mean() < 0.9
+
+
+def test_patch_contours_have_as_many_patches_as_the_figure_says() -> None:
+    (*_, group) = patches(Settings(Path(), quick=True))
+    assert group.facts == {"circles": 10}
+    assert [task.x for task in group.tasks] == [100, 100, 100]
+    assert [task.case for task in group.tasks] == ["still, 100", "filtered, 100", "merging, 100"]
+
+
+def test_evolution_options_are_those_of_the_parameters_but_for_topology() -> None:
+    params = Parameters()
+    options = evolution_options(params, topology=False)
+    assert (options.degree, options.balloon) == (params.contour.degree, params.contour.balloon)
+    assert (options.split_threshold, options.topology) == (params.contour.split_threshold, False)
+
+
+def test_suites_on_contours_and_images() -> None:
+    outcome = quick("patches", "size", "method", "scenes")
+    quantities = {(figure.suite, figure.quantity) for figure in outcome.figures}
+    stages = ("edges", "evolve", "segment")
+    expected = {("patches", "iteration"), *((suite, stage) for suite in ("size", "method", "scenes") for stage in stages)}
+    assert quantities == expected
+    assert all(figure.median > 0 and figure.ratio > 0 for figure in outcome.figures)
+    assert {values["stopped"] for name, values in outcome.facts.items() if "scenes" in name} == {"converged"}
+    assert outcome.slower == []
+
+
+@pytest.mark.parametrize("suite", ["startup", "batch", "memory"])
+def test_suites_on_processes(suite: str) -> None:
+    outcome = quick(suite)
+    assert {figure.suite for figure in outcome.figures} == {suite}
+    assert all(figure.median > 0 for figure in outcome.figures)
+    assert all(item.ratio > 0 for item in outcome.comparisons)
+
+
+def test_scenes_of_a_folder_are_scored_by_their_truth(tmp_path: Path) -> None:
+    scene = drawing.draw(2, 240, 180)
+    cv2.imwrite(str(tmp_path / "one.png"), scene.image)
+    (tmp_path / "one_truth.png").write_bytes(encode_mask(scene.ground))
+    outcome = quick("scenes", images=tmp_path)
+    assert [figure.case for figure in outcome.figures] == ["one"] * 3
+    assert 0 < outcome.facts["scenes/one"]["iou"] <= 1
+
+
+def test_a_folder_without_images_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="holds no image"):
+        quick("scenes", images=tmp_path)
+    with pytest.raises(UsageError, match="there is no folder"):
+        quick("scenes", images=tmp_path / "absent")
+
+
+def test_an_unknown_suite_is_refused_before_anything_runs() -> None:
+    with pytest.raises(UsageError, match=f"no suite 'pathces'; choose from {', '.join(SUITES)}"):
+        quick("patches", "pathces")
+
+
+def test_bare_pipeline_writes_a_mask_for_each_image(tmp_path: Path) -> None:
+    scene, images, out = drawing.draw(2, 160, 120), tmp_path / "images", tmp_path / "out"
+    images.mkdir()
+    for name in ("a", "b"):
+        cv2.imwrite(str(images / f"{name}.png"), scene.image)
+    np.save(tmp_path / "masks.npy", scene.ground[None])
+    bare.main(images, tmp_path / "masks.npy", out)
+    assert sorted(path.name for path in out.iterdir()) == ["a.png", "b.png"]
+    assert (read_mask(out / "b.png") == scene.ground).all()
+
+
+def test_a_child_that_fails_is_named_with_its_last_words() -> None:
+    with pytest.raises(FfsegError, match=r"ended with exit code 3: no such luck"):
+        children.run_child(("-c", "import sys; print('no such luck', file=sys.stderr); sys.exit(3)"))
+
+
+def test_memory_of_a_child_is_its_own() -> None:
+    ballast = np.ones(60_000_000, np.uint8)  # of this process: it must not be counted
+    empty = children.measured_child(lambda: ("-c", "pass"))().value
+    filled = children.measured_child(lambda: ("-c", "x = b'x' * 50_000_000"))().value
+    assert ballast[0] == 1
+    assert empty < 40
+    assert 45 < filled - empty < 60
