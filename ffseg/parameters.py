@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Literal
 
 from ffseg.errors import ParameterError
-from ffseg.schema import strict_yaml
 from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Number, OrWord, Row, Text
 from ffseg.schema.nodes import Node, Problems, Source, wrap
 from ffseg.schema.sections import Section, build, collect, declared, nearest, subsection
@@ -97,7 +96,9 @@ class LevelSet(Section):
     """The fast-marching level set (LS), Eq. 12. A negative contour.balloon closes in; max_iterations does not count."""
 
     stop_speed: float | Literal["auto"] = declared(
-        "auto", OrWord("auto", Number(0, 1, above=True)), "F_diff of a node on an edge; auto = at the high Canny threshold"
+        "auto",
+        OrWord("auto", Number(0, 1, above=True)),
+        "F_diff of a node on an edge; auto = at the high Canny threshold",
     )
     settle: int = declared(6, Integer(0, 64), "px the front climbs an edge to its ridge after it has stopped")
     min_area: float = declared(8.0, Number(0, 1e9), "px^2; outlines that enclose less are dropped")
@@ -166,6 +167,8 @@ def _file(source: str | os.PathLike[str], problems: Problems) -> Node:
             problems.add(name, f"no such preset or file{hint}; the presets are {', '.join(known)}")
             return Node({}, Source(name))
         name = os.fspath(known.get(name, name))
+    from ffseg.schema import strict_yaml  # loads yaml, 13 ms that a worker need not spend
+
     return strict_yaml.read(name, problems)
 
 
@@ -190,6 +193,8 @@ def _assignment(text: str, problems: Problems) -> Node:
     if not equals or not key.strip():
         problems.add(source.name, "write KEY=VALUE, such as contour.degree=2")
         return Node({}, source)
+    from ffseg.schema import strict_yaml
+
     count = len(problems.lines)
     node = strict_yaml.parse(value, source, problems)
     return Node({key.strip(): node} if len(problems.lines) == count else {}, source)
