@@ -35,7 +35,7 @@ class Ended:
 
 
 def run_child(command: Sequence[str]) -> Ended:
-    """Run a command of this Python to its end.
+    """Run a command of this Python to its end; modules are compiled once and kept, as an installation has them.
 
     Raises
     ------
@@ -44,7 +44,11 @@ def run_child(command: Sequence[str]) -> Ended:
     """
     begin = perf_counter()
     with subprocess.Popen(  # noqa: S603 - this Python with arguments made here
-        [sys.executable, *command], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+        [sys.executable, *command],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        env={name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"},
     ) as child:
         words = child.stderr.read() if child.stderr else b""
         _, status, used = os.wait4(child.pid, 0)
