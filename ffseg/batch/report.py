@@ -89,7 +89,7 @@ def write_report(folder: str | os.PathLike[str], inputs: Sequence[str] = ()) -> 
         If the page cannot be written.
     """
     found = _read_folder(Path(folder), inputs)
-    failed = sum(row.get("status") != "ok" for row in found.rows)
+    failed = sum(row.get("status") == "failed" for row in found.rows)
     title = f"{printable(found.path.resolve().name)} - ffseg {found.kind}"
     data = {
         "kind": found.kind,

@@ -19,7 +19,7 @@
   const methods = [...new Set(report.images.flatMap((image) => image.rows.map((row) => row.method)))].filter(Boolean);
   const entries = report.images.map((image, index) => ({
     ...image, index, card: null,
-    failed: image.rows.some((row) => row.status !== "ok"),
+    failed: image.rows.some((row) => row.status === "failed"),
     haystack: [image.name, ...image.rows.flatMap((row) => [row.error, row.method, row.stop_reason])].join("\n").toLowerCase(),
   }));
   const has = (key) => entries.some((entry) => entry.rows.some((row) => typeof row[key] === "number"));
@@ -87,24 +87,14 @@
     return image;
   };
 
-  const observer = new IntersectionObserver((seen) => {
-    for (const { isIntersecting, target } of seen) {
-      if (!isIntersecting) continue;
-      observer.unobserve(target);
-      furnish(entries[Number(target.dataset.index)]);
-    }
-  }, { rootMargin: "600px" });
-  const furnish = async (entry) => {
-    const place = entry.card.querySelector(".picture");
-    const order = ["overlay", "panel", "image", "mask"];
-    const first = entry.thumbnail ? [] : order;
-    place.append(picture(entry, first));
+  const furnish = async (entry, place) => {
+    place.append(picture(entry, entry.thumbnail ? [] : ["overlay", "panel", "image", "mask"]));
     if (!entry.pictures.overlay && entry.pictures.image) place.append(layer(entry, await partsOf(entry)));
   };
 
   const summaryOf = (entry) => {
     const row = rowOf(entry);
-    if (entry.failed && row.status !== "ok") return row.error || row.status || "failed";
+    if (row.status !== "ok") return [methods.length > 1 ? row.method : "", row.error || row.status].filter(Boolean).join(": ");
     const facts = [];
     if (methods.length > 1) facts.push(row.method);
     if (typeof row.iou === "number") facts.push(`IoU ${row.iou.toFixed(4)}`);
@@ -114,12 +104,52 @@
   };
   const cardOf = (entry) => {
     if (!entry.card) {
-      const parts = [make("span", { class: "picture" }), make("span", { class: "name" }, entry.name), make("span", { class: "numbers" })];
+      const place = make("span", { class: "picture" });
+      const parts = [place, make("span", { class: "name" }, entry.name), make("span", { class: "numbers" })];
       entry.card = make("button", { type: "button", class: entry.failed ? "card failed" : "card", "data-index": entry.index }, ...parts);
-      observer.observe(entry.card);
+      furnish(entry, place);
     }
     entry.card.querySelector(".numbers").textContent = summaryOf(entry);
     return entry.card;
+  };
+
+  // --- the sheet: only the rows in sight are in the document, so ten thousand images scroll like ten ----------------
+
+  const MARGIN = 3; // rows kept ready above and below
+  let columns = 1, pitch = 1;
+  const measure = () => {
+    const style = getComputedStyle($("sheet"));
+    columns = style.gridTemplateColumns.split(" ").length;
+    pitch = parseFloat(style.gridAutoRows) + parseFloat(style.rowGap);
+  };
+  const fillSheet = () => {
+    const sheet = $("sheet"), rows = Math.ceil(shown.length / columns), top = sheet.getBoundingClientRect().top;
+    const first = Math.max(0, Math.min(rows, Math.floor(-top / pitch) - MARGIN));
+    const last = Math.max(first, Math.min(rows, Math.ceil((innerHeight - top) / pitch) + MARGIN));
+    const wanted = shown.slice(first * columns, last * columns).map(cardOf), kept = new Set(wanted);
+    for (const card of [...sheet.children]) {
+      if (kept.has(card)) continue;
+      card.remove();
+      entries[Number(card.dataset.index)].card = null; // and with it its picture
+    }
+    let place = sheet.firstChild; // what stays is not moved: it would lose the focus
+    for (const card of wanted) {
+      if (card === place) place = place.nextSibling;
+      else sheet.insertBefore(card, place);
+    }
+    sheet.style.paddingTop = `${first * pitch}px`;
+    sheet.style.paddingBottom = `${(rows - last) * pitch}px`;
+  };
+  let filling = 0;
+  const fillSoon = () => {
+    cancelAnimationFrame(filling);
+    filling = requestAnimationFrame(fillSheet);
+  };
+  const focusOn = (at) => {
+    const top = $("sheet").getBoundingClientRect().top + Math.floor(at / columns) * pitch, head = $("filters").offsetHeight;
+    if (top < head || top + pitch > innerHeight) scrollBy(0, top < head ? top - head - 8 : top + pitch - innerHeight);
+    fillSheet();
+    shown[at].card?.focus({ preventScroll: true });
   };
 
   // --- sorting and filtering -----------------------------------------------------------------------------------
@@ -149,7 +179,8 @@
   };
   const refresh = () => {
     shown = entries.filter(matches).sort(compared($("sort").value, $("descending").checked ? -1 : 1));
-    $("sheet").replaceChildren(...shown.map(cardOf));
+    measure();
+    fillSheet();
     $("count").textContent = `${shown.length} of ${entries.length} images`;
     tiles();
     plots();
@@ -348,13 +379,12 @@
       buttons[(at + 1) % buttons.length]?.click();
     },
   };
-  const columns = () => getComputedStyle($("sheet")).gridTemplateColumns.split(" ").length;
-  const sheetKeys = { ArrowLeft: () => -1, ArrowRight: () => 1, ArrowUp: () => -columns(), ArrowDown: columns, Home: () => -Infinity, End: () => Infinity };
+  const sheetKeys = { ArrowLeft: () => -1, ArrowRight: () => 1, ArrowUp: () => -columns, ArrowDown: () => columns, Home: () => -Infinity, End: () => Infinity };
   const sheetKey = (event) => {
-    const cards = [...$("sheet").children], at = cards.indexOf(document.activeElement);
-    if (at < 0 || !sheetKeys[event.key]) return;
+    const index = document.activeElement?.dataset.index, at = shown.indexOf(entries[Number(index)]);
+    if (index === undefined || at < 0 || !sheetKeys[event.key]) return;
     event.preventDefault();
-    cards[Math.min(cards.length - 1, Math.max(0, at + sheetKeys[event.key]()))].focus();
+    focusOn(Math.min(shown.length - 1, Math.max(0, at + sheetKeys[event.key]())));
   };
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
@@ -391,7 +421,7 @@
   $("contours").addEventListener("change", toggleContours);
   $("viewer").addEventListener("close", () => {
     history.replaceState(null, "", location.pathname + location.search);
-    open?.card?.focus();
+    if (shown.includes(open)) focusOn(shown.indexOf(open));
     open = null;
   });
   $("theme").addEventListener("click", () => {
@@ -409,7 +439,7 @@
     $("failures-title").textContent = `${failed.length} of ${entries.length} images failed`;
     const lines = failed.slice(0, MOST_FAILURES).map((entry) => make("li", {},
       make("button", { type: "button", "data-index": entry.index }, entry.name),
-      entry.rows.filter((row) => row.status !== "ok").map((row) => (methods.length > 1 ? `${row.method}: ` : "") + (row.error ?? row.status)).join("; ")));
+      entry.rows.filter((row) => row.status === "failed").map((row) => (methods.length > 1 ? `${row.method}: ` : "") + (row.error ?? row.status)).join("; ")));
     if (failed.length > MOST_FAILURES) lines.push(make("li", {}, `and ${failed.length - MOST_FAILURES} more: choose the status "failed" below`));
     $("failure-list").replaceChildren(...lines);
   };
@@ -436,5 +466,7 @@
     fromHash();
   };
   addEventListener("hashchange", fromHash);
+  addEventListener("scroll", fillSoon, { passive: true });
+  addEventListener("resize", () => { measure(); fillSoon(); });
   start();
 })();
