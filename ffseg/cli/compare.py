@@ -55,7 +55,7 @@ def compare(  # noqa: PLR0913 - the options of the command
     gate was missed. Peers that are not installed are named and skipped.
     """
     from ffseg.batch import compare as work
-    from ffseg.cli.interruption import Interruption
+    from ffseg.cli.running.interruption import Interruption
     from ffseg.parameters import load_params
     from ffseg.peer_parameters import load_peer_parameters
 

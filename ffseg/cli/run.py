@@ -70,8 +70,8 @@ def run(  # noqa: PLR0913 - the options of the command
     from ffseg.batch.jobs import make_plan, with_previous
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
-    from ffseg.cli.interruption import Interruption
-    from ffseg.cli.reporting import Progress, show_plan, show_result
+    from ffseg.cli.running.interruption import Interruption
+    from ffseg.cli.running.reporting import Progress, show_plan, show_result
     from ffseg.parameters import load_params
 
     with contextlib.ExitStack() as cleanup:

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from ffseg.errors import ImageReadError
 from ffseg.formats.files import printable, read_bytes
-from ffseg.formats.headers import Header, avif, bmp, gif, jpeg, jpeg2000, looks_like, png, pnm, truncated, webp
-from ffseg.formats.tiff import tiff
+from ffseg.formats.gate.headers import Header, avif, bmp, gif, jpeg, jpeg2000, looks_like, png, pnm, truncated, webp
+from ffseg.formats.gate.tiff import tiff
 
 REASONS = {
     "missing": "no such file",

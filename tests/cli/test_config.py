@@ -52,7 +52,7 @@ def test_schema_is_json_and_the_one_beside_the_presets(ffseg_command: Run) -> No
 
 
 def test_every_preset_points_its_editor_to_the_schema() -> None:
-    for path in (ROOT / "configs").glob("*.yaml"):
+    for path in presets().values():
         assert path.read_text("utf-8").startswith("# yaml-language-server: $schema=schema.json\n")
 
 

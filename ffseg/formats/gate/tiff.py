@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-from ffseg.formats.headers import Header, damaged, truncated, unsupported
+from ffseg.formats.gate.headers import Header, damaged, truncated, unsupported
 
 _TYPE_CODES = {1: "B", 3: "H", 4: "I", 16: "Q"}
 MAX_ENTRIES = 512
