@@ -108,11 +108,15 @@ bool is_ridge(const std::uint16_t* gradient, int height, int width, int x, int y
     return here > value(x - dx, y - dy) && here >= value(x + dx, y + dy);
 }
 
+// The highest value in each whole block of a row.
 FFSEG_CLONES
-std::uint16_t highest_of_block(const std::uint16_t* values) {
-    std::uint16_t highest = 0;
-    for (int i = 0; i < NoiseMap::kBlock; ++i) highest = std::max(highest, values[i]);
-    return highest;
+void highest_of_blocks(const std::uint16_t* row, int blocks, std::uint16_t* highest) {
+    constexpr int kBlock = NoiseMap::kBlock;
+    for (int block = 0; block < blocks; ++block) {
+        std::uint16_t most = 0;
+        for (int i = 0; i < kBlock; ++i) most = std::max(most, row[block * kBlock + i]);
+        highest[block] = most;
+    }
 }
 
 // Counts of stored gradients; 180.4 * 32 = 5773 is the largest. The bins below kFine are exact, those above 32 wide.
@@ -145,12 +149,29 @@ private:
     std::int64_t total_ = 0;
 };
 
-// Hysteresis: every strong pixel (255) takes the weak ones (1) connected to it; chains shorter than kShortest go.
-void follow(const std::vector<std::ptrdiff_t>& strong, int height, int width, std::uint8_t* out) {
-    constexpr std::uint8_t kWeak = 1, kSeen = 2, kEdge = 255;
-    std::vector<std::ptrdiff_t> chain, kept;
+struct Map {
+    const GreyView& image;
+    const std::uint16_t* gradient;
+    const ThresholdMap& thresholds;
+
+    bool ridge(int x, int y) const {
+        return is_ridge(gradient, image.height, image.width, x, y, slope_at(image, x, y));
+    }
+    std::uint16_t low(int x, int y) const {
+        constexpr int kBlock = NoiseMap::kBlock;
+        const std::size_t block = static_cast<std::size_t>(y / kBlock * thresholds.columns + x / kBlock);
+        return std::max<std::uint16_t>(thresholds.low[block], 1);
+    }
+};
+
+// Hysteresis: a strong ridge pixel takes every ridge pixel above the low threshold that is connected to it. Whether a
+// pixel is a ridge is asked only here: most weak ones are noise far from any strong one. Short chains are left out.
+void follow(const std::vector<std::ptrdiff_t>& strong, const Map& map, std::uint8_t* out) {
+    constexpr std::uint8_t kSeen = 1, kEdge = 255;
+    const int height = map.image.height, width = map.image.width;
+    std::vector<std::ptrdiff_t> chain, kept, rejected;
     for (const std::ptrdiff_t seed : strong) {
-        if (out[seed] != kEdge) continue;
+        if (out[seed] != 0) continue;
         chain.assign(1, seed);
         out[seed] = kSeen;
         for (std::size_t at = 0; at < chain.size(); ++at) {
@@ -158,16 +179,17 @@ void follow(const std::vector<std::ptrdiff_t>& strong, int height, int width, st
             for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height - 1); ++v) {
                 for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width - 1); ++u) {
                     const std::ptrdiff_t near = static_cast<std::ptrdiff_t>(v) * width + u;
-                    if (out[near] != kWeak && out[near] != kEdge) continue;
+                    if (out[near] != 0 || map.gradient[near] < map.low(u, v)) continue;
                     out[near] = kSeen;
-                    chain.push_back(near);
+                    (map.ridge(u, v) ? chain : rejected).push_back(near);
                 }
             }
         }
-        if (chain.size() >= kShortestEdge) kept.insert(kept.end(), chain.begin(), chain.end());
-        for (const std::ptrdiff_t at : chain) out[at] = 0;
+        (chain.size() >= kShortestEdge ? kept : rejected).insert(
+            (chain.size() >= kShortestEdge ? kept : rejected).end(), chain.begin(), chain.end());
     }
     for (const std::ptrdiff_t at : kept) out[at] = kEdge;
+    for (const std::ptrdiff_t at : rejected) out[at] = 0;
 }
 
 }  // namespace
@@ -189,7 +211,8 @@ void gradient_magnitude(const GreyView& image, std::uint16_t* out) {
 }
 
 NoiseMap noise_map(const std::uint16_t* gradient, const std::uint8_t* domain, int height, int width) {
-    constexpr int kBlock = NoiseMap::kBlock, kWindow = NoiseMap::kNoiseWindow, kSkip = 2;
+    constexpr int kBlock = NoiseMap::kBlock, kWindow = NoiseMap::kNoiseWindow;
+    constexpr int kRowSkip = 4, kSkip = 2;  // 512 of the 4096 pixels of a window: the median to 5 per cent
     NoiseMap map;
     map.rows = (height + kBlock - 1) / kBlock;
     map.columns = (width + kBlock - 1) / kBlock;
@@ -200,13 +223,13 @@ NoiseMap noise_map(const std::uint16_t* gradient, const std::uint8_t* domain, in
         for (int c = 0; c < columns; ++c) {
             Histogram window;
             const int bottom = std::min(height, (r + 1) * kWindow), right = std::min(width, (c + 1) * kWindow);
-            for (int y = r * kWindow; y < bottom; y += kSkip) {
+            for (int y = r * kWindow; y < bottom; y += kRowSkip) {
                 const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * width;
-                for (int x = c * kWindow + (y / kSkip) % kSkip; x < right; x += kSkip) {
+                for (int x = c * kWindow + (y / kRowSkip) % kSkip; x < right; x += kSkip) {
                     if (domain == nullptr || domain[row + x] != 0) window.add(gradient[row + x]);
                 }
             }
-            if (window.total() * 8 * kSkip * kSkip >= kWindow * kWindow) {
+            if (window.total() * 8 * kRowSkip * kSkip >= kWindow * kWindow) {
                 medians[static_cast<std::size_t>(r * columns + c)] = window.median();
             }
             all.merge(window);
@@ -232,32 +255,26 @@ NoiseMap noise_map(const std::uint16_t* gradient, const std::uint8_t* domain, in
 }
 
 void canny(const GreyView& image, const std::uint16_t* gradient, const ThresholdMap& thresholds, std::uint8_t* out) {
-    constexpr std::uint8_t kWeak = 1, kEdge = 255;
     constexpr int kBlock = NoiseMap::kBlock;
     const int height = image.height, width = image.width;
+    const Map map{image, gradient, thresholds};
     std::memset(out, 0, static_cast<std::size_t>(height) * static_cast<std::size_t>(width));
-    std::vector<std::ptrdiff_t> strong, weak;
+    std::vector<std::ptrdiff_t> strong;
+    std::vector<std::uint16_t> highest(static_cast<std::size_t>(thresholds.columns), 65535);  // a cut block is looked at
     for (int y = 0; y < height; ++y) {
         const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * width;
-        const std::size_t blocks = static_cast<std::size_t>(y / kBlock) * static_cast<std::size_t>(thresholds.columns);
+        const std::uint16_t* highs = thresholds.high.data() + static_cast<std::ptrdiff_t>(y / kBlock) * thresholds.columns;
+        highest_of_blocks(gradient + row, width / kBlock, highest.data());
         for (int block = 0; block < thresholds.columns; ++block) {
-            const int begin = block * kBlock, end = std::min(begin + kBlock, width);
-            const std::uint16_t low = std::max<std::uint16_t>(thresholds.low[blocks + static_cast<std::size_t>(block)], 1);
-            const std::uint16_t high = thresholds.high[blocks + static_cast<std::size_t>(block)];
-            if (end - begin == kBlock && highest_of_block(gradient + row + begin) < low) continue;
-            for (int x = begin; x < end; ++x) {
-                const std::uint16_t value = gradient[row + x];
-                if (value < low) continue;
-                if (!is_ridge(gradient, height, width, x, y, slope_at(image, x, y))) continue;
-                out[row + x] = value >= high ? kEdge : kWeak;
-                (value >= high ? strong : weak).push_back(row + x);
+            const std::uint16_t high = std::max<std::uint16_t>(highs[block], 1);
+            if (highest[static_cast<std::size_t>(block)] < high) continue;
+            const int end = std::min((block + 1) * kBlock, width);
+            for (int x = block * kBlock; x < end; ++x) {
+                if (gradient[row + x] >= high && map.ridge(x, y)) strong.push_back(row + x);
             }
         }
     }
-    follow(strong, height, width, out);
-    for (const std::ptrdiff_t at : weak) {
-        if (out[at] == kWeak) out[at] = 0;
-    }
+    follow(strong, map, out);
 }
 
 }  // namespace ffseg

@@ -1,5 +1,6 @@
 #include "freeform/field.hpp"
 
+#include <array>
 #include <cmath>
 #include <cstring>
 
@@ -33,6 +34,16 @@ void distance_line(const std::vector<double>& f, std::vector<double>& out, std::
     }
 }
 
+// Marks three cells side by side as band, in one word; a fourth is read and written back.
+void mark_three(std::uint8_t* cells) {
+    constexpr std::array<std::uint8_t, 4> kThree{1, 1, 1, 0};
+    std::uint32_t word = 0, three = 0;
+    std::memcpy(&word, cells, 4);
+    std::memcpy(&three, kThree.data(), 4);
+    word |= three;
+    std::memcpy(cells, &word, 4);
+}
+
 constexpr int kRun = 32;
 
 bool all_zero(const std::uint8_t* bytes) {  // kRun of them
@@ -49,7 +60,7 @@ Field::Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, 
       stride_(static_cast<std::size_t>(width) + 2),
       tiles_x_(static_cast<std::size_t>((width - 1) >> kTileShift) + 1),
       tiles_y_(static_cast<std::size_t>((height - 1) >> kTileShift) + 1),
-      blocked_((static_cast<std::size_t>(height) + 2) * stride_) {
+      blocked_((static_cast<std::size_t>(height) + 2) * stride_ + 1) {
     std::vector<std::uint8_t> occupied(tiles_x_ * tiles_y_);
     mark_edges(edges, occupied);
     mark_outside(domain, occupied);
@@ -76,9 +87,7 @@ void Field::mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occ
         }
     }
     for (const std::size_t at : found) {
-        for (const std::size_t row : {at - stride_, at, at + stride_}) {
-            for (std::size_t near = row - 1; near <= row + 1; ++near) blocked_[near] |= kBand;
-        }
+        for (const std::size_t row : {at - stride_, at, at + stride_}) mark_three(&blocked_[row - 1]);
         blocked_[at] |= kEdge;
     }
     // Close the diagonal steps: an edge is a 4-connected chain of solid pixels.
@@ -161,7 +170,7 @@ void Field::measure_reach(std::vector<std::uint8_t>& occupied) {
 
 std::vector<float> Field::squared_distance(const std::vector<std::uint8_t>& zero) const {
     constexpr double kFar = 1e9;
-    const std::size_t columns = stride_, rows = zero.size() / columns;
+    const std::size_t columns = stride_, rows = static_cast<std::size_t>(height_) + 2;
     std::vector<float> squared(zero.size());
     const std::size_t longest = std::max(rows, columns);
     std::vector<double> line(columns), out(columns), bound(longest + 1);
