@@ -28,7 +28,7 @@ class EdgeMap:
     domain : ndarray of uint8, shape (H, W), or None
         255 where the contour may go, 0 elsewhere; None means the whole image.
     thresholds : tuple of float
-        The (low, high) Canny thresholds in grey levels per pixel; for ``auto`` those of the median noise.
+        The (low, high) Canny thresholds in grey levels per pixel; for ``auto`` those of the quieter windows.
     """
 
     gradient: NDArray[np.uint16]
@@ -59,7 +59,7 @@ AUTO_HIGH_MIN = 1.5
 """Grey levels per pixel: below it lie the rounding steps of an 8-bit image (a step of 6 grey levels at sigma 1.5)."""
 
 AUTO_SPREAD = 2.0
-"""Local noise is believed within this factor of the image's: shading to a third spans 3, a textured corner more."""
+"""Local noise is believed within this factor of that in the quieter windows: shading to a third spans 3, texture more."""
 
 
 def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] | None = None) -> EdgeMap:
@@ -77,8 +77,8 @@ def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] 
     Notes
     -----
     The gradient is a 3x3 Sobel operator on the Gaussian-smoothed image. ``auto`` sets the high threshold from the
-    noise: the median gradient in windows of 64 pixels, which are mostly homogeneous, so that neither shading nor a
-    noisy sensor asks for other parameters.
+    noise: the median gradient in windows of 64 pixels, held near that of the quieter windows, so that neither shading
+    nor a noisy sensor asks for other parameters and texture does not pass for noise.
     """
     smoothed: NDArray[np.uint8] = cv2.GaussianBlur(  # type: ignore[assignment]  # OpenCV keeps the type of the image
         image, (0, 0), params.sigma, borderType=cv2.BORDER_REPLICATE
@@ -98,12 +98,12 @@ def _canny(
     domain: NDArray[np.uint8] | None,
     out: NDArray[np.uint8],
 ) -> tuple[float, float]:
-    """Fill ``out`` with Canny edges and return the thresholds, for ``auto`` those of the median noise."""
+    """Fill ``out`` with Canny edges and return the thresholds, for ``auto`` those of the quieter windows."""
     if params.canny != "auto":
         low, high = params.canny
         _core.canny(smoothed, gradient, round(low * GRADIENT_SCALE), round(high * GRADIENT_SCALE), out)
         return low, high
     factor, least = AUTO_HIGH / RAYLEIGH_MEDIAN, AUTO_HIGH_MIN * GRADIENT_SCALE
-    median = _core.canny_auto(smoothed, gradient, domain, factor, least, AUTO_LOW_RATIO, AUTO_SPREAD, out)
-    high = max(least, factor * median) / GRADIENT_SCALE
+    noise = _core.canny_auto(smoothed, gradient, domain, factor, least, AUTO_LOW_RATIO, AUTO_SPREAD, out)
+    high = max(least, factor * noise) / GRADIENT_SCALE
     return AUTO_LOW_RATIO * high, high

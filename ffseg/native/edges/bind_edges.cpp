@@ -40,7 +40,7 @@ void py_gradient(const Bytes& image, Plane16 out) {
 }
 
 // Thresholds from the noise: high = factor * local noise, at least `least`; low = low_ratio * high. The local noise is
-// held within `spread` times the median of the image either way. Returns the median.
+// held within `spread` times that of the quiet windows either way. Returns the latter.
 int py_canny_auto(const Bytes& image, Plane16 gradient, std::optional<Domain> domain, double factor, double least,
                   double low_ratio, double spread, Plane8 out) {
     const ffseg::GreyView grey = view(image);
@@ -56,13 +56,13 @@ int py_canny_auto(const Bytes& image, Plane16 gradient, std::optional<Domain> do
     ffseg::ThresholdMap thresholds;
     thresholds.columns = noise.columns;
     for (const std::uint16_t block : noise.blocks) {
-        const double local = std::clamp<double>(block, noise.median / spread, noise.median * spread);
+        const double local = std::clamp<double>(block, noise.quiet / spread, noise.quiet * spread);
         const double high = std::min(std::max(factor * local, least), 65535.0);
         thresholds.high.push_back(static_cast<std::uint16_t>(std::lround(high)));
         thresholds.low.push_back(static_cast<std::uint16_t>(std::lround(low_ratio * high)));
     }
     ffseg::canny(grey, gradient.data(), thresholds, out.data());
-    return noise.median;
+    return noise.quiet;
 }
 
 void py_canny(const Bytes& image, Plane16 gradient, int low, int high, Plane8 out) {
@@ -87,7 +87,7 @@ void bind_edges(nb::module_& m) {
           "Sobel gradient magnitude of the strongest channel, in 1/32 grey level per pixel, into `out`.");
     m.def("canny_auto", &py_canny_auto, "smoothed"_a, "gradient"_a, "domain"_a.none(), "factor"_a, "least"_a,
           "low_ratio"_a, "spread"_a, "out"_a,
-          "Canny edges with thresholds from the local noise; returns the median gradient. Stored units.");
+          "Canny edges with thresholds from the local noise; returns the noise of quiet windows. Stored units.");
     m.def("canny", &py_canny, "smoothed"_a, "gradient"_a, "low"_a, "high"_a, "out"_a,
           "Canny edges (255) by non-maximum suppression and hysteresis; thresholds in stored units.");
 }

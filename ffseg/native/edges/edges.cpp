@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 
 // The loops below are plain C++; where the compiler can, it also builds an AVX2 version and picks one at load time.
 // Results are the same: only exact integer arithmetic and correctly rounded square roots are used.
@@ -235,8 +236,11 @@ NoiseMap noise_map(const std::uint16_t* gradient, const std::uint8_t* domain, in
             all.merge(window);
         }
     }
-    map.median = static_cast<std::uint16_t>(all.median());
-    for (int& median : medians) median = median < 0 ? map.median : median;
+    std::vector<int> sorted;
+    std::copy_if(medians.begin(), medians.end(), std::back_inserter(sorted), [](int median) { return median >= 0; });
+    std::sort(sorted.begin(), sorted.end());
+    map.quiet = static_cast<std::uint16_t>(sorted.empty() ? all.median() : sorted[sorted.size() / 4]);
+    for (int& median : medians) median = median < 0 ? map.quiet : median;
     map.blocks.resize(static_cast<std::size_t>(map.rows) * static_cast<std::size_t>(map.columns));
     for (int r = 0; r < map.rows; ++r) {  // linear between the middles of the windows
         const double y = std::clamp((r + 0.5) * kBlock / kWindow - 0.5, 0.0, rows - 1.0);
