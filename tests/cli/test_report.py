@@ -15,6 +15,7 @@ import pytest
 import runs
 
 from ffseg.batch.report import write_report
+from ffseg.formats.tables import csv_table
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 HOSTILE = "<img src=x onerror=alert(1)><script>document.title='taken'</script>.png"
@@ -203,7 +204,7 @@ def test_keys(tab: chromium.Chromium) -> None:
     assert tab.value("document.querySelector('#backdrops [aria-pressed=true]').textContent") == "overlay"
     tab.press("Escape")
     tab.until("!document.getElementById('viewer').open")
-    assert tab.value("location.hash") == ""
+    tab.until("location.hash === ''")
 
 
 def test_address_opens_an_image(browser: chromium.Chromium, folder: Path) -> None:
@@ -226,6 +227,31 @@ def test_pictures_that_are_gone_leave_words(browser: chromium.Chromium, tmp_path
     (tmp_path / "masks" / "0001.png").unlink()
     browser.open(page)
     browser.until("document.querySelectorAll('#sheet .picture .nothing').length === 1")
+
+
+def test_comparison_shows_methods_side_by_side(browser: chromium.Chromium, tmp_path: Path) -> None:
+    rows = []
+    for method, iou in (("freeform", 0.99), ("snake", 0.8)):
+        rows.append(["a.png", method, 39, 100, 50, 2.0, 5.0, 8.0, iou, 0.1, 1.0, 2, "ok", ""])
+        rows.append(["b.png", method, 39, 100, 50, 2.0, 5.0, 9.0, 1.9 - iou, 0.1, 1.0, 3, "ok", ""])
+    rows.append(["a.png", "peer", *[None] * 10, "skipped", "not installed"])
+    rows.append(["c.png", "freeform", *[None] * 10, "failed", "truncated: x"])
+    (tmp_path / "compare.csv").write_bytes(csv_table(runs.COMPARED, rows))
+    browser.problems.clear()
+    browser.open(write_report(tmp_path).as_uri())
+    assert browser.value("document.getElementById('failures-title').textContent") == "1 of 3 images failed"
+    choose(browser, sort="iou")
+    assert names(browser) == ["c.png", "b.png", "a.png"]
+    browser.value("document.getElementById('method').value = 'snake'")
+    browser.value("document.getElementById('method').dispatchEvent(new Event('change'))")
+    choose(browser, sort="iou")
+    assert names(browser) == ["c.png", "a.png", "b.png"]
+    open_image(browser, "a.png")
+    lines = browser.value("[...document.querySelectorAll('#facts tr')].map((line) => line.innerText.split('\\t').join('|'))")
+    assert "|freeform|snake|peer" in lines
+    assert "iou|0.9900|0.8000|" in lines
+    assert "peer: not installed" in browser.value("document.getElementById('facts').innerText")
+    assert browser.problems == []
 
 
 def test_two_thousand_images_stay_out_of_the_document_until_they_are_in_sight(browser: chromium.Chromium, tmp_path: Path) -> None:

@@ -224,7 +224,7 @@
     draw("text", { x: scale.at(tick), y: height - 5, "text-anchor": "middle" }, String(Number(tick.toPrecision(1)))),
   ]);
   const framed = (title, ...content) => make("figure", {}, make("figcaption", {}, title), ...content);
-  const key = (names) => make("div", { class: "key" }, ...names.map((name, index) => make("span", {},
+  const key = (names) => make("div", { class: "key" }, ...names.map((name, index) => name === null ? null : make("span", {},
     draw("svg", { viewBox: "0 0 10 10" }, draw("rect", { width: 10, height: 10, class: `c${index % 8}` })), name)));
 
   const timePlot = () => {
@@ -263,14 +263,14 @@
     });
     return framed("Where the time goes, mean of an image", ...bars, stageKey());
   };
-  const stageKey = () => key(STAGES.map((stage) => stage.replace("_ms", "")));
+  const stageKey = () => key(STAGES.map((stage) => has(stage) ? stage.replace("_ms", "") : null));
   const qualityPlot = () => {
     const dots = dotsOf("iou"), height = 150, scale = logScale(dots.map(({ row }) => row.total_ms), 44, 412);
-    const least = Math.min(...dots.map(({ row }) => row.iou)), low = Math.min(0.99, Math.floor(least * 20) / 20);
+    const least = Math.min(...dots.map(({ row }) => row.iou)), low = 1 - [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1].find((span) => 1 - span <= least);
     const up = (value) => 8 + (height - 32) * (1 - value) / (1 - low);
     const lines = [1, (1 + low) / 2, low].flatMap((tick) => [
       draw("line", { class: "axis", x1: 40, x2: 412, y1: up(tick), y2: up(tick) }),
-      draw("text", { x: 0, y: up(tick) + 4 }, tick.toFixed(3)),
+      draw("text", { x: 0, y: up(tick) + 4 }, tick.toFixed(4)),
     ]);
     const marks = dots.map((item) => dot(item, scale.at(item.row.total_ms), up(item.row.iou)));
     return framed("IoU over time in ms", draw("svg", { viewBox: `0 0 420 ${height}` }, ...timeAxis(scale, height), ...lines, ...marks), methods.length > 1 ? key(methods) : null);
@@ -306,6 +306,14 @@
     row.error ? make("p", { class: "problem" }, row.error) : null,
     ...(STAGES.some((stage) => row[stage] > 0) ? [stageBar(row), stageKey()] : []),
     make("table", {}, make("tbody", {}, ...Object.entries(row).filter(([name]) => !["method", "status", "error"].includes(name)).map(([name, value]) => valueRow(name, value)))));
+
+  const sideBySide = (rows) => {
+    const names = [...new Set(rows.flatMap(Object.keys))].filter((name) => !["method", "error"].includes(name));
+    const cell = (row, name) => make("td", {}, typeof row[name] === "number" ? number(row[name]) : String(row[name] ?? ""));
+    const problems = rows.filter((row) => row.error).map((row) => make("p", { class: "problem" }, `${row.method}: ${row.error}`));
+    return make("section", {}, ...problems, tableOf(["", ...rows.map((row) => row.method ?? "")],
+      names.map((name) => make("tr", {}, make("th", {}, name), ...rows.map((row) => cell(row, name))))));
+  };
 
   const partTable = (parts, marks) => {
     const rows = parts.slice(0, MOST_PARTS).map((part, index) => {
@@ -345,7 +353,7 @@
       return button;
     }));
     $("layers").replaceChildren();
-    $("facts").replaceChildren(...entry.rows.map(factsOf));
+    $("facts").replaceChildren(...(entry.rows.length > 1 ? [sideBySide(entry.rows)] : entry.rows.map(factsOf)));
     $("contours-label").hidden = !entry.contours;
     if (report.parameters.length) $("facts").append(make("details", {}, make("summary", {}, parameterTitle()), parameterTable()));
     backdrop(entry, kinds(entry)[0] ?? "image");
@@ -451,6 +459,7 @@
   };
   const start = () => {
     $("title").textContent = report.title;
+    $("sheet").classList.toggle("panels", report.kind === "compare");
     about();
     failures();
     if (report.parameters.length) {
