@@ -32,7 +32,6 @@ def worth_comparing(text: str) -> list[str]:
 
 @pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
 def test_blocks_run(page: Path, tmp_path: Path) -> None:
-    pytest.importorskip("ffseg.metrics")
     photos = tmp_path / "photos"
     photos.mkdir()
     for name in ("simple.png", "complex.png"):
