@@ -23,7 +23,7 @@ from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Reply, Setup, Task
 from ffseg.batch.workers.pool import Pool
 from ffseg.errors import OutputError, UsageError
-from ffseg.formats.files import is_temporary, printable, sync_folder, write_bytes_atomic
+from ffseg.formats.files import is_temporary, printable, sync_folder, write_all_atomic, write_bytes_atomic
 from ffseg.formats.tables import csv_table
 
 TIMING_COLUMNS = (
@@ -268,8 +268,7 @@ class Run:
             return self._failure(job, reply.reason, reply.message, reply.traceback)
         begin = perf_counter()
         try:
-            for path, data, _ in reply.outputs:
-                write_bytes_atomic(os.path.join(self._plan.out, path), data)
+            write_all_atomic([(os.path.join(self._plan.out, path), data) for path, data, _ in reply.outputs])
         except OutputError as error:
             return self._failure(job, "output", str(error))
         spent = (perf_counter() - begin) * 1e3

@@ -7,6 +7,9 @@ import errno
 import itertools
 import os
 import stat
+from collections.abc import Callable, Sequence
+from functools import partial
+from threading import Thread
 
 from ffseg.errors import ImageReadError, OutputError
 
@@ -102,58 +105,135 @@ def _refusal(error: OSError | ValueError) -> ImageReadError:
     return ImageReadError("unreadable", f"the file cannot be read ({os.strerror(code or 0)}); check its permissions")
 
 
-def write_bytes_atomic(path: str | os.PathLike[str], data: bytes, *, durable: bool = True) -> None:
+def write_bytes_atomic(path: str | os.PathLike[str], data: bytes) -> None:
     """Write a file whole or not at all; an earlier file of that name is kept until the new one is complete.
+
+    It is flushed to the disk before it gets its name, so that a power cut leaves the old or the new file.
 
     Parameters
     ----------
     path : path
         The folder must exist.
     data : bytes
-    durable : bool
-        Flush to the disk before the file gets its name, so that a power cut leaves the old or the new file.
 
     Raises
     ------
     OutputError
         Naming the path and the system's reason. No temporary file is left.
     """
-    target = os.fspath(path)
-    temporary = os.path.join(os.path.dirname(target), _temporary_name())
+    write_all_atomic([(os.fspath(path), data)])
+
+
+def write_all_atomic(files: Sequence[tuple[str, bytes]]) -> None:
+    """Write files as `write_bytes_atomic` does; none gets its name before all are on the disk.
+
+    Parameters
+    ----------
+    files : sequence of (path, data)
+        Different paths; the folders must exist.
+
+    Raises
+    ------
+    OutputError
+        Naming the first path that failed. Unless a rename failed, which leaves the files before it renamed, every
+        earlier file is kept.
+
+    Notes
+    -----
+    The files are flushed at the same time: one commit of the file system's journal then serves them all, which is an
+    eighth of the time of one after the other.
+    """
+    pending = [_Pending(target, data) for target, data in files]
     try:
-        _write_new(temporary, data, durable=durable)
-        os.replace(temporary, target)
-    except OSError as error:
-        _discard(temporary)
-        remedy = "free some space" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "check the folder"
-        raise OutputError(
-            f"{printable(target)} cannot be written ({os.strerror(error.errno or 0)}); {remedy}"
-        ) from error
-    except BaseException:
-        _discard(temporary)
-        raise
+        for file in pending:
+            file.run(_Pending.fill)
+        _at_once([partial(file.run, _Pending.sync) for file in pending])
+        for file in pending:
+            file.run(_Pending.rename)
+    finally:
+        for file in pending:
+            file.discard()
+
+
+class _Pending:
+    """A temporary file on its way to its name."""
+
+    def __init__(self, target: str, data: bytes) -> None:
+        self.target, self.data = target, data
+        self.temporary = os.path.join(os.path.dirname(target), _temporary_name())
+        self.descriptor = _CLOSED
+        self.finished = False
+
+    def run(self, step: Callable[[_Pending], None]) -> None:
+        """Do a step, whose failure names the target."""
+        try:
+            step(self)
+        except OSError as error:
+            remedy = "free some space" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "check the folder"
+            raise OutputError(
+                f"{printable(self.target)} cannot be written ({os.strerror(error.errno or 0)}); {remedy}"
+            ) from error
+
+    def fill(self) -> None:
+        """Open the temporary and write the data."""
+        self.descriptor = os.open(self.temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+        view = memoryview(self.data)
+        while view:
+            view = view[os.write(self.descriptor, view) :]
+
+    def sync(self) -> None:
+        """Flush it to the disk and close it: the last that can fail before the first gets its name."""
+        os.fsync(self.descriptor)
+        self.close()
+
+    def close(self) -> None:
+        """Close it, once."""
+        descriptor, self.descriptor = self.descriptor, _CLOSED
+        if descriptor != _CLOSED:
+            os.close(descriptor)
+
+    def rename(self) -> None:
+        """Give it its name."""
+        os.replace(self.temporary, self.target)
+        self.finished = True
+
+    def discard(self) -> None:
+        """Remove what is not finished."""
+        with contextlib.suppress(OSError):  # the error being raised names the file already
+            self.close()
+        if not self.finished:
+            with contextlib.suppress(OSError):  # never created, or the disk is gone
+                os.unlink(self.temporary)
+
+
+_CLOSED = -1
+
+
+def _at_once(steps: Sequence[Callable[[], None]]) -> None:
+    """Do all steps at the same time, one of them here, and raise the error of the first that failed."""
+    errors: list[BaseException | None] = [None] * len(steps)
+
+    def attempt(index: int) -> None:
+        try:
+            steps[index]()
+        except BaseException as error:  # noqa: BLE001 - raised below
+            errors[index] = error
+
+    threads = [Thread(target=attempt, args=(index,)) for index in range(1, len(steps))]
+    for thread in threads:
+        thread.start()
+    if steps:
+        attempt(0)
+    for thread in threads:
+        thread.join()
+    for error in errors:
+        if error is not None:
+            raise error
 
 
 def _temporary_name() -> str:
     # Short and of our own making: the target's name may already fill the 255 bytes a name can have.
     return f"{TEMPORARY_PREFIX}{os.getpid()}-{next(_counter)}{TEMPORARY_SUFFIX}"
-
-
-def _write_new(path: str, data: bytes, *, durable: bool) -> None:
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-    try:
-        view = memoryview(data)
-        while view:
-            view = view[os.write(descriptor, view) :]
-        if durable:
-            os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def _discard(path: str) -> None:
-    with contextlib.suppress(OSError):  # never created, or the disk is gone: the error being raised names it already
-        os.unlink(path)
 
 
 def is_temporary(name: str) -> bool:

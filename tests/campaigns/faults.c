@@ -3,6 +3,7 @@
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <stdatomic.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,7 +11,7 @@
 #include <sys/types.h>
 #include <unistd.h>
 
-static int seen = 0;
+static atomic_int seen = 0;  // files are flushed in several threads
 
 static int fails(const char* call, const char* path) {
     const char* wanted = getenv("FAULT_CALL");

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from ffseg.errors import OutputError
-from ffseg.formats.files import printable, write_bytes_atomic
+from ffseg.formats.files import printable, write_all_atomic, write_bytes_atomic
 
 CALLS = ("open", "write", "fsync", "close", "replace")
 
@@ -47,6 +47,44 @@ def test_failing_call_keeps_the_earlier_file(
             write_bytes_atomic(target, b"newer")
     assert target.read_bytes() == b"good"
     assert os.listdir(tmp_path) == ["a.bin"]
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
+@pytest.mark.parametrize("failing", ["a.bin", "b.bin", "c.bin"])
+@pytest.mark.parametrize("call", ["write", "fsync", "close"])
+def test_files_of_a_group_get_their_names_only_when_all_are_on_the_disk(
+    call: str, failing: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = ["a.bin", "b.bin", "c.bin"]
+    write_all_atomic([(str(tmp_path / name), b"good") for name in names])
+    real, real_write = getattr(os, call), os.write
+    doomed: list[int] = []
+
+    def write(descriptor: int, data: memoryview) -> int:
+        if bytes(data) == failing.encode():
+            doomed.append(descriptor)
+        return fail(descriptor, data) if call == "write" else real_write(descriptor, data)
+
+    def fail(descriptor: int, *arguments: object) -> int:
+        if doomed == [descriptor]:
+            doomed.clear()
+            real(descriptor, *arguments)
+            raise OSError(code, os.strerror(code))
+        return real(descriptor, *arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, call, fail)
+        patch.setattr(os, "write", write)
+        with pytest.raises(OutputError, match=f"{failing}.*{os.strerror(code)}"):
+            write_all_atomic([(str(tmp_path / name), name.encode()) for name in names])
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == dict.fromkeys(names, b"good")
+    write_all_atomic([(str(tmp_path / name), name.encode()) for name in names])
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {name: name.encode() for name in names}
+
+
+def test_group_without_files_is_written(tmp_path: Path) -> None:
+    write_all_atomic([])
+    assert os.listdir(tmp_path) == []
 
 
 def test_short_writes_are_continued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
