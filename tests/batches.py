@@ -54,13 +54,13 @@ def run_batch(
     folder: Path, out: Path, *, params: Parameters | None = None, observer: Silent | None = None, **options: object
 ) -> Summary:
     """Run the stand-in over a folder; options are those of `Options`, `make_plan` and `Setup` by name."""
-    plan_options = {key: options.pop(key) for key in ("overlay", "truth") if key in options}
+    plan_options = {key: options.pop(key) for key in ("wanted", "truth") if key in options}
     setup_options = {key: options.pop(key) for key in ("memory_bytes",) if key in options}
     plan = make_plan([str(folder)], str(out), **plan_options)
     setup = Setup(
         params=params or load_params(),
         segmenter=stand_in.NAME,
-        overlay=bool(plan_options.get("overlay")),
+        wanted=plan.wanted,
         **setup_options,
     )
     observer = observer or Silent()

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from ffseg.batch.workers.outputs import OUTPUT_FOLDERS
 from ffseg.errors import UsageError
 from ffseg.formats.files import is_temporary, printable
 
@@ -16,7 +17,6 @@ _REFUSED = ".heic .heif .jxl .exr .hdr .pfm .pam .j2k .jpx .psd"
 SUFFIXES = frozenset(f"{_READ} {_REFUSED}".split())
 """Files of a folder that count as images, also those of formats that are refused: they get a row that says so. A file
 that is named itself is taken whatever its suffix."""
-OUTPUT_FOLDERS = ("masks", "contours", "overlays", "panels")
 STATE_FOLDER = ".ffseg"
 """Folder under the output with the lock, the journal and the error log; it marks a folder of ours."""
 

@@ -6,7 +6,8 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ffseg.batch.discover import OUTPUT_FOLDERS, STATE_FOLDER, SUFFIXES, Source, discover
+from ffseg.batch.discover import STATE_FOLDER, SUFFIXES, Source, discover
+from ffseg.batch.workers.outputs import MASKS_AND_CONTOURS, OUTPUT_FOLDERS, Wanted
 from ffseg.errors import OutputError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
 
@@ -46,7 +47,7 @@ class Plan:
     ----------
     out : str
     jobs : tuple of Job
-    overlay : bool
+    wanted : Wanted
     with_truth : bool
     inputs : tuple of str
         What was asked for, as absolute paths and patterns: how the images are found again.
@@ -54,22 +55,16 @@ class Plan:
 
     out: str
     jobs: tuple[Job, ...]
-    overlay: bool = False
+    wanted: Wanted = MASKS_AND_CONTOURS
     with_truth: bool = False
     inputs: tuple[str, ...] = ()
 
-    @property
-    def kinds(self) -> tuple[tuple[str, str], ...]:
-        """Folder and suffix of each output of an image."""
-        always = (("masks", ".png"), ("contours", ".svg"))
-        return (*always, ("overlays", ".png")) if self.overlay else always
-
     def outputs(self, job: Job) -> tuple[str, ...]:
         """Outputs of a job, relative to `out`."""
-        return tuple(f"{folder}/{job.stem}{suffix}" for folder, suffix in self.kinds)
+        return tuple(f"{folder}/{job.stem}{suffix}" for folder, suffix in self.wanted.kinds)
 
 
-def make_plan(inputs: Sequence[str], out: str, *, overlay: bool = False, truth: str = "") -> Plan:
+def make_plan(inputs: Sequence[str], out: str, *, wanted: Wanted = MASKS_AND_CONTOURS, truth: str = "") -> Plan:
     """Find the inputs, pair them with their outputs and truths, and refuse what cannot work.
 
     Nothing is written.
@@ -90,7 +85,7 @@ def make_plan(inputs: Sequence[str], out: str, *, overlay: bool = False, truth: 
         for index, source in enumerate(sources)
     )
     asked = tuple(map(os.path.abspath, inputs))
-    plan = Plan(out, jobs, overlay=overlay, with_truth=bool(truth), inputs=asked)
+    plan = Plan(out, jobs, wanted, with_truth=bool(truth), inputs=asked)
     _refuse_collisions(plan)
     _refuse_outputs_over_inputs(plan)
     return plan

@@ -21,8 +21,9 @@ from ffseg.batch.journal import Journal, Record, read_header
 from ffseg.batch.lock import OutputLock
 from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Reply, Setup, Task
+from ffseg.batch.workers.outputs import COCO
 from ffseg.batch.workers.pool import Pool
-from ffseg.errors import OutputError, UsageError
+from ffseg.errors import FfsegError, OutputError, UsageError
 from ffseg.formats.files import is_temporary, printable, sync_folder, write_all_atomic, write_bytes_atomic
 from ffseg.formats.tables import csv_table
 
@@ -90,11 +91,14 @@ class Options:
         Seconds an image may take, 0 for no limit.
     overwrite : bool
         Do everything again, whatever an earlier run left.
+    report : bool
+        Write the report page at the end.
     """
 
     num_workers: int = 1
     timeout: float = 0.0
     overwrite: bool = False
+    report: bool = False
 
 
 @dataclass(slots=True)
@@ -174,6 +178,8 @@ class Run:
         self._work(first)
         self.summary.seconds = perf_counter() - begin
         self._write_tables()
+        if self._options.report:
+            self._write_report()
         return self.summary
 
     def rows(self) -> Iterator[dict[str, Any]]:
@@ -306,6 +312,8 @@ class Run:
         tables = [("timings.csv", timings), ("run.json", self._run_json())]
         if self._setup.views:
             tables.append(("obstacles.csv", csv_table(OBSTACLE_COLUMNS, self._obstacle_cells())))
+        if "coco" in self._plan.wanted.exports:
+            tables.append(("coco.json", self._coco()))
         for name, content in tables:
             try:
                 write_bytes_atomic(os.path.join(self._plan.out, name), content)
@@ -313,6 +321,24 @@ class Run:
                 self._problem(str(error))
         for folder in self._folders():
             sync_folder(folder)
+
+    def _coco(self) -> bytes:
+        """The COCO documents of all finished images as one."""
+        from ffseg.formats.exports import json_text, merge_coco
+
+        finished = (job for job in self._plan.jobs if self._finished[job.index])
+        records = ((job, self._journal.get(job.index)) for job in finished)
+        done = (job for job, record in records if record is not None and record.status == "ok")
+        paths = (Path(self._plan.out, COCO[0], job.stem + COCO[1]) for job in done)
+        return json_text(merge_coco(json.loads(path.read_bytes()) for path in paths)).encode("ascii")
+
+    def _write_report(self) -> None:
+        from ffseg.batch.report import write_report
+
+        try:
+            write_report(self._plan.out)
+        except FfsegError as error:  # the images are done all the same
+            self._problem(str(error))
 
     def _run_json(self) -> bytes:
         summary = self.summary

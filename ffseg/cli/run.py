@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -48,6 +49,11 @@ def run(  # noqa: PLR0913 - the options of the command
     overlay: Annotated[
         bool, typer.Option("--overlay/--no-overlay", help="Write images with the contours drawn.")
     ] = False,
+    export: Annotated[
+        list[str] | None, typer.Option("--export", metavar="LIST", help="Also write coco, labelme, geojson files.")
+    ] = None,
+    animate: Annotated[bool, typer.Option("--animate", help="Write a film and a film strip of each image.")] = False,
+    report: Annotated[bool, typer.Option("--report", help="Write report.html, a page to look at it all.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Do everything again, whatever is there.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would be done and write nothing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of the table.")] = False,
@@ -70,6 +76,7 @@ def run(  # noqa: PLR0913 - the options of the command
     from ffseg.batch.jobs import make_plan, with_previous
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
+    from ffseg.batch.workers.outputs import Wanted, read_exports
     from ffseg.cli.running.interruption import Interruption
     from ffseg.cli.running.reporting import Progress, show_plan, show_result
     from ffseg.parameters import load_params
@@ -78,18 +85,19 @@ def run(  # noqa: PLR0913 - the options of the command
         cleanup.callback(first.end)
         interruption = cleanup.enter_context(Interruption())
         params = load_params(config, settings)
-        plan = make_plan(inputs, os.fspath(out), overlay=overlay, truth=os.fspath(truth) if truth else "")
+        if animate and find_spec("PIL") is None:
+            raise UsageError("--animate needs Pillow; install it with: pip install 'ffseg[film]'")
+        wanted = Wanted(overlay, read_exports(export or ()), animate)
+        plan = make_plan(inputs, os.fspath(out), wanted=wanted, truth=os.fspath(truth) if truth else "")
         views = read_views(camera, poses, pairs, plan)
         plan = with_previous(plan, views.previous) if views else plan
-        setup = Setup(
-            params=params, views=views, overlay=overlay, max_pixels=max_pixels, memory_bytes=memory * _MEGABYTE
-        )
+        setup = Setup(params=params, views=views, wanted=wanted, max_pixels=max_pixels, memory_bytes=memory * _MEGABYTE)
         if dry_run:
             show_plan(plan, as_json=as_json)
             return
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet)
         cleanup.callback(progress.close)
-        options = Options(jobs or cores(), timeout, overwrite)
+        options = Options(jobs or cores(), timeout, overwrite, report)
         work = cleanup.enter_context(Run(plan, setup, options, interruption, progress))
         interruption.defer()
         summary = work.execute(first)

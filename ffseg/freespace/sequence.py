@@ -18,7 +18,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.components import contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Segmentation
+from ffseg.segmenters.base import Progress, Segmentation
 from ffseg.segmenters.registry import segment
 
 START_MARGIN = 8.0
@@ -80,6 +80,7 @@ def segment_view(
     *,
     domain: NDArray[np.uint8] | None = None,
     start_mask: NDArray[np.uint8] | None = None,
+    callback: Callable[[Progress], None] | None = None,
 ) -> Segmentation:
     """Segment one omnidirectional image inside the camera's rim, from round the robot.
 
@@ -93,6 +94,8 @@ def segment_view(
         A further bound, nonzero where the contour may go.
     start_mask : ndarray of uint8, shape (H, W), optional
         Nonzero inside the start regions; takes the place of the start circle.
+    callback : callable, optional
+        Called with snapshots of the evolution.
 
     Raises
     ------
@@ -109,7 +112,7 @@ def segment_view(
         )
     bound = np.where(inside if domain is None else inside & (domain > 0), np.uint8(255), np.uint8(0))
     params = omnidirectional_parameters(params, camera)
-    return segment(image, params, method, domain=bound, start_mask=start_mask, center=camera.center)
+    return segment(image, params, method, domain=bound, start_mask=start_mask, center=camera.center, callback=callback)
 
 
 def free_space(

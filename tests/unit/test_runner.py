@@ -18,6 +18,7 @@ from PIL import Image
 import ffseg.batch.runner as runner_module
 from ffseg.batch.runner import TIMING_COLUMNS
 from ffseg.batch.workers import pool
+from ffseg.batch.workers.outputs import Wanted
 from ffseg.errors import OutputError, UsageError
 from ffseg.parameters import load_params
 
@@ -31,7 +32,7 @@ def images(tmp_path: Path) -> Path:
 
 
 def test_outputs_and_table_mirror_the_input(images: Path, tmp_path: Path) -> None:
-    summary = run_batch(images, tmp_path / "out", overlay=True)
+    summary = run_batch(images, tmp_path / "out", wanted=Wanted(overlay=True))
     assert (summary.total, summary.done, summary.failed) == (12, 12, 0)
     made = snapshot(tmp_path / "out")
     stems = [name.removesuffix(".png") for name in NAMES]

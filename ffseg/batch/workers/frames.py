@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +16,9 @@ from ffseg.formats.images import Limits, decode_image
 from ffseg.formats.overlays import Kind, Polyline
 from ffseg.freespace.sequence import Frame, free_space, segment_view
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Segmentation
+from ffseg.segmenters.base import Progress, Segmentation
+
+Callback = Callable[[Progress], None] | None
 
 _KINDS: dict[str, Kind] = {"obstacle": "obstacle", "false_obstacle": "false", "untested": "untested"}
 
@@ -48,7 +51,9 @@ class FrameBench:
     params: Parameters
     masks: Masks
 
-    def frame(self, image: NDArray[np.uint8], previous: NDArray[np.uint8] | None, name: str) -> Frame:
+    def frame(
+        self, image: NDArray[np.uint8], previous: NDArray[np.uint8] | None, name: str, callback: Callback = None
+    ) -> Frame:
         """Segment an image and test its components against the image before.
 
         Raises
@@ -59,26 +64,32 @@ class FrameBench:
             As `ffseg.segment`.
         """
         camera = self.views.camera
-        found = segment_view(image, camera, self.params, domain=self.masks.domain, start_mask=self.masks.start)
+        found = segment_view(
+            image, camera, self.params, domain=self.masks.domain, start_mask=self.masks.start, callback=callback
+        )
         epsilon = self.params.obstacles.altitude
         return free_space(image, found, previous, camera, epsilon, self.views.pair_poses(name))
 
-    def frame_of(self, image: NDArray[np.uint8], before: bytes | None, name: str, limits: Limits) -> Frame:
+    def frame_of(
+        self, image: NDArray[np.uint8], before: bytes | None, name: str, limits: Limits, callback: Callback = None
+    ) -> Frame:
         """The same with the image before as a file's content.
 
         One that cannot be read, or has another size, costs the image nothing but the test: the note says so.
         """
         if before is None:
-            return self.frame(image, None, name)
+            return self.frame(image, None, name, callback)
         try:
             previous = decode_image(before, limits)
         except ImageReadError as error:
-            return replace(self.frame(image, None, name), note=f"the previous image cannot be used: {error}")
+            return replace(self.frame(image, None, name, callback), note=f"the previous image cannot be used: {error}")
         camera = self.views.camera
         if previous.shape[:2] != (camera.height, camera.width):
             size = f"{previous.shape[1]}x{previous.shape[0]}"
-            return replace(self.frame(image, None, name), note=f"the previous image cannot be used: it is {size}")
-        return self.frame(image, previous, name)
+            return replace(
+                self.frame(image, None, name, callback), note=f"the previous image cannot be used: it is {size}"
+            )
+        return self.frame(image, previous, name, callback)
 
 
 def merged_segmentation(frame: Frame) -> Segmentation:

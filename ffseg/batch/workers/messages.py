@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ffseg.batch.workers.outputs import MASKS_AND_CONTOURS, Wanted
 from ffseg.parameters import Parameters
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ class Setup:
         Function that segments, as ``module:name``, called like `ffseg.segment`; not used with `views`.
     views : Views or None
         Camera, poses and pairs, when components are to be tested on pairs of images.
-    overlay : bool
+    wanted : Wanted
     max_pixels, max_bytes : int
         Limits of one image file.
     memory_bytes : int
@@ -37,7 +38,7 @@ class Setup:
     params: Parameters
     segmenter: str = "ffseg.segmenters.registry:segment"
     views: Views | None = None
-    overlay: bool = False
+    wanted: Wanted = MASKS_AND_CONTOURS
     max_pixels: int = 100_000_000
     max_bytes: int = 1 << 30
     memory_bytes: int = 0
@@ -56,7 +57,7 @@ class Task:
     out : str
         Output folder.
     outputs : tuple of str
-        Where its outputs go below `out`: mask, contours, and the overlay if there is to be one.
+        Where its outputs go below `out`, one for each of the wanted kinds.
     known : tuple of (str, dict) or None
         Content digest and output digests of an earlier run with the same parameters and version.
     name : str

@@ -7,7 +7,9 @@ import os
 import platform
 import sys
 import traceback
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
@@ -17,14 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg import __version__
+from ffseg.batch.workers.encoding import Film, Made
 from ffseg.batch.workers.frames import FrameBench, Masks, merged_segmentation, obstacle_rows, overlay_lines
 from ffseg.batch.workers.messages import Reply, Setup, Task
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, ParameterError, SegmentationError
 from ffseg.formats.files import printable, read_bytes
 from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, single_thread
-from ffseg.formats.masks import encode_mask, read_levels
-from ffseg.formats.overlays import Polyline, encode_overlay
-from ffseg.formats.svg import svg_document
+from ffseg.formats.masks import read_levels
+from ffseg.formats.overlays import Polyline
+from ffseg.metrics import iou
 from ffseg.segmenters.base import Segmentation
 
 _FLATNESS = 0.1
@@ -103,9 +106,7 @@ class Workbench:
         decoded = perf_counter()
         found = self._found(image, before, task)
         segmented = perf_counter()
-        outputs = tuple(
-            (path, made, digest(made)) for path, made in zip(task.outputs, self._encoded(image, found), strict=True)
-        )
+        outputs = tuple(self._outputs(image, found, task))
         result = found.result
         row = _row(image, result, self._setup.params.method) | found.row
         if task.truth:
@@ -116,17 +117,20 @@ class Workbench:
         return Reply(task.index, "ok", row, content, outputs, found.extra)
 
     def _found(self, image: NDArray[np.uint8], before: bytes | None, task: Task) -> _Found:
+        film = Film() if self._setup.wanted.animation else None
+        overlay = self._setup.wanted.overlay
         if self._frames is None:
-            result = self._segment(image, self._setup.params, domain=self._domain, start_mask=self._start_mask)
+            segment = self._segment if film is None else partial(self._segment, callback=film)
+            result = segment(image, self._setup.params, domain=self._domain, start_mask=self._start_mask)
             lines = [
                 Polyline(contour.flatten(_FLATNESS), "outer" if contour.signed_area > 0 else "obstacle")
-                for contour in (result.contours if self._setup.overlay else ())
+                for contour in (result.contours if overlay else ())
             ]
-            return _Found(result, lines)
-        frame = self._frames.frame_of(image, before, task.name, self._limits)
-        lines = overlay_lines(frame, _FLATNESS) if self._setup.overlay else []
+            return _Found(result, lines, film)
+        frame = self._frames.frame_of(image, before, task.name, self._limits, film)
+        lines = overlay_lines(frame, _FLATNESS) if overlay else []
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note}
-        return _Found(merged_segmentation(frame), lines, row, obstacle_rows(frame))
+        return _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame))
 
     def _before(self, task: Task) -> bytes | None:
         """Content of the image before; empty, which no decoder takes, when it cannot be read."""
@@ -146,20 +150,19 @@ class Workbench:
         truth = read_bytes(task.truth, self._setup.max_bytes) if task.truth else b""
         return digest(data) + (digest(truth) if truth else "")
 
-    def _encoded(self, image: NDArray[np.uint8], found: _Found) -> list[bytes]:
-        height, width = image.shape[:2]
-        result = found.result
-        encoded = [encode_mask(result.mask), svg_document(result.contours, width, height).encode("utf-8")]
-        if self._setup.overlay:
-            encoded.append(encode_overlay(image, found.lines))
-        return encoded
+    def _outputs(self, image: NDArray[np.uint8], found: _Found, task: Task) -> Iterator[tuple[str, bytes, str]]:
+        snapshots = found.film.snapshots if found.film is not None else ()
+        made = Made(image, found.result, found.lines, task.name, task.path, snapshots)
+        for path, kind in zip(task.outputs, self._setup.wanted.kinds, strict=True):
+            data = made.encoded(kind, os.path.join(task.out, path))
+            yield path, data, digest(data)
 
     def _iou(self, result: Segmentation, path: str) -> float:
         truth = read_levels(path, self._limits)
         if truth.shape != result.mask.shape:
             sizes = f"{truth.shape[1]}x{truth.shape[0]}, the image {result.mask.shape[1]}x{result.mask.shape[0]}"
             raise ImageReadError("truth", f"the true mask {printable(path)} has {sizes} pixels")
-        return float(import_module("ffseg.metrics").iou(result.mask, truth))
+        return float(iou(result.mask, truth))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,6 +171,7 @@ class _Found:
 
     result: Segmentation
     lines: list[Polyline]
+    film: Film | None
     row: dict[str, Any] = field(default_factory=dict)
     extra: list[dict[str, Any]] = field(default_factory=list)
 

@@ -1,0 +1,155 @@
+"""``ffseg run`` with --export, --animate and --report: what is written, that it fits, and what is refused."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from ffseg.rendering import CAMERA_YAML, poses_csv, render_pair
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+START = ("--set", "init.radius=12", "--jobs", "1")
+
+
+@pytest.fixture
+def images(tmp_path: Path) -> Path:
+    y, x = np.mgrid[0:96, 0:128]
+    inside = (np.hypot(x - 64, y - 48) < 38) & (np.hypot(x - 84, y - 48) > 6)
+    picture = np.where(inside, 180, 60).astype(np.uint8)
+    for name, pixels in (("a.png", picture), ("sub/b.png", picture[:, ::-1])):
+        path = tmp_path / "in" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(pixels).save(path)
+    return tmp_path / "in"
+
+
+def decoded(counts: list[int], size: list[int]) -> np.ndarray:
+    values = np.repeat(np.arange(len(counts)) % 2, counts)
+    return values.reshape(size, order="F") == 1
+
+
+def test_exports_hold_the_mask_and_find_their_image(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    result = ffseg_command("run", images, "--out", out, *START, "--export", "coco,labelme", "--export", "geojson")
+    assert result.returncode == 0, result.stderr
+    for name in ("a", "sub/b"):
+        mask = cv2.imread(str(out / "masks" / f"{name}.png"), cv2.IMREAD_GRAYSCALE) == 255
+        coco = json.loads((out / "coco" / f"{name}.json").read_text())
+        segmentation = coco["annotations"][0]["segmentation"]
+        np.testing.assert_array_equal(decoded(segmentation["counts"], segmentation["size"]), mask)
+        labelme = out / "labelme" / f"{name}.json"
+        image = labelme.parent / json.loads(labelme.read_text())["imagePath"]
+        assert image.resolve() == (images / f"{name}.png").resolve()
+        (feature,) = json.loads((out / "geojson" / f"{name}.geojson").read_text())["features"]
+        assert feature["properties"]["image"] == f"{name}.png"
+        assert feature["properties"]["area_px"] == pytest.approx(np.count_nonzero(mask), rel=0.01)
+    merged = json.loads((out / "coco.json").read_text())
+    assert [image["file_name"] for image in merged["images"]] == ["a.png", "sub/b.png"]
+    assert [annotation["image_id"] for annotation in merged["annotations"]] == [1, 2]
+
+
+def test_unknown_export_is_refused_before_anything(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
+    result = ffseg_command("run", images, "--out", tmp_path / "out", "--export", "coco,yolo")
+    assert result.returncode == 2
+    assert "no format 'yolo'; choose from coco, labelme, geojson" in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_exports_asked_for_later_are_added_and_then_kept(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
+    command = ("run", images, "--out", tmp_path / "out", *START, "--json")
+    ffseg_command(*command)
+    mask = (tmp_path / "out" / "masks" / "a.png").read_bytes()
+    assert json.loads(ffseg_command(*command, "--export", "coco").stdout)["counts"]["done"] == 2
+    assert (tmp_path / "out" / "coco" / "sub" / "b.json").is_file()
+    assert (tmp_path / "out" / "masks" / "a.png").read_bytes() == mask
+    assert json.loads(ffseg_command(*command, "--export", "coco").stdout)["counts"]["same"] == 2
+
+
+def test_a_failed_image_is_left_out_of_the_merged_document(
+    ffseg_command: Command, images: Path, tmp_path: Path
+) -> None:
+    (images / "a.png").write_bytes(b"no image")
+    result = ffseg_command("run", images, "--out", tmp_path / "out", *START, "--export", "coco")
+    assert result.returncode == 3
+    merged = json.loads((tmp_path / "out" / "coco.json").read_text())
+    assert [image["file_name"] for image in merged["images"]] == ["sub/b.png"]
+
+
+@pytest.mark.parametrize("method", ["freeform", "snake", "levelset"])
+def test_films_begin_at_the_start_and_end_with_the_result(
+    method: str, ffseg_command: Command, images: Path, tmp_path: Path
+) -> None:
+    plain, out = tmp_path / "plain", tmp_path / "out"
+    settings = (*START, "--set", f"method={method}")
+    assert ffseg_command("run", images, "--out", plain, *settings).returncode == 0
+    result = ffseg_command("run", images, "--out", out, *settings, "--animate")
+    assert result.returncode == 0, result.stderr
+    with Image.open(out / "animations" / "sub" / "b.webp") as film:
+        assert film.size == (128, 96)
+        assert film.n_frames >= 2
+    strip = ElementTree.fromstring((out / "animations" / "a.svg").read_bytes())  # noqa: S314 - our own text
+    captions = [text for text in strip.itertext() if text.startswith("iteration")]
+    assert captions[0] == "iteration 0"
+    assert len(captions) >= 2
+    for kind in ("masks/a.png", "contours/sub/b.svg"):  # being watched changes no byte
+        assert (out / kind).read_bytes() == (plain / kind).read_bytes()
+
+
+def test_views_are_filmed_and_exported_too(ffseg_command: Command, tmp_path: Path) -> None:
+    pair = render_pair(4)
+    (tmp_path / "views").mkdir()
+    for name, view in (("1.png", pair.previous), ("2.png", pair.current)):
+        cv2.imwrite(str(tmp_path / "views" / name), view.image)
+    (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
+    (tmp_path / "poses.csv").write_text(poses_csv(pair, ("1.png", "2.png")))
+    camera = ("--camera", tmp_path / "camera.yaml", "--poses", tmp_path / "poses.csv", "--jobs", "1")
+    out = tmp_path / "out"
+    result = ffseg_command("run", tmp_path / "views", "--out", out, *camera, "--export", "geojson", "--animate")
+    assert result.returncode == 0, result.stderr
+    (region,) = json.loads((out / "geojson" / "2.geojson").read_text())["features"]
+    area = np.count_nonzero(cv2.imread(str(out / "masks" / "2.png"), cv2.IMREAD_GRAYSCALE))
+    assert region["properties"]["area_px"] == pytest.approx(area, rel=0.01)
+    with Image.open(io.BytesIO((out / "animations" / "2.webp").read_bytes())) as film:
+        assert film.n_frames > 5
+
+
+def test_report_is_written_at_the_end(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
+    shutil.copy(images / "a.png", images / "c.png")
+    result = ffseg_command("run", images, "--out", tmp_path / "out", *START, "--report")
+    assert result.returncode == 0, result.stderr
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert all(name in page for name in ("a.png", "sub/b.png", "c.png"))
+
+
+def test_report_that_cannot_be_written_is_a_problem_and_not_a_loss(
+    ffseg_command: Command, images: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "out" / "report.html").mkdir(parents=True)
+    result = ffseg_command("run", images, "--out", tmp_path / "out", *START, "--report")
+    assert result.returncode == 3
+    assert "report.html" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert (tmp_path / "out" / "masks" / "a.png").is_file()
+
+
+def test_films_without_pillow_are_refused_by_name(images: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys; from importlib import util; from ffseg.__main__ import main; found = util.find_spec\n"
+        "util.find_spec = lambda name, *rest: None if name == 'PIL' else found(name, *rest)\n"
+        f"sys.argv = ['ffseg', 'run', {str(images)!r}, '--out', {str(tmp_path / 'out')!r}, '--animate']; main()"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert result.returncode == 2
+    assert "ffseg[film]" in result.stderr
+    assert not (tmp_path / "out").exists()
