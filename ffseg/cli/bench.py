@@ -33,7 +33,7 @@ def bench(  # noqa: PLR0913 - the options of the command
     max_ratio: Annotated[
         float,
         typer.Option("--max-ratio", min=1, metavar="X", help="Exit with 4 when a figure is X times its baseline."),
-    ] = 1.2,
+    ] = 1.15,
     quick: Annotated[bool, typer.Option("--quick", help="Tiny inputs, to see that it runs.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print bench.json instead of the tables.")] = False,
 ) -> None:

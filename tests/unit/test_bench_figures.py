@@ -15,7 +15,7 @@ from ffseg.batch.bench.measure import Comparison, Effort, Group, Task, compared,
 from ffseg.errors import UsageError
 from ffseg.image.reference import reference_kernel
 
-MAX_RATIO = 1.2
+MAX_RATIO = 1.15
 """The default of the command: half way between an unchanged figure and one slowed down by 30 % and more."""
 ROUNDS = 15
 

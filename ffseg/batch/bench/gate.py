@@ -13,7 +13,7 @@ from ffseg.formats.files import printable
 
 FORMAT = 1
 """Of ``bench.json``; a baseline of another format cannot be compared."""
-RETRIES = 3
+RETRIES = 4
 """A figure that looks slow is measured again so often, and judged by all its samples: what disturbs the machine passes,
 a slowdown stays. The least of the measurements would be kinder, also to a slowdown."""
 

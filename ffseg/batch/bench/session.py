@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
+from time import sleep
 
 from ffseg.batch.bench.figures import Compared, Figure
 from ffseg.batch.bench.gate import Baseline, Slower, confirmed, slower
@@ -27,6 +28,8 @@ SUITES = {
 }
 """Name of each suite and the module under ``suites`` that holds its function."""
 QUICK_ROUNDS = 1
+PAUSE_S = 2.0
+"""Before a figure that looks slow is measured again: what keeps the machine busy may have ended by then."""
 
 Suite = Callable[[Settings], Iterator[Group | Skipped]]
 Note = Callable[[str], None]
@@ -110,6 +113,7 @@ def _take(part: Group | Skipped, outcome: Outcome, effort: Effort, baseline: Bas
 
         def again(keys: frozenset[str]) -> list[Figure]:
             note(f"{part.suite}: {part.name} again, {len(keys)} of its figures look slow")
+            sleep(0.0 if outcome.quick else PAUSE_S)
             tasks = [task for task in part.tasks if f"{part.suite}/{task.case}/{task.quantity}" in keys]
             return measure(replace(part, tasks=tasks), effort)
 
