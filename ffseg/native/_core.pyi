@@ -13,7 +13,7 @@ def gradient_magnitude(smoothed: Annotated[NDArray[numpy.uint8], dict(order='C',
 
 def canny_auto(smoothed: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu')], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, factor: float, least: float, low_ratio: float, spread: float, out: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu')]) -> int:
     """
-    Canny edges with thresholds from the local noise; returns the median gradient. Stored units.
+    Canny edges with thresholds from the local noise; returns the noise of quiet windows. Stored units.
     """
 
 def canny(smoothed: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu')], low: int, high: int, out: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu')]) -> None:
