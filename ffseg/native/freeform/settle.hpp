@@ -201,20 +201,24 @@ private:
         return splits;
     }
 
-    // Patches whose control polygon is much longer than the polygon of samples swing about them.
+    // Patches whose control polygon crosses itself may loop, those whose polygon is much longer than that of the samples
+    // swing about them: both take the least-squares curve of lower degree.
     void calm() {
         const Basis<D>& basis = Basis<D>::get();
         for (std::size_t first = 0; first < at_.size(); first += D) {
             const auto points = patch(first);
+            auto control = points;
+            for (std::size_t k = 1; k < D; ++k) control[k] = apply<D>(basis.inverse[k], points);
             double size = 0.0, polygon = 0.0;
-            Vec2 last = points[0];
+            bool loops = false;
             for (std::size_t k = 1; k <= D; ++k) {
-                const Vec2 control = apply<D>(basis.inverse[k], points);
-                polygon += norm(control - last);
-                last = control;
+                polygon += norm(control[k] - control[k - 1]);
                 size += norm(points[k] - points[k - 1]);
+                for (std::size_t j = 1; j + 1 < k; ++j) {
+                    loops = loops || segments_cross(control[j - 1], control[j], control[k - 1], control[k]);
+                }
             }
-            if (polygon <= kSwing * size) continue;
+            if (!loops && polygon <= kSwing * size) continue;
             for (std::size_t k = 1; k < D; ++k) at_[first + k] = field_.clamp(apply<D>(basis.calm[k], points));
         }
     }
