@@ -22,6 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "campaigns"))
 
 import bad_files
 import faults
+import full_disk
 import harness
 import killed
 
@@ -187,6 +188,16 @@ def test_r6_output_that_is_a_file_or_full_is_refused_at_once(blobs: Path, tmp_pa
     assert ended.code == 2
     assert str(tmp_path / "file") in ended.stderr
     assert time.perf_counter() - started < 5
+
+
+def test_r6_small_disks_and_limits_leave_whole_files_only(tmp_path: Path) -> None:
+    mount = ["unshare", "-rm", "mount", "-t", "tmpfs", "tmpfs", tmp_path]
+    if os.uname().sysname != "Linux" or subprocess.run(mount, check=False).returncode != 0:
+        pytest.skip("a tmpfs cannot be mounted in a namespace here")
+    figures = full_disk.campaign(tmp_path, images=12, disks=(16, 96), limits=(1,))
+    assert figures.wrong == []
+    assert figures.exit_codes[2] >= 1
+    assert figures.exit_codes[3] >= 1
 
 
 def test_r6_file_size_limit_fails_rows_by_name_and_leaves_no_temporary(blobs: Path, tmp_path: Path) -> None:

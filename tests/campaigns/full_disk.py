@@ -1,0 +1,104 @@
+"""R6: outputs that do not fit, on a small tmpfs or under a limit on the size of a file.
+
+``python tests/campaigns/full_disk.py --work DIR [--images 12]``
+
+For every size of the disk, and every limit, the run ends with exit code 2 before the first image or with 3 and the reason,
+each output is whole, and no temporary file is left. The tmpfs is mounted in a namespace of its own (``unshare``, Linux).
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import subprocess
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import harness
+
+DISKS_KB = (4, 16, 48, 64, 72, *range(80, 400, 16), 1024, 4096)
+"""From a disk without room for the state folder to one that takes everything."""
+FILE_LIMITS = (0, 1, 100, 200, 500, 1000, 2000, 4000, 8000, 16000, 65535, 65536, 1 << 17, 1 << 20)
+"""Bytes a file may have."""
+REASONS = tuple(os.strerror(code) for code in (errno.ENOSPC, errno.EFBIG))
+_ON_TMPFS = """
+size=$1 out=$2 snapshot=$3; shift 3
+mount -t tmpfs -o size="$size" tmpfs "$out" || exit 99
+"$@"; code=$?
+cp -a "$out" "$snapshot"
+exit $code
+"""
+
+
+@dataclass
+class Figures:
+    """What the runs did; `wrong` names each that broke a promise."""
+
+    runs: int = 0
+    exit_codes: dict[int, int] = field(default_factory=dict)
+    slowest_refusal_s: float = 0.0
+    wrong: list[str] = field(default_factory=list)
+
+
+def campaign(
+    work: Path, images: int = 12, disks: tuple[int, ...] = DISKS_KB, limits: tuple[int, ...] = FILE_LIMITS
+) -> Figures:
+    """Run into every disk and under every limit."""
+    source, straight, figures = work / "in", work / "straight", Figures()
+    harness.draw_blobs(source, images)
+    options = ("--set", harness.CONFIG, "--overlay", "--jobs", "1", "-q")
+    assert harness.run("run", source, "--out", straight, *options).code == 0
+    reference = harness.outputs(straight)
+    command = harness.command("run", source, "--out", work / "out", *options)
+    for kilobytes in disks:
+        out, snapshot = _fresh(work / "out"), _fresh(work / "snapshot")
+        out.mkdir()
+        places = (f"{kilobytes}k", os.fspath(out), os.fspath(snapshot))
+        ended = _ended(["unshare", "-rm", "sh", "-c", _ON_TMPFS, "sh", *places, *command])
+        _judge(ended, snapshot, reference, figures, f"disk of {kilobytes} kB")
+    for limit in limits:
+        out = _fresh(work / "out")
+        ended = _ended(["sh", "-c", 'trap "" XFSZ; exec "$@"', "sh", "prlimit", f"--fsize={limit}", *command])
+        _judge(ended, out, reference, figures, f"files of {limit} bytes")
+    return figures
+
+
+def _fresh(folder: Path) -> Path:
+    shutil.rmtree(folder, ignore_errors=True)
+    return folder
+
+
+def _ended(command: list[str]) -> harness.Ended:
+    begin = time.perf_counter()
+    done = subprocess.run(command, capture_output=True, timeout=300, check=False)
+    return harness.Ended(done.returncode, time.perf_counter() - begin, done.stderr.decode("utf-8", "replace"))
+
+
+def _judge(ended: harness.Ended, out: Path, reference: dict[str, bytes], figures: Figures, label: str) -> None:
+    figures.runs += 1
+    figures.exit_codes[ended.code] = figures.exit_codes.get(ended.code, 0) + 1
+    found = harness.outputs(out)
+    partial = [name for name, data in found.items() if data != reference[name]]
+    if partial:
+        figures.wrong.append(f"{label}: {partial} not whole")
+    if harness.temporaries(out):
+        figures.wrong.append(f"{label}: {harness.temporaries(out)} left")
+    if ended.code not in (0, 2, 3) or "Traceback" in ended.stderr:
+        figures.wrong.append(f"{label}: exit {ended.code} {ended.stderr[-300:]}")
+    elif ended.code == 0 and len(found) != len(reference):
+        figures.wrong.append(f"{label}: exit 0 with {len(found)} of {len(reference)} files")
+    elif ended.code == 2:
+        figures.slowest_refusal_s = max(figures.slowest_refusal_s, ended.seconds)
+        if found:
+            figures.wrong.append(f"{label}: exit 2 after {len(found)} files")
+    if ended.code in (2, 3) and not any(reason in ended.stderr for reason in REASONS):
+        figures.wrong.append(f"{label}: no reason in {ended.stderr[-300:]}")
+
+
+if __name__ == "__main__":
+    arguments = harness.parser(__doc__)
+    arguments.add_argument("--images", type=int, default=12)
+    given = arguments.parse_args()
+    harness.say(str(campaign(given.work, given.images)))
