@@ -8,8 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ffseg.geometry import bezier
+from ffseg.geometry.bezier import Points
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.regions import group_regions
+from ffseg.native import _core
 
 CUBIC_TOLERANCE = 0.005
 """Pixels by which the cubics that stand for patches of degree 4 to 6 may leave them: unseen at a 100-fold zoom."""
@@ -18,7 +20,8 @@ DECIMALS = 4
 """Digits behind the point: a control point is off by at most 0.00005 px."""
 
 _COMMANDS = {1: "L", 2: "Q", 3: "C"}
-_POINT = f"%.{DECIMALS}f,%.{DECIMALS}f"
+_LARGEST_NATIVE = 1e11
+"""Pixels; beyond, ten-thousandths are no exact integers."""
 
 _NOT_XML = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 """Characters XML 1.0 cannot hold even escaped: controls, and the surrogates that stand for bytes of no encoding. Not
@@ -62,12 +65,18 @@ def path_data(contour: FreeForm) -> str:
     else:
         cubics = np.concatenate([bezier.as_cubics(patch, CUBIC_TOLERANCE) for patch in contour.patches])
         points, degree = cubics[:, :3].reshape(-1, 2), 3
-    num_commands = len(points) // degree - (degree == 1)  # Z draws the last edge of a polygon
-    shifted = (points + 0.5).ravel().tolist()
-    if degree > 1:
-        shifted += shifted[:2]
-    template = f"M{_POINT} {(_COMMANDS[degree] + ' '.join([_POINT] * degree) + ' ') * num_commands}"
-    return f"{_trimmed(template % tuple(shifted))}Z"
+    shifted = points + 0.5
+    if np.abs(shifted).max() <= _LARGEST_NATIVE:
+        return _core.path_text(shifted, degree)
+    return _path_text(shifted, degree)
+
+
+def _path_text(points: Points, degree: int) -> str:
+    """As the native `path_text`, number by number, for any size."""
+    texts = [f"{number(x)},{number(y)}" for x, y in points.tolist()]
+    ends = texts[1:] if degree == 1 else [*texts[1:], texts[0]]  # Z draws the last edge of a polygon
+    commands = (_COMMANDS[degree] + " ".join(ends[i : i + degree]) for i in range(0, len(ends), degree))
+    return " ".join([f"M{texts[0]}", *commands, "Z"])
 
 
 def number(value: float) -> str:
@@ -82,16 +91,3 @@ def escape(text: str) -> str:
     for character, entity in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;"), ("'", "&#39;")):
         clean = clean.replace(character, entity)
     return clean
-
-
-def _trimmed(text: str) -> str:
-    """Text of coordinates with every one written as `number` writes it; each stands before a comma or a space.
-
-    Replacing all of one kind at once takes a tenth of the time of trimming number by number.
-    """
-    for end in (",", " "):
-        text = text.replace(f".{'0' * DECIMALS}{end}", f".{end}")  # the point keeps the zeros of 100 from being trimmed
-        for zeros in range(DECIMALS - 1, 0, -1):
-            text = text.replace(f"{'0' * zeros}{end}", end)
-        text = text.replace(f".{end}", end).replace(f"-0{end}", f"0{end}")
-    return text

@@ -100,6 +100,11 @@ def rasterize(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), or
     Region (winding > 0) of closed contours at the pixel centres, 1 or 0 into `out`.
     """
 
+def path_text(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], degree: int) -> str:
+    """
+    SVG path of one closed contour: M, L or Q or C, Z, four digits behind the point at most.
+    """
+
 def fast_march(speed: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], stop_speed: float, inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None) -> tuple:
     """
     Arrival times (H * W), accepted nodes in order, on-contour nodes, size of the first narrow band.

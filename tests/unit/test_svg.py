@@ -18,6 +18,7 @@ from ffseg.formats.svg import CUBIC_TOLERANCE, DECIMALS, escape, number, path_da
 from ffseg.geometry import bezier
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.raster import rasterize
+from ffseg.native import _core
 from tests import strategies as own
 
 GOLDEN = Path(__file__).parent.parent / "golden"
@@ -82,16 +83,32 @@ def test_numbers_read_back_within_their_rounding(value: float) -> None:
     assert text != "-0"
 
 
-@given(
-    st.lists(
-        st.one_of(st.floats(-1e7, 1e7), st.integers(-20000, 20000).map(lambda n: n / 1e4)), min_size=4, max_size=12
-    )
+COORDINATES = st.one_of(
+    st.floats(-1e4, 1e4),
+    st.floats(-2e11, 2e11),  # both sides of what the native writer takes
+    st.integers(-20000, 20000).map(lambda n: n / 1e4),
+    st.integers(-40000, 40000).map(lambda n: n / 32),  # exact ties, to be rounded to even
+    st.integers(-40000, 40000).map(lambda n: np.nextafter((2 * n + 1) / 2e4 - 0.5, (-1) ** n * np.inf)),  # nearly ties
 )
-def test_paths_write_every_coordinate_as_number_does(values: list[float]) -> None:
-    points = np.array(values[: len(values) // 2 * 2]).reshape(-1, 2)
-    written = path_data(FreeForm(points, 1))
-    expected = " L".join(",".join(number(value) for value in point) for point in (points + 0.5).tolist())
-    assert written == f"M{expected} Z"
+
+
+@given(st.lists(st.tuples(COORDINATES, COORDINATES), min_size=6, max_size=6), st.integers(1, 3))
+def test_paths_write_every_coordinate_as_number_does(points: list[tuple[float, float]], degree: int) -> None:
+    numbers = re.split("[^-.0-9]+", path_data(FreeForm(np.array(points), degree)).strip("MZ "))
+    expected = [number(value) for value in (np.array(points) + 0.5).ravel().tolist()]
+    assert numbers == expected + (expected[:2] if degree > 1 else [])
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1.1e11])
+def test_native_path_refuses_what_it_cannot_write(value: float) -> None:
+    with pytest.raises(ValueError, match="not finite or beyond"):
+        _core.path_text(np.array([[0.0, 0.0], [value, 1.0]]), 1)
+
+
+@pytest.mark.parametrize(("count", "degree"), [(0, 1), (4, 3), (4, 4), (4, 0)])
+def test_native_path_refuses_what_is_no_contour(count: int, degree: int) -> None:
+    with pytest.raises(ValueError, match="degree"):
+        _core.path_text(np.zeros((count, 2)), degree)
 
 
 @given(st.text())
