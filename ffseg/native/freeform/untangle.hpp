@@ -41,7 +41,7 @@ public:
     }
 
 private:
-    static constexpr int kPieces = D <= 4 ? 4 : 8;
+    static constexpr int kPieces = D <= 3 ? 4 : 8;
     static constexpr int kPoints = D * kPieces + 1;
     struct Place {
         std::size_t component, first;  // the patch beginning at this sample

@@ -1,0 +1,146 @@
+"""The free-form contour on random scenes, toy runs and hard starts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import ffseg
+from ffseg.errors import SegmentationError
+from tests.campaigns import stress
+
+ROOT = Path(__file__).resolve().parents[2]
+SHORT = 50
+
+
+def disc(center: tuple[int, int], radius: int, size: tuple[int, int] = (120, 160)) -> np.ndarray:
+    yy, xx = np.mgrid[: size[0], : size[1]]
+    return np.hypot(xx - center[0], yy - center[1]) <= radius
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [{}, {"contour.degree": 2, "contour.split_threshold": 8.0}, {"contour.degree": 4, "contour.split_threshold": 14.0}],
+    ids=["default", "degree 2", "degree 4"],
+)
+def test_random_scenes(overrides: dict[str, object]) -> None:
+    faults = [o for o in (stress.check(seed, overrides) for seed in range(SHORT)) if o.faults]
+    assert faults == []
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "holes"), [("a", 0.9995, 0), ("b", 0.999, 6), ("c", 0.996, 7), ("d", 0.999, 3), ("e", 0.992, 7)]
+)
+@pytest.mark.parametrize("degree", [2, 3, 4])
+@pytest.mark.parametrize("threshold", [8.0, 14.0, 24.0])
+def test_scenes(data_folder: Path, name: str, least: float, holes: int, degree: int, threshold: float) -> None:
+    image = cv2.imread(str(data_folder / f"scenes/{name}.png"), cv2.IMREAD_GRAYSCALE)
+    truth = cv2.imread(str(data_folder / f"scenes/{name}_truth.png"), cv2.IMREAD_GRAYSCALE) > 0
+    overrides = {"contour.degree": degree, "contour.split_threshold": threshold}
+    if name == "e":
+        overrides["contour.clearance"] = 10.0  # its gaps are 8 px wide
+    result = ffseg.segment(image, ffseg.load_params(None, {"init.center": [400, 300], **overrides}))
+    iou = np.sum(result.mask & truth) / np.sum(result.mask | truth)
+    assert iou >= least - 0.002 * (overrides != {"contour.degree": 3, "contour.split_threshold": 24.0})
+    assert sum(c.signed_area < 0 for c in result.contours) == holes
+
+
+@pytest.mark.parametrize("name", ["b", "c"])
+@pytest.mark.parametrize(("sigma", "least_b", "least_c"), [(12, 0.997, 0.988), (18, 0.996, 0.985), (25, 0.994, 0.98)])
+def test_noise(data_folder: Path, name: str, sigma: int, least_b: float, least_c: float) -> None:
+    image = cv2.imread(str(data_folder / f"scenes/{name}.png"), cv2.IMREAD_GRAYSCALE)
+    truth = cv2.imread(str(data_folder / f"scenes/{name}_truth.png"), cv2.IMREAD_GRAYSCALE) > 0
+    noisy = np.clip(np.round(image + np.random.default_rng(5).normal(0, sigma, image.shape)), 0, 255).astype(np.uint8)
+    result = ffseg.segment(noisy, ffseg.load_params(None, {"init.center": [400, 300]}))
+    assert np.sum(result.mask & truth) / np.sum(result.mask | truth) >= (least_b if name == "b" else least_c)
+    assert sum(c.signed_area < 0 for c in result.contours) == (6 if name == "b" else 7)
+
+
+def test_two_starts_merge_and_one_that_closes_in_splits() -> None:
+    region = disc((60, 60), 30) | disc((100, 60), 30)
+    image = np.where(region, 200, 50).astype(np.uint8)
+    params = ffseg.load_params(None, {"init.circles": [[50, 60, 8], [110, 60, 8]]})
+    merged = ffseg.segment(image, params)
+    assert len(merged.contours) == 1
+    assert merged.stats.merges >= 1
+    apart = np.where(disc((45, 60), 22) | disc((115, 60), 22), 200, 50).astype(np.uint8)
+    params = ffseg.load_params(None, {"init.boxes": [[6, 6, 153, 113]], "contour.balloon": -2.0})
+    split = ffseg.segment(apart, params)
+    assert sorted(c.signed_area > 0 for c in split.contours) == [True, True]
+    truth = apart == 200
+    assert np.sum(split.mask & truth) / np.sum(split.mask | truth) > 0.99
+
+
+def test_toy_runs_differ_as_in_the_paper() -> None:
+    image = cv2.imread(str(ROOT / "samples/toy.png"), cv2.IMREAD_GRAYSCALE)
+    truth = cv2.imread(str(ROOT / "samples/truth/toy.png"), cv2.IMREAD_GRAYSCALE) > 0
+
+    def iou(preset: str) -> tuple[float, int, str]:
+        result = ffseg.segment(image, ffseg.load_params(preset))
+        holes = sum(c.signed_area < 0 for c in result.contours)
+        return float(np.sum(result.mask & truth) / np.sum(result.mask | truth)), holes, result.stats.stop_reason
+
+    fixed, full = iou("toy-fixed"), iou("toy-full")
+    assert fixed[0] < 0.9
+    assert fixed[1] == 0
+    assert full[0] > 0.999
+    assert full[1:] == (4, "converged")
+    assert iou("toy-refined")[2].startswith("max_")  # loops round the holes for ever
+
+
+def test_passages_narrower_than_the_clearance_are_closed() -> None:
+    image = np.full((120, 160), 200, np.uint8)
+    image[:, 78:82] = 30
+    image[55:63, 78:82] = 200  # a passage of 8 px
+    start = {"init.center": [40, 60], "init.radius": 10.0}
+    through = ffseg.segment(image, ffseg.load_params(None, start))
+    closed = ffseg.segment(image, ffseg.load_params(None, {**start, "contour.clearance": 12.0}))
+    assert through.mask[60, 120]
+    assert not closed.mask[:, 90:].any()
+    assert closed.mask[2:-2, 2:74].all()  # the boundary itself is still reached
+
+
+def test_edge_free_image_fills_and_all_edge_image_ends() -> None:
+    flat = ffseg.segment(np.full((60, 80), 90, np.uint8), ffseg.load_params(None, {"init.radius": 10.0}))
+    assert flat.mask.mean() > 0.99  # the contour rounds the corners of the image
+    noise = np.random.default_rng(0).integers(0, 256, (80, 90, 3), dtype=np.uint8)
+    params = ffseg.load_params(None, {"init.radius": 10.0, "edges.canny": [0.1, 0.2]})
+    try:
+        assert ffseg.segment(noise, params).stats.stop_reason in {"converged", "vanished"}
+    except SegmentationError as error:
+        assert "lies on an edge" in str(error)
+
+
+def test_max_iterations_is_a_bound_and_is_said() -> None:
+    params = ffseg.load_params(None, {"init.radius": 10.0, "contour.max_iterations": 3})
+    result = ffseg.segment(np.full((200, 200), 90, np.uint8), params)
+    assert (result.stats.iterations, result.stats.stop_reason) == (3, "max_iterations")
+
+
+def test_starts_that_cannot_be() -> None:
+    image = np.where(disc((80, 60), 30), 200, 50).astype(np.uint8)
+    with pytest.raises(SegmentationError, match="outside the image"):
+        ffseg.segment(image, ffseg.load_params(None, {"init.center": [500, 60]}))
+    domain = disc((20, 20), 10).astype(np.uint8)
+    with pytest.raises(SegmentationError, match="outside the domain at every sample"):
+        ffseg.segment(image, ffseg.load_params(None, {"init.center": [120, 90], "init.radius": 5.0}), domain=domain)
+
+
+def test_callback_sees_the_contour_grow() -> None:
+    image = np.where(disc((80, 60), 50), 200, 50).astype(np.uint8)
+    seen: list[ffseg.Progress] = []
+    ffseg.segment(image, ffseg.load_params(None, {"init.radius": 8.0}), callback=seen.append)
+    areas = [sum(c.signed_area for c in p.contours) for p in seen]
+    assert seen[0].iteration == 0
+    assert areas[0] < areas[-1]
+    assert [p.iteration for p in seen] == sorted(p.iteration for p in seen)
+
+
+def test_same_job_same_bytes() -> None:
+    image = stress.scenes.scene(5).image
+    params = ffseg.load_params(None, {"init.center": list(stress.scenes.START), "init.radius": 14.0})
+    first, second = ffseg.segment(image, params), ffseg.segment(image, params)
+    assert [c.control_points.tobytes() for c in first.contours] == [c.control_points.tobytes() for c in second.contours]
