@@ -96,7 +96,7 @@ def _gradient(smoothed: NDArray[np.uint8]) -> NDArray[np.uint16]:
     if smoothed.ndim == 2:
         _core.gradient_magnitude(smoothed, gradient)
         return gradient
-    first, *others = cv2.split(smoothed)
+    first, *others = (np.asarray(channel, np.uint8) for channel in cv2.split(smoothed))
     _core.gradient_magnitude(first, gradient)
     plane = np.empty_like(gradient)
     for other in others:
