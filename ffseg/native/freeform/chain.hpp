@@ -90,6 +90,7 @@ private:
     void guard();
     bool guard_patch(int i);
     int first_hit(int i) const;
+    int num_hits(int i) const;
     bool interval_hits(const Points& points, int k) const;
     bool meets_edge(int i) const { return first_hit(i) >= 0; }
     bool put_back(int i, int k);

@@ -175,7 +175,7 @@ bool Chain<D>::exchange(int i, int j) {
     const auto kept_i = a.m, kept_j = b.m;
     const int after_i = a.next, after_j = b.next;
     const Points p = pool_.samples(i), q = pool_.samples(j);
-    const bool met = meets_edge(i) || meets_edge(j);
+    const int before = num_hits(i) + num_hits(j);
     const auto apply_pair = [&](const Points& first, const Points& second) {
         std::copy_n(first.begin(), D, pool_[i].m.begin());
         std::copy_n(second.begin(), D, pool_[j].m.begin());
@@ -183,15 +183,23 @@ bool Chain<D>::exchange(int i, int j) {
         keep_inside(j);
         pool_.link(i, after_j);
         pool_.link(j, after_i);
-        return met || !(meets_edge(i) || meets_edge(j));
+        return num_hits(i) + num_hits(j) <= before;
     };
     Points first, second;
     if (swap_halves(i, j, first, second) && apply_pair(first, second)) return true;
     pool_.link(i, after_i);
     pool_.link(j, after_j);
     if (join_at_crossing(p, q, first, second)) {
-        apply_pair(first, second);
-        return true;
+        // Up to a cubic the curve keeps to the joined samples; one of higher degree may swing round the corner into an
+        // edge, and is replaced by one of lower degree or not joined at all.
+        if (apply_pair(first, second) || D <= 3) return true;
+        const Basis<D>& basis = Basis<D>::get();
+        Points calm_first, calm_second;
+        for (int k = 0; k <= D; ++k) {
+            calm_first[k] = apply<D>(basis.calm[k], first);
+            calm_second[k] = apply<D>(basis.calm[k], second);
+        }
+        if (apply_pair(calm_first, calm_second)) return true;
     }
     if (join_at_crossing(a.control, b.control, first, second) && apply_pair(first, second)) return true;
     pool_[i].m = kept_i;
@@ -400,7 +408,11 @@ void Chain<D>::classify(int i, int j, bool simple) {
     const double other = loop_area(large);
     if (other > 0) {
         const int inner = area < other ? small : large, outer = inner == small ? large : small;
-        if (loop_contains(outer, pool_[inner].m[0])) drop(inner);
+        if (!simple && loop_encloses_solid(inner)) {
+            undecided_.emplace_back(i, j);
+        } else if (loop_contains(outer, pool_[inner].m[0])) {
+            drop(inner);
+        }
     } else if (area < -other) {
         drop(small);  // a hole folded over: what lies beyond its border is filled already
     }

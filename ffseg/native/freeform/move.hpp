@@ -110,6 +110,15 @@ int Chain<D>::first_hit(int i) const {
     return -1;
 }
 
+// The number of stretches between samples that meet an edge.
+template <int D>
+int Chain<D>::num_hits(int i) const {
+    const Points points = pool_.samples(i);
+    int hits = 0;
+    for (int k = 0; k < D; ++k) hits += interval_hits(points, k);
+    return hits;
+}
+
 // Puts sample k of patch i (k = D: the next patch's joint) back where it was. False if it already is.
 template <int D>
 bool Chain<D>::put_back(int i, int k) {
