@@ -102,6 +102,7 @@ def test_films_begin_at_the_start_and_end_with_the_result(
     captions = [text for text in strip.itertext() if text.startswith("iteration")]
     assert captions[0] == "iteration 0"
     assert len(captions) >= 2
+    assert len(set(captions)) == len(captions), "the result is shown once"
     for kind in ("masks/a.png", "contours/sub/b.svg"):  # being watched changes no byte
         assert (out / kind).read_bytes() == (plain / kind).read_bytes()
 

@@ -86,9 +86,10 @@ class Made:
 
     @cached_property
     def film(self) -> list[Progress]:
-        """Snapshots with the result as the last."""
+        """Snapshots with the result as the last, in place of one the segmenter may have given of it."""
         last = Progress(self.result.stats.iterations, tuple(self.result.contours))
-        return [*(snapshot for snapshot in self.snapshots if snapshot.contours), last]
+        before = (snapshot for snapshot in self.snapshots if snapshot.iteration < last.iteration)
+        return [*(snapshot for snapshot in before if snapshot.contours), last]
 
 
 def _mask(made: Made, _: str) -> bytes:
