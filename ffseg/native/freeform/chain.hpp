@@ -99,7 +99,6 @@ private:
     // refine.hpp
     void refine();
     bool too_long(int i) const;
-    void prune_short();
     bool remove(int i);
     bool straighten(int i);
     bool folded(int i) const;
