@@ -42,7 +42,7 @@ struct Box {
         y1 = std::max(y1, p.y);
     }
     bool meets(const Box& other) const {
-        return x0 <= other.x1 && other.x0 <= x1 && y0 <= other.y1 && other.y0 <= y1;
+        return (x0 <= other.x1) & (other.x0 <= x1) & (y0 <= other.y1) & (other.y0 <= y1);  // without branches
     }
 };
 

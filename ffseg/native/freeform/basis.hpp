@@ -19,6 +19,8 @@ struct Basis {
     std::array<Row, D + 1> slope{};                  // V' V^-1: derivatives at the samples
     std::array<std::array<Row, kSub>, D> between{};  // between[k][j]: the point at t = (k + j / kSub) / D
     std::array<std::array<Row, kSub>, D> between_slope{};
+    // The same as `between` with the positions side by side, single precision: to look whether a pixel is blocked.
+    std::array<std::array<std::array<float, kSub>, D + 1>, D> looks{};
     std::array<Row, 2 * D + 1> halves{};             // the points at t = i / (2 D) (Alg. 2)
     std::array<Row, D + 1> calm{};                   // the samples of the least-squares curve of degree kCalmDegree
                                                      // with the same ends
@@ -32,6 +34,7 @@ struct Basis {
                 const double t = (k + static_cast<double>(j) / kSub) / D;
                 between[k][j] = times_inverse(bernstein(t));
                 between_slope[k][j] = times_inverse(bernstein_slope(t));
+                for (int i = 0; i <= D; ++i) looks[k][i][j] = static_cast<float>(between[k][j][i]);
             }
         }
         fit_calm();

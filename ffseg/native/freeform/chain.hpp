@@ -7,6 +7,7 @@
 #include "freeform/evolution.hpp"
 #include "freeform/pool.hpp"
 #include "freeform/settle.hpp"
+#include "freeform/strips.hpp"
 
 namespace ffseg {
 
@@ -32,8 +33,13 @@ constexpr double kPruneSpacing = 0.35;
 constexpr double kPruneRatio = 0.2;
 // A patch whose longest distance between samples is this many times the shortest is laid out evenly.
 constexpr double kUneven = 3.0;
-// With fewer than one patch in so many moving, these are compared with all others instead of sorting.
+// So few moving patches are compared with all others instead of sorting.
 constexpr std::size_t kFewActive = 16;
+// Patches to a strip of the filter, and how low strips may get, in pixels: most patches reach into one.
+constexpr std::size_t kStripPatches = 256;
+constexpr std::size_t kStripHeight = 64;
+// More new patches than this are sorted among themselves before they join the others.
+constexpr std::size_t kFewNew = 16;
 // Components enclosing less cannot hold the band of one edge pixel (3 x 3) and are dropped.
 constexpr double kVoidArea = 4.0;
 // Rounds of crossing tests in one iteration; what is left waits for the next.
@@ -114,8 +120,8 @@ private:
     void flip_crossings();
     bool flip_round(bool only_touched);
     bool sweep(bool only_touched);
-    bool try_pair(int i, int j, bool only_touched);
     void sort_patches();
+    bool try_pair(int i, int j, bool only_touched);
     bool polygons_cross(int i, int j) const;
     bool flip(int i, int j, int depth);
     bool flip_finer(int i, int j, int depth);
@@ -139,7 +145,10 @@ private:
     std::vector<int> active_, freed_, sorted_, queue_;
     std::vector<Motion> motion_;
     std::vector<std::pair<int, int>> undecided_;  // flips whose components cannot be classified yet
-    std::vector<std::size_t> next_active_;
+    std::size_t num_sorted_ = 0;  // of sorted_ were in order after the last sweep
+    std::vector<std::pair<double, int>> keys_;
+    std::vector<Strip> strips_;
+    std::vector<std::uint8_t> moving_;
     std::vector<std::vector<Vec2>> settled_;  // the samples of each component once it has settled
     EvolutionCounts counts_;
     StopReason reason_ = StopReason::kRunning;

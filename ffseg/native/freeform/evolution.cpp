@@ -90,7 +90,11 @@ int Chain<D>::split(int i) {
 template <int D>
 void Chain<D>::forget_freed() {
     const auto dead = [this](int i) { return !pool_[i].alive; };
-    if (!freed_.empty()) sorted_.erase(std::remove_if(sorted_.begin(), sorted_.end(), dead), sorted_.end());
+    if (!freed_.empty()) {
+        const auto known = sorted_.begin() + static_cast<std::ptrdiff_t>(num_sorted_);
+        num_sorted_ -= static_cast<std::size_t>(std::count_if(sorted_.begin(), known, dead));
+        sorted_.erase(std::remove_if(sorted_.begin(), sorted_.end(), dead), sorted_.end());
+    }
     active_.erase(std::remove_if(active_.begin(), active_.end(), [this](int i) { return !pool_[i].active; }),
                   active_.end());
     for (int i : freed_) pool_.release(i);

@@ -34,22 +34,28 @@ void distance_line(const std::vector<double>& f, std::vector<double>& out, std::
     }
 }
 
-// Marks three cells side by side as band, in one word; a fourth is read and written back.
-void mark_three(std::uint8_t* cells) {
-    constexpr std::array<std::uint8_t, 4> kThree{1, 1, 1, 0};
-    std::uint32_t word = 0, three = 0;
-    std::memcpy(&word, cells, 4);
-    std::memcpy(&three, kThree.data(), 4);
-    word |= three;
-    std::memcpy(cells, &word, 4);
+// Are these bytes all zero? kRun of them, or a kPiece.
+constexpr int kRun = 64, kPiece = 8;
+
+template <int N>
+bool all_zero(const std::uint8_t* bytes) {
+    std::array<std::uint64_t, N / 8> words;
+    std::memcpy(words.data(), bytes, N);
+    std::uint64_t any = 0;
+    for (const std::uint64_t word : words) any |= word;
+    return any == 0;
 }
 
-constexpr int kRun = 32;
+// out[c] = a[c] | b[c] | d[c]; the output overlaps none of them.
+void or_three(const std::uint8_t* a, const std::uint8_t* b, const std::uint8_t* d, std::uint8_t* __restrict out,
+              std::size_t count) {
+    for (std::size_t c = 0; c < count; ++c) out[c] = a[c] | b[c] | d[c];
+}
 
-bool all_zero(const std::uint8_t* bytes) {  // kRun of them
-    std::uint64_t words[kRun / 8];
-    std::memcpy(words, bytes, kRun);
-    return (words[0] | words[1] | words[2] | words[3]) == 0;
+void add_where_zero(const std::uint8_t* marks, std::uint8_t gained, std::uint8_t* __restrict sums, std::size_t count) {
+    for (std::size_t at = 0; at < count; ++at) {
+        sums[at] = static_cast<std::uint8_t>(sums[at] + (marks[at] == 0 ? gained : 0));
+    }
 }
 
 }  // namespace
@@ -73,31 +79,36 @@ void Field::mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occ
     for (int y = 0; y < height_; ++y) {
         const std::uint8_t* row = edges + static_cast<std::size_t>(y) * width_;
         const std::size_t tiles = static_cast<std::size_t>(y >> kTileShift) * tiles_x_;
-        int x = 0;
-        while (x < width_) {
-            if (x + kRun <= width_ && all_zero(row + x)) {
+        for (int x = 0; x < width_;) {
+            if (x + kRun <= width_ && all_zero<kRun>(row + x)) {
                 x += kRun;
                 continue;
             }
-            if (row[x] != 0) {
-                found.push_back(cell(x, y));
-                occupied[tiles + static_cast<std::size_t>(x >> kTileShift)] = kEdge;
+            const int end = std::min(x + kRun, width_);
+            while (x < end) {
+                if (x + kPiece <= end && all_zero<kPiece>(row + x)) {
+                    x += kPiece;
+                    continue;
+                }
+                if (row[x] != 0) {
+                    found.push_back(cell(x, y));
+                    occupied[tiles + static_cast<std::size_t>(x >> kTileShift)] = kEdge;
+                }
+                ++x;
             }
-            ++x;
         }
     }
+    // Stores without reads: what was just written next door need not be waited for.
     for (const std::size_t at : found) {
-        for (const std::size_t row : {at - stride_, at, at + stride_}) mark_three(&blocked_[row - 1]);
-        blocked_[at] |= kEdge;
+        for (const std::size_t row : {at - stride_, at, at + stride_}) std::memset(&blocked_[row - 1], kBand, 3);
     }
+    for (const std::size_t at : found) blocked_[at] = kBand | kEdge;
     // Close the diagonal steps: an edge is a 4-connected chain of solid pixels.
-    const auto solid = [this](std::size_t at) { return blocked_[at] >= kEdge; };
-    for (const std::size_t at : found) {
+    const auto solid = [this](std::size_t at) { return static_cast<unsigned>(blocked_[at] >= kEdge); };
+    for (const std::size_t at : found) {  // without branches, which could not be foreseen
         const std::size_t below = at + stride_;
-        if (solid(below)) continue;
-        const bool left = solid(below - 1) && !solid(at - 1);
-        const bool right = solid(below + 1) && !solid(at + 1);
-        if (left || right) blocked_[below] |= kEdge;
+        const unsigned left = solid(below - 1) & ~solid(at - 1), right = solid(below + 1) & ~solid(at + 1);
+        blocked_[below] = static_cast<std::uint8_t>(blocked_[below] | ((left | right) & ~solid(below) & 1u) * kEdge);
     }
 }
 
@@ -148,23 +159,17 @@ void Field::measure_reach(std::vector<std::uint8_t>& occupied) {
         for (std::size_t r = 0; r < rows; ++r) {  // across
             const std::uint8_t* in = occupied.data() + r * columns;
             std::uint8_t* out = grown.data() + r * columns;
-            out[0] = 1;
-            out[columns - 1] = 1;
-            for (std::size_t c = 1; c + 1 < columns; ++c) out[c] = in[c - 1] | in[c] | in[c + 1];
+            out[0] = out[columns - 1] = 1;
+            if (columns > 2) or_three(in, in + 1, in + 2, out + 1, columns - 2);
         }
-        for (std::size_t r = 0; r < rows; ++r) {  // down
-            std::uint8_t* out = occupied.data() + r * columns;
-            if (r == 0 || r + 1 == rows) {
-                std::memset(out, 1, columns);
-                continue;
-            }
+        std::memset(occupied.data(), 1, columns);
+        std::memset(occupied.data() + (rows - 1) * columns, 1, columns);
+        for (std::size_t r = 1; r + 1 < rows; ++r) {  // down
             const std::uint8_t* in = grown.data() + r * columns;
-            for (std::size_t c = 0; c < columns; ++c) out[c] = in[c] | in[c - columns] | in[c + columns];
+            or_three(in - columns, in, in + columns, occupied.data() + r * columns, columns);
         }
-        constexpr std::uint8_t kTile = 1 << kTileShift;
-        for (std::size_t at = 0; at < reach_.size(); ++at) {
-            reach_[at] = static_cast<std::uint8_t>(reach_[at] + (occupied[at] != 0 ? 0 : level == 0 ? kTile - 1 : kTile));
-        }
+        const std::uint8_t gained = level == 0 ? (1 << kTileShift) - 1 : 1 << kTileShift;
+        add_where_zero(occupied.data(), gained, reach_.data(), reach_.size());
     }
 }
 

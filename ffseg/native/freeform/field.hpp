@@ -38,6 +38,13 @@ public:
     // Beyond the image everything is outside the domain: a curve through samples inside it may bulge out.
     bool blocked(Vec2 p) const { return at(p) != 0; }
     bool solid(Vec2 p) const { return at(p) >= kEdge; }
+    // What the pixel nearest to a point holds, where points beyond the image belong to its border.
+    FFSEG_INLINE std::uint8_t look(float x, float y) const {
+        const int column = std::clamp(static_cast<int>(x + 1.5f), 1, width_);
+        const int row = std::clamp(static_cast<int>(y + 1.5f), 1, height_);
+        return blocked_[static_cast<std::size_t>(row) * stride_ + static_cast<std::size_t>(column)];
+    }
+    static bool is_solid(unsigned cell) { return cell >= kEdge; }
     bool outside_domain(Vec2 p) const { return at(p) >= kOutside; }
     // Does the closed polygon hold the centre of a solid pixel (even-odd)?
     bool encloses_solid(const Vec2* polygon, std::size_t count) const;

@@ -1,23 +1,32 @@
-// Topology: the bounding-box filter over patches sorted by insertion, and the flip (Algorithm 3, corrected).
+// Topology: the bounding-box filter over the patches, and the flip (Algorithm 3, corrected).
 #pragma once
 #include "freeform/chain.hpp"
 
 namespace ffseg {
 
-// Patches ordered by the left side of their boxes; the order hardly changes in one iteration, so insertion is cheap.
+// Patches ordered by the left side of their boxes. The order hardly changes in one iteration, so insertion is cheap; many
+// new ones, which stand at the end, are sorted among themselves and merged.
 template <int D>
 void Chain<D>::sort_patches() {
-    const auto left = [this](int i) { return pool_.box(i).x0; };
-    for (std::size_t at = 1; at < sorted_.size(); ++at) {
-        const int moving = sorted_[at];
-        const double key = left(moving);
+    using Key = std::pair<double, int>;
+    const auto before = [](const Key& a, const Key& b) { return a.first < b.first; };
+    const std::size_t count = sorted_.size(), known = count - num_sorted_ < kFewNew ? count : num_sorted_;
+    keys_.resize(count);
+    for (std::size_t at = 0; at < count; ++at) keys_[at] = {pool_.box(sorted_[at]).x0, sorted_[at]};
+    for (std::size_t at = 1; at < known; ++at) {
+        if (!before(keys_[at], keys_[at - 1])) continue;
+        const Key moving = keys_[at];
         std::size_t to = at;
-        while (to > 0 && left(sorted_[to - 1]) > key) {
-            sorted_[to] = sorted_[to - 1];
-            --to;
-        }
-        sorted_[to] = moving;
+        for (; to > 0 && before(moving, keys_[to - 1]); --to) keys_[to] = keys_[to - 1];
+        keys_[to] = moving;
     }
+    if (known < count) {
+        const auto fresh = keys_.begin() + static_cast<std::ptrdiff_t>(known);
+        std::stable_sort(fresh, keys_.end(), before);
+        std::inplace_merge(keys_.begin(), fresh, keys_.end(), before);
+    }
+    for (std::size_t at = 0; at < count; ++at) sorted_[at] = keys_[at].second;
+    num_sorted_ = count;
 }
 
 // Do two control polygons cross properly? For adjacent patches the segments that share the joint do not count.
@@ -46,27 +55,30 @@ bool Chain<D>::try_pair(int i, int j, bool only_touched) {
     return flip(i, j, 0);
 }
 
-// The bounding-box filter over the sorted patches. From a patch at rest only active ones are visited.
+// The bounding-box filter over the sorted patches, in strips so that its time stays linear in their number.
 template <int D>
 bool Chain<D>::sweep(bool only_touched) {
     sort_patches();
-    const std::size_t count = sorted_.size();
-    next_active_.resize(count + 1);
-    next_active_[count] = count;
-    for (std::size_t at = count; at-- > 0;) next_active_[at] = pool_[sorted_[at]].active ? at : next_active_[at + 1];
+    moving_.assign(static_cast<std::size_t>(pool_.size()), 0);
+    for (const int i : active_) moving_[static_cast<std::size_t>(i)] = pool_[i].active;
+    const std::size_t strips = std::max<std::size_t>(1, std::min(sorted_.size() / kStripPatches,
+                                                                 static_cast<std::size_t>(field_.height()) / kStripHeight));
+    const double scale = static_cast<double>(strips) / field_.height();
+    strips_.resize(std::max(strips, strips_.size()));
+    for (std::size_t at = 0; at < strips; ++at) strips_[at].reset(sorted_.size());
+    const auto strip_of = [&](double y) {
+        return static_cast<std::size_t>(std::clamp(y * scale, 0.0, static_cast<double>(strips - 1)));
+    };
+    for (const int i : sorted_) {
+        const Box& box = pool_.box(i);
+        const bool moving = moving_[static_cast<std::size_t>(i)] != 0;
+        for (std::size_t at = strip_of(box.y0), last = strip_of(box.y1); at <= last; ++at) strips_[at].push(box, i, moving);
+    }
     bool any = false;
-    for (std::size_t at = 0; at < count; ++at) {
-        const int i = sorted_[at];
-        const Box box = pool_.box(i);
-        const bool active = next_active_[at] == at;
-        for (std::size_t on = active ? at + 1 : next_active_[at + 1]; on < count; on = active ? on + 1 : next_active_[on + 1]) {
-            const Box& other = pool_.box(sorted_[on]);
-            if (other.x0 > box.x1) break;
-            if (box.meets(other) && try_pair(i, sorted_[on], only_touched)) {
-                any = true;
-                break;
-            }
-        }
+    for (std::size_t at = 0; at < strips; ++at) {
+        any |= strips_[at].each_meeting(
+            [this](int i) { return std::array<int, 2>{pool_[i].prev, pool_[i].next}; },
+            [this, only_touched](int i, int j) { return pool_.box(i).meets(pool_.box(j)) && try_pair(i, j, only_touched); });
     }
     return any;
 }
@@ -74,15 +86,17 @@ bool Chain<D>::sweep(bool only_touched) {
 // While few patches move, each is compared with all others; else the sorted sweep pays.
 template <int D>
 bool Chain<D>::flip_round(bool only_touched) {
-    if (active_.size() * kFewActive > sorted_.size()) return sweep(only_touched);
+    const std::size_t moving = active_.size();
+    if (moving > kFewActive) return sweep(only_touched);
     bool any = false;
-    const std::size_t moving = active_.size(), count = sorted_.size();
+    const std::size_t count = sorted_.size();
     for (std::size_t at = 0; at < moving; ++at) {
-        const int i = active_[at];
+        const int i = active_[at], prev = pool_[i].prev, next = pool_[i].next;
         const Box box = pool_.box(i);
         for (std::size_t on = 0; on < count; ++on) {
             const int j = sorted_[on];
-            if (j == i || !box.meets(pool_.box(j)) || !try_pair(i, j, only_touched)) continue;
+            if (!(box.meets(pool_.box(j)) & (j != i) & (j != prev) & (j != next))) continue;
+            if (!try_pair(i, j, only_touched)) continue;
             any = true;
             break;
         }

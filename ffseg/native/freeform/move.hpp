@@ -73,32 +73,40 @@ void Chain<D>::move() {
     }
 }
 
-// Does the curve between samples k and k + 1 meet something blocked? Edges are 4-connected
-// chains of pixels, at least 0.7 pixels thick.
+// Does the curve between samples k and k + 1 meet something blocked? Edges are 4-connected chains of pixels, at least 0.7
+// pixels thick. Pixels outside the band lie at least one pixel before an edge, so that none hides between two of them
+// less than two pixels apart.
 template <int D>
 bool Chain<D>::interval_hits(const Points& points, int k) const {
     constexpr int kSub = Basis<D>::kSub;
-    const Basis<D>& basis = Basis<D>::get();
     const double chord = norm(points[k + 1] - points[k]);
     const double free = field_.free_reach(points[k]) + field_.free_reach(points[k + 1]);
     if (free > 0 && free >= kBulge * chord) return false;
-    if (chord > kLookEvery * kSub) {
-        const int pieces = 1 + static_cast<int>(chord / (kLookEvery * kSub));
-        for (int j = 0; j < kSub; ++j) {  // far apart: straight pieces between the kSub curve points
-            const Vec2 a = apply<D>(basis.between[k][j], points);
-            const Vec2 b = j + 1 < kSub ? apply<D>(basis.between[k][j + 1], points) : points[k + 1];
-            for (int piece = 0; piece < pieces; ++piece) {
-                const double u = static_cast<double>(piece) / pieces;
-                if (field_.solid(field_.clamp(a + u * (b - a)))) return true;
-            }
+    const auto& weights = Basis<D>::get().looks[k];
+    std::array<float, kSub + 1> x{}, y{};
+    for (int i = 0; i <= D; ++i) {
+        const auto px = static_cast<float>(points[i].x), py = static_cast<float>(points[i].y);
+        for (int j = 0; j < kSub; ++j) {
+            x[j] += weights[i][j] * px;
+            y[j] += weights[i][j] * py;
         }
-        return field_.solid(field_.clamp(points[k + 1]));
     }
-    const int stride = chord <= 2 * kLookEvery ? 4 : chord <= 4 * kLookEvery ? 2 : 1;
-    for (int j = stride; j < kSub; j += stride) {
-        if (field_.solid(field_.clamp(apply<D>(basis.between[k][j], points)))) return true;
+    x[kSub] = static_cast<float>(points[k + 1].x);
+    y[kSub] = static_cast<float>(points[k + 1].y);
+    std::array<std::uint8_t, kSub + 1> seen;
+    unsigned any = 0;
+    for (int j = 0; j <= kSub; ++j) any |= seen[j] = field_.look(x[j], y[j]);
+    if (Field::is_solid(any)) return true;
+    if (chord <= kLookEvery * kSub || (any == 0 && chord <= 2 * kLookEvery * kSub)) return false;
+    const int pieces = 1 + static_cast<int>(chord / (kLookEvery * kSub));  // straight, between the points looked at
+    for (int j = 0; j < kSub; ++j) {
+        if (pieces == 2 && (seen[j] | seen[j + 1]) == 0) continue;
+        for (int piece = 1; piece < pieces; ++piece) {
+            const float u = static_cast<float>(piece) / static_cast<float>(pieces);
+            if (Field::is_solid(field_.look(x[j] + u * (x[j + 1] - x[j]), y[j] + u * (y[j + 1] - y[j])))) return true;
+        }
     }
-    return field_.solid(points[k + 1]) || field_.solid(points[k]);
+    return false;
 }
 
 template <int D>
