@@ -1,6 +1,7 @@
 // The evolving contour: its state and the steps of one iteration, defined in move.hpp, refine.hpp, flip.hpp.
 #pragma once
 #include <cstdint>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -42,6 +43,8 @@ constexpr std::size_t kStripHeight = 64;
 constexpr std::size_t kFewNew = 16;
 // Components enclosing less cannot hold the band of one edge pixel (3 x 3) and are dropped.
 constexpr double kVoidArea = 4.0;
+// A loop with more patches than this many times those of the hole beside it is not looked at.
+constexpr int kHoleWalk = 16;
 // Rounds of crossing tests in one iteration; what is left waits for the next.
 constexpr int kFlipRounds = 6;
 // Patches near edges are halved down to this length, at most this often, before they are flipped, so that the flip
@@ -135,7 +138,7 @@ private:
     bool loop_encloses_solid(int i) const;
     void drop(int i);
     void drop_nested();
-    double loop_area(int i) const;
+    double loop_area(int i, int most = std::numeric_limits<int>::max()) const;
     double patch_area(int i, Vec2 origin) const;
     bool loop_contains(int loop, Vec2 p) const;
 

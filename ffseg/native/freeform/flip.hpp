@@ -328,12 +328,14 @@ double Chain<D>::patch_area(int i, Vec2 origin) const {
     return 0.5 * twice;
 }
 
+// The area of the polygon of samples of a loop of at most so many patches, else infinity.
 template <int D>
-double Chain<D>::loop_area(int i) const {
+double Chain<D>::loop_area(int i, int most) const {
     const Vec2 origin = pool_[i].m[0];
     double area = 0.0;
     int at = i;
     do {
+        if (--most < 0) return std::numeric_limits<double>::infinity();
         area += patch_area(at, origin);
         at = pool_[at].next;
     } while (at != i);
@@ -385,8 +387,9 @@ template <int D>
 void Chain<D>::classify(int i, int j, bool simple) {
     const Vec2 origin = pool_[i].m[0];
     double area_i = 0.0, area_j = 0.0;
-    int at_i = i, at_j = j, small = -1, large = -1;
+    int at_i = i, at_j = j, small = -1, large = -1, walked = 0;
     while (small < 0) {
+        ++walked;
         area_i += patch_area(at_i, origin);
         at_i = pool_[at_i].next;
         if (at_i == j) {
@@ -414,7 +417,16 @@ void Chain<D>::classify(int i, int j, bool simple) {
         drop(small);
         return;
     }
-    if (area < 0) return;  // a hole
+    if (area < 0) {  // a hole; what a hole cuts off beside it lies in what is filled already
+        const double beside = loop_area(large, kHoleWalk * walked);
+        if (beside <= 0 || beside >= -area) return;
+        if (!simple && loop_encloses_solid(large)) {
+            undecided_.emplace_back(i, j);
+        } else {
+            drop(large);
+        }
+        return;
+    }
     if (!simple && loop_encloses_solid(small)) {  // crossings still to come may show a hole in it
         undecided_.emplace_back(i, j);
         return;

@@ -43,6 +43,7 @@ public:
 private:
     static constexpr int kPieces = D <= 3 ? 4 : 8;
     static constexpr int kPoints = D * kPieces + 1;
+    static constexpr std::size_t kFine = 32;
     struct Place {
         std::size_t component, first;  // the patch beginning at this sample
         bool operator<(const Place& o) const {
@@ -100,8 +101,48 @@ private:
                 if (a.place.component == b.place.component) loops_.emplace_back(a.place, b.place);
             }
         }
+        find_cusps();
         std::sort(crossing_.begin(), crossing_.end());
         crossing_.erase(std::unique(crossing_.begin(), crossing_.end()), crossing_.end());
+    }
+
+    // Two patches that meet at a sharp corner may cross so near to it that the pieces miss it: looked at finely.
+    void find_cusps() {
+        for (std::size_t at = 0; at < pieces_.size(); ++at) {
+            const Piece& a = pieces_[at];
+            const std::size_t samples = components_[a.place.component].size();
+            const Piece& b = pieces_[a.place.first + D < samples ? at + 1 : at + 1 - samples / D];
+            if (dot(a.points[kPoints - 1] - a.points[kPoints - 2], b.points[1] - b.points[0]) >= 0) continue;
+            const auto p = finely(a.place, D - 1), q = finely(b.place, 0);
+            bool crossing = false;
+            for (std::size_t i = 0; i + 1 < p.size() && !crossing; ++i) {
+                for (std::size_t j = 0; j + 1 < q.size() && !crossing; ++j) {
+                    crossing = segments_cross(p[i], p[i + 1], q[j], q[j + 1]);
+                }
+            }
+            if (!crossing) continue;
+            crossing_.push_back(a.place);
+            crossing_.push_back(b.place);
+        }
+    }
+
+    // The curve of a patch from its sample k to the next.
+    std::array<Vec2, kFine + 1> finely(const Place& place, std::size_t k) const {
+        const Basis<D>& basis = Basis<D>::get();
+        const Samples& at = components_[place.component];
+        std::array<Vec2, D + 1> points, control;
+        for (std::size_t i = 0; i <= D; ++i) points[i] = at[(place.first + i) % at.size()];
+        for (std::size_t i = 0; i <= D; ++i) control[i] = apply<D>(basis.inverse[i], points);
+        std::array<Vec2, kFine + 1> curve;
+        for (std::size_t j = 0; j <= kFine; ++j) {
+            auto left = control;  // de Casteljau (Algorithm 1)
+            const double t = (static_cast<double>(k) + static_cast<double>(j) / kFine) / D;
+            for (std::size_t level = 1; level <= D; ++level) {
+                for (std::size_t i = 0; i + level <= D; ++i) left[i] += t * (left[i + 1] - left[i]);
+            }
+            curve[j] = left[0];
+        }
+        return curve;
     }
 
     static bool crosses_itself(const Piece& a) {
