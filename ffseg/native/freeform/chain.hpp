@@ -136,6 +136,7 @@ private:
     void flip_adjacent(int i);
     void classify(int i, int j, bool simple);
     bool loop_encloses_solid(int i) const;
+    bool nested(int loop);
     void drop(int i);
     void drop_nested();
     double loop_area(int i, int most = std::numeric_limits<int>::max()) const;
@@ -151,7 +152,7 @@ private:
     std::size_t num_sorted_ = 0;  // of sorted_ were in order after the last sweep
     std::vector<std::pair<double, int>> keys_;
     std::vector<Strip> strips_;
-    std::vector<std::uint8_t> moving_;
+    std::vector<std::uint8_t> moving_, own_;
     std::vector<std::vector<Vec2>> settled_;  // the samples of each component once it has settled
     EvolutionCounts counts_;
     StopReason reason_ = StopReason::kRunning;

@@ -358,6 +358,29 @@ bool Chain<D>::loop_contains(int loop, Vec2 p) const {
     return inside;
 }
 
+// Does a positive loop lie in what the others have filled: is their winding number there one or more?
+template <int D>
+bool Chain<D>::nested(int loop) {
+    own_.assign(static_cast<std::size_t>(pool_.size()), 0);
+    int at = loop;
+    do {
+        own_[static_cast<std::size_t>(at)] = 1;
+        at = pool_[at].next;
+    } while (at != loop);
+    const Vec2 p = pool_[loop].m[0];
+    int winding = outside_filled_ ? 1 : 0;
+    for (const int i : sorted_) {
+        if (!pool_[i].alive || own_[static_cast<std::size_t>(i)] != 0) continue;
+        const Points points = pool_.samples(i);
+        for (int k = 0; k < D; ++k) {
+            const Vec2 a = points[k], b = points[k + 1];
+            if ((a.y > p.y) == (b.y > p.y) || p.x >= a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x)) continue;
+            winding += b.y > a.y ? 1 : -1;
+        }
+    }
+    return winding >= 1;
+}
+
 template <int D>
 bool Chain<D>::loop_encloses_solid(int i) const {
     std::vector<Vec2> polygon;
@@ -417,14 +440,17 @@ void Chain<D>::classify(int i, int j, bool simple) {
         drop(small);
         return;
     }
-    if (area < 0) {  // a hole; what a hole cuts off beside it lies in what is filled already
-        const double beside = loop_area(large, kHoleWalk * walked);
-        if (beside <= 0 || beside >= -area) return;
-        if (!simple && loop_encloses_solid(large)) {
+    const auto drop_if_nested = [&](int loop) {
+        if (!nested(loop)) return;
+        if (!simple && loop_encloses_solid(loop)) {
             undecided_.emplace_back(i, j);
         } else {
-            drop(large);
+            drop(loop);
         }
+    };
+    if (area < 0) {  // a hole; what it cuts off beside it may lie in what is filled already
+        const double beside = loop_area(large, kHoleWalk * walked);
+        if (beside > 0 && std::isfinite(beside)) drop_if_nested(large);
         return;
     }
     if (!simple && loop_encloses_solid(small)) {  // crossings still to come may show a hole in it
@@ -439,8 +465,8 @@ void Chain<D>::classify(int i, int j, bool simple) {
         } else if (loop_contains(outer, pool_[inner].m[0])) {
             drop(inner);
         }
-    } else if (area < -other) {
-        drop(small);  // a hole folded over: what lies beyond its border is filled already
+    } else {
+        drop_if_nested(small);
     }
 }
 
