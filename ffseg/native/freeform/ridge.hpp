@@ -25,7 +25,8 @@ public:
         const int right = view_.width > 1 ? 1 : 0, down = view_.height > 1 ? view_.width : 0;
         const std::uint16_t* at = view_.data + static_cast<std::ptrdiff_t>(row) * view_.width + column;
         const double u = x - column, v = y - row;
-        return (1 - v) * ((1 - u) * at[0] + u * at[right]) + v * ((1 - u) * at[down] + u * at[down + right]);
+        const double top = at[0] + u * (at[right] - at[0]), bottom = at[down] + u * (at[down + right] - at[down]);
+        return top + v * (bottom - top);
     }
 
     // Signed distance from p along `normal` to the peak nearest to `expected` in [from, to]; NaN without a peak.

@@ -18,6 +18,9 @@ constexpr double kRidgeOutlier = 1.0;
 // Where the ridge runs farther than this from the curve between samples, the patch is split.
 constexpr double kRidgeMiss = 0.3;
 constexpr int kRidgeRounds = 3;
+// Only patches whose samples bend at least so far (second difference, px) are looked at: smoothing leaves no edge that
+// departs from a straight line and returns between two samples.
+constexpr double kBent = 0.8;
 // Distance between the samples of a settled contour: two scales of the smoothing, below which edges have no detail.
 constexpr double kSettledSpacing = 3.0;
 // Normals are taken across this distance to either side, over the jitter of samples stopped by a pixel staircase.
@@ -41,10 +44,9 @@ public:
     Samples run(Samples samples, bool refine, double spacing, int& splits) {
         at_ = std::move(samples);
         fresh_.assign(at_.size(), 1);
-        project(kRidgeAhead, -kRidgeBack, reach_);
         if (refine) lay_out(std::min(spacing, kSettledSpacing));
         fresh_.assign(at_.size(), 1);
-        project(0.0, -kRidgeAhead, kRidgeAhead);
+        project(kRidgeAhead, -kRidgeBack, reach_);
         for (int round = 0; refine && round < kRidgeRounds; ++round) {
             const int split = split_missed();
             splits += split;
@@ -226,6 +228,11 @@ private:
     bool misses(const std::array<Vec2, D + 1>& points) const {
         constexpr int kHalf = Basis<D>::kSub / 2;
         const Basis<D>& basis = Basis<D>::get();
+        double bend = D > 1 ? 0.0 : kBent;
+        for (std::size_t k = 1; k < D; ++k) {
+            bend = std::max(bend, norm2(points[k + 1] - points[k] - (points[k] - points[k - 1])));
+        }
+        if (bend < kBent * kBent) return false;
         for (std::size_t k = 0; k < D; ++k) {
             if (norm2(points[k + 1] - points[k]) < 4 * kClosest * kClosest) continue;
             const Vec2 tangent = unit(apply<D>(basis.between_slope[k][kHalf], points));

@@ -146,6 +146,10 @@ private:
     }
 
     static bool crosses_itself(const Piece& a) {
+        const Vec2 chord = a.points[kPoints - 1] - a.points[0];
+        bool onward = true;  // what runs one way does not cross itself
+        for (std::size_t i = 0; i + 1 < kPoints; ++i) onward &= dot(a.points[i + 1] - a.points[i], chord) > 0;
+        if (onward) return false;
         for (std::size_t i = 0; i + 3 < kPoints; ++i) {
             for (std::size_t j = i + 2; j + 1 < kPoints; ++j) {
                 if (segments_cross(a.points[i], a.points[i + 1], a.points[j], a.points[j + 1])) return true;
