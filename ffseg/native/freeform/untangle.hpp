@@ -1,6 +1,7 @@
 // Settled contours that still cross themselves or each other are smoothed and drawn back there until they do not.
 #pragma once
 #include <algorithm>
+#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -12,8 +13,12 @@ namespace ffseg {
 constexpr int kUntangleRounds = 24;
 // Loops that are still there after so many rounds are cut off.
 constexpr int kEaseRounds = 8;
+// A component that still crosses itself after so many is divided there.
+constexpr int kDivideRound = 16;
 // A component of at most so many samples that is still wound up then is replaced by its convex hull.
 constexpr std::size_t kSpeck = 64;
+// Curves nearer to each other than this touch, as far as anyone can draw them.
+constexpr double kTouch = 0.01;
 // Pixels drawn back along the normal in each round.
 constexpr double kDrawBack = 0.25;
 
@@ -28,9 +33,9 @@ public:
             find_crossings();
             if (crossing_.empty()) return true;
             for (const Place& place : crossing_) ease(place);
-            if (round >= kEaseRounds) {
-                for (const auto& [from, to] : loops_) cut(from, to);
-            }
+            if (round < kEaseRounds) continue;
+            for (const auto& [from, to] : loops_) cut(from, to);
+            if (round == kDivideRound) divide();
         }
         find_crossings();
         for (const Place& place : crossing_) {
@@ -44,6 +49,7 @@ private:
     static constexpr int kPieces = D <= 3 ? 4 : 8;
     static constexpr int kPoints = D * kPieces + 1;
     static constexpr std::size_t kFine = 32;
+    using Fine = std::array<Vec2, kFine + 1>;
     struct Place {
         std::size_t component, first;  // the patch beginning at this sample
         bool operator<(const Place& o) const {
@@ -55,6 +61,8 @@ private:
         Place place;
         Box box;
         std::array<Vec2, kPoints> points;
+        Vec2 entering, leaving;  // tangents at the ends
+        double bend;             // how far the curve may lie from the points' polygon
     };
 
     void flatten() {
@@ -65,7 +73,7 @@ private:
             for (std::size_t first = 0; first < at.size(); first += D) {
                 std::array<Vec2, D + 1> points;
                 for (std::size_t k = 0; k <= D; ++k) points[k] = at[(first + k) % at.size()];
-                Piece piece{{c, first}, {}, {}};
+                Piece piece{{c, first}, {}, {}, apply<D>(basis.slope[0], points), apply<D>(basis.slope[D], points), 0.0};
                 for (std::size_t k = 0; k < D; ++k) {
                     piece.points[k * kPieces] = points[k];
                     for (std::size_t j = 1; j < kPieces; ++j) {
@@ -74,6 +82,11 @@ private:
                 }
                 piece.points[kPoints - 1] = points[D];
                 for (const Vec2 p : piece.points) piece.box.add(p);
+                for (std::size_t i = 1; i + 1 < kPoints; ++i) {
+                    const Vec2 turn = piece.points[i + 1] - piece.points[i] - (piece.points[i] - piece.points[i - 1]);
+                    piece.bend = std::max(piece.bend, norm2(turn));
+                }
+                piece.bend = 0.125 * std::sqrt(piece.bend);  // the sagitta of a chord
                 pieces_.push_back(piece);
             }
         }
@@ -95,7 +108,7 @@ private:
             }
             for (std::size_t j = i + 1; j < order_.size() && pieces_[order_[j]].box.x0 <= a.box.x1; ++j) {
                 const Piece& b = pieces_[order_[j]];
-                if (!a.box.meets(b.box) || !cross(a, b)) continue;
+                if (!a.box.meets(b.box) || !(cross(a, b) || cross_finely(a, b))) continue;
                 crossing_.push_back(a.place);
                 crossing_.push_back(b.place);
                 if (a.place.component == b.place.component) loops_.emplace_back(a.place, b.place);
@@ -106,34 +119,70 @@ private:
         crossing_.erase(std::unique(crossing_.begin(), crossing_.end()), crossing_.end());
     }
 
-    // Two patches that meet at a sharp corner may cross so near to it that the pieces miss it: looked at finely.
+    // Two patches that turn back where they meet may cross so near to their joint that the pieces miss it.
     void find_cusps() {
         for (std::size_t at = 0; at < pieces_.size(); ++at) {
             const Piece& a = pieces_[at];
             const std::size_t samples = components_[a.place.component].size();
             const Piece& b = pieces_[a.place.first + D < samples ? at + 1 : at + 1 - samples / D];
-            if (dot(a.points[kPoints - 1] - a.points[kPoints - 2], b.points[1] - b.points[0]) >= 0) continue;
-            const auto p = finely(a.place, D - 1), q = finely(b.place, 0);
-            bool crossing = false;
-            for (std::size_t i = 0; i + 1 < p.size() && !crossing; ++i) {
-                for (std::size_t j = 0; j + 1 < q.size() && !crossing; ++j) {
-                    crossing = segments_cross(p[i], p[i + 1], q[j], q[j + 1]);
-                }
-            }
-            if (!crossing) continue;
+            if (dot(a.leaving, b.entering) >= 0) continue;
+            if (!touch(finely(a.place, D - 1), finely(b.place, 0), kTouch)) continue;
             crossing_.push_back(a.place);
             crossing_.push_back(b.place);
         }
     }
 
+    // The same for curves that bend so much that their polygons do not show where they cross. Neighbours meet anyway.
+    bool cross_finely(const Piece& a, const Piece& b) const {
+        if (a.bend + b.bend < kTouch) return false;
+        const std::size_t n = components_[a.place.component].size();
+        if (a.place.component == b.place.component &&
+            ((a.place.first + D) % n == b.place.first || (b.place.first + D) % n == a.place.first)) {
+            return false;
+        }
+        for (std::size_t i = 0; i < D; ++i) {
+            const auto p = finely(a.place, i);
+            for (std::size_t j = 0; j < D; ++j) {
+                if (touch(p, finely(b.place, j), 0.0)) return true;
+            }
+        }
+        return false;
+    }
+
+    // Do two curves cross, or come nearer than `near` to each other a little off the end of the first?
+    static bool touch(const Fine& p, const Fine& q, double near) {
+        for (std::size_t i = 0; i + 1 < p.size(); ++i) {
+            Box box;
+            box.add({std::min(p[i].x, p[i + 1].x) - near, std::min(p[i].y, p[i + 1].y) - near});
+            box.add({std::max(p[i].x, p[i + 1].x) + near, std::max(p[i].y, p[i + 1].y) + near});
+            const bool off_joint = norm2(p[i] - p.back()) > 25 * near * near;
+            for (std::size_t j = 0; j + 1 < q.size(); ++j) {
+                Box other;
+                other.add(q[j]);
+                other.add(q[j + 1]);
+                if (!box.meets(other)) continue;
+                if (segments_cross(p[i], p[i + 1], q[j], q[j + 1])) return true;
+                if (near > 0 && off_joint && distance2(p[i], q[j], q[j + 1]) < near * near) return true;
+            }
+        }
+        return false;
+    }
+
+    // Squared distance from a point to a segment.
+    static double distance2(Vec2 p, Vec2 a, Vec2 b) {
+        const Vec2 along = b - a;
+        const double size = norm2(along), t = size > 0 ? std::clamp(dot(p - a, along) / size, 0.0, 1.0) : 0.0;
+        return norm2(p - (a + t * along));
+    }
+
     // The curve of a patch from its sample k to the next.
-    std::array<Vec2, kFine + 1> finely(const Place& place, std::size_t k) const {
+    Fine finely(const Place& place, std::size_t k) const {
         const Basis<D>& basis = Basis<D>::get();
         const Samples& at = components_[place.component];
         std::array<Vec2, D + 1> points, control;
         for (std::size_t i = 0; i <= D; ++i) points[i] = at[(place.first + i) % at.size()];
         for (std::size_t i = 0; i <= D; ++i) control[i] = apply<D>(basis.inverse[i], points);
-        std::array<Vec2, kFine + 1> curve;
+        Fine curve;
         for (std::size_t j = 0; j <= kFine; ++j) {
             auto left = control;  // de Casteljau (Algorithm 1)
             const double t = (static_cast<double>(k) + static_cast<double>(j) / kFine) / D;
@@ -202,15 +251,43 @@ private:
         }
     }
 
+    // A component that crosses itself far from any loop that can be cut off becomes two, without the crossing patches. Of
+    // a component whose two parts run round in opposite ways only the larger one stays.
+    void divide() {
+        std::vector<Samples> made;
+        std::vector<bool> divided(components_.size(), false);
+        for (const auto& [from, to] : loops_) {
+            Samples& at = components_[from.component];
+            const std::size_t low = std::min(from.first, to.first), high = std::max(from.first, to.first);
+            if (divided[from.component] || high - low < 3 * D || at.size() - (high - low) < 3 * D) continue;
+            divided[from.component] = true;
+            const auto begin = at.begin();
+            Samples part(begin + static_cast<std::ptrdiff_t>(low + D), begin + static_cast<std::ptrdiff_t>(high));
+            at.erase(begin + static_cast<std::ptrdiff_t>(low), begin + static_cast<std::ptrdiff_t>(high + D));
+            const double mine = twice_area(part), rest = twice_area(at);
+            if ((mine > 0) == (rest > 0)) {
+                made.push_back(std::move(part));
+            } else if (std::abs(mine) > std::abs(rest)) {
+                at = std::move(part);
+            }
+        }
+        std::move(made.begin(), made.end(), std::back_inserter(components_));
+    }
+
+    static double twice_area(const Samples& at) {
+        double twice = 0.0;
+        for (std::size_t i = 0; i < at.size(); ++i) {
+            twice += ffseg::cross(at[i] - at[0], at[(i + 1) % at.size()] - at[0]);
+        }
+        return twice;
+    }
+
     // A small component wound up on itself becomes its convex hull, of the same orientation.
     static void enclose(Samples& at) {
         Samples sorted = at;
         std::sort(sorted.begin(), sorted.end(),
                   [](Vec2 a, Vec2 b) { return a.x != b.x ? a.x < b.x : a.y < b.y; });
-        double twice = 0.0;
-        for (std::size_t i = 0; i < at.size(); ++i) {
-            twice += ffseg::cross(at[i] - at[0], at[(i + 1) % at.size()] - at[0]);
-        }
+        const bool backwards = twice_area(at) < 0;
         Samples hull;
         for (int side = 0; side < 2; ++side) {  // Andrew's monotone chain
             const std::size_t base = hull.size();
@@ -224,7 +301,7 @@ private:
             hull.pop_back();
             std::reverse(sorted.begin(), sorted.end());
         }
-        if (twice < 0) std::reverse(hull.begin(), hull.end());
+        if (backwards) std::reverse(hull.begin(), hull.end());
         double total = 0.0, passed = 0.0;
         for (std::size_t i = 0; i < hull.size(); ++i) total += norm(hull[(i + 1) % hull.size()] - hull[i]);
         std::size_t on = 0;
