@@ -436,8 +436,12 @@ void Chain<D>::classify(int i, int j, bool simple) {
         }
     }
     const double area = small == i ? area_i : area_j;
-    if (std::abs(area) < kVoidArea) {
-        drop(small);
+    if (std::abs(area) < kVoidArea) {  // a loop that still crosses itself may owe this to two large lobes
+        if (!simple && loop_encloses_solid(small)) {
+            undecided_.emplace_back(i, j);
+        } else {
+            drop(small);
+        }
         return;
     }
     const auto drop_if_nested = [&](int loop) {
