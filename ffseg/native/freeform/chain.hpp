@@ -160,6 +160,7 @@ private:
     // the rest of the way to the edges in the field without growth, where the passages it stopped at are closed.
     std::unique_ptr<Field> open_field_;
     bool outside_filled_ = false;
+    bool unresolved_ = false;  // polygons crossed in this iteration that no flip has parted
     int most_patches_;
 };
 

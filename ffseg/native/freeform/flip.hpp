@@ -52,7 +52,9 @@ bool Chain<D>::try_pair(int i, int j, bool only_touched) {
     if (!a.alive || !b.alive || !(a.active || b.active)) return false;
     if (only_touched && !(a.touched || b.touched)) return false;
     if (a.next == j || b.next == i || !polygons_cross(i, j)) return false;
-    return flip(i, j, 0);
+    const bool done = flip(i, j, 0);
+    unresolved_ = unresolved_ || !done;
+    return done;
 }
 
 // The bounding-box filter over the sorted patches, in strips so that its time stays linear in their number.
@@ -107,9 +109,10 @@ bool Chain<D>::flip_round(bool only_touched) {
 template <int D>
 void Chain<D>::flip_crossings() {
     for (int i : active_) pool_[i].touched = false;
+    unresolved_ = false;
     bool crossing = true;
     for (int round = 0; round < kFlipRounds && crossing; ++round) crossing = flip_round(round > 0);
-    if (!crossing) {  // what was left undecided has become a simple curve
+    if (!crossing && !unresolved_) {  // what was left undecided has become a simple curve
         for (const auto& [i, j] : undecided_) {
             if (pool_[i].alive && pool_[j].alive) classify(i, j, true);
         }
