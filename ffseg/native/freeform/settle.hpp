@@ -204,7 +204,8 @@ private:
     }
 
     // Patches whose control polygon crosses itself may loop, those whose polygon is much longer than that of the samples
-    // swing about them: both take the least-squares curve of lower degree.
+    // swing about them, those that leave or reach an end backwards have a hook there: all take the least-squares curve of
+    // lower degree.
     void calm() {
         const Basis<D>& basis = Basis<D>::get();
         for (std::size_t first = 0; first < at_.size(); first += D) {
@@ -220,7 +221,9 @@ private:
                     loops = loops || segments_cross(control[j - 1], control[j], control[k - 1], control[k]);
                 }
             }
-            if (!loops && polygon <= kSwing * size) continue;
+            const bool hooks = dot(control[1] - control[0], points[1] - points[0]) < 0 ||
+                               dot(control[D] - control[D - 1], points[D] - points[D - 1]) < 0;
+            if (!loops && !hooks && polygon <= kSwing * size) continue;
             for (std::size_t k = 1; k < D; ++k) at_[first + k] = field_.clamp(apply<D>(basis.calm[k], points));
         }
     }

@@ -63,6 +63,7 @@ private:
         std::array<Vec2, kPoints> points;
         Vec2 entering, leaving;  // tangents at the ends
         double bend;             // how far the curve may lie from the points' polygon
+        bool onward;
     };
 
     void flatten() {
@@ -73,7 +74,9 @@ private:
             for (std::size_t first = 0; first < at.size(); first += D) {
                 std::array<Vec2, D + 1> points;
                 for (std::size_t k = 0; k <= D; ++k) points[k] = at[(first + k) % at.size()];
-                Piece piece{{c, first}, {}, {}, apply<D>(basis.slope[0], points), apply<D>(basis.slope[D], points), 0.0};
+                Piece piece{};
+                piece.place = {c, first};
+                look_at_control(points, piece);
                 for (std::size_t k = 0; k < D; ++k) {
                     piece.points[k * kPieces] = points[k];
                     for (std::size_t j = 1; j < kPieces; ++j) {
@@ -89,6 +92,19 @@ private:
                 piece.bend = 0.125 * std::sqrt(piece.bend);  // the sagitta of a chord
                 pieces_.push_back(piece);
             }
+        }
+    }
+
+    static void look_at_control(const std::array<Vec2, D + 1>& points, Piece& piece) {
+        const Basis<D>& basis = Basis<D>::get();
+        Vec2 at = points[0];
+        piece.onward = true;
+        for (std::size_t k = 1; k <= D; ++k) {
+            const Vec2 next = apply<D>(basis.inverse[k], points), side = next - at;
+            if (k == 1) piece.entering = side;
+            piece.leaving = side;
+            piece.onward = piece.onward && dot(side, points[D] - points[0]) > 0;
+            at = next;
         }
     }
 
@@ -194,14 +210,18 @@ private:
         return curve;
     }
 
-    static bool crosses_itself(const Piece& a) {
-        const Vec2 chord = a.points[kPoints - 1] - a.points[0];
-        bool onward = true;  // what runs one way does not cross itself
-        for (std::size_t i = 0; i + 1 < kPoints; ++i) onward &= dot(a.points[i + 1] - a.points[i], chord) > 0;
-        if (onward) return false;
-        for (std::size_t i = 0; i + 3 < kPoints; ++i) {
-            for (std::size_t j = i + 2; j + 1 < kPoints; ++j) {
-                if (segments_cross(a.points[i], a.points[i + 1], a.points[j], a.points[j + 1])) return true;
+    // What runs one way, as its control polygon shows, does not cross itself; the others are looked at finely.
+    bool crosses_itself(const Piece& a) const {
+        if (a.onward) return false;
+        constexpr std::size_t kStride = 2, kCount = D * kFine / kStride;
+        std::array<Vec2, kCount + 1> curve;
+        for (std::size_t k = 0; k < D; ++k) {
+            const Fine part = finely(a.place, k);
+            for (std::size_t j = 0; j <= kFine; j += kStride) curve[(k * kFine + j) / kStride] = part[j];
+        }
+        for (std::size_t i = 0; i + 3 <= kCount; ++i) {
+            for (std::size_t j = i + 2; j < kCount; ++j) {
+                if (segments_cross(curve[i], curve[i + 1], curve[j], curve[j + 1])) return true;
             }
         }
         return false;
