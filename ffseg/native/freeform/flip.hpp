@@ -252,6 +252,9 @@ template <int D>
 bool Chain<D>::flip_finer(int i, int j, int depth) {
     const int i2 = length(i) > kFlipLength ? split(i) : -1;
     const int j2 = length(j) > kFlipLength ? split(j) : -1;
+    for (const int half : {i, i2, j, j2}) {  // to be compared with all others in the next round
+        if (half >= 0) pool_[half].touched = true;
+    }
     for (const int a : {i, i2}) {
         for (const int b : {j, j2}) {
             if (a < 0 || b < 0 || !pool_.box(a).meets(pool_.box(b)) || !polygons_cross(a, b)) continue;
