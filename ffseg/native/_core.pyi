@@ -6,19 +6,19 @@ import numpy
 from numpy.typing import NDArray
 
 
-def gradient_magnitude(smoothed: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+def gradient_and_ridges(image: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], sigma: float, gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu')], ridges: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu')]) -> None:
     """
-    Sobel gradient magnitude of the strongest channel, in 1/32 grey level per pixel, into `out`.
-    """
-
-def canny_auto(smoothed: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu')], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, factor: float, least: float, low_ratio: float, spread: float, out: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu')]) -> int:
-    """
-    Canny edges with thresholds from the local noise; returns the noise of quiet windows. Stored units.
+    Gradient magnitude of the strongest channel of the smoothed image, in 1/32 grey level per pixel, and 1 on its ridges (0 elsewhere).
     """
 
-def canny(smoothed: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu')], low: int, high: int, out: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+def canny_auto(gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu', writable=False)], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, factor: float, least: float, low_ratio: float, spread: float, edges: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu')]) -> int:
     """
-    Canny edges (255) by non-maximum suppression and hysteresis; thresholds in stored units.
+    Canny edges (255) from the ridges in `edges`, in place, with thresholds from the local noise; returns the noise of quiet windows. Stored units.
+    """
+
+def canny(gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu', writable=False)], low: int, high: int, edges: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    Canny edges (255) from the ridges in `edges`, in place, by hysteresis; thresholds in stored units.
     """
 
 class EvolutionOptions:

@@ -150,17 +150,20 @@ def rasterize(core: ModuleType, rng: np.random.Generator) -> None:
 def edge_maps(core: ModuleType, rng: np.random.Generator) -> None:
     """Gradient and Canny edges of noise."""
     shape = sizes(rng)
-    planes = (*shape, 3) if rng.integers(2) else shape
-    smoothed = rng.integers(0, 256, planes, dtype=np.uint8)
+    planes = (*shape, int(rng.integers(1, 5))) if rng.integers(2) else shape
+    image = rng.integers(0, 256, planes, dtype=np.uint8)
     gradient, edges = np.zeros(shape, np.uint16), np.zeros(shape, np.uint8)
-    core.gradient_magnitude(smoothed, gradient)
+    sigma = float(rng.choice([0.01, 0.5, 1.5, 1.5, 4.0, 20.0, 32.0])) if rng.integers(20) else float(rng.choice(ODD))
+    core.gradient_and_ridges(image, sigma, gradient, edges)
+    if rng.integers(4) == 0:  # no gradient of any image
+        gradient, edges = rng.integers(0, 1 << 16, shape, dtype=np.uint16), rng.integers(0, 256, shape, dtype=np.uint8)
     low, high = sorted(int(value) for value in rng.integers(0, 1 << 16, 2))
-    core.canny(smoothed, gradient, low, high, edges)
+    core.canny(gradient, low, high, edges.copy())
     domain = marks(rng, shape) if rng.integers(2) else None
     numbers = [2.5, float(rng.choice([0.0, 32.0, 1e6])), float(rng.choice([0.1, 0.5, 1.0])), 3.0]
     if rng.integers(10) == 0:
         numbers[rng.integers(4)] = float(rng.choice(ODD))
-    core.canny_auto(smoothed, gradient, domain, *numbers, edges)
+    core.canny_auto(gradient, domain, *numbers, edges)
 
 
 TARGETS = (evolve, rasterize, edge_maps)

@@ -3,7 +3,9 @@
 #include <stdexcept>
 
 #include "bindings.hpp"
-#include "edges/edges.hpp"
+#include "edges/canny.hpp"
+#include "edges/gradient.hpp"
+#include "edges/noise.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -13,9 +15,10 @@ namespace {
 using Bytes = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
 using Plane8 = nb::ndarray<std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Domain = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Gradient = nb::ndarray<const std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Plane16 = nb::ndarray<std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
-ffseg::GreyView view(const Bytes& image) {
+ffseg::ImageView view(const Bytes& image) {
     if (image.ndim() != 2 && image.ndim() != 3) throw std::invalid_argument("the image must be (H, W) or (H, W, C)");
     const std::size_t channels = image.ndim() == 3 ? image.shape(2) : 1;
     if (image.shape(0) == 0 || image.shape(1) == 0 || channels == 0) throw std::invalid_argument("the image is empty");
@@ -26,33 +29,40 @@ ffseg::GreyView view(const Bytes& image) {
             static_cast<int>(channels)};
 }
 
-void check_plane(const ffseg::GreyView& image, std::size_t height, std::size_t width) {
-    if (height != static_cast<std::size_t>(image.height) || width != static_cast<std::size_t>(image.width)) {
-        throw std::invalid_argument("the arrays differ in size");
+template <class Plane>
+void check_plane(const Plane& plane, std::size_t height, std::size_t width) {
+    if (plane.shape(0) != height || plane.shape(1) != width) throw std::invalid_argument("the arrays differ in size");
+}
+
+void check_size(const Gradient& gradient) {
+    if (gradient.shape(0) == 0 || gradient.shape(1) == 0) throw std::invalid_argument("the image is empty");
+    if (gradient.shape(0) > 65535 || gradient.shape(1) > 65535) {
+        throw std::invalid_argument("the image is larger than 65535 pixels a side");
     }
 }
 
-void py_gradient(const Bytes& image, Plane16 out) {
-    const ffseg::GreyView grey = view(image);
-    check_plane(grey, out.shape(0), out.shape(1));
+void py_gradient(const Bytes& image, double sigma, Plane16 gradient, Plane8 ridges) {
+    const ffseg::ImageView pixels = view(image);
+    check_plane(gradient, image.shape(0), image.shape(1));
+    check_plane(ridges, image.shape(0), image.shape(1));
+    if (!(sigma > 0 && sigma <= ffseg::kMostSigma)) throw std::invalid_argument("sigma is out of range");
     nb::gil_scoped_release release;
-    ffseg::gradient_magnitude(grey, out.data());
+    ffseg::gradient_and_ridges(pixels, ffseg::gaussian(sigma), gradient.data(), ridges.data());
 }
 
 // Thresholds from the noise: high = factor * local noise, at least `least`; low = low_ratio * high. The local noise is
 // held within `spread` times that of the quiet windows either way. Returns the latter.
-int py_canny_auto(const Bytes& image, Plane16 gradient, std::optional<Domain> domain, double factor, double least,
-                  double low_ratio, double spread, Plane8 out) {
-    const ffseg::GreyView grey = view(image);
-    check_plane(grey, gradient.shape(0), gradient.shape(1));
-    check_plane(grey, out.shape(0), out.shape(1));
-    if (domain) check_plane(grey, domain->shape(0), domain->shape(1));
+int py_canny_auto(const Gradient& gradient, std::optional<Domain> domain, double factor, double least,
+                  double low_ratio, double spread, Plane8 edges) {
+    check_size(gradient);
+    check_plane(edges, gradient.shape(0), gradient.shape(1));
+    if (domain) check_plane(*domain, gradient.shape(0), gradient.shape(1));
     if (!(factor >= 0 && least >= 0 && low_ratio >= 0 && low_ratio <= 1 && spread >= 1)) {
         throw std::invalid_argument("a threshold option is out of range");
     }
+    const int height = static_cast<int>(gradient.shape(0)), width = static_cast<int>(gradient.shape(1));
     nb::gil_scoped_release release;
-    const std::uint8_t* limits = domain ? domain->data() : nullptr;
-    const ffseg::NoiseMap noise = ffseg::noise_map(gradient.data(), limits, grey.height, grey.width);
+    const ffseg::NoiseMap noise = ffseg::noise_map(gradient.data(), domain ? domain->data() : nullptr, height, width);
     ffseg::ThresholdMap thresholds;
     thresholds.columns = noise.columns;
     for (const std::uint16_t block : noise.blocks) {
@@ -61,33 +71,36 @@ int py_canny_auto(const Bytes& image, Plane16 gradient, std::optional<Domain> do
         thresholds.high.push_back(static_cast<std::uint16_t>(std::lround(high)));
         thresholds.low.push_back(static_cast<std::uint16_t>(std::lround(low_ratio * high)));
     }
-    ffseg::canny(grey, gradient.data(), thresholds, out.data());
+    ffseg::link_edges(gradient.data(), height, width, thresholds, edges.data());
     return noise.quiet;
 }
 
-void py_canny(const Bytes& image, Plane16 gradient, int low, int high, Plane8 out) {
-    const ffseg::GreyView grey = view(image);
-    check_plane(grey, gradient.shape(0), gradient.shape(1));
-    check_plane(grey, out.shape(0), out.shape(1));
+void py_canny(const Gradient& gradient, int low, int high, Plane8 edges) {
+    check_size(gradient);
+    check_plane(edges, gradient.shape(0), gradient.shape(1));
+    if (low > high) throw std::invalid_argument("the low threshold is above the high one");
+    const int height = static_cast<int>(gradient.shape(0)), width = static_cast<int>(gradient.shape(1));
     const auto clamp = [](int value) { return static_cast<std::uint16_t>(std::clamp(value, 0, 65535)); };
     nb::gil_scoped_release release;
     constexpr int kBlock = ffseg::NoiseMap::kBlock;
     ffseg::ThresholdMap thresholds;
-    thresholds.columns = (grey.width + kBlock - 1) / kBlock;
-    const std::size_t rows = static_cast<std::size_t>((grey.height + kBlock - 1) / kBlock);
+    thresholds.columns = (width + kBlock - 1) / kBlock;
+    const std::size_t rows = static_cast<std::size_t>((height + kBlock - 1) / kBlock);
     thresholds.low.assign(rows * static_cast<std::size_t>(thresholds.columns), clamp(low));
     thresholds.high.assign(thresholds.low.size(), clamp(high));
-    ffseg::canny(grey, gradient.data(), thresholds, out.data());
+    ffseg::link_edges(gradient.data(), height, width, thresholds, edges.data());
 }
 
 }  // namespace
 
 void bind_edges(nb::module_& m) {
-    m.def("gradient_magnitude", &py_gradient, "smoothed"_a, "out"_a,
-          "Sobel gradient magnitude of the strongest channel, in 1/32 grey level per pixel, into `out`.");
-    m.def("canny_auto", &py_canny_auto, "smoothed"_a, "gradient"_a, "domain"_a.none(), "factor"_a, "least"_a,
-          "low_ratio"_a, "spread"_a, "out"_a,
-          "Canny edges with thresholds from the local noise; returns the noise of quiet windows. Stored units.");
-    m.def("canny", &py_canny, "smoothed"_a, "gradient"_a, "low"_a, "high"_a, "out"_a,
-          "Canny edges (255) by non-maximum suppression and hysteresis; thresholds in stored units.");
+    m.def("gradient_and_ridges", &py_gradient, "image"_a, "sigma"_a, "gradient"_a, "ridges"_a,
+          "Gradient magnitude of the strongest channel of the smoothed image, in 1/32 grey level per pixel, and 1 on its "
+          "ridges (0 elsewhere).");
+    m.def("canny_auto", &py_canny_auto, "gradient"_a, "domain"_a.none(), "factor"_a, "least"_a, "low_ratio"_a,
+          "spread"_a, "edges"_a,
+          "Canny edges (255) from the ridges in `edges`, in place, with thresholds from the local noise; returns the noise "
+          "of quiet windows. Stored units.");
+    m.def("canny", &py_canny, "gradient"_a, "low"_a, "high"_a, "edges"_a,
+          "Canny edges (255) from the ridges in `edges`, in place, by hysteresis; thresholds in stored units.");
 }
