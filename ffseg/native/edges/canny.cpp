@@ -14,7 +14,9 @@ namespace {
 constexpr std::size_t kShortestEdge = 6;
 
 // What a pixel is while edges are linked; ridges below the low threshold are none.
-enum Mark : std::uint8_t { kNone = 0, kWeak = 1, kStrong = 2, kEdge = 255 };
+enum Mark : std::uint8_t { kNone = 0, kWeak = 1, kStrong = 2, kTaken = 4 };
+constexpr std::uint8_t kOpen = kWeak | kStrong;
+constexpr std::uint8_t kEdge = 255;
 
 struct Pixel {
     int x, y;
@@ -31,12 +33,12 @@ public:
         take(seed);
         for (std::size_t at = 0; at < chain_.size(); ++at) {
             const Pixel here = chain_[at];
-            const int left = std::max(here.x - 1, 0), right = std::min(here.x + 1, width_ - 1);
+            const bool inside = here.x > 0 && here.x + 1 < width_;
             for (int y = std::max(here.y - 1, 0); y <= std::min(here.y + 1, height_ - 1); ++y) {
-                const std::uint8_t* row = marks_ + static_cast<std::ptrdiff_t>(y) * width_;
-                for (int x = left; x <= right; ++x) {
-                    if (row[x] == kWeak || row[x] == kStrong) take({x, y});
-                }
+                const std::uint8_t* middle = &mark({here.x, y});
+                // Most pixels near an edge are none or taken: three are asked at once.
+                if (inside && ((middle[-1] | middle[0] | middle[1]) & kOpen) == 0) continue;
+                for (int x = std::max(here.x - 1, 0); x <= std::min(here.x + 1, width_ - 1); ++x) take_open({x, y});
             }
         }
         if (chain_.size() >= kShortestEdge) return;
@@ -46,8 +48,12 @@ public:
 private:
     std::uint8_t& mark(Pixel at) { return marks_[static_cast<std::ptrdiff_t>(at.y) * width_ + at.x]; }
     void take(Pixel at) {
-        mark(at) = kEdge;
+        mark(at) = kTaken;
         chain_.push_back(at);
+    }
+
+    void take_open(Pixel at) {
+        if ((mark(at) & kOpen) != 0) take(at);
     }
 
     int height_, width_;
@@ -55,28 +61,26 @@ private:
     std::vector<Pixel> chain_;
 };
 
-// Thresholds of one row of blocks, pixel by pixel. Without a gradient there is no edge.
+// Thresholds of one row of blocks, pixel by pixel.
 void spread(const std::uint16_t* blocks, std::vector<std::uint16_t>& out) {
-    for (std::size_t x = 0; x < out.size(); ++x) out[x] = std::max<std::uint16_t>(blocks[x / NoiseMap::kBlock], 1);
+    for (std::size_t x = 0; x < out.size(); ++x) out[x] = blocks[x / NoiseMap::kBlock];
 }
 
 FFSEG_CLONES
 void mark_row(const std::uint16_t* gradient, const std::uint16_t* low, const std::uint16_t* high, std::uint8_t* marks,
               int count) {
-    const std::uint16_t* __restrict size = gradient;
-    const std::uint16_t* __restrict weak = low;
-    const std::uint16_t* __restrict strong = high;
-    std::uint8_t* __restrict out = marks;
+    FFSEG_APART
     for (int x = 0; x < count; ++x) {
-        const int passed = (size[x] >= weak[x]) + (size[x] >= strong[x]);
-        out[x] = static_cast<std::uint8_t>(out[x] != 0 ? passed : 0);
+        const std::uint16_t weak = gradient[x] >= low[x], strong = gradient[x] >= high[x];
+        const std::uint16_t passed = static_cast<std::uint16_t>(weak + strong);
+        marks[x] = static_cast<std::uint8_t>(marks[x] != 0 ? passed : 0);
     }
 }
 
 // What no strong pixel has reached is no edge.
 FFSEG_CLONES
 void keep_edges(std::uint8_t* marks, std::ptrdiff_t count) {
-    for (std::ptrdiff_t i = 0; i < count; ++i) marks[i] = marks[i] == kEdge ? kEdge : kNone;
+    for (std::ptrdiff_t i = 0; i < count; ++i) marks[i] = marks[i] == kTaken ? kEdge : std::uint8_t{kNone};
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <memory>
 #include <vector>
 
 #include "edges/sobel.hpp"
@@ -14,22 +15,27 @@ constexpr int kLanes = 32;
 
 int whole(int count) { return (count + kLanes - 1) / kLanes * kLanes; }
 
-// Scratch rows one below the other, each with room before and after its pixels. Rows a multiple of 4096 bytes apart
-// would drive each other out of the cache.
+// Scratch rows one below the other, each with room before and after its pixels; the first pixel of each stands at the
+// start of a cache line. Rows a multiple of 4096 bytes apart would drive each other out of the cache.
 template <class T>
 class Rows {
 public:
     Rows(int rows, int width, int margin)
-        : margin_(whole(margin)), stride_(whole(width) + 2 * margin_), data_(size(rows, stride_)) {}
-    T* operator[](int row) { return data_.data() + static_cast<std::ptrdiff_t>(row) * stride_ + margin_; }
+        : margin_(whole(margin)), stride_(apart(whole(width) + 2 * margin_)),
+          data_(static_cast<std::size_t>(rows) * static_cast<std::size_t>(stride_) + kLine) {
+        void* start = data_.data();
+        std::size_t room = data_.size() * sizeof(T);
+        first_ = static_cast<T*>(std::align(kLine, room - kLine, start, room)) + margin_;
+    }
+    T* operator[](int row) { return first_ + static_cast<std::ptrdiff_t>(row) * stride_; }
 
 private:
-    static std::size_t size(int rows, int& stride) {
-        if (stride * static_cast<int>(sizeof(T)) % 4096 == 0) stride += kLanes;
-        return static_cast<std::size_t>(rows) * static_cast<std::size_t>(stride);
-    }
+    static constexpr std::size_t kLine = 64;
+    static int apart(int stride) { return stride * static_cast<int>(sizeof(T)) % 4096 == 0 ? stride + kLanes : stride; }
+
     int margin_, stride_;
     std::vector<T> data_;
+    T* first_;
 };
 
 // Repeat the first and the last of `width` pixels to both sides.
