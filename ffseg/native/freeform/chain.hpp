@@ -134,6 +134,8 @@ private:
     bool exchange(int i, int j);
     bool runs_one_way(int i, int j) const;
     void flip_adjacent(int i);
+
+    // components.hpp
     void classify(int i, int j, bool simple);
     bool loop_encloses_solid(int i) const;
     bool nested(int loop);

@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "freeform/chain.hpp"
+#include "freeform/components.hpp"
 #include "freeform/flip.hpp"
 #include "freeform/move.hpp"
 #include "freeform/refine.hpp"

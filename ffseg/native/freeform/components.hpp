@@ -1,0 +1,198 @@
+// Closed components: which of them bound the region after a flip has cut or joined them.
+#pragma once
+#include "freeform/chain.hpp"
+
+namespace ffseg {
+
+template <int D>
+double Chain<D>::patch_area(int i, Vec2 origin) const {
+    const Points points = pool_.samples(i);
+    double twice = 0.0;
+    for (int k = 0; k < D; ++k) twice += cross(points[k] - origin, points[k + 1] - origin);
+    return 0.5 * twice;
+}
+
+// The area of the polygon of samples of a loop of at most so many patches, else infinity.
+template <int D>
+double Chain<D>::loop_area(int i, int most) const {
+    const Vec2 origin = pool_[i].m[0];
+    double area = 0.0;
+    int at = i;
+    do {
+        if (--most < 0) return std::numeric_limits<double>::infinity();
+        area += patch_area(at, origin);
+        at = pool_[at].next;
+    } while (at != i);
+    return area;
+}
+
+// Is p inside the polygon of samples of a loop (even-odd; the loop does not cross itself but at flips under way)?
+template <int D>
+bool Chain<D>::loop_contains(int loop, Vec2 p) const {
+    bool inside = false;
+    int at = loop;
+    do {
+        const Points points = pool_.samples(at);
+        for (int k = 0; k < D; ++k) {
+            const Vec2 a = points[k], b = points[k + 1];
+            if ((a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x)) inside = !inside;
+        }
+        at = pool_[at].next;
+    } while (at != loop);
+    return inside;
+}
+
+// Does a positive loop lie in what the others have filled: is their winding number there one or more?
+template <int D>
+bool Chain<D>::nested(int loop) {
+    own_.assign(static_cast<std::size_t>(pool_.size()), 0);
+    int at = loop;
+    do {
+        own_[static_cast<std::size_t>(at)] = 1;
+        at = pool_[at].next;
+    } while (at != loop);
+    const Vec2 p = pool_[loop].m[0];
+    int winding = outside_filled_ ? 1 : 0;
+    for (const int i : sorted_) {
+        if (!pool_[i].alive || own_[static_cast<std::size_t>(i)] != 0) continue;
+        const Points points = pool_.samples(i);
+        for (int k = 0; k < D; ++k) {
+            const Vec2 a = points[k], b = points[k + 1];
+            if ((a.y > p.y) == (b.y > p.y) || p.x >= a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x)) continue;
+            winding += b.y > a.y ? 1 : -1;
+        }
+    }
+    return winding >= 1;
+}
+
+template <int D>
+bool Chain<D>::loop_encloses_solid(int i) const {
+    std::vector<Vec2> polygon;
+    int at = i;
+    do {
+        polygon.insert(polygon.end(), pool_[at].m.begin(), pool_[at].m.end());
+        at = pool_[at].next;
+    } while (at != i);
+    return field_.encloses_solid(polygon.data(), polygon.size());
+}
+
+template <int D>
+void Chain<D>::drop(int i) {
+    int at = i;
+    do {
+        const int next = pool_[at].next;
+        release(at);
+        at = next;
+    } while (at != i);
+    ++counts_.drops;
+}
+
+// After flips: one loop (two components merged) or two (one was cut off)? Both are walked in step, so the cost is that
+// of the shorter one. What bounds no region of positive winding number is dropped: a component of negligible
+// area, and a positive one inside another (the front never re-enters what it has filled).
+template <int D>
+void Chain<D>::classify(int i, int j, bool simple) {
+    const Vec2 origin = pool_[i].m[0];
+    double area_i = 0.0, area_j = 0.0;
+    int at_i = i, at_j = j, small = -1, large = -1, walked = 0;
+    while (small < 0) {
+        ++walked;
+        area_i += patch_area(at_i, origin);
+        at_i = pool_[at_i].next;
+        if (at_i == j) {
+            ++counts_.merges;
+            return;
+        }
+        if (at_i == i) {
+            small = i;
+            large = j;
+            break;
+        }
+        area_j += patch_area(at_j, origin);
+        at_j = pool_[at_j].next;
+        if (at_j == i) {
+            ++counts_.merges;
+            return;
+        }
+        if (at_j == j) {
+            small = j;
+            large = i;
+        }
+    }
+    const double area = small == i ? area_i : area_j;
+    if (std::abs(area) < kVoidArea) {  // a loop that still crosses itself may owe this to two large lobes
+        if (!simple && loop_encloses_solid(small)) {
+            undecided_.emplace_back(i, j);
+        } else {
+            drop(small);
+        }
+        return;
+    }
+    const auto drop_if_nested = [&](int loop) {
+        if (!nested(loop)) return;
+        if (!simple && loop_encloses_solid(loop)) {
+            undecided_.emplace_back(i, j);
+        } else {
+            drop(loop);
+        }
+    };
+    if (area < 0) {  // a hole; what it cuts off beside it may lie in what is filled already
+        const double beside = loop_area(large, kHoleWalk * walked);
+        if (beside > 0 && std::isfinite(beside)) drop_if_nested(large);
+        return;
+    }
+    if (!simple && loop_encloses_solid(small)) {  // crossings still to come may show a hole in it
+        undecided_.emplace_back(i, j);
+        return;
+    }
+    const double other = loop_area(large);
+    if (other > 0) {
+        const int inner = area < other ? small : large, outer = inner == small ? large : small;
+        if (!simple && loop_encloses_solid(inner)) {
+            undecided_.emplace_back(i, j);
+        } else if (loop_contains(outer, pool_[inner].m[0])) {
+            drop(inner);
+        }
+    } else {
+        drop_if_nested(small);
+    }
+}
+
+// At the end: a component is kept where it bounds the region, that is where the winding number of the larger ones kept
+// is 0 outside an outer component and 1 outside a hole.
+template <int D>
+void Chain<D>::drop_nested() {
+    struct Loop {
+        int first;
+        double area;
+        Box box;
+    };
+    std::vector<Loop> found;
+    for (int loop : loops()) {
+        Loop entry{loop, loop_area(loop), {}};
+        int at = loop;
+        do {
+            for (const Vec2 p : pool_[at].m) entry.box.add(p);
+            at = pool_[at].next;
+        } while (at != loop);
+        found.push_back(entry);
+    }
+    std::stable_sort(found.begin(), found.end(),
+                     [](const Loop& a, const Loop& b) { return std::abs(a.area) > std::abs(b.area); });
+    std::vector<Loop> kept;
+    for (const Loop& loop : found) {
+        const Vec2 p = pool_[loop.first].m[0];
+        int winding = outside_filled_ ? 1 : 0;
+        for (const Loop& other : kept) {
+            const bool within = other.box.x0 <= p.x && p.x <= other.box.x1 && other.box.y0 <= p.y && p.y <= other.box.y1;
+            if (within && loop_contains(other.first, p)) winding += other.area > 0 ? 1 : -1;
+        }
+        if (winding == (loop.area > 0 ? 0 : 1)) {
+            kept.push_back(loop);
+        } else {
+            drop(loop.first);
+        }
+    }
+}
+
+}  // namespace ffseg
