@@ -130,8 +130,11 @@ class FreeForm:
     @property
     def patches(self) -> Points:
         """Control points per patch, shape (N, d + 1, 2); the last point of each is the first of the next."""
-        index = np.arange(self.num_patches)[:, None] * self.degree + np.arange(self.degree + 1)
-        gathered: Points = self.control_points[index % len(self.control_points)]
+        degree = self.degree
+        gathered: Points = np.empty((self.num_patches, degree + 1, 2))
+        gathered[:, :degree] = self.control_points.reshape(-1, degree, 2)
+        gathered[:-1, degree] = gathered[1:, 0]
+        gathered[-1, degree] = gathered[0, 0]
         return gathered
 
     @property
@@ -144,8 +147,7 @@ class FreeForm:
         opposite turn cancel. The first point is subtracted first, so a small contour far away loses no digits.
         """
         local = self.patches - self.control_points[0]
-        twice = np.einsum("ni,ij,nj->", local[..., 0], _area_matrix(self.degree), local[..., 1])
-        return float(twice)
+        return float(np.vdot(local[..., 0] @ _area_matrix(self.degree), local[..., 1]))
 
     @property
     def control_box(self) -> Points:

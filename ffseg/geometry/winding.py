@@ -46,7 +46,8 @@ def winding_numbers(patches: Points, points: ArrayLike) -> Counts:
     asked = np.asarray(points, dtype=np.float64)
     flat = asked.reshape(-1, 2)
     batch = max(1, _PAIRS_AT_ONCE // max(len(patches), 1))
-    parts = [_count(patches, flat[i : i + batch]) for i in range(0, len(flat), batch)]
+    count = _count_edges if patches.shape[1] == 2 else _count
+    parts = [count(patches, flat[i : i + batch]) for i in range(0, len(flat), batch)]
     return np.concatenate([np.empty(0, np.int64), *parts]).reshape(asked.shape[:-1])
 
 
@@ -64,6 +65,17 @@ def _count(patches: Points, points: Points) -> Counts:
         pieces, point = np.concatenate(bezier.split(pieces[~flat])), np.tile(point[~flat], 2)
         if not len(point):
             break
+    return total
+
+
+def _count_edges(edges: Points, points: Points) -> Counts:
+    """As `_count` for degree 1, where the chord is the piece."""
+    begins, ends = (np.ascontiguousarray(edges[:, i, 1]) <= points[:, None, 1] for i in (0, 1))
+    point, edge = np.nonzero(begins != ends)
+    crossed, at = edges[edge], points[point]
+    left = _left_of_chord(crossed, at)
+    total = np.zeros(len(points), dtype=np.int64)
+    np.add.at(total, point[left], _rise(crossed[left], at[left]))
     return total
 
 
