@@ -24,7 +24,7 @@ from ffseg.batch.workers.messages import Reply, Setup, Task
 from ffseg.batch.workers.outputs import COCO
 from ffseg.batch.workers.pool import Pool
 from ffseg.errors import FfsegError, OutputError, UsageError
-from ffseg.formats.files import is_temporary, printable, sync_folder, write_all_atomic, write_bytes_atomic
+from ffseg.formats.files import is_temporary, printable, sync_folders, write_all_atomic, write_bytes_atomic
 from ffseg.formats.tables import csv_table
 
 TIMING_COLUMNS = (
@@ -314,13 +314,20 @@ class Run:
             tables.append(("obstacles.csv", csv_table(OBSTACLE_COLUMNS, self._obstacle_cells())))
         if "coco" in self._plan.wanted.exports:
             tables.append(("coco.json", self._coco()))
-        for name, content in tables:
+        files = [(os.path.join(self._plan.out, name), content) for name, content in tables]
+        try:
+            write_all_atomic(files)  # at once, the disk is waited for once
+        except OutputError:
+            self._write_each(files)
+        sync_folders(self._folders())
+
+    def _write_each(self, files: Sequence[tuple[str, bytes]]) -> None:
+        """Write what can be written, and name each of the others."""
+        for path, content in files:
             try:
-                write_bytes_atomic(os.path.join(self._plan.out, name), content)
+                write_bytes_atomic(path, content)
             except OutputError as error:
                 self._problem(str(error))
-        for folder in self._folders():
-            sync_folder(folder)
 
     def _coco(self) -> bytes:
         """The COCO documents of all finished images as one."""

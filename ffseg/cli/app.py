@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import sys
-import tempfile
-import traceback
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Annotated, Any
@@ -99,6 +97,9 @@ def _one_line(error: Exception) -> str:
 
 
 def _traceback_file() -> str:
+    import tempfile
+    import traceback
+
     try:
         with tempfile.NamedTemporaryFile(
             "w", prefix="ffseg-traceback-", suffix=".txt", delete=False, encoding="utf-8", errors="backslashreplace"

@@ -207,6 +207,8 @@ class _Pending:
 
 
 _CLOSED = -1
+_MOST_AT_ONCE = 8
+"""Threads that wait for the disk: more do not make it faster, and a run may have thousands of folders."""
 
 
 def _at_once(steps: Sequence[Callable[[], None]]) -> None:
@@ -255,8 +257,13 @@ def make_folder(path: str | os.PathLike[str]) -> None:
         raise OutputError(f"the folder {printable(path)} cannot be made ({os.strerror(error.errno or 0)})") from error
 
 
-def sync_folder(path: str | os.PathLike[str]) -> None:
-    """Flush the names in a folder to the disk; file systems that cannot are left alone."""
+def sync_folders(paths: Sequence[str]) -> None:
+    """Flush the names in folders to the disk, some at the same time; file systems that cannot are left alone."""
+    for first in range(0, len(paths), _MOST_AT_ONCE):
+        _at_once([partial(_sync_folder, path) for path in paths[first : first + _MOST_AT_ONCE]])
+
+
+def _sync_folder(path: str) -> None:
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except OSError:

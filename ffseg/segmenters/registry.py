@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from time import perf_counter
 
 import numpy as np
@@ -12,13 +13,11 @@ from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.raster import rasterize
 from ffseg.parameters import Parameters
-from ffseg.peer_parameters import PeerParameters
-from ffseg.segmenters import freeform, levelset, snake
 from ffseg.segmenters.base import Progress, Segmentation, Segmenter, Timings
-from ffseg.segmenters.peers import PEERS, segment_peer
 from ffseg.segmenters.starts import start_contours
 
-SEGMENTERS: dict[str, Segmenter] = {"freeform": freeform.run, "levelset": levelset.run, "snake": snake.run}
+SEGMENTERS = {name: f"ffseg.segmenters.{name}" for name in ("freeform", "levelset", "snake")}
+"""Modules by the name of the segmenter, whose function ``run`` it is; loaded when asked for, as a run has one."""
 
 
 def segmenter(name: str) -> Segmenter:
@@ -30,9 +29,12 @@ def segmenter(name: str) -> Segmenter:
         If there is none.
     """
     if name not in SEGMENTERS:
+        from ffseg.segmenters.peers import PEERS
+
         known = ", ".join([*sorted(SEGMENTERS), *PEERS])
         raise ParameterError(f"method: there is no segmenter '{name}'; choose one of {known}")
-    return SEGMENTERS[name]
+    found: Segmenter = import_module(SEGMENTERS[name]).run
+    return found
 
 
 def segment(
@@ -76,9 +78,13 @@ def segment(
     """
     name = method or params.method
     shape = _checked_shape(image, domain)
-    if name in PEERS:
-        peers = PeerParameters()
-        return segment_peer(image, params, name, peers, domain=domain, start_mask=start_mask, center=center)
+    if name not in SEGMENTERS:
+        from ffseg.peer_parameters import PeerParameters
+        from ffseg.segmenters.peers import PEERS, segment_peer
+
+        if name in PEERS:
+            peers = PeerParameters()
+            return segment_peer(image, params, name, peers, domain=domain, start_mask=start_mask, center=center)
     run = segmenter(name)
     begin = perf_counter()
     edges = edge_map(image, params.edges, domain)

@@ -3,11 +3,45 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
+from typing import Protocol
 
 _START = "import sys; sys.path[:] = {path!r}; from ffseg.batch.workers.process import main; main({tasks}, {replies}, {parent})"
+
+_FIRST_OWN = 3
+"""File descriptors below are stdin, stdout and stderr."""
+
+
+class Handle(Protocol):
+    """A child process, as much as is asked of `subprocess.Popen`."""
+
+    def kill(self) -> None:
+        """End it at once; nothing happens when it has been waited for."""
+
+    def wait(self) -> int:
+        """Its exit code, negative for a signal, once it has ended."""
+
+
+@dataclass(eq=False, slots=True)
+class Forked:
+    """A copy of this process that became a worker."""
+
+    pid: int
+    code: int | None = None
+
+    def kill(self) -> None:
+        """As `Handle.kill`."""
+        if self.code is None:
+            os.kill(self.pid, signal.SIGKILL)
+
+    def wait(self) -> int:
+        """As `Handle.wait`."""
+        if self.code is None:
+            self.code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+        return self.code
 
 
 @dataclass(eq=False, slots=True)
@@ -16,12 +50,12 @@ class Process:
 
     Attributes
     ----------
-    handle : subprocess.Popen
+    handle : Handle
     tasks, replies, log : int
         File descriptors: tasks are written, replies read; the log is what the process wrote to stdout and stderr.
     """
 
-    handle: subprocess.Popen[bytes]
+    handle: Handle
     tasks: int
     replies: int
     log: int
@@ -42,20 +76,75 @@ def launch() -> Process:
     task_out, task_in = os.pipe()
     reply_out, reply_in = os.pipe()
     log = _anonymous_file()
-    # The same modules as here, wherever they come from, and nothing from the working directory that is not one of them.
-    code = _START.format(path=sys.path, tasks=task_out, replies=reply_in, parent=os.getpid())
+    standard = min(task_out, reply_in, log) < _FIRST_OWN  # this process was started without one of its streams
+    start = _fork if can_fork() and not standard else _spawn
     try:
-        handle = subprocess.Popen(  # noqa: S603 - our own interpreter with our own code
-            [sys.executable, "-P", "-c", code],
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=log,
-            pass_fds=(task_out, reply_in),
-        )
+        handle = start(task_out, reply_in, log)
     finally:
         os.close(task_out)
         os.close(reply_in)
     return Process(handle, task_in, reply_out, log)
+
+
+def can_fork() -> bool:
+    """Whether a copy of this process can be a worker: on Linux, while it has one thread and neither NumPy nor OpenCV.
+
+    The copy has Python and the parameters loaded, a third of what a worker needs. Locks that other threads hold, and the
+    thread pools of OpenCV and of a linear algebra library, would not survive the copying.
+    """
+    if sys.platform != "linux" or "numpy" in sys.modules or "cv2" in sys.modules:
+        return False
+    try:
+        return len(os.listdir("/proc/self/task")) == 1
+    except OSError:
+        return False
+
+
+def _spawn(tasks: int, replies: int, log: int) -> Handle:
+    # The same modules as here, wherever they come from, and nothing from the working directory that is not one of them.
+    code = _START.format(path=sys.path, tasks=tasks, replies=replies, parent=os.getpid())
+    return subprocess.Popen(  # noqa: S603 - our own interpreter with our own code
+        [sys.executable, "-P", "-c", code],
+        stdin=subprocess.DEVNULL,
+        stdout=log,
+        stderr=log,
+        pass_fds=(tasks, replies),
+    )
+
+
+def _fork(tasks: int, replies: int, log: int) -> Handle:
+    import ffseg.batch.workers.messages
+    import ffseg.batch.workers.process  # noqa: F401 - loaded here, the copy has them too
+
+    parent = os.getpid()
+    pid = os.fork()
+    if pid == 0:
+        _become_worker(tasks, replies, log, parent)
+    return Forked(pid)
+
+
+def _become_worker(tasks: int, replies: int, log: int, parent: int) -> None:
+    """Be what a new process would be: default signals, own streams, no file of the parent's but the pipes; never returns."""
+    code = 1
+    try:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        for stream, source in enumerate((nothing, log, log)):
+            os.dup2(source, stream)
+        first, second = sorted((tasks, replies))
+        for low, high in ((_FIRST_OWN, first), (first + 1, second), (second + 1, os.sysconf("SC_OPEN_MAX"))):
+            os.closerange(low, high)
+        from ffseg.batch.workers.process import main
+
+        main(tasks, replies, parent)
+        code = 0
+    except BaseException:  # noqa: BLE001 - as an interpreter ends: the traceback is in the log
+        import traceback
+
+        os.write(2, traceback.format_exc().encode("utf-8", "backslashreplace"))
+    finally:
+        os._exit(code)
 
 
 def _anonymous_file() -> int:

@@ -19,7 +19,7 @@ from ffseg.errors import UsageError
 AHEAD = 2
 """Tasks a worker holds: the one it works on, and the next, so that it never waits while its last reply is written."""
 _LOG_TAIL = 2000  # bytes of a dead worker's stderr worth keeping
-_PIECE = 1 << 20
+_PIECE = 1 << 16  # bytes read at once: what a pipe holds
 
 
 class WorkerLostError(RuntimeError):

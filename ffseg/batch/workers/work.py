@@ -4,31 +4,30 @@ from __future__ import annotations
 
 import hashlib
 import os
-import platform
 import sys
-import traceback
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg import __version__
 from ffseg.batch.workers.encoding import Film, Made
-from ffseg.batch.workers.frames import FrameBench, Masks, merged_segmentation, obstacle_rows, overlay_lines
 from ffseg.batch.workers.messages import Reply, Setup, Task
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, ParameterError, SegmentationError
 from ffseg.formats.files import printable, read_bytes
 from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, single_thread
 from ffseg.formats.masks import read_levels
 from ffseg.formats.overlays import Polyline
-from ffseg.metrics import iou
 from ffseg.segmenters.base import Segmentation
+
+if TYPE_CHECKING:
+    from ffseg.batch.workers.frames import FrameBench
 
 _FLATNESS = 0.1
 """Tolerance of the lines drawn in overlays, px: a tenth of the line's width."""
@@ -56,8 +55,10 @@ class Workbench:
         self._limits = Limits(setup.max_bytes, setup.max_pixels)
         self._domain = self._mask("domain.mask", setup.params.domain.mask)
         self._start_mask = self._mask("init.mask", setup.params.init.mask)
-        self._frames = None
+        self._frames: FrameBench | None = None
         if setup.views is not None:
+            from ffseg.batch.workers.frames import FrameBench, Masks  # loads what only cameras need
+
             self._frames = FrameBench(setup.views, setup.params, Masks(self._domain, self._start_mask))
 
     def _mask(self, key: str, path: str | None) -> NDArray[np.uint8] | None:
@@ -72,7 +73,7 @@ class Workbench:
         """Versions that a result can depend on."""
         return {
             "ffseg": __version__,
-            "python": platform.python_version(),
+            "python": sys.version.split()[0],
             "numpy": np.__version__,
             "opencv": OPENCV_VERSION,
             "platform": sys.platform,
@@ -93,6 +94,8 @@ class Workbench:
         except MemoryError:
             return _failed(task, "out-of-memory", "more memory than a worker may use; raise --memory or scale it down")
         except Exception as error:  # noqa: BLE001 - a defect costs one image, and is written down
+            import traceback
+
             return _failed(task, "internal", f"{type(error).__name__}: {error}", traceback.format_exc())
 
     def _do(self, task: Task) -> Reply:
@@ -127,6 +130,8 @@ class Workbench:
                 for contour in (result.contours if overlay else ())
             ]
             return _Found(result, lines, film)
+        from ffseg.batch.workers.frames import merged_segmentation, obstacle_rows, overlay_lines
+
         frame = self._frames.frame_of(image, before, task.name, self._limits, film)
         lines = overlay_lines(frame, _FLATNESS) if overlay else []
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note}
@@ -158,6 +163,8 @@ class Workbench:
             yield path, data, digest(data)
 
     def _iou(self, result: Segmentation, path: str) -> float:
+        from ffseg.metrics import iou
+
         truth = read_levels(path, self._limits)
         if truth.shape != result.mask.shape:
             sizes = f"{truth.shape[1]}x{truth.shape[0]}, the image {result.mask.shape[1]}x{result.mask.shape[0]}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from statistics import mean, median
 from typing import Any
 
 from ffseg.batch.jobs import Job, Plan
@@ -99,6 +98,8 @@ def show_result(run: Run, out: str, *, as_json: bool) -> None:
 
 
 def _lines(run: Run, summary: Summary) -> list[tuple[str, str]]:
+    from statistics import mean, median
+
     rate = (summary.done + summary.failed + summary.same) / max(summary.seconds, 1e-9)
     lines = [
         ("images", f"{summary.total}"),
