@@ -19,11 +19,13 @@ def bench(  # noqa: PLR0913 - the options of the command
     suite: Annotated[
         list[str] | None,
         typer.Option(
-            "--suite", metavar="NAME", help="patches, size, method, scenes, batch, startup or memory; may be repeated."
+            "--suite",
+            metavar="NAME",
+            help="patches, size, method, scenes, peers, batch, startup or memory; may be repeated.",
         ),
     ] = None,
     images: Annotated[
-        Path | None, typer.Option("--images", metavar="DIR", help="Images of the suite scenes, with NAME_truth.png.")
+        Path | None, typer.Option("--images", metavar="DIR", help="Images of scenes and peers, with NAME_truth.png.")
     ] = None,
     repeat: Annotated[int, typer.Option("--repeat", min=1, help="Rounds of every group.")] = 15,
     budget: Annotated[float, typer.Option("--budget", min=0, help="Seconds after which a group gets no more.")] = 20.0,

@@ -63,7 +63,8 @@ class Peer:
         return find_spec(self.module.partition(".")[0]) is not None
 
 
-def _skimage_gac(image: Image, edges: EdgeMap, seeds: Mask, params: SkimageGac) -> Mask:  # noqa: ARG001
+def geodesic(edges: EdgeMap, seeds: Mask, params: SkimageGac, callback: Callable[[Any], object] | None = None) -> Mask:
+    """Region of scikit-image's morphological geodesic contour; `callback` hears of the level set of every iteration."""
     skimage: Any = import_module("skimage.segmentation")
     stopping = 1.0 / np.sqrt(1.0 + params.alpha * edges.magnitude())
     found: Mask = skimage.morphological_geodesic_active_contour(
@@ -73,6 +74,7 @@ def _skimage_gac(image: Image, edges: EdgeMap, seeds: Mask, params: SkimageGac) 
         smoothing=params.smoothing,
         threshold=params.threshold,
         balloon=1,
+        iter_callback=callback or (lambda _: None),
     ).astype(np.bool_)
     return found
 
@@ -185,7 +187,9 @@ PEERS: dict[str, Peer] = {
     "cv_grabcut": Peer(
         lambda image, _edges, seeds, p: opencv_peers.grabcut(image, seeds, p), "opencv-python", "cv2", False
     ),
-    "skimage_gac": Peer(_skimage_gac, "scikit-image", "skimage.segmentation"),
+    "skimage_gac": Peer(
+        lambda _image, edges, seeds, p: geodesic(edges, seeds, p), "scikit-image", "skimage.segmentation"
+    ),
     "skimage_chan_vese": Peer(_skimage_chan_vese, "scikit-image", "skimage.segmentation", False),
     "skimage_snake": Peer(_skimage_snake, "scikit-image", "skimage.segmentation", False),
     "sitk_fast_marching": Peer(_sitk_fast_marching, "SimpleITK", "SimpleITK"),
@@ -227,7 +231,7 @@ def segment_peer(
         raise SegmentationError(f"the start contour covers no pixel, and {name} needs one; raise init.radius")
     import_module(peer.module)  # its loading is not its time
     begin = perf_counter()
-    edges = edge_map(image, _edge_parameters(name, params.edges, peers), domain)
+    edges = edge_map(image, edge_parameters(name, params.edges, peers), domain)
     edges_done = perf_counter()
     mask = peer.run(image, edges, seeds, getattr(peers, name))
     evolve_ms = (perf_counter() - edges_done) * 1e3
@@ -244,7 +248,7 @@ def outlines_of(mask: Mask) -> tuple[FreeForm, ...]:
     return tuple(FreeForm(vertices[a:b], 1) for a, b in pairwise(ends))
 
 
-def _edge_parameters(name: str, edges: Edges, peers: PeerParameters) -> Edges:
+def edge_parameters(name: str, edges: Edges, peers: PeerParameters) -> Edges:
     """Edge map a peer is run on: its own sigma, unless all are to share one."""
     sigma = getattr(getattr(peers, name), "sigma", edges.sigma)
     return edges if peers.shared_edges or not PEERS[name].uses_edges else replace(edges, sigma=sigma)

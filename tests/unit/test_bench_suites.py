@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 
 from ffseg.batch.bench.session import SUITES, Order, Outcome, run_bench
-from ffseg.batch.bench.suites import bare, children, drawing
+from ffseg.batch.bench.suites import bare, children, drawing, pictures
 from ffseg.batch.bench.suites.patches import evolution_options, patches
 from ffseg.batch.bench.suites.settings import Settings
 from ffseg.errors import FfsegError, UsageError
 from ffseg.formats.masks import encode_mask, read_mask
+from ffseg.image.edges import edge_map
 from ffseg.image.reference import one_thread, reference_kernel
+from ffseg.metrics import iou
 from ffseg.parameters import Parameters
+from ffseg.peer_parameters import SkimageGac
+from ffseg.segmenters.peers import PEERS, geodesic
 
 
 def quick(*suites: str, images: Path | None = None) -> Outcome:
@@ -73,11 +77,38 @@ def test_suites_on_contours_and_images() -> None:
     outcome = quick("patches", "size", "method", "scenes")
     quantities = {(figure.suite, figure.quantity) for figure in outcome.figures}
     stages = ("edges", "evolve", "segment")
-    expected = {("patches", "iteration"), *((suite, stage) for suite in ("size", "method", "scenes") for stage in stages)}
+    expected = {
+        ("patches", "iteration"),
+        *((suite, stage) for suite in ("size", "method", "scenes") for stage in stages),
+    }
     assert quantities == expected
     assert all(figure.median > 0 and figure.ratio > 0 for figure in outcome.figures)
     assert {values["stopped"] for name, values in outcome.facts.items() if "scenes" in name} == {"converged"}
     assert outcome.slower == []
+
+
+def test_peers_are_measured_beside_the_free_form() -> None:
+    outcome = quick("peers")
+    names = [name for name in ("sitk_fast_marching", "cv_edges_opened", "skimage_gac") if PEERS[name].installed]
+    assert "cv_edges_opened" in names
+    cases = [case for name in names for case in (f"small, freeform beside {name}", f"small, {name}")]
+    assert [figure.case for figure in outcome.figures] == cases
+    assert len(outcome.comparisons) == len(names)
+    assert len(outcome.skipped) == 3 - len(names)
+
+
+def test_a_geodesic_contour_gets_the_iterations_it_needs() -> None:
+    pytest.importorskip("skimage")
+    image = np.full((60, 60), 200, np.uint8)
+    image[15:45, 15:45] = 50
+    seeds = np.zeros((60, 60), np.bool_)
+    seeds[25:35, 25:35] = True
+    edges, section = edge_map(image, Parameters().edges), SkimageGac(iterations=60)
+    enough = pictures.enough(edges, seeds, section)
+    final, reached = (geodesic(edges, seeds, each).astype(np.uint8) * np.uint8(255) for each in (section, enough))
+    before = geodesic(edges, seeds, SkimageGac(iterations=enough.iterations - 1))
+    assert 5 <= enough.iterations < 30  # ten pixels to go, one an iteration, and some to settle
+    assert iou(reached > 0, final) >= pictures.SAME > iou(before, final)
 
 
 @pytest.mark.parametrize("suite", ["startup", "batch", "memory"])

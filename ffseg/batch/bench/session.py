@@ -22,6 +22,7 @@ SUITES = {
     "size": "pictures",
     "method": "pictures",
     "scenes": "pictures",
+    "peers": "pictures",
     "batch": "processes",
     "startup": "processes",
     "memory": "processes",

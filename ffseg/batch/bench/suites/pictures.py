@@ -1,26 +1,29 @@
-"""Suites on images: ``scenes`` and ``method`` at one size, ``size`` over many."""
+"""Suites on images: ``scenes``, ``method`` and ``peers`` at one size, ``size`` over many."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.bench.measure import Fact, Group, Skipped, Task, timed
+from ffseg.batch.bench.measure import Comparison, Fact, Group, Skipped, Task, timed
 from ffseg.batch.bench.suites.drawing import Drawing, draw
 from ffseg.batch.bench.suites.settings import Settings
 from ffseg.errors import UsageError
 from ffseg.formats.files import printable
 from ffseg.formats.images import read_image
 from ffseg.formats.masks import read_levels
-from ffseg.image.edges import edge_map
+from ffseg.image.edges import EdgeMap, edge_map
+from ffseg.image.raster import rasterize
 from ffseg.image.reference import to_grey
 from ffseg.parameters import Parameters, load_params
+from ffseg.peer_parameters import PeerParameters, SkimageGac
 from ffseg.samples.scenes import SCENES
 from ffseg.segmenters.base import Segmentation
+from ffseg.segmenters.peers import PEERS, edge_parameters, geodesic
 from ffseg.segmenters.registry import SEGMENTERS, segment, segmenter
 from ffseg.segmenters.starts import start_contours
 
@@ -32,6 +35,9 @@ IGNORED = 128
 NUM_DRAWN = 4
 WIDTHS = (400, 800, 1600, 3200, 6400)
 QUICK_WIDTHS = (100, 150, 200)
+QUICK_ITERATIONS = 20
+SAME = 0.999
+"""IoU from which on a peer has reached its result: the one pixel by which it may still move is far less."""
 LONG = 1_000_000
 """Iterations: a large image takes as many as it needs."""
 
@@ -67,6 +73,66 @@ def size(settings: Settings) -> Iterator[Group]:
         picture = _drawn(1, width)
         name = f"{picture.image.shape[1]}x{picture.image.shape[0]}"
         yield _segmented("size", picture, "freeform", f"scene, {name}", x=picture.image.size)
+
+
+def peers(settings: Settings) -> Iterator[Group | Skipped]:
+    """The free form beside the peers it has to beat, each pair in turns, on the user's images or the samples."""
+    pictures = _folder(settings.images) if settings.images else _own(settings)
+    for picture in pictures:
+        if picture.name.startswith("drawn"):
+            continue
+        for name in ("sitk_fast_marching", "cv_edges_opened", "skimage_gac"):
+            if PEERS[name].installed:
+                yield _beside(picture, name, quick=settings.quick)
+            else:
+                yield Skipped("peers", f"{picture.name}, {name}", f"{PEERS[name].package} is not installed")
+
+
+def _beside(picture: Picture, name: str, *, quick: bool) -> Group:
+    """A peer and the free form on one picture: what comes after the edge map, on the edge map each has by default.
+
+    With ``cv_edges_opened`` it is the whole segmentation, because edges are all that peer does. Making a peer's start
+    region is not counted.
+    """
+    image, params, peer = picture.image, picture.params, PEERS[name]
+    shape, defaults = (image.shape[0], image.shape[1]), PeerParameters()
+    section, theirs = getattr(defaults, name), edge_parameters(name, params.edges, defaults)
+    edges, seen, starts = edge_map(image, params.edges), edge_map(image, theirs), start_contours(shape, params)
+    seeds = rasterize(starts, shape)
+    facts: dict[str, Fact] = {"size": f"{shape[1]}x{shape[0]}"}
+    if name == "skimage_gac":
+        section = enough(seen, seeds, replace(section, iterations=QUICK_ITERATIONS) if quick else section)
+        facts["peer iterations"] = section.iterations
+    cases = f"{picture.name}, freeform beside {name}", f"{picture.name}, {name}"
+    works: tuple[Callable[[], object], Callable[[], object]]
+    if name == "cv_edges_opened":
+        stage, ratio = "segment", Comparison(f"{picture.name}: freeform over {name}", *cases)
+        works = (lambda: segment(image, params)), lambda: peer.run(image, edge_map(image, theirs), seeds, section)
+    else:
+        stage, ratio = "evolve", Comparison(f"{picture.name}: {name} over freeform", *cases[::-1])
+        run = segmenter("freeform")
+        works = (lambda: run(edges, starts, params, None)), lambda: peer.run(image, seen, seeds, section)
+    if picture.truth is not None:
+        facts["iou"] = round(_iou(segment(image, params).mask, picture.truth), 5)
+        facts["peer iou"] = round(_iou(peer.run(image, seen, seeds, section), picture.truth), 5)
+    tasks = [Task(case, stage, timed(work)) for case, work in zip(cases, works, strict=True)]
+    return Group("peers", f"{picture.name}, {name}", to_grey(image), tasks, facts, [ratio])
+
+
+def enough(edges: EdgeMap, seeds: NDArray[np.bool_], section: SkimageGac) -> SkimageGac:
+    """No more iterations than reach, to an IoU of 0.999, the region that all of them reach."""
+    passed: list[NDArray[np.uint8]] = []
+    final = geodesic(edges, seeds, section, lambda levels: passed.append(np.packbits(levels > 0)))
+    packed, count = np.packbits(final), len(passed)
+    while count > 1 and _agree(passed[count - 2], packed):
+        count -= 1
+    return replace(section, iterations=max(1, count - 1))  # the first that is heard of is the start
+
+
+def _agree(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
+    """Whether two packed masks have an IoU of `SAME`."""
+    both, either = (int(np.count_nonzero(np.unpackbits(bits))) for bits in (one & other, one | other))
+    return both >= SAME * either
 
 
 def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: float = 0.0) -> Group:

@@ -65,7 +65,7 @@ def batch(settings: Settings) -> Iterator[Group | Skipped]:
     images = settings.work / "images"
     count = QUICK_IMAGES if settings.quick else NUM_IMAGES
     masks = _write_images(images, count, settings)
-    folders = FreshFolders(settings.work)
+    folders = FreshFolders(settings.work, keep=True)
     bare = ("-m", "ffseg.batch.bench.suites.bare", str(images), str(masks))
     tasks = [Task("bare", "image", timed_child(lambda: (*bare, str(folders())), count))]
     comparisons = [Comparison("rate of --jobs 1 in rates of the bare pipeline", "bare", "jobs, 1")]
