@@ -1,0 +1,103 @@
+"""Start of workers: as copies of a light process, or as new ones; what they have of their parent and what not."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ffseg.batch.bench.suites.drawing import draw
+from ffseg.batch.workers import launch as launching
+from ffseg.formats.masks import encode_png
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="workers are copies on Linux only")
+
+WORK = """
+import json, os, sys, threading
+from ffseg.batch.workers.launch import Forked, launch
+
+{before}
+held = os.open(os.devnull, os.O_RDONLY)
+worker = launch()
+seen = {{"forked": isinstance(worker.handle, Forked), "heavy": "numpy" in sys.modules}}
+from ffseg.batch.workers.messages import Setup, Task, receive, send
+from ffseg.parameters import load_params
+
+def faults():
+    fields = open(f"/proc/{{worker.handle.pid}}/stat").read().rpartition(")")[2].split()
+    return int(fields[7])
+
+send(worker.tasks, Setup(params=load_params()))
+seen["ready"] = type(receive(worker.replies)).__name__
+names = ("masks/0.png", "contours/0.svg")
+for index in range(8):
+    if index == 4:
+        first = faults()
+    send(worker.tasks, Task(index, sys.argv[1], "", "out", names))
+    reply = receive(worker.replies)
+seen["faults"] = (faults() - first) / 4
+seen["status"] = reply.status
+files = f"/proc/{{worker.handle.pid}}/fd"
+seen["files"] = len(os.listdir(files))
+seen["stdin"] = os.readlink(files + "/0")
+worker.handle.kill()
+seen["codes"] = [worker.handle.wait(), worker.handle.wait()]
+worker.end()
+worker.end()
+print(json.dumps(seen))
+"""
+
+
+def work(image: Path, before: str = "") -> dict[str, object]:
+    code = WORK.format(before=before)
+    done = subprocess.run([sys.executable, "-c", code, str(image)], check=True, capture_output=True, text=True)
+    return json.loads(done.stdout)
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> Path:
+    (tmp_path / "a.png").write_bytes(encode_png(draw(1).image, []))
+    return tmp_path / "a.png"
+
+
+@pytest.mark.parametrize(
+    ("before", "forked"),
+    [
+        ("", True),
+        ("import numpy", False),
+        ("threading.Thread(target=threading.Event().wait, daemon=True).start()", False),
+    ],
+)
+def test_worker_is_a_copy_of_a_light_process_only(before: str, forked: bool, image: Path) -> None:
+    seen = work(image, before)
+    assert (seen["forked"], seen["ready"], seen["status"]) == (forked, "Ready", "ok")
+    assert seen["heavy"] == ("numpy" in before)
+    assert (seen["files"], seen["stdin"]) == (5, "/dev/null")  # its streams and two pipes, nothing of the parent's
+    assert seen["codes"] == [-9, -9]
+
+
+def test_worker_keeps_the_memory_of_one_image_for_the_next(image: Path) -> None:
+    if not hasattr(ctypes.CDLL(None), "mallopt"):
+        pytest.skip("this C library cannot be told")
+    assert work(image)["faults"] < 40  # given back, the buffers of 800x600 pixels are 440 pages
+
+
+def test_this_process_is_not_copied() -> None:
+    assert not launching.can_fork()  # it has NumPy
+
+
+def test_a_copy_that_cannot_start_leaves_its_words(tmp_path: Path) -> None:
+    code = (
+        "import os, ffseg.batch.workers.process as process\n"
+        "from ffseg.batch.workers.launch import launch\n"
+        "def main(*_): raise RuntimeError('no such luck')\n"
+        "process.main = main\n"
+        "worker = launch()\nassert worker.handle.wait() == 1\n"
+        "print(os.pread(worker.log, 10000, 0).decode())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert "RuntimeError: no such luck" in done.stdout
