@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from ffseg.errors import OutputError
+from ffseg.formats import files
 from ffseg.formats.files import printable, write_all_atomic, write_bytes_atomic
 
 CALLS = ("open", "write", "fsync", "close", "replace")
@@ -80,6 +81,15 @@ def test_files_of_a_group_get_their_names_only_when_all_are_on_the_disk(
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == dict.fromkeys(names, b"good")
     write_all_atomic([(str(tmp_path / name), name.encode()) for name in names])
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {name: name.encode() for name in names}
+
+
+def test_group_is_written_without_threads_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def start(*_: object) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(files, "start_new_thread", start)
+    write_all_atomic([(str(tmp_path / name), name.encode()) for name in "abc"])
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {name: name.encode() for name in "abc"}
 
 
 def test_group_without_files_is_written(tmp_path: Path) -> None:
