@@ -113,8 +113,13 @@ def _spawn(tasks: int, replies: int, log: int) -> Handle:
 
 
 def _fork(tasks: int, replies: int, log: int) -> Handle:
+    # What both need: loaded here, the copy has it too.
+    import datetime  # noqa: F401
+    import hashlib  # noqa: F401
+
     import ffseg.batch.workers.messages
-    import ffseg.batch.workers.process  # noqa: F401 - loaded here, the copy has them too
+    import ffseg.batch.workers.process
+    import ffseg.formats.files  # noqa: F401
 
     parent = os.getpid()
     pid = os.fork()
