@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -137,9 +138,10 @@ def _become_worker(tasks: int, replies: int, log: int, parent: int) -> None:
         nothing = os.open(os.devnull, os.O_RDONLY)
         for stream, source in enumerate((nothing, log, log)):
             os.dup2(source, stream)
-        first, second = sorted((tasks, replies))
-        for low, high in ((_FIRST_OWN, first), (first + 1, second), (second + 1, os.sysconf("SC_OPEN_MAX"))):
-            os.closerange(low, high)
+        for descriptor in map(int, os.listdir("/proc/self/fd")):  # not all there could be: that may be 10^9
+            if descriptor >= _FIRST_OWN and descriptor not in (tasks, replies):
+                with contextlib.suppress(OSError):  # the one the list was read from
+                    os.close(descriptor)
         from ffseg.batch.workers.process import main
 
         main(tasks, replies, parent)
