@@ -103,6 +103,6 @@ def test_a_peer_file_is_read_strictly(tmp_path: Path) -> None:
 def test_peers_can_share_one_edge_map() -> None:
     edges = PARAMS.edges
     own, shared = PeerParameters(), PeerParameters(shared_edges=True)
-    assert peers._edge_parameters("cv_edges", edges, own).sigma == own.cv_edges.sigma
-    assert peers._edge_parameters("cv_edges", edges, shared) == edges
-    assert peers._edge_parameters("cv_floodfill", edges, own) == edges
+    assert peers.edge_parameters("cv_edges", edges, own).sigma == own.cv_edges.sigma
+    assert peers.edge_parameters("cv_edges", edges, shared) == edges
+    assert peers.edge_parameters("cv_floodfill", edges, own) == edges
