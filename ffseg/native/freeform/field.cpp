@@ -34,16 +34,29 @@ void distance_line(const std::vector<double>& f, std::vector<double>& out, std::
     }
 }
 
-// Are these bytes all zero? kRun of them, or a kPiece.
-constexpr int kRun = 64, kPiece = 8;
+// Pixels looked at together.
+constexpr int kRun = 64;
 
-template <int N>
-bool all_zero(const std::uint8_t* bytes) {
-    std::array<std::uint64_t, N / 8> words;
-    std::memcpy(words.data(), bytes, N);
+bool any_set(const std::uint8_t* bytes) {  // kRun of them
+    std::array<std::uint64_t, kRun / 8> words;
+    std::memcpy(words.data(), bytes, kRun);
     std::uint64_t any = 0;
     for (const std::uint64_t word : words) any |= word;
-    return any == 0;
+    return any != 0;
+}
+
+// kRun cells of one row from the edges (0 or 1) of this row and those above and below it: edge pixels and the band round
+// them. A pixel under an edge pixel whose neighbour continues the edge diagonally becomes solid too, so that an edge is a
+// 4-connected chain.
+void mark_run(const std::uint8_t* up, const std::uint8_t* mid, const std::uint8_t* down, std::uint8_t* __restrict cells) {
+    using Byte = std::uint8_t;
+    for (int x = 0; x < kRun; ++x) {
+        const Byte above = up[x - 1] | up[x] | up[x + 1], here = mid[x - 1] | mid[x] | mid[x + 1];
+        const Byte below = down[x - 1] | down[x] | down[x + 1];
+        const Byte left = mid[x - 1] & static_cast<Byte>(up[x - 1] ^ 1), right = mid[x + 1] & static_cast<Byte>(up[x + 1] ^ 1);
+        const Byte solid = mid[x] | static_cast<Byte>(up[x] & static_cast<Byte>(left | right));
+        cells[x] = static_cast<Byte>(above | here | below | static_cast<Byte>(solid + solid));
+    }
 }
 
 // out[c] = a[c] | b[c] | d[c]; the output overlaps none of them.
@@ -74,42 +87,62 @@ Field::Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, 
 }
 
 void Field::mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occupied) {
-    std::vector<std::size_t> found;
-    found.reserve(16384);
+    static_assert(kBand == 1 && kEdge == 2, "mark_run writes these");
+    const int runs = (width_ + kRun - 1) / kRun;
+    const std::size_t padded = static_cast<std::size_t>(runs + 2) * kRun;
+    // Three rows of edges as 0 and 1, their runs that hold any, with margins of a run at either side.
+    std::vector<std::uint8_t> rows(3 * padded), flags(4 * static_cast<std::size_t>(runs + 2)), cells(kRun);
+    std::array<std::uint8_t*, 3> row{}, flag{};
+    for (std::size_t i = 0; i < 3; ++i) {
+        row[i] = rows.data() + i * padded + kRun;
+        flag[i] = flags.data() + i * static_cast<std::size_t>(runs + 2) + 1;
+    }
+    std::uint8_t* const near = flags.data() + 3 * static_cast<std::size_t>(runs + 2) + 1;
+    std::array<bool, 3> filled{false, false, read_row(edges, 0, row[2], flag[2], occupied)};
     for (int y = 0; y < height_; ++y) {
-        const std::uint8_t* row = edges + static_cast<std::size_t>(y) * width_;
-        const std::size_t tiles = static_cast<std::size_t>(y >> kTileShift) * tiles_x_;
-        for (int x = 0; x < width_;) {
-            if (x + kRun <= width_ && all_zero<kRun>(row + x)) {
-                x += kRun;
-                continue;
-            }
-            const int end = std::min(x + kRun, width_);
-            while (x < end) {
-                if (x + kPiece <= end && all_zero<kPiece>(row + x)) {
-                    x += kPiece;
-                    continue;
-                }
-                if (row[x] != 0) {
-                    found.push_back(cell(x, y));
-                    occupied[tiles + static_cast<std::size_t>(x >> kTileShift)] = kEdge;
-                }
-                ++x;
-            }
+        std::rotate(row.begin(), row.begin() + 1, row.end());
+        std::rotate(flag.begin(), flag.begin() + 1, flag.end());
+        std::rotate(filled.begin(), filled.begin() + 1, filled.end());
+        filled[2] = read_row(edges, y + 1, row[2], flag[2], occupied);
+        if (!(filled[0] || filled[1] || filled[2])) continue;
+        for (int run = -1; run <= runs; ++run) near[run] = flag[0][run] | flag[1][run] | flag[2][run];
+        for (int run = 0; run < runs; ++run) {
+            if ((near[run - 1] | near[run] | near[run + 1]) == 0) continue;
+            const std::size_t x = static_cast<std::size_t>(run) * kRun;
+            std::uint8_t* const to = &blocked_[cell(run * kRun, y)];
+            const bool whole = (run + 1) * kRun <= width_;
+            mark_run(row[0] + x, row[1] + x, row[2] + x, whole ? to : cells.data());
+            if (!whole) std::memcpy(to, cells.data(), static_cast<std::size_t>(width_) - x);
         }
     }
-    // Stores without reads: what was just written next door need not be waited for.
-    for (const std::size_t at : found) {
-        for (const std::size_t row : {at - stride_, at, at + stride_}) std::memset(&blocked_[row - 1], kBand, 3);
+}
+
+// A row of edges as 0 and 1, which of its runs hold any, and the tiles they lie in; beyond the image there are none.
+// True if there are any at all.
+bool Field::read_row(const std::uint8_t* edges, int y, std::uint8_t* row, std::uint8_t* flags,
+                     std::vector<std::uint8_t>& occupied) const {
+    const int runs = (width_ + kRun - 1) / kRun;
+    const std::uint8_t* from = edges + static_cast<std::size_t>(y) * width_;
+    std::uint8_t* tiles = occupied.data() + static_cast<std::size_t>(y >> kTileShift) * tiles_x_;
+    bool found = false;
+    for (int run = 0; run < runs; ++run) {
+        const int first = run * kRun, count = y < height_ ? std::min(kRun, width_ - first) : 0;
+        const bool any = count == kRun ? any_set(from + first)
+                                       : std::any_of(from + first, from + first + count, [](auto p) { return p != 0; });
+        if (any || flags[run] != 0) {
+            std::memset(row + first, 0, kRun);
+            for (int x = 0; any && x < count; ++x) row[first + x] = from[first + x] != 0;
+        }
+        flags[run] = any;
+        found = found || any;
+        if (!any) continue;
+        for (int tile = 0; tile << kTileShift < count; ++tile) {
+            std::uint32_t word = 0;
+            std::memcpy(&word, row + first + (tile << kTileShift), sizeof word);
+            tiles[(first >> kTileShift) + tile] |= word != 0 ? 1 : 0;
+        }
     }
-    for (const std::size_t at : found) blocked_[at] = kBand | kEdge;
-    // Close the diagonal steps: an edge is a 4-connected chain of solid pixels.
-    const auto solid = [this](std::size_t at) { return static_cast<unsigned>(blocked_[at] >= kEdge); };
-    for (const std::size_t at : found) {  // without branches, which could not be foreseen
-        const std::size_t below = at + stride_;
-        const unsigned left = solid(below - 1) & ~solid(at - 1), right = solid(below + 1) & ~solid(at + 1);
-        blocked_[below] = static_cast<std::uint8_t>(blocked_[below] | ((left | right) & ~solid(below) & 1u) * kEdge);
-    }
+    return found;
 }
 
 void Field::mark_outside(const std::uint8_t* domain, std::vector<std::uint8_t>& occupied) {

@@ -68,6 +68,8 @@ private:
     // Squared distances of all cells to the nearest one that is nonzero.
     std::vector<float> squared_distance(const std::vector<std::uint8_t>& zero) const;
     void mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occupied);
+    bool read_row(const std::uint8_t* edges, int y, std::uint8_t* row, std::uint8_t* flags,
+                  std::vector<std::uint8_t>& occupied) const;
     void mark_outside(const std::uint8_t* domain, std::vector<std::uint8_t>& occupied);
     void build_tiles();
     void measure_reach(std::vector<std::uint8_t>& occupied);
