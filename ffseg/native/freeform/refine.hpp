@@ -160,7 +160,12 @@ void Chain<D>::refine() {
         }
         if (patch.crowded) even_out(i, found);
         pool_.refresh(i);
-        if (D > 2 && swings(i, found.total)) calm(i);
+        if (D > 2 && swings(i, found.total)) {
+            calm(i);
+            // Near edges it would swing out again and be calmed for ever.
+            if (patch.crowded) patch.calmed = std::min<std::uint8_t>(patch.calmed + 1, kSplitBudget);
+            if (patch.calmed == kSplitBudget) patch.steady |= static_cast<std::uint8_t>(kAllSteady & ~1u);
+        }
         if (too_long(i)) {
             pool_[i].budget = kSplitBudget;
             split(i);
