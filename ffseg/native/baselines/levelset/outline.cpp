@@ -91,7 +91,8 @@ void Region::climb(const std::vector<std::int32_t>& on_contour, const GradientPl
 Vec2 Region::crossing(std::int32_t node, int side, const GradientPlane* gradient) const {
     const std::int32_t other = node + step(side);
     double share = 0.5;
-    if (gradient != nullptr && pixel(other) && (gradient->on_edge(node) || gradient->on_edge(other))) {
+    // A region that surrounds the image reaches into the ring, where there is no gradient.
+    if (gradient != nullptr && pixel(node) && pixel(other) && (gradient->on_edge(node) || gradient->on_edge(other))) {
         const int here = gradient->rise(node, step(side)), there = gradient->rise(other, step(side));
         const bool before = here > 0, beyond = there <= 0;  // of the ridge
         share = before && beyond ? static_cast<double>(here) / (here - there) : (before ? 1.0 : 0.0);
