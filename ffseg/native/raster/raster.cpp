@@ -118,6 +118,7 @@ void append_contour(const Vec2* points, std::size_t count, int degree, const Gri
 }
 
 void fill_mask(const std::vector<Edge>& edges, const MaskView& mask) {
+    if (mask.height == 0 || mask.width == 0) return;  // its data may be null
     const ByRow by_row(edges, mask.height);
     CrossingRow crossings(mask.width);
     std::vector<std::size_t> active;
