@@ -34,7 +34,7 @@ class ArrivalQueue {
 public:
     // `time` is the current time of each node and outlives the queue.
     ArrivalQueue(double width, const double* time, std::int32_t stride)
-        : inverse_(1.0 / width), time_(time), stride_(stride), ring_(kBuckets) {}
+        : least_inverse_(1.0 / width), inverse_(least_inverse_), time_(time), stride_(stride), ring_(kBuckets) {}
 
     // The node's time must have been set already.
     void push(std::int32_t node) {
@@ -97,7 +97,9 @@ private:
         return true;
     }
 
-    // The ring is used up: it starts again at the first node that waits beyond it.
+    // The ring is used up: it starts again at the first node that waits beyond it. Where slownesses differ by orders of
+    // magnitude the next nodes may lie very far apart; buckets become wide enough then for half of all that wait, or
+    // every wrap would look at them all to move a few.
     void wrap() {
         const auto left = [this](std::int32_t node) { return time_[node] <= last_.time; };
         far_.erase(std::remove_if(far_.begin(), far_.end(), left), far_.end());
@@ -105,6 +107,9 @@ private:
         if (far_.empty()) return;
         base_ = time_[far_.front()];
         for (const std::int32_t node : far_) base_ = std::min(base_, time_[node]);
+        inverse_ = least_inverse_;
+        const auto near = std::count_if(far_.begin(), far_.end(), [this](std::int32_t n) { return slot_of(n) < kBuckets; });
+        if (static_cast<std::size_t>(near) < far_.size() / 8) widen();
         std::size_t kept = 0;
         for (const std::int32_t node : far_) {
             const double slot = slot_of(node);
@@ -118,7 +123,14 @@ private:
         far_.resize(kept);
     }
 
-    double inverse_;
+    void widen() {
+        const auto middle = far_.begin() + static_cast<std::ptrdiff_t>(far_.size() / 2);
+        std::nth_element(far_.begin(), middle, far_.end(),
+                         [this](std::int32_t a, std::int32_t b) { return time_[a] < time_[b]; });
+        inverse_ = 0.5 * kBuckets / (time_[*middle] - base_);
+    }
+
+    double least_inverse_, inverse_;  // 1 / width at first, and now
     const double* time_;
     std::int32_t stride_;
     double base_ = 0.0;
