@@ -34,6 +34,11 @@ def reference_kernel(grey: NDArray[np.uint8]) -> int:
     return int(filled)
 
 
+def reference_read(path: str) -> bool:
+    """Read an image file as a script of one line would, without a look at it first; whether OpenCV gave an image."""
+    return cv2.imread(path, cv2.IMREAD_ANYCOLOR) is not None
+
+
 def to_grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Grey version of a grey or BGR image."""
     if image.ndim == 2:

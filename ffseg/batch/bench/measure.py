@@ -81,11 +81,12 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Two cases of a group whose medians are divided."""
+    """Two cases of a group whose medians are divided; that of `minus`, when there is one, is taken from the first."""
 
     title: str
     case: str
     over: str
+    minus: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,7 +175,11 @@ def _figure(suite: str, task: Task, pairs: Sequence[tuple[Sample, Sample]]) -> F
 def compared(group: Group, figures: Sequence[Figure]) -> list[Compared]:
     """The comparisons of a group from its figures."""
     of = {figure.case: figure for figure in figures}
-    pairs = [(part.title, of[part.case], of[part.over]) for part in group.comparisons]
-    return [
-        Compared(group.suite, title, a.median / b.median, a.robust_median / b.robust_median) for title, a, b in pairs
-    ]
+    found = []
+    for part in group.comparisons:
+        value, robust = of[part.case].median, of[part.case].robust_median
+        if part.minus:
+            value, robust = value - of[part.minus].median, robust - of[part.minus].robust_median
+        over = of[part.over]
+        found.append(Compared(group.suite, part.title, value / over.median, robust / over.robust_median))
+    return found

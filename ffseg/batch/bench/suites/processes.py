@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ffseg.batch.bench.measure import Comparison, Group, Sample, Skipped, Task, Timer
+from ffseg.batch.bench.suites.bare import reading
 from ffseg.batch.bench.suites.children import FreshFolders, measured_child, timed_child
 from ffseg.batch.bench.suites.drawing import Drawing, draw
 from ffseg.batch.bench.suites.pictures import QUICK_WIDTHS, WIDTHS
@@ -74,6 +75,10 @@ def batch(settings: Settings) -> Iterator[Group | Skipped]:
         tasks.append(Task(f"jobs, {jobs}", "image", timer, x=jobs))
         if jobs > 1:
             comparisons.append(Comparison(f"rate of --jobs {jobs} in rates of --jobs 1", "jobs, 1", f"jobs, {jobs}"))
+    files = sorted(images.iterdir())[:NUM_DISTINCT]
+    guarded, plain = "guarded reading", "cv2.imread"
+    tasks += [Task(guarded, "image", reading(files, guarded=True)), Task(plain, "image", reading(files, guarded=False))]
+    comparisons.append(Comparison(f"{guarded} beyond {plain}, in images of --jobs 1", guarded, "jobs, 1", minus=plain))
     facts = {"images": count, "cores": _cores()}
     yield Group("batch", "images", draw(1).image, tasks, facts, comparisons, rounds=FEW)
 
