@@ -4,42 +4,54 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 
-from ffseg.batch.bench.measure import Sample, Timer
+from ffseg.batch.bench.measure import Sample, Timer, timed
 from ffseg.formats.images import read_image
 from ffseg.formats.masks import encode_mask
 from ffseg.image.edges import edge_map
 from ffseg.image.reference import one_thread, reference_read
 from ffseg.parameters import Parameters
 
-
 TRIES = 5
-"""Reads of each file; the fastest counts, so that waiting for a turn on a busy machine does not."""
+"""Reads of each file in either way; of wall time the fastest counts, which waited least for a turn on a busy machine."""
 
 
-def reading(paths: Sequence[Path], *, guarded: bool) -> Timer:
-    """A timer of reading files, guarded or with ``cv2.imread``, in milliseconds an image."""
-    read: Callable[[Path], object] = read_image if guarded else lambda path: reference_read(os.fspath(path))
+def reading(paths: Sequence[Path]) -> tuple[Timer, Timer]:
+    """Timers of reading files guarded and with ``cv2.imread``, in milliseconds an image.
 
-    def sample() -> Sample:
-        mean = sum(_fastest(path, read) for path in paths) * 1e3 / len(paths)
-        return Sample(mean, mean)
+    Both are measured when the first is asked, call by call in turns, so that a busy machine slows both alike; the second
+    gives what was measured then.
+    """
+    plain = [Sample(0.0, 0.0)]
 
-    return sample
+    def first() -> Sample:
+        pairs = [_in_turns(path) for path in paths]
+        guarded, plain[0] = (_mean(samples) for samples in zip(*pairs, strict=True))
+        return guarded
+
+    return first, lambda: plain[0]
 
 
-def _fastest(path: Path, read: Callable[[Path], object]) -> float:
-    seconds = []
-    for _ in range(TRIES):
-        begin = perf_counter()
-        read(path)
-        seconds.append(perf_counter() - begin)
-    return min(seconds)
+def _in_turns(path: Path) -> tuple[Sample, Sample]:
+    def unguarded() -> bool:
+        return reference_read(os.fspath(path))
+
+    timers = (timed(lambda: read_image(path)), timed(unguarded))
+    guarded, plain = zip(*((timers[0](), timers[1]()) for _ in range(TRIES)), strict=True)
+    return _fastest(guarded), _fastest(plain)
+
+
+def _fastest(samples: Sequence[Sample]) -> Sample:
+    return Sample(min(sample.value for sample in samples), sum(sample.robust for sample in samples) / len(samples))
+
+
+def _mean(samples: Sequence[Sample]) -> Sample:
+    count = len(samples)
+    return Sample(sum(sample.value for sample in samples) / count, sum(sample.robust for sample in samples) / count)
 
 
 def main(images: Path, masks: Path, out: Path) -> None:

@@ -77,7 +77,7 @@ def batch(settings: Settings) -> Iterator[Group | Skipped]:
             comparisons.append(Comparison(f"rate of --jobs {jobs} in rates of --jobs 1", "jobs, 1", f"jobs, {jobs}"))
     files = sorted(images.iterdir())[:NUM_DISTINCT]
     guarded, plain = "guarded reading", "cv2.imread"
-    tasks += [Task(guarded, "image", reading(files, guarded=True)), Task(plain, "image", reading(files, guarded=False))]
+    tasks += [Task(case, "image", timer) for case, timer in zip((guarded, plain), reading(files), strict=True)]
     comparisons.append(Comparison(f"{guarded} beyond {plain}, in images of --jobs 1", guarded, "jobs, 1", minus=plain))
     facts = {"images": count, "cores": _cores()}
     yield Group("batch", "images", draw(1).image, tasks, facts, comparisons, rounds=FEW)
