@@ -32,7 +32,7 @@ def speed_map(seed: int) -> NDArray[np.float64]:
         return np.where(rng.random(shape) < 0.2, 0.25, 1.0)
     if kind == 3:
         return np.where(rng.random(shape) < 0.3, 0.0, 1.0)
-    return 10.0 ** rng.uniform(-6, 3, shape)
+    return 10.0 ** rng.uniform(-6, 3, shape) if seed % 2 else 10.0 ** rng.uniform(-12, 3, shape)
 
 
 @pytest.mark.parametrize("block", range(4))

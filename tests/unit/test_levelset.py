@@ -119,6 +119,23 @@ def test_closing_in_keeps_what_touches_the_image_border() -> None:
     assert sum(c.signed_area for c in contours) == pytest.approx(40 * 60, rel=0.02)
 
 
+def test_closing_in_ends_half_way_beyond_a_border_that_is_an_edge() -> None:
+    rng = np.random.default_rng(4)
+    inside, gradient = np.zeros((6, 8), np.uint8), np.zeros((6, 8), np.uint16)
+    inside[:, :2] = 1
+    gradient[:, 5:] = np.array([900, 600, 300]) + rng.integers(0, 90, (6, 3))  # on an edge, and so is the ring beyond
+    options = _core.LevelSetOptions()
+    options.stop, options.reach, options.closing_in = 100, 4, True  # the front climbs one column
+    slowness = np.where(np.arange(65536) < options.stop, 1.0, np.inf)
+    points, offsets, _ = _core.level_set(
+        gradient, slowness, inside, np.zeros((0, 2)), np.zeros(1, np.int64), None, options
+    )
+    x = points.reshape(-1, 2)[:, 0]
+    assert offsets.tolist() == [0, len(x)]
+    assert set(x[x > 7].tolist()) == {7.5}
+    assert np.count_nonzero(x == 7.5) == 6
+
+
 def test_the_front_stays_inside_the_domain() -> None:
     domain = np.zeros(SHAPE, np.uint8)
     domain[20:100, 40:120] = 255
