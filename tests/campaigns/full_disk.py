@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import errno
 import os
+import resource
 import shutil
 import subprocess
 import time
@@ -39,6 +40,7 @@ class Figures:
     runs: int = 0
     exit_codes: dict[int, int] = field(default_factory=dict)
     slowest_refusal_s: float = 0.0
+    slowest_refusal_processor_s: float = 0.0
     wrong: list[str] = field(default_factory=list)
 
 
@@ -71,9 +73,15 @@ def _fresh(folder: Path) -> Path:
 
 
 def _ended(command: list[str]) -> harness.Ended:
-    begin = time.perf_counter()
+    begin, before = time.perf_counter(), _processor_seconds()
     done = subprocess.run(command, capture_output=True, timeout=300, check=False)
-    return harness.Ended(done.returncode, time.perf_counter() - begin, done.stderr.decode("utf-8", "replace"))
+    seconds, processor = time.perf_counter() - begin, _processor_seconds() - before
+    return harness.Ended(done.returncode, seconds, done.stderr.decode("utf-8", "replace"), processor)
+
+
+def _processor_seconds() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _judge(ended: harness.Ended, out: Path, reference: dict[str, bytes], figures: Figures, label: str) -> None:
@@ -91,6 +99,7 @@ def _judge(ended: harness.Ended, out: Path, reference: dict[str, bytes], figures
         figures.wrong.append(f"{label}: exit 0 with {len(found)} of {len(reference)} files")
     elif ended.code == 2:
         figures.slowest_refusal_s = max(figures.slowest_refusal_s, ended.seconds)
+        figures.slowest_refusal_processor_s = max(figures.slowest_refusal_processor_s, ended.processor_s)
         if found:
             figures.wrong.append(f"{label}: exit 2 after {len(found)} files")
     if ended.code in (2, 3) and not any(reason in ended.stderr for reason in REASONS):

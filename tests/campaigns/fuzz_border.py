@@ -60,7 +60,8 @@ class Draws:
             return made[:0]
         if kind == 2:
             return np.asfortranarray(made)
-        return made[..., None] if kind == 3 else made.astype(np.float32)
+        with np.errstate(over="ignore"):
+            return made[..., None] if kind == 3 else made.astype(np.float32)
 
     def plane(self, dtype: type, high: int, *more: int) -> Array:
         """A map of the case's shape."""

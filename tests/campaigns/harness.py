@@ -24,11 +24,12 @@ CONFIG = "init.radius=8"
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command ended."""
+    """How a command ended; the processor's time is not always taken."""
 
     code: int
     seconds: float
     stderr: str
+    processor_s: float = 0.0
 
 
 def command(*arguments: str | os.PathLike[str]) -> list[str]:
