@@ -19,6 +19,8 @@ constexpr int kDivideRound = 16;
 constexpr std::size_t kSpeck = 64;
 // Curves nearer to each other than this touch, as far as anyone can draw them.
 constexpr double kTouch = 0.01;
+// In one round loops are cut until so many times the samples there are have been laid anew.
+constexpr std::size_t kMostLaid = 64;
 // Pixels drawn back along the normal in each round.
 constexpr double kDrawBack = 0.25;
 
@@ -34,7 +36,7 @@ public:
             if (crossing_.empty()) return true;
             for (const Place& place : crossing_) ease(place);
             if (round < kEaseRounds) continue;
-            for (const auto& [from, to] : loops_) cut(from, to);
+            cut_loops();
             if (round == kDivideRound) divide();
         }
         find_crossings();
@@ -254,8 +256,19 @@ private:
         }
     }
 
-    // What lies between two crossing patches of one component, the shorter way round, is laid on its chord.
-    void cut(Place from, Place to) {
+    // A contour that runs over itself everywhere has as many loops as pairs of patches: the next round finds the rest.
+    void cut_loops() {
+        std::size_t samples = 0, laid = 0;
+        for (const Samples& component : components_) samples += component.size();
+        for (const auto& [from, to] : loops_) {
+            laid += cut(from, to);
+            if (laid > kMostLaid * samples) break;
+        }
+    }
+
+    // What lies between two crossing patches of one component, the shorter way round, is laid on its chord. Returns the
+    // number of samples.
+    std::size_t cut(Place from, Place to) {
         Samples& at = components_[from.component];
         const std::size_t n = at.size();
         std::size_t span = (to.first + n - from.first) % n;
@@ -263,12 +276,13 @@ private:
             std::swap(from, to);
             span = n - span;
         }
-        if (span + D >= n / 2) return;
+        if (span + D >= n / 2) return 1;
         const Vec2 begin = at[from.first], end = at[(to.first + D) % n];
         for (std::size_t k = 1; k < span + D; ++k) {
             const double u = static_cast<double>(k) / static_cast<double>(span + D);
             at[(from.first + k) % n] = begin + u * (end - begin);
         }
+        return span + D;
     }
 
     // A component that crosses itself far from any loop that can be cut off becomes two, without the crossing patches. Of
