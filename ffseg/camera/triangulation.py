@@ -51,96 +51,78 @@ def triangulate(camera: Camera, motion: Motion, current: Array, previous: Array,
     noise_px : float
         Standard deviation of the match per axis, pixels.
     """
-    rays, seen = camera.lift(current), camera.lift(previous) @ motion.rotation
-    center = -motion.rotation.T @ motion.translation
-    points = midpoints(rays, seen, center)
-    altitude = camera.altitude(points)
-    error = np.maximum(
-        _distance(camera.project(points), current), _distance(camera.project(motion.apply(points)), previous)
-    )
-    with np.errstate(invalid="ignore", divide="ignore"):
-        normal = _cross(np.broadcast_to(center, rays.shape), rays)
-        normal /= np.sqrt(np.sum(normal**2, axis=1, keepdims=True))
-        epipolar = np.abs(np.arcsin(np.clip(np.sum(normal * seen, axis=1), -1.0, 1.0)))
-    sigma = _altitude_sigma(camera, motion, (current, previous), noise_px)
-    return Triangulation(points, altitude, sigma, error, epipolar)
+    lifted = camera.lift(np.stack([place + step for place in (current, previous) for step in _STEPS]))
+    rotations, translations, sigmas = _probes(camera, motion, noise_px)
+    centers = -np.einsum("vji,vj->vi", rotations, translations)
+    points, epipolar = _meet(lifted[_CURRENT], lifted[_PREVIOUS] @ rotations, centers)
+    altitudes = camera.altitude(points)
+    slopes = (altitudes[1:] - altitudes[0]) / PROBE
+    sigma: Array = np.sqrt(np.sum((slopes * sigmas[:, None]) ** 2, axis=0))
+    seen = np.stack([points[0], motion.apply(points[0])])
+    miss = camera.project(seen) - np.stack([current, previous])
+    error = np.sqrt(np.sum(miss**2, axis=2)).max(axis=0)
+    return Triangulation(points[0], altitudes[0], sigma, error, epipolar[0])
 
 
-def midpoints(rays: Array, seen: Array, center: Array) -> Array:
-    """Middle of the shortest segment between the rays of either camera.
+_STEPS = PROBE * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+"""Moves of a pixel; the places below are those of the moved pixels, the current image's first."""
+_CURRENT = [0, 1, 2, 0, 0, 0, 0, 0]
+_PREVIOUS = [3, 3, 3, 4, 5, 3, 3, 3]
+"""Rays as they are, each pixel coordinate moved, and as they are three times: there the motion moves."""
+
+
+def _meet(rays: Array, seen: Array, centers: Array) -> tuple[Array, Array]:
+    """Where the rays of either camera meet: the middle of the shortest segment between them.
 
     Parameters
     ----------
-    rays, seen : ndarray of float64, shape (n, 3)
+    rays, seen : ndarray of float64, shape (v, n, 3)
         Unit rays from the current camera (the origin) and from the previous one, both in the current frame.
-    center : ndarray of float64, shape (3,)
+    centers : ndarray of float64, shape (v, 3)
         The previous camera in the current frame.
 
     Returns
     -------
-    ndarray of float64, shape (n, 3)
+    points : ndarray of float64, shape (v, n, 3)
         NaN where the rays are parallel or meet behind a camera.
+    epipolar : ndarray of float64, shape (v, n)
+        Angle between ``seen`` and the epipolar plane of ``rays``, radians.
     """
-    cosine = np.sum(rays * seen, axis=1)
-    along, back = rays @ center, seen @ center
+    cosine = np.einsum("vni,vni->vn", rays, seen)
+    along, back = np.einsum("vni,vi->vn", rays, centers), np.einsum("vni,vi->vn", seen, centers)
+    # 1 - cosine**2 cancels at small parallax; the cross product does not.
+    normal = _cross(rays, seen)
     with np.errstate(invalid="ignore", divide="ignore"):
-        # 1 - cosine**2 cancels at small parallax; the cross product does not.
-        determinant = np.sum(_cross(rays, seen) ** 2, axis=1)
+        determinant = np.einsum("vni,vni->vn", normal, normal)
         reach = (along - cosine * back) / determinant
         reach_seen = (cosine * along - back) / determinant
-        points = 0.5 * (rays * reach[:, None] + center + seen * reach_seen[:, None])
+        points = 0.5 * (rays * reach[..., None] + centers[:, None] + seen * reach_seen[..., None])
         points[~((reach > 0) & (reach_seen > 0))] = np.nan
-    result: Array = points
-    return result
+        across = np.sqrt(np.sum(_cross(centers[:, None], rays) ** 2, axis=2))
+        sine = np.abs(np.einsum("vni,vi->vn", normal, centers)) / across
+        epipolar: Array = np.arcsin(np.minimum(sine, 1.0))
+    return points, epipolar
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Cross products per row; a quarter of the time of numpy's, which counts among hundreds of points."""
-    product: Array = np.empty(b.shape)
+    """Cross products along the last axis; a quarter of the time of numpy's, which counts among hundreds of points."""
+    product: Array = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for axis in range(3):
         one, two = (axis + 1) % 3, (axis + 2) % 3
-        product[:, axis] = a[:, one] * b[:, two] - a[:, two] * b[:, one]
+        product[..., axis] = a[..., one] * b[..., two] - a[..., two] * b[..., one]
     return product
 
 
-def _distance(projected: Array, pixels: Array) -> Array:
-    distance: Array = np.hypot(*(projected - pixels).T)
-    return distance
+def _probes(camera: Camera, motion: Motion, noise_px: float) -> tuple[Array, Array, Array]:
+    """Rotations (8, 3, 3) and translations (8, 3) of the variants, and what each one's slope is worth (7,).
 
-
-def _altitude_sigma(camera: Camera, motion: Motion, pair: tuple[Array, Array], noise_px: float) -> Array:
-    """First-order propagation: the four pixel coordinates by ``noise_px``, the motion's axes by its own sigmas."""
-    lifted = [camera.lift(pixels) for pixels in pair]
-    base = _altitude(camera, motion.rotation, motion.translation, lifted)
-    variance = np.zeros(len(base))
-    for image in range(2):
-        for axis in range(2):
-            moved = pair[image].copy()
-            moved[:, axis] += PROBE
-            changed = list(lifted)
-            changed[image] = camera.lift(moved)
-            slope = (_altitude(camera, motion.rotation, motion.translation, changed) - base) / PROBE
-            variance += (slope * noise_px) ** 2
-    for rotation, translation, sigma in _probes(camera, motion):
-        if sigma > 0:
-            slope = (_altitude(camera, rotation, translation, lifted) - base) / PROBE
-            variance += (slope * sigma) ** 2
-    sigma_m: Array = np.sqrt(variance)
-    return sigma_m
-
-
-def _probes(camera: Camera, motion: Motion) -> list[tuple[Array, Array, float]]:
-    """The motion moved by ``PROBE`` metres along two level axes and turned by ``PROBE`` radians about ``up``."""
-    level = camera.level()
+    The motion as it is, five times; moved by ``PROBE`` metres along two level axes; turned by ``PROBE`` radians about
+    ``up``.
+    """
+    rotations, translations = np.tile(motion.rotation, (8, 1, 1)), np.tile(motion.translation, (8, 1))
+    translations[5:7] += PROBE * camera.level()[:2]
     x, y, z = camera.up
     spin = np.eye(3) + PROBE * np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return [
-        (motion.rotation, motion.translation + PROBE * level[0], motion.translation_sigma),
-        (motion.rotation, motion.translation + PROBE * level[1], motion.translation_sigma),
-        (spin @ motion.rotation, motion.translation, motion.rotation_sigma),
-    ]
-
-
-def _altitude(camera: Camera, rotation: Array, translation: Array, lifted: list[Array]) -> Array:
-    points = midpoints(lifted[0], lifted[1] @ rotation, -rotation.T @ translation)
-    return camera.altitude(points)
+    rotations[7] = spin @ motion.rotation
+    moved, turned = motion.translation_sigma, motion.rotation_sigma
+    return rotations, translations, np.array([*[noise_px] * 4, moved, moved, turned])

@@ -13,14 +13,14 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
 from ffseg.camera.triangulation import triangulate
 from ffseg.image.components import Component
+from ffseg.image.interest import harris_points, outline_points
 from ffseg.image.keypoints import (
     Alignments,
     Array,
     Candidates,
     Grey,
     align_patches,
-    harris_points,
-    outline_points,
+    limited,
     patch_scores,
     plane_candidates,
 )  # fmt: skip
@@ -35,11 +35,11 @@ CORNER_RADIUS = 4
 OUTLINE_RADIUS = 3
 OUTLINE_STEPS = 4
 """A sample on the ground starts where it belongs and takes two; one that needs more is not on the ground."""
-GROWN = 2
-"""Pixels: corners and edges lie on a component's border, which the settled contour cuts through."""
 
 LEAST_SCORE = 0.85
 """Correlation of a right match; wrong ones of 9x9 patches rarely pass 0.7."""
+HOPELESS = 0.5
+"""Correlation of every second row and column of a patch below which the whole will not come near a right match."""
 RIVAL = 2.5
 """Pixels from the best place beyond which a second peak is another place."""
 RIVAL_MARGIN = 0.03
@@ -86,7 +86,7 @@ class ComponentVerdict:
     verdict : str
         ``obstacle``, ``false_obstacle`` or ``untested``.
     flat, raised : int
-        Corners and outline samples that speak for the ground and against it.
+        Outline samples that speak for the ground and against it; 0 where the corners alone keep the component.
     """
 
     component: int
@@ -141,13 +141,21 @@ def structural_test(pair: ImagePair, components: Sequence[Component], epsilon: f
     found again where flat paint would be. A box of which only the base was matched so stays an obstacle, and one wrong
     match neither merges a box nor keeps a mark.
     """
-    grown = [component.grown(GROWN, (pair.current.shape[0], pair.current.shape[1])) for component in components]
-    matches = match_corners(pair, grown, epsilon)
-    flat, raised = outline_votes(pair, grown, epsilon)
+    matches = match_corners(pair, components, epsilon)
+    corners = _corner_votes(matches, len(components), epsilon)
+    flat, raised = np.zeros((2, len(components)), np.intp)
+    asked = np.flatnonzero(corners.on_ground).tolist()
+    flat[asked], raised[asked] = outline_votes(pair, [components[place] for place in asked], epsilon)
+    merged = corners.on_ground & (flat >= LEAST_FLAT) & (raised <= MOST_RAISED * (flat + raised))
     return tuple(
-        _verdict(component, place, matches, (int(flat[place]), int(raised[place])), epsilon)
+        ComponentVerdict(
+            component.index, component.area, *component.centroid,
+            int(corners.matched[place]), float(corners.highest[place]),
+            "false_obstacle" if merged[place] else "obstacle" if corners.matched[place] else "untested",
+            int(flat[place]), int(raised[place]),
+        )
         for place, component in enumerate(components)
-    )
+    )  # fmt: skip
 
 
 def untested(components: Sequence[Component]) -> tuple[ComponentVerdict, ...]:
@@ -157,16 +165,14 @@ def untested(components: Sequence[Component]) -> tuple[ComponentVerdict, ...]:
 
 def match_corners(pair: ImagePair, components: Sequence[Component], epsilon: float) -> Matches:
     """Match Harris corners of components along their epipolar curves and triangulate them."""
-    found = [harris_points(pair.current, c.mask, c.origin, MOST_CORNERS) for c in components]
-    owner = np.repeat(np.arange(len(found)), [len(points) for points in found])
-    points = np.concatenate([np.empty((0, 2)), *found])
-    start, unique = _sweep(pair, points, epsilon)
-    aligned = align_patches(pair.current, pair.previous, points, start, CORNER_RADIUS)
-    placed = triangulate(pair.camera, pair.motion, points, aligned.pixels, NOISE_PX)
-    stayed = np.hypot(*(aligned.pixels - start.pixels[:, 0]).T) < RIVAL
+    found = harris_points(pair.current, components, MOST_CORNERS)
+    start, unique = _sweep(pair, found.pixels, epsilon)
+    aligned = align_patches(pair.current, pair.previous, found.pixels, start, CORNER_RADIUS)
+    placed = triangulate(pair.camera, pair.motion, found.pixels, aligned.pixels, NOISE_PX)
+    stayed = np.sum((aligned.pixels - start.pixels[:, 0]) ** 2, axis=1) < RIVAL**2
     good = unique & stayed & (aligned.score > LEAST_SCORE) & (placed.reprojection < REPROJECTION_GATE)
     good &= np.isfinite(placed.altitude) & np.isfinite(placed.altitude_sigma)
-    return Matches(owner, points, aligned.pixels, placed.altitude, placed.altitude_sigma, good)
+    return Matches(found.owner, found.pixels, aligned.pixels, placed.altitude, placed.altitude_sigma, good)
 
 
 HIGHEST = 0.7
@@ -185,12 +191,14 @@ def _altitudes(mounting: float, epsilon: float) -> Array:
 def _sweep(pair: ImagePair, points: Array, epsilon: float) -> tuple[Candidates, NDArray[np.bool_]]:
     """Best candidate of each point over all altitudes, and whether no other place rivals it."""
     candidates = plane_candidates(pair.camera, pair.motion, points, _altitudes(pair.camera.mounting(), epsilon))
-    scores = np.nan_to_num(patch_scores(pair.current, pair.previous, points, candidates, CORNER_RADIUS), nan=-1.0)
+    scores = patch_scores(pair.current, pair.previous, points, candidates, CORNER_RADIUS, HOPELESS)
+    scores[np.isnan(scores)] = -1.0
     best = np.argmax(scores, axis=1) if scores.size else np.zeros(len(points), np.intp)
     rows = np.arange(len(points))
     place, warp = candidates.pixels[rows, best], candidates.warps[rows, best]
     top = scores[rows, best]
-    away = np.hypot(*np.moveaxis(candidates.pixels - place[:, None], -1, 0)) > RIVAL
+    step = candidates.pixels - place[:, None]
+    away = step[..., 0] ** 2 + step[..., 1] ** 2 > RIVAL**2
     rival = np.where(away, scores, -1.0).max(axis=1, initial=-1.0)
     return Candidates(place[:, None], warp[:, None]), (top > 0) & (rival < top - RIVAL_MARGIN)
 
@@ -203,21 +211,19 @@ def outline_votes(
     A sample is aligned from where the ground would put it. Its displacement along the epipolar curve is an altitude,
     as certain as the edge crosses the curve; across the curve it must be small. Samples that cannot tell are left out.
     """
-    found = [outline_points(pair.current, c.mask, c.origin, MOST_OUTLINE) for c in components]
-    owner = np.repeat(np.arange(len(found)), [len(points) for points in found])
-    points = np.concatenate([np.empty((0, 2)), *found])
-    ground = plane_candidates(pair.camera, pair.motion, points, np.array([0.0, epsilon]))
+    found = outline_points(pair.current, components, MOST_OUTLINE)
+    ground = plane_candidates(pair.camera, pair.motion, found.pixels, np.array([0.0, epsilon]))
     start = Candidates(ground.pixels[:, :1], ground.warps[:, :1])
-    aligned = align_patches(pair.current, pair.previous, points, start, OUTLINE_RADIUS, OUTLINE_STEPS)
+    aligned = align_patches(pair.current, pair.previous, found.pixels, start, OUTLINE_RADIUS, OUTLINE_STEPS)
     flat, raised = _judge(aligned, ground)
     count = len(components)
-    return np.bincount(owner[flat], minlength=count), np.bincount(owner[raised], minlength=count)
+    return np.bincount(found.owner[flat], minlength=count), np.bincount(found.owner[raised], minlength=count)
 
 
 def _judge(aligned: Alignments, ground: Candidates) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     shift = aligned.pixels - ground.pixels[:, 0]
     parallax = ground.pixels[:, 1] - ground.pixels[:, 0]
-    information = _with_floor(aligned.information)
+    information = limited(aligned.information, NOISE_PX)
     weighted = np.einsum("nij,nj->ni", information, parallax)
     certainty = np.sum(weighted * parallax, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -236,14 +242,6 @@ MISS_GATE = 16.0
 """Four standard deviations across the epipolar curve."""
 
 
-def _with_floor(information: Array) -> Array:
-    """Information of a shift whose variance is at least ``NOISE_PX**2`` in every direction."""
-    values, vectors = np.linalg.eigh(np.nan_to_num(information))
-    variance = 1.0 / np.maximum(values, 1e-9) + NOISE_PX**2
-    bounded: Array = np.einsum("nij,nj,nkj->nik", vectors, 1.0 / variance, vectors)
-    return bounded
-
-
 LEAST_FLAT = 4
 """Samples that must speak for the ground before anything is merged."""
 LOW_PER_HIGH = 5
@@ -252,18 +250,22 @@ MOST_RAISED = 0.2
 """Share of the speaking samples that may contradict. Measured on rendered pairs: marks 0, boxes 0.57 and more."""
 
 
-def _verdict(
-    component: Component, place: int, matches: Matches, votes: tuple[int, int], epsilon: float
-) -> ComponentVerdict:
-    own = matches.good & (matches.owner == place)
-    altitude, sigma = matches.altitude[own], matches.altitude_sigma[own]
-    flat, raised = votes
-    low = int(np.sum(altitude + CONFIDENT * sigma < epsilon))
-    high = int(np.sum(altitude >= epsilon))
-    verdict: Verdict = "obstacle" if len(altitude) else "untested"
-    on_ground = low > 0 and high * LOW_PER_HIGH <= low
-    if on_ground and flat >= LEAST_FLAT and raised <= MOST_RAISED * (flat + raised):
-        verdict = "false_obstacle"
-    x, y = component.centroid
-    highest = float(altitude.max()) if len(altitude) else float("nan")
-    return ComponentVerdict(component.index, component.area, x, y, len(altitude), highest, verdict, flat, raised)
+@dataclass(frozen=True, slots=True, eq=False)
+class _CornerVotes:
+    """What the matched corners of every component say, shape (count,) each."""
+
+    matched: NDArray[np.intp]
+    highest: Array
+    on_ground: NDArray[np.bool_]
+
+
+def _corner_votes(matches: Matches, count: int, epsilon: float) -> _CornerVotes:
+    owner, altitude = matches.owner[matches.good], matches.altitude[matches.good]
+    sure = altitude + CONFIDENT * matches.altitude_sigma[matches.good] < epsilon
+    low = np.bincount(owner[sure], minlength=count)
+    high = np.bincount(owner[altitude >= epsilon], minlength=count)
+    matched = np.bincount(owner, minlength=count)
+    highest = np.full(count, -np.inf)
+    np.maximum.at(highest, owner, altitude)
+    highest[matched == 0] = np.nan
+    return _CornerVotes(matched, highest, (low > 0) & (high * LOW_PER_HIGH <= low))

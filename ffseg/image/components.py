@@ -51,16 +51,6 @@ class Component:
         x, y = self.origin
         return slice(y, y + self.mask.shape[0]), slice(x, x + self.mask.shape[1])
 
-    def grown(self, by: int, shape: tuple[int, int]) -> Component:
-        """The component grown by ``by`` pixels (a square), within an image of ``shape``."""
-        x, y = self.origin
-        x0, y0 = max(x - by, 0), max(y - by, 0)
-        x1, y1 = min(x + self.mask.shape[1] + by, shape[1]), min(y + self.mask.shape[0] + by, shape[0])
-        wide = np.zeros((y1 - y0, x1 - x0), np.uint8)
-        wide[y - y0 : y - y0 + self.mask.shape[0], x - x0 : x - x0 + self.mask.shape[1]] = self.mask
-        size = 2 * by + 1
-        return Component(self.index, (x0, y0), cv2.dilate(wide, np.ones((size, size), np.uint8)) > 0)
-
 
 def component_of(index: int, mask: Mask) -> Component:
     """A component from a mask of the whole image."""
@@ -86,12 +76,12 @@ def contour_components(contours: Sequence[FreeForm], shape: tuple[int, int]) -> 
 
 
 def _filled(index: int, contour: FreeForm, shape: tuple[int, int]) -> Component:
-    low, high = contour.control_box
-    x0, y0 = (int(max(0, np.floor(value))) for value in low)
-    x1, y1 = min(shape[1], int(np.ceil(high[0])) + 1), min(shape[0], int(np.ceil(high[1])) + 1)
-    window = (max(0, y1 - y0), max(0, x1 - x0))
-    local = FreeForm(contour.control_points - [x0, y0], contour.degree).reversed()
-    return Component(index, (x0, y0), rasterize([local], window))
+    points = contour.control_points
+    last = np.array([shape[1], shape[0]])
+    x0, y0 = np.clip(np.floor(points.min(axis=0)), 0, last).astype(int).tolist()
+    x1, y1 = np.clip(np.ceil(points.max(axis=0)) + 1, (x0, y0), last).astype(int).tolist()
+    local = np.concatenate([points[:1], points[:0:-1]]) - (x0, y0)  # run the other way: positive inside
+    return Component(index, (x0, y0), rasterize([FreeForm.trusted(local, contour.degree)], (y1 - y0, x1 - x0)))
 
 
 def merged(region: Mask, components: Sequence[Component]) -> Mask:

@@ -1,4 +1,4 @@
-"""Interest points, and patches of one image found again in another through a plane-induced warp."""
+"""Patches of one image found again in another through a plane-induced warp."""
 
 from __future__ import annotations
 
@@ -16,11 +16,6 @@ Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-HARRIS_BLOCK = 3
-HARRIS_K = 0.04
-"""Harris and Stephens' own constant."""
-HARRIS_FLOOR = 0.01
-"""Part of the strongest response below which a corner is texture; OpenCV's and MATLAB's examples use the same."""
 ALIGN_STEPS = 8
 """Gauss-Newton steps; those that succeed take two to five."""
 
@@ -28,60 +23,6 @@ ALIGN_STEPS = 8
 def grey_image(image: Grey) -> Grey:
     """The image as one contiguous channel."""
     return np.ascontiguousarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
-
-
-def harris_points(grey: Grey, region: Mask, origin: tuple[int, int], most: int) -> Array:
-    """Harris corners inside a region, with sub-pixel positions.
-
-    Parameters
-    ----------
-    grey : ndarray of uint8, shape (H, W)
-    region : ndarray of bool, shape (h, w)
-        Where corners may lie; a window of the image.
-    origin : tuple of int
-        (x, y) of the window's first pixel.
-    most : int
-        Number of corners kept, the strongest.
-
-    Returns
-    -------
-    ndarray of float64, shape (n, 2)
-        Pixels of the image, strongest first.
-    """
-    response = _harris_response(grey, region.shape, origin)
-    peak = (response >= cv2.dilate(response, np.ones((3, 3), np.uint8))) & region
-    peak &= response > HARRIS_FLOOR * float(response[region].max(initial=0.0))
-    rows, columns = np.nonzero(peak)
-    order = np.argsort(-response[rows, columns], kind="stable")[:most]
-    rows, columns = rows[order], columns[order]
-    offset = _peak_offset(response, rows, columns)
-    return np.stack([columns, rows], axis=1) + offset + origin
-
-
-def _harris_response(grey: Grey, shape: tuple[int, ...], origin: tuple[int, int]) -> NDArray[np.float32]:
-    """Response over the window; read with a margin so that the window's border is like its inside."""
-    x, y = origin
-    margin = HARRIS_BLOCK + 1
-    y0, x0 = max(y - margin, 0), max(x - margin, 0)
-    part = np.ascontiguousarray(grey[y0 : y + shape[0] + margin, x0 : x + shape[1] + margin])
-    response = cv2.cornerHarris(part, HARRIS_BLOCK, 3, HARRIS_K, borderType=cv2.BORDER_REPLICATE)
-    return np.ascontiguousarray(response[y - y0 : y - y0 + shape[0], x - x0 : x - x0 + shape[1]])
-
-
-def _peak_offset(response: NDArray[np.float32], rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Array:
-    """Vertex of the parabola through a peak and its neighbours, per axis, within half a pixel; shape (n, 2)."""
-    height, width = response.shape
-    middle = response[rows, columns].astype(np.float64)
-    offsets = np.zeros((len(rows), 2))
-    neighbours = (
-        (response[rows, np.maximum(columns - 1, 0)], response[rows, np.minimum(columns + 1, width - 1)]),
-        (response[np.maximum(rows - 1, 0), columns], response[np.minimum(rows + 1, height - 1), columns]),
-    )
-    for axis, (before, after) in enumerate(neighbours):
-        bend = np.minimum(before + after - 2.0 * middle, -1e-30)  # a peak bends down; a plateau has no vertex
-        offsets[:, axis] = 0.5 * (before - after) / bend
-    clipped: Array = np.clip(offsets, -0.5, 0.5)
-    return clipped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,14 +71,19 @@ def plane_candidates(camera: Camera, motion: Motion, pixels: Array, altitudes: A
     return Candidates(centers, warps[:, np.arange(len(altitudes)) // WARP_EVERY])
 
 
-def patch_scores(current: Grey, previous: Grey, points: Array, candidates: Candidates, radius: int) -> Array:
-    """Normalised cross-correlation of every point's patch with each of its candidates, shape (n, k); NaN outside."""
+def patch_scores(
+    current: Grey, previous: Grey, points: Array, candidates: Candidates, radius: int, hopeless: float = -1.0
+) -> Array:
+    """Normalised cross-correlation of every point's patch with each of its candidates, shape (n, k); NaN outside.
+
+    A candidate whose every second row and column correlate less than `hopeless` is given that correlation.
+    """
     n, k = candidates.pixels.shape[:2]
     scores = np.empty((n, k))
     _core.patch_scores(
         current, previous, np.ascontiguousarray(points),
         np.ascontiguousarray(candidates.pixels.reshape(n, 2 * k)),
-        np.ascontiguousarray(candidates.warps.reshape(n, 4 * k)), radius, scores,
+        np.ascontiguousarray(candidates.warps.reshape(n, 4 * k)), radius, hopeless, scores,
     )  # fmt: skip
     return scores
 
@@ -180,31 +126,18 @@ def align_patches(
     return Alignments(out[:, :2].copy(), out[:, 2].copy(), information / variance[:, None, None])
 
 
-OUTLINE_CELL = 4
-"""Pixels: one outline sample per cell, the strongest."""
-OUTLINE_FLOOR = 4.0
-"""Grey levels per pixel; a weaker edge cannot be placed better than the threshold's parallax."""
+def limited(information: Array, finest: float) -> Array:
+    """Information, shape (n, 2, 2), of positions whose standard deviation is at least ``finest`` in every direction.
 
-
-def outline_points(grey: Grey, region: Mask, origin: tuple[int, int], most: int) -> Array:
-    """Pixels of strongest gradient inside a region, at most one per cell, evenly thinned; shape (n, 2)."""
-    x, y = origin
-    height, width = region.shape
-    part = np.ascontiguousarray(grey[y : y + height, x : x + width])
-    if part.size == 0:
-        return np.empty((0, 2))
-    dx = cv2.Sobel(part, cv2.CV_32F, 1, 0, scale=0.125, borderType=cv2.BORDER_REPLICATE)
-    dy = cv2.Sobel(part, cv2.CV_32F, 0, 1, scale=0.125, borderType=cv2.BORDER_REPLICATE)
-    strength = np.where(region, cv2.magnitude(dx, dy), 0.0)
-    rows, columns = -(-height // OUTLINE_CELL), -(-width // OUTLINE_CELL)
-    padded = np.zeros((rows * OUTLINE_CELL, columns * OUTLINE_CELL), np.float32)
-    padded[:height, :width] = strength
-    cells = padded.reshape(rows, OUTLINE_CELL, columns, OUTLINE_CELL).swapaxes(1, 2).reshape(rows * columns, -1)
-    best = cells.argmax(axis=1)
-    value = cells[np.arange(len(cells)), best]
-    chosen = np.flatnonzero(value > OUTLINE_FLOOR)
-    if len(chosen) > most:
-        chosen = chosen[np.linspace(0, len(chosen) - 1, most).round().astype(np.intp)]
-    row = chosen // columns * OUTLINE_CELL + best[chosen] // OUTLINE_CELL
-    column = chosen % columns * OUTLINE_CELL + best[chosen] % OUTLINE_CELL
-    return np.stack([column + x, row + y], axis=1).astype(np.float64)
+    Notes
+    -----
+    ``(J^-1 + s^2 1)^-1 = (J + s^2 det J 1) / (1 + s^2 tr J + s^4 det J)``, which holds for a singular J as well. NaN
+    counts as no information.
+    """
+    known = np.where(np.isnan(information), 0.0, information)
+    floor = finest**2
+    determinant = known[:, 0, 0] * known[:, 1, 1] - known[:, 0, 1] ** 2
+    trace = known[:, 0, 0] + known[:, 1, 1]
+    result: Array = known + (floor * determinant)[:, None, None] * np.eye(2)
+    result /= (1.0 + floor * (trace + floor * determinant))[:, None, None]
+    return result

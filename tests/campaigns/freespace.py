@@ -9,16 +9,12 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import dataclass, field
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.motion import Pose, planar_pose, relative_motion
 from ffseg.freespace.sequence import Frame, free_space, segment_view
-from ffseg.freespace.structural import ImagePair, structural_test
-from ffseg.image.components import contour_components
-from ffseg.image.edges import edge_map
 from ffseg.parameters import Parameters, load_params
 from ffseg.rendering import RenderedPair, render_pair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL, GROUND
@@ -44,8 +40,6 @@ class Tally:
     marks_merged: int = 0
     ious: list[float] = field(default_factory=list)
     shift_errors: list[float] = field(default_factory=list)
-    ratios: list[float] = field(default_factory=list)
-    test_ratios: list[float] = field(default_factory=list)
     misses: list[str] = field(default_factory=list)
 
 
@@ -117,55 +111,27 @@ def run(seeds: range, params: Parameters, modes: tuple[str, ...] = MODES) -> dic
     for seed in seeds:
         pair = render_pair(seed)
         segmentation = segment_view(pair.current.image, pair.camera, params)
-        edges_ms = _edges_ms(pair, params)
         for mode in modes:
             frame = free_space(
                 pair.current.image, segmentation, pair.previous.image, pair.camera,
                 params.obstacles.altitude, poses_of(pair, mode, seed),
             )  # fmt: skip
             measure(pair, frame, tallies[mode], f"pair {seed}")
-            tallies[mode].ratios.append(frame.obstacles_ms / edges_ms)
-            tallies[mode].test_ratios.append(_test_ms(pair, frame, params) / edges_ms)
     return tallies
-
-
-def _edges_ms(pair: RenderedPair, params: Parameters) -> float:
-    times = []
-    for _ in range(3):
-        begin = perf_counter()
-        edge_map(pair.current.image, params.edges)
-        times.append((perf_counter() - begin) * 1e3)
-    return float(np.median(times))
-
-
-def _test_ms(pair: RenderedPair, frame: Frame, params: Parameters) -> float:
-    """Points, matching, triangulation and test alone, without the motion."""
-    if frame.motion is None:
-        return float("nan")
-    both = ImagePair(pair.current.image, pair.previous.image, pair.camera, frame.motion)
-    times = []
-    for _ in range(3):
-        begin = perf_counter()
-        _, components = contour_components(frame.segmentation.contours, frame.mask.shape)
-        structural_test(both, components, params.obstacles.altitude)
-        times.append((perf_counter() - begin) * 1e3)
-    return float(np.median(times))
 
 
 def table(tallies: dict[str, Tally]) -> str:
     """The figures as Markdown."""
     lines = [
-        "| mode | boxes merged | marks merged | mean IoU | translation error max / mean "
-        "| test / edge map | motion and test / edge map |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
+        "| mode | boxes merged | marks merged | mean IoU | translation error max / mean |",
+        "| --- | --- | --- | --- | --- |",
     ]
     for mode, tally in tallies.items():
         errors = tally.shift_errors or [float("nan")]
         lines.append(
             f"| {mode} | {tally.boxes_merged} of {tally.boxes} | {tally.marks_merged} of {tally.marks} "
             f"({tally.marks_merged / max(1, tally.marks):.1%}) | {np.mean(tally.ious):.4f} (min {min(tally.ious):.4f}) "
-            f"| {max(errors):.2%} / {np.mean(errors):.2%} | {np.nanmedian(tally.test_ratios):.2f} "
-            f"| {np.median(tally.ratios):.2f} |"
+            f"| {max(errors):.2%} / {np.mean(errors):.2%} |"
         )
     return "\n".join(lines)
 

@@ -16,8 +16,9 @@ from ffseg.freespace.egomotion import pair_motion
 from ffseg.freespace.ground import refine_on_ground
 from ffseg.freespace.sequence import Sequence, free_space, segment_view
 from ffseg.freespace.structural import ImagePair, structural_test
-from ffseg.image.components import component_of
-from ffseg.image.keypoints import Candidates, align_patches, harris_points, patch_scores, plane_candidates
+from ffseg.image.components import Component, component_of
+from ffseg.image.interest import harris_points
+from ffseg.image.keypoints import Candidates, align_patches, limited, patch_scores, plane_candidates
 from ffseg.image.planes import search_ground_motion
 from ffseg.native import _core
 from ffseg.parameters import load_params
@@ -97,7 +98,7 @@ def test_alignment_does_not_slide_along_an_edge() -> None:
 def test_native_borders_refuse_arrays_that_differ() -> None:
     image, two = np.zeros((20, 20), np.uint8), np.zeros((3, 2))
     with pytest.raises(ValueError, match="differ in size"):
-        _core.patch_scores(image, image, two, np.zeros((3, 3)), np.zeros((3, 4)), 3, np.zeros((3, 1)))
+        _core.patch_scores(image, image, two, np.zeros((3, 3)), np.zeros((3, 4)), 3, -1.0, np.zeros((3, 1)))
     with pytest.raises(ValueError, match="radius"):
         _core.align_patches(image, image, two, two, np.zeros((3, 4)), 0, 3, np.zeros((3, 7)))
     with pytest.raises(ValueError, match="pixels a side"):
@@ -107,12 +108,36 @@ def test_native_borders_refuse_arrays_that_differ() -> None:
 def test_harris_finds_the_corners_of_a_square() -> None:
     image = np.full((60, 60), 50, np.uint8)
     image[20:40, 15:45] = 200
-    points = harris_points(image, np.ones((40, 50), np.bool_), (5, 8), 10)
+    points = harris_points(image, [Component(0, (5, 8), np.ones((40, 50), np.bool_))], 10, 0).pixels
     expected = np.array([[14.5, 19.5], [44.5, 19.5], [14.5, 39.5], [44.5, 39.5]])
     assert len(points) == 4
     for corner in expected:
         # The operator's window pulls a corner inward by about a pixel.
         assert np.hypot(*(points - corner).T).min() < 1.5
+
+
+def test_hopeless_candidates_keep_the_score_of_every_second_sample() -> None:
+    random = np.random.default_rng(7)
+    current, previous = smooth_image(8), smooth_image(9)
+    points = random.uniform(20, 100, (30, 2))
+    candidates = Candidates(random.uniform(20, 100, (30, 6, 2)), np.tile([1.0, 0, 0, 1], (30, 6, 1)))
+    every, some = (patch_scores(current, previous, points, candidates, 4, floor) for floor in (-1.0, 0.2))
+    for i, j in np.ndindex(30, 6):
+        a = naive_camera.patch(current, points[i], [1, 0, 0, 1], 4).reshape(9, 9)[::2, ::2].ravel()
+        b = naive_camera.patch(previous, candidates.pixels[i, j], [1, 0, 0, 1], 4).reshape(9, 9)[::2, ::2].ravel()
+        sparse = naive_camera.correlation(a, b)
+        assert some[i, j] == pytest.approx(sparse if sparse < 0.2 else every[i, j], abs=1e-9)
+    assert 0.2 < np.mean(some == every) < 0.8  # both kinds occur
+
+
+def test_information_is_limited_as_if_noise_were_added() -> None:
+    random = np.random.default_rng(10)
+    root = random.normal(0, 3, (50, 2, 2))
+    information = root @ np.swapaxes(root, 1, 2)
+    expected = np.linalg.inv(np.linalg.inv(information) + 0.2**2 * np.eye(2))
+    assert limited(information, 0.2) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    edge = np.array([[[4.0, 0.0], [0.0, 0.0]], [[np.nan] * 2] * 2])  # known across an edge only; not known
+    assert limited(edge, 0.5) == pytest.approx(np.array([[[2.0, 0.0], [0.0, 0.0]], np.zeros((2, 2))]), abs=1e-15)
 
 
 def test_plane_candidates_follow_points_of_that_altitude() -> None:

@@ -2,6 +2,7 @@
 #include <vector>
 
 #include "bindings.hpp"
+#include "pairs/interest.hpp"
 #include "pairs/patches.hpp"
 
 namespace nb = nanobind;
@@ -12,6 +13,9 @@ namespace {
 using Grey = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Table = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Bytes = nb::ndarray<const std::uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Windows = nb::ndarray<const std::int64_t, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
+using Counts = nb::ndarray<std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 constexpr int kMaxRadius = 32;
 
@@ -36,23 +40,64 @@ ffseg::Warp warp(const Rows& rows, std::size_t row, std::size_t column = 0) {
     return {p[0], p[1], p[2], p[3]};
 }
 
+// Components packed one after another: windows (n, 4) of x, y, width, height, and their masks row by row.
+std::vector<ffseg::Region> regions(const ffseg::PlaneView& image, const Windows& windows, const Bytes& masks) {
+    std::vector<ffseg::Region> found;
+    std::size_t offset = 0;
+    for (std::size_t i = 0; i < windows.shape(0); ++i) {
+        const std::int64_t* w = windows.data() + 4 * i;
+        const bool inside = w[0] >= 0 && w[1] >= 0 && w[2] >= 0 && w[3] >= 0 && w[0] <= image.width &&
+                            w[1] <= image.height && w[2] <= image.width - w[0] && w[3] <= image.height - w[1];
+        const std::size_t size = inside ? static_cast<std::size_t>(w[2] * w[3]) : 0;
+        if (!inside || size > masks.shape(0) - offset) {
+            throw std::invalid_argument("a window leaves the image, or its mask is missing");
+        }
+        const std::uint8_t* first = masks.data() + offset;
+        found.push_back({static_cast<int>(w[0]), static_cast<int>(w[1]), static_cast<int>(w[2]),
+                         static_cast<int>(w[3]), std::vector<std::uint8_t>(first, first + size)});
+        offset += size;
+    }
+    return found;
+}
+
+// points (n * most, 2), counts (n,): the points of one component after another, without gaps.
+template <auto kFind>
+void py_points(const Grey& image, const Windows& windows, const Bytes& masks, int grow, Table points, Counts counts) {
+    const ffseg::PlaneView seen = view(image);
+    const std::vector<ffseg::Region> components = regions(seen, windows, masks);
+    const std::size_t n = components.size(), most = n ? points.shape(0) / n : 0;
+    check(points.shape(0) == n * most && points.shape(1) == 2 && counts.shape(0) == n && most <= 65535 && grow >= 0 &&
+          grow <= kMaxRadius);
+    nb::gil_scoped_release release;
+    double* row = points.data();
+    for (std::size_t i = 0; i < n; ++i) {
+        counts.data()[i] = 0;
+        if (components[i].mask.empty()) continue;
+        const ffseg::Region wide = ffseg::grown(components[i], grow, seen.width, seen.height);
+        const std::vector<ffseg::Vec2> found = kFind(seen, wide, static_cast<int>(most));
+        counts.data()[i] = static_cast<std::int64_t>(found.size());
+        for (const ffseg::Vec2 p : found) {
+            *row++ = p.x;
+            *row++ = p.y;
+        }
+    }
+}
+
 // candidates (n, 2k), warps (n, 4k) -> scores (n, k)
 void py_scores(const Grey& current, const Grey& previous, const Rows& centers, const Rows& candidates,
-               const Rows& warps, int radius, Table out) {
+               const Rows& warps, int radius, double hopeless, Table out) {
     const ffseg::ImagePair pair{view(current), view(previous)};
     const std::size_t n = centers.shape(0), k = out.shape(1);
     check(centers.shape(1) == 2 && candidates.shape(0) == n && warps.shape(0) == n && out.shape(0) == n &&
           candidates.shape(1) == 2 * k && warps.shape(1) == 4 * k && radius >= 1 && radius <= kMaxRadius);
     nb::gil_scoped_release release;
-    std::vector<ffseg::Vec2> places(k);
-    std::vector<ffseg::Warp> shapes(k);
+    ffseg::Candidates tried{std::vector<ffseg::Vec2>(k), std::vector<ffseg::Warp>(k)};
     for (std::size_t i = 0; i < n; ++i) {
         for (std::size_t j = 0; j < k; ++j) {
-            places[j] = point(candidates, i, 2 * j);
-            shapes[j] = warp(warps, i, 4 * j);
+            tried.places[j] = point(candidates, i, 2 * j);
+            tried.warps[j] = warp(warps, i, 4 * j);
         }
-        ffseg::patch_scores(pair, point(centers, i), places.data(), shapes.data(), static_cast<int>(k), radius,
-                            out.data() + i * k);
+        ffseg::patch_scores(pair, point(centers, i), tried, radius, hopeless, out.data() + i * k);
     }
 }
 
@@ -82,8 +127,12 @@ void py_align(const Grey& current, const Grey& previous, const Rows& centers, co
 }  // namespace
 
 void bind_pairs(nb::module_& m) {
+    m.def("harris_points", &py_points<ffseg::harris_points>, "image"_a, "windows"_a, "masks"_a, "grow"_a, "points"_a,
+          "counts"_a, "Harris corners of components grown by `grow` pixels, strongest first, into `points`.");
+    m.def("outline_points", &py_points<ffseg::outline_points>, "image"_a, "windows"_a, "masks"_a, "grow"_a, "points"_a,
+          "counts"_a, "Samples of the strongest edges of components grown by `grow` pixels, into `points`.");
     m.def("patch_scores", &py_scores, "current"_a, "previous"_a, "centers"_a, "candidates"_a, "warps"_a, "radius"_a,
-          "out"_a, "Normalised cross-correlation of patches against warped candidates of the previous image, into `out`.");
+          "hopeless"_a, "out"_a, "Normalised cross-correlation of patches against warped candidates of the previous image, into `out`.");
     m.def("align_patches", &py_align, "current"_a, "previous"_a, "centers"_a, "starts"_a, "warps"_a, "radius"_a,
           "steps"_a, "out"_a, "Sub-pixel alignment of patches in the previous image, into `out`.");
 }

@@ -36,15 +36,19 @@ bool fits(const PlaneView& image, Vec2 center, const Warp& warp, int radius) {
 
 }  // namespace
 
-Patch::Patch(int radius) : radius_(radius), values_(static_cast<std::size_t>((2 * radius + 1) * (2 * radius + 1))) {}
+Patch::Patch(int radius, int stride) : radius_(radius), stride_(stride) {
+    const std::size_t side = 2 * static_cast<std::size_t>(radius) / stride + 1;
+    values_.resize(side * side);
+}
 
 bool Patch::sample(const PlaneView& image, Vec2 center, const Warp& warp) {
     if (!fits(image, center, warp, radius_)) return false;
     double sum = 0.0, squares = 0.0;
     std::size_t k = 0;
-    for (int dy = -radius_; dy <= radius_; ++dy) {
+    const double across = stride_ * warp.xx, down = stride_ * warp.yx;
+    for (int dy = -radius_; dy <= radius_; dy += stride_) {
         double x = center.x + warp.xy * dy - warp.xx * radius_, y = center.y + warp.yy * dy - warp.yx * radius_;
-        for (int dx = -radius_; dx <= radius_; ++dx, x += warp.xx, y += warp.yx) {
+        for (int dx = -radius_; dx <= radius_; dx += stride_, x += across, y += down) {
             const double value = bilinear(image, x, y);
             values_[k++] = value;
             sum += value;
@@ -65,12 +69,19 @@ double Patch::correlation(const Patch& other) const {
     return (product - count * mean_ * other.mean_) / (spread_ * other.spread_);
 }
 
-void patch_scores(const ImagePair& pair, Vec2 center, const Vec2* candidates, const Warp* warps, int count, int radius,
+void patch_scores(const ImagePair& pair, Vec2 center, const Candidates& candidates, int radius, double hopeless,
                   double* scores) {
-    Patch reference(radius), seen(radius);
-    const bool usable = reference.sample(pair.current, center, Warp{});
-    for (int k = 0; k < count; ++k) {
-        scores[k] = usable && seen.sample(pair.previous, candidates[k], warps[k]) ? reference.correlation(seen) : kNan;
+    Patch sparse(radius, 2), sparse_seen(radius, 2), whole(radius), seen(radius);
+    const bool usable = sparse.sample(pair.current, center, Warp{}) && whole.sample(pair.current, center, Warp{});
+    for (std::size_t k = 0; k < candidates.places.size(); ++k) {
+        scores[k] = kNan;
+        const Vec2 place = candidates.places[k];
+        const Warp& warp = candidates.warps[k];
+        if (!usable || !sparse_seen.sample(pair.previous, place, warp)) continue;
+        scores[k] = sparse.correlation(sparse_seen);
+        if (scores[k] < hopeless) continue;
+        seen.sample(pair.previous, place, warp);
+        scores[k] = whole.correlation(seen);
     }
 }
 

@@ -32,10 +32,10 @@ struct Alignment {
     Symmetric2 normal;   // sum of gradient products over the patch, (grey level / px)^2, gain removed
 };
 
-// Bilinear samples of one patch, with their mean and spread.
+// Bilinear samples of one patch, with their mean and spread; with a stride, of every so-manieth row and column.
 class Patch {
 public:
-    explicit Patch(int radius);
+    explicit Patch(int radius, int stride = 1);
     bool sample(const PlaneView& image, Vec2 center, const Warp& warp);
     double correlation(const Patch& other) const;
     const std::vector<double>& values() const { return values_; }
@@ -44,13 +44,20 @@ public:
     int radius() const { return radius_; }
 
 private:
-    int radius_;
+    int radius_, stride_;
     std::vector<double> values_;
     double mean_ = 0.0, spread_ = 0.0;  // spread: root of the sum of squared deviations
 };
 
-// Score of the patch round `center` against each candidate.
-void patch_scores(const ImagePair& pair, Vec2 center, const Vec2* candidates, const Warp* warps, int count, int radius,
+// Places in the previous image that a patch of the current one is compared with.
+struct Candidates {
+    std::vector<Vec2> places;
+    std::vector<Warp> warps;
+};
+
+// Score of the patch round `center` against each candidate; a candidate whose every second row and column score below
+// `hopeless` keeps that score.
+void patch_scores(const ImagePair& pair, Vec2 center, const Candidates& candidates, int radius, double hopeless,
                   double* scores);
 
 // Move `start` to where the warped previous patch fits best: Gauss-Newton with gain and bias, at most `steps`.

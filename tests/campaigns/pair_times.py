@@ -1,0 +1,143 @@
+"""What a pair costs beside its edge map; run ``python -m tests.campaigns.pair_times``.
+
+Over rendered pairs, and over the frames of ``omni_room`` where the data folder is there: the test alone (components,
+points, matching, triangulation, verdict) and motion with test, with poses and without. Every round times all of them
+and the edge map in turn, so that a busy machine slows them alike; what is said are ratios of medians.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.model import Camera
+from ffseg.camera.motion import Pose
+from ffseg.camera.projections import Affine, UnifiedSphere
+from ffseg.freespace.sequence import free_space, segment_view
+from ffseg.freespace.structural import ImagePair, structural_test
+from ffseg.image.components import contour_components
+from ffseg.image.edges import edge_map
+from ffseg.parameters import Parameters, load_params
+from ffseg.rendering import render_pair
+from tests.campaigns.freespace import true_poses
+
+Image = NDArray[np.uint8]
+
+ROOT = Path(__file__).resolve().parents[2]
+STEPS = ("test", "motion and test, poses", "motion and test, no poses")
+PROMISE = 2.0
+"""The test takes at most so many times the edge map's time."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One pair of images to be timed."""
+
+    name: str
+    current: Image
+    previous: Image
+    camera: Camera
+    poses: tuple[Pose, Pose]
+    params: Parameters
+
+
+def rendered_cases(count: int) -> list[Case]:
+    """Rendered pairs, the first ``count`` seeds."""
+    params, cases = load_params(), []
+    for seed in range(count):
+        pair = render_pair(seed)
+        cases.append(
+            Case(f"pair {seed}", pair.current.image, pair.previous.image, pair.camera, true_poses(pair), params)
+        )
+    return cases
+
+
+def room_cases() -> list[Case]:
+    """The frames of ``omni_room`` at 800x600; none where the data folder is absent."""
+    folder = Path(os.environ.get("FFSEG_DATA", ROOT.parent / "shared" / "data")) / "omni_room"
+    if not folder.is_dir():
+        return []
+    data = json.loads((folder / "motion.json").read_text())
+    k, pair = data["K"], data["pairs"][0]
+    center = ((k[0][2] + 0.5) / 2 - 0.5, (k[1][2] + 0.5) / 2 - 0.5)
+    lens = UnifiedSphere(Affine(k[0][0] / 2, k[1][1] / 2, *center), data["xi"], (0, 0, 0, 0))
+    camera = Camera(lens, 800, 600, center, 1.88, robot_radius=38.0, rim_radius=246.0)
+    frames = [cv2.imread(str(folder / f"{pair[name]}.png"), cv2.IMREAD_GRAYSCALE) for name in "ab"]
+    small = [cv2.resize(frame, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for frame in frames]
+    rotation, shift = np.array(pair["R"]), 0.3 * np.array(pair["t_direction"])
+    poses = Pose(rotation.T, -rotation.T @ shift), Pose(np.eye(3), np.zeros(3))
+    return [Case("omni_room", small[0], small[1], camera, poses, load_params("omni-indoor"))]
+
+
+def ratios(case: Case, rounds: int) -> tuple[float, list[float], int]:
+    """Median time of the edge map, ms, of each of ``STEPS`` in its units (NaN without a motion), and components."""
+    epsilon = case.params.obstacles.altitude
+    found = segment_view(case.current, case.camera, case.params)
+    frame = free_space(case.current, found, case.previous, case.camera, epsilon, case.poses)
+    domain = np.where(case.camera.domain(), np.uint8(255), np.uint8(0))
+
+    def test() -> None:
+        if frame.motion is not None:
+            _, components = contour_components(found.contours, frame.mask.shape)
+            structural_test(ImagePair(case.current, case.previous, case.camera, frame.motion), components, epsilon)
+
+    steps: list[Callable[[], object]] = [
+        lambda: edge_map(case.current, case.params.edges, domain),
+        test,
+        lambda: free_space(case.current, found, case.previous, case.camera, epsilon, case.poses),
+        lambda: free_space(case.current, found, case.previous, case.camera, epsilon),
+    ]
+    times = np.array([[_milliseconds(step) for step in steps] for _ in range(rounds)])
+    edges, *others = np.median(times, axis=0)
+    if frame.motion is None or not frame.components:
+        others[0] = float("nan")
+    return float(edges), [float(other / edges) for other in others], len(frame.components)
+
+
+def _milliseconds(step: Callable[[], object]) -> float:
+    begin = perf_counter()
+    step()
+    return (perf_counter() - begin) * 1e3
+
+
+def table(rows: list[list[float]]) -> str:
+    """Median, ninth decile and largest ratio of every step as Markdown."""
+    lines = ["| step / edge map | median | 90 % | largest |", "| --- | --- | --- | --- |"]
+    for name, column in zip(STEPS, np.array(rows).T, strict=True):
+        own = column[np.isfinite(column)]
+        if len(own):
+            lines.append(f"| {name} | {np.median(own):.2f} | {np.quantile(own, 0.9):.2f} | {own.max():.2f} |")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Print the ratios; 1 when the test takes more than it promises."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--pairs", type=int, default=20)
+    parser.add_argument("--rounds", type=int, default=15)
+    options = parser.parse_args()
+    kept = True
+    for cases in (rendered_cases(options.pairs), room_cases()):
+        if not cases:
+            continue
+        measured = [ratios(case, options.rounds) for case in cases]
+        rows = [row for _, row, _ in measured]
+        edges, components = (np.median([entry[place] for entry in measured]) for place in (0, 2))
+        print(f"\n{cases[0].name} to {cases[-1].name}: edge map {edges:.2f} ms, {components:.0f} components")
+        print(table(rows))
+        kept &= bool(np.nanmedian([row[0] for row in rows]) <= PROMISE)
+    return 0 if kept else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
