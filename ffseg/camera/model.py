@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,13 +108,7 @@ class Camera:
 
     def level(self) -> Array:
         """Smallest rotation, shape (3, 3), from the camera frame to one whose z axis points straight down."""
-        down = -self.up
-        cross = np.array([down[1], -down[0], 0.0])  # down x (0, 0, 1)
-        if down[2] <= -1.0 + 1e-12:
-            return np.diag([1.0, -1.0, -1.0])
-        k = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
-        rotation: Array = np.eye(3) + k + k @ k / (1.0 + down[2])
-        return rotation
+        return _level(*self.up.tolist())
 
     def domain(self) -> Mask:
         """True where the scene is: inside ``rim_radius`` and the image, shape (height, width).
@@ -140,3 +135,16 @@ class Camera:
                 f"{image} is {width}x{height}, the camera file says {self.width}x{self.height}: "
                 "use the calibration of this image size, or resize the image"
             )
+
+
+@lru_cache(maxsize=16)
+def _level(x: float, y: float, z: float) -> Array:
+    """Smallest rotation that takes minus (x, y, z) to (0, 0, 1), read-only."""
+    if z >= 1.0 - 1e-12:
+        rotation = np.diag([1.0, -1.0, -1.0])
+    else:
+        # The axis is down x (0, 0, 1) = (-y, x, 0).
+        k = np.array([[0.0, 0.0, x], [0.0, 0.0, y], [-x, -y, 0.0]])
+        rotation = np.eye(3) + k + k @ k / (1.0 - z)
+    rotation.setflags(write=False)
+    return rotation

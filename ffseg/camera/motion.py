@@ -173,11 +173,12 @@ def _consensus(current: Array, previous: Array, sigma: Array, random: np.random.
         turn = seen * span.conj()
         turn /= np.abs(turn)
     shift = 0.5 * (b[first] + b[second]) - turn * 0.5 * (a[first] + a[second])
-    errors = np.abs(turn[:, None] * a + shift[:, None] - b) / sigma
+    misses = (turn[:, None] * a + shift[:, None] - b) / sigma
+    squares = misses.real**2 + misses.imag**2
     # Truncated squares: among motions with equal counts the tighter one wins.
-    cost = np.nansum(np.minimum(errors, GATE) ** 2, axis=1)
-    cost[np.isnan(turn)] = np.inf
-    chosen: NDArray[np.bool_] = errors[np.argmin(cost)] < GATE
+    cost = np.minimum(squares, GATE**2).sum(axis=1)
+    cost[np.isnan(cost)] = np.inf  # both pairs of the sample at one point
+    chosen: NDArray[np.bool_] = squares[np.argmin(cost)] < GATE**2
     return chosen
 
 

@@ -51,14 +51,19 @@ class Affine:
 
     def pixels(self, plane: Array) -> Array:
         """Pixels of normalised points, shape (n, 2)."""
-        x, y = plane[:, 0], plane[:, 1]
-        return np.stack([self.fx * x + self.skew * y + self.cx, self.fy * y + self.cy], axis=1)
+        pixels = plane * (self.fx, self.fy)
+        pixels += (self.cx, self.cy)
+        if self.skew:
+            pixels[:, 0] += self.skew * plane[:, 1]
+        return pixels
 
     def plane(self, pixels: Array) -> Array:
         """Normalised points of pixels, shape (n, 2)."""
-        y = (pixels[:, 1] - self.cy) / self.fy
-        x = (pixels[:, 0] - self.cx - self.skew * y) / self.fx
-        return np.stack([x, y], axis=1)
+        plane = pixels - (self.cx, self.cy)
+        if self.skew:
+            plane[:, 0] -= self.skew / self.fy * plane[:, 1]
+        plane /= (self.fx, self.fy)
+        return plane
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,21 +88,25 @@ class UnifiedSphere:
     def lift(self, pixels: Array) -> Array:
         """Unit rays, shape (n, 3); NaN outside the model's image."""
         plane = self._undistort(self.affine.plane(pixels))
-        square = np.sum(plane**2, axis=1)
+        square = np.einsum("ni,ni->n", plane, plane)
+        rays = np.empty((len(plane), 3))
         with np.errstate(invalid="ignore"):
-            root = np.sqrt(1.0 + (1.0 - self.xi**2) * square)
-            eta = (self.xi + root) / (square + 1.0)
-            return np.column_stack([plane * eta[:, None], eta - self.xi])
+            eta = (self.xi + np.sqrt(1.0 + (1.0 - self.xi**2) * square)) / (square + 1.0)
+        np.multiply(plane, eta[:, None], out=rays[:, :2])
+        np.subtract(eta, self.xi, out=rays[:, 2])
+        return rays
 
     def project(self, points: Array) -> Array:
         """Pixels, shape (n, 2); NaN for directions the mirror does not show."""
+        z = points[:, 2]
         with np.errstate(invalid="ignore", divide="ignore"):
-            ray = points / np.sqrt(np.sum(points**2, axis=1, keepdims=True))
-            depth = ray[:, 2] + self.xi
+            norm = np.sqrt(np.einsum("ni,ni->n", points, points))
+            depth = z + self.xi * norm
             # Beyond -1/xi (xi > 1) or -xi (xi <= 1) two directions would share a pixel, or fall behind the plane.
-            seen = ray[:, 2] > (-1.0 / self.xi if self.xi > 1.0 else -self.xi)
-            plane = ray[:, :2] / np.where(seen, depth, np.nan)[:, None]
-            plane[np.sum(plane**2, axis=1) > self._limit() ** 2] = np.nan
+            depth[~(z > (-1.0 / self.xi if self.xi > 1.0 else -self.xi) * norm)] = np.nan
+            plane: Array = points[:, :2] / depth[:, None]
+            if any(self.distortion):
+                plane[np.sum(plane**2, axis=1) > self._limit() ** 2] = np.nan
         return self.affine.pixels(distort(plane, self.distortion))
 
     def _limit(self) -> float:
@@ -108,7 +117,7 @@ class UnifiedSphere:
     def _undistort(self, target: Array) -> Array:
         """Newton's inverse of ``distort`` to machine precision, on the branch that contains the centre."""
         if not any(self.distortion):
-            return target.copy()
+            return target
         limit = self._limit()
         radius = np.sqrt(np.sum(target**2, axis=1, keepdims=True))
         with np.errstate(invalid="ignore", divide="ignore"):

@@ -56,10 +56,11 @@ def pair_motion(
     epsilon : float
         Altitude threshold, metres: what the pair's parallax must resolve.
     """
-    found = _with_poses(camera, images, poses, free) if poses else _without_poses(camera, images, free)
+    points = ground_grid(camera, free)
+    found = _with_poses(camera, images, poses, points) if poses else _without_poses(camera, images, free, points)
     if found.motion is None:
         return found
-    parallax = threshold_parallax(camera, found.motion, free, epsilon)
+    parallax = threshold_parallax(camera, found.motion, points, epsilon)
     if parallax < LEAST_PARALLAX:
         return PairMotion(
             None,
@@ -69,9 +70,8 @@ def pair_motion(
     return found
 
 
-def threshold_parallax(camera: Camera, motion: Motion, free: Mask, epsilon: float) -> float:
-    """Median distance in the previous image between the ground and a plane at `epsilon`, pixels."""
-    points = ground_grid(camera, free)
+def threshold_parallax(camera: Camera, motion: Motion, points: Array, epsilon: float) -> float:
+    """Median distance in the previous image between ground points and a plane at `epsilon`, pixels."""
     if not len(points):
         return 0.0
     pixels = plane_candidates(camera, motion, points, np.array([0.0, epsilon])).pixels
@@ -80,27 +80,27 @@ def threshold_parallax(camera: Camera, motion: Motion, free: Mask, epsilon: floa
     return float(np.median(distance)) if len(distance) else 0.0
 
 
-def _without_poses(camera: Camera, images: tuple[Grey, Grey], free: Mask) -> PairMotion:
+def _without_poses(camera: Camera, images: tuple[Grey, Grey], free: Mask, points: Array) -> PairMotion:
     previous, current = images
     rough = search_ground_motion(camera, current, previous, free)
-    motion = refine_on_ground(camera, rough, current, previous, free, True, "ground points") if rough else None
+    motion = refine_on_ground(camera, rough, (current, previous), points, True, "ground points") if rough else None
     if motion is None:
         return PairMotion(None, "no motion: the ground of the two images does not match; give poses with --poses")
     return PairMotion(motion, _said(motion))
 
 
-def _with_poses(camera: Camera, images: tuple[Grey, Grey], poses: tuple[Pose, Pose], free: Mask) -> PairMotion:
+def _with_poses(camera: Camera, images: tuple[Grey, Grey], poses: tuple[Pose, Pose], points: Array) -> PairMotion:
     """The poses corrected on the ground; as they are where the ground is bare; nothing where the ground contradicts."""
-    previous, current = images
+    pair = images[1], images[0]
     given = relative_motion(*poses)
     sigma = POSE_TRANSLATION_SIGMA * given.baseline
     given = Motion(given.rotation, given.translation, "poses", 0, sigma, POSE_ROTATION_SIGMA)
     origin: Origin = "poses, refined on the ground"
-    refined = refine_on_ground(camera, given, current, previous, free, False, origin)
+    refined = refine_on_ground(camera, given, pair, points, False, origin)
     if refined is None:
-        refined = refine_on_ground(camera, given, current, previous, free, True, origin)
+        refined = refine_on_ground(camera, given, pair, points, True, origin)
     if refined is None:
-        if textured_points(camera, current, free) < MOST_TEXTURELESS:
+        if textured_points(pair[0], points) < MOST_TEXTURELESS:
             return PairMotion(given, _said(given))
         return PairMotion(None, "no motion: the ground does not move as the poses say; check order, units and theta")
     shift = float(np.linalg.norm(refined.translation - given.translation))

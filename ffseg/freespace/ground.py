@@ -8,8 +8,17 @@ import numpy as np
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import MIN_INLIERS, Motion, Origin, fit_planar, ground_points, planar_motion
-from ffseg.image.keypoints import Alignments, Array, Candidates, Grey, Mask, align_patches, plane_candidates
-from ffseg.image.planes import eroded, halved
+from ffseg.image.keypoints import (
+    Alignments,
+    Array,
+    Candidates,
+    Grey,
+    Mask,
+    align_patches,
+    limited,
+    plane_candidates,
+)  # fmt: skip
+from ffseg.image.planes import halved
 
 GRID_STEP = 28
 """Pixels between ground points: some 130 of them in the free space of an 800x600 image."""
@@ -25,6 +34,8 @@ FINEST_SIGMA = 0.15
 GATE = 3.5
 """Standard deviations of a whitened residual."""
 ROUNDS = 4
+STILL = 1e-6
+"""Metres and radians; a hundredth of what the ground resolves at best."""
 SETTLED = 0.3
 """Pixels a motion may have changed its predictions by for the alignments made from them to stand."""
 PROBE = 1e-5
@@ -45,7 +56,7 @@ class _Tracks:
 
 
 def refine_on_ground(
-    camera: Camera, prior: Motion, current: Grey, previous: Grey, free: Mask, coarse: bool, origin: Origin
+    camera: Camera, prior: Motion, pair: tuple[Grey, Grey], points: Array, coarse: bool, origin: Origin
 ) -> Motion | None:
     """Correct a motion by a planar one so that ground points of the free space agree with both images.
 
@@ -54,9 +65,10 @@ def refine_on_ground(
     camera : Camera
     prior : Motion
         Good to about 3 pixels, or 10 with `coarse`.
-    current, previous : ndarray of uint8, shape (H, W)
-    free : ndarray of bool, shape (H, W)
-        Free space of the current image without its enclosed components.
+    pair : tuple of ndarray of uint8, shape (H, W)
+        Current and previous image.
+    points : ndarray of float64, shape (n, 2)
+        Pixels of the current image that show ground, from `ground_grid`.
     coarse : bool
         Look at half the resolution first.
     origin : str
@@ -67,14 +79,13 @@ def refine_on_ground(
     Motion or None
         None when the ground shows too little texture or too few of its points agree.
     """
-    points = ground_grid(camera, free)
     motion = prior
     for half in (True, False, False) if coarse else (False, False):
-        tracks = _track(camera, motion, (current, previous), points, half)
+        tracks = _track(camera, motion, pair, points, half)
         refined = _fit(camera, motion, tracks, origin)
         if refined is None:
             return None
-        moved = _predicted(camera, refined, tracks.ground, np.zeros(3)) - tracks.start
+        moved = _predicted(camera, refined, tracks.ground, np.zeros((1, 3)))[0] - tracks.start
         motion = refined
         if not half and np.nanmedian(np.abs(moved)) < SETTLED:
             break
@@ -83,18 +94,19 @@ def refine_on_ground(
 
 def ground_grid(camera: Camera, free: Mask) -> Array:
     """A grid of pixels well inside the free space and outside the robot's disc, shape (n, 2)."""
-    inside = eroded(free, CLEAR)
-    first = GRID_STEP // 2
-    rows, columns = np.nonzero(inside[first::GRID_STEP, first::GRID_STEP])
+    first, size = GRID_STEP // 2, 2 * CLEAR + 1
+    if min(free.shape) < size:
+        return np.empty((0, 2))
+    around = np.lib.stride_tricks.sliding_window_view(free, (size, size))
+    rows, columns = np.nonzero(around[first - CLEAR :: GRID_STEP, first - CLEAR :: GRID_STEP].all(axis=(2, 3)))
     points = np.stack([columns, rows], axis=1) * float(GRID_STEP) + first
     away = np.hypot(*(points - camera.center).T) > camera.robot_radius + CLEAR
     kept: Array = points[away]
     return kept
 
 
-def textured_points(camera: Camera, grey: Grey, free: Mask) -> int:
-    """Number of ground points whose patch could be placed at all: against itself, as the image stands."""
-    points = ground_grid(camera, free)
+def textured_points(grey: Grey, points: Array) -> int:
+    """Number of points whose patch could be placed at all: against itself, as the image stands."""
     unit = np.tile([1.0, 0.0, 0.0, 1.0], (len(points), 1, 1))
     found = align_patches(grey, grey, points, Candidates(points[:, None], unit), PATCH_RADIUS, steps=0)
     return int(np.sum(_placed(found.information)[0] < WORST_SIGMA))
@@ -121,10 +133,14 @@ def _track(camera: Camera, motion: Motion, pair: tuple[Grey, Grey], points: Arra
 
 def _placed(information: Array) -> tuple[Array, Array]:
     """Larger standard deviation of each placement, pixels, and its information bounded by ``FINEST_SIGMA``."""
-    values, vectors = np.linalg.eigh(np.nan_to_num(information))
-    variance = 1.0 / np.maximum(values, 1e-6) + FINEST_SIGMA**2
-    bounded = np.einsum("nij,nj,nkj->nik", vectors, 1.0 / variance, vectors)
-    return np.sqrt(variance.max(axis=1)), bounded
+    bounded = limited(information, FINEST_SIGMA)
+    half, skew = (0.5 * (bounded[:, 0, 0] + sign * bounded[:, 1, 1]) for sign in (1, -1))
+    least = half - np.hypot(skew, bounded[:, 0, 1])
+    return 1.0 / np.sqrt(np.maximum(least, LEAST_INFORMATION)), bounded
+
+
+LEAST_INFORMATION = 1e-6
+"""1/px^2: a kilopixel of uncertainty stands for a place of which nothing is known."""
 
 
 def _fit(camera: Camera, prior: Motion, tracks: _Tracks, origin: Origin) -> Motion | None:
@@ -166,31 +182,35 @@ def _back_on_ground(camera: Camera, motion: Motion, previous: Array) -> Array:
 def _polish(camera: Camera, prior: Motion, tracks: _Tracks, parameters: Array) -> tuple[Array, Array | None, int]:
     """Gauss-Newton on whitened pixel residuals with a hard gate; parameters, covariance and number of inliers."""
     root = np.linalg.cholesky(tracks.information)
-    slope = np.einsum("nji,njk->nik", root, _jacobian(camera, prior, tracks, parameters))
+    slope = np.swapaxes(root, 1, 2) @ _jacobian(camera, prior, tracks, parameters)
     covariance, inliers = None, 0
     for _ in range(ROUNDS):
-        white = np.einsum("nji,nj->ni", root, _predicted(camera, prior, tracks.ground, parameters) - tracks.previous)
+        miss = _predicted(camera, prior, tracks.ground, parameters[None])[0] - tracks.previous
+        white = np.einsum("nji,nj->ni", root, miss)
         kept = np.sum(white**2, axis=1) < GATE**2  # false for NaN
         inliers = int(kept.sum())
         if inliers < MIN_INLIERS:
             return parameters, None, inliers
-        normal = np.einsum("nik,nil->kl", slope[kept], slope[kept])
-        parameters = parameters - np.linalg.solve(normal, np.einsum("nik,ni->k", slope[kept], white[kept]))
-        scale = max(1.0, float(np.sum(white[kept] ** 2)) / (2 * inliers - 3))
-        covariance = np.linalg.inv(normal) * scale
+        lever, left = slope[kept].reshape(-1, 3), white[kept].ravel()
+        normal = lever.T @ lever
+        step = np.linalg.solve(normal, lever.T @ left)
+        parameters = parameters - step
+        covariance = np.linalg.inv(normal) * max(1.0, float(left @ left) / (2 * inliers - 3))
+        if np.abs(step).max() < STILL:
+            break
     return parameters, covariance, inliers
 
 
 def _jacobian(camera: Camera, prior: Motion, tracks: _Tracks, parameters: Array) -> Array:
     """d(previous pixel)/d(x, y, theta), shape (n, 2, 3), by differences; the motion changes too little to renew it."""
-    base = _predicted(camera, prior, tracks.ground, parameters)
-    columns = [_predicted(camera, prior, tracks.ground, parameters + step) - base for step in np.eye(3) * PROBE]
-    return np.nan_to_num(np.stack(columns, axis=2) / PROBE)
+    base, *moved = _predicted(camera, prior, tracks.ground, parameters + np.eye(4, 3, -1) * PROBE)
+    slopes: Array = np.nan_to_num(np.stack([(one - base) / PROBE for one in moved], axis=2))
+    return slopes
 
 
 def _predicted(camera: Camera, prior: Motion, ground: Array, parameters: Array) -> Array:
-    """Previous pixels of levelled ground points after the planar correction, shape (n, 2)."""
-    c, s = np.cos(parameters[2]), np.sin(parameters[2])
-    moved = ground @ np.array([[c, s], [-s, c]]) + parameters[:2]
-    level = np.column_stack([moved, np.full(len(moved), camera.mounting())])
+    """Previous pixels, shape (v, n, 2), of levelled ground points after planar corrections, shape (v, 3)."""
+    x, y, turn = parameters.T[..., None]
+    moved = (ground @ [1.0, 1.0j]) * np.exp(1j * turn) + (x + 1j * y)
+    level = np.stack([moved.real, moved.imag, np.full(moved.shape, camera.mounting())], axis=2)
     return camera.project(prior.apply(level @ camera.level()))

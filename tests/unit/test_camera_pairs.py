@@ -13,7 +13,7 @@ from campaigns.freespace import run, true_poses
 from ffseg.camera.motion import planar_parameters, relative_motion
 from ffseg.errors import CalibrationError
 from ffseg.freespace.egomotion import pair_motion
-from ffseg.freespace.ground import refine_on_ground
+from ffseg.freespace.ground import ground_grid, refine_on_ground
 from ffseg.freespace.sequence import Sequence, free_space, segment_view
 from ffseg.freespace.structural import ImagePair, structural_test
 from ffseg.image.components import Component, component_of
@@ -203,7 +203,8 @@ def test_ground_motion_from_nothing_is_the_true_one() -> None:
     images = rendered.current.image, rendered.previous.image
     rough = search_ground_motion(rendered.camera, *images, free)
     assert rough is not None
-    found = refine_on_ground(rendered.camera, rough, *images, free, True, "ground points")
+    points = ground_grid(rendered.camera, free)
+    found = refine_on_ground(rendered.camera, rough, images, points, True, "ground points")
     assert found is not None
     true = planar_parameters(rendered.camera, relative_motion(*true_poses(rendered)))
     error = planar_parameters(rendered.camera, found) - true

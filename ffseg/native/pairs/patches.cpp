@@ -10,19 +10,31 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // Sum of squared deviations below which a patch is flat: under half a grey level in the mean of a 9x9 patch.
 constexpr double kFlat = 4.0;
-// Pixels; a Gauss-Newton step shorter than this changes nothing that the noise does not.
-constexpr double kStill = 0.02;
+// Pixels; after a Gauss-Newton step shorter than this the next one would change nothing that the noise does not.
+constexpr double kStill = 0.05;
 // Pixels; a longer step means that the linearisation does not hold.
 constexpr double kLeap = 2.0;
 // Ratio of the two curvatures of the fit below which a patch is an edge.
 constexpr double kWeak = 0.05;
 
-double bilinear(const PlaneView& image, double x, double y) {
+// Grey levels as numbers: a load costs a third of a conversion, and there are four to every sample.
+struct Levels {
+    double of[256];
+    constexpr Levels() : of() {
+        for (int k = 0; k < 256; ++k) of[k] = k;
+    }
+};
+constexpr Levels kLevels;
+
+FFSEG_INLINE double bilinear(const PlaneView& image, double x, double y) {
     const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
     const double u = x - x0, v = y - y0;
     const std::uint8_t* row = image.data + static_cast<std::size_t>(y0) * image.width + x0;
     const std::uint8_t* next = row + image.width;
-    return (1 - v) * ((1 - u) * row[0] + u * row[1]) + v * ((1 - u) * next[0] + u * next[1]);
+    const double* level = kLevels.of;
+    const double above = level[row[0]] + u * (level[row[1]] - level[row[0]]);
+    const double below = level[next[0]] + u * (level[next[1]] - level[next[0]]);
+    return above + v * (below - above);
 }
 
 // The whole patch, and a ring of one pixel for its derivatives, must lie where four neighbours exist.
@@ -183,9 +195,10 @@ Alignment align_patch(const ImagePair& pair, Vec2 center, Vec2 start, const Warp
         result.normal = sums.normal;
         result.residual = std::sqrt(sums.squares / static_cast<double>(reference.values().size()));
         const double length = norm(move);
-        if (step == steps || !(length > kStill)) break;
+        if (step == steps) break;
         if (length > kLeap) move = (kLeap / length) * move;
         result.position += move;
+        if (!(length > kStill)) break;
     }
     return result;
 }
