@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ffseg.batch.workers.outputs import OUTPUT_FOLDERS
 from ffseg.errors import UsageError
-from ffseg.formats.files import is_temporary, printable
+from ffseg.formats.files import SKIP_FILE, is_temporary, printable
 
 _READ = ".png .jpg .jpeg .jpe .jfif .tif .tiff .bmp .dib .webp .gif .ppm .pgm .pbm .pnm .jp2 .avif"
 _REFUSED = ".heic .heif .jxl .exr .hdr .pfm .pam .j2k .jpx .psd"
@@ -70,8 +70,8 @@ def discover(inputs: Sequence[str]) -> list[Source]:
         sources = _expand(text)
         if not sources:
             raise UsageError(
-                f"{printable(text)} holds no image; hidden files and the outputs of ffseg are left out, "
-                f"and images in a folder need one of the suffixes {_READ}"
+                f"{printable(text)} holds no image; hidden files, outputs of ffseg and folders below with a file "
+                f"{SKIP_FILE} are left out, and images in a folder need one of the suffixes {_READ}"
             )
         for source in sources:
             found.setdefault((os.path.realpath(source.path), source.name), source)
@@ -147,6 +147,8 @@ def _walk(root: str) -> Iterator[Source]:
         entries = _entries(folder)
         if isinstance(entries, str):
             yield Source(folder, prefix.rstrip("/") or os.path.basename(folder), f"unreadable: {entries}")
+            continue
+        if prefix and any(entry.name == SKIP_FILE for entry in entries):
             continue
         skipped = OUTPUT_FOLDERS if any(entry.name == STATE_FOLDER for entry in entries) else ()
         for entry in entries:

@@ -12,9 +12,12 @@ from ffseg.cli import console
 
 def samples(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write into; made if absent.")],
+    pairs: Annotated[
+        int, typer.Option(min=0, max=1000, metavar="N", help="Pairs of a camera under a mirror: pair, pair-2, ...")
+    ] = 1,
 ) -> None:
-    """Write the sample images and their truths; the same bytes every time."""
+    """Write sample images, their truths, and pairs with camera and poses; the same bytes every time."""
     from ffseg.samples.write import write_samples
 
-    for path in write_samples(folder):
+    for path in write_samples(folder, pairs):
         console.data(console.escape(str(path)))

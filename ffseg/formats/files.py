@@ -15,6 +15,8 @@ from ffseg.errors import ImageReadError, OutputError
 
 TEMPORARY_PREFIX = ".ffseg-"
 TEMPORARY_SUFFIX = ".tmp"
+SKIP_FILE = ".ffseg-skip"
+"""A folder with a file of this name is left out of walks that begin above it; named itself, it is an input."""
 _counter = itertools.count()
 
 _KINDS = {

@@ -4,23 +4,67 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from ffseg.errors import OutputError
+from ffseg.formats.files import SKIP_FILE
+from ffseg.rendering import CAMERA_YAML, poses_csv, render_pair
 from ffseg.samples.png import encode
 from ffseg.samples.scenes import SCENES
 
+PAIR_SEED = 4
+"""Of the first rendered pair: two boxes and three marks, each enclosed by itself. The next pairs have the next seeds."""
+SKIP_TEXT = b"This folder is left out when ffseg walks a folder above it; name it to run it.\n"
 
-def sample_files() -> dict[str, bytes]:
-    """Contents of every sample file by its path, ``NAME.png`` and ``truth/NAME.png``."""
+
+def sample_files(pairs: int = 1) -> dict[str, bytes]:
+    """Contents of every sample file by its path.
+
+    Parameters
+    ----------
+    pairs : int
+        Rendered pairs: ``pair/``, then ``pair-2/`` and so on.
+
+    Returns
+    -------
+    dict of str to bytes
+        ``NAME.png``, ``truth/NAME.png`` and the files of `pair_files` below each pair's folder.
+    """
     files = {}
     for name, draw in SCENES.items():
         scene = draw()
         files[f"{name}.png"] = encode(scene.image)
         files[f"truth/{name}.png"] = encode(scene.truth)
+    for index in range(pairs):
+        folder = f"pair-{index + 1}" if index else "pair"
+        files |= {f"{folder}/{name}": content for name, content in pair_files(PAIR_SEED + index).items()}
     return files
 
 
-def write_samples(folder: Path) -> list[Path]:
+def pair_files(seed: int) -> dict[str, bytes]:
+    """Files of a rendered pair: images in order, true free space, labels, camera and poses.
+
+    Labels: 0 ground, 1 and up marks, 100 and up boxes, 200 and up walls, 255 outside the mirror. The three folders hold
+    a file that keeps them out of walks which begin above.
+    """
+    pair = render_pair(seed)
+    names = ("0001.png", "0002.png")
+    files = {"camera.yaml": CAMERA_YAML.encode(), "poses.csv": poses_csv(pair, names).encode(), SKIP_FILE: SKIP_TEXT}
+    for name, view in zip(names, (pair.previous, pair.current), strict=True):
+        files[name] = encode(view.image)
+        files[f"truth/{name}"] = encode(view.truth.astype(np.uint8) * np.uint8(255))
+        files[f"labels/{name}"] = encode(np.where(view.labels < 0, 255, view.labels).astype(np.uint8))
+    return files | {f"{folder}/{SKIP_FILE}": SKIP_TEXT for folder in ("truth", "labels")}
+
+
+def write_samples(folder: Path, pairs: int = 1) -> list[Path]:
     """Write every sample file under `folder`; files of these names are replaced.
+
+    Parameters
+    ----------
+    folder : Path
+    pairs : int
+        Rendered pairs.
 
     Raises
     ------
@@ -28,7 +72,7 @@ def write_samples(folder: Path) -> list[Path]:
         If a file cannot be written.
     """
     written = []
-    for name, content in sample_files().items():
+    for name, content in sample_files(pairs).items():
         path = folder / name
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

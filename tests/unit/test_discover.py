@@ -45,6 +45,15 @@ def test_hidden_files_temporaries_and_outputs_are_left_out(tmp_path: Path) -> No
     assert _names(tmp_path / "**" / "*.png") == ["a.png", "masks/kept.png", "out/own.png"]
 
 
+def test_folders_marked_to_be_skipped_are_inputs_only_by_name(tmp_path: Path) -> None:
+    _touch(tmp_path, "a.png", "pair/.ffseg-skip", "pair/1.png", "pair/below/2.png", "pair/truth/.ffseg-skip")
+    _touch(tmp_path, "pair/truth/1.png")
+    assert _names(tmp_path) == ["a.png"]
+    assert _names(tmp_path / "pair") == ["1.png", "below/2.png"]
+    assert _names(tmp_path / "p*") == ["pair/1.png", "pair/below/2.png"]
+    assert _names(tmp_path / "pair" / "truth") == ["1.png"]
+
+
 def test_patterns_are_relative_to_their_fixed_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _touch(tmp_path, "run1/left/a.png", "run2/left/a.png", "run2/right/b.png")
     assert _names(tmp_path / "run*" / "left") == ["run1/left/a.png", "run2/left/a.png"]

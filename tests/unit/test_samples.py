@@ -19,7 +19,7 @@ from ffseg.parameters import Parameters
 from ffseg.samples import png, texture
 from ffseg.samples.paint import CURVE_STEPS, GRID, Paper, centers, coverage, spline
 from ffseg.samples.scenes import SCENES, Scene
-from ffseg.samples.write import sample_files
+from ffseg.samples.write import PAIR_SEED, pair_files, sample_files
 
 MOST_BYTES = 3_000_000
 """All sample files together; they are part of every clone."""
@@ -136,4 +136,25 @@ def test_files_are_small_and_the_same_twice() -> None:
     files = sample_files()
     assert sum(map(len, files.values())) <= MOST_BYTES
     assert files == sample_files()
-    assert {f"truth/{name}" for name in files if "/" not in name} == {name for name in files if "/" in name}
+    pictures = {name for name in files if name.endswith(".png") and not name.startswith("pair/")}
+    assert {f"truth/{name}" for name in pictures if "/" not in name} == {name for name in pictures if "/" in name}
+
+
+def test_more_pairs_are_other_scenes() -> None:
+    files = sample_files(2)
+    assert {name.replace("pair-2/", "pair/") for name in files if name.startswith("pair-2/")} == {
+        name for name in files if name.startswith("pair/")
+    }
+    assert files["pair/0002.png"] != files["pair-2/0002.png"]
+    assert files["pair/camera.yaml"] == files["pair-2/camera.yaml"]
+    assert not any(name.startswith("pair") for name in sample_files(0))
+
+
+def test_labels_of_the_pair_are_its_scene() -> None:
+    labels, truth = (
+        cv2.imdecode(np.frombuffer(pair_files(PAIR_SEED)[f"{folder}/0002.png"], np.uint8), cv2.IMREAD_UNCHANGED)
+        for folder in ("labels", "truth")
+    )
+    assert set(np.unique(labels)) == {0, 1, 2, 3, 100, 101, 200, 201, 202, 203, 255}  # marks, boxes, walls, no scene
+    assert (truth[(labels > 0) & (labels < 100)] == 255).all()
+    assert not truth[(labels >= 100) & (labels < 255)].any()  # the disc of the robot has no label and is free
