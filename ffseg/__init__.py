@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ffseg.camera import load_camera as load_camera
     from ffseg.errors import CalibrationError as CalibrationError
     from ffseg.errors import FfsegError as FfsegError
     from ffseg.errors import ImageReadError as ImageReadError
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from ffseg.errors import ParameterError as ParameterError
     from ffseg.errors import SegmentationError as SegmentationError
     from ffseg.errors import UsageError as UsageError
+    from ffseg.freespace.sequence import Frame as Frame
+    from ffseg.freespace.sequence import Sequence as Sequence
     from ffseg.geometry.freeform import FreeForm as FreeForm
     from ffseg.parameters import Parameters as Parameters
     from ffseg.parameters import load_params as load_params
@@ -36,6 +39,9 @@ _HOMES = {
     "Stats": "ffseg.segmenters.base",
     "Timings": "ffseg.segmenters.base",
     "FreeForm": "ffseg.geometry.freeform",
+    "load_camera": "ffseg.camera",
+    "Sequence": "ffseg.freespace.sequence",
+    "Frame": "ffseg.freespace.sequence",
     "FfsegError": "ffseg.errors",
     "ParameterError": "ffseg.errors",
     "UsageError": "ffseg.errors",
