@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ffseg.camera import Camera, Pose, load_camera, load_pairs, load_poses
+from ffseg.errors import CalibrationError
+from ffseg.formats.files import printable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +35,12 @@ class Views:
         """Poses of the image before and of the image; None unless both are known."""
         before, pose = self.poses.get(self.previous.get(name, "")), self.poses.get(name)
         return (before, pose) if before is not None and pose is not None else None
+
+    def unposed(self, name: str) -> tuple[str, ...]:
+        """Names of an image's pair that the poses file has no row for; none without poses or without an image before."""
+        if not self.poses or name not in self.previous:
+            return ()
+        return tuple(one for one in (self.previous[name], name) if one not in self.poses)
 
     def camera_text(self) -> str:
         """Everything the camera file said, as one text: equal texts, equal cameras."""
@@ -68,7 +76,10 @@ def load_views(camera: str, poses: str | None, pairs: str | None, names: Sequenc
         One line for each thing wrong, with file and key or line; also without ``mount_height``.
     """
     loaded = load_camera(camera)
-    loaded.mounting()
+    try:
+        loaded.mounting()
+    except CalibrationError as error:
+        raise CalibrationError(f"{printable(camera)}: {error}") from error
     before = dict(load_pairs(pairs, names)) if pairs else neighbours(names)
     return Views(loaded, dict(load_poses(poses, names, loaded)) if poses else {}, before)
 

@@ -110,7 +110,7 @@ def test_a_second_run_does_only_what_its_inputs_changed(ffseg_command: Command, 
 def test_bad_files_are_refused_before_the_first_image(ffseg_command: Command, views: Path) -> None:
     for text, said in (
         (CAMERA_YAML.replace("xi: 0.95", "xi: minus"), "xi: 'minus' is not"),
-        (CAMERA_YAML.replace("mount_height: 0.9\n", ""), "mount_height"),
+        (CAMERA_YAML.replace("mount_height: 0.9\n", ""), "bad.yaml: the camera file has no mount_height"),
     ):
         (views / "bad.yaml").write_text(text)
         result = run(ffseg_command, views, "--camera", views / "bad.yaml")
@@ -122,6 +122,17 @@ def test_bad_files_are_refused_before_the_first_image(ffseg_command: Command, vi
     assert "--camera" in result.stderr
 
 
+def test_an_image_without_a_pose_is_named_and_its_pair_goes_without(ffseg_command: Command, views: Path) -> None:
+    lines = (views / "poses.csv").read_text().splitlines(keepends=True)
+    named = [line.split(",")[0] for line in lines]
+    kept = [line for line, name in zip(lines, named, strict=True) if name != named[1]]
+    (views / "some.csv").write_text("".join(kept))
+    result = run(ffseg_command, views, "--camera", views / "camera.yaml", "--poses", views / "some.csv")
+    assert result.returncode == 0
+    notes = [row["note"] for row in rows(views / "out" / "timings.csv")]
+    assert any(note.startswith(f"no pose of {named[1]}; ") for note in notes)
+
+
 def test_another_size_or_a_broken_predecessor_costs_no_other_image(ffseg_command: Command, views: Path) -> None:
     cv2.imwrite(str(views / "views" / "0.png"), np.full((60, 80), 90, np.uint8))
     result = run(ffseg_command, views, "--camera", views / "camera.yaml")
@@ -130,5 +141,5 @@ def test_another_size_or_a_broken_predecessor_costs_no_other_image(ffseg_command
     assert "80x60, the camera file says 800x600" in timings["0.png"]["error"]
     assert timings["0.png"]["error"].startswith("calibration: ")
     assert timings["1.png"]["status"] == "ok"
-    assert "previous image cannot be used: it is 80x60" in timings["1.png"]["note"]
+    assert "previous image 0.png cannot be used: it is 80x60, the camera file says 800x600" in timings["1.png"]["note"]
     assert timings["2.png"]["status"] == "ok"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ffseg.batch.views import Views
 from ffseg.errors import ImageReadError
+from ffseg.formats.files import printable
 from ffseg.formats.images import Limits, decode_image
 from ffseg.formats.overlays import Kind, Polyline
 from ffseg.freespace.sequence import Frame, free_space, segment_view
@@ -68,7 +69,9 @@ class FrameBench:
             image, camera, self.params, domain=self.masks.domain, start_mask=self.masks.start, callback=callback
         )
         epsilon = self.params.obstacles.altitude
-        return free_space(image, found, previous, camera, epsilon, self.views.pair_poses(name))
+        frame = free_space(image, found, previous, camera, epsilon, self.views.pair_poses(name))
+        unposed = " and ".join(map(printable, self.views.unposed(name)))
+        return replace(frame, note=f"no pose of {unposed}; {frame.note}") if unposed else frame
 
     def frame_of(
         self, image: NDArray[np.uint8], before: bytes | None, name: str, limits: Limits, callback: Callback = None
@@ -82,14 +85,18 @@ class FrameBench:
         try:
             previous = decode_image(before, limits)
         except ImageReadError as error:
-            return replace(self.frame(image, None, name, callback), note=f"the previous image cannot be used: {error}")
+            return self._alone(image, name, str(error), callback)
         camera = self.views.camera
         if previous.shape[:2] != (camera.height, camera.width):
-            size = f"{previous.shape[1]}x{previous.shape[0]}"
-            return replace(
-                self.frame(image, None, name, callback), note=f"the previous image cannot be used: it is {size}"
-            )
+            sizes = f"{previous.shape[1]}x{previous.shape[0]}, the camera file says {camera.width}x{camera.height}"
+            return self._alone(image, name, f"it is {sizes}", callback)
         return self.frame(image, previous, name, callback)
+
+    def _alone(self, image: NDArray[np.uint8], name: str, reason: str, callback: Callback) -> Frame:
+        """The frame of an image whose previous one is of no use."""
+        before = printable(self.views.previous.get(name, ""))
+        frame = self.frame(image, None, name, callback)
+        return replace(frame, note=f"the previous image {before} cannot be used: {reason}; nothing was tested")
 
 
 def merged_segmentation(frame: Frame) -> Segmentation:
