@@ -2,7 +2,8 @@
 
 Over rendered pairs, and over the frames of ``omni_room`` where the data folder is there: the test alone (components,
 points, matching, triangulation, verdict) and motion with test, with poses and without. Every round times all of them
-and the edge map in turn, so that a busy machine slows them alike; what is said are ratios of medians.
+and the edge map in turn, in processor time on one thread, so that a busy machine slows them alike; what is said are
+ratios of medians.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 
 import cv2
 import numpy as np
@@ -105,9 +106,9 @@ def ratios(case: Case, rounds: int) -> tuple[float, list[float], int]:
 
 
 def _milliseconds(step: Callable[[], object]) -> float:
-    begin = perf_counter()
+    begin = process_time()
     step()
-    return (perf_counter() - begin) * 1e3
+    return (process_time() - begin) * 1e3
 
 
 def table(rows: list[list[float]]) -> str:
@@ -126,6 +127,7 @@ def main() -> int:
     parser.add_argument("--pairs", type=int, default=20)
     parser.add_argument("--rounds", type=int, default=15)
     options = parser.parse_args()
+    cv2.setNumThreads(1)
     kept = True
     for cases in (rendered_cases(options.pairs), room_cases()):
         if not cases:
