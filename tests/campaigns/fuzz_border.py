@@ -135,12 +135,12 @@ def rasterize(core: ModuleType, draws: Draws) -> None:
 
 def edge_maps(core: ModuleType, draws: Draws) -> None:
     """Gradient and Canny edges."""
-    smoothed = draws.plane(np.uint8, 256, *([int(draws.rng.integers(1, 6))] if draws.once(2) else []))
+    image = draws.plane(np.uint8, 256, *([int(draws.rng.integers(1, 6))] if draws.once(2) else []))
     gradient, edges = draws.plane(np.uint16, 5773), draws.plane(np.uint8, 2)
-    core.gradient_magnitude(smoothed, gradient)
-    core.canny(smoothed, gradient, draws.count([64, 65535]), draws.count([800, 0]), edges)
+    core.gradient_and_ridges(image, draws.number([0.5, 1.5, 32]), gradient, edges)
+    core.canny(gradient, draws.count([64, 65535]), draws.count([800, 0]), edges)
     numbers = (draws.number([2.5]), draws.number([0, 32, 1e6]), draws.number([0.1, 0.5, 1]), draws.number([1, 3]))
-    core.canny_auto(smoothed, gradient, draws.domain(), *numbers, edges)
+    core.canny_auto(gradient, draws.domain(), *numbers, edges)
 
 
 def level_sets(core: ModuleType, draws: Draws) -> None:

@@ -57,7 +57,8 @@ int py_canny_auto(const Gradient& gradient, std::optional<Domain> domain, double
     check_size(gradient);
     check_plane(edges, gradient.shape(0), gradient.shape(1));
     if (domain) check_plane(*domain, gradient.shape(0), gradient.shape(1));
-    if (!(factor >= 0 && least >= 0 && low_ratio >= 0 && low_ratio <= 1 && spread >= 1)) {
+    const bool finite = std::isfinite(factor) && std::isfinite(least) && std::isfinite(spread);
+    if (!(finite && factor >= 0 && least >= 0 && low_ratio >= 0 && low_ratio <= 1 && spread >= 1)) {
         throw std::invalid_argument("a threshold option is out of range");
     }
     const int height = static_cast<int>(gradient.shape(0)), width = static_cast<int>(gradient.shape(1));

@@ -47,6 +47,8 @@ constexpr double kVoidArea = 4.0;
 constexpr int kHoleWalk = 16;
 // Rounds of crossing tests in one iteration; what is left waits for the next.
 constexpr int kFlipRounds = 6;
+// Patches walked over in one iteration to classify components, to a patch: crossings beyond wait for the next iteration.
+constexpr std::size_t kMostWalked = 64;
 // Patches near edges are halved down to this length, at most this often, before they are flipped, so that the flip
 // cuts no edge.
 constexpr double kFlipLength = 4.0;
@@ -162,6 +164,7 @@ private:
     // the rest of the way to the edges in the field without growth, where the passages it stopped at are closed.
     std::unique_ptr<Field> open_field_;
     bool outside_filled_ = false;
+    mutable std::size_t walked_ = 0;  // patches, to classify components in this iteration
     bool unresolved_ = false;  // polygons crossed in this iteration that no flip has parted
     int most_patches_;
 };

@@ -19,6 +19,7 @@ double Chain<D>::loop_area(int i, int most) const {
     double area = 0.0;
     int at = i;
     do {
+        ++walked_;
         if (--most < 0) return std::numeric_limits<double>::infinity();
         area += patch_area(at, origin);
         at = pool_[at].next;
@@ -33,6 +34,7 @@ bool Chain<D>::loop_contains(int loop, Vec2 p) const {
     int at = loop;
     do {
         const Points points = pool_.samples(at);
+        ++walked_;
         for (int k = 0; k < D; ++k) {
             const Vec2 a = points[k], b = points[k + 1];
             if ((a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x)) inside = !inside;
@@ -53,6 +55,7 @@ bool Chain<D>::nested(int loop) {
     } while (at != loop);
     const Vec2 p = pool_[loop].m[0];
     int winding = outside_filled_ ? 1 : 0;
+    walked_ += sorted_.size();
     for (const int i : sorted_) {
         if (!pool_[i].alive || own_[static_cast<std::size_t>(i)] != 0) continue;
         const Points points = pool_.samples(i);
@@ -97,6 +100,7 @@ void Chain<D>::classify(int i, int j, bool simple) {
     int at_i = i, at_j = j, small = -1, large = -1, walked = 0;
     while (small < 0) {
         ++walked;
+        ++walked_;
         area_i += patch_area(at_i, origin);
         at_i = pool_[at_i].next;
         if (at_i == j) {

@@ -52,7 +52,7 @@ bool Chain<D>::try_pair(int i, int j, bool only_touched) {
     if (!a.alive || !b.alive || !(a.active || b.active)) return false;
     if (only_touched && !(a.touched || b.touched)) return false;
     if (a.next == j || b.next == i || !polygons_cross(i, j)) return false;
-    const bool done = flip(i, j, 0);
+    const bool done = walked_ <= kMostWalked * (sorted_.size() + kMostWalked) && flip(i, j, 0);
     unresolved_ = unresolved_ || !done;
     return done;
 }
@@ -110,6 +110,7 @@ template <int D>
 void Chain<D>::flip_crossings() {
     for (int i : active_) pool_[i].touched = false;
     unresolved_ = false;
+    walked_ = 0;
     bool crossing = true;
     for (int round = 0; round < kFlipRounds && crossing; ++round) crossing = flip_round(round > 0);
     if (!crossing && !unresolved_) {  // what was left undecided has become a simple curve

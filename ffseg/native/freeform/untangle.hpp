@@ -17,6 +17,9 @@ constexpr int kEaseRounds = 8;
 constexpr int kDivideRound = 16;
 // A component of at most so many samples that is still wound up then is replaced by its convex hull.
 constexpr std::size_t kSpeck = 64;
+// Pairs of patches looked at in a round, to a patch, where a fine look counts as so many. A settled contour needs two or
+// three; what runs over itself everywhere is not worth more.
+constexpr std::size_t kLooks = 64, kFineLook = 64;
 // Curves nearer to each other than this touch, as far as anyone can draw them.
 constexpr double kTouch = 0.01;
 // In one round loops are cut until so many times the samples there are have been laid anew.
@@ -111,6 +114,7 @@ private:
     }
 
     void find_crossings() {
+        looks_ = 0;
         flatten();
         crossing_.clear();
         loops_.clear();
@@ -126,7 +130,9 @@ private:
             }
             for (std::size_t j = i + 1; j < order_.size() && pieces_[order_[j]].box.x0 <= a.box.x1; ++j) {
                 const Piece& b = pieces_[order_[j]];
-                if (!a.box.meets(b.box) || !(cross(a, b) || cross_finely(a, b))) continue;
+                if (!a.box.meets(b.box)) continue;
+                if (++looks_ > kLooks * pieces_.size()) break;
+                if (!(cross(a, b) || cross_finely(a, b))) continue;
                 crossing_.push_back(a.place);
                 crossing_.push_back(b.place);
                 if (a.place.component == b.place.component) loops_.emplace_back(a.place, b.place);
@@ -151,13 +157,14 @@ private:
     }
 
     // The same for curves that bend so much that their polygons do not show where they cross. Neighbours meet anyway.
-    bool cross_finely(const Piece& a, const Piece& b) const {
-        if (a.bend + b.bend < kTouch) return false;
+    bool cross_finely(const Piece& a, const Piece& b) {
+        if (a.bend + b.bend < kTouch ) return false;
         const std::size_t n = components_[a.place.component].size();
         if (a.place.component == b.place.component &&
             ((a.place.first + D) % n == b.place.first || (b.place.first + D) % n == a.place.first)) {
             return false;
         }
+        looks_ += kFineLook;
         for (std::size_t i = 0; i < D; ++i) {
             const auto p = finely(a.place, i);
             for (std::size_t j = 0; j < D; ++j) {
@@ -213,8 +220,8 @@ private:
     }
 
     // What runs one way, as its control polygon shows, does not cross itself; the others are looked at finely.
-    bool crosses_itself(const Piece& a) const {
-        if (a.onward) return false;
+    bool crosses_itself(const Piece& a) {
+        if (a.onward || (looks_ += kFineLook / 2) > kLooks * pieces_.size()) return false;
         constexpr std::size_t kStride = 2, kCount = D * kFine / kStride;
         std::array<Vec2, kCount + 1> curve;
         for (std::size_t k = 0; k < D; ++k) {
@@ -354,6 +361,7 @@ private:
 
     std::vector<Samples>& components_;
     std::vector<std::pair<Place, Place>> loops_;
+    std::size_t looks_ = 0;  // at pairs in this round
     std::vector<Piece> pieces_;
     std::vector<std::size_t> order_;
     std::vector<Place> crossing_;

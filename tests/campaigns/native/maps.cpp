@@ -7,7 +7,9 @@
 #include "baselines/levelset/outline.hpp"
 #include "baselines/marching/march.hpp"
 #include "baselines/marching/start_band.hpp"
-#include "edges/edges.hpp"
+#include "edges/canny.hpp"
+#include "edges/gradient.hpp"
+#include "edges/noise.hpp"
 #include "targets.hpp"
 
 namespace fuzz {
@@ -58,15 +60,20 @@ double draw_slowness(Random& random) {
 
 }  // namespace
 
-// The binding's limits: 1 to 65535 pixels a side, 1 to 4 channels; thresholds of 16 bits; any gradient.
+// The binding's limits: 1 to 65535 pixels a side, 1 to 4 channels, sigma above 0 to 32; thresholds of 16 bits; any
+// gradient and any ridges.
 void edges(Random& random) {
     const Size size = draw_size(random, 1, 65535);
     const int channels = random.pick({1, 1, 3, 2, 4});
     const std::vector<std::uint8_t> image = draw_bytes(random, size.count() * static_cast<std::size_t>(channels));
-    const ffseg::GreyView view{image.data(), size.height, size.width, channels};
+    const ffseg::ImageView view{image.data(), size.height, size.width, channels};
+    const double sigma = random.pick({0.01, 0.5, 1.5, 1.5, 4.0, 20.0, ffseg::kMostSigma, random.scale(1e-3, 32.0)});
     std::vector<std::uint16_t> gradient(size.count(), 65535);
-    ffseg::gradient_magnitude(view, gradient.data());
+    std::vector<std::uint8_t> out(size.count(), 7);
+    ffseg::gradient_and_ridges(view, ffseg::gaussian(sigma), gradient.data(), out.data());
     expect(*std::max_element(gradient.begin(), gradient.end()) <= 5773, "a gradient above the largest there is");
+    expect(std::all_of(out.begin(), out.end(), [](std::uint8_t v) { return v <= 1; }), "a ridge that is not 0 or 1");
+    if (random.once_in(4)) out = draw_bytes(random, size.count());
     if (random.once_in(3)) gradient = draw_gradient(random, size);
     const std::vector<std::uint8_t> domain = draw_domain(random, size);
     const ffseg::NoiseMap noise = ffseg::noise_map(gradient.data(), or_null(domain), size.height, size.width);
@@ -81,8 +88,7 @@ void edges(Random& random) {
         thresholds.low.push_back(even ? low : draw_threshold(random));
         thresholds.high.push_back(even ? high : draw_threshold(random));
     }
-    std::vector<std::uint8_t> out(size.count(), 7);
-    ffseg::canny(view, gradient.data(), thresholds, out.data());
+    ffseg::link_edges(gradient.data(), size.height, size.width, thresholds, out.data());
     expect(std::all_of(out.begin(), out.end(), [](std::uint8_t v) { return v == 0 || v == 255; }), "an edge pixel");
 }
 
