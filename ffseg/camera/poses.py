@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -14,6 +12,7 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose, planar_pose
 from ffseg.errors import CalibrationError
 from ffseg.schema.nodes import Problems
+from ffseg.schema.strict_csv import finite, rows_of
 from ffseg.schema.strict_yaml import read_text
 
 POSE_HEADER = ["image", "x", "y", "theta"]
@@ -86,7 +85,7 @@ def load_pairs(path: str | os.PathLike[str], images: Sequence[str]) -> Mapping[s
     problems.raise_as(CalibrationError)
     pairs: dict[str, str] = {}
     known = set(images)
-    for line, row in _rows(text, name, PAIR_HEADER, problems):
+    for line, row in rows_of(text, name, [PAIR_HEADER], problems):
         previous, current = row
         for image in row:
             if image not in known:
@@ -100,31 +99,9 @@ def load_pairs(path: str | os.PathLike[str], images: Sequence[str]) -> Mapping[s
     return pairs
 
 
-def _rows(text: str, name: str, header: list[str], problems: Problems) -> list[tuple[int, list[str]]]:
-    """Rows after the header with their line numbers; blank lines are skipped."""
-    reader = csv.reader(io.StringIO(text.lstrip("\ufeff"), newline=""), strict=True)
-    rows: list[tuple[int, list[str]]] = []
-    try:
-        first = [cell.strip() for cell in next(reader, [])]
-        if first != header:
-            problems.add(f"{name}:1", f"the header must be {','.join(header)}, it is {','.join(first)[:60]!r}")
-            return []
-        for row in reader:
-            if not row or row == [""]:
-                continue
-            if len(row) != len(header):
-                text = f"{len(row)} columns, must be {len(header)}: {','.join(header)}"
-                problems.add(f"{name}:{reader.line_num}", text)
-            else:
-                rows.append((reader.line_num, [cell.strip() for cell in row]))
-    except csv.Error as error:
-        problems.add(f"{name}:{reader.line_num}", f"not valid CSV ({error})")
-    return rows
-
-
 def _csv_poses(text: str, name: str, camera: Camera, problems: Problems) -> dict[str, Pose]:
     poses: dict[str, Pose] = {}
-    for line, (image, *words) in _rows(text, name, POSE_HEADER, problems):
+    for line, (image, *words) in rows_of(text, name, [POSE_HEADER], problems):
         values = _floats(words, f"{name}:{line}", POSE_HEADER[1:], problems)
         if image in poses:
             problems.add(f"{name}:{line}", f"{image!r} has a pose already; keep one row")
@@ -173,12 +150,9 @@ def _tum_pose(values: list[float]) -> Pose:
 def _floats(words: list[str], where: str, names: list[str], problems: Problems) -> list[float] | None:
     values = []
     for word, key in zip(words, names, strict=True):
-        try:
-            value = float(word) if "_" not in word else math.nan
-        except ValueError:
-            value = math.nan
         limit = 1e300 if key == "timestamp" else MAX_METRES
-        if not abs(value) <= limit:
+        value = finite(word, limit)
+        if math.isnan(value):
             problems.add(where, f"{key}: {word[:40]!r} is not a finite number up to {limit:g}")
         values.append(value)
     return None if any(not math.isfinite(value) for value in values) else values

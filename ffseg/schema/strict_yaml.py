@@ -224,7 +224,7 @@ def read_text(path: str | os.PathLike[str], problems: Problems) -> str:
         problems.add(os.fspath(path), f"cannot be read ({reason}); check the path")
         return ""
     if data is None:
-        problems.add(os.fspath(path), "not a regular file; give a YAML file")
+        problems.add(os.fspath(path), "not a regular file; give a text file")
         return ""
     return _decode(os.fspath(path), data, problems)
 
@@ -238,7 +238,7 @@ def _read_bytes(handle: int, most: int) -> bytes:
 
 def _decode(path: str, data: bytes, problems: Problems) -> str:
     if len(data) > MAX_BYTES:
-        problems.add(path, f"larger than {MAX_BYTES} bytes; parameter files are smaller")
+        problems.add(path, f"larger than {MAX_BYTES} bytes, the most that is read; give a smaller file")
         return ""
     try:
         return data.decode("utf-8-sig")
