@@ -10,7 +10,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.jobs import Job, make_plan
+from ffseg.batch.jobs import Job, make_plan, with_starts
 from ffseg.errors import ImageReadError, ParameterError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
 from ffseg.formats.images import read_image, single_thread
@@ -98,15 +98,18 @@ def choose_methods(text: str) -> tuple[str, ...]:
     return tuple(names)
 
 
-def plan_comparison(inputs: Sequence[str], out: str, truth: str = "") -> tuple[Job, ...]:
-    """Images to compare on, each with its truth.
+def plan_comparison(inputs: Sequence[str], out: str, truth: str = "", starts: str = "") -> tuple[Job, ...]:
+    """Images to compare on, each with its truth and, from a starts file, its start circle.
 
     Raises
     ------
     UsageError
         If an input is missing, two share a name, or a panel would replace an input.
+    ParameterError
+        If the starts file is wrong, or has no row for an image.
     """
-    jobs = make_plan(inputs, out, truth=truth).jobs
+    plan = make_plan(inputs, out, truth=truth)
+    jobs = (with_starts(plan, starts) if starts else plan).jobs
     taken = {os.path.realpath(path) for job in jobs for path in (job.source.path, job.truth) if path}
     for job in jobs:
         panel = os.path.join(out, "panels", f"{job.stem}.png")
@@ -207,7 +210,9 @@ def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Ro
             tell(row)
         return rows
     # Method after method in every round, so that whatever else the machine does falls on all alike.
-    rounds = [[_run(task, image, Row(name, method), masks) for method in task.methods] for _ in range(task.repeat)]
+    params = job.start.placed(task.params) if job.start else task.params
+    one = replace(task, params=params)
+    rounds = [[_run(one, image, Row(name, method), masks) for method in task.methods] for _ in range(task.repeat)]
     rows, tiles = [], []
     for runs in zip(*rounds, strict=True):
         row, result = _middle(runs)

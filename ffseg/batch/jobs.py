@@ -10,6 +10,7 @@ from ffseg.batch.discover import STATE_FOLDER, SUFFIXES, Source, discover
 from ffseg.batch.workers.outputs import MASKS_AND_CONTOURS, OUTPUT_FOLDERS, Wanted
 from ffseg.errors import OutputError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
+from ffseg.formats.starts import Start, load_starts
 
 MAX_NAME_BYTES = 255
 """The longest file name of the file systems in use."""
@@ -30,6 +31,8 @@ class Job:
         Path of the true mask, or empty.
     previous : str
         Path of the image before it in its sequence, or empty.
+    start : Start or None
+        Its own start circle; None leaves the parameters'.
     """
 
     index: int
@@ -37,6 +40,7 @@ class Job:
     stem: str
     truth: str = ""
     previous: str = ""
+    start: Start | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +100,18 @@ def with_previous(plan: Plan, before: Mapping[str, str]) -> Plan:
     paths = {job.source.name: job.source.path for job in plan.jobs}
     jobs = tuple(replace(job, previous=paths.get(before.get(job.source.name, ""), "")) for job in plan.jobs)
     return replace(plan, jobs=jobs)
+
+
+def with_starts(plan: Plan, path: str) -> Plan:
+    """The plan with each image's start circle out of a file; images that cannot even be tried need none.
+
+    Raises
+    ------
+    ParameterError
+        If the file is wrong, or has no row for an image.
+    """
+    starts = load_starts(path, [job.source.name for job in plan.jobs if not job.source.problem])
+    return replace(plan, jobs=tuple(replace(job, start=starts.get(job.source.name)) for job in plan.jobs))
 
 
 def _checked_name(source: Source) -> Source:

@@ -32,6 +32,8 @@ TIMING_COLUMNS = (
     "splits", "flips", "components", "holes", "area_px", "decode_ms", "edges_ms", "evolve_ms", "obstacles_ms",
     "write_ms", "total_ms",
 )  # fmt: skip
+START_COLUMNS = ("start_x", "start_y", "start_radius")
+"""With ``--starts``: the start circle of the image, in pixels."""
 OBSTACLE_COLUMNS = (
     "image", "component", "area_px", "centroid_x", "centroid_y", "matched_points", "max_altitude_m", "verdict",
 )  # fmt: skip
@@ -244,9 +246,8 @@ class Run:
         if record is not None and record.status == "ok" and record.version == __version__:
             known = (record.content, dict(record.outputs))
         outputs = self._plan.outputs(job)
-        pool.put(
-            Task(job.index, job.source.path, job.truth, self._plan.out, outputs, known, job.source.name, job.previous)
-        )
+        files = (job.source.path, job.truth, self._plan.out, outputs)
+        pool.put(Task(job.index, *files, known, job.source.name, job.previous, job.start))
 
     def _take(self, reply: Reply) -> None:
         job = self._plan.jobs[reply.index]
@@ -307,7 +308,8 @@ class Run:
 
     def _write_tables(self) -> None:
         extra = ("iou",) if self._plan.with_truth else ()
-        columns = (*TIMING_COLUMNS, *extra, "stop_reason", *(("note",) if self._setup.views else ()))
+        starts = START_COLUMNS if any(job.start for job in self._plan.jobs) else ()
+        columns = (*TIMING_COLUMNS, *extra, "stop_reason", *(("note",) if self._setup.views else ()), *starts)
         timings = csv_table(columns, ([row.get(column) for column in columns] for row in self.rows()))
         tables = [("timings.csv", timings), ("run.json", self._run_json())]
         if self._setup.views:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import console
+from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, starts_file
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
@@ -22,10 +23,8 @@ FAILED_IMAGES, MISSED_GATE = 3, 4
 
 
 def compare(  # noqa: PLR0913 - the options of the command
-    inputs: Annotated[
-        list[str], typer.Argument(metavar="INPUT...", help="Image files, folders (searched to any depth) or patterns.")
-    ],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the outputs; made if absent.")],
+    inputs: Inputs,
+    out: Out,
     methods: Annotated[
         str, typer.Option("--methods", metavar="A,B,C", help="Methods and peers; 'peers' or 'all' for every one.")
     ] = "freeform,snake,levelset",
@@ -33,12 +32,9 @@ def compare(  # noqa: PLR0913 - the options of the command
         Path | None, typer.Option("--truth", metavar="DIR", help="Folder of true masks: 255 inside, 128 ignored.")
     ] = None,
     repeat: Annotated[int, typer.Option("--repeat", min=1, help="Runs of each; the median time counts.")] = 1,
-    config: Annotated[
-        str | None, typer.Option("--config", metavar="FILE|PRESET", help="Parameter file or preset.")
-    ] = None,
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter; may be repeated.")
-    ] = None,
+    config: Config = None,
+    settings: Settings = None,
+    starts: Starts = None,
     peers: Annotated[
         Path | None, typer.Option("--peers", metavar="FILE", help="Parameters of the peers, like configs/peers.yaml.")
     ] = None,
@@ -63,7 +59,7 @@ def compare(  # noqa: PLR0913 - the options of the command
     gates = _gates(min_iou or [], chosen, with_truth=truth is not None)
     params, peer_params = load_params(config, settings), load_peer_parameters(peers)
     folder = os.fspath(out)
-    jobs = work.plan_comparison(inputs, folder, os.fspath(truth) if truth else "")
+    jobs = work.plan_comparison(inputs, folder, os.fspath(truth) if truth else "", starts_file(starts, params))
     task = work.Comparison(jobs, folder, chosen, params, peer_params, repeat)
     with Interruption():
         rows = work.compare(task, _silent if quiet else _tell)

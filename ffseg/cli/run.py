@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.batch.workers.launch import take
+from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, starts_file
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
@@ -23,16 +24,11 @@ _MEGABYTE = 1 << 20
 
 
 def run(  # noqa: PLR0913 - the options of the command
-    inputs: Annotated[
-        list[str], typer.Argument(metavar="INPUT...", help="Image files, folders (searched to any depth) or patterns.")
-    ],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the outputs; made if absent.")],
-    config: Annotated[
-        str | None, typer.Option("--config", metavar="FILE|PRESET", help="Parameter file or preset.")
-    ] = None,
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter; may be repeated.")
-    ] = None,
+    inputs: Inputs,
+    out: Out,
+    config: Config = None,
+    settings: Settings = None,
+    starts: Starts = None,
     camera: Annotated[
         Path | None, typer.Option("--camera", metavar="FILE", help="Camera file: tests enclosed components on pairs.")
     ] = None,
@@ -73,7 +69,7 @@ def run(  # noqa: PLR0913 - the options of the command
     run; 3 at least one image failed, the others are written.
     """
     first = take()  # it loads OpenCV while this process loads itself, reads parameters and plans
-    from ffseg.batch.jobs import make_plan, with_previous
+    from ffseg.batch.jobs import make_plan, with_previous, with_starts
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
     from ffseg.batch.workers.outputs import Wanted, read_exports
@@ -88,7 +84,9 @@ def run(  # noqa: PLR0913 - the options of the command
         if animate and find_spec("PIL") is None:
             raise UsageError("--animate needs Pillow; install it with: pip install 'ffseg[film]'")
         wanted = Wanted(overlay, read_exports(export or ()), animate)
+        begins = starts_file(starts, params)
         plan = make_plan(inputs, os.fspath(out), wanted=wanted, truth=os.fspath(truth) if truth else "")
+        plan = with_starts(plan, begins) if begins else plan
         views = read_views(camera, poses, pairs, plan)
         plan = with_previous(plan, views.previous) if views else plan
         setup = Setup(params=params, views=views, wanted=wanted, max_pixels=max_pixels, memory_bytes=memory * _MEGABYTE)

@@ -53,9 +53,7 @@ def start_contours(
     return tuple(contours)
 
 
-def _center(
-    shape: tuple[int, int], params: Parameters, center: tuple[float, float] | None
-) -> tuple[float, float]:
+def _center(shape: tuple[int, int], params: Parameters, center: tuple[float, float] | None) -> tuple[float, float]:
     if params.init.center != "auto":
         return params.init.center
     if center is not None:
@@ -66,9 +64,7 @@ def _center(
 def _check_inside(point: tuple[float, float], shape: tuple[int, int], what: str) -> None:
     height, width = shape
     if not (-0.5 <= point[0] <= width - 0.5 and -0.5 <= point[1] <= height - 0.5):
-        raise SegmentationError(
-            f"{what} has its centre outside the image of {width} x {height} pixels; set init.center inside it"
-        )
+        raise SegmentationError(f"{what} has its centre outside the image of {width} x {height} pixels; move it inside")
 
 
 def _box(box: tuple[float, float, float, float], params: Parameters) -> FreeForm:

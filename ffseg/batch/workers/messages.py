@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ffseg.batch.workers.outputs import MASKS_AND_CONTOURS, Wanted
+from ffseg.formats.starts import Start
 from ffseg.parameters import Parameters
 
 if TYPE_CHECKING:
@@ -64,6 +65,8 @@ class Task:
         Relative name of the image, by which poses are found.
     previous : str
         Path of the image before it, or empty.
+    start : Start or None
+        Its own start circle.
     """
 
     index: int
@@ -74,6 +77,7 @@ class Task:
     known: tuple[str, dict[str, str]] | None = None
     name: str = ""
     previous: str = ""
+    start: Start | None = None
 
 
 @dataclass(frozen=True, slots=True)

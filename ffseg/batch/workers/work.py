@@ -6,7 +6,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -24,6 +24,7 @@ from ffseg.formats.files import printable, read_bytes
 from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, single_thread
 from ffseg.formats.masks import read_levels
 from ffseg.formats.overlays import Polyline
+from ffseg.parameters import Parameters
 from ffseg.segmenters.base import Segmentation
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ class Workbench:
         segmented = perf_counter()
         outputs = tuple(self._outputs(image, found, task))
         result = found.result
-        row = _row(image, result, self._setup.params.method) | found.row
+        row = _row(image, result, self._setup.params.method) | found.row | _start_cells(self._params(task), task)
         if task.truth:
             row["iou"] = self._iou(result, task.truth)
         end = perf_counter()
@@ -124,7 +125,7 @@ class Workbench:
         overlay = self._setup.wanted.overlay
         if self._frames is None:
             segment = self._segment if film is None else partial(self._segment, callback=film)
-            result = segment(image, self._setup.params, domain=self._domain, start_mask=self._start_mask)
+            result = segment(image, self._params(task), domain=self._domain, start_mask=self._start_mask)
             lines = [
                 Polyline(contour.flatten(_FLATNESS), "outer" if contour.signed_area > 0 else "obstacle")
                 for contour in (result.contours if overlay else ())
@@ -132,7 +133,8 @@ class Workbench:
             return _Found(result, lines, film)
         from ffseg.batch.workers.frames import merged_segmentation, obstacle_rows, overlay_lines
 
-        frame = self._frames.frame_of(image, before, task.name, self._limits, film)
+        frames = replace(self._frames, params=self._params(task))
+        frame = frames.frame_of(image, before, task.name, self._limits, film)
         lines = overlay_lines(frame, _FLATNESS) if overlay else []
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note}
         return _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame))
@@ -153,7 +155,12 @@ class Workbench:
 
     def _content(self, data: bytes, task: Task) -> str:
         truth = read_bytes(task.truth, self._setup.max_bytes) if task.truth else b""
-        return digest(data) + (digest(truth) if truth else "")
+        start = task.start.text().encode("ascii") if task.start is not None else b""
+        return digest(data) + (digest(truth) if truth else "") + (f" start {digest(start)}" if start else "")
+
+    def _params(self, task: Task) -> Parameters:
+        """Parameters of one image."""
+        return self._setup.params if task.start is None else task.start.placed(self._setup.params)
 
     def _outputs(self, image: NDArray[np.uint8], found: _Found, task: Task) -> Iterator[tuple[str, bytes, str]]:
         snapshots = found.film.snapshots if found.film is not None else ()
@@ -200,6 +207,13 @@ def _still_right(task: Task, content: str) -> bool:
 
 def _whole(path: str) -> bytes:
     return Path(path).read_bytes()
+
+
+def _start_cells(params: Parameters, task: Task) -> dict[str, Any]:
+    """The image's own start circle, as it was asked for."""
+    if task.start is None:
+        return {}
+    return {"start_x": task.start.x, "start_y": task.start.y, "start_radius": params.init.radius}
 
 
 def _row(image: NDArray[np.uint8], result: Segmentation, method: str) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import asdict
 from typing import Any
 
 from ffseg.batch.jobs import Job, Plan
@@ -71,6 +72,7 @@ def show_plan(plan: Plan, *, as_json: bool) -> None:
             "outputs": list(plan.outputs(job)),
             "truth": job.truth,
             "problem": job.source.problem,
+            "start": asdict(job.start) if job.start else None,
         }
         for job in plan.jobs
     ]
@@ -79,8 +81,14 @@ def show_plan(plan: Plan, *, as_json: bool) -> None:
         return
     for job in plan.jobs:
         what = f"failed: {job.source.problem}" if job.source.problem else ", ".join(map(printable, plan.outputs(job)))
-        console.data(f"{printable(job.source.path)} -> {what}")
+        where = f" (start at {job.start.x:g}, {job.start.y:g}{_radius(job)})" if job.start else ""
+        console.data(f"{printable(job.source.path)}{where} -> {what}")
     console.message(f"ffseg: {len(images)} images into {printable(plan.out)}; nothing was written")
+
+
+def _radius(job: Job) -> str:
+    radius = job.start.radius if job.start else None
+    return "" if radius is None else f", radius {radius:g}"
 
 
 def show_result(run: Run, out: str, *, as_json: bool) -> None:

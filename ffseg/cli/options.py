@@ -1,0 +1,40 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from ffseg.parameters import Parameters
+
+Inputs = Annotated[
+    list[str], typer.Argument(metavar="INPUT...", help="Image files, folders (searched to any depth) or patterns.")
+]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the outputs; made if absent.")]
+Config = Annotated[str | None, typer.Option("--config", metavar="FILE|PRESET", help="Parameter file or preset.")]
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter; may be repeated.")
+]
+Starts = Annotated[
+    Path | None, typer.Option("--starts", metavar="FILE", help="CSV image,x,y[,radius]: each image's start circle.")
+]
+
+
+def starts_file(starts: Path | None, params: Parameters) -> str:
+    """Name of the starts file, or empty.
+
+    Raises
+    ------
+    ParameterError
+        If the parameters give starts of another kind.
+    """
+    if starts is None:
+        return ""
+    from ffseg.formats.starts import check_starts
+
+    check_starts(params, starts)
+    return os.fspath(starts)

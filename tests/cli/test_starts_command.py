@@ -1,0 +1,86 @@
+"""``--starts`` of ``ffseg run`` and ``ffseg compare``: exit codes, sentences, the plan shown, and what is on disk."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def images(tmp_path: Path) -> Path:
+    y, x = np.mgrid[:80, :120]
+    image = np.full((80, 120), 60, np.uint8)
+    for place in (30, 90):
+        image[np.hypot(x - place, y - 40) < 20] = 180
+    for name in ("a.png", "b.png"):
+        (tmp_path / "in").mkdir(exist_ok=True)
+        cv2.imwrite(str(tmp_path / "in" / name), image)
+    return tmp_path / "in"
+
+
+def starts(folder: Path, *rows: str) -> Path:
+    path = folder / "starts.csv"
+    path.write_text("\n".join(["image,x,y,radius", *rows, ""]), encoding="utf-8")
+    return path
+
+
+def test_the_plan_shows_the_starts_and_the_run_takes_them(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
+    path, out = starts(tmp_path, "b.png,90.5,40,", "a,30,40,6"), tmp_path / "out"
+    arguments = ("run", images, "--out", out, "--starts", path, "--set", "init.radius=7", "--jobs", "1")
+    plan = ffseg_command(*arguments, "--dry-run")
+    assert plan.returncode == 0, plan.stderr
+    assert f"{images}/a.png (start at 30, 40, radius 6) -> masks/a.png, contours/a.svg" in plan.stdout
+    assert f"{images}/b.png (start at 90.5, 40) -> masks/b.png, contours/b.svg" in plan.stdout
+    document = json.loads(ffseg_command(*arguments, "--dry-run", "--json").stdout)
+    assert [image["start"] for image in document["images"]] == [
+        {"x": 30.0, "y": 40.0, "radius": 6.0},
+        {"x": 90.5, "y": 40.0, "radius": None},
+    ]
+    assert not out.exists()
+    done = ffseg_command(*arguments, "--json")
+    assert done.returncode == 0, done.stderr
+    assert [row["start_x"] for row in json.loads(done.stdout)["images"]] == [30.0, 90.5]
+    places = [cv2.imread(str(out / "masks" / name), 0)[40, [30, 90]].tolist() for name in ("a.png", "b.png")]
+    assert places == [[255, 0], [0, 255]]
+
+
+@pytest.mark.parametrize("command", ["run", "compare"])
+def test_what_is_wrong_exits_2_and_writes_nothing(
+    command: str, ffseg_command: Command, images: Path, tmp_path: Path
+) -> None:
+    cases = {
+        "starts.csv: no row for the image 'b.png' (line 3 has 'b.pgn')": ("a,30,40,6", "b.pgn,90,40,6"),
+        "starts.csv:3: y: '4O' is not a finite number": ("a,30,40,6", "b,90,4O,6"),
+        "starts.csv:3: 'a' has a start already, in line 2": ("a,30,40,6", "a,90,40,6", "b,1,1,1"),
+    }
+    for sentence, rows in cases.items():
+        done = ffseg_command(command, images, "--out", tmp_path / "out", "--starts", starts(tmp_path, *rows))
+        assert done.returncode == 2, done.stderr
+        assert sentence in done.stderr
+        assert "Traceback" not in done.stderr
+    path = starts(tmp_path, "a,30,40,6", "b,90,40,6")
+    circles = ("--starts", path, "--set", "init.circles=[[30,40,6]]")
+    done = ffseg_command(command, images, "--out", tmp_path / "out", *circles)
+    assert (done.returncode, "init.circles is set too" in done.stderr) == (2, True)
+    done = ffseg_command(command, images, "--out", tmp_path / "out", "--starts", tmp_path / "none.csv")
+    assert (done.returncode, "none.csv: cannot be read" in done.stderr) == (2, True)
+    assert not (tmp_path / "out").exists()
+
+
+def test_compare_gives_every_method_the_start_of_the_image(
+    ffseg_command: Command, images: Path, tmp_path: Path
+) -> None:
+    path = starts(tmp_path, "a,30,40,6", "b,90,40,6")
+    methods = ("--methods", "freeform,snake,levelset,cv_floodfill,cv_edges", "--json")
+    done = ffseg_command("compare", images, "--out", tmp_path / "out", "--starts", path, *methods)
+    assert done.returncode == 0, done.stderr
+    assert {row["status"] for row in json.loads(done.stdout)["rows"]} == {"ok"}
+    assert sorted(file.name for file in (tmp_path / "out" / "panels").iterdir()) == ["a.png", "b.png"]

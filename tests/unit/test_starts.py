@@ -1,0 +1,198 @@
+"""Starts files: what is read and matched, what is refused by line, and that runs and comparisons start there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from batches import Silent, table
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ffseg.batch.compare import Comparison, compare, plan_comparison
+from ffseg.batch.jobs import make_plan, with_starts
+from ffseg.batch.runner import Options, Run, Summary
+from ffseg.batch.workers.messages import Setup
+from ffseg.errors import FfsegError, ParameterError
+from ffseg.formats.starts import Start, check_starts, load_starts
+from ffseg.parameters import Parameters, load_params
+from ffseg.peer_parameters import PeerParameters
+from ffseg.schema.strict_yaml import MAX_BYTES
+from ffseg.segmenters.peers import PEERS
+
+LEFT, RIGHT = (30, 40), (90, 40)
+"""Centres of the two discs of `two_discs`, of radius 20."""
+
+
+def write(folder: Path, text: str | bytes) -> Path:
+    path = folder / "starts.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def two_discs(folder: Path, *names: str) -> None:
+    y, x = np.mgrid[:80, :120]
+    image = np.full((80, 120), 60, np.uint8)
+    for place in (LEFT, RIGHT):
+        image[np.hypot(x - place[0], y - place[1]) < 20] = 180
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        cv2.imwrite(str(folder / name), image)
+
+
+def test_rows_are_found_by_name_or_stem_in_any_order(tmp_path: Path) -> None:
+    path = write(tmp_path, "image,x,y,radius\nother.png,1,1,1\nsub/b,3,4.5,\na.png,1,2,7\n")
+    assert load_starts(path, ["a.png", "sub/b.jpg"]) == {"a.png": Start(1, 2, 7), "sub/b.jpg": Start(3, 4.5)}
+
+
+def test_the_radius_column_may_be_absent(tmp_path: Path) -> None:
+    assert load_starts(write(tmp_path, "\ufeffimage, x, y\r\n\r\na , 1 , 2\r\n"), ["a.png"]) == {"a.png": Start(1, 2)}
+
+
+def test_a_name_that_is_not_utf8_is_written_as_tables_write_it(tmp_path: Path) -> None:
+    path = write(tmp_path, "image,x,y\n\\xff.png,1,2\n")
+    assert load_starts(path, ["\udcff.png"]) == {"\udcff.png": Start(1, 2)}
+
+
+BAD = {
+    "header": ("image,seed_x,seed_y\na,1,2\n", r"starts\.csv:1: the header must be image,x,y or image,x,y,radius"),
+    "empty": ("", r"starts\.csv:1: the header must be"),
+    "columns": ("image,x,y\n\na,1\n", r"starts\.csv:3: 2 columns, must be 3: image,x,y"),
+    "too many": ("image,x,y\na,1,2,3\n", r":2: 4 columns, must be 3"),
+    "word": ("image,x,y\na,1,2\nb,one,2\n", r":3: x: 'one' is not a finite number"),
+    "nan": ("image,x,y\na,1,nan\n", r":2: y: 'nan'"),
+    "infinite": ("image,x,y\na,1,1e999\n", r":2: y: '1e999'"),
+    "grouped": ("image,x,y\na,1_0,2\n", r":2: x: '1_0'"),
+    "empty cell": ("image,x,y\na,,2\n", r":2: x: ''"),
+    "no radius": ("image,x,y,radius\na,1,2,0\n", r":2: radius: 0 is not above 0"),
+    "negative": ("image,x,y,radius\na,1,2,-3\n", r":2: radius: -3 is not above 0"),
+    "word radius": ("image,x,y,radius\na,1,2,big\n", r":2: radius: 'big'"),
+    "no name": ("image,x,y\n,1,2\n", r":2: image: the name is empty"),
+    "twice": ("image,x,y\na,1,2\na,3,4\n", r":3: 'a' has a start already, in line 2"),
+    "two names": ("image,x,y\na,1,2\na.png,3,4\n", r"lines 3 \('a.png'\) and 2 \('a'\) both name the image 'a.png'"),
+    "quote": ('image,x,y\n"a,1,2\n', r":2: not valid CSV"),
+    "nul": ("image,x,y\na,1,\0\n", r":2: "),
+    "latin": (b"image,x,y\na\xe9,1,2\n", r":2: not UTF-8"),
+    "large": (b"image,x,y\n" + b"a" * MAX_BYTES, r"larger than"),
+    "no row": ("image,x,y\nb.png,1,2\n", r"no row for the image 'a.png' \(line 2 has 'b.png'\); add one"),
+    "only a header": ("image,x,y\n", r"no row for the image 'a.png'; add one"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_files_are_refused_by_line(name: str, tmp_path: Path) -> None:
+    text, said = BAD[name]
+    with pytest.raises(ParameterError, match=said) as caught:
+        load_starts(write(tmp_path, text), ["a.png"])
+    assert str(caught.value).startswith(str(tmp_path / "starts.csv"))
+
+
+def test_a_folder_and_an_absent_file_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="not a regular file"):
+        load_starts(tmp_path, ["a"])
+    with pytest.raises(ParameterError, match="cannot be read"):
+        load_starts(tmp_path / "none.csv", ["a"])
+
+
+@given(st.binary(max_size=80))
+def test_any_bytes_are_starts_or_an_error(tmp_path_factory: pytest.TempPathFactory, tail: bytes) -> None:
+    path = write(tmp_path_factory.mktemp("any"), b"image,x,y,radius\na," + tail)
+    try:
+        found = load_starts(path, ["a"])["a"]
+    except FfsegError as error:
+        assert str(path) in str(error)
+    else:
+        assert np.isfinite([found.x, found.y, found.radius or 1]).all()
+
+
+@pytest.mark.parametrize(
+    "settings", [{"init.circles": [[1, 2, 3]]}, {"init.boxes": [[1, 2, 3, 4]]}, {"init.mask": "mask.png"}]
+)
+def test_other_kinds_of_starts_are_refused_by_key(settings: dict[str, object]) -> None:
+    with pytest.raises(ParameterError, match=rf"s\.csv gives .*, but {next(iter(settings))} is set too"):
+        check_starts(load_params(None, settings), "s.csv")
+    check_starts(load_params(None, {"init.center": [1, 2]}), "s.csv")
+
+
+def test_a_start_without_a_radius_leaves_it() -> None:
+    params = load_params(None, {"init.radius": 9, "init.center": [5, 5]})
+    assert Start(1, 2).placed(params).init == load_params(None, {"init.radius": 9, "init.center": [1, 2]}).init
+    assert Start(1, 2, 3).placed(params).init.radius == 3
+
+
+def run_from(folder: Path, text: str, out: Path, params: Parameters) -> Summary:
+    plan = with_starts(make_plan([str(folder)], str(out)), str(write(folder.parent, text)))
+    silent = Silent()
+    with Run(plan, Setup(params=params), Options(), silent, silent) as work:
+        return work.execute()
+
+
+def mask_of(out: Path, name: str) -> np.ndarray:
+    return cv2.imread(str(out / "masks" / name), cv2.IMREAD_GRAYSCALE) > 0
+
+
+def test_a_run_starts_each_image_at_its_own_place_and_redoes_changed_starts(tmp_path: Path) -> None:
+    two_discs(tmp_path / "in", "a.png", "b.png")
+    params, out = load_params(None, {"init.radius": 6}), tmp_path / "out"
+    first = "image,x,y,radius\na,30,40,\nb,90,40,8\n"
+    assert run_from(tmp_path / "in", first, out, params).done == 2
+    a, b = mask_of(out, "a.png"), mask_of(out, "b.png")
+    assert (a[LEFT[::-1]], a[RIGHT[::-1]], b[LEFT[::-1]], b[RIGHT[::-1]]) == (True, False, False, True)
+    rows = table(out / "timings.csv")
+    assert [[row[key] for key in ("start_x", "start_y", "start_radius")] for row in rows] == [
+        ["30.0", "40.0", "6.0"],
+        ["90.0", "40.0", "8.0"],
+    ]
+    assert run_from(tmp_path / "in", first, out, params).same == 2
+    assert run_from(tmp_path / "in", "image,x,y\nb,90,40\na,30,40\n", out, params).done == 1  # b has another radius
+    changed = run_from(tmp_path / "in", "image,x,y\nb,90,40\na,90,40\n", out, params)
+    assert (changed.same, changed.done) == (1, 1)
+    assert np.array_equal(mask_of(out, "a.png"), mask_of(out, "b.png"))
+
+
+def test_a_run_without_starts_does_the_images_again(tmp_path: Path) -> None:
+    two_discs(tmp_path / "in", "a.png")
+    params, out = load_params(None, {"init.center": [30, 40], "init.radius": 6}), tmp_path / "out"
+    run_from(tmp_path / "in", "image,x,y\na,90,40\n", out, params)
+    silent = Silent()
+    with Run(make_plan([str(tmp_path / "in")], str(out)), Setup(params=params), Options(), silent, silent) as work:
+        assert work.execute().done == 1
+    assert mask_of(out, "a.png")[LEFT[::-1]]
+    assert "start_x" not in table(out / "timings.csv")[0]
+
+
+def test_a_start_outside_its_image_costs_that_image(tmp_path: Path) -> None:
+    two_discs(tmp_path / "in", "a.png", "b.png")
+    params = load_params(None, {"init.radius": 6})
+    summary = run_from(tmp_path / "in", "image,x,y\na,30,40\nb,300,40\n", tmp_path / "out", params)
+    assert (summary.done, summary.failed) == (1, 1)
+    assert "(300, 40)" in table(tmp_path / "out" / "timings.csv")[1]["error"]
+
+
+def test_every_method_and_peer_is_given_the_same_start(tmp_path: Path) -> None:
+    two_discs(tmp_path / "in", "a.png", "b.png")
+    truths = tmp_path / "truth"
+    truths.mkdir()
+    y, x = np.mgrid[:80, :120]
+    for name, place in (("a", LEFT), ("b", RIGHT)):
+        cv2.imwrite(str(truths / f"{name}.png"), np.uint8(255) * (np.hypot(x - place[0], y - place[1]) < 20))
+    starts = write(tmp_path, "image,x,y,radius\na,30,40,6\nb,90,40,6\n")
+    jobs = plan_comparison([str(tmp_path / "in")], str(tmp_path / "out"), str(truths), str(starts))
+    grown = ("cv_floodfill", "cv_edges", "cv_edges_opened", "cv_watershed", "skfmm", "sitk_fast_marching", "sitk_gac")
+    methods = ("freeform", "snake", "levelset", *(name for name in grown if PEERS[name].installed))
+    rows = compare(Comparison(jobs, str(tmp_path / "out"), methods, load_params(), PeerParameters()), lambda _row: None)
+    assert {(row.image, row.method): row.status for row in rows if row.status != "ok"} == {}
+    # Another start would fill the other disc or the ground: the overlap would be 0. The watershed ends a pixel inside.
+    assert min(row.iou or 0 for row in rows) > 0.85, rows
+
+
+def test_images_that_cannot_be_tried_need_no_start(tmp_path: Path) -> None:
+    two_discs(tmp_path, "a.png")
+    long = tmp_path / ("n" * 254)
+    long.write_bytes((tmp_path / "a.png").read_bytes())
+    plan = make_plan([str(tmp_path / "a.png"), str(long)], str(tmp_path / "out"))
+    assert [bool(job.source.problem) for job in plan.jobs] == [False, True]
+    started = with_starts(plan, str(write(tmp_path, "image,x,y\na,1,2\n")))
+    assert [job.start for job in started.jobs] == [Start(1, 2), None]
