@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -12,13 +13,15 @@ from numpy.typing import NDArray
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose
 from ffseg.errors import SegmentationError
+from ffseg.freespace.altitudes import altitude_points
 from ffseg.freespace.egomotion import pair_motion
 from ffseg.freespace.structural import ComponentVerdict, ImagePair, structural_test, untested
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.components import contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Progress, Segmentation
+from ffseg.segmenters import snake
+from ffseg.segmenters.base import Progress, Segmentation, Segmenter, Timings
 from ffseg.segmenters.registry import segment
 
 START_MARGIN = 8.0
@@ -76,7 +79,7 @@ def segment_view(
     image: Grey,
     camera: Camera,
     params: Parameters,
-    method: str | None = None,
+    method: str | Segmenter | None = None,
     *,
     domain: NDArray[np.uint8] | None = None,
     start_mask: NDArray[np.uint8] | None = None,
@@ -89,7 +92,7 @@ def segment_view(
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
     camera : Camera
     params : Parameters
-    method : str, optional
+    method : str or Segmenter, optional
     domain : ndarray of uint8, shape (H, W), optional
         A further bound, nonzero where the contour may go.
     start_mask : ndarray of uint8, shape (H, W), optional
@@ -113,6 +116,73 @@ def segment_view(
     bound = np.where(inside if domain is None else inside & (domain > 0), np.uint8(255), np.uint8(0))
     params = omnidirectional_parameters(params, camera)
     return segment(image, params, method, domain=bound, start_mask=start_mask, center=camera.center, callback=callback)
+
+
+def segment_frame(
+    images: tuple[Grey, Grey | None],
+    camera: Camera,
+    params: Parameters,
+    poses: tuple[Pose, Pose] | None,
+    segmenting: Segmenting,
+    callback: Callable[[Progress], None] | None = None,
+) -> Frame:
+    """Segment an image of a sequence and test it against the image before.
+
+    Parameters
+    ----------
+    images : tuple of ndarray of uint8, shape (H, W) or (H, W, 3)
+        The current image and the one before it, None for the first.
+    camera : Camera
+    params : Parameters
+        ``method``, and what `free_space` takes.
+    poses : tuple of Pose or None
+        Of the previous and the current image.
+    segmenting : callable
+        ``segmenting(method, callback=callback)`` segments the current image by a name or a `Segmenter`.
+    callback : callable, optional
+        Called with snapshots of the evolution.
+
+    Raises
+    ------
+    CalibrationError
+        When an image has another size than the calibration.
+    SegmentationError
+        As `ffseg.segment`.
+    """
+    current, previous = images
+    if params.method == "snake" and previous is not None:
+        return _snake_frame((previous, current), camera, params, poses, segmenting, callback)
+    found = segmenting(params.method, callback=callback)
+    return free_space(current, found, previous, camera, params.obstacles.altitude, poses)
+
+
+def _snake_frame(
+    images: tuple[Grey, Grey],
+    camera: Camera,
+    params: Parameters,
+    poses: tuple[Pose, Pose] | None,
+    segmenting: Segmenting,
+    callback: Callable[[Progress], None] | None,
+) -> Frame:
+    """Frame of a pair by the snake, whose own term (Eq. 11) stands for the structural test.
+
+    The snake runs twice: without the term, for the ground that the motion is read off, then with it.
+    """
+    begin, epsilon = perf_counter(), params.obstacles.altitude
+    previous, current = (grey_image(image) for image in images)
+    camera.check_size(previous.shape[1], previous.shape[0], "the previous image")
+    first = segmenting("snake")
+    chosen = pair_motion(camera, (previous, current), poses, first.mask, epsilon)
+    rows, said = snake.NO_ALTITUDES, "the snake ran without its altitude term"
+    if chosen.motion is not None:
+        points = altitude_points(ImagePair(current, previous, camera, chosen.motion), epsilon)
+        rows, said = points.rows, f"{points.low} points let the snake pass, {len(points.rows) - points.low} bar it"
+    second = segmenting(partial(snake.run, altitudes=rows), callback=callback)
+    spent = (first.timings, second.timings)
+    timings = Timings(second.timings.edges_ms, sum(t.evolve_ms for t in spent), sum(t.total_ms for t in spent))
+    frame = free_space(current, replace(second, timings=timings), None, camera, epsilon)
+    matched_ms = (perf_counter() - begin) * 1e3 - timings.total_ms
+    return replace(frame, motion=chosen.motion, note=f"{chosen.note}; {said}", obstacles_ms=matched_ms)
 
 
 def free_space(
@@ -184,7 +254,8 @@ class Sequence:
 
     def __init__(self, camera: Camera, params: Parameters, method: str | None = None) -> None:
         camera.mounting()
-        self._camera, self._params, self._method = camera, params, method
+        self._camera = camera
+        self._params = params if method is None else replace(params, method=method)
         self._previous: Grey | None = None
         self._pose: Pose | None = None
 
@@ -207,6 +278,6 @@ class Sequence:
         self._camera.check_size(image.shape[1], image.shape[0], "the image")
         previous, before = self._previous, self._pose
         self._previous, self._pose = grey_image(image), pose
-        found = segment_view(image, self._camera, self._params, self._method)
         poses = (before, pose) if before is not None and pose is not None else None
-        return free_space(image, found, previous, self._camera, self._params.obstacles.altitude, poses)
+        segmenting = partial(segment_view, image, self._camera, self._params)
+        return segment_frame((image, previous), self._camera, self._params, poses, segmenting)

@@ -40,7 +40,7 @@ def segmenter(name: str) -> Segmenter:
 def segment(
     image: NDArray[np.uint8],
     params: Parameters,
-    method: str | None = None,
+    method: str | Segmenter | None = None,
     *,
     domain: NDArray[np.uint8] | None = None,
     start_mask: NDArray[np.uint8] | None = None,
@@ -54,8 +54,9 @@ def segment(
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
         Grey or BGR.
     params : Parameters
-    method : str, optional
-        Takes the place of ``params.method``. A peer runs with the parameters of ``configs/peers.yaml``.
+    method : str or Segmenter, optional
+        Takes the place of ``params.method``: a name, or what evolves the contours itself. A peer runs with the parameters
+        of ``configs/peers.yaml``.
     domain : ndarray of uint8, shape (H, W), optional
         Nonzero where the contour may go.
     start_mask : ndarray of uint8, shape (H, W), optional
@@ -78,14 +79,14 @@ def segment(
     """
     name = method or params.method
     shape = _checked_shape(image, domain)
-    if name not in SEGMENTERS:
+    if isinstance(name, str) and name not in SEGMENTERS:
         from ffseg.peer_parameters import PeerParameters
         from ffseg.segmenters.peers import PEERS, segment_peer
 
         if name in PEERS:
             peers = PeerParameters()
             return segment_peer(image, params, name, peers, domain=domain, start_mask=start_mask, center=center)
-    run = segmenter(name)
+    run = segmenter(name) if isinstance(name, str) else name
     begin = perf_counter()
     edges = edge_map(image, params.edges, domain)
     edges_done = perf_counter()

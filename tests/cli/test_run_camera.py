@@ -48,6 +48,19 @@ def with_camera(folder: Path) -> tuple[str | Path, ...]:
     return "--camera", folder / "camera.yaml", "--poses", folder / "poses.csv"
 
 
+def test_the_snake_takes_the_altitudes_of_the_pair(ffseg_command: Command, views: Path) -> None:
+    snake = ("--set", "method=snake")
+    assert run(ffseg_command, views, *with_camera(views), *snake).returncode == 0
+    notes = [row["note"] for row in rows(views / "out" / "timings.csv")]
+    assert "first image" in notes[0]
+    assert "points let the snake pass" in notes[1]
+    (views / "views" / "1.png").unlink()
+    assert run(ffseg_command, views, *with_camera(views), *snake, out="alone").returncode == 0
+    masks = [cv2.imread(str(views / out / "masks" / "2.png"), cv2.IMREAD_GRAYSCALE) == 255 for out in ("out", "alone")]
+    marks = (rendered().current.labels > 0) & (rendered().current.labels <= len(rendered().scene.marks))
+    assert masks[0][marks].mean() > masks[1][marks].mean() + 0.5
+
+
 def test_a_sequence_writes_verdicts_and_merged_masks(ffseg_command: Command, views: Path) -> None:
     result = run(ffseg_command, views, *with_camera(views), "--overlay")
     assert result.returncode == 0, result.stderr

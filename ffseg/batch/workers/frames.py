@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from ffseg.errors import ImageReadError
 from ffseg.formats.files import printable
 from ffseg.formats.images import Limits, decode_image
 from ffseg.formats.overlays import Kind, Polyline
-from ffseg.freespace.sequence import Frame, free_space, segment_view
+from ffseg.freespace.sequence import Frame, segment_frame, segment_view
 from ffseg.parameters import Parameters
 from ffseg.segmenters.base import Progress, Segmentation
 
@@ -64,12 +65,9 @@ class FrameBench:
         SegmentationError
             As `ffseg.segment`.
         """
-        camera = self.views.camera
-        found = segment_view(
-            image, camera, self.params, domain=self.masks.domain, start_mask=self.masks.start, callback=callback
-        )
-        epsilon = self.params.obstacles.altitude
-        frame = free_space(image, found, previous, camera, epsilon, self.views.pair_poses(name))
+        camera, masks = self.views.camera, self.masks
+        segmenting = partial(segment_view, image, camera, self.params, domain=masks.domain, start_mask=masks.start)
+        frame = segment_frame((image, previous), camera, self.params, self.views.pair_poses(name), segmenting, callback)
         unposed = " and ".join(map(printable, self.views.unposed(name)))
         return replace(frame, note=f"no pose of {unposed}; {frame.note}") if unposed else frame
 

@@ -1,0 +1,96 @@
+"""The altitude term of the snake (Eq. 11): which interest points of a pair let it pass an edge."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ffseg.camera.model import Camera
+from ffseg.freespace.structural import CONFIDENT, ImagePair, match_corners
+from ffseg.image.components import Component
+from ffseg.image.keypoints import Array, Mask
+
+TILE = 60
+"""Pixels; the strongest corners of each tile are matched, so that they lie all over the image."""
+ROBOT_MARGIN = 8.0
+"""Pixels round the robot's disc without interest points: its border moves with the camera."""
+REACH = 60.0
+"""Pixels of the radial zone of a point, outward: a mark's depth, or as much of a box as is seen above its base."""
+NEAREST = 4.0
+"""Pixels nearer than which two corners are one."""
+ALIKE, BEHIND = np.cos(np.deg2rad(30.0)), np.cos(np.deg2rad(60.0))
+"""Half-angles of the radial zone: in which ground must be seen again, and in which nothing may stand up."""
+NEIGHBOUR = 28.0
+"""Pixels within which nothing may stand up in any direction: two zones and a little."""
+ZONE = 12.0
+"""Pixels round a point in which edges are switched off, or doubled."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AltitudePoints:
+    """Interest points as the snake takes them.
+
+    Attributes
+    ----------
+    rows : ndarray of float64, shape (K, 4)
+        x and y in pixels, altitude in metres, radius of the zone in pixels.
+    low : int
+        Rows that switch edges off.
+    """
+
+    rows: Array
+    low: int
+
+
+def altitude_points(pair: ImagePair, epsilon: float) -> AltitudePoints:
+    """Matched interest points of the current image that may switch edges off, and those that stand up.
+
+    Parameters
+    ----------
+    pair : ImagePair
+    epsilon : float
+        ``obstacles.altitude``, metres.
+
+    Notes
+    -----
+    Eq. 11 and the radial zone of Section 5.1: an edge is passed when ground is found again beyond it. A point counts as
+    low when its altitude lies surely below epsilon, another low point lies beyond it as seen from the camera, and no
+    point that may stand up lies behind or beside it. Upright edges run outward in the image, so the top of a box lies
+    behind its base, and keeps its base an edge. Low points that fail this say nothing. The altitude handed on is the
+    upper bound of each point, so that an uncertain point counts as high.
+    """
+    matches = match_corners(pair, list(_tiles(pair.camera)), epsilon)
+    points = matches.current[matches.good]
+    highest = (matches.altitude + CONFIDENT * matches.altitude_sigma)[matches.good]
+    high = highest >= epsilon
+    low = ~high & _passable(points, high, pair.camera.center)
+    used = low | high
+    rows = np.column_stack([points, highest, np.full(len(points), ZONE)])[used]
+    return AltitudePoints(np.ascontiguousarray(rows), int(low.sum()))
+
+
+def _passable(points: Array, high: Mask, center: tuple[float, float]) -> Mask:
+    """Points beyond which the ground is seen again, with nothing standing behind or beside them."""
+    outward = points - center
+    outward /= np.maximum(np.hypot(*outward.T), 1.0)[:, None]
+    way = points[None] - points[:, None]
+    distance = np.hypot(way[..., 0], way[..., 1])
+    along = np.einsum("nkj,nj->nk", way, outward)
+    near = distance < REACH
+    again = near & (distance > NEAREST) & (along > ALIKE * distance) & ~high
+    upright = ((near & (along > BEHIND * distance)) | (distance < NEIGHBOUR)) & high
+    passable: Mask = again.any(axis=1) & ~upright.any(axis=1)
+    return passable
+
+
+def _tiles(camera: Camera) -> Iterator[Component]:
+    """What the camera sees of the scene, in squares."""
+    across, down = np.arange(camera.width) - camera.center[0], np.arange(camera.height) - camera.center[1]
+    seen = camera.domain() & (np.hypot(across[None, :], down[:, None]) > camera.robot_radius + ROBOT_MARGIN)
+    places = [(x, y) for y in range(0, camera.height, TILE) for x in range(0, camera.width, TILE)]
+    for index, (left, top) in enumerate(places):
+        part = seen[top : top + TILE, left : left + TILE]
+        if part.any():
+            yield Component(index, (left, top), part)
