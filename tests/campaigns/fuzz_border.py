@@ -181,9 +181,22 @@ def pairs(core: ModuleType, draws: Draws) -> None:
     n, radius = int(n), draws.count([1, 2, 4, 32])
     warps = np.tile([1.0, 0.0, 0.0, 1.0], (n, k)) + 0.01 * draws.rows(n, 4 * k)
     centers = draws.rows(n, 2)
-    core.patch_scores(current, previous, centers, draws.rows(n, 2 * k), warps, radius, draws.rows(n, k))
+    places, scores = draws.rows(n, 2 * k), draws.rows(n, k)
+    core.patch_scores(current, previous, centers, places, warps, radius, draws.number([-2, 0.5]), scores)
     own = np.ascontiguousarray(warps[:, :4])
     core.align_patches(current, previous, centers, draws.rows(n, 2), own, radius, draws.count([0, 5]), draws.rows(n, 7))
+
+
+def interest(core: ModuleType, draws: Draws) -> None:
+    """Interest points of two components."""
+    image = draws.plane(np.uint8, 256)
+    windows = np.array([[0, 0, 1, 1], [0, 0, *image.shape[::-1]]], np.int64)
+    if draws.once(draws.spoil):
+        windows[draws.rng.integers(2), draws.rng.integers(4)] += draws.rng.choice([-1, 1, 1 << 40])
+    masks = draws.rng.integers(0, 2, 1 + image.size, dtype=np.uint8)
+    points, counts = draws.rows(8, 2), np.zeros(2, np.int64)
+    for find in (core.harris_points, core.outline_points):
+        find(image, windows, masks, draws.count([0, 4, 32]), points, counts)
 
 
 def lists(core: ModuleType, draws: Draws) -> None:
@@ -193,7 +206,7 @@ def lists(core: ModuleType, draws: Draws) -> None:
     core.path_text(draws.rows(6 * int(draws.rng.integers(3)) + int(draws.once(draws.spoil)), 2), degree)
 
 
-TARGETS = (evolve, rasterize, edge_maps, level_sets, snakes, pairs, lists)
+TARGETS = (evolve, rasterize, edge_maps, level_sets, snakes, pairs, interest, lists)
 
 
 def load(path: str) -> ModuleType:

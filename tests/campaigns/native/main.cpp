@@ -29,7 +29,7 @@ struct Target {
     int share;  // of 100 cases
 };
 
-constexpr std::array<Target, 12> kTargets{{{"evolve", fuzz::evolve, 42},
+constexpr std::array<Target, 13> kTargets{{{"evolve", fuzz::evolve, 40},
                                            {"rasterize", fuzz::rasterize, 12},
                                            {"edges", fuzz::edges, 10},
                                            {"march", fuzz::march, 5},
@@ -40,6 +40,7 @@ constexpr std::array<Target, 12> kTargets{{{"evolve", fuzz::evolve, 42},
                                            {"nearest", fuzz::nearest, 3},
                                            {"scores", fuzz::scores, 4},
                                            {"alignment", fuzz::alignment, 3},
+                                           {"interest", fuzz::interest, 2},
                                            {"path_text", fuzz::path_text, 2}}};
 
 struct Options {

@@ -7,6 +7,7 @@
 #include "baselines/measures/nearest.hpp"
 #include "baselines/snake/cyclic.hpp"
 #include "baselines/snake/snake.hpp"
+#include "pairs/interest.hpp"
 #include "pairs/patches.hpp"
 #include "targets.hpp"
 #include "text/path_text.hpp"
@@ -136,15 +137,15 @@ void nearest(Random& random) {
 void scores(Random& random) {
     const Pair pair(random);
     const int count = random.below(6);
-    std::vector<Vec2> candidates;
-    std::vector<ffseg::Warp> warps;
+    ffseg::Candidates tried;
     for (int k = 0; k < count; ++k) {
-        candidates.push_back(draw_place(random, pair.previous_size, pair.radius));
-        warps.push_back(draw_warp(random));
+        tried.places.push_back(draw_place(random, pair.previous_size, pair.radius));
+        tried.warps.push_back(draw_warp(random));
     }
-    std::vector<double> found(candidates.size());
+    const double hopeless = random.pick({-2.0, 0.0, 0.5, 2.0, -kInfinite, kInfinite});
+    std::vector<double> found(tried.places.size());
     const Vec2 center = draw_place(random, pair.current_size, pair.radius);
-    ffseg::patch_scores(pair.view(), center, candidates.data(), warps.data(), count, pair.radius, found.data());
+    ffseg::patch_scores(pair.view(), center, tried, pair.radius, hopeless, found.data());
     for (const double score : found) expect(!(std::abs(score) > 1.001), "a correlation beyond one");
 }
 
@@ -156,6 +157,27 @@ void alignment(Random& random) {
     const int steps = random.pick({0, 1, 5, 20, pair.radius < 4 ? 1000 : 50});
     const ffseg::Alignment found = ffseg::align_patch(pair.view(), center, start, draw_warp(random), pair.radius, steps);
     expect(!(std::abs(found.score) > 1.001), "a correlation beyond one");
+}
+
+// The binding's limits: images as above, a window inside the image that is not empty, grown by 0 to 32 pixels.
+void interest(Random& random) {
+    const Size size = draw_size(random, 2, kLongestPair);
+    const std::vector<std::uint8_t> image = draw_bytes(random, size.count());
+    ffseg::Region region;
+    region.x = random.below(size.width);
+    region.y = random.below(size.height);
+    region.width = random.among(1, size.width - region.x);
+    region.height = random.among(1, size.height - region.y);
+    region.mask = draw_marks(random, {region.height, region.width});
+    const ffseg::PlaneView view{image.data(), size.height, size.width};
+    const ffseg::Region wide = ffseg::grown(region, random.pick({0, 1, 3, 32}), size.width, size.height);
+    const int most = random.pick({0, 1, 8, 65535});
+    for (const auto find : {ffseg::harris_points, ffseg::outline_points}) {
+        const std::vector<Vec2> found = find(view, wide, most);
+        expect(static_cast<int>(found.size()) <= most, "more points than asked for");
+        const auto inside = [&](Vec2 p) { return p.x > -2 && p.y > -2 && p.x < size.width + 1 && p.y < size.height + 1; };
+        expect(std::all_of(found.begin(), found.end(), inside), "a point outside the image");
+    }
 }
 
 // The binding's limits: degree 1 to 3, one patch or more, coordinates up to 1e11.

@@ -16,6 +16,7 @@ void cyclic(Random& random);        // baselines/snake
 void nearest(Random& random);       // baselines/measures
 void scores(Random& random);        // pairs
 void alignment(Random& random);     // pairs
+void interest(Random& random);      // pairs
 void path_text(Random& random);     // text
 
 }  // namespace fuzz
