@@ -17,9 +17,9 @@ constexpr int kEaseRounds = 8;
 constexpr int kDivideRound = 16;
 // A component of at most so many samples that is still wound up then is replaced by its convex hull.
 constexpr std::size_t kSpeck = 64;
-// Pairs of patches looked at in a round, to a patch, where a fine look counts as so many. A settled contour needs two or
-// three; what runs over itself everywhere is not worth more.
-constexpr std::size_t kLooks = 64, kFineLook = 64;
+// Pairs of patches looked at in all, to a patch, where a fine look at two or at one counts as so many. A settled contour needs two or three
+// a round; what runs over itself everywhere is not worth more.
+constexpr std::size_t kLooks = 128, kFineLook = 256, kOwnLook = 32;
 // Curves nearer to each other than this touch, as far as anyone can draw them.
 constexpr double kTouch = 0.01;
 // In one round loops are cut until so many times the samples there are have been laid anew.
@@ -37,6 +37,7 @@ public:
         for (int round = 0; round < kUntangleRounds; ++round) {
             find_crossings();
             if (crossing_.empty()) return true;
+            if (looks_ > kLooks * pieces_.size()) break;
             for (const Place& place : crossing_) ease(place);
             if (round < kEaseRounds) continue;
             cut_loops();
@@ -114,7 +115,6 @@ private:
     }
 
     void find_crossings() {
-        looks_ = 0;
         flatten();
         crossing_.clear();
         loops_.clear();
@@ -165,10 +165,18 @@ private:
             return false;
         }
         looks_ += kFineLook;
+        std::array<Fine, D> others;
+        std::array<Box, D> boxes;
+        for (std::size_t j = 0; j < D; ++j) {
+            others[j] = finely(b.place, j);
+            for (const Vec2 p : others[j]) boxes[j].add(p);
+        }
         for (std::size_t i = 0; i < D; ++i) {
-            const auto p = finely(a.place, i);
+            const Fine curve = finely(a.place, i);
+            Box box;
+            for (const Vec2 p : curve) box.add(p);
             for (std::size_t j = 0; j < D; ++j) {
-                if (touch(p, finely(b.place, j), 0.0)) return true;
+                if (box.meets(boxes[j]) && touch(curve, others[j], 0.0)) return true;
             }
         }
         return false;
@@ -221,7 +229,7 @@ private:
 
     // What runs one way, as its control polygon shows, does not cross itself; the others are looked at finely.
     bool crosses_itself(const Piece& a) {
-        if (a.onward || (looks_ += kFineLook / 2) > kLooks * pieces_.size()) return false;
+        if (a.onward || (looks_ += kOwnLook) > kLooks * pieces_.size()) return false;
         constexpr std::size_t kStride = 2, kCount = D * kFine / kStride;
         std::array<Vec2, kCount + 1> curve;
         for (std::size_t k = 0; k < D; ++k) {
@@ -361,7 +369,7 @@ private:
 
     std::vector<Samples>& components_;
     std::vector<std::pair<Place, Place>> loops_;
-    std::size_t looks_ = 0;  // at pairs in this round
+    std::size_t looks_ = 0;  // at pairs so far
     std::vector<Piece> pieces_;
     std::vector<std::size_t> order_;
     std::vector<Place> crossing_;
