@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 
 
@@ -14,7 +15,11 @@ def main() -> None:
         launch_early()
     from ffseg.cli.app import main as command_line
 
-    command_line()
+    try:
+        command_line()
+    finally:  # the outcome stands: a signal that comes while Python ends must not change it
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
 
 
 if __name__ == "__main__":

@@ -20,10 +20,11 @@ AHEAD = 2
 """Tasks a worker holds: the one it works on, and the next, so that it never waits while its last reply is written."""
 _LOG_TAIL = 2000  # bytes of a dead worker's stderr worth keeping
 _PIECE = 1 << 16  # bytes read at once: what a pipe holds
+_STILLBORN = 3  # workers in a row that die before they are ready end the run
 
 
 class WorkerLostError(RuntimeError):
-    """A worker died before it was ready: the installation is broken, and every further one would die as well."""
+    """Workers died before they were ready: the installation is broken, and every further one would die as well."""
 
 
 @dataclass(eq=False, slots=True)
@@ -81,6 +82,7 @@ class Pool:
         self._waiting: deque[Task] = deque()
         self._workers: list[Worker] = []
         self._poll = select.poll()
+        self._stillborn = 0  # workers in a row that died before they were ready
         self.versions: dict[str, str] = {}
         if first is not None:
             self._adopt(first)
@@ -111,7 +113,7 @@ class Pool:
         UsageError
             If the setup does not work.
         WorkerLostError
-            If a worker died before it was ready.
+            If workers died before they were ready, several in a row: it is not chance.
         """
         self._hand_out()
         events = self._poll.poll(self._patience())
@@ -176,6 +178,7 @@ class Pool:
             raise UsageError(message.message)
         if isinstance(message, Ready):
             worker.ready, worker.since = True, monotonic()
+            self._stillborn = 0
             self.versions = message.versions
 
     def _lost(self, worker: Worker) -> Iterator[Reply]:
@@ -183,6 +186,10 @@ class Pool:
         tail = worker.log_tail()
         self._drop(worker)
         if not worker.ready:
+            self._waiting.extendleft(reversed(worker.queue))
+            self._stillborn += 1
+            if self._stillborn < _STILLBORN:
+                return
             raise WorkerLostError(
                 f"a worker process ended ({_ending(code)}) before it was ready: {tail or 'no message'}"
             )
