@@ -75,7 +75,7 @@ def test_round_an_island_it_closes_to_a_slit() -> None:
     assert len(contours) == 1
     assert stats.stop_reason == "converged"
     assert (mask & truth).sum() / (mask | truth).sum() > 0.98
-    assert not mask[island].any() or mask[island].mean() < 0.1
+    assert mask[island].mean() < 0.125  # half a pixel of its outline
 
 
 def test_without_refinement_the_number_of_points_stays() -> None:
