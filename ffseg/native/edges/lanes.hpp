@@ -1,6 +1,6 @@
 // How the loops over rows of pixels are compiled: plain C++, and where the compiler can, an AVX2 version beside the
 // portable one, picked at load time. Results are the same: only exact integer arithmetic and correctly rounded square
-// roots are used.
+// roots or single multiplications and additions (never contracted) are used.
 #pragma once
 
 #if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)

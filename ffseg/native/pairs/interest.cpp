@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <utility>
 
+#include "edges/lanes.hpp"
+
 namespace ffseg {
 
 namespace {
@@ -19,6 +21,19 @@ constexpr int kCell = 4;
 constexpr int kOutlineFloor = 4;
 // Sobel's operator gives eight times the gradient.
 constexpr int kSobelGain = 8;
+
+void or_into(const std::uint8_t* from, std::uint8_t* __restrict to, int count) {
+    for (int c = 0; c < count; ++c) to[c] |= from[c];
+}
+
+// One row of Sobel sums from vertical sums and differences, two longer.
+FFSEG_CLONES
+void sobel_row(const int* sum, const int* difference, int* __restrict across, int* __restrict down, int count) {
+    for (int c = 0; c < count; ++c) {
+        across[c] = sum[c + 2] - sum[c];
+        down[c] = difference[c] + 2 * difference[c + 1] + difference[c + 2];
+    }
+}
 
 // Sobel gradients of a window of the image; pixels outside the image repeat its border.
 struct Gradients {
@@ -46,47 +61,48 @@ Gradients::Gradients(const PlaneView& image, int x, int y, int columns, int rows
         }
         int* across = dx.data() + static_cast<std::size_t>(row) * columns;
         int* down = dy.data() + static_cast<std::size_t>(row) * columns;
-        for (int column = 0; column < columns; ++column) {
-            across[column] = sum[column + 2] - sum[column];
-            down[column] = difference[column] + 2 * difference[column + 1] + difference[column + 2];
-        }
+        sobel_row(sum.data(), difference.data(), across, down, columns);
     }
 }
 
-// Sums over three rows of the products of the gradients, one line of the window.
-struct Products {
-    std::vector<int> xx, xy, yy;
-
-    explicit Products(int width) : xx(width), xy(width), yy(width) {}
-
-    void fill(const Gradients& gradients, int row) {
-        const int width = gradients.width;
-        const int* dx = gradients.dx.data() + static_cast<std::size_t>(row) * width;
-        const int* dy = gradients.dy.data() + static_cast<std::size_t>(row) * width;
-        for (int c = 0; c < width; ++c) {
-            const int x0 = dx[c], x1 = dx[c + width], x2 = dx[c + 2 * width];
-            const int y0 = dy[c], y1 = dy[c + width], y2 = dy[c + 2 * width];
-            xx[c] = x0 * x0 + x1 * x1 + x2 * x2;  // below 2**22: no overflow
-            xy[c] = x0 * y0 + x1 * y1 + x2 * y2;
-            yy[c] = y0 * y0 + y1 * y1 + y2 * y2;
-        }
-    }
+struct ProductRows {
+    int *xx, *xy, *yy;
 };
+
+// Sums over three rows of the products of the gradients, one line of the window; below 2**22.
+FFSEG_CLONES
+void product_row(const int* dx, const int* dy, int width, ProductRows out) {
+    int *__restrict xx = out.xx, *__restrict xy = out.xy, *__restrict yy = out.yy;
+    for (int c = 0; c < width; ++c) {
+        const int x0 = dx[c], x1 = dx[c + width], x2 = dx[c + 2 * width];
+        const int y0 = dy[c], y1 = dy[c + width], y2 = dy[c + 2 * width];
+        xx[c] = x0 * x0 + x1 * x1 + x2 * x2;
+        xy[c] = x0 * y0 + x1 * y1 + x2 * y2;
+        yy[c] = y0 * y0 + y1 * y1 + y2 * y2;
+    }
+}
+
+FFSEG_CLONES
+void response_row(ProductRows rows, int width, double* __restrict out) {
+    for (int c = 0; c < width; ++c) {
+        const double xx = rows.xx[c] + rows.xx[c + 1] + rows.xx[c + 2];
+        const double xy = rows.xy[c] + rows.xy[c + 1] + rows.xy[c + 2];
+        const double yy = rows.yy[c] + rows.yy[c + 1] + rows.yy[c + 2];
+        out[c] = xx * yy - xy * xy - kHarris * (xx + yy) * (xx + yy);
+    }
+}
 
 // Harris response of every pixel of the region's window, gradient products summed over 3x3 pixels.
 std::vector<double> response(const PlaneView& image, const Region& region) {
     const Gradients gradients(image, region.x - 1, region.y - 1, region.width + 2, region.height + 2);
-    Products rows(region.width + 2);
+    const int width = gradients.width;
+    std::vector<int> products(3 * static_cast<std::size_t>(width));
+    const ProductRows rows{products.data(), products.data() + width, products.data() + 2 * width};
     std::vector<double> found(region.mask.size());
     for (int row = 0; row < region.height; ++row) {
-        rows.fill(gradients, row);
-        double* out = found.data() + static_cast<std::size_t>(row) * region.width;
-        for (int c = 0; c < region.width; ++c) {
-            const double xx = rows.xx[c] + rows.xx[c + 1] + rows.xx[c + 2];
-            const double xy = rows.xy[c] + rows.xy[c + 1] + rows.xy[c + 2];
-            const double yy = rows.yy[c] + rows.yy[c + 1] + rows.yy[c + 2];
-            out[c] = xx * yy - xy * xy - kHarris * (xx + yy) * (xx + yy);
-        }
+        const std::size_t at = static_cast<std::size_t>(row) * width;
+        product_row(gradients.dx.data() + at, gradients.dy.data() + at, width, rows);
+        response_row(rows, region.width, found.data() + static_cast<std::size_t>(row) * region.width);
     }
     return found;
 }
@@ -128,19 +144,22 @@ Region grown(const Region& region, int by, int image_width, int image_height) {
     wide.width = std::min(region.x + region.width + by, image_width) - wide.x;
     wide.height = std::min(region.y + region.height + by, image_height) - wide.y;
     wide.mask.assign(static_cast<std::size_t>(wide.width) * wide.height, 0);
-    std::vector<std::uint8_t> line(wide.width);
+    std::vector<std::uint8_t> lines(static_cast<std::size_t>(wide.width) * region.height);  // grown across
     for (int row = 0; row < region.height; ++row) {
-        std::fill(line.begin(), line.end(), std::uint8_t{0});
+        std::uint8_t* line = lines.data() + static_cast<std::size_t>(row) * wide.width;
         for (int column = 0; column < region.width; ++column) {
             if (!region.holds(column, row)) continue;
-            const int at = region.x + column - wide.x;
-            const int first = std::max(at - by, 0), last = std::min(at + by, wide.width - 1);
-            std::fill(line.begin() + first, line.begin() + last + 1, std::uint8_t{1});
+            const int first = region.x + column - wide.x - by;
+            while (column + 1 < region.width && region.holds(column + 1, row)) ++column;
+            const int last = region.x + column - wide.x + by;
+            std::fill(line + std::max(first, 0), line + std::min(last, wide.width - 1) + 1, std::uint8_t{1});
         }
-        const int at = region.y + row - wide.y;
-        for (int r = std::max(at - by, 0); r <= std::min(at + by, wide.height - 1); ++r) {
-            std::uint8_t* out = wide.mask.data() + static_cast<std::size_t>(r) * wide.width;
-            for (int column = 0; column < wide.width; ++column) out[column] |= line[column];
+    }
+    for (int r = 0; r < wide.height; ++r) {
+        const int at = wide.y + r - region.y;  // row of the region
+        std::uint8_t* out = wide.mask.data() + static_cast<std::size_t>(r) * wide.width;
+        for (int row = std::max(at - by, 0); row <= std::min(at + by, region.height - 1); ++row) {
+            or_into(lines.data() + static_cast<std::size_t>(row) * wide.width, out, wide.width);
         }
     }
     return wide;
