@@ -17,8 +17,8 @@ constexpr int kEaseRounds = 8;
 constexpr int kDivideRound = 16;
 // A component of at most so many samples that is still wound up then is replaced by its convex hull.
 constexpr std::size_t kSpeck = 64;
-// Pairs of patches looked at in all, to a patch, where a fine look at two or at one counts as so many. A settled contour needs two or three
-// a round; what runs over itself everywhere is not worth more.
+// Pairs of patches looked at in all, to a patch, where a fine look at two or at one counts as so many. A settled contour
+// needs two or three a round; what runs over itself everywhere is not worth more.
 constexpr std::size_t kLooks = 128, kFineLook = 256, kOwnLook = 32;
 // Curves nearer to each other than this touch, as far as anyone can draw them.
 constexpr double kTouch = 0.01;
@@ -86,7 +86,8 @@ private:
                 for (std::size_t k = 0; k < D; ++k) {
                     piece.points[k * kPieces] = points[k];
                     for (std::size_t j = 1; j < kPieces; ++j) {
-                        piece.points[k * kPieces + j] = apply<D>(basis.between[k][j * Basis<D>::kSub / kPieces], points);
+                        const auto& weights = basis.between[k][j * Basis<D>::kSub / kPieces];
+                        piece.points[k * kPieces + j] = apply<D>(weights, points);
                     }
                 }
                 piece.points[kPoints - 1] = points[D];
@@ -143,14 +144,21 @@ private:
         crossing_.erase(std::unique(crossing_.begin(), crossing_.end()), crossing_.end());
     }
 
-    // Two patches that turn back where they meet may cross so near to their joint that the pieces miss it.
+    // Two patches that turn back where they meet, or come back there, may cross so near to their joint that the pieces
+    // miss it.
     void find_cusps() {
         for (std::size_t at = 0; at < pieces_.size(); ++at) {
             const Piece& a = pieces_[at];
             const std::size_t samples = components_[a.place.component].size();
             const Piece& b = pieces_[a.place.first + D < samples ? at + 1 : at + 1 - samples / D];
-            if (dot(a.leaving, b.entering) >= 0) continue;
-            if (!touch(finely(a.place, D - 1), finely(b.place, 0), kTouch)) continue;
+            bool crossing = dot(a.leaving, b.entering) < 0 && touch(finely(a.place, D - 1), finely(b.place, 0), kTouch);
+            for (std::size_t k = 1; k < D && !crossing && !b.onward; ++k) {  // it may come back to the joint
+                crossing = touch(finely(a.place, D - 1), finely(b.place, k), 0.0);
+            }
+            for (std::size_t k = 0; k + 1 < D && !crossing && !a.onward; ++k) {
+                crossing = touch(finely(a.place, k), finely(b.place, 0), 0.0);
+            }
+            if (!crossing) continue;
             crossing_.push_back(a.place);
             crossing_.push_back(b.place);
         }
@@ -300,8 +308,8 @@ private:
         return span + D;
     }
 
-    // A component that crosses itself far from any loop that can be cut off becomes two, without the crossing patches. Of
-    // a component whose two parts run round in opposite ways only the larger one stays.
+    // A component that crosses itself far from any loop that can be cut off becomes two, without the crossing patches.
+    // Of a component whose two parts run round in opposite ways only the larger one stays.
     void divide() {
         std::vector<Samples> made;
         std::vector<bool> divided(components_.size(), false);
