@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstring>
 
-#include "edges/lanes.hpp"
+#include "common/lanes.hpp"
 #include "edges/noise.hpp"
 
 namespace ffseg {

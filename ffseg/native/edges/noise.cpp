@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <iterator>
 
-#include "edges/lanes.hpp"
+#include "common/lanes.hpp"
 
 namespace ffseg {
 namespace {

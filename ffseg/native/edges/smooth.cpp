@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <utility>
 
-#include "edges/lanes.hpp"
+#include "common/lanes.hpp"
 
 namespace ffseg {
 namespace {

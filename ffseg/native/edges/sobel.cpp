@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "edges/lanes.hpp"
+#include "common/lanes.hpp"
 
 namespace ffseg {
 namespace {

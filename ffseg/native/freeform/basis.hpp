@@ -25,7 +25,7 @@ struct Basis {
     std::array<Row, D + 1> calm{};                   // the samples of the least-squares curve of degree kCalmDegree
                                                      // with the same ends
 
-    Basis() {
+    constexpr Basis() {
         for (int k = 0; k <= D; ++k) vandermonde[k] = bernstein(static_cast<double>(k) / D);
         invert();
         for (int k = 0; k <= D; ++k) slope[k] = times_inverse(bernstein_slope(static_cast<double>(k) / D));
@@ -41,28 +41,30 @@ struct Basis {
         for (int i = 0; i <= 2 * D; ++i) halves[i] = times_inverse(bernstein(static_cast<double>(i) / (2 * D)));
     }
 
-    static const Basis& get() {
-        static const Basis basis;
-        return basis;
-    }
-
 private:
-    static double binomial(int n, int k) {
+    // The standard library's are no constant expressions in C++17.
+    static constexpr double size(double x) { return x < 0 ? -x : x; }
+    static constexpr void exchange(Row& a, Row& b) {
+        const Row kept = a;
+        a = b;
+        b = kept;
+    }
+    static constexpr double binomial(int n, int k) {
         double value = 1.0;
         for (int i = 0; i < k; ++i) value = value * (n - i) / (i + 1);
         return value;
     }
-    static double power(double base, int exponent) {
+    static constexpr double power(double base, int exponent) {
         double value = 1.0;
         for (int i = 0; i < exponent; ++i) value *= base;
         return value;
     }
-    static Row bernstein(double t) {
+    static constexpr Row bernstein(double t) {
         Row row{};
         for (int i = 0; i <= D; ++i) row[i] = binomial(D, i) * power(t, i) * power(1.0 - t, D - i);
         return row;
     }
-    static Row bernstein_slope(double t) {
+    static constexpr Row bernstein_slope(double t) {
         Row row{};
         for (int i = 0; i < D; ++i) {
             const double b = D * binomial(D - 1, i) * power(t, i) * power(1.0 - t, D - 1 - i);
@@ -71,7 +73,7 @@ private:
         }
         return row;
     }
-    Row times_inverse(const Row& row) const {
+    constexpr Row times_inverse(const Row& row) const {
         Row out{};
         for (int i = 0; i <= D; ++i) {
             for (int j = 0; j <= D; ++j) out[j] += row[i] * inverse[i][j];
@@ -79,7 +81,7 @@ private:
         return out;
     }
     // The fit is chord + t (1 - t) q(t) with q of degree kCalmDegree - 2: zero (the chord), constant or linear.
-    void fit_calm() {
+    constexpr void fit_calm() {
         double g00 = 0, g01 = 0, g11 = 0;
         const auto bump = [](int k) {
             const double t = static_cast<double>(k) / D;
@@ -109,16 +111,16 @@ private:
             }
         }
     }
-    void invert() {  // Gauss-Jordan with pivoting; V of degree <= 6 has a condition number below 200
+    constexpr void invert() {  // Gauss-Jordan with pivoting; V of degree <= 6 has a condition number below 200
         auto a = vandermonde;
         for (int i = 0; i <= D; ++i) inverse[i][i] = 1.0;
         for (int col = 0; col <= D; ++col) {
             int pivot = col;
             for (int r = col + 1; r <= D; ++r) {
-                if (std::abs(a[r][col]) > std::abs(a[pivot][col])) pivot = r;
+                if (size(a[r][col]) > size(a[pivot][col])) pivot = r;
             }
-            std::swap(a[col], a[pivot]);
-            std::swap(inverse[col], inverse[pivot]);
+            exchange(a[col], a[pivot]);
+            exchange(inverse[col], inverse[pivot]);
             const double scale = 1.0 / a[col][col];
             for (int j = 0; j <= D; ++j) {
                 a[col][j] *= scale;
@@ -135,6 +137,9 @@ private:
         }
     }
 };
+
+template <int D>
+inline constexpr Basis<D> kBasis{};
 
 // A row of weights applied to D + 1 points.
 template <int D>

@@ -226,14 +226,13 @@ void Chain<D>::settle(const GradientView& gradient) {
 
 template <int D>
 ContourSet Chain<D>::contours() const {
-    const Basis<D>& basis = Basis<D>::get();
     ContourSet out;
     for (const Samples& samples : settled_.empty() ? sampled() : settled_) {
         for (std::size_t first = 0; first < samples.size(); first += D) {
             Points points;
             for (std::size_t k = 0; k <= D; ++k) points[k] = samples[(first + k) % samples.size()];
             out.points.push_back(points[0]);
-            for (int k = 1; k < D; ++k) out.points.push_back(apply<D>(basis.inverse[k], points));
+            for (int k = 1; k < D; ++k) out.points.push_back(apply<D>(kBasis<D>.inverse[k], points));
         }
         out.offsets.push_back(out.points.size());
     }

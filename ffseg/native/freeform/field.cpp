@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "common/lanes.hpp"
+
 namespace ffseg {
 namespace {
 
@@ -38,16 +40,19 @@ void distance_line(const std::vector<double>& f, std::vector<double>& out, std::
 constexpr int kRun = 64;
 
 bool any_set(const std::uint8_t* bytes) {  // kRun of them
-    std::array<std::uint64_t, kRun / 8> words;
-    std::memcpy(words.data(), bytes, kRun);
     std::uint64_t any = 0;
-    for (const std::uint64_t word : words) any |= word;
+    for (int at = 0; at < kRun; at += 8) {
+        std::uint64_t word = 0;
+        std::memcpy(&word, bytes + at, sizeof word);
+        any |= word;
+    }
     return any != 0;
 }
 
 // kRun cells of one row from the edges (0 or 1) of this row and those above and below it: edge pixels and the band round
 // them. A pixel under an edge pixel whose neighbour continues the edge diagonally becomes solid too, so that an edge is a
 // 4-connected chain.
+FFSEG_CLONES
 void mark_run(const std::uint8_t* up, const std::uint8_t* mid, const std::uint8_t* down, std::uint8_t* __restrict cells) {
     using Byte = std::uint8_t;
     for (int x = 0; x < kRun; ++x) {
@@ -60,11 +65,13 @@ void mark_run(const std::uint8_t* up, const std::uint8_t* mid, const std::uint8_
 }
 
 // out[c] = a[c] | b[c] | d[c]; the output overlaps none of them.
+FFSEG_CLONES
 void or_three(const std::uint8_t* a, const std::uint8_t* b, const std::uint8_t* d, std::uint8_t* __restrict out,
               std::size_t count) {
     for (std::size_t c = 0; c < count; ++c) out[c] = a[c] | b[c] | d[c];
 }
 
+FFSEG_CLONES
 void add_where_zero(const std::uint8_t* marks, std::uint8_t gained, std::uint8_t* __restrict sums, std::size_t count) {
     for (std::size_t at = 0; at < count; ++at) {
         sums[at] = static_cast<std::uint8_t>(sums[at] + (marks[at] == 0 ? gained : 0));

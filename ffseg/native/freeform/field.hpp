@@ -1,5 +1,6 @@
 // Where a contour may go: the pixels no edge band, domain limit or image border occupies.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -38,11 +39,20 @@ public:
     // Beyond the image everything is outside the domain: a curve through samples inside it may bulge out.
     bool blocked(Vec2 p) const { return at(p) != 0; }
     bool solid(Vec2 p) const { return at(p) >= kEdge; }
-    // What the pixel nearest to a point holds, where points beyond the image belong to its border.
-    FFSEG_INLINE std::uint8_t look(float x, float y) const {
-        const int column = std::clamp(static_cast<int>(x + 1.5f), 1, width_);
-        const int row = std::clamp(static_cast<int>(y + 1.5f), 1, height_);
-        return blocked_[static_cast<std::size_t>(row) * stride_ + static_cast<std::size_t>(column)];
+    // All that the pixels nearest to some points hold, where points beyond the image belong to its border.
+    template <int kCount>
+    FFSEG_INLINE unsigned look(const float* x, const float* y) const {
+        const auto right = static_cast<float>(width_), bottom = static_cast<float>(height_);
+        std::array<int, kCount> column, row;
+        for (int j = 0; j < kCount; ++j) {
+            column[j] = static_cast<int>(std::min(right, std::max(1.0f, x[j] + 1.5f)));
+            row[j] = static_cast<int>(std::min(bottom, std::max(1.0f, y[j] + 1.5f)));
+        }
+        unsigned seen = 0;
+        for (int j = 0; j < kCount; ++j) {
+            seen |= blocked_[static_cast<std::size_t>(row[j]) * stride_ + static_cast<std::size_t>(column[j])];
+        }
+        return seen;
     }
     static bool is_solid(unsigned cell) { return cell >= kEdge; }
     bool outside_domain(Vec2 p) const { return at(p) >= kOutside; }

@@ -154,7 +154,6 @@ typename Chain<D>::Points Chain<D>::joined_at(const Points& p, int a, const Poin
 // samples. False where these still cross: the crossing lies far from the middle of a patch.
 template <int D>
 bool Chain<D>::swap_halves(int i, int j, Points& first, Points& second) const {
-    const Basis<D>& basis = Basis<D>::get();
     Points p = pool_[i].control, q = pool_[j].control;
     for (int a = D / 2 + 1; a <= D; ++a) std::swap(p[a], q[a]);
     for (int a = 0; a < D; ++a) {
@@ -163,8 +162,8 @@ bool Chain<D>::swap_halves(int i, int j, Points& first, Points& second) const {
         }
     }
     for (int k = 0; k <= D; ++k) {
-        first[k] = apply<D>(basis.vandermonde[k], p);
-        second[k] = apply<D>(basis.vandermonde[k], q);
+        first[k] = apply<D>(kBasis<D>.vandermonde[k], p);
+        second[k] = apply<D>(kBasis<D>.vandermonde[k], q);
     }
     return true;
 }
@@ -211,11 +210,10 @@ bool Chain<D>::exchange(int i, int j) {
         // Up to a cubic the curve keeps to the joined samples; one of higher degree may swing round the corner into an
         // edge, and is replaced by one of lower degree or not joined at all.
         if (apply_pair(first, second) || D <= 3) return true;
-        const Basis<D>& basis = Basis<D>::get();
         Points calm_first, calm_second;
         for (int k = 0; k <= D; ++k) {
-            calm_first[k] = apply<D>(basis.calm[k], first);
-            calm_second[k] = apply<D>(basis.calm[k], second);
+            calm_first[k] = apply<D>(kBasis<D>.calm[k], first);
+            calm_second[k] = apply<D>(kBasis<D>.calm[k], second);
         }
         if (apply_pair(calm_first, calm_second)) return true;
     }

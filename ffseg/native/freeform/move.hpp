@@ -20,10 +20,9 @@ double Chain<D>::reach(Vec2 from, Vec2 normal, double wanted, double known) cons
 // The tangents of the Bezier curve at its samples and the distances between them, before anything moves.
 template <int D>
 void Chain<D>::measure(int i, Motion& motion) {
-    const Basis<D>& basis = Basis<D>::get();
     motion.points = pool_.samples(i);
-    for (int k = 0; k < D; ++k) motion.tangent[k] = unit(apply<D>(basis.slope[k], motion.points));
-    pool_[i].end_tangent = unit(apply<D>(basis.slope[D], motion.points));
+    for (int k = 0; k < D; ++k) motion.tangent[k] = unit(apply<D>(kBasis<D>.slope[k], motion.points));
+    pool_[i].end_tangent = unit(apply<D>(kBasis<D>.slope[D], motion.points));
     for (int k = 0; k < D; ++k) motion.chord[k] = norm(motion.points[k + 1] - motion.points[k]);
     pool_[i].last_chord = motion.chord[D - 1];
 }
@@ -82,7 +81,7 @@ bool Chain<D>::interval_hits(const Points& points, int k) const {
     const double chord = norm(points[k + 1] - points[k]);
     const double free = field_.free_reach(points[k]) + field_.free_reach(points[k + 1]);
     if (free > 0 && free >= kBulge * chord) return false;
-    const auto& weights = Basis<D>::get().looks[k];
+    const auto& weights = kBasis<D>.looks[k];
     std::array<float, kSub + 1> x{}, y{};
     for (int i = 0; i <= D; ++i) {
         const auto px = static_cast<float>(points[i].x), py = static_cast<float>(points[i].y);
@@ -93,18 +92,18 @@ bool Chain<D>::interval_hits(const Points& points, int k) const {
     }
     x[kSub] = static_cast<float>(points[k + 1].x);
     y[kSub] = static_cast<float>(points[k + 1].y);
-    std::array<std::uint8_t, kSub + 1> seen;
-    unsigned any = 0;
-    for (int j = 0; j <= kSub; ++j) any |= seen[j] = field_.look(x[j], y[j]);
-    if (Field::is_solid(any)) return true;
-    if (chord <= kLookEvery * kSub || (any == 0 && chord <= 2 * kLookEvery * kSub)) return false;
-    const int pieces = 1 + static_cast<int>(chord / (kLookEvery * kSub));  // straight, between the points looked at
-    for (int j = 0; j < kSub; ++j) {
-        if (pieces == 2 && (seen[j] | seen[j + 1]) == 0) continue;
-        for (int piece = 1; piece < pieces; ++piece) {
-            const float u = static_cast<float>(piece) / static_cast<float>(pieces);
-            if (Field::is_solid(field_.look(x[j] + u * (x[j + 1] - x[j]), y[j] + u * (y[j + 1] - y[j])))) return true;
+    const unsigned seen = field_.look<kSub>(x.data(), y.data()) | field_.look<1>(&x[kSub], &y[kSub]);
+    if (Field::is_solid(seen)) return true;
+    const int pieces = 1 + static_cast<int>(chord / (kLookEvery * kSub));
+    if (pieces == 1 || (seen == 0 && pieces == 2)) return false;
+    for (int piece = 1; piece < pieces; ++piece) {  // straight, between the points looked at
+        const float u = static_cast<float>(piece) / static_cast<float>(pieces);
+        std::array<float, kSub> across, down;
+        for (int j = 0; j < kSub; ++j) {
+            across[j] = x[j] + u * (x[j + 1] - x[j]);
+            down[j] = y[j] + u * (y[j + 1] - y[j]);
         }
+        if (Field::is_solid(field_.look<kSub>(across.data(), down.data()))) return true;
     }
     return false;
 }
@@ -176,17 +175,16 @@ void Chain<D>::guard() {
 template <int D>
 bool Chain<D>::uncovered(int i) const {
     constexpr int kSub = Basis<D>::kSub;
-    const Basis<D>& basis = Basis<D>::get();
     const Points points = pool_.samples(i);
     for (int k = 0; k < D; ++k) {
         const double chord = norm(points[k + 1] - points[k]);
         if (chord < 2 * kMinSpacing) continue;
         const int stride = chord <= 3.0 ? 4 : chord <= 6.0 ? 2 : 1;
         for (int j = stride; j < kSub; j += stride) {
-            const Vec2 tangent = apply<D>(basis.between_slope[k][j], points);
+            const Vec2 tangent = apply<D>(kBasis<D>.between_slope[k][j], points);
             const double size = norm(tangent);
             if (size == 0) continue;
-            const Vec2 p = field_.clamp(apply<D>(basis.between[k][j], points));
+            const Vec2 p = field_.clamp(apply<D>(kBasis<D>.between[k][j], points));
             if (field_.blocked(p)) continue;
             const Vec2 normal{tangent.y / size, -tangent.x / size};
             if (reach(p, normal, kUncovered, field_.free_reach(p)) >= kUncovered) return true;

@@ -72,33 +72,30 @@ public:
     }
     // Gives patch i the curve with these control points; the joint it starts with moves along, the end joint does not.
     void set_control(int i, const Points& control) {
-        const Basis<D>& basis = Basis<D>::get();
         Patch<D>& patch = (*this)[i];
         patch.m[0] = control[0];
-        for (int k = 1; k < D; ++k) patch.m[k] = apply<D>(basis.vandermonde[k], control);
+        for (int k = 1; k < D; ++k) patch.m[k] = apply<D>(kBasis<D>.vandermonde[k], control);
         patch.before = patch.m;
     }
     // Control points (Eq. 6) and their box.
     void refresh(int i) {
-        const Basis<D>& basis = Basis<D>::get();
         Patch<D>& patch = (*this)[i];
         const Points points = samples(i);
         patch.control[0] = points[0];
         patch.control[D] = points[D];
-        for (int k = 1; k < D; ++k) patch.control[k] = apply<D>(basis.inverse[k], points);
+        for (int k = 1; k < D; ++k) patch.control[k] = apply<D>(kBasis<D>.inverse[k], points);
         Box box;
         for (const Vec2& p : patch.control) box.add(p);
         boxes_[static_cast<std::size_t>(i)] = box;
     }
     // Algorithm 2: the same curve as two patches; the new one follows i. Returns it.
     int split(int i) {
-        const Basis<D>& basis = Basis<D>::get();
         const Points points = samples(i);
         const int fresh = acquire(), after = (*this)[i].next;
         Patch<D>&first = (*this)[i], &second = (*this)[fresh];
         for (int k = 0; k < D; ++k) {
-            first.m[k] = apply<D>(basis.halves[k], points);
-            second.m[k] = apply<D>(basis.halves[D + k], points);
+            first.m[k] = apply<D>(kBasis<D>.halves[k], points);
+            second.m[k] = apply<D>(kBasis<D>.halves[D + k], points);
         }
         first.m[0] = points[0];
         first.before = first.m;

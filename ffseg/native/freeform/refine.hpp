@@ -129,11 +129,10 @@ bool Chain<D>::swings(int i, double size) const {
 // Replaces the patch by the least-squares curve of lower degree through its samples, unless that meets an edge.
 template <int D>
 void Chain<D>::calm(int i) {
-    const Basis<D>& basis = Basis<D>::get();
     Patch<D>& patch = pool_[i];
     const Points points = pool_.samples(i);
     const auto kept = patch.m;
-    for (int k = 1; k < D; ++k) patch.m[k] = field_.clamp(apply<D>(basis.calm[k], points));
+    for (int k = 1; k < D; ++k) patch.m[k] = field_.clamp(apply<D>(kBasis<D>.calm[k], points));
     if (meets_edge(i)) {
         patch.m = kept;
         patch.wants_split = true;

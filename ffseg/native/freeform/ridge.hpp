@@ -1,7 +1,10 @@
 // The ridge of the gradient, looked for along a line.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <limits>
 
 #include "common/vec.hpp"
@@ -13,19 +16,29 @@ namespace ffseg {
 constexpr double kRidgeStep = 0.5;
 // A peak lower than this part of the highest in reach is noise on its flank.
 constexpr double kRidgeShare = 0.5;
+
 class Ridge {
 public:
-    Ridge(const GradientView& gradient, double low) : view_(gradient), low_(low) {}
+    Ridge(const GradientView& gradient, double low)
+        : gradient_(gradient.data),
+          low_(low),
+          right_most_(gradient.width - 1.0),
+          lowest_(gradient.height - 1.0),
+          last_column_(std::max(gradient.width - 2, 0)),
+          last_row_(std::max(gradient.height - 2, 0)),
+          width_(gradient.width),
+          right_(gradient.width > 1 ? 1 : 0),
+          down_(gradient.height > 1 ? gradient.width : 0) {}
 
+    // Bilinear; beyond the image as at its border.
     FFSEG_INLINE double value(Vec2 p) const {
-        const double x = std::min(std::max(p.x, 0.0), view_.width - 1.0);
-        const double y = std::min(std::max(p.y, 0.0), view_.height - 1.0);
-        const int column = std::min(static_cast<int>(x), std::max(view_.width - 2, 0));
-        const int row = std::min(static_cast<int>(y), std::max(view_.height - 2, 0));
-        const int right = view_.width > 1 ? 1 : 0, down = view_.height > 1 ? view_.width : 0;
-        const std::uint16_t* at = view_.data + static_cast<std::ptrdiff_t>(row) * view_.width + column;
+        const double x = std::min(std::max(p.x, 0.0), right_most_), y = std::min(std::max(p.y, 0.0), lowest_);
+        const int column = std::min(static_cast<int>(x), last_column_), row = std::min(static_cast<int>(y), last_row_);
+        const std::uint16_t* at = gradient_ + row * width_ + column;
+        const std::uint16_t* below = at + down_;
         const double u = x - column, v = y - row;
-        const double top = at[0] + u * (at[right] - at[0]), bottom = at[down] + u * (at[down + right] - at[down]);
+        const int first = at[0], second = below[0];
+        const double top = first + u * (at[right_] - first), bottom = second + u * (below[right_] - second);
         return top + v * (bottom - top);
     }
 
@@ -77,8 +90,10 @@ public:
     }
 
 private:
-    GradientView view_;
-    double low_;
+    const std::uint16_t* gradient_;
+    double low_, right_most_, lowest_;
+    int last_column_, last_row_;
+    std::ptrdiff_t width_, right_, down_;
 };
 
 }  // namespace ffseg

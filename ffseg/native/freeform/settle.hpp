@@ -65,6 +65,7 @@ private:
         const std::size_t n = at_.size();
         normal_.resize(n);
         offset_.assign(n, 0.0);
+        measure();
         for (std::size_t i = 0; i < n; ++i) {
             if (!fresh_[i]) continue;
             normal_[i] = normal_across(i);
@@ -81,13 +82,30 @@ private:
         }
     }
 
+    // The directions of the chords from one sample to the next, and which are long enough to take a normal across.
+    void measure() {
+        const std::size_t n = at_.size();
+        along_.resize(n);
+        far_.resize(n);
+        for (std::size_t i = 0; i < n; ++i) along_[i] = at_[i + 1 < n ? i + 1 : 0] - at_[i];
+        for (std::size_t i = 0; i < n; ++i) {
+            far_[i] = norm2(along_[i]) >= kNormalReach * kNormalReach;
+            along_[i] = unit(along_[i]);
+        }
+    }
+
     Vec2 normal_across(std::size_t i) const {
         const std::size_t n = at_.size();
-        std::size_t back = (i + n - 1) % n, ahead = (i + 1) % n;
-        constexpr double kFar = kNormalReach * kNormalReach;
-        for (int tries = 0; tries < 4 && norm2(at_[i] - at_[back]) < kFar; ++tries) back = (back + n - 1) % n;
-        for (int tries = 0; tries < 4 && norm2(at_[ahead] - at_[i]) < kFar; ++tries) ahead = (ahead + 1) % n;
-        const Vec2 tangent = unit(unit(at_[i] - at_[back]) + unit(at_[ahead] - at_[i]));
+        std::size_t back = i > 0 ? i - 1 : n - 1, ahead = i + 1 < n ? i + 1 : 0;
+        Vec2 tangent;
+        if ((far_[back] & far_[i]) != 0) {
+            tangent = unit(along_[back] + along_[i]);
+        } else {
+            constexpr double kFar = kNormalReach * kNormalReach;
+            for (int tries = 0; tries < 4 && norm2(at_[i] - at_[back]) < kFar; ++tries) back = (back + n - 1) % n;
+            for (int tries = 0; tries < 4 && norm2(at_[ahead] - at_[i]) < kFar; ++tries) ahead = (ahead + 1) % n;
+            tangent = unit(unit(at_[i] - at_[back]) + unit(at_[ahead] - at_[i]));
+        }
         return {tangent.y, -tangent.x};
     }
 
@@ -185,7 +203,6 @@ private:
 
     // Splits (Algorithm 2) the fresh patches whose curve leaves the ridge between samples; what they become is fresh.
     int split_missed() {
-        const Basis<D>& basis = Basis<D>::get();
         Samples finer;
         std::vector<std::uint8_t> fresh;
         int splits = 0;
@@ -194,7 +211,7 @@ private:
             const bool split = fresh_[first] != 0 && misses(points);
             splits += split;
             for (std::size_t k = 0; k < (split ? 2 * D : D); ++k) {
-                finer.push_back(split ? apply<D>(basis.halves[k], points) : points[k]);
+                finer.push_back(split ? apply<D>(kBasis<D>.halves[k], points) : points[k]);
                 fresh.push_back(split);
             }
         }
@@ -207,11 +224,10 @@ private:
     // swing about them, those that leave or reach an end backwards have a hook there: all take the least-squares curve of
     // lower degree.
     void calm() {
-        const Basis<D>& basis = Basis<D>::get();
         for (std::size_t first = 0; first < at_.size(); first += D) {
             const auto points = patch(first);
             auto control = points;
-            for (std::size_t k = 1; k < D; ++k) control[k] = apply<D>(basis.inverse[k], points);
+            for (std::size_t k = 1; k < D; ++k) control[k] = apply<D>(kBasis<D>.inverse[k], points);
             double size = 0.0, polygon = 0.0;
             bool loops = false;
             for (std::size_t k = 1; k <= D; ++k) {
@@ -224,13 +240,12 @@ private:
             const bool hooks = dot(control[1] - control[0], points[1] - points[0]) < 0 ||
                                dot(control[D] - control[D - 1], points[D] - points[D - 1]) < 0;
             if (!loops && !hooks && polygon <= kSwing * size) continue;
-            for (std::size_t k = 1; k < D; ++k) at_[first + k] = field_.clamp(apply<D>(basis.calm[k], points));
+            for (std::size_t k = 1; k < D; ++k) at_[first + k] = field_.clamp(apply<D>(kBasis<D>.calm[k], points));
         }
     }
 
     bool misses(const std::array<Vec2, D + 1>& points) const {
         constexpr int kHalf = Basis<D>::kSub / 2;
-        const Basis<D>& basis = Basis<D>::get();
         double bend = D > 1 ? 0.0 : kBent;
         for (std::size_t k = 1; k < D; ++k) {
             bend = std::max(bend, norm2(points[k + 1] - points[k] - (points[k] - points[k - 1])));
@@ -238,8 +253,8 @@ private:
         if (bend < kBent * kBent) return false;
         for (std::size_t k = 0; k < D; ++k) {
             if (norm2(points[k + 1] - points[k]) < 4 * kClosest * kClosest) continue;
-            const Vec2 tangent = unit(apply<D>(basis.between_slope[k][kHalf], points));
-            const Vec2 middle = apply<D>(basis.between[k][kHalf], points);
+            const Vec2 tangent = unit(apply<D>(kBasis<D>.between_slope[k][kHalf], points));
+            const Vec2 middle = apply<D>(kBasis<D>.between[k][kHalf], points);
             const double off = ridge_.climb(middle, {tangent.y, -tangent.x}, 0.0, -0.5 * reach_, 0.5 * reach_);
             if (std::abs(off) > kRidgeMiss) return true;
         }
@@ -249,7 +264,8 @@ private:
     const Field& field_;
     const Ridge& ridge_;
     double reach_;
-    Samples at_, normal_;
+    Samples at_, normal_, along_;
+    std::vector<std::uint8_t> far_;
     std::vector<double> offset_;
     std::vector<std::uint8_t> fresh_;  // 1 for samples that have not been moved to the ridge yet
 };

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "freeform/settle.hpp"
+#include "freeform/strips.hpp"
 
 namespace ffseg {
 
@@ -55,6 +56,8 @@ private:
     static constexpr int kPieces = D <= 3 ? 4 : 8;
     static constexpr int kPoints = D * kPieces + 1;
     static constexpr std::size_t kFine = 32;
+    using Points = std::array<Vec2, D + 1>;
+    using Outline = std::array<Vec2, kPoints>;
     using Fine = std::array<Vec2, kFine + 1>;
     struct Place {
         std::size_t component, first;  // the patch beginning at this sample
@@ -65,122 +68,157 @@ private:
     };
     struct Piece {
         Place place;
+        int prev, next;  // in its component
+        Points control;
         Box box;
-        std::array<Vec2, kPoints> points;
-        Vec2 entering, leaving;  // tangents at the ends
-        double bend;             // how far the curve may lie from the points' polygon
-        bool onward;
+        bool onward;  // the control polygon advances along its chord
+
+        Vec2 entering() const { return control[1] - control[0]; }
+        Vec2 leaving() const { return control[D] - control[D - 1]; }
     };
 
-    void flatten() {
-        const Basis<D>& basis = Basis<D>::get();
+    void collect() {
         pieces_.clear();
         for (std::size_t c = 0; c < components_.size(); ++c) {
             const Samples& at = components_[c];
-            for (std::size_t first = 0; first < at.size(); first += D) {
-                std::array<Vec2, D + 1> points;
+            const int begin = static_cast<int>(pieces_.size()), count = static_cast<int>(at.size() / D);
+            for (int i = 0; i < count; ++i) {
+                const std::size_t first = static_cast<std::size_t>(i) * D;
+                Piece piece{{c, first}, begin + (i + count - 1) % count, begin + (i + 1) % count, {}, {}, true};
+                Points points;
                 for (std::size_t k = 0; k <= D; ++k) points[k] = at[(first + k) % at.size()];
-                Piece piece{};
-                piece.place = {c, first};
-                look_at_control(points, piece);
+                for (std::size_t k = 0; k <= D; ++k) {
+                    piece.control[k] = k % D == 0 ? points[k] : apply<D>(kBasis<D>.inverse[k], points);
+                    piece.box.add(piece.control[k]);
+                }
                 for (std::size_t k = 0; k < D; ++k) {
-                    piece.points[k * kPieces] = points[k];
-                    for (std::size_t j = 1; j < kPieces; ++j) {
-                        const auto& weights = basis.between[k][j * Basis<D>::kSub / kPieces];
-                        piece.points[k * kPieces + j] = apply<D>(weights, points);
-                    }
+                    const Vec2 side = piece.control[k + 1] - piece.control[k];
+                    piece.onward = piece.onward && dot(side, points[D] - points[0]) > 0;
                 }
-                piece.points[kPoints - 1] = points[D];
-                for (const Vec2 p : piece.points) piece.box.add(p);
-                for (std::size_t i = 1; i + 1 < kPoints; ++i) {
-                    const Vec2 turn = piece.points[i + 1] - piece.points[i] - (piece.points[i] - piece.points[i - 1]);
-                    piece.bend = std::max(piece.bend, norm2(turn));
-                }
-                piece.bend = 0.125 * std::sqrt(piece.bend);  // the sagitta of a chord
                 pieces_.push_back(piece);
             }
         }
     }
 
-    static void look_at_control(const std::array<Vec2, D + 1>& points, Piece& piece) {
-        const Basis<D>& basis = Basis<D>::get();
-        Vec2 at = points[0];
-        piece.onward = true;
-        for (std::size_t k = 1; k <= D; ++k) {
-            const Vec2 next = apply<D>(basis.inverse[k], points), side = next - at;
-            if (k == 1) piece.entering = side;
-            piece.leaving = side;
-            piece.onward = piece.onward && dot(side, points[D] - points[0]) > 0;
-            at = next;
-        }
-    }
-
     void find_crossings() {
-        flatten();
+        collect();
         crossing_.clear();
         loops_.clear();
         order_.resize(pieces_.size());
-        for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = i;
-        std::sort(order_.begin(), order_.end(),
-                  [this](std::size_t a, std::size_t b) { return pieces_[a].box.x0 < pieces_[b].box.x0; });
-        for (std::size_t i = 0; i < order_.size(); ++i) {
-            const Piece& a = pieces_[order_[i]];
-            if (crosses_itself(a)) {
-                crossing_.push_back(a.place);
-                loops_.emplace_back(a.place, a.place);
-            }
-            for (std::size_t j = i + 1; j < order_.size() && pieces_[order_[j]].box.x0 <= a.box.x1; ++j) {
-                const Piece& b = pieces_[order_[j]];
-                if (!a.box.meets(b.box)) continue;
-                if (++looks_ > kLooks * pieces_.size()) break;
-                if (!(cross(a, b) || cross_finely(a, b))) continue;
+        for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = {pieces_[i].box.x0, static_cast<int>(i)};
+        std::sort(order_.begin(), order_.end());
+        strip_.reset(pieces_.size());
+        for (const auto& [left, i] : order_) strip_.push(piece(i).box, i, true);
+        strip_.each_meeting([this](int i) { return std::array<int, 2>{piece(i).prev, piece(i).next}; },
+                            [this](int i, int j) {
+                                if (++looks_ > kLooks * pieces_.size()) return true;
+                                if (cross(piece(i), piece(j))) note(piece(i), piece(j));
+                                return false;
+                            });
+        for (const Piece& a : pieces_) {
+            const Piece& b = piece(a.next);
+            if (crosses_itself(a)) note(a, a);
+            if (!run_one_way(a, b) && cross_roughly(outline(a), outline(b))) note(a, b);
+            if (cusp(a, b)) {
                 crossing_.push_back(a.place);
                 crossing_.push_back(b.place);
-                if (a.place.component == b.place.component) loops_.emplace_back(a.place, b.place);
             }
         }
-        find_cusps();
         std::sort(crossing_.begin(), crossing_.end());
         crossing_.erase(std::unique(crossing_.begin(), crossing_.end()), crossing_.end());
     }
 
-    // Two patches that turn back where they meet, or come back there, may cross so near to their joint that the pieces
-    // miss it.
-    void find_cusps() {
-        for (std::size_t at = 0; at < pieces_.size(); ++at) {
-            const Piece& a = pieces_[at];
-            const std::size_t samples = components_[a.place.component].size();
-            const Piece& b = pieces_[a.place.first + D < samples ? at + 1 : at + 1 - samples / D];
-            bool crossing = dot(a.leaving, b.entering) < 0 && touch(finely(a.place, D - 1), finely(b.place, 0), kTouch);
-            for (std::size_t k = 1; k < D && !crossing && !b.onward; ++k) {  // it may come back to the joint
-                crossing = touch(finely(a.place, D - 1), finely(b.place, k), 0.0);
-            }
-            for (std::size_t k = 0; k + 1 < D && !crossing && !a.onward; ++k) {
-                crossing = touch(finely(a.place, k), finely(b.place, 0), 0.0);
-            }
-            if (!crossing) continue;
-            crossing_.push_back(a.place);
-            crossing_.push_back(b.place);
-        }
+    const Piece& piece(int i) const { return pieces_[static_cast<std::size_t>(i)]; }
+
+    void note(const Piece& a, const Piece& b) {
+        crossing_.push_back(a.place);
+        crossing_.push_back(b.place);
+        if (a.place.component == b.place.component) loops_.emplace_back(a.place, b.place);
     }
 
-    // The same for curves that bend so much that their polygons do not show where they cross. Neighbours meet anyway.
-    bool cross_finely(const Piece& a, const Piece& b) {
-        if (a.bend + b.bend < kTouch ) return false;
-        const std::size_t n = components_[a.place.component].size();
-        if (a.place.component == b.place.component &&
-            ((a.place.first + D) % n == b.place.first || (b.place.first + D) % n == a.place.first)) {
-            return false;
+    // Do two patches that meet advance along one direction? Then they cannot cross.
+    static bool run_one_way(const Piece& a, const Piece& b) {
+        const Vec2 along = b.control[D] - a.control[0];
+        for (std::size_t k = 0; k < D; ++k) {
+            if (!(dot(a.control[k + 1] - a.control[k], along) > 0 && dot(b.control[k + 1] - b.control[k], along) > 0)) {
+                return false;
+            }
         }
+        return true;
+    }
+
+    // kPieces chords between two samples.
+    Outline outline(const Piece& a) const {
+        const Samples& at = components_[a.place.component];
+        Points points;
+        for (std::size_t k = 0; k <= D; ++k) points[k] = at[(a.place.first + k) % at.size()];
+        Outline line;
+        for (std::size_t k = 0; k < D; ++k) {
+            line[k * kPieces] = points[k];
+            for (std::size_t j = 1; j < kPieces; ++j) {
+                line[k * kPieces + j] = apply<D>(kBasis<D>.between[k][j * Basis<D>::kSub / kPieces], points);
+            }
+        }
+        line[kPoints - 1] = points[D];
+        return line;
+    }
+
+    // How far a curve may lie from its outline: the sagitta of a chord.
+    static double sagitta(const Outline& line) {
+        double bend = 0.0;
+        for (std::size_t i = 1; i + 1 < kPoints; ++i) {
+            bend = std::max(bend, norm2(line[i + 1] - line[i] - (line[i] - line[i - 1])));
+        }
+        return 0.125 * std::sqrt(bend);
+    }
+
+    // Do two patches that do not meet cross? Where they bend so much that their outlines need not show it, they are
+    // looked at finely.
+    bool cross(const Piece& a, const Piece& b) {
+        const Outline p = outline(a), q = outline(b);
+        if (cross_roughly(p, q)) return true;
+        if (sagitta(p) + sagitta(q) < kTouch) return false;
         looks_ += kFineLook;
+        return cross_finely(a, b);
+    }
+
+    static bool cross_roughly(const Outline& p, const Outline& q) {
+        Box around;
+        for (const Vec2 point : q) around.add(point);
+        for (std::size_t i = 0; i + 1 < kPoints; ++i) {
+            Box box;
+            box.add(p[i]);
+            box.add(p[i + 1]);
+            if (!box.meets(around)) continue;
+            for (std::size_t j = 0; j + 1 < kPoints; ++j) {
+                if (segments_cross(p[i], p[i + 1], q[j], q[j + 1])) return true;
+            }
+        }
+        return false;
+    }
+
+    // Two patches that turn back where they meet, or come back there, may cross so near to their joint that their
+    // outlines miss it.
+    bool cusp(const Piece& a, const Piece& b) const {
+        if (dot(a.leaving(), b.entering()) < 0 && touch(finely(a, D - 1), finely(b, 0), kTouch)) return true;
+        for (std::size_t k = 1; k < D && !b.onward; ++k) {  // it may come back to the joint
+            if (touch(finely(a, D - 1), finely(b, k), 0.0)) return true;
+        }
+        for (std::size_t k = 0; k + 1 < D && !a.onward; ++k) {
+            if (touch(finely(a, k), finely(b, 0), 0.0)) return true;
+        }
+        return false;
+    }
+
+    static bool cross_finely(const Piece& a, const Piece& b) {
         std::array<Fine, D> others;
         std::array<Box, D> boxes;
         for (std::size_t j = 0; j < D; ++j) {
-            others[j] = finely(b.place, j);
+            others[j] = finely(b, j);
             for (const Vec2 p : others[j]) boxes[j].add(p);
         }
         for (std::size_t i = 0; i < D; ++i) {
-            const Fine curve = finely(a.place, i);
+            const Fine curve = finely(a, i);
             Box box;
             for (const Vec2 p : curve) box.add(p);
             for (std::size_t j = 0; j < D; ++j) {
@@ -217,15 +255,10 @@ private:
     }
 
     // The curve of a patch from its sample k to the next.
-    Fine finely(const Place& place, std::size_t k) const {
-        const Basis<D>& basis = Basis<D>::get();
-        const Samples& at = components_[place.component];
-        std::array<Vec2, D + 1> points, control;
-        for (std::size_t i = 0; i <= D; ++i) points[i] = at[(place.first + i) % at.size()];
-        for (std::size_t i = 0; i <= D; ++i) control[i] = apply<D>(basis.inverse[i], points);
+    static Fine finely(const Piece& a, std::size_t k) {
         Fine curve;
         for (std::size_t j = 0; j <= kFine; ++j) {
-            auto left = control;  // de Casteljau (Algorithm 1)
+            Points left = a.control;  // de Casteljau (Algorithm 1)
             const double t = (static_cast<double>(k) + static_cast<double>(j) / kFine) / D;
             for (std::size_t level = 1; level <= D; ++level) {
                 for (std::size_t i = 0; i + level <= D; ++i) left[i] += t * (left[i + 1] - left[i]);
@@ -241,25 +274,12 @@ private:
         constexpr std::size_t kStride = 2, kCount = D * kFine / kStride;
         std::array<Vec2, kCount + 1> curve;
         for (std::size_t k = 0; k < D; ++k) {
-            const Fine part = finely(a.place, k);
+            const Fine part = finely(a, k);
             for (std::size_t j = 0; j <= kFine; j += kStride) curve[(k * kFine + j) / kStride] = part[j];
         }
         for (std::size_t i = 0; i + 3 <= kCount; ++i) {
             for (std::size_t j = i + 2; j < kCount; ++j) {
                 if (segments_cross(curve[i], curve[i + 1], curve[j], curve[j + 1])) return true;
-            }
-        }
-        return false;
-    }
-
-    static bool cross(const Piece& a, const Piece& b) {
-        for (std::size_t i = 0; i + 1 < kPoints; ++i) {
-            Box box;
-            box.add(a.points[i]);
-            box.add(a.points[i + 1]);
-            if (!box.meets(b.box)) continue;
-            for (std::size_t j = 0; j + 1 < kPoints; ++j) {
-                if (segments_cross(a.points[i], a.points[i + 1], b.points[j], b.points[j + 1])) return true;
             }
         }
         return false;
@@ -379,7 +399,8 @@ private:
     std::vector<std::pair<Place, Place>> loops_;
     std::size_t looks_ = 0;  // at pairs so far
     std::vector<Piece> pieces_;
-    std::vector<std::size_t> order_;
+    std::vector<std::pair<double, int>> order_;
+    Strip strip_;
     std::vector<Place> crossing_;
 };
 
