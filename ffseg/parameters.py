@@ -33,8 +33,8 @@ class Contour(Section):
 
     degree: int = declared(3, Integer(1, 6), "degree of every patch")
     patches: int = declared(13, Integer(3, 100_000), "patches of each start contour")
-    split_threshold: float = declared(32.0, Number(2, 1000), "px between control points at which a patch is split")
-    balloon: float = declared(6.0, Number(-16, 16), "px per iteration along the outer normal; negative closes in")
+    split_threshold: float = declared(40.0, Number(2, 1000), "px between control points at which a patch is split")
+    balloon: float = declared(8.0, Number(-16, 16), "px per iteration along the outer normal; negative closes in")
     refine: bool = declared(True, Flag(), "split long patches and merge short ones (Section 3.3)")
     topology: bool = declared(True, Flag(), "let the contour split off, merge and enclose holes (Algorithm 3)")
     clearance: float = declared(0.0, Number(0, 1000), "px; passages narrower than this count as closed; 0 = off")

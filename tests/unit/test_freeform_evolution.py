@@ -35,7 +35,7 @@ def test_random_scenes(overrides: dict[str, object]) -> None:
     ("name", "least", "holes"), [("a", 0.9995, 0), ("b", 0.999, 6), ("c", 0.996, 7), ("d", 0.999, 3), ("e", 0.992, 7)]
 )
 @pytest.mark.parametrize("degree", [2, 3, 4])
-@pytest.mark.parametrize("threshold", [8.0, 14.0, 24.0, 32.0])
+@pytest.mark.parametrize("threshold", [8.0, 14.0, 24.0, 32.0, 40.0])
 def test_scenes(data_folder: Path, name: str, least: float, holes: int, degree: int, threshold: float) -> None:
     image = cv2.imread(str(data_folder / f"scenes/{name}.png"), cv2.IMREAD_GRAYSCALE)
     truth = cv2.imread(str(data_folder / f"scenes/{name}_truth.png"), cv2.IMREAD_GRAYSCALE) > 0
@@ -44,7 +44,7 @@ def test_scenes(data_folder: Path, name: str, least: float, holes: int, degree: 
         overrides["contour.clearance"] = 12.0  # its gaps are 8 px wide, that between ring and wall 4 px
     result = ffseg.segment(image, ffseg.load_params(None, {"init.center": [400, 300], **overrides}))
     iou = np.sum(result.mask & truth) / np.sum(result.mask | truth)
-    assert iou >= least - 0.002 * ((degree, threshold) != (3, 32.0))
+    assert iou >= least - 0.002 * ((degree, threshold) != (3, 40.0))
     assert sum(c.signed_area < 0 for c in result.contours) == holes
 
 

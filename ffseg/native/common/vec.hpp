@@ -46,6 +46,17 @@ struct Box {
     }
 };
 
+inline Box joined(Box a, const Box& b) {
+    a.add({b.x0, b.y0});
+    a.add({b.x1, b.y1});
+    return a;
+}
+
+// Does the segment ab cross the ray from p to the right? Counting these tells what lies inside a polygon.
+inline bool passes_right_of(Vec2 p, Vec2 a, Vec2 b) {
+    return (a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x);
+}
+
 // Do the segments ab and cd cross at a point inside both? Touching and collinear segments do not count.
 inline bool segments_cross(Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
     const Vec2 ab = b - a, cd = d - c;

@@ -20,8 +20,9 @@ constexpr double kCautiousStep = 2.0;
 // Discs round two samples whose radii sum to this many times the distance between them hold the curve in between: two
 // equal ones reach 0.41 of the distance to the side of its middle.
 constexpr double kBulge = 1.3;
-// The curve between samples is looked at every so many pixels: less than the thickness of a 4-connected chain.
-constexpr double kLookEvery = 0.7;
+// The curve between samples is looked at every so many pixels: less than the thickness of a 4-connected chain; off the
+// band round edges, less than that of the band, even where the places looked at lie unevenly.
+constexpr double kLookEvery = 0.7, kLookAfar = 1.75;
 // A sample that moved less than half a march step is steady.
 constexpr double kSteady = 0.25;
 // A resting stretch that could still advance this far between its samples is split instead.
@@ -43,10 +44,14 @@ constexpr std::size_t kStripHeight = 64;
 constexpr std::size_t kFewNew = 16;
 // Components enclosing less cannot hold the band of one edge pixel (3 x 3) and are dropped.
 constexpr double kVoidArea = 4.0;
-// A loop with more patches than this many times those of the hole beside it is not looked at.
-constexpr int kHoleWalk = 16;
+// The front may fold over itself at its corners, and cut off a negative loop that is no hole; these enclose less.
+constexpr double kFoldArea = 64.0;
+// A loop with more patches than this many times those of the one cut off from it is not walked over.
+constexpr int kLongWalk = 16;
 // Rounds of crossing tests in one iteration; what is left waits for the next.
 constexpr int kFlipRounds = 6;
+// Looking at the boxes of so many patches costs as much as walking over one.
+constexpr std::size_t kBoxesToAPatch = 8;
 // Patches walked over in one iteration to classify components, to a patch: crossings beyond wait for the next iteration.
 constexpr std::size_t kMostWalked = 64;
 // Patches near edges are halved down to this length, at most this often, before they are flipped, so that the flip
@@ -134,11 +139,12 @@ private:
     bool swap_halves(int i, int j, Points& first, Points& second) const;
     static bool join_at_crossing(const Points& p, const Points& q, Points& first, Points& second);
     bool exchange(int i, int j);
+    int turning_inwards(int i, int j) const;
     bool runs_one_way(int i, int j) const;
     void flip_adjacent(int i);
 
     // components.hpp
-    void classify(int i, int j, bool simple);
+    void classify(int i, int j, int inner, bool simple);
     bool loop_encloses_solid(int i) const;
     bool nested(int loop);
     void drop(int i);

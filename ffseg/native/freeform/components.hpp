@@ -35,10 +35,7 @@ bool Chain<D>::loop_contains(int loop, Vec2 p) const {
     do {
         const Points points = pool_.samples(at);
         ++walked_;
-        for (int k = 0; k < D; ++k) {
-            const Vec2 a = points[k], b = points[k + 1];
-            if ((a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x)) inside = !inside;
-        }
+        for (int k = 0; k < D; ++k) inside ^= passes_right_of(p, points[k], points[k + 1]);
         at = pool_[at].next;
     } while (at != loop);
     return inside;
@@ -55,14 +52,14 @@ bool Chain<D>::nested(int loop) {
     } while (at != loop);
     const Vec2 p = pool_[loop].m[0];
     int winding = outside_filled_ ? 1 : 0;
-    walked_ += sorted_.size();
+    walked_ += sorted_.size() / kBoxesToAPatch;
     for (const int i : sorted_) {
+        const Box& box = pool_.box(i);
+        if (!((box.y0 <= p.y) & (p.y <= box.y1) & (p.x <= box.x1))) continue;
         if (!pool_[i].alive || own_[static_cast<std::size_t>(i)] != 0) continue;
         const Points points = pool_.samples(i);
         for (int k = 0; k < D; ++k) {
-            const Vec2 a = points[k], b = points[k + 1];
-            if ((a.y > p.y) == (b.y > p.y) || p.x >= a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x)) continue;
-            winding += b.y > a.y ? 1 : -1;
+            if (passes_right_of(p, points[k], points[k + 1])) winding += points[k + 1].y > points[k].y ? 1 : -1;
         }
     }
     return winding >= 1;
@@ -73,6 +70,7 @@ bool Chain<D>::loop_encloses_solid(int i) const {
     std::vector<Vec2> polygon;
     int at = i;
     do {
+        ++walked_;
         polygon.insert(polygon.end(), pool_[at].m.begin(), pool_[at].m.end());
         at = pool_[at].next;
     } while (at != i);
@@ -90,11 +88,12 @@ void Chain<D>::drop(int i) {
     ++counts_.drops;
 }
 
-// After flips: one loop (two components merged) or two (one was cut off)? Both are walked in step, so the cost is that
-// of the shorter one. What bounds no region of positive winding number is dropped: a component of negligible
-// area, and a positive one inside another (the front never re-enters what it has filled).
+// After a flip: one loop (two components merged) or two (one was cut off)? Both are walked in step, so the cost is that
+// of the shorter one. What bounds no region of positive winding number is dropped: a component of negligible area, and a
+// positive one inside another (the front never re-enters what it has filled). `inner` is the patch whose loop turns
+// towards the filled side where the two crossed, so that the other one fills what lies round it there; -1 if unknown.
 template <int D>
-void Chain<D>::classify(int i, int j, bool simple) {
+void Chain<D>::classify(int i, int j, int inner, bool simple) {
     const Vec2 origin = pool_[i].m[0];
     double area_i = 0.0, area_j = 0.0;
     int at_i = i, at_j = j, small = -1, large = -1, walked = 0;
@@ -124,41 +123,28 @@ void Chain<D>::classify(int i, int j, bool simple) {
         }
     }
     const double area = small == i ? area_i : area_j;
-    if (std::abs(area) < kVoidArea) {  // a loop that still crosses itself may owe this to two large lobes
-        if (!simple && loop_encloses_solid(small)) {
-            undecided_.emplace_back(i, j);
-        } else {
-            drop(small);
-        }
-        return;
-    }
-    const auto drop_if_nested = [&](int loop) {
-        if (!nested(loop)) return;
+    // Crossings still to come may show a hole in a loop, or that it owes a negligible area to two large lobes.
+    const auto drop_or_wait = [&](int loop) {
         if (!simple && loop_encloses_solid(loop)) {
             undecided_.emplace_back(i, j);
         } else {
             drop(loop);
         }
     };
+    if (std::abs(area) < kVoidArea) return drop_or_wait(small);
+    const double beside = loop_area(large, kLongWalk * walked);
     if (area < 0) {  // a hole; what it cuts off beside it may lie in what is filled already
-        const double beside = loop_area(large, kHoleWalk * walked);
-        if (beside > 0 && std::isfinite(beside)) drop_if_nested(large);
+        if (beside > 0 && std::isfinite(beside) && nested(large)) drop_or_wait(large);
         return;
     }
-    if (!simple && loop_encloses_solid(small)) {  // crossings still to come may show a hole in it
+    if (!simple && loop_encloses_solid(small)) {
         undecided_.emplace_back(i, j);
-        return;
-    }
-    const double other = loop_area(large);
-    if (other > 0) {
-        const int inner = area < other ? small : large, outer = inner == small ? large : small;
-        if (!simple && loop_encloses_solid(inner)) {
-            undecided_.emplace_back(i, j);
-        } else if (loop_contains(outer, pool_[inner].m[0])) {
-            drop(inner);
-        }
+    } else if (std::isinf(beside) || beside <= 0) {
+        const bool real = std::isinf(beside) || beside < -kFoldArea;  // no fold of the front is so large
+        if ((real && small == inner) || nested(small)) drop(small);
     } else {
-        drop_if_nested(small);
+        const int within = area < beside ? small : large, outer = within == small ? large : small;
+        if (loop_contains(outer, pool_[within].m[0])) drop_or_wait(within);
     }
 }
 

@@ -73,7 +73,15 @@ void Chain<D>::release(int i) {
 // The curve may swing out of the image between samples that do not; what is sampled from it anew must not.
 template <int D>
 void Chain<D>::keep_inside(int i) {
-    for (Vec2& sample : pool_[i].m) sample = field_.clamp(sample);
+    bool moved = false;
+    for (Vec2& sample : pool_[i].m) {
+        const Vec2 inside = field_.clamp(sample);
+        moved = moved || inside.x != sample.x || inside.y != sample.y;
+        sample = inside;
+    }
+    if (!moved) return;
+    pool_.refresh(i);
+    pool_.refresh(pool_[i].prev);
 }
 
 template <int D>

@@ -12,8 +12,8 @@ namespace ffseg {
 
 struct EvolutionOptions {
     int degree = 3;
-    double split_threshold = 32.0;  // px, largest distance between control points of one patch
-    double balloon = 6.0;           // px per iteration, > 0
+    double split_threshold = 40.0;  // px, largest distance between control points of one patch
+    double balloon = 8.0;           // px per iteration, > 0
     bool refine = true;
     bool topology = true;
     int max_iterations = 2000;

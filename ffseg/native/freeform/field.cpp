@@ -1,8 +1,10 @@
 #include "freeform/field.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "common/lanes.hpp"
 
@@ -195,18 +197,16 @@ void Field::measure_reach(std::vector<std::uint8_t>& occupied) {
     }
     reach_.assign(rows * columns, 0);
     std::vector<std::uint8_t> grown(occupied.size());
+    const std::size_t tiles = columns * rows;
     for (int level = 0; level < kLevels; ++level) {
-        for (std::size_t r = 0; r < rows; ++r) {  // across
-            const std::uint8_t* in = occupied.data() + r * columns;
-            std::uint8_t* out = grown.data() + r * columns;
-            out[0] = out[columns - 1] = 1;
-            if (columns > 2) or_three(in, in + 1, in + 2, out + 1, columns - 2);
-        }
+        // Across and down, all rows in one go; what runs over from one row to the next lies at the border, which is set.
+        if (tiles > 2) or_three(occupied.data(), occupied.data() + 1, occupied.data() + 2, grown.data() + 1, tiles - 2);
+        for (std::size_t r = 0; r < rows; ++r) grown[r * columns] = grown[(r + 1) * columns - 1] = 1;
         std::memset(occupied.data(), 1, columns);
-        std::memset(occupied.data() + (rows - 1) * columns, 1, columns);
-        for (std::size_t r = 1; r + 1 < rows; ++r) {  // down
-            const std::uint8_t* in = grown.data() + r * columns;
-            or_three(in - columns, in, in + columns, occupied.data() + r * columns, columns);
+        std::memset(occupied.data() + tiles - columns, 1, columns);
+        if (rows > 2) {
+            const std::uint8_t* in = grown.data() + columns;
+            or_three(in - columns, in, in + columns, occupied.data() + columns, tiles - 2 * columns);
         }
         const std::uint8_t gained = level == 0 ? (1 << kTileShift) - 1 : 1 << kTileShift;
         add_where_zero(occupied.data(), gained, reach_.data(), reach_.size());
@@ -245,20 +245,42 @@ void Field::grow(double radius) {
     build_tiles();
 }
 
+// Is there a solid pixel in these columns and rows, both ends included?
+bool Field::holds_solid(int left, int right, int top, int bottom) const {
+    for (int tile_y = top >> kTileShift; tile_y <= bottom >> kTileShift; ++tile_y) {
+        const int y0 = std::max(top, tile_y << kTileShift), y1 = std::min(bottom, ((tile_y + 1) << kTileShift) - 1);
+        for (int tile_x = left >> kTileShift; tile_x <= right >> kTileShift; ++tile_x) {
+            if (reach_[static_cast<std::size_t>(tile_y) * tiles_x_ + static_cast<std::size_t>(tile_x)] != 0) continue;
+            const int x0 = std::max(left, tile_x << kTileShift), x1 = std::min(right, ((tile_x + 1) << kTileShift) - 1);
+            for (int y = y0; y <= y1; ++y) {
+                for (int x = x0; x <= x1; ++x) {
+                    if (is_solid(blocked_[cell(x, y)])) return true;
+                }
+            }
+        }
+    }
+    return false;
+}
+
 bool Field::encloses_solid(const Vec2* polygon, std::size_t count) const {
     Box box;
     for (std::size_t i = 0; i < count; ++i) box.add(clamp(polygon[i]));
-    const int right = static_cast<int>(std::floor(box.x1)), bottom = static_cast<int>(std::floor(box.y1));
-    for (int y = static_cast<int>(std::ceil(box.y0)); y <= bottom; ++y) {
-        for (int x = static_cast<int>(std::ceil(box.x0)); x <= right; ++x) {
-            if (blocked_[cell(x, y)] < kEdge) continue;
-            bool inside = false;
-            for (std::size_t i = 0, j = count - 1; i < count; j = i++) {
-                const Vec2 a = polygon[i], b = polygon[j];
-                if ((a.y > y) != (b.y > y) && x < a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x)) inside = !inside;
-            }
-            if (inside) return true;
+    if (!holds_solid(box)) return false;
+    const auto first = [](double from) { return static_cast<int>(std::ceil(from)); };
+    const int top = first(box.y0), bottom = static_cast<int>(std::floor(box.y1));
+    std::vector<std::pair<int, double>> crossings;  // of the polygon with the rows
+    for (std::size_t i = 0, j = count - 1; i < count; j = i++) {
+        const Vec2 a = polygon[i], b = polygon[j];
+        const double low = std::min(a.y, b.y), high = std::max(a.y, b.y);
+        for (int y = std::max(first(low), top); y <= bottom && y < high; ++y) {
+            crossings.emplace_back(y, a.x + (y - a.y) / (b.y - a.y) * (b.x - a.x));
         }
+    }
+    std::sort(crossings.begin(), crossings.end());
+    for (std::size_t at = 0; at + 1 < crossings.size(); at += 2) {
+        const auto& [y, from] = crossings[at];
+        const int left = std::max(first(from), 0), right = std::min(first(crossings[at + 1].second), width_) - 1;
+        if (left <= right && holds_solid(left, right, y, y)) return true;
     }
     return false;
 }

@@ -12,7 +12,7 @@ class Field {
 public:
     static constexpr int kTileShift = 2;
     // Free space is known up to so many tiles away.
-    static constexpr int kLevels = 3;
+    static constexpr int kLevels = 4;
 
     // Edges are solid; the pixels round them are a band that stops samples, while the curve between two samples may
     // run through it.
@@ -56,6 +56,12 @@ public:
     }
     static bool is_solid(unsigned cell) { return cell >= kEdge; }
     bool outside_domain(Vec2 p) const { return at(p) >= kOutside; }
+    // Is the centre of a solid pixel in the box?
+    bool holds_solid(const Box& box) const {
+        const Vec2 low = clamp({box.x0, box.y0}), high = clamp({box.x1, box.y1});
+        return holds_solid(static_cast<int>(std::ceil(low.x)), static_cast<int>(std::floor(high.x)),
+                           static_cast<int>(std::ceil(low.y)), static_cast<int>(std::floor(high.y)));
+    }
     // Does the closed polygon hold the centre of a solid pixel (even-odd)?
     bool encloses_solid(const Vec2* polygon, std::size_t count) const;
     // A lower bound of the distance from p to anything blocked, known in steps of a tile up to kLevels tiles.
@@ -74,6 +80,7 @@ private:
         const int row = std::clamp(static_cast<int>(p.y + 1.5), 0, height_ + 1);
         return blocked_[static_cast<std::size_t>(row) * stride_ + column];
     }
+    bool holds_solid(int left, int right, int top, int bottom) const;
     std::size_t cell(int x, int y) const { return (static_cast<std::size_t>(y) + 1) * stride_ + x + 1; }
     // Squared distances of all cells to the nearest one that is nonzero.
     std::vector<float> squared_distance(const std::vector<std::uint8_t>& zero) const;

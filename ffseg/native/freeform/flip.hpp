@@ -91,12 +91,11 @@ bool Chain<D>::flip_round(bool only_touched) {
     const std::size_t moving = active_.size();
     if (moving > kFewActive) return sweep(only_touched);
     bool any = false;
-    const std::size_t count = sorted_.size();
+    const int count = pool_.size();
     for (std::size_t at = 0; at < moving; ++at) {
         const int i = active_[at], prev = pool_[i].prev, next = pool_[i].next;
         const Box box = pool_.box(i);
-        for (std::size_t on = 0; on < count; ++on) {
-            const int j = sorted_[on];
+        for (int j = 0; j < count; ++j) {
             if (!(box.meets(pool_.box(j)) & (j != i) & (j != prev) & (j != next))) continue;
             if (!try_pair(i, j, only_touched)) continue;
             any = true;
@@ -115,7 +114,7 @@ void Chain<D>::flip_crossings() {
     for (int round = 0; round < kFlipRounds && crossing; ++round) crossing = flip_round(round > 0);
     if (!crossing && !unresolved_) {  // what was left undecided has become a simple curve
         for (const auto& [i, j] : undecided_) {
-            if (pool_[i].alive && pool_[j].alive) classify(i, j, true);
+            if (pool_[i].alive && pool_[j].alive) classify(i, j, -1, true);
         }
         undecided_.clear();
     }
@@ -225,14 +224,31 @@ bool Chain<D>::exchange(int i, int j) {
     return false;
 }
 
+// Which of two patches that change successors will turn towards the filled side; -1 where they cross more than once.
+template <int D>
+int Chain<D>::turning_inwards(int i, int j) const {
+    const auto &p = pool_[i].control, &q = pool_[j].control;
+    int crossings = 0, inner = -1;
+    for (int a = 0; a < D; ++a) {
+        for (int b = 0; b < D; ++b) {
+            if (!segments_cross(p[a], p[a + 1], q[b], q[b + 1])) continue;
+            ++crossings;
+            inner = cross(p[a + 1] - p[a], q[b + 1] - q[b]) > 0 ? i : j;
+        }
+    }
+    return crossings == 1 ? inner : -1;
+}
+
 // Algorithm 3, and the successors of i and j change places. Differs from the order printed there, which does not connect.
 template <int D>
 bool Chain<D>::flip(int i, int j, int depth) {
-    const bool crowded = pool_[i].crowded || pool_[j].crowded;
+    const bool crowded = (pool_[i].crowded || pool_[j].crowded) &&
+                         field_.holds_solid(joined(pool_.box(i), pool_.box(j)));
     if (crowded && depth < kFlipDepth && options_.refine && std::max(length(i), length(j)) > kFlipLength) {
         return flip_finer(i, j, depth);
     }
     const int after_i = pool_[i].next, after_j = pool_[j].next;
+    const int inner = turning_inwards(i, j);
     if (!exchange(i, j)) return false;
     ++counts_.flips;
     for (const int near : {i, j, after_i, after_j, pool_[i].prev, pool_[j].prev}) wake(near);
@@ -242,11 +258,11 @@ bool Chain<D>::flip(int i, int j, int depth) {
         pool_[changed].before = pool_[changed].m;
         pool_.refresh(changed);
     }
-    classify(i, j, false);
+    classify(i, j, inner, false);
     return true;
 }
 
-// Near edges the patches are halved first, so that what the flip cuts off is too short to hold an edge.
+// Where the hull of both may hold an edge they are halved first, so that what the flip cuts off is too short to hold one.
 template <int D>
 bool Chain<D>::flip_finer(int i, int j, int depth) {
     const int i2 = length(i) > kFlipLength ? split(i) : -1;

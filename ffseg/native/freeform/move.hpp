@@ -72,9 +72,9 @@ void Chain<D>::move() {
     }
 }
 
-// Does the curve between samples k and k + 1 meet something blocked? Edges are 4-connected chains of pixels, at least 0.7
-// pixels thick. Pixels outside the band lie at least one pixel before an edge, so that none hides between two of them
-// less than two pixels apart.
+// Does the curve between samples k and k + 1 meet an edge? Edges are 4-connected chains of pixels, at least 0.7 pixels
+// thick; with the band round them they are three pixels thick, so that none hides between two places off the band that
+// lie nearer to each other.
 template <int D>
 bool Chain<D>::interval_hits(const Points& points, int k) const {
     constexpr int kSub = Basis<D>::kSub;
@@ -94,8 +94,8 @@ bool Chain<D>::interval_hits(const Points& points, int k) const {
     y[kSub] = static_cast<float>(points[k + 1].y);
     const unsigned seen = field_.look<kSub>(x.data(), y.data()) | field_.look<1>(&x[kSub], &y[kSub]);
     if (Field::is_solid(seen)) return true;
+    if (chord <= (seen == 0 ? kLookAfar : kLookEvery) * kSub) return false;
     const int pieces = 1 + static_cast<int>(chord / (kLookEvery * kSub));
-    if (pieces == 1 || (seen == 0 && pieces == 2)) return false;
     for (int piece = 1; piece < pieces; ++piece) {  // straight, between the points looked at
         const float u = static_cast<float>(piece) / static_cast<float>(pieces);
         std::array<float, kSub> across, down;

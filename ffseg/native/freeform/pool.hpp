@@ -11,6 +11,8 @@ namespace ffseg {
 
 // A stretch held by edges is halved, straightened or laid out anew at most this often, so that it comes to rest.
 constexpr std::uint8_t kSplitBudget = 24;
+// One that swings about near edges is calmed so often, then split or held.
+constexpr std::uint8_t kMostCalmed = 5;
 
 template <int D>
 struct Patch {
@@ -21,7 +23,7 @@ struct Patch {
     double last_chord = 0;   // distance between the last two samples before this iteration's move
     int next = -1, prev = -1;
     std::uint8_t budget = kSplitBudget;  // of repairs left, see kSplitBudget
-    std::uint8_t calmed = 0;             // times it was calmed near edges, at most as often
+    std::uint8_t calmed = 0;             // times it was calmed near edges
     std::uint8_t steady = 0;    // bit k: sample k did not move in this iteration
     std::uint8_t reverted = 0;  // bit k: sample k was put back because the curve met an edge
     bool alive = false, active = false, crowded = false, wants_split = false, touched = false;

@@ -161,16 +161,25 @@ void Chain<D>::refine() {
         pool_.refresh(i);
         if (D > 2 && swings(i, found.total)) {
             calm(i);
-            // Near edges it would swing out again and be calmed for ever.
-            if (patch.crowded) patch.calmed = std::min<std::uint8_t>(patch.calmed + 1, kSplitBudget);
-            if (patch.calmed == kSplitBudget) patch.steady |= static_cast<std::uint8_t>(kAllSteady & ~1u);
+            // Near edges it would swing out again and be calmed for ever: it needs more samples, or is held.
+            if (patch.crowded && patch.calmed < kMostCalmed) ++patch.calmed;
+            if (patch.calmed == kMostCalmed && patch.budget > 0 && splittable(i)) {
+                patch.calmed = 0;
+                patch.wants_split = true;
+            } else if (patch.calmed == kMostCalmed) {
+                patch.steady |= static_cast<std::uint8_t>(kAllSteady & ~1u);
+            }
         }
         if (too_long(i)) {
             pool_[i].budget = kSplitBudget;
             split(i);
         } else if (pool_[i].wants_split && pool_[i].budget > 0 && splittable(i)) {
             --pool_[i].budget;
-            split(i);
+            const int after = pool_[split(i)].next;
+            for (const int held : {i, after}) {  // samples put back may pass now
+                pool_[held].steady &= static_cast<std::uint8_t>(~pool_[held].reverted);
+                if (pool_[held].reverted != 0) wake(held);
+            }
         }
         pool_[i].wants_split = false;
     }

@@ -18,11 +18,16 @@ constexpr int kEaseRounds = 8;
 constexpr int kDivideRound = 16;
 // A component of at most so many samples that is still wound up then is replaced by its convex hull.
 constexpr std::size_t kSpeck = 64;
-// Pairs of patches looked at in all, to a patch, where a fine look at two or at one counts as so many. A settled contour
-// needs two or three a round; what runs over itself everywhere is not worth more.
-constexpr std::size_t kLooks = 128, kFineLook = 256, kOwnLook = 32;
+// Pairs of patches looked at in all, to a patch, where a fine look at two or at one counts as so many; few patches share
+// what kFewPieces may have. A settled contour needs two or three a round; what runs over itself everywhere is not worth
+// more.
+constexpr std::size_t kLooks = 128, kFineLook = 256, kOwnLook = 32, kFewPieces = 512;
 // Curves nearer to each other than this touch, as far as anyone can draw them.
 constexpr double kTouch = 0.01;
+// What turns by less, up to rounding, does not cross itself.
+constexpr double kHalfTurn = 3.14159;
+// Outlines that lie so near to their curves show where these cross.
+constexpr double kFlat = 0.001;
 // In one round loops are cut until so many times the samples there are have been laid anew.
 constexpr std::size_t kMostLaid = 64;
 // Pixels drawn back along the normal in each round.
@@ -38,12 +43,13 @@ public:
         for (int round = 0; round < kUntangleRounds; ++round) {
             find_crossings();
             if (crossing_.empty()) return true;
-            if (looks_ > kLooks * pieces_.size()) break;
+            if (tired()) break;
             for (const Place& place : crossing_) ease(place);
             if (round < kEaseRounds) continue;
             cut_loops();
             if (round == kDivideRound) divide();
         }
+        looks_ = 0;  // what is small and wound up may have used them up
         find_crossings();
         for (const Place& place : crossing_) {
             if (components_[place.component].size() <= kSpeck) enclose(components_[place.component]);
@@ -111,15 +117,17 @@ private:
         for (const auto& [left, i] : order_) strip_.push(piece(i).box, i, true);
         strip_.each_meeting([this](int i) { return std::array<int, 2>{piece(i).prev, piece(i).next}; },
                             [this](int i, int j) {
-                                if (++looks_ > kLooks * pieces_.size()) return true;
+                                ++looks_;
+                                if (tired()) return true;
                                 if (cross(piece(i), piece(j))) note(piece(i), piece(j));
                                 return false;
                             });
         for (const Piece& a : pieces_) {
             const Piece& b = piece(a.next);
-            if (crosses_itself(a)) note(a, a);
-            if (!run_one_way(a, b) && cross_roughly(outline(a), outline(b))) note(a, b);
-            if (cusp(a, b)) {
+            if (!a.onward && turning(a) >= kHalfTurn && crosses_itself(a)) note(a, a);
+            const bool winding = !run_one_way(a, b) && turning(a) + turn(a.leaving(), b.entering()) + turning(b) >= kHalfTurn;
+            if (winding && cross_roughly(outline(a), outline(b))) note(a, b);
+            if ((winding && come_back(a, b)) || cusp(a, b)) {
                 crossing_.push_back(a.place);
                 crossing_.push_back(b.place);
             }
@@ -128,12 +136,27 @@ private:
         crossing_.erase(std::unique(crossing_.begin(), crossing_.end()), crossing_.end());
     }
 
+    bool tired() const { return looks_ > kLooks * (pieces_.size() + kFewPieces); }
     const Piece& piece(int i) const { return pieces_[static_cast<std::size_t>(i)]; }
 
     void note(const Piece& a, const Piece& b) {
         crossing_.push_back(a.place);
         crossing_.push_back(b.place);
         if (a.place.component == b.place.component) loops_.emplace_back(a.place, b.place);
+    }
+
+    // The angle between two sides; one of no length may turn any way.
+    static double turn(Vec2 u, Vec2 v) {
+        const double across = ffseg::cross(u, v), along = dot(u, v);
+        return across == 0 && along == 0 ? kHalfTurn : std::abs(std::atan2(across, along));
+    }
+
+    // The angles of the control polygon. A curve whose polygon turns by less than half a turn in all does not cross
+    // itself, nor do two that meet.
+    static double turning(const Piece& a) {
+        double sum = 0.0;
+        for (std::size_t k = 1; k < D; ++k) sum += turn(a.control[k] - a.control[k - 1], a.control[k + 1] - a.control[k]);
+        return sum;
     }
 
     // Do two patches that meet advance along one direction? Then they cannot cross.
@@ -177,7 +200,7 @@ private:
     bool cross(const Piece& a, const Piece& b) {
         const Outline p = outline(a), q = outline(b);
         if (cross_roughly(p, q)) return true;
-        if (sagitta(p) + sagitta(q) < kTouch) return false;
+        if (sagitta(p) + sagitta(q) < kFlat) return false;
         looks_ += kFineLook;
         return cross_finely(a, b);
     }
@@ -197,11 +220,18 @@ private:
         return false;
     }
 
-    // Two patches that turn back where they meet, or come back there, may cross so near to their joint that their
-    // outlines miss it.
-    bool cusp(const Piece& a, const Piece& b) const {
-        if (dot(a.leaving(), b.entering()) < 0 && touch(finely(a, D - 1), finely(b, 0), kTouch)) return true;
-        for (std::size_t k = 1; k < D && !b.onward; ++k) {  // it may come back to the joint
+    // Two patches that turn back where they meet may cross so near to their joint that their outlines miss it, or, where
+    // one leaves it backwards, nearer than a fine look shows.
+    static bool cusp(const Piece& a, const Piece& b) {
+        if (dot(a.leaving(), b.entering()) >= 0) return false;
+        const Fine last = finely(a, D - 1), first = finely(b, 0);
+        if (dot(a.leaving(), last.back() - last.front()) < 0) return true;
+        return dot(b.entering(), first.back() - first.front()) < 0 || touch(last, first, kTouch);
+    }
+
+    // Does one of two patches that meet come back to the other beside the joint, where their outlines miss it?
+    static bool come_back(const Piece& a, const Piece& b) {
+        for (std::size_t k = 1; k < D && !b.onward; ++k) {
             if (touch(finely(a, D - 1), finely(b, k), 0.0)) return true;
         }
         for (std::size_t k = 0; k + 1 < D && !a.onward; ++k) {
@@ -268,9 +298,9 @@ private:
         return curve;
     }
 
-    // What runs one way, as its control polygon shows, does not cross itself; the others are looked at finely.
     bool crosses_itself(const Piece& a) {
-        if (a.onward || (looks_ += kOwnLook) > kLooks * pieces_.size()) return false;
+        looks_ += kOwnLook;
+        if (tired()) return false;
         constexpr std::size_t kStride = 2, kCount = D * kFine / kStride;
         std::array<Vec2, kCount + 1> curve;
         for (std::size_t k = 0; k < D; ++k) {
