@@ -59,7 +59,7 @@ class Snake:
         normals = np.stack([tangents[:, 1], -tangents[:, 0]], axis=1) / np.hypot(*tangents.T)[:, None]
         pushed = old + np.array([self.force(p, n) for p, n in zip(old, normals, strict=True)])
         solved = np.linalg.solve(internal_matrix(len(old), self.tension, self.rigidity), pushed)
-        new = np.array([self.inside(a, self.clamp(b)) for a, b in zip(old, solved, strict=True)])
+        new = np.array([self.inside(a, self.clamp(self.near(a, b))) for a, b in zip(old, solved, strict=True)])
         for i in range(len(old)):
             j = (i + 1) % len(old)
             self.sweep(old[i], old[j], new[i], new[j])
@@ -113,6 +113,11 @@ class Snake:
                 slope[0] += weight * (padded[r, c + 1] - padded[r, c - 1]) / 2
                 slope[1] += weight * (padded[r + 1, c] - padded[r - 1, c]) / 2
         return level, slope
+
+    def near(self, a: Points, b: Points) -> Points:
+        """At most 64 px from a."""
+        length = float(np.hypot(*(b - a)))
+        return a + (64.0 / length) * (b - a) if length > 64.0 else b
 
     def inside(self, a: Points, b: Points) -> Points:
         """The last of the places 0.5 px apart on the way that lies in the domain."""

@@ -152,6 +152,19 @@ def test_callbacks_do_not_change_the_result() -> None:
     assert seen[-1].iteration == stats.iterations
 
 
+def test_stiff_forces_move_far_points_step_by_step() -> None:
+    shape, options = (400, 500), _core.SnakeOptions()
+    options.tension, options.rigidity, options.refine = 1000.0, 0.0, False
+    start = np.array([[20.0, 20.0], [480, 20], [480, 380], [250, 200], [20, 380]])
+    nothing = np.zeros(shape, np.uint16)
+    free = _core.Snake(start, nothing, nothing.astype(np.uint8), None, np.empty((0, 4)), 0.1, options)
+    free.advance(1)
+    moved = np.hypot(*(free.points() - start).T)
+    # The solution lies close to the mean of all points, 240 px away from the outer ones.
+    assert moved[[0, 1, 2, 4]] == pytest.approx(64.0)
+    assert moved[3] < 64.0
+
+
 def test_two_starts_are_refused() -> None:
     with pytest.raises(SegmentationError, match="2 starts"):
         snake.run(edges_of(disc_image(52.4)), (START, START), Parameters())

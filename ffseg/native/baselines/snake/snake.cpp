@@ -12,6 +12,9 @@ namespace {
 constexpr int kZoneReach = 2;
 // Longest move by the edge force in one iteration: on the outer flank the force overshoots the ridge.
 constexpr double kMaxAttraction = 1.0;
+// No point moves farther (px) in one iteration, as stiff internal forces on far points would have it: every pixel that a
+// stretch crosses is marked.
+constexpr double kMostMove = 64.0;
 // Steps (px) in which a way is looked along: finer than the pixels that are looked at.
 constexpr double kFine = 0.5;
 // The balloon keeps this far (px) from pixels the snake has swept; its own last pixel reaches 0.7 px ahead of it.
@@ -174,9 +177,10 @@ Vec2 Snake::gradient(Vec2 p, double& level) const {
     return slope;
 }
 
-// The last place inside the domain on the straight way.
+// The last place inside the domain on the straight way, at most kMostMove away.
 Vec2 Snake::move(Vec2 from, Vec2 to) const {
-    to = field_.clamp(to);
+    const double wanted = norm(to - from);
+    to = field_.clamp(wanted > kMostMove ? from + (kMostMove / wanted) * (to - from) : to);
     if (!field_.barred(to)) return to;
     const double length = norm(to - from);
     Vec2 last = from;
