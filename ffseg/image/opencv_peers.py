@@ -16,10 +16,6 @@ from ffseg.peer_parameters import EdgeComponents, EdgeOpened, FloodFill, GrabCut
 Mask = NDArray[np.bool_]
 Image = NDArray[np.uint8]
 
-_DISTANCE_MASK = 5
-"""Size of the mask of OpenCV's distance transform: distances to 2 per cent."""
-
-
 def floodfill(image: Image, seeds: Mask, params: FloodFill) -> Mask:
     """``cv2.floodFill`` from a pixel of the start, whose level is set to the median of the start."""
     smoothed = smooth(image, params.sigma)
@@ -42,8 +38,7 @@ def edge_components(edges: EdgeMap, seeds: Mask, params: EdgeComponents) -> Mask
 def edge_opened(edges: EdgeMap, seeds: Mask, params: EdgeOpened) -> Mask:
     """The same, where only a disc can pass: its centre's way is followed, then the disc is put back."""
     free = free_of_edges(edges, params.threshold) | seeds
-    depth = cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, _DISTANCE_MASK)
-    core = connected((depth > params.radius) | seeds, seeds)
+    core = connected(~grown(~free, params.radius) | seeds, seeds)
     return grown(grown(core, params.radius) & free, params.grow)
 
 
@@ -88,18 +83,34 @@ def free_of_edges(edges: EdgeMap, threshold: float) -> Mask:
 
 
 def connected(free: Mask, seeds: Mask) -> Mask:
-    """What is connected to the seeds over the sides of free pixels."""
-    count, labels = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
-    chosen = np.zeros(count, np.bool_)
-    chosen[labels[seeds]] = True
-    chosen[0] = False
-    found: Mask = chosen[labels]
-    return found
+    """What is connected to the free ones of the seeds over the sides of free pixels."""
+    filled = np.zeros((free.shape[0] + 2, free.shape[1] + 2), np.uint8)
+    filled[1:-1, 1:-1] = ~free
+    found, left, even = filled[1:-1, 1:-1], np.argwhere(seeds & free), np.zeros(free.shape, np.uint8)
+    while len(left):
+        cv2.floodFill(even, filled, (int(left[0][1]), int(left[0][0])), 0, flags=_FILL)
+        left = left[found[left[:, 0], left[:, 1]] != _FILLED]
+    reached: Mask = found == _FILLED
+    return reached
+
+
+_FILLED = 2
+_FILL = 4 | cv2.FLOODFILL_MASK_ONLY | (_FILLED << 8)
 
 
 def grown(mask: Mask, by: float) -> Mask:
     """All pixels within a distance of a region."""
     if by <= 0 or not mask.any():
         return mask
-    found: Mask = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, _DISTANCE_MASK) <= by
+    if by > _LARGEST_DISC:
+        found: Mask = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= by
+        return found
+    steps = np.arange(-int(by), int(by) + 1)
+    disc = (steps[:, None] ** 2 + steps**2 <= by * by).astype(np.uint8)
+    found = cv2.dilate(mask.view(np.uint8), disc).view(np.bool_)
     return found
+
+
+_LARGEST_DISC = 8
+"""Pixels; the time of a dilation grows with the area of the disc, that of a distance transform does not."""
+

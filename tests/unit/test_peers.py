@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ffseg.errors import ParameterError, SegmentationError
+from ffseg.image.opencv_peers import connected, grown
 from ffseg.image.raster import rasterize
 from ffseg.metrics import scores
 from ffseg.parameters import load_params
@@ -78,6 +79,25 @@ def test_opened_components_do_not_leak_through_a_gap() -> None:
     opened = peers.segment_peer(image, PARAMS, "cv_edges_opened", PeerParameters())
     assert scores(opened.mask, truth).iou > 0.97
     assert plain.mask[60, 145] or scores(plain.mask, truth).iou > 0.97
+
+
+@pytest.mark.parametrize("radius", [0.5, 1.0, 2.5, 3.0, 8.0, 9.0])
+def test_a_region_grows_by_a_distance(radius: float) -> None:
+    mask = np.random.default_rng(3).random((40, 50)) < 0.004
+    rows, columns = np.nonzero(mask)
+    y, x = np.mgrid[:40, :50]
+    near = np.min((y[..., None] - rows) ** 2 + (x[..., None] - columns) ** 2, axis=2) <= radius**2
+    assert np.array_equal(grown(mask, radius), near)
+
+
+def test_all_seeds_are_followed() -> None:
+    free = np.ones((20, 30), np.bool_)
+    free[:, [10, 20]] = False
+    seeds = np.zeros_like(free)
+    seeds[5, [3, 10, 25]] = True
+    expected = free.copy()
+    expected[:, 11:20] = False
+    assert np.array_equal(connected(free, seeds), expected)
 
 
 def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
