@@ -1,4 +1,5 @@
-// The evolving contour: its state and the steps of one iteration, defined in move.hpp, refine.hpp, flip.hpp.
+// The evolving contour: its state and the steps of one iteration, defined in move.hpp, refine.hpp, flip.hpp (with
+// components.hpp).
 #pragma once
 #include <cstdint>
 #include <limits>
@@ -21,14 +22,14 @@ constexpr double kCautiousStep = 2.0;
 // equal ones reach 0.41 of the distance to the side of its middle.
 constexpr double kBulge = 1.3;
 // The curve between samples is looked at every so many pixels: less than the thickness of a 4-connected chain; off the
-// band round edges, less than that of the band, even where the places looked at lie unevenly.
-constexpr double kLookEvery = 0.7, kLookAfar = 1.75;
+// band round edges, less than that of the band, which the curve between two places may cross aslant.
+constexpr float kLookEvery = 0.7f, kLookAfar = 1.75f;
 // A sample that moved less than half a march step is steady.
 constexpr double kSteady = 0.25;
 // A resting stretch that could still advance this far between its samples is split instead.
 constexpr double kUncovered = 2.0;
 // Patches are not split below this distance between samples.
-constexpr double kMinSpacing = 0.75;
+constexpr double kMinSpacing = 0.5;
 // Patches shorter than this per sample are pruned.
 constexpr double kPruneSpacing = 0.35;
 // Away from edges patches shorter than this part of the split threshold are pruned.
@@ -52,7 +53,9 @@ constexpr int kLongWalk = 16;
 constexpr int kFlipRounds = 6;
 // Looking at the boxes of so many patches costs as much as walking over one.
 constexpr std::size_t kBoxesToAPatch = 8;
-// Patches walked over in one iteration to classify components, to a patch: crossings beyond wait for the next iteration.
+// Patches walked over and pairs looked at in one iteration, to a patch; crossings beyond wait for the next one. Looking
+// whether a flip cuts an edge counts as so many, to each degree.
+constexpr std::size_t kExchange = 16;
 constexpr std::size_t kMostWalked = 64;
 // Patches near edges are halved down to this length, at most this often, before they are flipped, so that the flip
 // cuts no edge.
@@ -107,8 +110,9 @@ private:
     bool guard_patch(int i);
     int first_hit(int i) const;
     int num_hits(int i) const;
+    template <bool kMaySwing>
     bool interval_hits(const Points& points, int k) const;
-    bool meets_edge(int i) const { return first_hit(i) >= 0; }
+    bool meets_edge(int i) const { return num_hits(i) > 0; }
     bool put_back(int i, int k);
     bool uncovered(int i) const;
 
@@ -132,6 +136,7 @@ private:
     bool sweep(bool only_touched);
     void sort_patches();
     bool try_pair(int i, int j, bool only_touched);
+    bool spent() const { return walked_ > most_walked_; }
     bool polygons_cross(int i, int j) const;
     bool flip(int i, int j, int depth);
     bool flip_finer(int i, int j, int depth);
@@ -144,6 +149,8 @@ private:
     void flip_adjacent(int i);
 
     // components.hpp
+    template <typename Visit>
+    void each_in_loop(int loop, Visit visit) const;
     void classify(int i, int j, int inner, bool simple);
     bool loop_encloses_solid(int i) const;
     bool nested(int loop);
@@ -170,7 +177,8 @@ private:
     // the rest of the way to the edges in the field without growth, where the passages it stopped at are closed.
     std::unique_ptr<Field> open_field_;
     bool outside_filled_ = false;
-    mutable std::size_t walked_ = 0;  // patches, to classify components in this iteration
+    mutable std::size_t walked_ = 0;  // patches and pairs in this iteration
+    std::size_t most_walked_ = 0;
     bool unresolved_ = false;  // polygons crossed in this iteration that no flip has parted
     int most_patches_;
 };

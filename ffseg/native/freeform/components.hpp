@@ -4,6 +4,18 @@
 
 namespace ffseg {
 
+// Calls visit(patch) for those of a loop in order.
+template <int D>
+template <typename Visit>
+void Chain<D>::each_in_loop(int loop, Visit visit) const {
+    int at = loop;
+    do {
+        const int next = pool_[at].next;
+        visit(at);
+        at = next;
+    } while (at != loop);
+}
+
 template <int D>
 double Chain<D>::patch_area(int i, Vec2 origin) const {
     const Points points = pool_.samples(i);
@@ -31,13 +43,11 @@ double Chain<D>::loop_area(int i, int most) const {
 template <int D>
 bool Chain<D>::loop_contains(int loop, Vec2 p) const {
     bool inside = false;
-    int at = loop;
-    do {
+    each_in_loop(loop, [&](int at) {
         const Points points = pool_.samples(at);
         ++walked_;
         for (int k = 0; k < D; ++k) inside ^= passes_right_of(p, points[k], points[k + 1]);
-        at = pool_[at].next;
-    } while (at != loop);
+    });
     return inside;
 }
 
@@ -45,11 +55,7 @@ bool Chain<D>::loop_contains(int loop, Vec2 p) const {
 template <int D>
 bool Chain<D>::nested(int loop) {
     own_.assign(static_cast<std::size_t>(pool_.size()), 0);
-    int at = loop;
-    do {
-        own_[static_cast<std::size_t>(at)] = 1;
-        at = pool_[at].next;
-    } while (at != loop);
+    each_in_loop(loop, [this](int at) { own_[static_cast<std::size_t>(at)] = 1; });
     const Vec2 p = pool_[loop].m[0];
     int winding = outside_filled_ ? 1 : 0;
     walked_ += sorted_.size() / kBoxesToAPatch;
@@ -68,23 +74,16 @@ bool Chain<D>::nested(int loop) {
 template <int D>
 bool Chain<D>::loop_encloses_solid(int i) const {
     std::vector<Vec2> polygon;
-    int at = i;
-    do {
+    each_in_loop(i, [&](int at) {
         ++walked_;
         polygon.insert(polygon.end(), pool_[at].m.begin(), pool_[at].m.end());
-        at = pool_[at].next;
-    } while (at != i);
+    });
     return field_.encloses_solid(polygon.data(), polygon.size());
 }
 
 template <int D>
 void Chain<D>::drop(int i) {
-    int at = i;
-    do {
-        const int next = pool_[at].next;
-        release(at);
-        at = next;
-    } while (at != i);
+    each_in_loop(i, [this](int at) { release(at); });
     ++counts_.drops;
 }
 
@@ -160,11 +159,9 @@ void Chain<D>::drop_nested() {
     std::vector<Loop> found;
     for (int loop : loops()) {
         Loop entry{loop, loop_area(loop), {}};
-        int at = loop;
-        do {
+        each_in_loop(loop, [&](int at) {
             for (const Vec2 p : pool_[at].m) entry.box.add(p);
-            at = pool_[at].next;
-        } while (at != loop);
+        });
         found.push_back(entry);
     }
     std::stable_sort(found.begin(), found.end(),

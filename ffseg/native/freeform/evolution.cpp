@@ -211,11 +211,7 @@ std::vector<Samples> Chain<D>::sampled() const {
     std::vector<Samples> out;
     for (int loop : loops()) {
         out.emplace_back();
-        int i = loop;
-        do {
-            out.back().insert(out.back().end(), pool_[i].m.begin(), pool_[i].m.end());
-            i = pool_[i].next;
-        } while (i != loop);
+        each_in_loop(loop, [&](int i) { out.back().insert(out.back().end(), pool_[i].m.begin(), pool_[i].m.end()); });
     }
     return out;
 }

@@ -1,5 +1,6 @@
 // Topology: the bounding-box filter over the patches, and the flip (Algorithm 3, corrected).
 #pragma once
+#include "freeform/along.hpp"
 #include "freeform/chain.hpp"
 
 namespace ffseg {
@@ -29,7 +30,18 @@ void Chain<D>::sort_patches() {
     num_sorted_ = count;
 }
 
-// Do two control polygons cross properly? For adjacent patches the segments that share the joint do not count.
+// Calls visit(a, b) where side a of the polygon p crosses side b of q, until it returns true; whether it did.
+template <std::size_t N, typename Visit>
+bool visit_crossings(const std::array<Vec2, N>& p, const std::array<Vec2, N>& q, Visit visit) {
+    for (std::size_t a = 0; a + 1 < N; ++a) {
+        for (std::size_t b = 0; b + 1 < N; ++b) {
+            if (segments_cross(p[a], p[a + 1], q[b], q[b + 1]) && visit(static_cast<int>(a), static_cast<int>(b))) return true;
+        }
+    }
+    return false;
+}
+
+// Do two control polygons cross properly?
 template <int D>
 bool Chain<D>::polygons_cross(int i, int j) const {
     const auto &p = pool_[i].control, &q = pool_[j].control;
@@ -45,14 +57,20 @@ bool Chain<D>::polygons_cross(int i, int j) const {
     return false;
 }
 
-// Flips i and j if they cross; pairs at rest and (in later rounds) pairs not touched by a flip cannot have changed.
+// Flips i and j if they cross, or says so when this iteration has had its share; pairs at rest and (in later rounds) pairs not touched by a flip cannot have changed.
 template <int D>
 bool Chain<D>::try_pair(int i, int j, bool only_touched) {
     const Patch<D>&a = pool_[i], &b = pool_[j];
     if (!a.alive || !b.alive || !(a.active || b.active)) return false;
     if (only_touched && !(a.touched || b.touched)) return false;
-    if (a.next == j || b.next == i || !polygons_cross(i, j)) return false;
-    const bool done = walked_ <= kMostWalked * (sorted_.size() + kMostWalked) && flip(i, j, 0);
+    if (a.next == j || b.next == i) return false;
+    ++walked_;
+    if (spent()) {
+        unresolved_ = true;
+        return true;
+    }
+    if (!polygons_cross(i, j)) return false;
+    const bool done = flip(i, j, 0);
     unresolved_ = unresolved_ || !done;
     return done;
 }
@@ -110,6 +128,7 @@ void Chain<D>::flip_crossings() {
     for (int i : active_) pool_[i].touched = false;
     unresolved_ = false;
     walked_ = 0;
+    most_walked_ = kMostWalked * (sorted_.size() + kMostWalked);
     bool crossing = true;
     for (int round = 0; round < kFlipRounds && crossing; ++round) crossing = flip_round(round > 0);
     if (!crossing && !unresolved_) {  // what was left undecided has become a simple curve
@@ -130,20 +149,9 @@ typename Chain<D>::Points Chain<D>::joined_at(const Points& p, int a, const Poin
     for (int k = 0; k <= a; ++k) path[count++] = p[k];
     path[count++] = at;
     for (int k = b + 1; k <= D; ++k) path[count++] = q[k];
-    double total = 0.0, passed = 0.0;
-    for (std::size_t k = 0; k + 1 < count; ++k) total += norm(path[k + 1] - path[k]);
+    Along along(path.data(), count, false);
     Points even;
-    std::size_t on = 0;
-    for (int k = 0; k <= D; ++k) {
-        const double wanted = total * k / D;
-        double chord = norm(path[on + 1] - path[on]);
-        while (on + 2 < count && passed + chord < wanted) {
-            passed += chord;
-            ++on;
-            chord = norm(path[on + 1] - path[on]);
-        }
-        even[k] = path[on] + (chord > 0 ? std::min(1.0, (wanted - passed) / chord) : 0.0) * (path[on + 1] - path[on]);
-    }
+    for (int k = 0; k <= D; ++k) even[k] = along.at(along.length() * k / D);
     even[0] = p[0];
     even[D] = q[D];
     return even;
@@ -155,11 +163,7 @@ template <int D>
 bool Chain<D>::swap_halves(int i, int j, Points& first, Points& second) const {
     Points p = pool_[i].control, q = pool_[j].control;
     for (int a = D / 2 + 1; a <= D; ++a) std::swap(p[a], q[a]);
-    for (int a = 0; a < D; ++a) {
-        for (int b = 0; b < D; ++b) {
-            if (segments_cross(p[a], p[a + 1], q[b], q[b + 1])) return false;
-        }
-    }
+    if (visit_crossings(p, q, [](int, int) { return true; })) return false;
     for (int k = 0; k <= D; ++k) {
         first[k] = apply<D>(kBasis<D>.vandermonde[k], p);
         second[k] = apply<D>(kBasis<D>.vandermonde[k], q);
@@ -170,17 +174,14 @@ bool Chain<D>::swap_halves(int i, int j, Points& first, Points& second) const {
 // The same polygons joined where they cross, so that neither leaves the ground both have covered.
 template <int D>
 bool Chain<D>::join_at_crossing(const Points& p, const Points& q, Points& first, Points& second) {
-    for (int a = 0; a < D; ++a) {
-        for (int b = 0; b < D; ++b) {
-            if (!segments_cross(p[a], p[a + 1], q[b], q[b + 1])) continue;
-            const Vec2 u = p[a + 1] - p[a], v = q[b + 1] - q[b];
-            const Vec2 at = p[a] + (cross(q[b] - p[a], v) / cross(u, v)) * u;
-            first = joined_at(p, a, q, b, at);
-            second = joined_at(q, b, p, a, at);
-            return true;
-        }
-    }
-    return false;
+    return visit_crossings(p, q, [&](int a, int b) {
+        const Vec2 u = p[a + 1] - p[a];
+        const double from = cross(u, q[b] - p[a]), to = cross(u, q[b + 1] - p[a]);  // of opposite signs
+        const Vec2 at = q[b] + (from / (from - to)) * (q[b + 1] - q[b]);
+        first = joined_at(p, a, q, b, at);
+        second = joined_at(q, b, p, a, at);
+        return true;
+    });
 }
 
 // Gives i and j their new curves and exchanges their successors: the swapped halves, or where these cross or would cut
@@ -229,13 +230,10 @@ template <int D>
 int Chain<D>::turning_inwards(int i, int j) const {
     const auto &p = pool_[i].control, &q = pool_[j].control;
     int crossings = 0, inner = -1;
-    for (int a = 0; a < D; ++a) {
-        for (int b = 0; b < D; ++b) {
-            if (!segments_cross(p[a], p[a + 1], q[b], q[b + 1])) continue;
-            ++crossings;
-            inner = cross(p[a + 1] - p[a], q[b + 1] - q[b]) > 0 ? i : j;
-        }
-    }
+    visit_crossings(p, q, [&](int a, int b) {
+        inner = cross(p[a + 1] - p[a], q[b + 1] - q[b]) > 0 ? i : j;
+        return ++crossings > 1;
+    });
     return crossings == 1 ? inner : -1;
 }
 
@@ -249,6 +247,7 @@ bool Chain<D>::flip(int i, int j, int depth) {
     }
     const int after_i = pool_[i].next, after_j = pool_[j].next;
     const int inner = turning_inwards(i, j);
+    walked_ += kExchange * D;
     if (!exchange(i, j)) return false;
     ++counts_.flips;
     for (const int near : {i, j, after_i, after_j, pool_[i].prev, pool_[j].prev}) wake(near);
@@ -265,6 +264,7 @@ bool Chain<D>::flip(int i, int j, int depth) {
 // Where the hull of both may hold an edge they are halved first, so that what the flip cuts off is too short to hold one.
 template <int D>
 bool Chain<D>::flip_finer(int i, int j, int depth) {
+    walked_ += kExchange;
     const int i2 = length(i) > kFlipLength ? split(i) : -1;
     const int j2 = length(j) > kFlipLength ? split(j) : -1;
     for (const int half : {i, i2, j, j2}) {  // to be compared with all others in the next round
@@ -299,13 +299,7 @@ void Chain<D>::flip_adjacent(int i) {
     const int j = pool_[i].next;
     if (j == i || pool_[j].next == i || !pool_[j].alive || runs_one_way(i, j)) return;
     const auto &p = pool_[i].control, &q = pool_[j].control;
-    bool crossing = false;
-    for (int a = 0; a < D && !crossing; ++a) {
-        for (int b = 0; b < D && !crossing; ++b) {
-            if (a == D - 1 && b == 0) continue;
-            crossing = segments_cross(p[a], p[a + 1], q[b], q[b + 1]);
-        }
-    }
+    const bool crossing = visit_crossings(p, q, [](int a, int b) { return a != D - 1 || b != 0; });  // not at the joint
     if (!crossing) return;
     std::array<Vec2, 2 * D + 1> both;
     std::copy_n(pool_[i].m.begin(), D, both.begin());

@@ -74,13 +74,14 @@ void Chain<D>::move() {
 
 // Does the curve between samples k and k + 1 meet an edge? Edges are 4-connected chains of pixels, at least 0.7 pixels
 // thick; with the band round them they are three pixels thick, so that none hides between two places off the band that
-// lie nearer to each other.
+// lie nearer to each other. The places looked at lie about evenly, but for a curve just made, which may swing about.
 template <int D>
+template <bool kMaySwing>
 bool Chain<D>::interval_hits(const Points& points, int k) const {
     constexpr int kSub = Basis<D>::kSub;
     const double chord = norm(points[k + 1] - points[k]);
     const double free = field_.free_reach(points[k]) + field_.free_reach(points[k + 1]);
-    if (free > 0 && free >= kBulge * chord) return false;
+    if (free > 0 && free >= (kMaySwing ? kSwing : 1.0) * kBulge * chord) return false;
     const auto& weights = kBasis<D>.looks[k];
     std::array<float, kSub + 1> x{}, y{};
     for (int i = 0; i <= D; ++i) {
@@ -94,8 +95,17 @@ bool Chain<D>::interval_hits(const Points& points, int k) const {
     y[kSub] = static_cast<float>(points[k + 1].y);
     const unsigned seen = field_.look<kSub>(x.data(), y.data()) | field_.look<1>(&x[kSub], &y[kSub]);
     if (Field::is_solid(seen)) return true;
-    if (chord <= (seen == 0 ? kLookAfar : kLookEvery) * kSub) return false;
-    const int pieces = 1 + static_cast<int>(chord / (kLookEvery * kSub));
+    float gap = static_cast<float>(chord) / kSub;  // between two places looked at
+    if constexpr (kMaySwing) {
+        float widest = 0.0f;
+        for (int j = 0; j < kSub; ++j) {
+            const float dx = x[j + 1] - x[j], dy = y[j + 1] - y[j];
+            widest = std::max(widest, dx * dx + dy * dy);
+        }
+        gap = std::sqrt(widest);
+    }
+    if (gap <= (seen == 0 ? kLookAfar : kLookEvery)) return false;
+    const int pieces = 1 + static_cast<int>(gap / kLookEvery);
     for (int piece = 1; piece < pieces; ++piece) {  // straight, between the points looked at
         const float u = static_cast<float>(piece) / static_cast<float>(pieces);
         std::array<float, kSub> across, down;
@@ -108,21 +118,22 @@ bool Chain<D>::interval_hits(const Points& points, int k) const {
     return false;
 }
 
+// The first stretch of a patch that has moved which meets an edge, -1 if none does.
 template <int D>
 int Chain<D>::first_hit(int i) const {
     const Points points = pool_.samples(i);
     for (int k = 0; k < D; ++k) {
-        if (interval_hits(points, k)) return k;
+        if (interval_hits<false>(points, k)) return k;
     }
     return -1;
 }
 
-// The number of stretches between samples that meet an edge.
+// The number of stretches of a patch just made that meet an edge.
 template <int D>
 int Chain<D>::num_hits(int i) const {
     const Points points = pool_.samples(i);
     int hits = 0;
-    for (int k = 0; k < D; ++k) hits += interval_hits(points, k);
+    for (int k = 0; k < D; ++k) hits += interval_hits<true>(points, k);
     return hits;
 }
 
@@ -150,8 +161,11 @@ bool Chain<D>::guard_patch(int i) {
         stopped = true;
         const bool left = put_back(i, k), right = put_back(i, k + 1);
         if (left || right) continue;
-        bool any = false;  // the samples farther off bend the curve here as well
-        for (int other = 0; other <= D; ++other) any = put_back(i, other) || any;
+        bool any = false;  // the samples farther off bend the curve here as well, the less the farther
+        for (int ring = 1; ring < D && !any; ++ring) {
+            any = k >= ring && put_back(i, k - ring);
+            any = (k + 1 + ring <= D && put_back(i, k + 1 + ring)) || any;
+        }
         if (!any) break;
     }
     return stopped;

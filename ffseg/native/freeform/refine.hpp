@@ -2,6 +2,7 @@
 #pragma once
 #include <limits>
 
+#include "freeform/along.hpp"
 #include "freeform/chain.hpp"
 
 namespace ffseg {
@@ -96,19 +97,8 @@ void Chain<D>::even_out(int i, const Chords& chords) {
     if (D == 1 || patch.budget == 0 || chords.longest <= kUneven * chords.shortest || chords.longest < 1.0) return;
     const Points points = pool_.samples(i);
     const auto kept = patch.m;
-    double passed = 0.0;
-    int at = 0;
-    for (int k = 1; k < D; ++k) {
-        const double wanted = chords.total * k / D;
-        double chord = norm(points[at + 1] - points[at]);
-        while (at + 1 < D && passed + chord < wanted) {
-            passed += chord;
-            ++at;
-            chord = norm(points[at + 1] - points[at]);
-        }
-        const double u = chord > 0 ? std::min(1.0, (wanted - passed) / chord) : 0.0;
-        patch.m[k] = points[at] + u * (points[at + 1] - points[at]);
-    }
+    Along along(points.data(), points.size(), false);
+    for (int k = 1; k < D; ++k) patch.m[k] = along.at(along.length() * k / D);
     if (meets_edge(i)) {
         patch.m = kept;
     } else {

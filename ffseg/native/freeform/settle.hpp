@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "freeform/along.hpp"
 #include "freeform/basis.hpp"
 #include "freeform/field.hpp"
 #include "freeform/ridge.hpp"
@@ -160,22 +161,12 @@ private:
     // New samples, evenly along the polygon of the old ones, at most `spacing` apart.
     void lay_out(double spacing) {
         tidy();
-        double total = 0.0;
-        const std::size_t n = at_.size();
-        for (std::size_t i = 0; i < n; ++i) total += norm(at_[(i + 1) % n] - at_[i]);
-        const std::size_t patches = std::max<std::size_t>(2, static_cast<std::size_t>(std::ceil(total / (D * spacing))));
-        const std::size_t count = std::max<std::size_t>(patches * D, D == 1 ? 3 : 4);
-        const double step = total / static_cast<double>(count);
-        Samples even;
-        double passed = 0.0;
-        for (std::size_t i = 0; i < n && even.size() < count; ++i) {
-            const Vec2 chord = at_[(i + 1) % n] - at_[i];
-            const double size = norm(chord);
-            while (even.size() < count && static_cast<double>(even.size()) * step <= passed + size) {
-                const double along = static_cast<double>(even.size()) * step - passed;
-                even.push_back(at_[i] + (size > 0 ? along / size : 0.0) * chord);
-            }
-            passed += size;
+        Along along(at_.data(), at_.size(), true);
+        const auto patches = static_cast<std::size_t>(std::ceil(along.length() / (D * spacing)));
+        const std::size_t count = std::max<std::size_t>(std::max<std::size_t>(2, patches) * D, D == 1 ? 3 : 4);
+        Samples even(count);
+        for (std::size_t i = 0; i < count; ++i) {
+            even[i] = along.at(along.length() * static_cast<double>(i) / static_cast<double>(count));
         }
         while (even.size() % D != 0 || even.size() < 2 * D) even.push_back(at_[0]);
         at_ = std::move(even);

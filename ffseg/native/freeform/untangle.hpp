@@ -18,10 +18,10 @@ constexpr int kEaseRounds = 8;
 constexpr int kDivideRound = 16;
 // A component of at most so many samples that is still wound up then is replaced by its convex hull.
 constexpr std::size_t kSpeck = 64;
-// Pairs of patches looked at in all, to a patch, where a fine look at two or at one counts as so many; few patches share
-// what kFewPieces may have. A settled contour needs two or three a round; what runs over itself everywhere is not worth
-// more.
-constexpr std::size_t kLooks = 128, kFineLook = 256, kOwnLook = 32, kFewPieces = 512;
+// Pairs of patches looked at in all, to a patch; few patches share what kFewPieces may have. To each degree a fine look
+// at two patches or at one counts as so many, one at their joint as kJointLook. A settled contour needs two or three a
+// round; what runs over itself everywhere is not worth more.
+constexpr std::size_t kLooks = 128, kFewPieces = 1024, kFineLook = 128, kOwnLook = 64, kJointLook = 32;
 // Curves nearer to each other than this touch, as far as anyone can draw them.
 constexpr double kTouch = 0.01;
 // What turns by less, up to rounding, does not cross itself.
@@ -201,7 +201,7 @@ private:
         const Outline p = outline(a), q = outline(b);
         if (cross_roughly(p, q)) return true;
         if (sagitta(p) + sagitta(q) < kFlat) return false;
-        looks_ += kFineLook;
+        looks_ += kFineLook * D;
         return cross_finely(a, b);
     }
 
@@ -222,15 +222,19 @@ private:
 
     // Two patches that turn back where they meet may cross so near to their joint that their outlines miss it, or, where
     // one leaves it backwards, nearer than a fine look shows.
-    static bool cusp(const Piece& a, const Piece& b) {
+    bool cusp(const Piece& a, const Piece& b) {
         if (dot(a.leaving(), b.entering()) >= 0) return false;
+        looks_ += kJointLook;
+        if (tired()) return false;
         const Fine last = finely(a, D - 1), first = finely(b, 0);
         if (dot(a.leaving(), last.back() - last.front()) < 0) return true;
         return dot(b.entering(), first.back() - first.front()) < 0 || touch(last, first, kTouch);
     }
 
     // Does one of two patches that meet come back to the other beside the joint, where their outlines miss it?
-    static bool come_back(const Piece& a, const Piece& b) {
+    bool come_back(const Piece& a, const Piece& b) {
+        looks_ += kJointLook * D;
+        if (tired()) return false;
         for (std::size_t k = 1; k < D && !b.onward; ++k) {
             if (touch(finely(a, D - 1), finely(b, k), 0.0)) return true;
         }
@@ -299,7 +303,7 @@ private:
     }
 
     bool crosses_itself(const Piece& a) {
-        looks_ += kOwnLook;
+        looks_ += kOwnLook * D;
         if (tired()) return false;
         constexpr std::size_t kStride = 2, kCount = D * kFine / kStride;
         std::array<Vec2, kCount + 1> curve;
@@ -409,20 +413,9 @@ private:
             std::reverse(sorted.begin(), sorted.end());
         }
         if (backwards) std::reverse(hull.begin(), hull.end());
-        double total = 0.0, passed = 0.0;
-        for (std::size_t i = 0; i < hull.size(); ++i) total += norm(hull[(i + 1) % hull.size()] - hull[i]);
-        std::size_t on = 0;
-        for (std::size_t k = 0; k < at.size(); ++k) {
-            const double wanted = total * static_cast<double>(k) / static_cast<double>(at.size());
-            double chord = norm(hull[(on + 1) % hull.size()] - hull[on]);
-            while (on + 1 < hull.size() && passed + chord < wanted) {
-                passed += chord;
-                ++on;
-                chord = norm(hull[(on + 1) % hull.size()] - hull[on]);
-            }
-            const double u = chord > 0 ? std::min(1.0, (wanted - passed) / chord) : 0.0;
-            at[k] = hull[on] + u * (hull[(on + 1) % hull.size()] - hull[on]);
-        }
+        Along along(hull.data(), hull.size(), true);
+        const double step = along.length() / static_cast<double>(at.size());
+        for (std::size_t k = 0; k < at.size(); ++k) at[k] = along.at(step * static_cast<double>(k));
     }
 
     std::vector<Samples>& components_;
