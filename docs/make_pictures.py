@@ -149,7 +149,7 @@ def result() -> None:
 
 def toy() -> None:
     """The paper's toy figure: fixed patches, refinement, refinement and topology changes."""
-    for preset, settings in (("toy-fixed", None), ("toy-refined", {"contour.max_iterations": 150}), ("toy-full", None)):
+    for preset, settings in (("toy-fixed", None), ("toy-refined", {"contour.max_iterations": 60}), ("toy-full", None)):
         image, seen = snapshots("toy", preset, settings)
         write(f"{preset}.webp", animation_bytes(image, seen, "webp", 400))
         write(f"{preset}.svg", film_strip_svg(image, seen, 5, preset).encode("utf-8"))
