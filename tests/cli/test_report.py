@@ -30,12 +30,21 @@ def data_of(page: Path) -> dict[str, list[dict[str, dict[str, str]]]]:
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
+def program_at_work(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
     program = chromium.find()
     if program is None:
         pytest.skip("no Chromium on the search path; install it, or name one in the environment variable FFSEG_CHROMIUM")
     with chromium.Chromium(program, tmp_path_factory.mktemp("profile")) as running:
         yield running
+
+
+@pytest.fixture
+def browser(program_at_work: chromium.Chromium) -> chromium.Chromium:
+    """The browser without what an earlier test has left in it."""
+    program_at_work.open("about:blank#")
+    program_at_work.problems.clear()
+    program_at_work.requests.clear()
+    return program_at_work
 
 
 @pytest.fixture(scope="module")
@@ -53,9 +62,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def tab(browser: chromium.Chromium, folder: Path) -> Iterator[chromium.Chromium]:
     """The page of the run, newly loaded; after each test nothing may have gone wrong in it."""
-    browser.problems.clear()
-    browser.requests.clear()
-    browser.open("about:blank#")
     browser.open((folder / "report.html").as_uri())
     yield browser
     assert browser.problems == []
@@ -237,7 +243,6 @@ def test_comparison_shows_methods_side_by_side(browser: chromium.Chromium, tmp_p
     rows.append(["a.png", "peer", *[None] * 10, "skipped", "not installed"])
     rows.append(["c.png", "freeform", *[None] * 10, "failed", "truncated: x"])
     (tmp_path / "compare.csv").write_bytes(csv_table(runs.COMPARED, rows))
-    browser.problems.clear()
     browser.open(write_report(tmp_path).as_uri())
     assert browser.value("document.getElementById('failures-title').textContent") == "1 of 3 images failed"
     choose(browser, sort="iou")
