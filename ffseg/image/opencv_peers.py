@@ -16,6 +16,7 @@ from ffseg.peer_parameters import EdgeComponents, EdgeOpened, FloodFill, GrabCut
 Mask = NDArray[np.bool_]
 Image = NDArray[np.uint8]
 
+
 def floodfill(image: Image, seeds: Mask, params: FloodFill) -> Mask:
     """``cv2.floodFill`` from a pixel of the start, whose level is set to the median of the start."""
     smoothed = smooth(image, params.sigma)
@@ -113,4 +114,3 @@ def grown(mask: Mask, by: float) -> Mask:
 
 _LARGEST_DISC = 8
 """Pixels; the time of a dilation grows with the area of the disc, that of a distance transform does not."""
-

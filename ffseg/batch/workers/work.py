@@ -108,11 +108,12 @@ class Workbench:
             return Reply(task.index, "same")
         image = decode_image(data, self._limits)
         decoded = perf_counter()
-        found = self._found(image, before, task)
+        params = self._params(task)
+        found = self._found(image, before, task, params)
         segmented = perf_counter()
         outputs = tuple(self._outputs(image, found, task))
         result = found.result
-        row = _row(image, result, self._setup.params.method) | found.row | _start_cells(self._params(task), task)
+        row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, task)
         if task.truth:
             row["iou"] = self._iou(result, task.truth)
         end = perf_counter()
@@ -120,12 +121,12 @@ class Workbench:
         row["total_ms"] = (end - begin) * 1e3
         return Reply(task.index, "ok", row, content, outputs, found.extra)
 
-    def _found(self, image: NDArray[np.uint8], before: bytes | None, task: Task) -> _Found:
+    def _found(self, image: NDArray[np.uint8], before: bytes | None, task: Task, params: Parameters) -> _Found:
         film = Film() if self._setup.wanted.animation else None
         overlay = self._setup.wanted.overlay
         if self._frames is None:
             segment = self._segment if film is None else partial(self._segment, callback=film)
-            result = segment(image, self._params(task), domain=self._domain, start_mask=self._start_mask)
+            result = segment(image, params, domain=self._domain, start_mask=self._start_mask)
             lines = [
                 Polyline(contour.flatten(_FLATNESS), "outer" if contour.signed_area > 0 else "obstacle")
                 for contour in (result.contours if overlay else ())
@@ -133,7 +134,7 @@ class Workbench:
             return _Found(result, lines, film)
         from ffseg.batch.workers.frames import merged_segmentation, obstacle_rows, overlay_lines
 
-        frames = replace(self._frames, params=self._params(task))
+        frames = replace(self._frames, params=params)
         frame = frames.frame_of(image, before, task.name, self._limits, film)
         lines = overlay_lines(frame, _FLATNESS) if overlay else []
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note}

@@ -41,6 +41,7 @@ struct Box {
         x1 = std::max(x1, p.x);
         y1 = std::max(y1, p.y);
     }
+    bool holds(Vec2 p) const { return x0 <= p.x && p.x <= x1 && y0 <= p.y && p.y <= y1; }
     bool meets(const Box& other) const {
         return (x0 <= other.x1) & (other.x0 <= x1) & (y0 <= other.y1) & (other.y0 <= y1);  // without branches
     }

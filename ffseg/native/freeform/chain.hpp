@@ -108,11 +108,12 @@ private:
     double reach(Vec2 from, Vec2 normal, double wanted, double known) const;
     void guard();
     bool guard_patch(int i);
+    template <bool kMaySwing>
     int first_hit(int i) const;
     int num_hits(int i) const;
     template <bool kMaySwing>
     bool interval_hits(const Points& points, int k) const;
-    bool meets_edge(int i) const { return num_hits(i) > 0; }
+    bool meets_edge(int i) const { return first_hit<true>(i) >= 0; }  // of a curve just made
     bool put_back(int i, int k);
     bool uncovered(int i) const;
 

@@ -171,8 +171,7 @@ void Chain<D>::drop_nested() {
         const Vec2 p = pool_[loop.first].m[0];
         int winding = outside_filled_ ? 1 : 0;
         for (const Loop& other : kept) {
-            const bool within = other.box.x0 <= p.x && p.x <= other.box.x1 && other.box.y0 <= p.y && p.y <= other.box.y1;
-            if (within && loop_contains(other.first, p)) winding += other.area > 0 ? 1 : -1;
+            if (other.box.holds(p) && loop_contains(other.first, p)) winding += other.area > 0 ? 1 : -1;
         }
         if (winding == (loop.area > 0 ? 0 : 1)) {
             kept.push_back(loop);

@@ -233,8 +233,7 @@ ContourSet Chain<D>::contours() const {
     ContourSet out;
     for (const Samples& samples : settled_.empty() ? sampled() : settled_) {
         for (std::size_t first = 0; first < samples.size(); first += D) {
-            Points points;
-            for (std::size_t k = 0; k <= D; ++k) points[k] = samples[(first + k) % samples.size()];
+            const Points points = patch_of<D>(samples, first);
             out.points.push_back(points[0]);
             for (int k = 1; k < D; ++k) out.points.push_back(apply<D>(kBasis<D>.inverse[k], points));
         }

@@ -38,7 +38,6 @@ public:
     }
     // Beyond the image everything is outside the domain: a curve through samples inside it may bulge out.
     bool blocked(Vec2 p) const { return at(p) != 0; }
-    bool solid(Vec2 p) const { return at(p) >= kEdge; }
     // All that the pixels nearest to some points hold, where points beyond the image belong to its border.
     template <int kCount>
     FFSEG_INLINE unsigned look(const float* x, const float* y) const {

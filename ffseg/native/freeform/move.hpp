@@ -118,12 +118,13 @@ bool Chain<D>::interval_hits(const Points& points, int k) const {
     return false;
 }
 
-// The first stretch of a patch that has moved which meets an edge, -1 if none does.
+// The first stretch of a patch that meets an edge, -1 if none does.
 template <int D>
+template <bool kMaySwing>
 int Chain<D>::first_hit(int i) const {
     const Points points = pool_.samples(i);
     for (int k = 0; k < D; ++k) {
-        if (interval_hits<false>(points, k)) return k;
+        if (interval_hits<kMaySwing>(points, k)) return k;
     }
     return -1;
 }
@@ -156,7 +157,7 @@ template <int D>
 bool Chain<D>::guard_patch(int i) {
     bool stopped = false;
     for (int tries = 0; tries <= D; ++tries) {
-        const int k = first_hit(i);
+        const int k = first_hit<false>(i);
         if (k < 0) break;
         stopped = true;
         const bool left = put_back(i, k), right = put_back(i, k + 1);

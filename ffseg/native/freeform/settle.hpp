@@ -36,6 +36,14 @@ constexpr double kSwing = 1.25;
 // One component as its samples in order, D to a patch.
 using Samples = std::vector<Vec2>;
 
+// Both ends and what lies between them of the patch that begins at a sample.
+template <int D>
+std::array<Vec2, D + 1> patch_of(const Samples& component, std::size_t first) {
+    std::array<Vec2, D + 1> points;
+    for (std::size_t k = 0; k <= D; ++k) points[k] = component[(first + k) % component.size()];
+    return points;
+}
+
 template <int D>
 class Settling {
 public:
@@ -186,19 +194,13 @@ private:
         if (kept.size() >= 4) at_ = std::move(kept);
     }
 
-    std::array<Vec2, D + 1> patch(std::size_t first) const {
-        std::array<Vec2, D + 1> points;
-        for (std::size_t k = 0; k <= D; ++k) points[k] = at_[(first + k) % at_.size()];
-        return points;
-    }
-
     // Splits (Algorithm 2) the fresh patches whose curve leaves the ridge between samples; what they become is fresh.
     int split_missed() {
         Samples finer;
         std::vector<std::uint8_t> fresh;
         int splits = 0;
         for (std::size_t first = 0; first < at_.size(); first += D) {
-            const auto points = patch(first);
+            const auto points = patch_of<D>(at_, first);
             const bool split = fresh_[first] != 0 && misses(points);
             splits += split;
             for (std::size_t k = 0; k < (split ? 2 * D : D); ++k) {
@@ -216,7 +218,7 @@ private:
     // lower degree.
     void calm() {
         for (std::size_t first = 0; first < at_.size(); first += D) {
-            const auto points = patch(first);
+            const auto points = patch_of<D>(at_, first);
             auto control = points;
             for (std::size_t k = 1; k < D; ++k) control[k] = apply<D>(kBasis<D>.inverse[k], points);
             double size = 0.0, polygon = 0.0;

@@ -91,8 +91,7 @@ private:
             for (int i = 0; i < count; ++i) {
                 const std::size_t first = static_cast<std::size_t>(i) * D;
                 Piece piece{{c, first}, begin + (i + count - 1) % count, begin + (i + 1) % count, {}, {}, true};
-                Points points;
-                for (std::size_t k = 0; k <= D; ++k) points[k] = at[(first + k) % at.size()];
+                const Points points = patch_of<D>(at, first);
                 for (std::size_t k = 0; k <= D; ++k) {
                     piece.control[k] = k % D == 0 ? points[k] : apply<D>(kBasis<D>.inverse[k], points);
                     piece.box.add(piece.control[k]);
@@ -126,7 +125,7 @@ private:
             const Piece& b = piece(a.next);
             if (!a.onward && turning(a) >= kHalfTurn && crosses_itself(a)) note(a, a);
             const bool winding = !run_one_way(a, b) && turning(a) + turn(a.leaving(), b.entering()) + turning(b) >= kHalfTurn;
-            if (winding && cross_roughly(outline(a), outline(b))) note(a, b);
+            if (winding && touch(outline(a), outline(b), 0.0)) note(a, b);
             if ((winding && come_back(a, b)) || cusp(a, b)) {
                 crossing_.push_back(a.place);
                 crossing_.push_back(b.place);
@@ -172,9 +171,7 @@ private:
 
     // kPieces chords between two samples.
     Outline outline(const Piece& a) const {
-        const Samples& at = components_[a.place.component];
-        Points points;
-        for (std::size_t k = 0; k <= D; ++k) points[k] = at[(a.place.first + k) % at.size()];
+        const Points points = patch_of<D>(components_[a.place.component], a.place.first);
         Outline line;
         for (std::size_t k = 0; k < D; ++k) {
             line[k * kPieces] = points[k];
@@ -199,25 +196,10 @@ private:
     // looked at finely.
     bool cross(const Piece& a, const Piece& b) {
         const Outline p = outline(a), q = outline(b);
-        if (cross_roughly(p, q)) return true;
+        if (touch(p, q, 0.0)) return true;
         if (sagitta(p) + sagitta(q) < kFlat) return false;
         looks_ += kFineLook * D;
         return cross_finely(a, b);
-    }
-
-    static bool cross_roughly(const Outline& p, const Outline& q) {
-        Box around;
-        for (const Vec2 point : q) around.add(point);
-        for (std::size_t i = 0; i + 1 < kPoints; ++i) {
-            Box box;
-            box.add(p[i]);
-            box.add(p[i + 1]);
-            if (!box.meets(around)) continue;
-            for (std::size_t j = 0; j + 1 < kPoints; ++j) {
-                if (segments_cross(p[i], p[i + 1], q[j], q[j + 1])) return true;
-            }
-        }
-        return false;
     }
 
     // Two patches that turn back where they meet may cross so near to their joint that their outlines miss it, or, where
@@ -262,14 +244,18 @@ private:
         return false;
     }
 
-    // Do two curves cross, or come nearer than `near` to each other a little off the end of the first?
-    static bool touch(const Fine& p, const Fine& q, double near) {
-        for (std::size_t i = 0; i + 1 < p.size(); ++i) {
+    // Do two lines of chords cross, or come nearer than `near` to each other a little off the end of the first?
+    template <std::size_t N>
+    static bool touch(const std::array<Vec2, N>& p, const std::array<Vec2, N>& q, double near) {
+        Box around;
+        for (const Vec2 point : q) around.add(point);
+        for (std::size_t i = 0; i + 1 < N; ++i) {
             Box box;
             box.add({std::min(p[i].x, p[i + 1].x) - near, std::min(p[i].y, p[i + 1].y) - near});
             box.add({std::max(p[i].x, p[i + 1].x) + near, std::max(p[i].y, p[i + 1].y) + near});
+            if (!box.meets(around)) continue;
             const bool off_joint = norm2(p[i] - p.back()) > 25 * near * near;
-            for (std::size_t j = 0; j + 1 < q.size(); ++j) {
+            for (std::size_t j = 0; j + 1 < N; ++j) {
                 Box other;
                 other.add(q[j]);
                 other.add(q[j + 1]);
