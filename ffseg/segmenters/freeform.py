@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,13 +95,16 @@ def _options(edge_map: EdgeMap, params: Parameters) -> _core.EvolutionOptions:
 
 def _packed(contours: Iterable[FreeForm]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     points = [c.control_points for c in contours]
-    offsets = np.cumsum([0, *(len(p) for p in points)], dtype=np.int64)
-    return np.ascontiguousarray(np.concatenate(points)), offsets
+    offsets = np.array([0, *accumulate(len(p) for p in points)], dtype=np.int64)
+    return np.concatenate(points), offsets
 
 
 def _unpacked(evolution: _core.Evolution, degree: int) -> tuple[FreeForm, ...]:
     points, offsets = evolution.contours()
-    return tuple(FreeForm(points[a:b].copy(), degree) for a, b in pairwise(offsets))
+    if len(points) == 0:
+        return ()
+    checked = FreeForm(points, degree).control_points  # all of them at once
+    return tuple(FreeForm.trusted(checked[a:b], degree) for a, b in pairwise(offsets))
 
 
 def _stats(evolution: _core.Evolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]) -> Stats:

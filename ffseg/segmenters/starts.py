@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,9 +50,15 @@ def start_contours(
             raise SegmentationError(f"the start box [{x0:g}, {y0:g}, {x1:g}, {y1:g}] needs x0 < x1 and y0 < y1")
         _check_inside(((x0 + x1) / 2, (y0 + y1) / 2), shape, f"the start box [{x0:g}, {y0:g}, {x1:g}, {y1:g}]")
     patches = params.contour.patches
-    contours = [FreeForm.circle((x, y), radius, patches, degree) for x, y, radius in circles]
+    contours = [_circle(x, y, radius, patches, degree) for x, y, radius in circles]
     contours += [_box(box, params) for box in boxes]
     return tuple(contours)
+
+
+@lru_cache(maxsize=64)
+def _circle(x: float, y: float, radius: float, patches: int, degree: int) -> FreeForm:
+    """The circle most images of a batch begin with."""
+    return FreeForm.circle((x, y), radius, patches, degree)
 
 
 def _center(shape: tuple[int, int], params: Parameters, center: tuple[float, float] | None) -> tuple[float, float]:

@@ -1,8 +1,10 @@
 // Constant matrices of one Bezier degree: interpolation (Eq. 5, 6), derivatives at the samples, resampling.
 #pragma once
 #include <array>
+#include <cstring>
 #include <cstddef>
 
+#include "common/lanes.hpp"
 #include "common/vec.hpp"
 
 namespace ffseg {
@@ -19,8 +21,10 @@ struct Basis {
     std::array<Row, D + 1> slope{};                  // V' V^-1: derivatives at the samples
     std::array<std::array<Row, kSub>, D> between{};  // between[k][j]: the point at t = (k + j / kSub) / D
     std::array<std::array<Row, kSub>, D> between_slope{};
-    // The same as `between` with the positions side by side, single precision: to look whether a pixel is blocked.
-    std::array<std::array<std::array<float, kSub>, D + 1>, D> looks{};
+    // The same as `between` and `between_slope` with the positions side by side, and the way from each position to the
+    // next, in single precision: to look whether a pixel is blocked.
+    using Lanes = std::array<std::array<float, kSub>, D + 1>;
+    std::array<Lanes, D> looks{}, headings{}, strides{};
     std::array<Row, 2 * D + 1> halves{};             // the points at t = i / (2 D) (Alg. 2)
     std::array<Row, D + 1> calm{};                   // the samples of the least-squares curve of degree kCalmDegree
                                                      // with the same ends
@@ -31,10 +35,15 @@ struct Basis {
         for (int k = 0; k <= D; ++k) slope[k] = times_inverse(bernstein_slope(static_cast<double>(k) / D));
         for (int k = 0; k < D; ++k) {
             for (int j = 0; j < kSub; ++j) {
-                const double t = (k + static_cast<double>(j) / kSub) / D;
+                const double t = (k + static_cast<double>(j) / kSub) / D, next = t + 1.0 / (kSub * D);
+                const Row ahead = times_inverse(bernstein(next));
                 between[k][j] = times_inverse(bernstein(t));
                 between_slope[k][j] = times_inverse(bernstein_slope(t));
-                for (int i = 0; i <= D; ++i) looks[k][i][j] = static_cast<float>(between[k][j][i]);
+                for (int i = 0; i <= D; ++i) {
+                    looks[k][i][j] = static_cast<float>(between[k][j][i]);
+                    headings[k][i][j] = static_cast<float>(between_slope[k][j][i]);
+                    strides[k][i][j] = static_cast<float>(ahead[i] - between[k][j][i]);
+                }
             }
         }
         fit_calm();
@@ -151,5 +160,24 @@ inline Vec2 apply(const std::array<double, D + 1>& row, const std::array<Vec2, D
     }
     return sum;
 }
+
+// All positions of one interval side by side: such weights applied to the samples of a patch.
+template <int D>
+struct Places {
+    static constexpr int kFours = Basis<D>::kSub / 4;
+    std::array<Float4, kFours> x{}, y{};
+
+    FFSEG_INLINE Places(const typename Basis<D>::Lanes& weights, const std::array<Vec2, D + 1>& points) {
+        for (int i = 0; i <= D; ++i) {
+            const auto px = static_cast<float>(points[i].x), py = static_cast<float>(points[i].y);
+            for (int q = 0; q < kFours; ++q) {
+                Float4 weight;
+                std::memcpy(&weight, &weights[i][4 * q], sizeof weight);
+                x[q] = x[q] + weight * px;
+                y[q] = y[q] + weight * py;
+            }
+        }
+    }
+};
 
 }  // namespace ffseg

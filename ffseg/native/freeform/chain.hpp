@@ -116,6 +116,7 @@ private:
     bool meets_edge(int i) const { return first_hit<true>(i) >= 0; }  // of a curve just made
     bool put_back(int i, int k);
     bool uncovered(int i) const;
+    bool open_ahead(const Points& points, int k) const;
 
     // refine.hpp
     void refine();

@@ -232,6 +232,7 @@ template <int D>
 ContourSet Chain<D>::contours() const {
     ContourSet out;
     for (const Samples& samples : settled_.empty() ? sampled() : settled_) {
+        out.points.reserve(out.points.size() + samples.size());
         for (std::size_t first = 0; first < samples.size(); first += D) {
             const Points points = patch_of<D>(samples, first);
             out.points.push_back(points[0]);

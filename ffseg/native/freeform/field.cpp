@@ -41,13 +41,20 @@ void distance_line(const std::vector<double>& f, std::vector<double>& out, std::
 // Pixels looked at together.
 constexpr int kRun = 64;
 
+// Eight pixels, a byte each, as one number.
+using Eight = std::uint64_t;
+constexpr int kEight = 8;
+constexpr Eight kOnes = 0x0101010101010101;
+
+FFSEG_INLINE Eight eight(const std::uint8_t* bytes) {
+    Eight read = 0;
+    std::memcpy(&read, bytes, sizeof read);
+    return read;
+}
+
 bool any_set(const std::uint8_t* bytes) {  // kRun of them
-    std::uint64_t any = 0;
-    for (int at = 0; at < kRun; at += 8) {
-        std::uint64_t word = 0;
-        std::memcpy(&word, bytes + at, sizeof word);
-        any |= word;
-    }
+    Eight any = 0;
+    for (int at = 0; at < kRun; at += kEight) any |= eight(bytes + at);
     return any != 0;
 }
 
@@ -56,13 +63,14 @@ bool any_set(const std::uint8_t* bytes) {  // kRun of them
 // 4-connected chain.
 FFSEG_CLONES
 void mark_run(const std::uint8_t* up, const std::uint8_t* mid, const std::uint8_t* down, std::uint8_t* __restrict cells) {
-    using Byte = std::uint8_t;
-    for (int x = 0; x < kRun; ++x) {
-        const Byte above = up[x - 1] | up[x] | up[x + 1], here = mid[x - 1] | mid[x] | mid[x + 1];
-        const Byte below = down[x - 1] | down[x] | down[x + 1];
-        const Byte left = mid[x - 1] & static_cast<Byte>(up[x - 1] ^ 1), right = mid[x + 1] & static_cast<Byte>(up[x + 1] ^ 1);
-        const Byte solid = mid[x] | static_cast<Byte>(up[x] & static_cast<Byte>(left | right));
-        cells[x] = static_cast<Byte>(above | here | below | static_cast<Byte>(solid + solid));
+    for (int x = 0; x < kRun; x += kEight) {
+        const Eight above = eight(up + x), here = eight(mid + x), below = eight(down + x);
+        const Eight up_left = eight(up + x - 1), up_right = eight(up + x + 1);
+        const Eight left = eight(mid + x - 1), right = eight(mid + x + 1);
+        const Eight solid = here | (above & ((left & (up_left ^ kOnes)) | (right & (up_right ^ kOnes))));
+        const Eight near = above | up_left | up_right | here | left | right | below | eight(down + x - 1) | eight(down + x + 1);
+        const Eight marked = near | (solid + solid);
+        std::memcpy(cells + x, &marked, sizeof marked);
     }
 }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/lanes.hpp"
 #include "common/vec.hpp"
 
 namespace ffseg {
@@ -38,18 +39,26 @@ public:
     }
     // Beyond the image everything is outside the domain: a curve through samples inside it may bulge out.
     bool blocked(Vec2 p) const { return at(p) != 0; }
-    // All that the pixels nearest to some points hold, where points beyond the image belong to its border.
-    template <int kCount>
-    FFSEG_INLINE unsigned look(const float* x, const float* y) const {
-        const auto right = static_cast<float>(width_), bottom = static_cast<float>(height_);
-        std::array<int, kCount> column, row;
-        for (int j = 0; j < kCount; ++j) {
-            column[j] = static_cast<int>(std::min(right, std::max(1.0f, x[j] + 1.5f)));
-            row[j] = static_cast<int>(std::min(bottom, std::max(1.0f, y[j] + 1.5f)));
+    unsigned look(Vec2 p) const { return at(p); }
+    // Where the pixels nearest to four points are kept, to be looked up; points beyond the image belong to its border.
+    FFSEG_INLINE std::array<std::size_t, 4> cells(Float4 x, Float4 y) const {
+        const Float4 first = all(1.0f);
+        const Int4 column = truncated(smaller(larger(x + 1.5f, first), all(static_cast<float>(width_))));
+        const Int4 row = truncated(smaller(larger(y + 1.5f, first), all(static_cast<float>(height_))));
+        std::array<std::size_t, 4> found;
+        for (int j = 0; j < 4; ++j) {
+            found[j] = static_cast<std::size_t>(row[j]) * stride_ + static_cast<std::size_t>(column[j]);
         }
+        return found;
+    }
+    bool blocked(std::size_t cell) const { return blocked_[cell] != 0; }
+    // All that the pixels nearest to some points hold.
+    template <std::size_t kFours>
+    FFSEG_INLINE unsigned look(const std::array<Float4, kFours>& x, const std::array<Float4, kFours>& y) const {
         unsigned seen = 0;
-        for (int j = 0; j < kCount; ++j) {
-            seen |= blocked_[static_cast<std::size_t>(row[j]) * stride_ + static_cast<std::size_t>(column[j])];
+        for (std::size_t q = 0; q < kFours; ++q) {
+            const auto found = cells(x[q], y[q]);
+            for (int j = 0; j < 4; ++j) seen |= blocked_[found[j]];
         }
         return seen;
     }

@@ -72,6 +72,14 @@ void Chain<D>::move() {
     }
 }
 
+// The square of the longest of some steps.
+template <int D>
+float widest2(const Places<D>& step) {
+    Float4 most = all(0.0f);
+    for (int q = 0; q < Places<D>::kFours; ++q) most = larger(most, step.x[q] * step.x[q] + step.y[q] * step.y[q]);
+    return std::max(std::max(most[0], most[1]), std::max(most[2], most[3]));
+}
+
 // Does the curve between samples k and k + 1 meet an edge? Edges are 4-connected chains of pixels, at least 0.7 pixels
 // thick; with the band round them they are three pixels thick, so that none hides between two places off the band that
 // lie nearer to each other. The places looked at lie about evenly, but for a curve just made, which may swing about.
@@ -79,41 +87,25 @@ template <int D>
 template <bool kMaySwing>
 bool Chain<D>::interval_hits(const Points& points, int k) const {
     constexpr int kSub = Basis<D>::kSub;
-    const double chord = norm(points[k + 1] - points[k]);
+    const double chord2 = norm2(points[k + 1] - points[k]), part = (kMaySwing ? kSwing : 1.0) * kBulge;
     const double free = field_.free_reach(points[k]) + field_.free_reach(points[k + 1]);
-    if (free > 0 && free >= (kMaySwing ? kSwing : 1.0) * kBulge * chord) return false;
-    const auto& weights = kBasis<D>.looks[k];
-    std::array<float, kSub + 1> x{}, y{};
-    for (int i = 0; i <= D; ++i) {
-        const auto px = static_cast<float>(points[i].x), py = static_cast<float>(points[i].y);
-        for (int j = 0; j < kSub; ++j) {
-            x[j] += weights[i][j] * px;
-            y[j] += weights[i][j] * py;
-        }
-    }
-    x[kSub] = static_cast<float>(points[k + 1].x);
-    y[kSub] = static_cast<float>(points[k + 1].y);
-    const unsigned seen = field_.look<kSub>(x.data(), y.data()) | field_.look<1>(&x[kSub], &y[kSub]);
+    if (free > 0 && free * free >= part * part * chord2) return false;
+    const Places<D> at(kBasis<D>.looks[k], points);
+    const unsigned seen = field_.look(at.x, at.y) | field_.look(points[k + 1]);
     if (Field::is_solid(seen)) return true;
-    float gap = static_cast<float>(chord) / kSub;  // between two places looked at
-    if constexpr (kMaySwing) {
-        float widest = 0.0f;
-        for (int j = 0; j < kSub; ++j) {
-            const float dx = x[j + 1] - x[j], dy = y[j + 1] - y[j];
-            widest = std::max(widest, dx * dx + dy * dy);
-        }
-        gap = std::sqrt(widest);
-    }
-    if (gap <= (seen == 0 ? kLookAfar : kLookEvery)) return false;
-    const int pieces = 1 + static_cast<int>(gap / kLookEvery);
-    for (int piece = 1; piece < pieces; ++piece) {  // straight, between the points looked at
+    float gap2 = static_cast<float>(chord2) / (kSub * kSub);  // between two places looked at, squared
+    if constexpr (kMaySwing) gap2 = widest2(Places<D>(kBasis<D>.strides[k], points));
+    if (gap2 <= (seen == 0 ? kLookAfar * kLookAfar : kLookEvery * kLookEvery)) return false;
+    const Places<D> stride(kBasis<D>.strides[k], points);
+    const int pieces = 1 + static_cast<int>(std::sqrt(gap2) / kLookEvery);
+    for (int piece = 1; piece < pieces; ++piece) {  // straight, between the places looked at
         const float u = static_cast<float>(piece) / static_cast<float>(pieces);
-        std::array<float, kSub> across, down;
-        for (int j = 0; j < kSub; ++j) {
-            across[j] = x[j] + u * (x[j + 1] - x[j]);
-            down[j] = y[j] + u * (y[j + 1] - y[j]);
+        auto x = at.x, y = at.y;
+        for (int q = 0; q < Places<D>::kFours; ++q) {
+            x[q] = x[q] + stride.x[q] * u;
+            y[q] = y[q] + stride.y[q] * u;
         }
-        if (Field::is_solid(field_.look<kSub>(across.data(), down.data()))) return true;
+        if (Field::is_solid(field_.look(x, y))) return true;
     }
     return false;
 }
@@ -189,23 +181,43 @@ void Chain<D>::guard() {
 // Could the curve of a resting patch still advance between its samples?
 template <int D>
 bool Chain<D>::uncovered(int i) const {
-    constexpr int kSub = Basis<D>::kSub;
     const Points points = pool_.samples(i);
     for (int k = 0; k < D; ++k) {
-        const double chord = norm(points[k + 1] - points[k]);
-        if (chord < 2 * kMinSpacing) continue;
-        const int stride = chord <= 3.0 ? 4 : chord <= 6.0 ? 2 : 1;
-        for (int j = stride; j < kSub; j += stride) {
-            const Vec2 tangent = apply<D>(kBasis<D>.between_slope[k][j], points);
-            const double size = norm(tangent);
-            if (size == 0) continue;
-            const Vec2 p = field_.clamp(apply<D>(kBasis<D>.between[k][j], points));
-            if (field_.blocked(p)) continue;
-            const Vec2 normal{tangent.y / size, -tangent.x / size};
-            if (reach(p, normal, kUncovered, field_.free_reach(p)) >= kUncovered) return true;
-        }
+        if (open_ahead(points, k)) return true;
     }
     return false;
+}
+
+// Is there room ahead of a place between samples k and k + 1? Several places are looked at side by side, a step farther
+// along their normals as long as one of them is free.
+template <int D>
+bool Chain<D>::open_ahead(const Points& points, int k) const {
+    constexpr int kSub = Basis<D>::kSub, kSteps = static_cast<int>(kUncovered / kMarchStep);
+    const double chord = norm(points[k + 1] - points[k]);
+    if (chord < 2 * kMinSpacing) return false;
+    const int apart = chord <= 3.0 ? 4 : chord <= 6.0 ? 2 : 1;
+    Places<D> at(kBasis<D>.looks[k], points), along(kBasis<D>.headings[k], points);
+    std::array<bool, kSub> free{};
+    for (int j = apart; j < kSub; j += apart) {
+        const float dx = along.x[j / 4][j % 4], dy = along.y[j / 4][j % 4], size = std::sqrt(dx * dx + dy * dy);
+        free[j] = size > 0;
+        along.x[j / 4][j % 4] = free[j] ? dx * static_cast<float>(kMarchStep) / size : 0.0f;
+        along.y[j / 4][j % 4] = free[j] ? dy * static_cast<float>(kMarchStep) / size : 0.0f;
+    }
+    bool any = true;
+    for (int step = 0; step <= kSteps && any; ++step) {
+        any = false;
+        for (int q = 0; q < Places<D>::kFours; ++q) {
+            const auto cells = field_.cells(at.x[q], at.y[q]);
+            for (int j = 0; j < 4; ++j) {
+                free[4 * q + j] &= !field_.blocked(cells[j]);
+                any |= free[4 * q + j];
+            }
+            at.x[q] = at.x[q] + along.y[q];
+            at.y[q] = at.y[q] - along.x[q];
+        }
+    }
+    return any;
 }
 
 }  // namespace ffseg

@@ -1,6 +1,7 @@
 // The attraction to edges: a stopped contour settles on the ridge of the gradient, along its normals.
 #pragma once
 #include <algorithm>
+#include <numeric>
 #include <vector>
 
 #include "freeform/along.hpp"
@@ -40,7 +41,8 @@ using Samples = std::vector<Vec2>;
 template <int D>
 std::array<Vec2, D + 1> patch_of(const Samples& component, std::size_t first) {
     std::array<Vec2, D + 1> points;
-    for (std::size_t k = 0; k <= D; ++k) points[k] = component[(first + k) % component.size()];
+    for (std::size_t k = 0; k < D; ++k) points[k] = component[first + k];
+    points[D] = component[first + D < component.size() ? first + D : 0];
     return points;
 }
 
@@ -52,9 +54,8 @@ public:
     // Returns the settled samples; with `refine` they are laid out anew, evenly, and closer where the ridge bends.
     Samples run(Samples samples, bool refine, double spacing, int& splits) {
         at_ = std::move(samples);
-        fresh_.assign(at_.size(), 1);
         if (refine) lay_out(std::min(spacing, kSettledSpacing));
-        fresh_.assign(at_.size(), 1);
+        take_all();
         project(kRidgeAhead, -kRidgeBack, reach_);
         for (int round = 0; refine && round < kRidgeRounds; ++round) {
             const int split = split_missed();
@@ -62,57 +63,68 @@ public:
             if (split == 0) break;
             project(0.0, -0.5 * reach_, 0.5 * reach_);
         }
-        fresh_.assign(at_.size(), 1);
+        take_all();
         project(0.0, -1.0, 1.0);
         if (D > 2) calm();
         return std::move(at_);
     }
 
 private:
+    std::size_t before(std::size_t i) const { return (i > 0 ? i : at_.size()) - 1; }
+    std::size_t after(std::size_t i) const { return i + 1 < at_.size() ? i + 1 : 0; }
+
+    void take_all() {
+        fresh_.resize(at_.size());
+        std::iota(fresh_.begin(), fresh_.end(), std::size_t{0});
+    }
+
     // Moves the fresh samples to the ridge found uphill from `expected`, else to the nearest in [from, to].
     void project(double expected, double from, double to) {
-        const std::size_t n = at_.size();
-        normal_.resize(n);
-        offset_.assign(n, 0.0);
+        offset_.assign(at_.size(), 0.0);
+        normal_.resize(at_.size());
         measure();
-        for (std::size_t i = 0; i < n; ++i) {
-            if (!fresh_[i]) continue;
+        for (const std::size_t i : fresh_) {
             normal_[i] = normal_across(i);
+            ridge_.announce(at_[i] + expected * normal_[i]);
+        }
+        for (const std::size_t i : fresh_) {
             offset_[i] = ridge_.climb(at_[i], normal_[i], expected, from, to);
             if (std::isnan(offset_[i])) offset_[i] = ridge_.offset(at_[i], normal_[i], from, to, expected);
         }
         agree();
-        for (std::size_t i = 0; i < n; ++i) {
+        for (const std::size_t i : fresh_) {
             if (std::isnan(offset_[i])) offset_[i] = to_limit(i);
         }
         unfold();
-        for (std::size_t i = 0; i < n; ++i) {
-            if (fresh_[i]) at_[i] = field_.clamp(at_[i] + offset_[i] * normal_[i]);
-        }
+        for (const std::size_t i : fresh_) at_[i] = field_.clamp(at_[i] + offset_[i] * normal_[i]);
     }
 
-    // The directions of the chords from one sample to the next, and which are long enough to take a normal across.
+    // The chords that begin or end at a fresh sample: their directions, and which are long enough to take a normal across.
     void measure() {
-        const std::size_t n = at_.size();
-        along_.resize(n);
-        far_.resize(n);
-        for (std::size_t i = 0; i < n; ++i) along_[i] = at_[i + 1 < n ? i + 1 : 0] - at_[i];
-        for (std::size_t i = 0; i < n; ++i) {
-            far_[i] = norm2(along_[i]) >= kNormalReach * kNormalReach;
-            along_[i] = unit(along_[i]);
+        chords_.clear();
+        for (const std::size_t i : fresh_) {
+            if (chords_.empty() || chords_.back() != before(i)) chords_.push_back(before(i));
+            chords_.push_back(i);
+        }
+        if (chords_.size() > 1 && chords_.front() == chords_.back()) chords_.erase(chords_.begin());
+        along_.resize(at_.size());
+        far_.resize(at_.size());
+        for (const std::size_t i : chords_) {
+            const Vec2 chord = at_[after(i)] - at_[i];
+            far_[i] = norm2(chord) >= kNormalReach * kNormalReach;
+            along_[i] = unit(chord);
         }
     }
 
     Vec2 normal_across(std::size_t i) const {
-        const std::size_t n = at_.size();
-        std::size_t back = i > 0 ? i - 1 : n - 1, ahead = i + 1 < n ? i + 1 : 0;
+        std::size_t back = before(i), ahead = after(i);
         Vec2 tangent;
         if ((far_[back] & far_[i]) != 0) {
             tangent = unit(along_[back] + along_[i]);
         } else {
             constexpr double kFar = kNormalReach * kNormalReach;
-            for (int tries = 0; tries < 4 && norm2(at_[i] - at_[back]) < kFar; ++tries) back = (back + n - 1) % n;
-            for (int tries = 0; tries < 4 && norm2(at_[ahead] - at_[i]) < kFar; ++tries) ahead = (ahead + 1) % n;
+            for (int tries = 0; tries < 4 && norm2(at_[i] - at_[back]) < kFar; ++tries) back = before(back);
+            for (int tries = 0; tries < 4 && norm2(at_[ahead] - at_[i]) < kFar; ++tries) ahead = after(ahead);
             tangent = unit(unit(at_[i] - at_[back]) + unit(at_[ahead] - at_[i]));
         }
         return {tangent.y, -tangent.x};
@@ -121,21 +133,20 @@ private:
     // Gaps take the median of what their neighbours found; so do lone departures.
     void agree() {
         const std::size_t n = at_.size();
-        const std::vector<double> found = offset_;
-        for (std::size_t i = 0; i < n; ++i) {
-            if (!fresh_[i]) continue;
-            const double here = found[i], step = 0.5 * kRidgeOutlier;
-            if (std::abs(here - found[(i + n - 1) % n]) < step && std::abs(here - found[(i + 1) % n]) < step) continue;
+        found_ = offset_;
+        for (const std::size_t i : fresh_) {
+            const double here = found_[i], step = 0.5 * kRidgeOutlier;
+            if (std::abs(here - found_[before(i)]) < step && std::abs(here - found_[after(i)]) < step) continue;
             std::array<double, 5> near{};
             std::size_t count = 0;
             for (std::size_t shift = 0; shift < 5; ++shift) {
-                const double value = found[(i + 2 * n - 2 + shift) % n];
+                const double value = found_[(i + 2 * n - 2 + shift) % n];
                 if (!std::isnan(value)) near[count++] = value;
             }
             if (count < 3) continue;
             std::sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count));
             const double median = 0.5 * (near[(count - 1) / 2] + near[count / 2]);
-            if (std::isnan(offset_[i]) || std::abs(offset_[i] - median) > kRidgeOutlier) offset_[i] = median;
+            if (std::isnan(here) || std::abs(here - median) > kRidgeOutlier) offset_[i] = median;
         }
     }
 
@@ -150,14 +161,13 @@ private:
 
     // Where the displacements would turn a stretch round, both ends stay nearer to where they were.
     void unfold() {
-        const std::size_t n = at_.size();
         for (int round = 0; round < 4; ++round) {
             bool any = false;
-            for (std::size_t i = 0; i < n; ++i) {
-                const std::size_t j = (i + 1) % n;
-                const Vec2 before = at_[j] - at_[i];
-                const Vec2 after = before + offset_[j] * normal_[j] - offset_[i] * normal_[i];
-                if (dot(before, after) > 0.1 * norm2(before) || (offset_[i] == 0 && offset_[j] == 0)) continue;
+            for (const std::size_t i : chords_) {
+                const std::size_t j = after(i);
+                const Vec2 chord = at_[j] - at_[i];
+                const Vec2 moved = chord + offset_[j] * normal_[j] - offset_[i] * normal_[i];
+                if (dot(chord, moved) > 0.1 * norm2(chord) || (offset_[i] == 0 && offset_[j] == 0)) continue;
                 offset_[i] *= 0.5;
                 offset_[j] *= 0.5;
                 any = true;
@@ -196,21 +206,28 @@ private:
 
     // Splits (Algorithm 2) the fresh patches whose curve leaves the ridge between samples; what they become is fresh.
     int split_missed() {
+        std::vector<std::size_t> missed;
+        for (std::size_t at = 0; at < fresh_.size(); at += D) {
+            if (misses(patch_of<D>(at_, fresh_[at]))) missed.push_back(fresh_[at]);
+        }
+        fresh_.clear();
+        if (missed.empty()) return 0;
         Samples finer;
-        std::vector<std::uint8_t> fresh;
-        int splits = 0;
-        for (std::size_t first = 0; first < at_.size(); first += D) {
+        finer.reserve(at_.size() + missed.size() * D);
+        auto kept = at_.cbegin();
+        for (const std::size_t first : missed) {
+            const auto here = at_.cbegin() + static_cast<std::ptrdiff_t>(first);
+            finer.insert(finer.end(), kept, here);
+            kept = here + D;
             const auto points = patch_of<D>(at_, first);
-            const bool split = fresh_[first] != 0 && misses(points);
-            splits += split;
-            for (std::size_t k = 0; k < (split ? 2 * D : D); ++k) {
-                finer.push_back(split ? apply<D>(kBasis<D>.halves[k], points) : points[k]);
-                fresh.push_back(split);
+            for (std::size_t k = 0; k < 2 * D; ++k) {
+                fresh_.push_back(finer.size());
+                finer.push_back(apply<D>(kBasis<D>.halves[k], points));
             }
         }
+        finer.insert(finer.end(), kept, at_.cend());
         at_ = std::move(finer);
-        fresh_ = std::move(fresh);
-        return splits;
+        return static_cast<int>(missed.size());
     }
 
     // Patches whose control polygon crosses itself may loop, those whose polygon is much longer than that of the samples
@@ -259,8 +276,9 @@ private:
     double reach_;
     Samples at_, normal_, along_;
     std::vector<std::uint8_t> far_;
-    std::vector<double> offset_;
-    std::vector<std::uint8_t> fresh_;  // 1 for samples that have not been moved to the ridge yet
+    std::vector<double> offset_, found_;
+    std::vector<std::size_t> fresh_;   // the samples that have not been moved to the ridge yet, all of some patches
+    std::vector<std::size_t> chords_;  // the samples before the chords that move
 };
 
 }  // namespace ffseg
