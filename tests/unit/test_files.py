@@ -83,11 +83,8 @@ def test_files_of_a_group_get_their_names_only_when_all_are_on_the_disk(
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {name: name.encode() for name in names}
 
 
-def test_group_is_written_without_threads_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def start(*_: object) -> None:
-        raise RuntimeError("can't start new thread")
-
-    monkeypatch.setattr(files, "start_new_thread", start)
+def test_group_is_written_where_the_system_takes_no_hint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "posix_fadvise", _failing("posix_fadvise", errno.EINVAL))
     write_all_atomic([(str(tmp_path / name), name.encode()) for name in "abc"])
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {name: name.encode() for name in "abc"}
 
