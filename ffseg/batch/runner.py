@@ -146,13 +146,13 @@ class Run:
     ) -> None:
         self._held.close()
 
-    def execute(self, first: Process | None = None) -> Summary:
+    def execute(self, started: Sequence[Process] = ()) -> Summary:
         """Do the plan.
 
         Parameters
         ----------
-        first : Process, optional
-            A worker process that has been started already.
+        started : sequence of Process
+            Worker processes that have been started already.
 
         Raises
         ------
@@ -177,7 +177,7 @@ class Run:
         names = [job.source.name for job in self._plan.jobs]
         self._journal = Journal(self._plan.out, header, names, keep=not self._options.overwrite)
         self._held.callback(self._journal.close)
-        self._work(first)
+        self._work(started)
         self.summary.seconds = perf_counter() - begin
         self._write_tables()
         if self._options.report:
@@ -219,8 +219,8 @@ class Run:
                 with contextlib.suppress(OSError):
                     os.unlink(path)
 
-    def _work(self, first: Process | None) -> None:
-        pool = Pool(self._setup, self._options.num_workers, self._options.timeout, first)
+    def _work(self, started: Sequence[Process]) -> None:
+        pool = Pool(self._setup, self._options.num_workers, self._options.timeout, started)
         jobs = iter(self._plan.jobs)
         try:
             pool.watch(self._stop.descriptor)

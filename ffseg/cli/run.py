@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ffseg.batch.workers.launch import take
+from ffseg.batch.workers.launch import Process, launch, take
 from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, starts_file
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ffseg.batch.jobs import Plan
     from ffseg.batch.views import Views
 
@@ -68,7 +70,7 @@ def run(  # noqa: PLR0913 - the options of the command
     A second run into the same folder does only what is missing or stale. Exit code: 0 every image done; 2 nothing was
     run; 3 at least one image failed, the others are written.
     """
-    first = take()  # it loads OpenCV while this process loads itself, reads parameters and plans
+    early = early_workers(inputs, jobs or cores())
     from ffseg.batch.jobs import make_plan, with_previous, with_starts
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
@@ -78,7 +80,8 @@ def run(  # noqa: PLR0913 - the options of the command
     from ffseg.parameters import load_params
 
     with contextlib.ExitStack() as cleanup:
-        cleanup.callback(first.end)
+        for process in early:
+            cleanup.callback(process.end)
         interruption = cleanup.enter_context(Interruption())
         params = load_params(config, settings)
         if animate and find_spec("PIL") is None:
@@ -98,7 +101,7 @@ def run(  # noqa: PLR0913 - the options of the command
         options = Options(jobs or cores(), timeout, overwrite, report)
         work = cleanup.enter_context(Run(plan, setup, options, interruption, progress))
         interruption.defer()
-        summary = work.execute(first)
+        summary = work.execute(early)
         progress.close()
         if as_json or not quiet:
             show_result(work, plan.out, as_json=as_json)
@@ -128,6 +131,12 @@ def read_views(camera: Path | None, poses: Path | None, pairs: Path | None, plan
     return load_views(
         os.fspath(camera), os.fspath(poses) if poses else None, os.fspath(pairs) if pairs else None, names
     )
+
+
+def early_workers(inputs: Sequence[str], jobs: int) -> list[Process]:
+    """Workers that load OpenCV while this process loads the rest, reads parameters and plans; two if there may be work."""
+    several = jobs > 1 and (len(inputs) > 1 or os.path.isdir(inputs[0]))
+    return [take(), launch()] if several else [take()]
 
 
 def cores() -> int:

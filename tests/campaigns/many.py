@@ -13,6 +13,9 @@ from pathlib import Path
 
 import harness
 
+LONG = 5000
+"""Images from which on a run lasts long enough to be looked at four times a second."""
+
 
 @dataclass
 class Figures:
@@ -43,15 +46,17 @@ def campaign(work: Path, images: int, jobs: int, first: int = 500) -> Figures:
     process = harness.start("run", source, "--out", out, "--jobs", str(jobs), "--set", harness.CONFIG, "-q")
     early: list[float] = []
     late: list[float] = []
+    pause = 0.02 if images < LONG else 0.25
     journal = out / ".ffseg" / "journal.jsonl"
     while process.poll() is None:
-        time.sleep(0.25)
+        time.sleep(pause)
         size = journal.stat().st_size if journal.exists() else 0
         done = size / 800  # a line has about 800 bytes: this only tells early from late
         memory = harness.resident_mb([process.pid, *harness.children(process.pid)])
-        (late if done > first else early).append(memory)
+        if done > first / 2:  # every worker has loaded what it needs
+            (late if done > first else early).append(memory)
     code = process.returncode
-    at_first = max(early[-3:] or late[:1])
+    at_first = max(early or late[:1])
     return Figures(images, time.monotonic() - begin, at_first, max(late[:-2] or [0.0]), code)
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from ffseg.errors import OutputError
-from ffseg.formats import files
 from ffseg.formats.files import printable, write_all_atomic, write_bytes_atomic
 
 CALLS = ("open", "write", "fsync", "close", "replace")

@@ -7,7 +7,7 @@ import os
 import select
 import signal
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from time import monotonic
 from typing import Any
@@ -71,11 +71,11 @@ class Pool:
     num_workers : int
     timeout : float
         Seconds an image may take; 0 for no limit.
-    first : Process, optional
-        One that was started before.
+    started : sequence of Process
+        Those that were started before.
     """
 
-    def __init__(self, setup: Setup, num_workers: int, timeout: float = 0.0, first: Process | None = None) -> None:
+    def __init__(self, setup: Setup, num_workers: int, timeout: float = 0.0, started: Sequence[Process] = ()) -> None:
         self._setup = setup
         self._num_workers = num_workers
         self._timeout = timeout
@@ -84,8 +84,8 @@ class Pool:
         self._poll = select.poll()
         self._stillborn = 0  # workers in a row that died before they were ready
         self.versions: dict[str, str] = {}
-        if first is not None:
-            self._adopt(first)
+        for process in started:
+            self._adopt(process)
 
     @property
     def room(self) -> int:
