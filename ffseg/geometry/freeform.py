@@ -299,14 +299,13 @@ _TINY = 1e-300
 _POWER_NOISE = 1e-14
 """Coefficients below this are rounding of values scaled to 1; a leading one would send roots to infinity."""
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
-_LENGTH_HALVINGS = 4
+_GAUSS_NODES, _LENGTH_HALVINGS = 16, 4
 """16 Gauss nodes on 16 pieces of a patch: 1e-9 relative on speeds that do not come near zero."""
 
 
 def _arc_lengths(patches: Points) -> NDArray[np.float64]:
-    pieces = 2**_LENGTH_HALVINGS
-    t = ((np.arange(pieces)[:, None] + (_NODES + 1.0) / 2.0) / pieces).ravel()
+    pieces, (nodes, weights) = 2**_LENGTH_HALVINGS, np.polynomial.legendre.leggauss(_GAUSS_NODES)
+    t = ((np.arange(pieces)[:, None] + (nodes + 1.0) / 2.0) / pieces).ravel()
     speed = bezier.evaluate(bezier.derivative(patches)[:, None], t)
-    lengths: NDArray[np.float64] = np.hypot(speed[..., 0], speed[..., 1]) @ np.tile(_WEIGHTS, pieces) / (2.0 * pieces)
+    lengths: NDArray[np.float64] = np.hypot(speed[..., 0], speed[..., 1]) @ np.tile(weights, pieces) / (2.0 * pieces)
     return lengths

@@ -86,6 +86,12 @@ def test_worker_keeps_the_memory_of_one_image_for_the_next(image: Path) -> None:
     assert work(image)["faults"] < 40  # given back, the buffers of 800x600 pixels are 440 pages
 
 
+def test_what_is_loaded_before_the_first_worker_starts_is_light() -> None:
+    code = "import sys, ffseg.batch.workers.launch as it; it.launch().end(); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert {"numpy", "cv2", "yaml", "typer"}.isdisjoint(done.stdout.split())
+
+
 def test_this_process_is_not_copied() -> None:
     assert not launching.can_fork()  # it has NumPy
 

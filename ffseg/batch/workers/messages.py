@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ffseg.batch.workers.outputs import MASKS_AND_CONTOURS, Wanted
-from ffseg.formats.starts import Start
 from ffseg.parameters import Parameters
 
 if TYPE_CHECKING:
     from ffseg.batch.views import Views
+    from ffseg.formats.starts import Start
 
 _LENGTH_BYTES = 8
 
