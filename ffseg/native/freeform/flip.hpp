@@ -57,7 +57,8 @@ bool Chain<D>::polygons_cross(int i, int j) const {
     return false;
 }
 
-// Flips i and j if they cross, or says so when this iteration has had its share; pairs at rest and (in later rounds) pairs not touched by a flip cannot have changed.
+// Flips i and j if they cross, or says so when this iteration has had its share; pairs at rest and (in later rounds) pairs
+// not touched by a flip cannot have changed.
 template <int D>
 bool Chain<D>::try_pair(int i, int j, bool only_touched) {
     const Patch<D>&a = pool_[i], &b = pool_[j];

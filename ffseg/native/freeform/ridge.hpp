@@ -70,7 +70,7 @@ public:
 
     // The same, uphill from `from`: the ridge on whose slope a point stands, if it lies within [least, most].
     double climb(Vec2 p, Vec2 normal, double from, double least, double most) const {
-        const double reach = std::max(most, -least) + 2 * kRidgeStep;
+        const double reach = std::max({most, -least, std::abs(from)}) + 2 * kRidgeStep;
         const bool inside = p.x >= reach && p.y >= reach && p.x + reach < right_most_ && p.y + reach < lowest_;
         if (!inside) return climb(from, least, most, [&](double s) FFSEG_PART { return value(p + s * normal); });
         return climb(from, least, most, [&](double s) FFSEG_PART {
