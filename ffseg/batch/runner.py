@@ -52,6 +52,10 @@ JOB_REASONS = {
 """Reasons of a failed row beside those of ``ffseg.formats.images.REASONS``."""
 
 
+_TOGETHER_MS = 20
+"""Milliseconds a reply waits for those of other workers."""
+
+
 class Stop(Protocol):
     """Tells a run to end early.
 
@@ -220,8 +224,11 @@ class Run:
                     os.unlink(path)
 
     def _work(self, started: Sequence[Process]) -> None:
-        pool = Pool(self._setup, self._options.num_workers, self._options.timeout, started)
+        """Feed the workers and write what they reply, one reply of each together: the disk is waited for less often."""
+        workers = self._options.num_workers
+        pool = Pool(self._setup, workers, self._options.timeout, started)
         jobs = iter(self._plan.jobs)
+        held: list[Reply] = []
         try:
             pool.watch(self._stop.descriptor)
             while not self._stop.signal:
@@ -229,9 +236,13 @@ class Run:
                     self._offer(pool, job)
                 if pool.idle:
                     break
-                for reply in pool.replies():
-                    self._take(reply)
+                came = list(pool.replies(_TOGETHER_MS if held else None))
+                held += came
+                if len(held) >= workers or not came:
+                    together, held = held, []
+                    self._take(together)
         finally:
+            self._take(held)
             pool.close()
         self._versions = pool.versions
         self.summary.signal = self._stop.signal
@@ -239,7 +250,7 @@ class Run:
     def _offer(self, pool: Pool, job: Job) -> None:
         if job.source.problem:
             reason, message = job.source.problem.split(": ", 1)
-            self._take(Reply(job.index, "failed", reason=reason, message=message))
+            self._take([Reply(job.index, "failed", reason=reason, message=message)])
             return
         record = self._journal.get(job.index)
         known = None
@@ -249,36 +260,60 @@ class Run:
         files = (job.source.path, job.truth, self._plan.out, outputs)
         pool.put(Task(job.index, *files, known, job.source.name, job.previous, job.start))
 
-    def _take(self, reply: Reply) -> None:
-        job = self._plan.jobs[reply.index]
-        if reply.status == "same":
-            self._finished[reply.index] = 1
-            self.summary.same += 1
-            self._observer.finished(job, "same", "")
-            return
-        self._journal.forget(reply.index)
-        record = self._settled(job, reply)
+    def _take(self, replies: Sequence[Reply]) -> None:
+        """Write what replies bring and remember it: never more images at once than there are workers."""
+        most = self._options.num_workers
+        for first in range(0, len(replies), most):
+            self._settle(replies[first : first + most])
+
+    def _settle(self, replies: Sequence[Reply]) -> None:
+        for reply in replies:
+            if reply.status != "same":
+                self._journal.forget(reply.index)
+        begin = perf_counter()
+        done = [reply for reply in replies if reply.status == "ok"]
+        problems = self._written(done)
+        spent = (perf_counter() - begin) * 1e3 / max(1, len(done))
+        for reply in replies:
+            if reply.status == "same":
+                self._finished[reply.index] = 1
+                self.summary.same += 1
+                self._observer.finished(self._plan.jobs[reply.index], "same", "")
+            else:
+                self._remember(reply.index, self._record(reply, problems.get(reply.index, ""), spent))
+
+    def _written(self, replies: Sequence[Reply]) -> dict[int, str]:
+        """Write the outputs of images, all of them at once where that works; the problems of the others by index."""
+        files = {
+            reply.index: [(os.path.join(self._plan.out, path), data) for path, data, _ in reply.outputs] for reply in replies
+        }
         try:
-            self._journal.add(reply.index, record)
+            write_all_atomic([file for own in files.values() for file in own])
+        except OutputError as error:
+            if len(replies) == 1:
+                return {replies[0].index: str(error)}
+            return {index: text for reply in replies for index, text in self._written([reply]).items()}
+        return {}
+
+    def _remember(self, index: int, record: Record) -> None:
+        try:
+            self._journal.add(index, record)
         except OutputError as error:
             self._problem(str(error))
-        self._finished[reply.index] = 1
+        self._finished[index] = 1
         if record.status == "ok":
             self.summary.done += 1
         else:
             self.summary.failed += 1
-        self._observer.finished(job, record.status, record.row["error"])
+        self._observer.finished(self._plan.jobs[index], record.status, record.row["error"])
 
-    def _settled(self, job: Job, reply: Reply) -> Record:
-        """Write the outputs of an image and make its record."""
+    def _record(self, reply: Reply, problem: str, spent: float) -> Record:
+        """Record of an image whose outputs are written, unless there was a problem, in so many milliseconds."""
+        job = self._plan.jobs[reply.index]
         if reply.status == "failed":
             return self._failure(job, reply.reason, reply.message, reply.traceback)
-        begin = perf_counter()
-        try:
-            write_all_atomic([(os.path.join(self._plan.out, path), data) for path, data, _ in reply.outputs])
-        except OutputError as error:
-            return self._failure(job, "output", str(error))
-        spent = (perf_counter() - begin) * 1e3
+        if problem:
+            return self._failure(job, "output", problem)
         row = {"status": "ok", "error": "", **reply.row}
         row["write_ms"] += spent
         row["total_ms"] += spent

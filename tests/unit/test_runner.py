@@ -173,9 +173,10 @@ def test_stopped_run_writes_what_it_has_and_the_next_one_goes_on(images: Path, t
     assert snapshot(tmp_path / "out") == snapshot(tmp_path / "straight")
 
 
+@pytest.mark.parametrize("workers", [1, 4])
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
-def test_output_that_cannot_be_written_fails_its_image_and_names_the_path(
-    code: int, images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_output_that_cannot_be_written_fails_its_image_alone_and_names_the_path(
+    code: int, workers: int, images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = os.replace
 
@@ -186,7 +187,7 @@ def test_output_that_cannot_be_written_fails_its_image_and_names_the_path(
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "replace", fail)
-        summary = run_batch(images, tmp_path / "out")
+        summary = run_batch(images, tmp_path / "out", num_workers=workers)
     row = next(row for row in table(tmp_path / "out" / "timings.csv") if row["image"] == "s1/image4.png")
     assert (summary.done, summary.failed) == (11, 1)
     assert row["error"].startswith("output: ")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-import subprocess
 import sys
 from dataclasses import dataclass
 from typing import Protocol
@@ -102,6 +101,8 @@ def can_fork() -> bool:
 
 
 def _spawn(tasks: int, replies: int, log: int) -> Handle:
+    import subprocess
+
     # The same modules as here, wherever they come from, and nothing from the working directory that is not one of them.
     code = _START.format(path=sys.path, tasks=tasks, replies=replies, parent=os.getpid())
     return subprocess.Popen(  # noqa: S603 - our own interpreter with our own code

@@ -105,8 +105,13 @@ class Pool:
         """Let something else end the waiting in `replies` (a signal)."""
         self._poll.register(descriptor, select.POLLIN)
 
-    def replies(self) -> Iterator[Reply]:
+    def replies(self, most: int | None = None) -> Iterator[Reply]:
         """Wait until something happens and give the replies that came of it, often one, sometimes none.
+
+        Parameters
+        ----------
+        most : int, optional
+            Milliseconds after which nothing has happened.
 
         Raises
         ------
@@ -116,7 +121,7 @@ class Pool:
             If workers died before they were ready, several in a row: it is not chance.
         """
         self._hand_out()
-        events = self._poll.poll(self._patience())
+        events = self._poll.poll(self._patience(most))
         by_descriptor = {worker.process.replies: worker for worker in self._workers}
         for descriptor, _ in events:
             worker = by_descriptor.get(descriptor)
@@ -152,12 +157,13 @@ class Pool:
         self._poll.unregister(worker.process.replies)
         worker.process.end()
 
-    def _patience(self) -> int | None:
-        """Milliseconds until the first image is overdue; None when none can be."""
+    def _patience(self, most: int | None) -> int | None:
+        """Milliseconds until the first image is overdue, no more than `most`; None when none can be."""
         running = [worker.since for worker in self._workers if worker.ready and worker.queue]
         if not self._timeout or not running:
-            return None
-        return max(0, int((min(running) + self._timeout - monotonic()) * 1000) + 1)
+            return most
+        overdue = max(0, int((min(running) + self._timeout - monotonic()) * 1000) + 1)
+        return overdue if most is None else min(most, overdue)
 
     def _read(self, worker: Worker) -> Iterator[Reply]:
         piece = os.read(worker.process.replies, _PIECE)
