@@ -284,11 +284,10 @@ class Run:
 
     def _written(self, replies: Sequence[Reply]) -> dict[int, str]:
         """Write the outputs of images, all of them at once where that works; the problems of the others by index."""
-        files = {
-            reply.index: [(os.path.join(self._plan.out, path), data) for path, data, _ in reply.outputs] for reply in replies
-        }
         try:
-            write_all_atomic([file for own in files.values() for file in own])
+            write_all_atomic(
+                [(os.path.join(self._plan.out, path), data) for reply in replies for path, data, _ in reply.outputs]
+            )
         except OutputError as error:
             if len(replies) == 1:
                 return {replies[0].index: str(error)}

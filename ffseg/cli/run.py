@@ -70,7 +70,7 @@ def run(  # noqa: PLR0913 - the options of the command
     A second run into the same folder does only what is missing or stale. Exit code: 0 every image done; 2 nothing was
     run; 3 at least one image failed, the others are written.
     """
-    early = early_workers(inputs, jobs or cores())
+    early = [] if dry_run else early_workers(inputs, jobs or cores())
     from ffseg.batch.jobs import make_plan, with_previous, with_starts
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
