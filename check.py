@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parent
 SCRIPTS = Path(sys.executable).parent
 CHECKS = {
     "ruff": [sys.executable, "-m", "ruff", "check", "--output-format=concise"],
+    "format": [sys.executable, "-m", "ruff", "format", "--check"],
     "types": [sys.executable, "-m", "mypy"],
     "import floors": [str(SCRIPTS / "lint-imports"), "--no-logo"],
     "tests": [sys.executable, "-m", "pytest", "-n", "2", "-q"],

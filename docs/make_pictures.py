@@ -86,7 +86,9 @@ def write(name: str, data: bytes) -> None:
     print(f"{name}: {len(data) / 1000:.0f} kB")
 
 
-def with_settings(name: str, scene: str, cases: Mapping[str, Settings], crop: tuple[int, int, int, int] | None = None) -> None:
+def with_settings(
+    name: str, scene: str, cases: Mapping[str, Settings], crop: tuple[int, int, int, int] | None = None
+) -> None:
     """One sample under several settings, each with its IoU and its holes in the caption."""
     image, truth = sample(scene), SCENES[scene]().truth > 0
     panels = []
@@ -97,7 +99,9 @@ def with_settings(name: str, scene: str, cases: Mapping[str, Settings], crop: tu
         if crop is not None:
             x0, y0, x1, y1 = (8 * value for value in crop)
             panel = panel[y0:y1, x0:x1]
-        panels.append(captioned(np.ascontiguousarray(panel), f"{label}: IoU {iou(result.mask, truth):.4f}, {holes} holes"))
+        panels.append(
+            captioned(np.ascontiguousarray(panel), f"{label}: IoU {iou(result.mask, truth):.4f}, {holes} holes")
+        )
     side_by_side(name, panels)
 
 
@@ -110,7 +114,9 @@ def rooms() -> None:
     panels = []
     for width in (0, 30):
         settings = {"contour.clearance": width, "init.center": [105, 120], "init.radius": 30}
-        panels.append(captioned(drawn(image, ffseg.segment(image, ffseg.load_params(None, settings))), f"clearance: {width}"))
+        panels.append(
+            captioned(drawn(image, ffseg.segment(image, ffseg.load_params(None, settings))), f"clearance: {width}")
+        )
     side_by_side("clearance", panels)
 
 

@@ -151,7 +151,12 @@ class Chromium:
         codes = {"Enter": 13, "Escape": 27, "ArrowLeft": 37, "ArrowRight": 39, "ArrowDown": 40}
         code = codes.get(key, ord(key[0].upper()))
         for kind in ("keyDown", "keyUp"):
-            parameters = {"type": kind, "key": key, "windowsVirtualKeyCode": code, **(text if kind == "keyDown" else {})}
+            parameters = {
+                "type": kind,
+                "key": key,
+                "windowsVirtualKeyCode": code,
+                **(text if kind == "keyDown" else {}),
+            }
             self.call("Input.dispatchKeyEvent", parameters)
 
     def hover(self, x: float, y: float) -> None:

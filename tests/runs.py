@@ -60,12 +60,18 @@ def write_outputs(out: Path, stem: str, image: np.ndarray, result: ffseg.Segment
 
 def write_tables(out: Path, rows: Iterable[Sequence[object]], inputs: Sequence[Path]) -> None:
     (out / "timings.csv").write_bytes(csv_table(COLUMNS, rows))
-    params = {"method": "freeform", "contour": {"degree": 2, "balloon": 2.0}, "init": {"radius": 60.0, "center": "auto"}}
+    params = {
+        "method": "freeform",
+        "contour": {"degree": 2, "balloon": 2.0},
+        "init": {"radius": 60.0, "center": "auto"},
+    }
     run = {"ffseg": ffseg.__version__, "status": "finished", "seconds": 1.5, "parameters": params}
     (out / "run.json").write_text(json.dumps({**run, "inputs": [str(path) for path in inputs]}))
 
 
-def sample_run(out: Path, *, failures: Sequence[tuple[str, str]] = (), overlay: bool = True) -> list[ffseg.Segmentation]:
+def sample_run(
+    out: Path, *, failures: Sequence[tuple[str, str]] = (), overlay: bool = True
+) -> list[ffseg.Segmentation]:
     """A run over the project's samples with the default parameters, and rows that failed."""
     rows, results = [], []
     for index, name in enumerate(sorted(SCENES)):

@@ -144,7 +144,11 @@ def _json(path: Path) -> Mapping[str, Any]:
 def _table(path: Path) -> list[Row]:
     rows = csv.DictReader(io.StringIO(_text(path), newline=""))
     return [
-        {name: _cell(name, cell) for name, cell in row.items() if isinstance(name, str) and isinstance(cell, str) and cell}
+        {
+            name: _cell(name, cell)
+            for name, cell in row.items()
+            if isinstance(name, str) and isinstance(cell, str) and cell
+        }
         for row in rows
     ]
 
@@ -224,7 +228,10 @@ def _images(found: _Folder) -> Iterator[dict[str, Any]]:
         by_image.setdefault(row.get("image", ""), []).append(row)
     embed = len(by_image) <= EMBEDDED_UP_TO
     for name, rows in by_image.items():
-        entry: dict[str, Any] = {"name": name, "rows": [{key: row[key] for key in row if key != "image"} for row in rows]}
+        entry: dict[str, Any] = {
+            "name": name,
+            "rows": [{key: row[key] for key in row if key != "image"} for row in rows],
+        }
         done = any(row.get("status") == "ok" for row in rows)
         pictures = _pictures(found, name, done=done) if done or not _unreadable(rows) else {}
         if embed and pictures:
@@ -237,7 +244,9 @@ def _images(found: _Folder) -> Iterator[dict[str, Any]]:
 
 def _unreadable(rows: Sequence[Row]) -> bool:
     """Whether the image itself was refused: a browser must not be made to open what the reader would not."""
-    return all(str(row.get("error", "")).partition(":")[0] in {*REASONS, "crash", "timeout", "out-of-memory"} for row in rows)
+    return all(
+        str(row.get("error", "")).partition(":")[0] in {*REASONS, "crash", "timeout", "out-of-memory"} for row in rows
+    )
 
 
 def _pictures(found: _Folder, name: str, *, done: bool) -> dict[str, str]:

@@ -31,7 +31,9 @@ def test_report_is_written_and_shown(report: tuple[Path, CompletedProcess[str]])
     document = json.loads((folder / "bench.json").read_text("utf-8"))
     rows = list(csv.DictReader((folder / "bench.csv").read_text("utf-8").splitlines()))
     assert [row["case"] for row in rows] == [figure["case"] for figure in document["figures"]]
-    assert {growth["series"] for growth in document["growth"]} == {f"{c} iteration" for c in ("still", "filtered", "merging")}
+    assert {growth["series"] for growth in document["growth"]} == {
+        f"{c} iteration" for c in ("still", "filtered", "merging")
+    }
     assert document["versions"]["ffseg"]
     assert document["machine"]["cores"] >= 1
     assert all(len(figure["values"]) == len(figure["kernel_values"]) for figure in document["figures"])

@@ -59,7 +59,9 @@ def test_every_preset_points_its_editor_to_the_schema() -> None:
 def test_samples_writes_the_committed_bytes(ffseg_command: Run, tmp_path: Path) -> None:
     done = ffseg_command("samples", tmp_path / "new" / "folder")
     assert done.returncode == 0
-    written = {path.relative_to(tmp_path / "new" / "folder") for path in (tmp_path / "new").rglob("*") if path.is_file()}
+    written = {
+        path.relative_to(tmp_path / "new" / "folder") for path in (tmp_path / "new").rglob("*") if path.is_file()
+    }
     committed = {path.relative_to(ROOT / "samples") for path in (ROOT / "samples").rglob("*") if path.is_file()}
     assert written == committed
     assert len(done.stdout.splitlines()) == len(written)

@@ -33,7 +33,9 @@ def data_of(page: Path) -> dict[str, list[dict[str, dict[str, str]]]]:
 def program_at_work(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
     program = chromium.find()
     if program is None:
-        pytest.skip("no Chromium on the search path; install it, or name one in the environment variable FFSEG_CHROMIUM")
+        pytest.skip(
+            "no Chromium on the search path; install it, or name one in the environment variable FFSEG_CHROMIUM"
+        )
     with chromium.Chromium(program, tmp_path_factory.mktemp("profile")) as running:
         yield running
 
@@ -81,7 +83,9 @@ def choose(tab: chromium.Chromium, **values: str) -> None:
 
 
 def open_image(tab: chromium.Chromium, name: str) -> None:
-    tab.value(f"[...document.querySelectorAll('#sheet .card')].find((card) => card.textContent.includes({name!r})).click()")
+    tab.value(
+        f"[...document.querySelectorAll('#sheet .card')].find((card) => card.textContent.includes({name!r})).click()"
+    )
     tab.until("document.getElementById('viewer').open")
 
 
@@ -252,14 +256,18 @@ def test_comparison_shows_methods_side_by_side(browser: chromium.Chromium, tmp_p
     choose(browser, sort="iou")
     assert names(browser) == ["c.png", "a.png", "b.png"]
     open_image(browser, "a.png")
-    lines = browser.value("[...document.querySelectorAll('#facts tr')].map((line) => line.innerText.split('\\t').join('|'))")
+    lines = browser.value(
+        "[...document.querySelectorAll('#facts tr')].map((line) => line.innerText.split('\\t').join('|'))"
+    )
     assert "|freeform|snake|peer" in lines
     assert "iou|0.9900|0.8000|" in lines
     assert "peer: not installed" in browser.value("document.getElementById('facts').innerText")
     assert browser.problems == []
 
 
-def test_two_thousand_images_stay_out_of_the_document_until_they_are_in_sight(browser: chromium.Chromium, tmp_path: Path) -> None:
+def test_two_thousand_images_stay_out_of_the_document_until_they_are_in_sight(
+    browser: chromium.Chromium, tmp_path: Path
+) -> None:
     runs.large_run(tmp_path, 2000)
     browser.requests.clear()
     browser.open(write_report(tmp_path).as_uri())

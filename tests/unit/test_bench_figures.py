@@ -20,7 +20,9 @@ MAX_RATIO = 1.15
 ROUNDS = 15
 
 
-def figure(values: Sequence[float], kernel: Sequence[float], case: str = "a", x: float = 0.0, unit: str = "ms") -> Figure:
+def figure(
+    values: Sequence[float], kernel: Sequence[float], case: str = "a", x: float = 0.0, unit: str = "ms"
+) -> Figure:
     numbers, reference = tuple(map(float, values)), tuple(map(float, kernel))
     return Figure("suite", case, "work", unit, x, numbers, numbers, reference, reference)
 

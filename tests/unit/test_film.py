@@ -58,7 +58,9 @@ def test_same_input_same_bytes(evolution: tuple[np.ndarray, list[Progress]]) -> 
 
 def test_grey_images_and_no_enlarging() -> None:
     grey = np.full((30, 40), 128, np.uint8)
-    film = Image.open(io.BytesIO(animation_bytes(grey, [Progress(0, (FreeForm.circle((20, 15), 8, 6, 3),))], "webp", 640)))
+    film = Image.open(
+        io.BytesIO(animation_bytes(grey, [Progress(0, (FreeForm.circle((20, 15), 8, 6, 3),))], "webp", 640))
+    )
     assert film.size == (40, 30)
 
 

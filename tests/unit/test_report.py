@@ -64,7 +64,9 @@ def test_high_degrees_are_read_as_the_cubics_they_were_written_as() -> None:
     assert found[0].signed_area == pytest.approx(FreeForm.circle((50, 40), 30, 4, 5).signed_area, abs=1.0)
 
 
-@pytest.mark.parametrize("data", ["M0,0 A1,1 0 0 0 2,2 Z", "M0,0 L1,1 C1,2 3,4 5,6 Z", "M0,0 Z", "M0,0 L1,1);alert(1 Z"])
+@pytest.mark.parametrize(
+    "data", ["M0,0 A1,1 0 0 0 2,2 Z", "M0,0 L1,1 C1,2 3,4 5,6 Z", "M0,0 Z", "M0,0 L1,1);alert(1 Z"]
+)
 def test_other_paths_are_refused(data: str) -> None:
     with pytest.raises(ValueError):  # noqa: PT011 - any reason will do
         read_contours(f'<svg><path fill-rule="evenodd" d="{data}"/></svg>')
@@ -160,7 +162,10 @@ def test_unreadable_images_are_not_given_to_the_browser(tmp_path: Path) -> None:
         (tmp_path / "in" / name).write_bytes((runs.ROOT / "samples" / "simple.png").read_bytes())
     out = tmp_path / "out"
     out.mkdir()
-    rows = [runs.failed_row("bomb.png", "too-many-pixels: 10^9"), runs.failed_row("blocked.png", "segmentation: no room")]
+    rows = [
+        runs.failed_row("bomb.png", "too-many-pixels: 10^9"),
+        runs.failed_row("blocked.png", "segmentation: no room"),
+    ]
     runs.write_tables(out, rows, [tmp_path / "in"])
     images = data_of(write_report(out))["images"]
     assert [set(image["pictures"]) for image in images] == [set(), {"image"}]
@@ -178,7 +183,9 @@ def test_report_of_a_comparison(tmp_path: Path) -> None:
     rows = []
     for method, iou in (("freeform", 0.99), ("snake", 0.8)):
         rows.append(["a.png", method, 39, 100, 50, 2.0, 5.0, 8.0, iou, 0.1, 1.0, 2, "ok", ""])
-        rows.append(["b.png", method, None, None, None, None, None, None, None, None, None, None, "failed", "truncated: x"])
+        rows.append(
+            ["b.png", method, None, None, None, None, None, None, None, None, None, None, "failed", "truncated: x"]
+        )
     (tmp_path / "compare.csv").write_bytes(csv_table(runs.COMPARED, rows))
     (tmp_path / "panels").mkdir()
     (tmp_path / "panels" / "a.png").write_bytes((runs.ROOT / "samples" / "simple.png").read_bytes())
