@@ -15,12 +15,12 @@ from ffseg.cli import console
 from ffseg.errors import FfsegError
 
 COMMANDS = {
-    "run": "ffseg.cli.run",
-    "compare": "ffseg.cli.compare",
-    "bench": "ffseg.cli.bench",
-    "config": "ffseg.cli.config",
-    "samples": "ffseg.cli.samples",
-    "report": "ffseg.cli.report",
+    "run": "ffseg.cli.commands.run",
+    "compare": "ffseg.cli.commands.compare",
+    "bench": "ffseg.cli.commands.bench",
+    "config": "ffseg.cli.commands.config",
+    "samples": "ffseg.cli.commands.samples",
+    "report": "ffseg.cli.commands.report",
 }
 """Module of each subcommand; it holds a function of the command's name, or a Typer ``app`` with commands of its own."""
 
