@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Literal
 
 from ffseg.errors import ParameterError
-from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Number, OrWord, Row, Text
+from ffseg.methods import EDGE_SOURCES, METHODS
+from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Name, Number, OrWord, Row
 from ffseg.schema.nodes import Node, Problems, Source, wrap
 from ffseg.schema.sections import Section, build, collect, declared, nearest, subsection
 
@@ -46,6 +47,7 @@ class Contour(Section):
 class Edges(Section):
     """The edge map."""
 
+    source: str = declared("gradient", Name(tuple(EDGE_SOURCES)), "edge source: gradient, or module:function of your own")
     sigma: float = declared(1.5, Number(0, 20, above=True), "px, standard deviation of the smoothing Gaussian")
     exponent: float = declared(2.0, Number(1, 8), "p of the edge force |grad|^p (Eq. 8)")
     canny: tuple[float, float] | Literal["auto"] = declared(
@@ -108,7 +110,9 @@ class LevelSet(Section):
 class Parameters(Section):
     """Everything that decides a segmentation."""
 
-    method: str = declared("freeform", Text(), "segmenter: freeform, snake, levelset, or the name of a peer")
+    method: str = declared(
+        "freeform", Name(tuple(METHODS)), "freeform, snake, levelset, the name of a peer, or module:function of your own"
+    )
     contour: Contour = subsection(Contour)
     edges: Edges = subsection(Edges)
     init: Init = subsection(Init)

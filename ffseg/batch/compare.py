@@ -19,12 +19,13 @@ from ffseg.formats.overlays import Polyline
 from ffseg.formats.panels import Tile, encode_panel
 from ffseg.formats.tables import csv_table
 from ffseg.image.components import num_holes
+from ffseg.methods import METHODS, PEERS, SEGMENTERS
 from ffseg.metrics import scores
 from ffseg.parameters import Parameters
 from ffseg.peer_parameters import PeerParameters
 from ffseg.segmenters.base import Segmentation
-from ffseg.segmenters.peers import PEERS, segment_peer
-from ffseg.segmenters.registry import SEGMENTERS, segment
+from ffseg.segmenters.peers import configured
+from ffseg.segmenters.registry import segment
 
 COLUMNS = (
     *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),
@@ -231,16 +232,16 @@ _Run = tuple[Row, Segmentation | None]
 
 def _run(task: Comparison, image: NDArray[np.uint8], row: Row, masks: _Masks) -> _Run:
     """Run a method once: its row without scores, and its result if it has one."""
-    peer = PEERS.get(row.method)
-    if peer is not None and not peer.installed:
-        return replace(row, status="skipped", error=f"the package {peer.package} is not installed"), None
+    chosen = METHODS[row.method]
+    if not chosen.installed:
+        return replace(row, status="skipped", error=f"the package {chosen.package} is not installed"), None
     try:
         result = _segment(task, image, row.method, masks)
     except Exception as error:  # noqa: BLE001 - a package may raise anything; the others are compared all the same
         text = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_ERROR]
         return replace(row, status="failed", error=text), None
     times = {key: getattr(result.timings, key) for key in _TIMES}
-    counts = {} if peer else {key: getattr(result.stats, key) for key in _COUNTS}
+    counts = {} if chosen.module else {key: getattr(result.stats, key) for key in _COUNTS}
     return replace(row, **times, **counts), result
 
 
@@ -259,9 +260,8 @@ def _middle(runs: Sequence[_Run]) -> _Run:
 
 
 def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: _Masks) -> Segmentation:
-    if method in PEERS:
-        return segment_peer(image, task.params, method, task.peers, domain=masks.domain, start_mask=masks.start)
-    return segment(image, task.params, method, domain=masks.domain, start_mask=masks.start)
+    params, options = configured(task.params, method, task.peers)
+    return segment(image, params, method, domain=masks.domain, start_mask=masks.start, options=options)
 
 
 def _scored(row: Row, result: Segmentation, truth: NDArray[np.uint8] | None) -> Row:

@@ -20,7 +20,6 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.components import contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
 from ffseg.parameters import Parameters
-from ffseg.segmenters import snake
 from ffseg.segmenters.base import Progress, Segmentation, Segmenter, Timings
 from ffseg.segmenters.registry import segment
 
@@ -75,7 +74,7 @@ def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters
     return replace(params, init=replace(params.init, radius=least))
 
 
-def segment_view(
+def segment_view(  # noqa: PLR0913 - what `segment` takes, and the camera
     image: Grey,
     camera: Camera,
     params: Parameters,
@@ -83,6 +82,7 @@ def segment_view(
     *,
     domain: NDArray[np.uint8] | None = None,
     start_mask: NDArray[np.uint8] | None = None,
+    altitudes: NDArray[np.float64] | None = None,
     callback: Callable[[Progress], None] | None = None,
 ) -> Segmentation:
     """Segment one omnidirectional image inside the camera's rim, from round the robot.
@@ -97,6 +97,8 @@ def segment_view(
         A further bound, nonzero where the contour may go.
     start_mask : ndarray of uint8, shape (H, W), optional
         Nonzero inside the start regions; takes the place of the start circle.
+    altitudes : ndarray of float64, shape (K, 4), optional
+        Interest points for the snake, as `ffseg.segment`.
     callback : callable, optional
         Called with snapshots of the evolution.
 
@@ -115,7 +117,16 @@ def segment_view(
         )
     bound = np.where(inside if domain is None else inside & (domain > 0), np.uint8(255), np.uint8(0))
     params = omnidirectional_parameters(params, camera)
-    return segment(image, params, method, domain=bound, start_mask=start_mask, center=camera.center, callback=callback)
+    return segment(
+        image,
+        params,
+        method,
+        domain=bound,
+        start_mask=start_mask,
+        center=camera.center,
+        altitudes=altitudes,
+        callback=callback,
+    )
 
 
 def segment_frame(
@@ -173,11 +184,11 @@ def _snake_frame(
     camera.check_size(previous.shape[1], previous.shape[0], "the previous image")
     first = segmenting("snake")
     chosen = pair_motion(camera, (previous, current), poses, first.mask, epsilon)
-    rows, said = snake.NO_ALTITUDES, "the snake ran without its altitude term"
+    rows, said = None, "the snake ran without its altitude term"
     if chosen.motion is not None:
         points = altitude_points(ImagePair(current, previous, camera, chosen.motion), epsilon)
         rows, said = points.rows, f"{points.low} points let the snake pass, {len(points.rows) - points.low} bar it"
-    second = segmenting(partial(snake.run, altitudes=rows), callback=callback)
+    second = segmenting("snake", callback=callback, altitudes=rows)
     spent = (first.timings, second.timings)
     timings = Timings(second.timings.edges_ms, sum(t.evolve_ms for t in spent), sum(t.total_ms for t in spent))
     frame = free_space(current, replace(second, timings=timings), None, camera, epsilon)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.methods import EDGE_SOURCES, load
 from ffseg.native import _core
-from ffseg.parameters import Edges
+from ffseg.parameters import Edges, Parameters
 
 GRADIENT_SCALE = 32.0
 """Units of ``EdgeMap.gradient`` per grey level and pixel: 255/2*sqrt(2)*32 stays below 2**16."""
@@ -43,6 +44,39 @@ class EdgeMap:
         """Speed ``F_diff = 1 / (1 + |grad|**exponent)`` of Eq. 8, shape (H, W), in (0, 1]."""
         speed: NDArray[np.float64] = 1.0 / (1.0 + self.magnitude() ** exponent)
         return speed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """All that an edge source may look at.
+
+    Attributes
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    starts : ndarray of bool, shape (H, W), or None
+        Pixels in a start region: inside by definition.
+    params : Parameters
+    domain : ndarray of uint8, shape (H, W), or None
+        Nonzero where the contour may go.
+    """
+
+    image: NDArray[np.uint8]
+    starts: NDArray[np.bool_] | None
+    params: Parameters
+    domain: NDArray[np.uint8] | None = None
+
+
+def edges_from_source(scene: Scene) -> EdgeMap:
+    """Edge map from the source that ``edges.source`` names."""
+    name = scene.params.edges.source
+    found: EdgeMap = load(EDGE_SOURCES.get(name, name))(scene)
+    return found
+
+
+def gradient_edges(scene: Scene) -> EdgeMap:
+    """Canny edges of the whole image, and its gradient: the source ``gradient``."""
+    return edge_map(scene.image, scene.params.edges, scene.domain)
 
 
 RAYLEIGH_MEDIAN = 1.1774

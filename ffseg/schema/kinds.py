@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -133,6 +134,43 @@ class Text:
     def json_schema(self) -> JsonSchema:
         """See `Kind`."""
         return {"type": "string", "enum": list(self.choices)} if self.choices else {"type": "string", "minLength": 1}
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """One of some names, or ``module:function`` for a function of the user's own."""
+
+    choices: tuple[str, ...]
+
+    def check(self, node: Node, key: str, problems: Problems) -> object:
+        """See `Kind`."""
+        value = node.value
+        if isinstance(value, str) and (value in self.choices or _OWN_FUNCTION.fullmatch(value)):
+            return value
+        near = nearest_word(value, self.choices) if isinstance(value, str) else ""
+        return _reject(self, node, key, problems, near)
+
+    def allowed(self) -> str:
+        """See `Kind`."""
+        return f"one of {', '.join(self.choices)}, or module:function"
+
+    def json_schema(self) -> JsonSchema:
+        """See `Kind`."""
+        return {"anyOf": [{"enum": list(self.choices)}, {"type": "string", "pattern": f"^{_OWN_FUNCTION.pattern}$"}]}
+
+
+_OWN_FUNCTION = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*:[A-Za-z_][A-Za-z0-9_]*")
+
+
+def nearest_word(word: str, choices: tuple[str, ...]) -> str:
+    """Ask ``; did you mean '...'?`` where one of the choices is near."""
+    import difflib  # 5 ms that only a wrong word should cost
+
+    near = difflib.get_close_matches(word[:_LONGEST_WORD], choices, n=1, cutoff=0.6)
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
+_LONGEST_WORD = 100
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,9 @@
-"""The result every segmenter returns."""
+"""What a method sees, what it returns, and the result every segmentation has."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import EdgeMap
+from ffseg.image.raster import rasterize
 from ffseg.parameters import Parameters
 
 
@@ -24,17 +25,17 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class Stats:
-    """Counts of one segmentation; ``stop_reason`` says why it ended."""
+    """Counts of one segmentation, zero where a method has no such thing; ``stop_reason`` says why it ended."""
 
-    iterations: int
-    splits: int
-    prunes: int
-    flips: int
-    merges: int
-    initial_points: int
-    final_points: int
-    patches: int
-    stop_reason: str
+    iterations: int = 0
+    splits: int = 0
+    prunes: int = 0
+    flips: int = 0
+    merges: int = 0
+    initial_points: int = 0
+    final_points: int = 0
+    patches: int = 0
+    stop_reason: str = "converged"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,15 +67,71 @@ class Segmentation:
     timings: Timings
 
 
-class Segmenter(Protocol):
-    """Evolves start contours on an edge map."""
+def _no_altitudes() -> NDArray[np.float64]:
+    return np.empty((0, 4))
 
-    def __call__(
-        self,
-        edge_map: EdgeMap,
-        starts: tuple[FreeForm, ...],
-        params: Parameters,
-        callback: Callable[[Progress], None] | None = None,
-        every: int = 10,
-    ) -> tuple[tuple[FreeForm, ...], Stats]:
-        """Return the final contours and their counts."""
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """All that a method may look at.
+
+    Attributes
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    edges : EdgeMap
+        What stops a contour; its ``domain`` is where the contour may go.
+    starts : tuple of FreeForm
+        Start contours of degree ``params.contour.degree``, outer ones with positive area.
+    params : Parameters
+    options : object, optional
+        The method's own section of parameters, where it has one outside `params` (peers have).
+    altitudes : ndarray of float64, shape (K, 4)
+        Matched interest points of a camera pair: x and y in pixels, altitude in metres, radius of the zone in pixels.
+    callback : callable, optional
+        Wants a `Progress` at the start, after every `every` iterations, and at the end.
+    every : int
+    """
+
+    image: NDArray[np.uint8]
+    edges: EdgeMap
+    starts: tuple[FreeForm, ...]
+    params: Parameters
+    options: object = None
+    altitudes: NDArray[np.float64] = field(default_factory=_no_altitudes)
+    callback: Callable[[Progress], None] | None = None
+    every: int = 10
+
+    @property
+    def domain(self) -> NDArray[np.uint8] | None:
+        """Nonzero where the contour may go, shape (H, W); None means the whole image."""
+        return self.edges.domain
+
+    def start_region(self) -> NDArray[np.bool_]:
+        """Pixels whose centre lies in a start contour, shape (H, W)."""
+        return rasterize(self.starts, self.edges.gradient.shape)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What a method found: contours, or a mask whose outlines are traced for it.
+
+    Attributes
+    ----------
+    contours : tuple of FreeForm, or None
+        Outer ones with positive signed area, holes negative.
+    mask : ndarray of bool, shape (H, W), or None
+        Needed when there are no contours.
+    stats : Stats
+    """
+
+    contours: tuple[FreeForm, ...] | None
+    stats: Stats = Stats()
+    mask: NDArray[np.bool_] | None = None
+
+
+class Segmenter(Protocol):
+    """A method: finds a region from start contours."""
+
+    def __call__(self, view: View) -> Outcome:
+        """Return what is found in one image."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -13,35 +13,23 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Progress, Stats
+from ffseg.segmenters.base import Outcome, Progress, Stats, View
 
 RIDGE_SHARE = 0.5
 """A ridge may be this much weaker than the low Canny threshold: between samples the edge fades and returns."""
 
 
-def run(
-    edge_map: EdgeMap,
-    starts: tuple[FreeForm, ...],
-    params: Parameters,
-    callback: Callable[[Progress], None] | None = None,
-    every: int = 10,
-) -> tuple[tuple[FreeForm, ...], Stats]:
+def run(view: View) -> Outcome:
     """Evolve the start contours on an edge map until they stop (Algorithm 4), then settle them on its ridges.
 
     Parameters
     ----------
-    edge_map : EdgeMap
-    starts : tuple of FreeForm
-        Contours of degree ``params.contour.degree``, outer ones with positive area.
-    params : Parameters
-        ``contour`` is used. A negative ``contour.balloon`` closes in from outside.
-    callback : callable, optional
-        Called with a ``Progress`` at the start and after every ``every`` iterations.
+    view : View
+        Of its parameters ``contour`` is used. A negative ``contour.balloon`` closes in from outside.
 
     Returns
     -------
-    contours : tuple of FreeForm
-    stats : Stats
+    Outcome
 
     Raises
     ------
@@ -53,6 +41,7 @@ def run(
     Differs: a contour that closes in is evolved as the hole of a growing one; its orientation is turned round
     on the way in and out.
     """
+    edge_map, starts, params, callback = view.edges, view.starts, view.params, view.callback
     shrinking = params.contour.balloon < 0
     oriented = tuple(c.reversed() for c in starts) if shrinking else starts
     evolution = _core.Evolution(*_packed(oriented), edge_map.edges, edge_map.domain, _options(edge_map, params))
@@ -70,13 +59,13 @@ def run(
         evolution.advance(params.contour.max_iterations + 1)
     else:
         callback(Progress(0, starts))
-        while evolution.advance(every):
+        while evolution.advance(view.every):
             callback(Progress(evolution.counts()["iterations"], current()))
     evolution.settle(edge_map.gradient)
     contours = current()
     if callback is not None:
         callback(Progress(evolution.counts()["iterations"], contours))
-    return contours, _stats(evolution, starts, contours)
+    return Outcome(contours, _stats(evolution, starts, contours))
 
 
 def _options(edge_map: EdgeMap, params: Parameters) -> _core.EvolutionOptions:

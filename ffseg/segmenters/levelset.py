@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -11,10 +10,9 @@ from numpy.typing import NDArray
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
-from ffseg.image.raster import rasterize
 from ffseg.native import _core
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Progress, Stats
+from ffseg.segmenters.base import Outcome, Progress, Stats, View
 
 START_TOLERANCE = 0.02
 """Pixels between a start contour and the polygon the distances are taken from."""
@@ -23,30 +21,20 @@ LEVELS = 1 << 16
 """Values a stored gradient can have."""
 
 
-def run(
-    edge_map: EdgeMap,
-    starts: tuple[FreeForm, ...],
-    params: Parameters,
-    callback: Callable[[Progress], None] | None = None,
-    every: int = 10,  # noqa: ARG001 - one node moves per iteration: there is nothing to show in between
-) -> tuple[tuple[FreeForm, ...], Stats]:
+def run(view: View) -> Outcome:
     """March a front from the start contours until only nodes on edges are left (Eq. 12, Section 5.1).
 
     Parameters
     ----------
-    edge_map : EdgeMap
-    starts : tuple of FreeForm
-        Outer ones with positive area.
-    params : Parameters
-        ``levelset`` and ``edges.exponent``; of ``contour`` only the sign of ``balloon``.
-    callback : callable, optional
-        Called with a ``Progress`` at the start and at the end.
+    view : View
+        Of its parameters ``levelset`` and ``edges.exponent``; of ``contour`` only the sign of ``balloon``. One node
+        moves per iteration: a callback hears of the start and the end.
 
     Returns
     -------
-    contours : tuple of FreeForm
-        Of degree 1, through the ridge of the gradient to sub-pixels. Regions that touch at a corner are two.
-    stats : Stats
+    outcome : Outcome
+        Contours of degree 1, through the ridge of the gradient to sub-pixels. Regions that touch at a corner are two.
+
         ``iterations`` counts accepted nodes, ``initial_points`` the nodes of the first narrow band,
         ``final_points`` the potentially-on-contour nodes, as in Table 1.
 
@@ -63,8 +51,9 @@ def run(
     edge while the gradient rises, at most ``levelset.settle`` pixels, and the outline crosses between two nodes where
     the gradient's slope along the grid line changes sign.
     """
+    edge_map, starts, params = view.edges, view.starts, view.params
     options = _options(edge_map, params)
-    inside = rasterize(starts, edge_map.gradient.shape)
+    inside = view.start_region()
     seeds = ~inside if options.closing_in else inside
     points, offsets = _polygons(starts)
     flat, ends, counts = _core.level_set(
@@ -83,10 +72,10 @@ def run(
         )
     vertices = flat.reshape(-1, 2)
     contours = tuple(FreeForm(vertices[a:b], 1) for a, b in pairwise(ends))
-    if callback is not None:
-        callback(Progress(0, starts))
-        callback(Progress(counts["accepted"], contours))
-    return contours, _stats(counts, contours)
+    if view.callback is not None:
+        view.callback(Progress(0, starts))
+        view.callback(Progress(counts["accepted"], contours))
+    return Outcome(contours, _stats(counts, contours))
 
 
 def _options(edge_map: EdgeMap, params: Parameters) -> _core.LevelSetOptions:
@@ -118,12 +107,7 @@ def _polygons(contours: tuple[FreeForm, ...]) -> tuple[NDArray[np.float64], NDAr
 def _stats(counts: dict[str, int], contours: tuple[FreeForm, ...]) -> Stats:
     return Stats(
         iterations=counts["accepted"],
-        splits=0,
-        prunes=0,
-        flips=0,
-        merges=0,
         initial_points=counts["initial_band"],
         final_points=counts["on_contour"],
         patches=sum(c.num_patches for c in contours),
-        stop_reason="converged",
     )

@@ -1,14 +1,11 @@
-"""Peers: other packages' segmenters behind one signature, for comparison only. Skipped by name when not installed."""
+"""Peers: other packages' segmenters as methods, for comparison only. Skipped by name when not installed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
-from importlib.util import find_spec
-from itertools import pairwise
-from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +13,15 @@ from numpy.typing import NDArray
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image import opencv_peers
-from ffseg.image.edges import EdgeMap, edge_map
+from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
-from ffseg.native import _core
+from ffseg.methods import PEERS
 from ffseg.parameters import Edges, Parameters
 from ffseg.peer_parameters import (
+    EdgeComponents,
+    EdgeOpened,
+    FloodFill,
+    GrabCut,
     PeerParameters,
     SitkFastMarching,
     SitkGac,
@@ -28,39 +29,12 @@ from ffseg.peer_parameters import (
     SkimageChanVese,
     SkimageGac,
     SkimageSnake,
+    Watershed,
 )
-from ffseg.segmenters.base import Segmentation, Stats, Timings
-from ffseg.segmenters.starts import start_contours
+from ffseg.segmenters.base import Outcome, View
 
 Mask = NDArray[np.bool_]
 Image = NDArray[np.uint8]
-
-
-@dataclass(frozen=True, slots=True)
-class Peer:
-    """How a peer is called.
-
-    Attributes
-    ----------
-    run : callable
-        ``run(image, edges, seeds, section) -> mask``; `seeds` is the start region.
-    package : str
-        What to install.
-    module : str
-        What to import.
-    uses_edges : bool
-        False: it is given the edge map all the same, but its time is not counted.
-    """
-
-    run: Callable[[Image, EdgeMap, Mask, Any], Mask]
-    package: str
-    module: str
-    uses_edges: bool = True
-
-    @property
-    def installed(self) -> bool:
-        """Whether the package can be imported."""
-        return find_spec(self.module.partition(".")[0]) is not None
 
 
 def geodesic(edges: EdgeMap, seeds: Mask, params: SkimageGac, callback: Callable[[Any], object] | None = None) -> Mask:
@@ -79,7 +53,7 @@ def geodesic(edges: EdgeMap, seeds: Mask, params: SkimageGac, callback: Callable
     return found
 
 
-def _skimage_chan_vese(image: Image, edges: EdgeMap, seeds: Mask, params: SkimageChanVese) -> Mask:  # noqa: ARG001
+def _skimage_chan_vese(image: Image, seeds: Mask, params: SkimageChanVese) -> Mask:
     skimage: Any = import_module("skimage.segmentation")
     grey = image if image.ndim == 2 else image.mean(axis=2).astype(np.uint8)
     levels = opencv_peers.smooth(grey, params.sigma) / 255.0
@@ -87,7 +61,7 @@ def _skimage_chan_vese(image: Image, edges: EdgeMap, seeds: Mask, params: Skimag
     return opencv_peers.connected(phase if 2 * phase[seeds].sum() >= seeds.sum() else ~phase, seeds)
 
 
-def _skimage_snake(image: Image, edges: EdgeMap, seeds: Mask, params: SkimageSnake) -> Mask:  # noqa: ARG001
+def _skimage_snake(image: Image, params: SkimageSnake) -> Mask:
     skimage: Any = import_module("skimage.segmentation")
     grey = image if image.ndim == 2 else image.mean(axis=2).astype(np.uint8)
     levels = opencv_peers.smooth(grey, params.sigma) / 255.0
@@ -136,11 +110,7 @@ _NEVER = 1e9
 """Arrival time no front reaches: 10^5 pixels at the slowest speed a threshold of 100 leaves."""
 
 
-def _sitk_fast_marching(image: Image, edges: EdgeMap, seeds: Mask, params: SitkFastMarching) -> Mask:  # noqa: ARG001
-    return opencv_peers.grown(_sitk_front(edges, seeds, params.threshold), params.grow)
-
-
-def _sitk_gac(image: Image, edges: EdgeMap, seeds: Mask, params: SitkGac) -> Mask:  # noqa: ARG001
+def _sitk_gac(edges: EdgeMap, seeds: Mask, params: SitkGac) -> Mask:
     sitk: Any = import_module("SimpleITK")  # its stubs are partial
 
     front = sitk.GetImageFromArray(_sitk_front(edges, seeds, params.threshold).astype(np.uint8))
@@ -162,90 +132,88 @@ _STEADY = 0.001
 """Pixels (root mean square) per iteration below which SimpleITK stops."""
 
 
-def _skfmm(image: Image, edges: EdgeMap, seeds: Mask, params: SkFmm) -> Mask:  # noqa: ARG001
-    skfmm: Any = import_module("skfmm")
+def _skfmm(edges: EdgeMap, seeds: Mask, params: SkFmm) -> Mask:
+    package: Any = import_module("skfmm")
     speed = _speed(edges, seeds, params.threshold)
     start = np.ma.MaskedArray(np.where(seeds, -1.0, 1.0), speed == 0)
-    times = skfmm.travel_time(start, speed)
+    times = package.travel_time(start, speed)
     reached: Mask = ~np.ma.getmaskarray(times) | seeds
     return opencv_peers.grown(reached, params.grow)
 
 
-PEERS: dict[str, Peer] = {
-    "cv_floodfill": Peer(
-        lambda image, _edges, seeds, p: opencv_peers.floodfill(image, seeds, p), "opencv-python", "cv2", False
-    ),
-    "cv_edges": Peer(
-        lambda _image, edges, seeds, p: opencv_peers.edge_components(edges, seeds, p), "opencv-python", "cv2"
-    ),
-    "cv_edges_opened": Peer(
-        lambda _image, edges, seeds, p: opencv_peers.edge_opened(edges, seeds, p), "opencv-python", "cv2"
-    ),
-    "cv_watershed": Peer(
-        lambda image, _edges, seeds, p: opencv_peers.watershed(image, seeds, p), "opencv-python", "cv2", False
-    ),
-    "cv_grabcut": Peer(
-        lambda image, _edges, seeds, p: opencv_peers.grabcut(image, seeds, p), "opencv-python", "cv2", False
-    ),
-    "skimage_gac": Peer(
-        lambda _image, edges, seeds, p: geodesic(edges, seeds, p), "scikit-image", "skimage.segmentation"
-    ),
-    "skimage_chan_vese": Peer(_skimage_chan_vese, "scikit-image", "skimage.segmentation", False),
-    "skimage_snake": Peer(_skimage_snake, "scikit-image", "skimage.segmentation", False),
-    "sitk_fast_marching": Peer(_sitk_fast_marching, "SimpleITK", "SimpleITK"),
-    "sitk_gac": Peer(_sitk_gac, "SimpleITK", "SimpleITK"),
-    "skfmm": Peer(_skfmm, "scikit-fmm", "skfmm"),
-}
-"""Every peer by the name it has in ``--methods``, in ``method`` and in ``configs/peers.yaml``."""
+def _region(mask: Mask) -> Outcome:
+    """Outcome of a peer: its mask; peers do not tell counts."""
+    return Outcome(None, mask=mask)
 
 
-def segment_peer(
-    image: Image,
-    params: Parameters,
-    name: str,
-    peers: PeerParameters,
-    *,
-    domain: NDArray[np.uint8] | None = None,
-    start_mask: NDArray[np.uint8] | None = None,
-    center: tuple[float, float] | None = None,
-) -> Segmentation:
-    """Segment one image with a peer; arguments and result as in `ffseg.segment`.
+def cv_floodfill(view: View) -> Outcome:
+    """OpenCV's flood fill."""
+    return _region(opencv_peers.floodfill(view.image, _seeds(view), _section(view, FloodFill)))
 
-    Returns
-    -------
-    Segmentation
-        The contours are polygons half-way between pixels inside and outside, which rasterise to the peer's mask; the
-        counts are zero, as peers do not tell. Tracing the contours is not counted in the times.
 
-    Raises
-    ------
-    SegmentationError
-        If the peer's package is not installed, or the start covers no pixel.
-    """
-    peer = PEERS[name]
-    if not peer.installed:
-        raise SegmentationError(f"method {name} needs the package {peer.package}; install it, or ffseg[peers]")
-    starts = start_contours(image.shape[:2], params, start_mask, center)
-    seeds = rasterize(starts, image.shape[:2])
+def cv_edges(view: View) -> Outcome:
+    """Edge threshold and connected components."""
+    return _region(opencv_peers.edge_components(view.edges, _seeds(view), _section(view, EdgeComponents)))
+
+
+def cv_edges_opened(view: View) -> Outcome:
+    """Edge threshold, opened against gaps, and connected components."""
+    return _region(opencv_peers.edge_opened(view.edges, _seeds(view), _section(view, EdgeOpened)))
+
+
+def cv_watershed(view: View) -> Outcome:
+    """OpenCV's watershed."""
+    return _region(opencv_peers.watershed(view.image, _seeds(view), _section(view, Watershed)))
+
+
+def cv_grabcut(view: View) -> Outcome:
+    """OpenCV's GrabCut."""
+    return _region(opencv_peers.grabcut(view.image, _seeds(view), _section(view, GrabCut)))
+
+
+def skimage_gac(view: View) -> Outcome:
+    """scikit-image's morphological geodesic active contour."""
+    return _region(geodesic(view.edges, _seeds(view), _section(view, SkimageGac)))
+
+
+def skimage_chan_vese(view: View) -> Outcome:
+    """scikit-image's morphological Chan-Vese."""
+    return _region(_skimage_chan_vese(view.image, _seeds(view), _section(view, SkimageChanVese)))
+
+
+def skimage_snake(view: View) -> Outcome:
+    """scikit-image's snake."""
+    return _region(_skimage_snake(view.image, _section(view, SkimageSnake)))
+
+
+def sitk_fast_marching(view: View) -> Outcome:
+    """SimpleITK's fast marching."""
+    section = _section(view, SitkFastMarching)
+    return _region(opencv_peers.grown(_sitk_front(view.edges, _seeds(view), section.threshold), section.grow))
+
+
+def sitk_gac(view: View) -> Outcome:
+    """SimpleITK's geodesic active contour."""
+    return _region(_sitk_gac(view.edges, _seeds(view), _section(view, SitkGac)))
+
+
+def skfmm(view: View) -> Outcome:
+    """scikit-fmm's travel time."""
+    return _region(_skfmm(view.edges, _seeds(view), _section(view, SkFmm)))
+
+
+S = TypeVar("S")
+
+
+def _section(view: View, kind: type[S]) -> S:
+    return view.options if isinstance(view.options, kind) else kind()
+
+
+def _seeds(view: View) -> Mask:
+    seeds = view.start_region()
     if not seeds.any():
-        raise SegmentationError(f"the start contour covers no pixel, and {name} needs one; raise init.radius")
-    import_module(peer.module)  # its loading is not its time
-    begin = perf_counter()
-    edges = edge_map(image, edge_parameters(name, params.edges, peers), domain)
-    edges_done = perf_counter()
-    mask = peer.run(image, edges, seeds, getattr(peers, name))
-    evolve_ms = (perf_counter() - edges_done) * 1e3
-    edges_ms = (edges_done - begin) * 1e3 if peer.uses_edges else 0.0
-    if domain is not None:
-        mask = mask & (domain > 0)
-    return Segmentation(mask, outlines_of(mask), _NO_COUNTS, Timings(edges_ms, evolve_ms, edges_ms + evolve_ms))
-
-
-def outlines_of(mask: Mask) -> tuple[FreeForm, ...]:
-    """Contours of degree 1 half-way between pixels inside and outside; they rasterise to the mask exactly."""
-    points, ends = _core.mask_outlines(np.ascontiguousarray(mask).view(np.uint8))
-    vertices = points.reshape(-1, 2)
-    return tuple(FreeForm(vertices[a:b], 1) for a, b in pairwise(ends))
+        raise SegmentationError("the start contour covers no pixel, and a peer needs one; raise init.radius")
+    return seeds
 
 
 def edge_parameters(name: str, edges: Edges, peers: PeerParameters) -> Edges:
@@ -254,4 +222,9 @@ def edge_parameters(name: str, edges: Edges, peers: PeerParameters) -> Edges:
     return edges if peers.shared_edges or not PEERS[name].uses_edges else replace(edges, sigma=sigma)
 
 
-_NO_COUNTS = Stats(0, 0, 0, 0, 0, 0, 0, 0, "converged")
+def configured(params: Parameters, name: str, peers: PeerParameters | None = None) -> tuple[Parameters, object]:
+    """Parameters and options a method is run with: a peer has its own section, and its own sigma."""
+    if name not in PEERS:
+        return params, None
+    peers = peers or PeerParameters()
+    return replace(params, edges=edge_parameters(name, params.edges, peers)), getattr(peers, name)

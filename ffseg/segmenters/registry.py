@@ -1,50 +1,60 @@
-"""Segmenters by name, and the one function that runs any of them."""
+"""The one function that runs any method: edge map, start contours, the method, mask."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
+from itertools import pairwise
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.image.edges import EdgeMap, edge_map
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.edges import EdgeMap, Scene, edges_from_source
 from ffseg.image.raster import rasterize
+from ffseg.methods import METHODS, Method, load
+from ffseg.native import _core
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Progress, Segmentation, Segmenter, Timings
+from ffseg.segmenters.base import Outcome, Progress, Segmentation, Segmenter, Timings, View
 from ffseg.segmenters.starts import start_contours
-
-SEGMENTERS = {name: f"ffseg.segmenters.{name}" for name in ("freeform", "levelset", "snake")}
-"""Modules by the name of the segmenter, whose function ``run`` it is; loaded when asked for, as a run has one."""
 
 
 def segmenter(name: str) -> Segmenter:
-    """The segmenter of that name.
+    """The method of that name, or the function that ``module:function`` names.
 
     Raises
     ------
     ParameterError
         If there is none.
+    SegmentationError
+        If its package is not installed.
     """
-    if name not in SEGMENTERS:
-        from ffseg.segmenters.peers import PEERS
-
-        known = ", ".join([*sorted(SEGMENTERS), *PEERS])
-        raise ParameterError(f"method: there is no segmenter '{name}'; choose one of {known}")
-    found: Segmenter = import_module(SEGMENTERS[name]).run
+    if name not in METHODS and ":" not in name:
+        raise ParameterError(f"method: there is no segmenter '{name}'; choose one of {', '.join(METHODS)}")
+    row = METHODS.get(name, Method(name))
+    if not row.installed:
+        raise SegmentationError(f"method {name} needs the package {row.package}; install it, or ffseg[peers]")
+    if row.module:
+        load(f"{row.module}:__name__")  # its loading is not its time
+    try:
+        found: Segmenter = load(row.home)
+    except ValueError as error:
+        raise ParameterError(f"method: {error}") from error
     return found
 
 
-def segment(
+def segment(  # noqa: PLR0913 - everything that is particular to one image has its name here
     image: NDArray[np.uint8],
     params: Parameters,
     method: str | Segmenter | None = None,
     *,
+    edges: EdgeMap | None = None,
     domain: NDArray[np.uint8] | None = None,
     start_mask: NDArray[np.uint8] | None = None,
     center: tuple[float, float] | None = None,
+    altitudes: NDArray[np.float64] | None = None,
+    options: object = None,
     callback: Callable[[Progress], None] | None = None,
 ) -> Segmentation:
     """Segment one image: edge map, start contours, evolution, mask.
@@ -55,14 +65,21 @@ def segment(
         Grey or BGR.
     params : Parameters
     method : str or Segmenter, optional
-        Takes the place of ``params.method``: a name, or what evolves the contours itself. A peer runs with the parameters
-        of ``configs/peers.yaml``.
+        Takes the place of ``params.method``: a name, or a function ``run(view) -> outcome``. A peer runs with the
+        parameters of ``configs/peers.yaml`` and its own sigma.
+    edges : EdgeMap, optional
+        Takes the place of the edge source that ``edges.source`` names.
     domain : ndarray of uint8, shape (H, W), optional
         Nonzero where the contour may go.
     start_mask : ndarray of uint8, shape (H, W), optional
         Nonzero inside the start regions.
     center : tuple of float, optional
         What ``init.center: auto`` stands for; without it the image centre.
+    altitudes : ndarray of float64, shape (K, 4), optional
+        Interest points of a camera pair for the snake's altitude term (Eq. 11).
+    options : object, optional
+        The method's own section of parameters, where it has one outside `params`; what a peer needs is then all in
+        `params` and `options`.
     callback : callable, optional
         Called with snapshots of the evolution.
 
@@ -79,24 +96,48 @@ def segment(
     """
     name = method or params.method
     shape = _checked_shape(image, domain)
-    if isinstance(name, str) and name not in SEGMENTERS:
-        from ffseg.peer_parameters import PeerParameters
-        from ffseg.segmenters.peers import PEERS, segment_peer
+    if name in METHODS and METHODS[str(name)].module and options is None:
+        from ffseg.segmenters.peers import configured
 
-        if name in PEERS:
-            peers = PeerParameters()
-            return segment_peer(image, params, name, peers, domain=domain, start_mask=start_mask, center=center)
+        params, options = configured(params, str(name))
     run = segmenter(name) if isinstance(name, str) else name
-    begin = perf_counter()
-    edges = edge_map(image, params.edges, domain)
-    edges_done = perf_counter()
     starts = start_contours(shape, params, start_mask, center)
-    contours, stats = run(edges, starts, params, callback)
+    begin = perf_counter()
+    if edges is None:
+        region = rasterize(starts, shape) if params.edges.source != "gradient" else None
+        edges = edges_from_source(Scene(image, region, params, domain))
+    edges_done = perf_counter()
+    view = View(image, edges, starts, params, options, _rows(altitudes), callback)
+    outcome = run(view)
     evolved = perf_counter()
-    mask = rasterize(contours, shape)
+    found = outcome.mask if outcome.mask is not None else rasterize(outcome.contours or (), shape)
     end = perf_counter()
-    timings = Timings((edges_done - begin) * 1e3, (evolved - edges_done) * 1e3, (end - begin) * 1e3)
-    return Segmentation(mask, contours, stats, timings)
+    contours, mask = _both(outcome, found, edges.domain)
+    counted = name not in METHODS or METHODS[str(name)].uses_edges
+    edges_ms = (edges_done - begin) * 1e3 if counted else 0.0
+    timings = Timings(edges_ms, (evolved - edges_done) * 1e3, edges_ms + (end - edges_done) * 1e3)
+    return Segmentation(mask, contours, outcome.stats, timings)
+
+
+def outlines_of(mask: NDArray[np.bool_]) -> tuple[FreeForm, ...]:
+    """Contours of degree 1 half-way between pixels inside and outside; they rasterise to the mask exactly."""
+    points, ends = _core.mask_outlines(np.ascontiguousarray(mask).view(np.uint8))
+    vertices = points.reshape(-1, 2)
+    return tuple(FreeForm(vertices[a:b], 1) for a, b in pairwise(ends))
+
+
+def _both(
+    outcome: Outcome, mask: NDArray[np.bool_], domain: NDArray[np.uint8] | None
+) -> tuple[tuple[FreeForm, ...], NDArray[np.bool_]]:
+    """Contours and mask; a method that returns a mask only has it cut to the domain and its outlines traced."""
+    if outcome.contours is not None:
+        return outcome.contours, mask
+    inside = mask if domain is None else mask & (domain > 0)
+    return outlines_of(inside), inside
+
+
+def _rows(altitudes: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    return np.empty((0, 4)) if altitudes is None else altitudes
 
 
 def _checked_shape(image: NDArray[np.uint8], domain: NDArray[np.uint8] | None) -> tuple[int, int]:
@@ -109,6 +150,3 @@ def _checked_shape(image: NDArray[np.uint8], domain: NDArray[np.uint8] | None) -
             "domain.mask must have the image's size"
         )
     return shape
-
-
-__all__ = ["SEGMENTERS", "EdgeMap", "segment", "segmenter"]

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.edges import EdgeMap
 from ffseg.native import _core
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Progress, Stats
-
-NO_ALTITUDES = np.empty((0, 4))
+from ffseg.segmenters.base import Outcome, Progress, Stats, View
 
 START_SPACING = 0.75
 """Distance of the first points in units of ``snake.spacing``: half-way between a split and what a split leaves."""
@@ -22,34 +17,20 @@ START_SPACING = 0.75
 FEWEST_POINTS = 8
 
 
-def run(
-    edge_map: EdgeMap,
-    starts: tuple[FreeForm, ...],
-    params: Parameters,
-    callback: Callable[[Progress], None] | None = None,
-    every: int = 10,
-    altitudes: NDArray[np.float64] = NO_ALTITUDES,
-) -> tuple[tuple[FreeForm, ...], Stats]:
+def run(view: View) -> Outcome:
     """Evolve one closed snake until it rests (Eq. 10, Section 5.1).
 
     Parameters
     ----------
-    edge_map : EdgeMap
-    starts : tuple of FreeForm
-        Exactly one, with positive area.
-    params : Parameters
-        ``snake``; of ``contour`` the keys ``balloon``, ``refine`` and ``max_iterations``; ``obstacles.altitude``.
-    callback : callable, optional
-        Called with a ``Progress`` at the start and after every ``every`` iterations.
-    altitudes : ndarray of float64, shape (K, 4), optional
-        Matched interest points of a camera pair: x and y in pixels, altitude in metres, radius of the zone in pixels.
+    view : View
+        With exactly one start. Of its parameters ``snake``; of ``contour`` the keys ``balloon``, ``refine`` and
+        ``max_iterations``; ``obstacles.altitude``.
 
     Returns
     -------
-    contours : tuple of FreeForm
-        One polygon (degree 1), or none when the snake has vanished.
-    stats : Stats
-        ``splits`` counts inserted points, ``prunes`` removed ones.
+    Outcome
+        One polygon (degree 1), or none when the snake has vanished; ``splits`` counts inserted points, ``prunes``
+        removed ones.
 
     Raises
     ------
@@ -61,11 +42,12 @@ def run(
     Kass's internal energy, solved implicitly: (I + A) v' = v + F. In homogeneous parts F is the balloon (Cohen), as
     long as no other stretch of the snake is met; round Canny edges it is ``attraction * grad ln |grad I|`` along the
     normal, which for an edge blurred with sigma^2 = ``attraction`` points at the ridge with the right length.
-    Points of `altitudes` below ``obstacles.altitude`` switch edges off in their zones, others double the force
+    Points of ``view.altitudes`` below ``obstacles.altitude`` switch edges off in their zones, others double the force
     (Eq. 11); where both lie near, the edge stands.
     Differs: the paper's external energy is the gradient magnitude itself; its logarithm has the same minima but
     does not depend on the contrast. The one contour does not split: round an island it closes to a slit.
     """
+    edge_map, starts, params, callback = view.edges, view.starts, view.params, view.callback
     if len(starts) != 1:
         raise SegmentationError(
             f"the snake is one closed contour, but {len(starts)} starts are given; give one, or use method freeform"
@@ -75,7 +57,7 @@ def run(
         edge_map.gradient,
         edge_map.edges,
         edge_map.domain,
-        np.ascontiguousarray(altitudes, dtype=np.float64),
+        np.ascontiguousarray(view.altitudes, dtype=np.float64),
         params.obstacles.altitude,
         _options(params),
     )
@@ -84,12 +66,12 @@ def run(
         snake.advance(params.contour.max_iterations + 1)
     else:
         callback(Progress(0, starts))
-        while snake.advance(every):
+        while snake.advance(view.every):
             callback(Progress(snake.iterations, _contours(snake)))
     contours = _contours(snake)
     if callback is not None:
         callback(Progress(snake.iterations, contours))
-    return contours, _stats(snake, initial)
+    return Outcome(contours, _stats(snake, initial))
 
 
 def _points(start: FreeForm, spacing: float) -> NDArray[np.float64]:

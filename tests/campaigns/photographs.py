@@ -35,12 +35,13 @@ from ffseg.formats.files import write_bytes_atomic
 from ffseg.formats.images import read_image, single_thread
 from ffseg.formats.masks import read_levels
 from ffseg.formats.tables import csv_table
+from ffseg.methods import PEERS, SEGMENTERS
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters
 from ffseg.segmenters.base import Segmentation
-from ffseg.segmenters.peers import PEERS, segment_peer
-from ffseg.segmenters.registry import SEGMENTERS, segment
+from ffseg.segmenters.peers import configured
+from ffseg.segmenters.registry import segment
 
 SETS = ("road", "seeded_objects")
 LARGEST_START, SMALL_START = 20.0, 8.0
@@ -220,9 +221,8 @@ def _segment(method: str, setting: Setting, photograph: Photograph) -> Segmentat
     task = _task(method, setting, photograph, Path())
     start = photograph.job.start
     params = start.placed(task.params) if start else task.params
-    if method in PEERS:
-        return segment_peer(photograph.image, params, method, task.peers)
-    return segment(photograph.image, params, method)
+    params, options = configured(params, method, task.peers)
+    return segment(photograph.image, params, method, options=options)
 
 
 def _limit(method: str) -> int:

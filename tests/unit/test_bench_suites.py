@@ -16,10 +16,11 @@ from ffseg.errors import FfsegError, UsageError
 from ffseg.formats.masks import encode_mask, read_mask
 from ffseg.image.edges import edge_map
 from ffseg.image.reference import one_thread, reference_kernel
+from ffseg.methods import PEERS
 from ffseg.metrics import iou
 from ffseg.parameters import Parameters
 from ffseg.peer_parameters import SkimageGac
-from ffseg.segmenters.peers import PEERS, geodesic
+from ffseg.segmenters.peers import geodesic
 
 
 def quick(*suites: str, images: Path | None = None) -> Outcome:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -82,7 +83,7 @@ def test_a_method_that_fails_leaves_the_others(tmp_path: Path, monkeypatch: pyte
     def broken(*args: object, **kwargs: object) -> None:
         raise RuntimeError("package\nbroke")
 
-    monkeypatch.setattr(work, "segment_peer", broken)
+    monkeypatch.setattr("ffseg.segmenters.peers.cv_edges", broken)
     rows = work.compare(task_of(tmp_path, "cv_edges,freeform"), silent)
     assert [row.status for row in rows] == ["failed", "ok"]
     assert rows[0].error == "RuntimeError: package broke"
@@ -91,7 +92,7 @@ def test_a_method_that_fails_leaves_the_others(tmp_path: Path, monkeypatch: pyte
 def test_a_peer_that_is_not_installed_is_skipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_case(tmp_path)
     peer = work.PEERS["skfmm"]
-    monkeypatch.setitem(work.PEERS, "skfmm", type(peer)(peer.run, peer.package, "no_such_module"))
+    monkeypatch.setitem(work.METHODS, "skfmm", replace(peer, module="no_such_module"))
     rows = work.compare(task_of(tmp_path, "skfmm,freeform"), silent)
     assert (rows[0].status, rows[0].error) == ("skipped", "the package scikit-fmm is not installed")
     assert work.missed_gates(rows, {"": 0.9}) == []

@@ -13,6 +13,7 @@ from ffseg.image.raster import rasterize
 from ffseg.native import _core
 from ffseg.parameters import Parameters, load_params
 from ffseg.segmenters import levelset
+from ffseg.segmenters.base import View
 
 SHAPE = (120, 160)
 
@@ -22,6 +23,11 @@ def disc_image(center: tuple[float, float], radius: float) -> NDArray[np.uint8]:
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
     distance = radius - np.hypot(x - center[0], y - center[1])
     return np.rint(60 + 120 * np.clip(distance + 0.5, 0, 1)).astype(np.uint8)
+
+
+def evolved(edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters, **more: object) -> tuple:
+    outcome = levelset.run(View(np.empty(SHAPE, np.uint8), edges, starts, params, **more))
+    return outcome.contours, outcome.stats
 
 
 def edges_of(image: NDArray[np.uint8], domain: NDArray[np.uint8] | None = None) -> EdgeMap:
@@ -62,7 +68,7 @@ def test_start_band_knows_distances_to_sub_pixels() -> None:
 
 
 def test_outline_lies_on_the_edge_to_sub_pixels() -> None:
-    contours, stats = levelset.run(edges_of(disc_image((80.2, 59.7), 45.4)), (circle((80, 60), 12),), Parameters())
+    contours, stats = evolved(edges_of(disc_image((80.2, 59.7), 45.4)), (circle((80, 60), 12),), Parameters())
     (outline,) = contours
     radius = np.hypot(*(outline.control_points - (80.2, 59.7)).T)
     # The gradient of a blurred disc peaks inside its edge by sigma^2 / (2 radius) = 0.025 px. Where the ridge runs
@@ -75,7 +81,7 @@ def test_outline_lies_on_the_edge_to_sub_pixels() -> None:
 
 def test_without_settling_the_front_stands_before_the_edge() -> None:
     params = load_params(None, {"levelset.settle": 0})
-    (outline,), stats = levelset.run(edges_of(disc_image((80, 60), 45)), (circle((80, 60), 12),), params)
+    (outline,), stats = evolved(edges_of(disc_image((80, 60), 45)), (circle((80, 60), 12),), params)
     radius = np.hypot(*(outline.control_points - (80, 60)).T)
     assert 39 < radius.min() <= radius.max() < 44
     assert stats.final_points > 200
@@ -84,7 +90,7 @@ def test_without_settling_the_front_stands_before_the_edge() -> None:
 def test_holes_have_negative_area() -> None:
     image = disc_image((80, 60), 50)
     image[55:66, 95:108] = 60
-    contours, _ = levelset.run(edges_of(image), (circle((70, 60), 8),), Parameters())
+    contours, _ = evolved(edges_of(image), (circle((70, 60), 8),), Parameters())
     areas = sorted(c.signed_area for c in contours)
     assert len(areas) == 2
     assert areas[0] == pytest.approx(-11 * 13, rel=0.1)
@@ -93,18 +99,18 @@ def test_holes_have_negative_area() -> None:
 
 def test_two_fronts_merge_into_one() -> None:
     edges = edges_of(disc_image((80, 60), 50))
-    one, _ = levelset.run(edges, (circle((80, 60), 8),), Parameters())
-    two, _ = levelset.run(edges, (circle((60, 60), 8), circle((100, 60), 8)), Parameters())
+    one, _ = evolved(edges, (circle((80, 60), 8),), Parameters())
+    two, _ = evolved(edges, (circle((60, 60), 8), circle((100, 60), 8)), Parameters())
     assert [c.control_points.tolist() for c in one] == [c.control_points.tolist() for c in two]
 
 
 def test_a_negative_balloon_closes_in() -> None:
     edges = edges_of(disc_image((80.2, 59.7), 30.4))
     params = load_params(None, {"contour.balloon": -2.0})
-    contours, _ = levelset.run(edges, (circle((80, 60), 55),), params)
+    contours, _ = evolved(edges, (circle((80, 60), 55),), params)
     (outline,) = contours
     assert outline.signed_area == pytest.approx(np.pi * 30.4**2, rel=0.005)
-    grown, _ = levelset.run(edges, (circle((80, 60), 12),), Parameters())
+    grown, _ = evolved(edges, (circle((80, 60), 12),), Parameters())
     assert (rasterize(contours, SHAPE) ^ rasterize(grown, SHAPE)).sum() <= 12  # of 2900: centres on the ridge itself
 
 
@@ -112,7 +118,7 @@ def test_closing_in_keeps_what_touches_the_image_border() -> None:
     image = np.full(SHAPE, 60, np.uint8)
     image[40:80, 100:] = 180
     params = load_params(None, {"contour.balloon": -2.0})
-    contours, _ = levelset.run(edges_of(image), (FreeForm.box(60, 10, 170, 110),), params)
+    contours, _ = evolved(edges_of(image), (FreeForm.box(60, 10, 170, 110),), params)
     mask = rasterize(contours, SHAPE)
     assert mask[45:75, 105:].all()
     assert (~mask[:35]).all()
@@ -140,12 +146,12 @@ def test_the_front_stays_inside_the_domain() -> None:
     domain = np.zeros(SHAPE, np.uint8)
     domain[20:100, 40:120] = 255
     edges = edges_of(np.full(SHAPE, 90, np.uint8), domain)
-    contours, _ = levelset.run(edges, (circle((80, 60), 12),), Parameters())
+    contours, _ = evolved(edges, (circle((80, 60), 12),), Parameters())
     assert (rasterize(contours, SHAPE) == (domain > 0)).all()
 
 
 def test_without_edges_the_region_is_the_image() -> None:
-    contours, _ = levelset.run(edges_of(np.full(SHAPE, 90, np.uint8)), (circle((80, 60), 12),), Parameters())
+    contours, _ = evolved(edges_of(np.full(SHAPE, 90, np.uint8)), (circle((80, 60), 12),), Parameters())
     assert rasterize(contours, SHAPE).all()
     assert [c.signed_area for c in contours] == [pytest.approx(SHAPE[0] * SHAPE[1], abs=1.0)]  # corners are cut
 
@@ -154,7 +160,7 @@ def test_a_start_on_nothing_is_refused() -> None:
     domain = np.zeros(SHAPE, np.uint8)
     domain[0, 0] = 255
     with pytest.raises(SegmentationError, match=r"move init\.center"):
-        levelset.run(edges_of(np.full(SHAPE, 90, np.uint8), domain), (circle((80, 60), 12),), Parameters())
+        evolved(edges_of(np.full(SHAPE, 90, np.uint8), domain), (circle((80, 60), 12),), Parameters())
 
 
 def test_a_stop_speed_can_be_set() -> None:
@@ -162,8 +168,8 @@ def test_a_stop_speed_can_be_set() -> None:
     # The edge of 120 grey levels at sigma 1.5 peaks near 30 grey levels per pixel, where F_diff is about 1e-3.
     leaky = load_params(None, {"levelset.stop_speed": 1e-4})
     tight = load_params(None, {"levelset.stop_speed": 1e-2})
-    assert rasterize(levelset.run(edges, (circle((80, 60), 12),), leaky)[0], SHAPE).all()
-    assert not rasterize(levelset.run(edges, (circle((80, 60), 12),), tight)[0], SHAPE)[0, 0]
+    assert rasterize(evolved(edges, (circle((80, 60), 12),), leaky)[0], SHAPE).all()
+    assert not rasterize(evolved(edges, (circle((80, 60), 12),), tight)[0], SHAPE)[0, 0]
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.opencv_peers import connected, grown
 from ffseg.image.raster import rasterize
+from ffseg.methods import METHODS, PEERS
 from ffseg.metrics import scores
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters, SkimageGac, load_peer_parameters
 from ffseg.segmenters import peers
+from ffseg.segmenters.base import Segmentation
 from ffseg.segmenters.registry import segment
 
 SHAPE = (120, 160)
@@ -35,24 +37,31 @@ def peer_parameters() -> PeerParameters:
     return replace(PeerParameters(), skimage_gac=SkimageGac(iterations=60))
 
 
-@pytest.mark.parametrize("name", peers.PEERS)
+def segment_peer(
+    image: np.ndarray, name: str, options: PeerParameters | None = None, domain: np.ndarray | None = None
+) -> Segmentation:
+    params, section = peers.configured(PARAMS, name, options)
+    return segment(image, params, name, options=section, domain=domain)
+
+
+@pytest.mark.parametrize("name", PEERS)
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the packages
 def test_a_peer_finds_a_disc(name: str) -> None:
-    if not peers.PEERS[name].installed:
-        pytest.skip(f"{peers.PEERS[name].package} is not installed")
+    if not PEERS[name].installed:
+        pytest.skip(f"{PEERS[name].package} is not installed")
     image, truth = disc()
-    result = peers.segment_peer(image, PARAMS, name, peer_parameters())
+    result = segment_peer(image, name, peer_parameters())
     assert scores(result.mask, truth).iou >= FLOOR.get(name, 0.98)
     assert (rasterize(result.contours, SHAPE) == result.mask).all()
     assert result.timings.evolve_ms > 0
-    assert (result.timings.edges_ms > 0) == peers.PEERS[name].uses_edges
+    assert (result.timings.edges_ms > 0) == PEERS[name].uses_edges
 
 
 def test_colour_images_work_too() -> None:
     image, truth = disc()
     colour = np.stack([image, 255 - image, image], axis=2)
     for name in ("cv_floodfill", "cv_edges", "cv_edges_opened", "cv_watershed", "cv_grabcut"):
-        found = peers.segment_peer(colour, PARAMS, name, PeerParameters())
+        found = segment_peer(colour, name)
         assert scores(found.mask, truth).iou >= FLOOR.get(name, 0.98)
 
 
@@ -68,15 +77,15 @@ def test_peers_stay_in_the_domain() -> None:
     domain = np.zeros(SHAPE, np.uint8)
     domain[:, :90] = 255
     for name in ("cv_floodfill", "cv_edges", "cv_edges_opened"):
-        assert not peers.segment_peer(image, PARAMS, name, PeerParameters(), domain=domain).mask[:, 90:].any()
+        assert not segment_peer(image, name, domain=domain).mask[:, 90:].any()
 
 
 def test_opened_components_do_not_leak_through_a_gap() -> None:
     image, truth = disc()
     image[58:62, 112:135] = 180  # a passage of 4 px through the edge into a bright corridor
     image[40:80, 130:158] = 180
-    plain = peers.segment_peer(image, PARAMS, "cv_edges", PeerParameters())
-    opened = peers.segment_peer(image, PARAMS, "cv_edges_opened", PeerParameters())
+    plain = segment_peer(image, "cv_edges")
+    opened = segment_peer(image, "cv_edges_opened")
     assert scores(opened.mask, truth).iou > 0.97
     assert plain.mask[60, 145] or scores(plain.mask, truth).iou > 0.97
 
@@ -101,14 +110,14 @@ def test_all_seeds_are_followed() -> None:
 
 
 def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(peers.PEERS, "skfmm", replace(peers.PEERS["skfmm"], module="no_such_module"))
+    monkeypatch.setitem(METHODS, "skfmm", replace(METHODS["skfmm"], module="no_such_module"))
     with pytest.raises(SegmentationError, match="scikit-fmm"):
-        peers.segment_peer(disc()[0], PARAMS, "skfmm", PeerParameters())
+        segment_peer(disc()[0], "skfmm")
 
 
 def test_every_peer_has_its_parameters() -> None:
     sections = {name for name in PeerParameters.__dataclass_fields__ if name != "shared_edges"}
-    assert sections == set(peers.PEERS)
+    assert sections == set(PEERS)
 
 
 def test_a_peer_file_is_read_strictly(tmp_path: Path) -> None:

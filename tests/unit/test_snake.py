@@ -13,7 +13,7 @@ from ffseg.image.raster import rasterize
 from ffseg.native import _core
 from ffseg.parameters import Parameters, load_params
 from ffseg.segmenters import snake
-from ffseg.segmenters.base import Progress
+from ffseg.segmenters.base import Progress, View
 
 SHAPE = (160, 200)
 START = FreeForm.circle((100, 80), 14, 13, 3)
@@ -26,12 +26,17 @@ def disc_image(radius: float, level: int = 180) -> NDArray[np.uint8]:
     return np.rint(60 + (level - 60) * inside).astype(np.uint8)
 
 
+def evolved(edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters, **more: object) -> tuple:
+    outcome = snake.run(View(np.empty(SHAPE, np.uint8), edges, starts, params, **more))
+    return outcome.contours, outcome.stats
+
+
 def edges_of(image: NDArray[np.uint8], domain: NDArray[np.uint8] | None = None) -> EdgeMap:
     return edge_map(image, Parameters().edges, domain)
 
 
 def test_it_rests_on_the_boundary_of_a_disc() -> None:
-    (contour,), stats = snake.run(edges_of(disc_image(52.4)), (START,), Parameters())
+    (contour,), stats = evolved(edges_of(disc_image(52.4)), (START,), Parameters())
     radius = np.hypot(*(contour.control_points - (100.2, 79.7)).T)
     # Points rest on the ridge; bilinear sampling and the internal energy (tension * h^2 / R = 0.01 px) leave a tenth.
     assert np.abs(radius - 52.4).max() <= 0.2
@@ -42,8 +47,8 @@ def test_it_rests_on_the_boundary_of_a_disc() -> None:
 
 
 def test_contrast_does_not_matter() -> None:
-    strong, _ = snake.run(edges_of(disc_image(52.4, 250)), (START,), Parameters())
-    weak, _ = snake.run(edges_of(disc_image(52.4, 80)), (START,), Parameters())
+    strong, _ = evolved(edges_of(disc_image(52.4, 250)), (START,), Parameters())
+    weak, _ = evolved(edges_of(disc_image(52.4, 80)), (START,), Parameters())
     # 8-bit steps blur an edge of 20 grey levels: a tenth of a pixel on a perimeter of 329 px.
     assert (rasterize(strong, SHAPE) ^ rasterize(weak, SHAPE)).sum() <= 33
 
@@ -51,7 +56,7 @@ def test_contrast_does_not_matter() -> None:
 def test_a_negative_balloon_closes_in() -> None:
     params = load_params(None, {"contour.balloon": -2.0})
     start = FreeForm.circle((100, 80), 74, 13, 3)
-    (contour,), stats = snake.run(edges_of(disc_image(30.4)), (start,), params)
+    (contour,), stats = evolved(edges_of(disc_image(30.4)), (start,), params)
     assert contour.signed_area == pytest.approx(np.pi * 30.4**2, rel=0.01)
     assert stats.prunes > 0
     assert stats.stop_reason == "converged"
@@ -59,7 +64,7 @@ def test_a_negative_balloon_closes_in() -> None:
 
 def test_a_shrinking_snake_without_an_object_vanishes() -> None:
     params = load_params(None, {"contour.balloon": -2.0})
-    contours, stats = snake.run(edges_of(np.full(SHAPE, 90, np.uint8)), (START,), params)
+    contours, stats = evolved(edges_of(np.full(SHAPE, 90, np.uint8)), (START,), params)
     assert contours == ()
     assert (stats.stop_reason, stats.final_points) == ("vanished", 0)
 
@@ -69,7 +74,7 @@ def test_round_an_island_it_closes_to_a_slit() -> None:
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
     island = np.hypot(x - 135, y - 80) < 8
     image[island] = 60
-    contours, stats = snake.run(edges_of(image), (START,), Parameters())
+    contours, stats = evolved(edges_of(image), (START,), Parameters())
     truth = (np.hypot(x - 100.2, y - 79.7) < 70) & ~island
     mask = rasterize(contours, SHAPE)
     assert len(contours) == 1
@@ -80,21 +85,21 @@ def test_round_an_island_it_closes_to_a_slit() -> None:
 
 def test_without_refinement_the_number_of_points_stays() -> None:
     params = load_params(None, {"contour.refine": False})
-    (contour,), stats = snake.run(edges_of(disc_image(52.4)), (START,), params)
+    (contour,), stats = evolved(edges_of(disc_image(52.4)), (START,), params)
     assert len(contour.control_points) == stats.initial_points
     assert (stats.splits, stats.prunes) == (0, 0)
 
 
 def test_max_iterations_ends_it() -> None:
     params = load_params(None, {"contour.max_iterations": 7})
-    _, stats = snake.run(edges_of(disc_image(52.4)), (START,), params)
+    _, stats = evolved(edges_of(disc_image(52.4)), (START,), params)
     assert (stats.iterations, stats.stop_reason) == (7, "max_iterations")
 
 
 def test_it_stays_in_domain_and_image() -> None:
     domain = np.zeros(SHAPE, np.uint8)
     domain[:130, 30:] = 255
-    contours, _ = snake.run(edges_of(np.full(SHAPE, 90, np.uint8), domain), (START,), Parameters())
+    contours, _ = evolved(edges_of(np.full(SHAPE, 90, np.uint8), domain), (START,), Parameters())
     mask = rasterize(contours, SHAPE)
     assert not mask[domain == 0].any()
     assert mask[domain > 0].mean() > 0.95  # a snake rounds the corners
@@ -117,9 +122,9 @@ def ring_of(altitude: float, count: int) -> NDArray[np.float64]:
 
 def test_points_on_the_ground_let_it_pass_a_painted_ring() -> None:
     edges, truth = altitude_case()
-    held, _ = snake.run(edges, (START,), Parameters())
-    passed, _ = snake.run(edges, (START,), Parameters(), altitudes=ring_of(0.0, 24))
-    tall, _ = snake.run(edges, (START,), Parameters(), altitudes=ring_of(0.5, 24))
+    held, _ = evolved(edges, (START,), Parameters())
+    passed, _ = evolved(edges, (START,), Parameters(), altitudes=ring_of(0.0, 24))
+    tall, _ = evolved(edges, (START,), Parameters(), altitudes=ring_of(0.5, 24))
     assert rasterize(held, SHAPE).sum() < 0.4 * truth.sum()
     assert rasterize(tall, SHAPE).sum() < 0.4 * truth.sum()
     both = rasterize(passed, SHAPE)
@@ -129,14 +134,14 @@ def test_points_on_the_ground_let_it_pass_a_painted_ring() -> None:
 def test_an_obstacle_wins_where_zones_overlap() -> None:
     edges, truth = altitude_case()
     mixed = np.concatenate([ring_of(0.0, 24), ring_of(0.5, 24)])
-    contours, _ = snake.run(edges, (START,), Parameters(), altitudes=mixed)
+    contours, _ = evolved(edges, (START,), Parameters(), altitudes=mixed)
     assert rasterize(contours, SHAPE).sum() < 0.4 * truth.sum()
 
 
 def test_too_few_ground_points_do_not_open_the_ring() -> None:
     edges, truth = altitude_case()
     sparse = ring_of(0.0, 3)
-    contours, _ = snake.run(edges, (START,), Parameters(), altitudes=sparse)
+    contours, _ = evolved(edges, (START,), Parameters(), altitudes=sparse)
     mask = rasterize(contours, SHAPE)
     ring_end = truth.sum()
     assert 0.3 * ring_end < mask.sum() < ring_end  # it gets out through three gaps, the ring itself stays uncovered
@@ -145,8 +150,8 @@ def test_too_few_ground_points_do_not_open_the_ring() -> None:
 def test_callbacks_do_not_change_the_result() -> None:
     seen: list[Progress] = []
     edges = edges_of(disc_image(52.4))
-    (plain,), stats = snake.run(edges, (START,), Parameters())
-    (watched,), _ = snake.run(edges, (START,), Parameters(), seen.append, every=7)
+    (plain,), stats = evolved(edges, (START,), Parameters())
+    (watched,), _ = evolved(edges, (START,), Parameters(), callback=seen.append, every=7)
     assert (plain.control_points == watched.control_points).all()
     assert [p.iteration for p in seen[:3]] == [0, 7, 14]
     assert seen[-1].iteration == stats.iterations
@@ -167,7 +172,7 @@ def test_stiff_forces_move_far_points_step_by_step() -> None:
 
 def test_two_starts_are_refused() -> None:
     with pytest.raises(SegmentationError, match="2 starts"):
-        snake.run(edges_of(disc_image(52.4)), (START, START), Parameters())
+        evolved(edges_of(disc_image(52.4)), (START, START), Parameters())
 
 
 def test_the_core_refuses_what_it_cannot_run_on() -> None:

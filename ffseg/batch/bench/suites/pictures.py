@@ -19,12 +19,13 @@ from ffseg.formats.masks import read_levels
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.raster import rasterize
 from ffseg.image.reference import to_grey
+from ffseg.methods import PEERS, SEGMENTERS
 from ffseg.parameters import Parameters, load_params
-from ffseg.peer_parameters import PeerParameters, SkimageGac
+from ffseg.peer_parameters import SkimageGac
 from ffseg.samples.scenes import SCENES
-from ffseg.segmenters.base import Segmentation
-from ffseg.segmenters.peers import PEERS, edge_parameters, geodesic
-from ffseg.segmenters.registry import SEGMENTERS, segment, segmenter
+from ffseg.segmenters.base import Segmentation, View
+from ffseg.segmenters.peers import configured, geodesic
+from ffseg.segmenters.registry import segment, segmenter
 from ffseg.segmenters.starts import start_contours
 
 Image = NDArray[np.uint8]
@@ -94,27 +95,31 @@ def _beside(picture: Picture, name: str, *, quick: bool) -> Group:
     With ``cv_edges_opened`` it is the whole segmentation, because edges are all that peer does. Making a peer's start
     region is not counted.
     """
-    image, params, peer = picture.image, picture.params, PEERS[name]
-    shape, defaults = (image.shape[0], image.shape[1]), PeerParameters()
-    section, theirs = getattr(defaults, name), edge_parameters(name, params.edges, defaults)
-    edges, seen, starts = edge_map(image, params.edges), edge_map(image, theirs), start_contours(shape, params)
-    seeds = rasterize(starts, shape)
+    image, params, peer = picture.image, picture.params, segmenter(name)
+    shape = (image.shape[0], image.shape[1])
+    theirs, section = configured(params, name)
+    edges, seen, starts = edge_map(image, params.edges), edge_map(image, theirs.edges), start_contours(shape, params)
     facts: dict[str, Fact] = {"size": f"{shape[1]}x{shape[0]}"}
-    if name == "skimage_gac":
+    if isinstance(section, SkimageGac):
+        seeds = rasterize(starts, shape)
         section = enough(seen, seeds, replace(section, iterations=QUICK_ITERATIONS) if quick else section)
         facts["peer iterations"] = section.iterations
     cases = f"{picture.name}, freeform beside {name}", f"{picture.name}, {name}"
     works: tuple[Callable[[], object], Callable[[], object]]
     if name == "cv_edges_opened":
         stage, ratio = "segment", Comparison(f"{picture.name}: freeform over {name}", *cases)
-        works = (lambda: segment(image, params)), lambda: peer.run(image, edge_map(image, theirs), seeds, section)
+        works = (
+            lambda: segment(image, params),
+            lambda: peer(View(image, edge_map(image, theirs.edges), starts, theirs, section)),
+        )
     else:
         stage, ratio = "evolve", Comparison(f"{picture.name}: {name} over freeform", *cases[::-1])
         run = segmenter("freeform")
-        works = (lambda: run(edges, starts, params, None)), lambda: peer.run(image, seen, seeds, section)
+        works = (lambda: run(View(image, edges, starts, params))), lambda: peer(view)
+    view = View(image, seen, starts, theirs, section)
     if picture.truth is not None:
         facts["iou"] = round(_iou(segment(image, params).mask, picture.truth), 5)
-        facts["peer iou"] = round(_iou(peer.run(image, seen, seeds, section), picture.truth), 5)
+        facts["peer iou"] = round(_iou(segment(image, theirs, name, options=section).mask, picture.truth), 5)
     tasks = [Task(case, stage, timed(work)) for case, work in zip(cases, works, strict=True)]
     return Group("peers", f"{picture.name}, {name}", to_grey(image), tasks, facts, [ratio])
 
@@ -142,7 +147,7 @@ def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: flo
     edges = edge_map(image, params.edges)
     tasks = (
         Task(case, "edges", timed(lambda: edge_map(image, params.edges)), x),
-        Task(case, "evolve", timed(lambda: run(edges, start_contours(shape, params), params, None)), x),
+        Task(case, "evolve", timed(lambda: run(View(image, edges, start_contours(shape, params), params))), x),
         Task(case, "segment", timed(lambda: segment(image, params, method_name)), x),
     )
     facts = _facts(segment(image, params, method_name), picture.truth)
