@@ -111,3 +111,19 @@ def test_a_baseline_without_a_common_figure_cannot_pass(
     done = ffseg_command("bench", "--quick", "--suite", "size", "--out", tmp_path, "--baseline", baseline)
     assert done.returncode == 2
     assert "no figure of this run" in done.stderr
+
+
+def test_a_suite_that_fails_leaves_what_was_measured_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from ffseg.batch.bench.suites import processes
+    from ffseg.cli.commands.bench import bench
+    from ffseg.errors import FfsegError
+
+    def broken(settings: object) -> None:
+        raise FfsegError("no such luck")
+
+    monkeypatch.setattr(processes, "startup", broken)
+    with pytest.raises(FfsegError, match="luck"):
+        bench(tmp_path / "out", ["patches", "startup"], quick=True)
+    document = json.loads((tmp_path / "out" / "bench.json").read_text("utf-8"))
+    assert {figure["suite"] for figure in document["figures"]} == {"patches"}
+    assert (tmp_path / "out" / "bench.md").read_text("utf-8").count("iteration") > 0

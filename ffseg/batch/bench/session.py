@@ -34,6 +34,7 @@ PAUSE_S = 2.0
 
 Suite = Callable[[Settings], Iterator[Group | Skipped]]
 Note = Callable[[str], None]
+Keep = Callable[["Outcome"], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +75,16 @@ class Outcome:
     slower: list[Slower] = field(default_factory=list)
 
 
-def run_bench(order: Order, note: Note) -> Outcome:
-    """Measure everything ordered; `note` hears what is being measured.
+def run_bench(order: Order, note: Note, keep: Keep | None = None) -> Outcome:
+    """Measure everything ordered.
+
+    Parameters
+    ----------
+    order : Order
+    note : callable
+        Hears what is being measured.
+    keep : callable, optional
+        Given all that is measured so far after every suite, so that a suite that fails loses nothing but itself.
 
     Raises
     ------
@@ -91,6 +100,8 @@ def run_bench(order: Order, note: Note) -> Outcome:
             suite: Suite = getattr(import_module(f"ffseg.batch.bench.suites.{SUITES[name]}"), name)
             for part in suite(settings):
                 _take(part, outcome, effort, order.baseline, note)
+            if keep is not None:
+                keep(outcome)
     if order.baseline is not None:
         _judge(outcome, order.baseline)
     return outcome

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ffseg.cli import console
+
+if TYPE_CHECKING:
+    from ffseg.batch.bench.session import Outcome
 
 MISSED_GATE = 4
 """Exit code when a figure is slower than the baseline allows."""
@@ -41,32 +44,42 @@ def bench(  # noqa: PLR0913 - the options of the command
 ) -> None:
     """Measure speed and memory: medians, ratios to a fixed kernel K, exponents.
 
-    Writes bench.json, bench.csv, bench.md and, with matplotlib, plots. Exit code 4: a figure missed the baseline.
+    Writes bench.json, bench.csv and bench.md after every suite, so that one that fails loses nothing measured before it,
+    and, with matplotlib, plots at the end. Exit code 4: a figure missed the baseline.
     """
     from ffseg.batch.bench import plots
     from ffseg.batch.bench.gate import read_baseline
     from ffseg.batch.bench.measure import Effort, Skipped
-    from ffseg.batch.bench.report import to_csv, to_json, to_markdown
     from ffseg.batch.bench.session import Order, run_bench
     from ffseg.formats.files import make_folder, write_bytes_atomic
 
     known = read_baseline(baseline, max_ratio, quick=quick) if baseline else None
     make_folder(out)
-    outcome = run_bench(Order(suite or (), Effort(repeat, budget), images, quick, known), console.message)
-    drawn = plots.plots(outcome.figures) if plots.available() else {}
+    order = Order(suite or (), Effort(repeat, budget), images, quick, known)
+    outcome = run_bench(order, console.message, lambda so_far: _write(out, so_far))
     if not plots.available():
         outcome.skipped.append(Skipped("plots", "all", "matplotlib is not installed: pip install 'ffseg[plot]'"))
         console.message("plots skipped, matplotlib is not installed: pip install 'ffseg[plot]'")
-    report = {
-        "bench.json": to_json(outcome),
-        "bench.csv": to_csv(outcome),
-        "bench.md": to_markdown(outcome).encode("utf-8"),
-        **drawn,
-    }
-    for name, content in report.items():
+    for name, content in (plots.plots(outcome.figures) if plots.available() else {}).items():
         write_bytes_atomic(os.path.join(out, name), content)
+    report = _write(out, outcome)
     console.data(report["bench.json" if as_json else "bench.md"].decode("utf-8").rstrip("\n"))
     for item in outcome.slower:
         console.error(str(item))
     if outcome.slower:
         raise typer.Exit(MISSED_GATE)
+
+
+def _write(out: Path, outcome: Outcome) -> dict[str, bytes]:
+    """Write the tables of what is measured so far; their contents by name."""
+    from ffseg.batch.bench.report import to_csv, to_json, to_markdown
+    from ffseg.formats.files import write_bytes_atomic
+
+    tables = {
+        "bench.json": to_json(outcome),
+        "bench.csv": to_csv(outcome),
+        "bench.md": to_markdown(outcome).encode("utf-8"),
+    }
+    for name, content in tables.items():
+        write_bytes_atomic(os.path.join(out, name), content)
+    return tables
