@@ -28,9 +28,10 @@ def sample_files(pairs: int = 1) -> dict[str, bytes]:
     Returns
     -------
     dict of str to bytes
-        ``NAME.png``, ``truth/NAME.png`` and the files of `pair_files` below each pair's folder.
+        ``NAME.png``, ``truth/NAME.png`` (a folder left out by walks which begin above it) and the files of
+        `pair_files` below each pair's folder.
     """
-    files = {}
+    files = {f"truth/{SKIP_FILE}": SKIP_TEXT}
     for name, draw in SCENES.items():
         scene = draw()
         files[f"{name}.png"] = encode(scene.image)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import zlib
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -15,11 +16,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from PIL import Image
 
+from ffseg.batch.discover import discover
 from ffseg.parameters import Parameters
 from ffseg.samples import png, texture
 from ffseg.samples.paint import CURVE_STEPS, GRID, Paper, centers, coverage, spline
 from ffseg.samples.scenes import SCENES, Scene
-from ffseg.samples.write import PAIR_SEED, pair_files, sample_files
+from ffseg.samples.write import PAIR_SEED, pair_files, sample_files, write_samples
 
 MOST_BYTES = 3_000_000
 """All sample files together; they are part of every clone."""
@@ -158,3 +160,10 @@ def test_labels_of_the_pair_are_its_scene() -> None:
     assert set(np.unique(labels)) == {0, 1, 2, 3, 100, 101, 200, 201, 202, 203, 255}  # marks, boxes, walls, no scene
     assert (truth[(labels > 0) & (labels < 100)] == 255).all()
     assert not truth[(labels >= 100) & (labels < 255)].any()  # the disc of the robot has no label and is free
+
+
+@pytest.mark.parametrize("pairs", [0, 2])
+def test_a_walk_over_the_samples_finds_the_scenes_alone(pairs: int, tmp_path: Path) -> None:
+    write_samples(tmp_path, pairs)
+    assert [source.name for source in discover([str(tmp_path)])] == sorted(f"{name}.png" for name in SCENES)
+    assert len(discover([str(tmp_path / "truth")])) == len(SCENES)  # named itself, it is an input like any other
