@@ -5,7 +5,11 @@ The names below are loaded when first used, so that ``import ffseg`` costs nothi
 
 from __future__ import annotations
 
+import os
+import sys
 from importlib import import_module
+from importlib.machinery import PathFinder
+from importlib.util import module_from_spec
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -66,3 +70,29 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+def _has_core(package: str) -> bool:
+    """Whether a copy of this package holds the compiled core."""
+    try:
+        names = os.listdir(os.path.join(package, "native"))
+    except OSError:
+        return False
+    return any(name.startswith("_core.") and not name.endswith(".pyi") for name in names)
+
+
+def _give_way() -> None:
+    """Let the first complete copy of the package on the path take the place of this one, if there is one.
+
+    Python run in a folder with the sources finds these before the installed package, and they hold no compiled core.
+    """
+    for place in sys.path:
+        spec = PathFinder.find_spec("ffseg", [place]) if _has_core(os.path.join(place, "ffseg")) else None
+        if spec is not None and spec.loader is not None:
+            sys.modules["ffseg"] = module_from_spec(spec)
+            spec.loader.exec_module(sys.modules["ffseg"])
+            return
+
+
+if not any(map(_has_core, __path__)):
+    _give_way()
