@@ -34,7 +34,7 @@ PAUSE_S = 2.0
 
 Suite = Callable[[Settings], Iterator[Group | Skipped]]
 Note = Callable[[str], None]
-Keep = Callable[["Outcome"], None]
+Keep = Callable[["Outcome"], object]
 
 
 @dataclass(frozen=True, slots=True)
