@@ -1,0 +1,153 @@
+"""What must not decide a segmentation: how the image lies, how bright it is, where in the region it starts, sampling."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from statistics import mean
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import FfsegError
+from ffseg.metrics import INSIDE, iou
+from ffseg.parameters import Parameters
+from ffseg.segmenters.registry import segment
+from tests import scenes
+from tests.campaigns.real_images import Photograph
+
+SHIFT = 7
+LEAST = 0.995
+"""Mean IoU between the region and that of the changed image, from which the change counts as harmless."""
+MOST_CHANGE = 0.02
+"""Change of the mean IoU of a set that sampling and the start's radius may make."""
+STABLE: tuple[tuple[str, str, float], ...] = (
+    ("contour", "split_threshold", 6), ("contour", "split_threshold", 40), ("contour", "split_threshold", 80),
+    ("contour", "patches", 8), ("contour", "patches", 40), ("radius", "x", 0.5), ("radius", "x", 1.5),
+)  # fmt: skip
+
+Mask = NDArray[np.bool_]
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of a photograph, and how its region is laid over the unchanged one's."""
+
+    name: str
+    of: Callable[[Photograph], Photograph]
+    back: Callable[[Mask], Mask] = lambda mask: mask
+    before: Callable[[Photograph], Photograph] = lambda one: one
+    common: Callable[[Mask], Mask] = lambda mask: mask
+
+
+def _mirrored(one: Photograph) -> Photograph:
+    x, y, radius = one.circle
+    return _with(one, one.image[:, ::-1], one.truth[:, ::-1], (one.image.shape[1] - 1 - x, y, radius))
+
+
+def _turned(one: Photograph) -> Photograph:
+    x, y, radius = one.circle
+    return _with(one, np.rot90(one.image), np.rot90(one.truth), (y, one.image.shape[1] - 1 - x, radius))
+
+
+def _shifted(one: Photograph) -> Photograph:
+    x, y, radius = one.circle
+    return _with(one, one.image[SHIFT:, SHIFT:], one.truth[SHIFT:, SHIFT:], (x - SHIFT, y - SHIFT, radius))
+
+
+def _moved(one: Photograph) -> Photograph:
+    """Started elsewhere in the truth, not farther than four radii; where no disc fits, half a radius aside."""
+    x, y, radius = one.circle
+    room = cv2.distanceTransform(np.pad(one.truth == INSIDE, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    v, u = np.nonzero(room > radius + 2)
+    near = np.hypot(u - x, v - y) < 4 * radius
+    if not near.any():
+        return replace(one, circle=(x + radius / 2, y, radius))
+    pick = np.random.default_rng(len(u)).integers(np.count_nonzero(near))
+    return replace(one, circle=(float(u[near][pick]), float(v[near][pick]), radius))
+
+
+def _scaled(factor: float) -> Callable[[Photograph], Photograph]:
+    def change(one: Photograph) -> Photograph:
+        return replace(one, image=np.rint(one.image * factor).astype(np.uint8))
+
+    return change
+
+
+def _with(one: Photograph, image: Image, truth: Image, circle: tuple[float, float, float]) -> Photograph:
+    return replace(one, image=np.ascontiguousarray(image), truth=np.ascontiguousarray(truth), circle=circle)
+
+
+CHANGES = (
+    Change("mirrored", _mirrored, back=lambda mask: mask[:, ::-1]),
+    Change("turned", _turned, back=lambda mask: np.rot90(mask, -1)),
+    Change("shifted", _shifted, common=lambda mask: mask[SHIFT:, SHIFT:]),
+    Change("start moved", _moved),
+    Change("brightness x 0.5", _scaled(0.5)),
+    Change("brightness x 1.5", _scaled(1.5), before=_scaled(1 / 1.5)),
+)
+"""The last one begins with an image of two thirds of the brightness, so that nothing is clipped."""
+
+
+def table(photographs: Sequence[Photograph] | None, params: Parameters, count: int) -> str:
+    """Mean and least IoU between the regions before and after each change, over photographs or drawn scenes."""
+    ones = list(photographs) if photographs is not None else [drawn(seed) for seed in range(count)]
+    lines = [f"invariance over {len(ones)} images (mean IoU wanted: {LEAST})"]
+    for change in CHANGES:
+        kept = sorted((agreement(one, change, params), one.name) for one in ones)
+        figure = mean(value for value, _ in kept)
+        verdict = "held" if figure >= LEAST else "MISSED"
+        least = ", ".join(f"{name} {value:.3f}" for value, name in kept[:3])
+        lines.append(f"  {change.name:<17} {figure:.4f} {verdict:<7} below {LEAST}: "
+                     f"{sum(value < LEAST for value, _ in kept)}; least {least}")  # fmt: skip
+    return "\n".join(lines)
+
+
+def agreement(one: Photograph, change: Change, params: Parameters) -> float:
+    """IoU between the regions before and after a change."""
+    base = change.before(one)
+    before, after = region(base, params), change.back(region(change.of(base), params))
+    return iou(after, change.common(before).astype(np.uint8) * np.uint8(INSIDE))
+
+
+def region(one: Photograph, params: Parameters, factor: float = 1.0) -> Mask:
+    """The region of a photograph; empty where it fails."""
+    try:
+        return segment(one.image, one.placed(params, factor)).mask
+    except FfsegError:
+        return np.zeros(one.truth.shape, bool)
+
+
+def drawn(seed: int) -> Photograph:
+    """A random drawn scene."""
+    scene = scenes.scene(seed)
+    truth = np.where(scene.truth, np.uint8(INSIDE), np.uint8(0))
+    return Photograph("drawn", f"scene {seed}", scene.image, truth, (*scenes.START, scenes.START_RADIUS))
+
+
+def stability(photographs: Iterable[Photograph], params: Parameters) -> str:
+    """Mean IoU of every set for values that should not matter, and the largest change from the parameters given."""
+    sets: dict[str, list[Photograph]] = {}
+    for one in photographs:
+        sets.setdefault(one.folder, []).append(one)
+    lines = [f"stability (change of a set's mean IoU wanted: at most {MOST_CHANGE})"]
+    for folder, ones in sets.items():
+        base = _mean_overlap(ones, params, 1.0)
+        changes = []
+        for section, key, value in STABLE:
+            varied, factor = (params, value) if section == "radius" else (_varied(params, key, value), 1.0)
+            change = _mean_overlap(ones, varied, factor) - base
+            changes.append(f"{section if section == 'radius' else key} {value:g}: {change:+.3f}")
+        lines.append(f"  {folder} {base:.3f}; {', '.join(changes)}")
+    return "\n".join(lines)
+
+
+def _varied(params: Parameters, key: str, value: float) -> Parameters:
+    kind = type(getattr(params.contour, key))
+    return replace(params, contour=replace(params.contour, **{key: kind(value)}))
+
+
+def _mean_overlap(ones: Sequence[Photograph], params: Parameters, factor: float) -> float:
+    return mean(iou(region(one, params, factor), one.truth) for one in ones)

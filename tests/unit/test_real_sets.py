@@ -1,0 +1,125 @@
+"""The campaign on real sets in short form: what it counts, where it sees lost area, and which changes it notices."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from ffseg.parameters import load_params
+from tests.campaigns import real_causes, real_images, real_invariance, real_sets
+
+
+def photograph(step: int = 120, folder: str = "road") -> real_images.Photograph:
+    """A disc of radius 30 brighter than its ground by `step`, with an ignored stripe at the left."""
+    y, x = np.mgrid[:90, :120]
+    inside = np.hypot(x - 60, y - 45) < 30
+    image = np.where(inside, 60 + step, 60).astype(np.uint8)
+    truth = np.where(inside, 255, 0).astype(np.uint8)
+    truth[:, :20] = 128
+    return real_images.Photograph(folder, "a.png", image, truth, (60.0, 45.0, 12.0))
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    """Two sets of two images; in the second of each the border of the disc is too faint to hold."""
+    for folder, head in (("road", "image,seed_x,seed_y,inner_radius_px"), ("real_floors/omni", "image,x,y,radius")):
+        lines = [head]
+        for kind in ("images", "truth"):
+            (tmp_path / folder / kind).mkdir(parents=True)
+        for index, step in enumerate((120, 1)):
+            one = photograph(step)
+            cv2.imwrite(str(tmp_path / folder / "images" / f"{index}.png"), one.image)
+            cv2.imwrite(str(tmp_path / folder / "truth" / f"{index}.png"), one.truth)
+            lines.append(f"{index}.png,60,45,24" if folder == "road" else f"{index}.png,60,45,12")
+        (tmp_path / folder / "seeds.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return tmp_path
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    monkeypatch.setattr(sys, "argv", ["real_sets", *map(str, arguments)])
+    return real_sets.main()
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_tables_and_overlays(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    out = tmp_path / "out"
+    assert run(monkeypatch, "--data", data, "--out", out, "--overlays", 1) == 0
+    said = capsys.readouterr().out
+    assert "left out: seeded_objects" in said
+    assert "score: none" in said
+    table = rows(out / "images.csv")
+    assert [(row["set"], row["image"], row["half"]) for row in table] == [
+        ("road", "0.png", "even"), ("road", "1.png", "odd"),
+        ("real_floors/omni", "0.png", "even"), ("real_floors/omni", "1.png", "odd"),
+    ]  # fmt: skip
+    assert [float(row["iou"]) > 0.9 for row in table] == [True, False, True, False]
+    assert [row["cause"] for row in table][1] == "leak: faint border"
+    sets = {row["set"]: row for row in rows(out / "sets.csv")}
+    assert set(sets) == {"road", "real_floors/omni", "all"}
+    assert float(sets["road"]["iou"]) == pytest.approx((float(table[0]["iou"]) + float(table[1]["iou"])) / 2, abs=6e-4)
+    assert float(sets["road"]["leaked"]) > 0.2 > float(sets["road"]["missed"])
+    assert [path.name for path in (out / "worst").iterdir()] == ["00-road-1.png"]
+    other = tmp_path / "other"
+    given = ("--set", "edges.canny=[0.1,0.2]", "--before", out / "images.csv")
+    assert run(monkeypatch, "--data", data, "--out", other, *given) == 0
+    assert "2 better, 0 worse" in capsys.readouterr().out
+
+
+def test_absent_sets_are_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    assert run(monkeypatch, "--data", tmp_path, "--out", tmp_path / "out") == 0
+    assert "skipped" in capsys.readouterr().out
+
+
+def test_an_image_that_fails_counts_zero() -> None:
+    one = replace(photograph(), circle=(600.0, 45.0, 12.0))
+    outcome = real_causes.named(real_images.evaluate(one, load_params()))
+    assert (outcome.overlap, outcome.result, outcome.cause) == (0.0, None, "failed")
+    assert "outside the image" in outcome.message
+    assert real_sets.lost(outcome) == (1.0, 0.0)
+
+
+def test_lost_area_counts_no_ignored_pixel() -> None:
+    one = photograph()
+    mask = np.ones(one.truth.shape, bool)
+    mask[45:] = False
+    outcome = real_images.Outcome(one, mask, 0.0, None, 1.0, 1.0, "")
+    inside, counted = one.truth == 255, one.truth != 128
+    assert np.array_equal(outcome.missed, inside & ~mask)
+    assert np.array_equal(outcome.leaked, mask & ~inside & counted)
+
+
+def test_spearman_with_ties() -> None:
+    assert real_sets.spearman([1, 2, 3, 4], [10, 20, 30, 40]) == pytest.approx(1)
+    assert real_sets.spearman([1, 2, 3, 4], [4, 3, 2, 1]) == pytest.approx(-1)
+    # Ranks 1, 2.5, 2.5, 4 against 1, 3, 2, 4: covariance 4.5 / 4, variances 4.5 / 4 and 5 / 4.
+    assert real_sets.spearman([0, 5, 5, 9], [1, 3, 2, 4]) == pytest.approx(4.5 / np.sqrt(4.5 * 5))
+    assert np.isnan(real_sets.spearman([1, 1, 1], [1, 2, 3]))
+
+
+@pytest.mark.parametrize("change", real_invariance.CHANGES, ids=lambda change: change.name)
+def test_a_region_of_colours_survives_every_change(change: real_invariance.Change, monkeypatch) -> None:
+    """With the segmenter replaced by one that cannot err, every change gives the region back."""
+    one = photograph()
+    monkeypatch.setattr(real_invariance, "region", lambda photo, params: photo.truth == 255)
+    assert real_invariance.agreement(one, change, load_params()) == 1.0
+    before = change.before(one)
+    after = change.of(before)
+    assert not np.array_equal(after.image, before.image) or after.circle != before.circle
+
+
+def test_the_start_stays_in_the_region_when_moved() -> None:
+    moved = next(change for change in real_invariance.CHANGES if change.name == "start moved").of(photograph())
+    x, y, radius = moved.circle
+    assert (x, y) != (60.0, 45.0)
+    v, u = np.mgrid[:90, :120]
+    assert (moved.truth[np.hypot(u - x, v - y) <= radius] == 255).all()
