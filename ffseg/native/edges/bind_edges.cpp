@@ -18,7 +18,7 @@ using Domain = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::de
 using Gradient = nb::ndarray<const std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Plane16 = nb::ndarray<std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
-ffseg::ImageView view(const Bytes& image) {
+ffseg::edges::ImageView view(const Bytes& image) {
     if (image.ndim() != 2 && image.ndim() != 3) throw std::invalid_argument("the image must be (H, W) or (H, W, C)");
     const std::size_t channels = image.ndim() == 3 ? image.shape(2) : 1;
     if (image.shape(0) == 0 || image.shape(1) == 0 || channels == 0) throw std::invalid_argument("the image is empty");
@@ -42,12 +42,12 @@ void check_size(const Gradient& gradient) {
 }
 
 void py_gradient(const Bytes& image, double sigma, Plane16 gradient, Plane8 ridges) {
-    const ffseg::ImageView pixels = view(image);
+    const ffseg::edges::ImageView pixels = view(image);
     check_plane(gradient, image.shape(0), image.shape(1));
     check_plane(ridges, image.shape(0), image.shape(1));
-    if (!(sigma > 0 && sigma <= ffseg::kMostSigma)) throw std::invalid_argument("sigma is out of range");
+    if (!(sigma > 0 && sigma <= ffseg::edges::kMostSigma)) throw std::invalid_argument("sigma is out of range");
     nb::gil_scoped_release release;
-    ffseg::gradient_and_ridges(pixels, ffseg::gaussian(sigma), gradient.data(), ridges.data());
+    ffseg::edges::gradient_and_ridges(pixels, ffseg::edges::gaussian(sigma), gradient.data(), ridges.data());
 }
 
 // Thresholds from the noise: high = factor * local noise, at least `least`; low = low_ratio * high. The local noise is
@@ -63,8 +63,8 @@ int py_canny_auto(const Gradient& gradient, std::optional<Domain> domain, double
     }
     const int height = static_cast<int>(gradient.shape(0)), width = static_cast<int>(gradient.shape(1));
     nb::gil_scoped_release release;
-    const ffseg::NoiseMap noise = ffseg::noise_map(gradient.data(), domain ? domain->data() : nullptr, height, width);
-    ffseg::ThresholdMap thresholds;
+    const ffseg::edges::NoiseMap noise = ffseg::edges::noise_map(gradient.data(), domain ? domain->data() : nullptr, height, width);
+    ffseg::edges::ThresholdMap thresholds;
     thresholds.columns = noise.columns;
     for (const std::uint16_t block : noise.blocks) {
         const double local = std::clamp<double>(block, noise.quiet / spread, noise.quiet * spread);
@@ -72,7 +72,7 @@ int py_canny_auto(const Gradient& gradient, std::optional<Domain> domain, double
         thresholds.high.push_back(static_cast<std::uint16_t>(std::lround(high)));
         thresholds.low.push_back(static_cast<std::uint16_t>(std::lround(low_ratio * high)));
     }
-    ffseg::link_edges(gradient.data(), height, width, thresholds, edges.data());
+    ffseg::edges::link_edges(gradient.data(), height, width, thresholds, edges.data());
     return noise.quiet;
 }
 
@@ -83,13 +83,13 @@ void py_canny(const Gradient& gradient, int low, int high, Plane8 edges) {
     const int height = static_cast<int>(gradient.shape(0)), width = static_cast<int>(gradient.shape(1));
     const auto clamp = [](int value) { return static_cast<std::uint16_t>(std::clamp(value, 0, 65535)); };
     nb::gil_scoped_release release;
-    constexpr int kBlock = ffseg::NoiseMap::kBlock;
-    ffseg::ThresholdMap thresholds;
+    constexpr int kBlock = ffseg::edges::NoiseMap::kBlock;
+    ffseg::edges::ThresholdMap thresholds;
     thresholds.columns = (width + kBlock - 1) / kBlock;
     const std::size_t rows = static_cast<std::size_t>((height + kBlock - 1) / kBlock);
     thresholds.low.assign(rows * static_cast<std::size_t>(thresholds.columns), clamp(low));
     thresholds.high.assign(thresholds.low.size(), clamp(high));
-    ffseg::link_edges(gradient.data(), height, width, thresholds, edges.data());
+    ffseg::edges::link_edges(gradient.data(), height, width, thresholds, edges.data());
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include "common/lanes.hpp"
 #include "edges/noise.hpp"
 
-namespace ffseg {
+namespace ffseg::edges {
 namespace {
 
 // The outline of the smallest blob that smoothing leaves has eight pixels; shorter chains are noise.
@@ -108,4 +108,4 @@ void link_edges(const std::uint16_t* gradient, int height, int width, const Thre
     keep_edges(edges, count);
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::edges

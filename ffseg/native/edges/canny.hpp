@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace ffseg {
+namespace ffseg::edges {
 
 // Thresholds in stored units, one pair for every block of NoiseMap::kBlock pixels.
 struct ThresholdMap {
@@ -15,4 +15,4 @@ struct ThresholdMap {
 void link_edges(const std::uint16_t* gradient, int height, int width, const ThresholdMap& thresholds,
                 std::uint8_t* edges);
 
-}  // namespace ffseg
+}  // namespace ffseg::edges

@@ -7,7 +7,7 @@
 
 #include "edges/sobel.hpp"
 
-namespace ffseg {
+namespace ffseg::edges {
 namespace {
 
 // Whole vectors of pixels, so that no loop over a scratch row has a remainder.
@@ -136,4 +136,4 @@ void gradient_and_ridges(const ImageView& image, const Gaussian& kernel, std::ui
     Pass(image, kernel, gradient, ridges).run();
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::edges

@@ -5,7 +5,7 @@
 
 #include "edges/smooth.hpp"
 
-namespace ffseg {
+namespace ffseg::edges {
 
 struct ImageView {
     const std::uint8_t* data;  // rows of width * channels bytes, C-contiguous
@@ -16,4 +16,4 @@ struct ImageView {
 // 255 / 2 * sqrt(2) * 32 < 2^13. `ridges` is 1 where it is a maximum along its direction and 0 elsewhere.
 void gradient_and_ridges(const ImageView& image, const Gaussian& kernel, std::uint16_t* gradient, std::uint8_t* ridges);
 
-}  // namespace ffseg
+}  // namespace ffseg::edges

@@ -6,7 +6,7 @@
 
 #include "common/lanes.hpp"
 
-namespace ffseg {
+namespace ffseg::edges {
 namespace {
 
 // Samples of a window: a half of the pixels of every fourth row, 512 of 4096: the median to 5 per cent.
@@ -133,4 +133,4 @@ NoiseMap noise_map(const std::uint16_t* gradient, const std::uint8_t* domain, in
     return map;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::edges

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace ffseg {
+namespace ffseg::edges {
 
 // The median of a window of kNoiseWindow pixels round every block of kBlock.
 // Windows in which less than an eighth of the pixels lie in the domain take that of the quiet ones.
@@ -15,4 +15,4 @@ struct NoiseMap {
 };
 NoiseMap noise_map(const std::uint16_t* gradient, const std::uint8_t* domain, int height, int width);
 
-}  // namespace ffseg
+}  // namespace ffseg::edges

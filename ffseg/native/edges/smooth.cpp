@@ -7,7 +7,7 @@
 
 #include "common/lanes.hpp"
 
-namespace ffseg {
+namespace ffseg::edges {
 namespace {
 
 // Pairs of pixels weighed in one pass over a row; more would not leave the compiler enough registers.
@@ -128,4 +128,4 @@ void smooth_down(const std::uint16_t* const* above, const std::uint16_t* const* 
     });
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::edges

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace ffseg {
+namespace ffseg::edges {
 
 // A smoothed pixel in 1/32 grey level: 255 * 32 = 8160, so that a Sobel sum, at most 4 * 8160, fits 16 bits.
 constexpr int kSmoothedBits = 5;
@@ -35,4 +35,4 @@ void smooth_across(const std::uint16_t* row, const Gaussian& kernel, std::uint16
 void smooth_down(const std::uint16_t* const* above, const std::uint16_t* const* below, const Gaussian& kernel,
                  std::uint16_t* out, int count);
 
-}  // namespace ffseg
+}  // namespace ffseg::edges

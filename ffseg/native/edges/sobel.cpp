@@ -5,7 +5,7 @@
 
 #include "common/lanes.hpp"
 
-namespace ffseg {
+namespace ffseg::edges {
 namespace {
 
 // tan(22.5 deg) * 65536
@@ -121,4 +121,4 @@ void ridge_row(ThreeRows gradient, const std::uint16_t* direction, std::uint8_t*
     }
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::edges

@@ -3,7 +3,7 @@
 #pragma once
 #include <cstdint>
 
-namespace ffseg {
+namespace ffseg::edges {
 
 // A smoothed row and its neighbours, in 1/32 grey level.
 struct ThreeRows {
@@ -35,4 +35,4 @@ void gradient_row(SlopeRow slope, GradientRow out, int count);
 // ramp two pixels wide gives one edge.
 void ridge_row(ThreeRows gradient, const std::uint16_t* direction, std::uint8_t* ridges, int count);
 
-}  // namespace ffseg
+}  // namespace ffseg::edges

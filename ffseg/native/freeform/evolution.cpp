@@ -151,16 +151,16 @@ bool Chain<D>::step() {
 template <int D>
 std::vector<std::uint8_t> Chain<D>::region() const {
     const ContourSet set = contours();
-    const Grid grid{field_.width() - 1.0, field_.height() - 1.0, 0.1};
-    std::vector<Edge> pieces;
+    const raster::PixelGrid grid{field_.width() - 1.0, field_.height() - 1.0, 0.1};
+    std::vector<raster::Edge> pieces;
     for (std::size_t c = 0; c + 1 < set.offsets.size(); ++c) {
-        append_contour(set.points.data() + set.offsets[c], set.offsets[c + 1] - set.offsets[c], D, grid, pieces);
+        raster::append_contour(set.points.data() + set.offsets[c], set.offsets[c + 1] - set.offsets[c], D, grid, pieces);
     }
     std::vector<std::uint8_t> mask(static_cast<std::size_t>(field_.width()) * static_cast<std::size_t>(field_.height()));
     if (outside_filled_) {
-        for (Edge& piece : pieces) piece.sign = -piece.sign;
+        for (raster::Edge& piece : pieces) piece.sign = -piece.sign;
     }
-    fill_mask(pieces, {mask.data(), field_.height(), field_.width()});
+    raster::fill_mask(pieces, {mask.data(), field_.height(), field_.width()});
     if (outside_filled_) {
         for (std::uint8_t& pixel : mask) pixel ^= 1;
     }

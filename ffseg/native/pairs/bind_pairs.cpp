@@ -19,7 +19,7 @@ using Counts = nb::ndarray<std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::
 
 constexpr int kMaxRadius = 32;
 
-ffseg::PlaneView view(const Grey& image) {
+ffseg::pairs::PlaneView view(const Grey& image) {
     if (image.shape(0) < 2 || image.shape(1) < 2 || image.shape(0) > 65535 || image.shape(1) > 65535) {
         throw std::invalid_argument("images must have 2 to 65535 pixels a side");
     }
@@ -35,14 +35,14 @@ ffseg::Vec2 point(const Rows& rows, std::size_t row, std::size_t column = 0) {
     return {p[0], p[1]};
 }
 
-ffseg::Warp warp(const Rows& rows, std::size_t row, std::size_t column = 0) {
+ffseg::pairs::Warp warp(const Rows& rows, std::size_t row, std::size_t column = 0) {
     const double* p = rows.data() + row * rows.shape(1) + column;
     return {p[0], p[1], p[2], p[3]};
 }
 
 // Components packed one after another: windows (n, 4) of x, y, width, height, and their masks row by row.
-std::vector<ffseg::Region> regions(const ffseg::PlaneView& image, const Windows& windows, const Bytes& masks) {
-    std::vector<ffseg::Region> found;
+std::vector<ffseg::pairs::ComponentWindow> regions(const ffseg::pairs::PlaneView& image, const Windows& windows, const Bytes& masks) {
+    std::vector<ffseg::pairs::ComponentWindow> found;
     std::size_t offset = 0;
     for (std::size_t i = 0; i < windows.shape(0); ++i) {
         const std::int64_t* w = windows.data() + 4 * i;
@@ -63,8 +63,8 @@ std::vector<ffseg::Region> regions(const ffseg::PlaneView& image, const Windows&
 // points (n * most, 2), counts (n,): the points of one component after another, without gaps.
 template <auto kFind>
 void py_points(const Grey& image, const Windows& windows, const Bytes& masks, int grow, Table points, Counts counts) {
-    const ffseg::PlaneView seen = view(image);
-    const std::vector<ffseg::Region> components = regions(seen, windows, masks);
+    const ffseg::pairs::PlaneView seen = view(image);
+    const std::vector<ffseg::pairs::ComponentWindow> components = regions(seen, windows, masks);
     const std::size_t n = components.size(), most = n ? points.shape(0) / n : 0;
     check(points.shape(0) == n * most && points.shape(1) == 2 && counts.shape(0) == n && most <= 65535 && grow >= 0 &&
           grow <= kMaxRadius);
@@ -73,7 +73,7 @@ void py_points(const Grey& image, const Windows& windows, const Bytes& masks, in
     for (std::size_t i = 0; i < n; ++i) {
         counts.data()[i] = 0;
         if (components[i].mask.empty()) continue;
-        const ffseg::Region wide = ffseg::grown(components[i], grow, seen.width, seen.height);
+        const ffseg::pairs::ComponentWindow wide = ffseg::pairs::grown(components[i], grow, seen.width, seen.height);
         const std::vector<ffseg::Vec2> found = kFind(seen, wide, static_cast<int>(most));
         counts.data()[i] = static_cast<std::int64_t>(found.size());
         for (const ffseg::Vec2 p : found) {
@@ -86,33 +86,33 @@ void py_points(const Grey& image, const Windows& windows, const Bytes& masks, in
 // candidates (n, 2k), warps (n, 4k) -> scores (n, k)
 void py_scores(const Grey& current, const Grey& previous, const Rows& centers, const Rows& candidates,
                const Rows& warps, int radius, double hopeless, Table out) {
-    const ffseg::ImagePair pair{view(current), view(previous)};
+    const ffseg::pairs::ImagePair pair{view(current), view(previous)};
     const std::size_t n = centers.shape(0), k = out.shape(1);
     check(centers.shape(1) == 2 && candidates.shape(0) == n && warps.shape(0) == n && out.shape(0) == n &&
           candidates.shape(1) == 2 * k && warps.shape(1) == 4 * k && radius >= 1 && radius <= kMaxRadius);
     nb::gil_scoped_release release;
-    ffseg::Candidates tried{std::vector<ffseg::Vec2>(k), std::vector<ffseg::Warp>(k)};
+    ffseg::pairs::Candidates tried{std::vector<ffseg::Vec2>(k), std::vector<ffseg::pairs::Warp>(k)};
     for (std::size_t i = 0; i < n; ++i) {
         for (std::size_t j = 0; j < k; ++j) {
             tried.places[j] = point(candidates, i, 2 * j);
             tried.warps[j] = warp(warps, i, 4 * j);
         }
-        ffseg::patch_scores(pair, point(centers, i), tried, radius, hopeless, out.data() + i * k);
+        ffseg::pairs::patch_scores(pair, point(centers, i), tried, radius, hopeless, out.data() + i * k);
     }
 }
 
 // starts (n, 2), warps (n, 4) -> (n, 7): x, y, score, residual, normal xx, xy, yy
 void py_align(const Grey& current, const Grey& previous, const Rows& centers, const Rows& starts, const Rows& warps,
               int radius, int steps, Table out) {
-    const ffseg::ImagePair pair{view(current), view(previous)};
+    const ffseg::pairs::ImagePair pair{view(current), view(previous)};
     const std::size_t n = centers.shape(0);
     check(centers.shape(1) == 2 && starts.shape(0) == n && starts.shape(1) == 2 && warps.shape(0) == n &&
           warps.shape(1) == 4 && out.shape(0) == n && out.shape(1) == 7 && radius >= 1 && radius <= kMaxRadius &&
           steps >= 0 && steps <= 1000);
     nb::gil_scoped_release release;
     for (std::size_t i = 0; i < n; ++i) {
-        const ffseg::Alignment fit =
-            ffseg::align_patch(pair, point(centers, i), point(starts, i), warp(warps, i), radius, steps);
+        const ffseg::pairs::Alignment fit =
+            ffseg::pairs::align_patch(pair, point(centers, i), point(starts, i), warp(warps, i), radius, steps);
         double* row = out.data() + 7 * i;
         row[0] = fit.position.x;
         row[1] = fit.position.y;
@@ -127,9 +127,9 @@ void py_align(const Grey& current, const Grey& previous, const Rows& centers, co
 }  // namespace
 
 void bind_pairs(nb::module_& m) {
-    m.def("harris_points", &py_points<ffseg::harris_points>, "image"_a, "windows"_a, "masks"_a, "grow"_a, "points"_a,
+    m.def("harris_points", &py_points<ffseg::pairs::harris_points>, "image"_a, "windows"_a, "masks"_a, "grow"_a, "points"_a,
           "counts"_a, "Harris corners of components grown by `grow` pixels, strongest first, into `points`.");
-    m.def("outline_points", &py_points<ffseg::outline_points>, "image"_a, "windows"_a, "masks"_a, "grow"_a, "points"_a,
+    m.def("outline_points", &py_points<ffseg::pairs::outline_points>, "image"_a, "windows"_a, "masks"_a, "grow"_a, "points"_a,
           "counts"_a, "Samples of the strongest edges of components grown by `grow` pixels, into `points`.");
     m.def("patch_scores", &py_scores, "current"_a, "previous"_a, "centers"_a, "candidates"_a, "warps"_a, "radius"_a,
           "hopeless"_a, "out"_a, "Normalised cross-correlation of patches against warped candidates of the previous image, into `out`.");

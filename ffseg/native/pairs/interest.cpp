@@ -7,7 +7,7 @@
 
 #include "common/lanes.hpp"
 
-namespace ffseg {
+namespace ffseg::pairs {
 
 namespace {
 
@@ -93,7 +93,7 @@ void response_row(ProductRows rows, int width, double* __restrict out) {
 }
 
 // Harris response of every pixel of the region's window, gradient products summed over 3x3 pixels.
-std::vector<double> response(const PlaneView& image, const Region& region) {
+std::vector<double> response(const PlaneView& image, const ComponentWindow& region) {
     const Gradients gradients(image, region.x - 1, region.y - 1, region.width + 2, region.height + 2);
     const int width = gradients.width;
     std::vector<int> products(3 * static_cast<std::size_t>(width));
@@ -108,7 +108,7 @@ std::vector<double> response(const PlaneView& image, const Region& region) {
 }
 
 // Is no neighbour inside the window stronger? Equal ones are peaks alike.
-bool is_peak(const std::vector<double>& strength, const Region& region, int column, int row) {
+bool is_peak(const std::vector<double>& strength, const ComponentWindow& region, int column, int row) {
     const double own = strength[static_cast<std::size_t>(row) * region.width + column];
     for (int r = std::max(row - 1, 0); r <= std::min(row + 1, region.height - 1); ++r) {
         for (int c = std::max(column - 1, 0); c <= std::min(column + 1, region.width - 1); ++c) {
@@ -124,7 +124,7 @@ double vertex(double before, double middle, double after) {
     return bend < 0.0 ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0.0;
 }
 
-Vec2 refined(const std::vector<double>& strength, const Region& region, std::size_t place) {
+Vec2 refined(const std::vector<double>& strength, const ComponentWindow& region, std::size_t place) {
     const int column = static_cast<int>(place % region.width), row = static_cast<int>(place / region.width);
     const auto at = [&](int c, int r) {
         const int inside = std::clamp(r, 0, region.height - 1);
@@ -137,8 +137,8 @@ Vec2 refined(const std::vector<double>& strength, const Region& region, std::siz
 
 }  // namespace
 
-Region grown(const Region& region, int by, int image_width, int image_height) {
-    Region wide;
+ComponentWindow grown(const ComponentWindow& region, int by, int image_width, int image_height) {
+    ComponentWindow wide;
     wide.x = std::max(region.x - by, 0);
     wide.y = std::max(region.y - by, 0);
     wide.width = std::min(region.x + region.width + by, image_width) - wide.x;
@@ -165,7 +165,7 @@ Region grown(const Region& region, int by, int image_width, int image_height) {
     return wide;
 }
 
-std::vector<Vec2> harris_points(const PlaneView& image, const Region& region, int most) {
+std::vector<Vec2> harris_points(const PlaneView& image, const ComponentWindow& region, int most) {
     const std::vector<double> strength = response(image, region);
     double strongest = 0.0;
     for (std::size_t k = 0; k < strength.size(); ++k) {
@@ -184,7 +184,7 @@ std::vector<Vec2> harris_points(const PlaneView& image, const Region& region, in
     return points;
 }
 
-std::vector<Vec2> outline_points(const PlaneView& image, const Region& region, int most) {
+std::vector<Vec2> outline_points(const PlaneView& image, const ComponentWindow& region, int most) {
     const Gradients gradients(image, region.x, region.y, region.width, region.height);
     const int across = (region.width + kCell - 1) / kCell, down = (region.height + kCell - 1) / kCell;
     constexpr int least = kOutlineFloor * kOutlineFloor * kSobelGain * kSobelGain;
@@ -213,4 +213,4 @@ std::vector<Vec2> outline_points(const PlaneView& image, const Region& region, i
     return points;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::pairs

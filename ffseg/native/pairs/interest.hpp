@@ -6,10 +6,10 @@
 #include "common/vec.hpp"
 #include "pairs/patches.hpp"
 
-namespace ffseg {
+namespace ffseg::pairs {
 
 // A window of the image and which of its pixels belong to the component.
-struct Region {
+struct ComponentWindow {
     int x = 0, y = 0, width = 0, height = 0;
     std::vector<std::uint8_t> mask;
 
@@ -17,12 +17,12 @@ struct Region {
 };
 
 // The region grown by a square of `by` pixels on every side, cut at the image border.
-Region grown(const Region& region, int by, int image_width, int image_height);
+ComponentWindow grown(const ComponentWindow& region, int by, int image_width, int image_height);
 
 // Corners of the region, strongest first and at most `most`: peaks of the Harris response, to a part of a pixel.
-std::vector<Vec2> harris_points(const PlaneView& image, const Region& region, int most);
+std::vector<Vec2> harris_points(const PlaneView& image, const ComponentWindow& region, int most);
 
 // Pixels of strongest gradient in the region, at most one per cell and `most` in all, evenly thinned.
-std::vector<Vec2> outline_points(const PlaneView& image, const Region& region, int most);
+std::vector<Vec2> outline_points(const PlaneView& image, const ComponentWindow& region, int most);
 
-}  // namespace ffseg
+}  // namespace ffseg::pairs

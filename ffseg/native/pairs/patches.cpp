@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-namespace ffseg {
+namespace ffseg::pairs {
 
 namespace {
 
@@ -48,12 +48,12 @@ bool fits(const PlaneView& image, Vec2 center, const Warp& warp, int radius) {
 
 }  // namespace
 
-Patch::Patch(int radius, int stride) : radius_(radius), stride_(stride) {
+ImagePatch::ImagePatch(int radius, int stride) : radius_(radius), stride_(stride) {
     const std::size_t side = 2 * static_cast<std::size_t>(radius) / stride + 1;
     values_.resize(side * side);
 }
 
-bool Patch::sample(const PlaneView& image, Vec2 center, const Warp& warp) {
+bool ImagePatch::sample(const PlaneView& image, Vec2 center, const Warp& warp) {
     if (!fits(image, center, warp, radius_)) return false;
     double sum = 0.0, squares = 0.0;
     std::size_t k = 0;
@@ -73,7 +73,7 @@ bool Patch::sample(const PlaneView& image, Vec2 center, const Warp& warp) {
     return true;
 }
 
-double Patch::correlation(const Patch& other) const {
+double ImagePatch::correlation(const ImagePatch& other) const {
     if (spread_ == 0.0 || other.spread_ == 0.0) return 0.0;
     double product = 0.0;
     for (std::size_t k = 0; k < values_.size(); ++k) product += values_[k] * other.values_[k];
@@ -83,7 +83,7 @@ double Patch::correlation(const Patch& other) const {
 
 void patch_scores(const ImagePair& pair, Vec2 center, const Candidates& candidates, int radius, double hopeless,
                   double* scores) {
-    Patch sparse(radius, 2), sparse_seen(radius, 2), whole(radius), seen(radius);
+    ImagePatch sparse(radius, 2), sparse_seen(radius, 2), whole(radius), seen(radius);
     const bool usable = sparse.sample(pair.current, center, Warp{}) && whole.sample(pair.current, center, Warp{});
     for (std::size_t k = 0; k < candidates.places.size(); ++k) {
         scores[k] = kNan;
@@ -110,7 +110,7 @@ struct Moments {
 };
 
 // Mean and spread of the inside of a patch that is one pixel wider, and its product with the reference.
-Moments moments(const Patch& reference, const Patch& wide) {
+Moments moments(const ImagePatch& reference, const ImagePatch& wide) {
     const int side = 2 * reference.radius() + 1, width = side + 2;
     double sum = 0.0, squares = 0.0, product = 0.0;
     for (int row = 0; row < side; ++row) {
@@ -132,7 +132,7 @@ Moments moments(const Patch& reference, const Patch& wide) {
 }
 
 // Differences are taken along the patch's axes; the sums are turned into the previous image's at the end.
-Slopes slopes(const Patch& reference, const Patch& wide, const Warp& warp, double gain, double seen_mean) {
+Slopes slopes(const ImagePatch& reference, const ImagePatch& wide, const Warp& warp, double gain, double seen_mean) {
     const int side = 2 * reference.radius() + 1, width = side + 2;
     Slopes sums;
     Symmetric2 own;
@@ -182,7 +182,7 @@ Vec2 solve(Symmetric2& normal, Vec2 right) {
 
 Alignment align_patch(const ImagePair& pair, Vec2 center, Vec2 start, const Warp& warp, int radius, int steps) {
     Alignment result{start, kNan, kNan, {}};
-    Patch reference(radius), wide(radius + 1);
+    ImagePatch reference(radius), wide(radius + 1);
     if (!reference.sample(pair.current, center, Warp{}) || reference.spread() == 0.0) return result;
     if (!(std::abs(warp.xx * warp.yy - warp.xy * warp.yx) > 1e-3)) return result;
     for (int step = 0; step <= steps; ++step) {
@@ -203,4 +203,4 @@ Alignment align_patch(const ImagePair& pair, Vec2 center, Vec2 start, const Warp
     return result;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::pairs

@@ -5,7 +5,7 @@
 
 #include "common/vec.hpp"
 
-namespace ffseg {
+namespace ffseg::pairs {
 
 struct PlaneView {
     const std::uint8_t* data;
@@ -33,11 +33,11 @@ struct Alignment {
 };
 
 // Bilinear samples of one patch, with their mean and spread; with a stride, of every so-manieth row and column.
-class Patch {
+class ImagePatch {
 public:
-    explicit Patch(int radius, int stride = 1);
+    explicit ImagePatch(int radius, int stride = 1);
     bool sample(const PlaneView& image, Vec2 center, const Warp& warp);
-    double correlation(const Patch& other) const;
+    double correlation(const ImagePatch& other) const;
     const std::vector<double>& values() const { return values_; }
     double mean() const { return mean_; }
     double spread() const { return spread_; }
@@ -63,4 +63,4 @@ void patch_scores(const ImagePair& pair, Vec2 center, const Candidates& candidat
 // Move `start` to where the warped previous patch fits best: Gauss-Newton with gain and bias, at most `steps`.
 Alignment align_patch(const ImagePair& pair, Vec2 center, Vec2 start, const Warp& warp, int radius, int steps);
 
-}  // namespace ffseg
+}  // namespace ffseg::pairs

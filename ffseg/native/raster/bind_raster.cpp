@@ -35,7 +35,7 @@ void check_contours(const Indices& offsets, const Indices& degrees, std::size_t 
     }
     for (std::size_t c = 0; c < contours; ++c) {
         const std::int64_t degree = degrees.data()[c], size = offsets.data()[c + 1] - offsets.data()[c];
-        if (degree < 1 || degree > ffseg::kMaxDegree || size < degree || size % degree != 0) {
+        if (degree < 1 || degree > ffseg::raster::kMaxDegree || size < degree || size % degree != 0) {
             throw std::invalid_argument("a contour needs N * d control points, N >= 1, d from 1 to 6");
         }
     }
@@ -46,16 +46,16 @@ void py_rasterize(const Points& points, const Indices& offsets, const Indices& d
     if (out.shape(0) > 65535 || out.shape(1) > 65535) throw std::invalid_argument("the mask exceeds 65535 pixels a side");
     const std::vector<ffseg::Vec2> control = checked_points(points);
     check_contours(offsets, degrees, control.size());
-    const ffseg::MaskView mask{out.data(), static_cast<int>(out.shape(0)), static_cast<int>(out.shape(1))};
+    const ffseg::raster::MaskView mask{out.data(), static_cast<int>(out.shape(0)), static_cast<int>(out.shape(1))};
     nb::gil_scoped_release release;
-    const ffseg::Grid grid{mask.width - 1.0, mask.height - 1.0, tolerance};
-    std::vector<ffseg::Edge> edges;
+    const ffseg::raster::PixelGrid grid{mask.width - 1.0, mask.height - 1.0, tolerance};
+    std::vector<ffseg::raster::Edge> edges;
     for (std::size_t c = 0; c < degrees.shape(0); ++c) {
         const std::size_t begin = static_cast<std::size_t>(offsets.data()[c]);
         const std::size_t end = static_cast<std::size_t>(offsets.data()[c + 1]);
-        ffseg::append_contour(control.data() + begin, end - begin, static_cast<int>(degrees.data()[c]), grid, edges);
+        ffseg::raster::append_contour(control.data() + begin, end - begin, static_cast<int>(degrees.data()[c]), grid, edges);
     }
-    ffseg::fill_mask(edges, mask);
+    ffseg::raster::fill_mask(edges, mask);
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-namespace ffseg {
+namespace ffseg::raster {
 namespace {
 
 using Patch = std::array<Vec2, kMaxDegree + 1>;
@@ -60,7 +60,7 @@ Patch halve(Patch& p, int degree) {
     return second;
 }
 
-void append_piece(Patch p, int degree, const Grid& grid, int halvings, std::vector<Edge>& edges) {
+void append_piece(Patch p, int degree, const PixelGrid& grid, int halvings, std::vector<Edge>& edges) {
     for (;; ++halvings) {
         Box box;
         for (int i = 0; i <= degree; ++i) box.add(p[i]);
@@ -76,10 +76,10 @@ void append_piece(Patch p, int degree, const Grid& grid, int halvings, std::vect
 
 }  // namespace
 
-void append_edges(const Vec2* patch, int degree, const Grid& grid, std::vector<Edge>& edges) {
+void append_edges(const Vec2* patch, int degree, const PixelGrid& grid, std::vector<Edge>& edges) {
     Patch p{};
     std::copy(patch, patch + degree + 1, p.begin());
     append_piece(p, degree, grid, 0, edges);
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::raster

@@ -4,7 +4,7 @@
 
 #include "common/vec.hpp"
 
-namespace ffseg {
+namespace ffseg::raster {
 
 constexpr int kMaxDegree = 6;
 
@@ -15,13 +15,13 @@ struct Edge {
 };
 
 // The pixel centres (0..right, 0..bottom) and how far an edge may leave its curve.
-struct Grid {
+struct PixelGrid {
     double right, bottom;
     double tolerance;
 };
 
 // Appends the edges of one patch of d + 1 control points. Pieces that no row of centres can see are dropped; pieces left
 // of all centres are replaced by their chord, which crosses the same rows with the same sum of signs.
-void append_edges(const Vec2* patch, int degree, const Grid& grid, std::vector<Edge>& edges);
+void append_edges(const Vec2* patch, int degree, const PixelGrid& grid, std::vector<Edge>& edges);
 
-}  // namespace ffseg
+}  // namespace ffseg::raster

@@ -8,7 +8,7 @@
 
 #include "raster/side.hpp"
 
-namespace ffseg {
+namespace ffseg::raster {
 namespace {
 
 // One row's crossings: per column the sum of signs of edges that pass left of or through its centre but right of the
@@ -108,7 +108,7 @@ struct ByRow {
 
 }  // namespace
 
-void append_contour(const Vec2* points, std::size_t count, int degree, const Grid& grid, std::vector<Edge>& edges) {
+void append_contour(const Vec2* points, std::size_t count, int degree, const PixelGrid& grid, std::vector<Edge>& edges) {
     for (std::size_t begin = 0; begin < count; begin += static_cast<std::size_t>(degree)) {
         std::array<Vec2, kMaxDegree + 1> patch;
         for (int i = 0; i < degree; ++i) patch[i] = points[begin + i];
@@ -136,4 +136,4 @@ void fill_mask(const std::vector<Edge>& edges, const MaskView& mask) {
     }
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::raster

@@ -6,7 +6,7 @@
 
 #include "common/vec.hpp"
 
-namespace ffseg {
+namespace ffseg::raster {
 
 // A sum of float64 terms held as a non-overlapping expansion, smallest part first, so that its sign is exact.
 // (Shewchuk 1997, grow-expansion.) Exact while no term underflows: |coordinates| within 1e-140 .. 1e140, or zero.
@@ -51,4 +51,4 @@ inline int exact_side(Vec2 a, Vec2 b, Vec2 p) {
     return sum.sign();
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::raster

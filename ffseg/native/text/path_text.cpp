@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace ffseg {
+namespace ffseg::text {
 
 namespace {
 
@@ -65,4 +65,4 @@ std::string path_text(const std::vector<Vec2>& points, int degree) {
     return text;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::text

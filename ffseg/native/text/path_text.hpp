@@ -5,7 +5,7 @@
 
 #include "common/vec.hpp"
 
-namespace ffseg {
+namespace ffseg::text {
 
 // Larger coordinates are not exact in ten-thousandths.
 constexpr double kLargestWritten = 1e11;
@@ -17,4 +17,4 @@ void append_number(double value, std::string& text);
 // The closed contour of control points (Definition 1) of degree 1, 2 or 3 as M, then L, Q or C commands, then Z.
 std::string path_text(const std::vector<Vec2>& points, int degree);
 
-}  // namespace ffseg
+}  // namespace ffseg::text

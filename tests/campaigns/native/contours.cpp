@@ -51,13 +51,13 @@ void check_mask(const std::vector<std::uint8_t>& mask) {
 }
 
 void draw_mask(const ffseg::ContourSet& set, int degree, Size size) {
-    const ffseg::Grid grid{size.width - 1.0, size.height - 1.0, 0.01};
-    std::vector<ffseg::Edge> pieces;
+    const ffseg::raster::PixelGrid grid{size.width - 1.0, size.height - 1.0, 0.01};
+    std::vector<ffseg::raster::Edge> pieces;
     for (std::size_t c = 0; c + 1 < set.offsets.size(); ++c) {
-        ffseg::append_contour(set.points.data() + set.offsets[c], set.offsets[c + 1] - set.offsets[c], degree, grid, pieces);
+        ffseg::raster::append_contour(set.points.data() + set.offsets[c], set.offsets[c + 1] - set.offsets[c], degree, grid, pieces);
     }
     std::vector<std::uint8_t> mask(size.count(), 7);
-    ffseg::fill_mask(pieces, {mask.data(), size.height, size.width});
+    ffseg::raster::fill_mask(pieces, {mask.data(), size.height, size.width});
     check_mask(mask);
 }
 
@@ -99,17 +99,17 @@ void rasterize(Random& random) {
     if (random.once_in(60)) size.width = 0;
     const bool small = size.count() < 400;
     const double tolerance = random.pick({small ? 1e-6 : 1e-3, 1e-3, 0.01, 0.1, 0.5, 1e3, kInfinite});
-    const ffseg::Grid grid{size.width - 1.0, size.height - 1.0, tolerance};
-    std::vector<ffseg::Edge> pieces;
+    const ffseg::raster::PixelGrid grid{size.width - 1.0, size.height - 1.0, tolerance};
+    std::vector<ffseg::raster::Edge> pieces;
     for (int c = random.below(4); c > 0; --c) {
         const int degree = random.among(1, 6);
         const int patches = random.once_in(300) ? random.among(1, 200) : random.among(1, 8);
         const std::vector<ffseg::Vec2> points = draw_points(random, size, patches * degree, 1e100);
-        ffseg::append_contour(points.data(), points.size(), degree, grid, pieces);
+        ffseg::raster::append_contour(points.data(), points.size(), degree, grid, pieces);
     }
-    for (const ffseg::Edge& piece : pieces) expect(piece.low.y < piece.high.y, "an edge does not rise");
+    for (const ffseg::raster::Edge& piece : pieces) expect(piece.low.y < piece.high.y, "an edge does not rise");
     std::vector<std::uint8_t> mask(size.count(), 7);
-    ffseg::fill_mask(pieces, {mask.data(), size.height, size.width});
+    ffseg::raster::fill_mask(pieces, {mask.data(), size.height, size.width});
     check_mask(mask);
 }
 

@@ -66,20 +66,20 @@ void edges(Random& random) {
     const Size size = draw_size(random, 1, 65535);
     const int channels = random.pick({1, 1, 3, 2, 4});
     const std::vector<std::uint8_t> image = draw_bytes(random, size.count() * static_cast<std::size_t>(channels));
-    const ffseg::ImageView view{image.data(), size.height, size.width, channels};
-    const double sigma = random.pick({0.01, 0.5, 1.5, 1.5, 4.0, 20.0, ffseg::kMostSigma, random.scale(1e-3, 32.0)});
+    const ffseg::edges::ImageView view{image.data(), size.height, size.width, channels};
+    const double sigma = random.pick({0.01, 0.5, 1.5, 1.5, 4.0, 20.0, ffseg::edges::kMostSigma, random.scale(1e-3, 32.0)});
     std::vector<std::uint16_t> gradient(size.count(), 65535);
     std::vector<std::uint8_t> out(size.count(), 7);
-    ffseg::gradient_and_ridges(view, ffseg::gaussian(sigma), gradient.data(), out.data());
+    ffseg::edges::gradient_and_ridges(view, ffseg::edges::gaussian(sigma), gradient.data(), out.data());
     expect(*std::max_element(gradient.begin(), gradient.end()) <= 5773, "a gradient above the largest there is");
     expect(std::all_of(out.begin(), out.end(), [](std::uint8_t v) { return v <= 1; }), "a ridge that is not 0 or 1");
     if (random.once_in(4)) out = draw_bytes(random, size.count());
     if (random.once_in(3)) gradient = draw_gradient(random, size);
     const std::vector<std::uint8_t> domain = draw_domain(random, size);
-    const ffseg::NoiseMap noise = ffseg::noise_map(gradient.data(), or_null(domain), size.height, size.width);
-    ffseg::ThresholdMap thresholds;
-    thresholds.columns = (size.width + ffseg::NoiseMap::kBlock - 1) / ffseg::NoiseMap::kBlock;
-    const int rows = (size.height + ffseg::NoiseMap::kBlock - 1) / ffseg::NoiseMap::kBlock;
+    const ffseg::edges::NoiseMap noise = ffseg::edges::noise_map(gradient.data(), or_null(domain), size.height, size.width);
+    ffseg::edges::ThresholdMap thresholds;
+    thresholds.columns = (size.width + ffseg::edges::NoiseMap::kBlock - 1) / ffseg::edges::NoiseMap::kBlock;
+    const int rows = (size.height + ffseg::edges::NoiseMap::kBlock - 1) / ffseg::edges::NoiseMap::kBlock;
     const std::size_t blocks = static_cast<std::size_t>(rows) * static_cast<std::size_t>(thresholds.columns);
     expect(noise.blocks.size() == blocks, "the noise has not one value a block");
     const bool even = random.once_in(2);
@@ -88,14 +88,14 @@ void edges(Random& random) {
         thresholds.low.push_back(even ? low : draw_threshold(random));
         thresholds.high.push_back(even ? high : draw_threshold(random));
     }
-    ffseg::link_edges(gradient.data(), size.height, size.width, thresholds, out.data());
+    ffseg::edges::link_edges(gradient.data(), size.height, size.width, thresholds, out.data());
     expect(std::all_of(out.begin(), out.end(), [](std::uint8_t v) { return v == 0 || v == 255; }), "an edge pixel");
 }
 
 // The binding's limits: 1 to 32767 pixels a side; slownesses of 1e-100 to 1e100 or infinite, infinite on the ring.
 void march(Random& random) {
     const Size size = draw_size(random, 1, kLongestGrid);
-    const ffseg::Grid grid{size.height, size.width};
+    const ffseg::marching::Grid grid{size.height, size.width};
     const std::vector<std::uint8_t> domain = draw_domain(random, size), inside = draw_marks(random, size);
     std::vector<double> values(grid.size(), kInfinite);
     const int kind = random.below(3);
@@ -106,10 +106,10 @@ void march(Random& random) {
             value = kind == 0 ? one : kind == 1 ? random.between(0.1, 10) : draw_slowness(random);
         }
     }
-    const ffseg::SlownessPlane slowness{values.data()};
-    ffseg::March front(grid, or_null(domain));
+    const ffseg::marching::SlownessPlane slowness{values.data()};
+    ffseg::marching::March front(grid, or_null(domain));
     front.accept(inside.data());
-    ffseg::ArrivalQueue queue(ffseg::bucket_width(grid, slowness), front.time.data(), grid.stride());
+    ffseg::marching::ArrivalQueue queue(ffseg::marching::bucket_width(grid, slowness), front.time.data(), grid.stride());
     front.begin(slowness, {}, queue);
     front.run(slowness, queue);
     expect(front.order.size() <= size.count(), "a node was accepted twice");
@@ -125,7 +125,7 @@ void march(Random& random) {
 // between 1e-100 and 1e100, those from there on are infinite.
 void level_set(Random& random) {
     const Size size = draw_size(random, 1, kLongestGrid);
-    const ffseg::Grid grid{size.height, size.width};
+    const ffseg::marching::Grid grid{size.height, size.width};
     const std::vector<std::uint8_t> domain = draw_domain(random, size), inside = draw_marks(random, size);
     const std::vector<std::uint16_t> gradient = draw_gradient(random, size);
     const int stop = random.pick({1, 2, 64, 800, 65535, 65536, random.among(1, 65536)});
@@ -138,9 +138,9 @@ void level_set(Random& random) {
     std::vector<std::size_t> offsets;
     draw_polygons(random, size, points, offsets);
     const double min_area = random.pick({0.0, 0.0, 4.0, 1e9, kInfinite});
-    const ffseg::LevelSetInput input{grid,  gradient.data(),           table.data(),       inside.data(), or_null(domain), stop,
+    const ffseg::levelset::LevelSetInput input{grid,  gradient.data(),           table.data(),       inside.data(), or_null(domain), stop,
                                      random.pick({0, 1, 4, 64}), random.once_in(3), min_area};
-    const ffseg::LevelSetResult result = ffseg::level_set(input, ffseg::start_band(grid, inside.data(), points, offsets));
+    const ffseg::levelset::LevelSetResult result = ffseg::levelset::level_set(input, ffseg::marching::start_band(grid, inside.data(), points, offsets));
     expect(result.points.size() == result.offsets.back(), "the offsets end elsewhere than the points");
     for (const ffseg::Vec2 p : result.points) {
         expect(p.x >= -1 && p.x <= size.width && p.y >= -1 && p.y <= size.height, "an outline leaves the image");
@@ -152,7 +152,7 @@ void outlines(Random& random) {
     const Size size = draw_size(random, 1, kLongestGrid);
     const std::vector<std::uint8_t> mask = draw_marks(random, size);
     double twice = 0.0;
-    for (const std::vector<ffseg::Vec2>& outline : ffseg::Region({size.height, size.width}, mask.data()).outlines(nullptr)) {
+    for (const std::vector<ffseg::Vec2>& outline : ffseg::levelset::Region({size.height, size.width}, mask.data()).outlines(nullptr)) {
         expect(outline.size() >= 4, "an outline of less than four points");
         for (std::size_t i = 2; i < outline.size(); ++i) {
             twice += ffseg::cross(outline[i - 1] - outline[0], outline[i] - outline[0]);

@@ -25,8 +25,8 @@ constexpr int kLongestGrid = 32767, kLongestPair = 65535;
 bool finite(Vec2 p) { return std::isfinite(p.x) && std::isfinite(p.y); }
 
 // The binding's limits: 0..1e3 for weights and attraction, |balloon| <= 64, 0.5 <= spacing <= 1e6, 0 <= tolerance <= 1e6.
-ffseg::SnakeOptions draw_options(Random& random) {
-    ffseg::SnakeOptions options;
+ffseg::snake::SnakeOptions draw_options(Random& random) {
+    ffseg::snake::SnakeOptions options;
     const auto weight = [&] { return random.pick({0.0, 5e-324, 0.02, 0.02, 1.0, 1e3}); };
     options.tension = weight();
     options.rigidity = weight();
@@ -44,9 +44,9 @@ double any_number(Random& random) {
 }
 
 // Anything, mostly close to the identity, now and then at the limit of what rounding keeps apart.
-ffseg::Warp draw_warp(Random& random) {
+ffseg::pairs::Warp draw_warp(Random& random) {
     const double size = random.pick({1.0, 1.0, 1.0, 0.0, 1e-12, 1e-17, 30.0}), skew = random.pick({0.0, 0.1, 1.0});
-    ffseg::Warp warp{size, skew * random.between(-1, 1), skew * random.between(-1, 1), random.pick({size, -size, 1.0})};
+    ffseg::pairs::Warp warp{size, skew * random.between(-1, 1), skew * random.between(-1, 1), random.pick({size, -size, 1.0})};
     for (double* part : {&warp.xx, &warp.xy, &warp.yx, &warp.yy}) {
         if (random.once_in(60)) *part = any_number(random);
     }
@@ -80,7 +80,7 @@ struct Pair {
           previous(previous_size.count() == current.size() && random.once_in(2) ? current
                                                                                 : draw_bytes(random, previous_size.count())),
           radius(random.pick({1, 1, 2, 4, 32})) {}
-    ffseg::ImagePair view() const {
+    ffseg::pairs::ImagePair view() const {
         return {{current.data(), current_size.height, current_size.width},
                 {previous.data(), previous_size.height, previous_size.width}};
     }
@@ -93,14 +93,14 @@ void snake(Random& random) {
     const Size size = draw_size(random, 1, kLongestGrid);
     const std::vector<std::uint8_t> edges = draw_marks(random, size), domain = draw_domain(random, size);
     const std::vector<std::uint16_t> gradient = draw_gradient(random, size);
-    std::vector<ffseg::AltitudePoint> known;
+    std::vector<ffseg::snake::AltitudePoint> known;
     for (int i = random.pick({0, 0, 0, 1, 4}); i > 0; --i) {
         const std::vector<Vec2> at = draw_points(random, size, 1, kFar);
         known.push_back({at[0], random.pick({0.0, 0.5, 3.0, 20.0, 1e4}), random.once_in(2)});
     }
-    ffseg::SnakeField field{gradient.data(), size.height, size.width, or_null(domain),
-                            ffseg::snake_zones(edges.data(), size.height, size.width, known)};
-    ffseg::Snake made(std::move(field), draw_points(random, size, random.below(40), kFar), draw_options(random));
+    ffseg::snake::SnakeField field{gradient.data(), size.height, size.width, or_null(domain),
+                            ffseg::snake::snake_zones(edges.data(), size.height, size.width, known)};
+    ffseg::snake::Snake made(std::move(field), draw_points(random, size, random.below(40), kFar), draw_options(random));
     for (int rounds = random.below(3); rounds > 0; --rounds) {
         // Points double at most with every iteration, and steps cost as much as the pixels they cross.
         if (made.points().size() > 4000 || !made.advance(size.count() > 4000 ? 2 : static_cast<int>(random.scale(1, 30)))) break;
@@ -113,7 +113,7 @@ void cyclic(Random& random) {
     std::vector<Vec2> rows = draw_points(random, {40, 40}, random.pick({5, 6, 7, random.among(5, 400)}), kFar);
     const auto weight = [&] { return random.pick({0.0, 5e-324, 0.02, 1.0, 1e3, random.scale(1e-6, 1e3)}); };
     const double tension = weight(), rigidity = weight();
-    ffseg::CyclicSystem(tension, rigidity).solve(rows);
+    ffseg::snake::CyclicSystem(tension, rigidity).solve(rows);
     // The smallest eigenvalue of the system is one.
     const auto bounded = [](Vec2 p) { return std::abs(p.x) <= 4e7 && std::abs(p.y) <= 4e7; };
     expect(std::all_of(rows.begin(), rows.end(), bounded), "a solution is larger than the right-hand side allows");
@@ -125,7 +125,7 @@ void nearest(Random& random) {
     const Size size = draw_size(random, 1, 300);
     const std::vector<Vec2> points = draw_points(random, size, random.below(30), limit);
     const std::vector<Vec2> others = draw_points(random, size, random.below(60), limit);
-    const std::vector<double> found = ffseg::nearest_distances(points, others);
+    const std::vector<double> found = ffseg::measures::nearest_distances(points, others);
     for (std::size_t i = 0; i < points.size(); ++i) {
         double least = kInfinite;
         for (const Vec2 p : others) least = std::min(least, ffseg::norm2(p - points[i]));
@@ -137,7 +137,7 @@ void nearest(Random& random) {
 void scores(Random& random) {
     const Pair pair(random);
     const int count = random.below(6);
-    ffseg::Candidates tried;
+    ffseg::pairs::Candidates tried;
     for (int k = 0; k < count; ++k) {
         tried.places.push_back(draw_place(random, pair.previous_size, pair.radius));
         tried.warps.push_back(draw_warp(random));
@@ -145,7 +145,7 @@ void scores(Random& random) {
     const double hopeless = random.pick({-2.0, 0.0, 0.5, 2.0, -kInfinite, kInfinite});
     std::vector<double> found(tried.places.size());
     const Vec2 center = draw_place(random, pair.current_size, pair.radius);
-    ffseg::patch_scores(pair.view(), center, tried, pair.radius, hopeless, found.data());
+    ffseg::pairs::patch_scores(pair.view(), center, tried, pair.radius, hopeless, found.data());
     for (const double score : found) expect(!(std::abs(score) > 1.001), "a correlation beyond one");
 }
 
@@ -155,7 +155,7 @@ void alignment(Random& random) {
     const Vec2 center = draw_place(random, pair.current_size, pair.radius);
     const Vec2 start = random.once_in(2) ? center : draw_place(random, pair.previous_size, pair.radius);
     const int steps = random.pick({0, 1, 5, 20, pair.radius < 4 ? 1000 : 50});
-    const ffseg::Alignment found = ffseg::align_patch(pair.view(), center, start, draw_warp(random), pair.radius, steps);
+    const ffseg::pairs::Alignment found = ffseg::pairs::align_patch(pair.view(), center, start, draw_warp(random), pair.radius, steps);
     expect(!(std::abs(found.score) > 1.001), "a correlation beyond one");
 }
 
@@ -163,16 +163,16 @@ void alignment(Random& random) {
 void interest(Random& random) {
     const Size size = draw_size(random, 2, kLongestPair);
     const std::vector<std::uint8_t> image = draw_bytes(random, size.count());
-    ffseg::Region region;
+    ffseg::pairs::ComponentWindow region;
     region.x = random.below(size.width);
     region.y = random.below(size.height);
     region.width = random.among(1, size.width - region.x);
     region.height = random.among(1, size.height - region.y);
     region.mask = draw_marks(random, {region.height, region.width});
-    const ffseg::PlaneView view{image.data(), size.height, size.width};
-    const ffseg::Region wide = ffseg::grown(region, random.pick({0, 1, 3, 32}), size.width, size.height);
+    const ffseg::pairs::PlaneView view{image.data(), size.height, size.width};
+    const ffseg::pairs::ComponentWindow wide = ffseg::pairs::grown(region, random.pick({0, 1, 3, 32}), size.width, size.height);
     const int most = random.pick({0, 1, 8, 65535});
-    for (const auto find : {ffseg::harris_points, ffseg::outline_points}) {
+    for (const auto find : {ffseg::pairs::harris_points, ffseg::pairs::outline_points}) {
         const std::vector<Vec2> found = find(view, wide, most);
         expect(static_cast<int>(found.size()) <= most, "more points than asked for");
         const auto inside = [&](Vec2 p) { return p.x > -2 && p.y > -2 && p.x < size.width + 1 && p.y < size.height + 1; };
@@ -184,8 +184,8 @@ void interest(Random& random) {
 void path_text(Random& random) {
     const int degree = random.among(1, 3);
     const int patches = random.once_in(50) ? random.among(1, 500) : random.among(1, 12);
-    const std::vector<Vec2> points = draw_points(random, {600, 800}, patches * degree, ffseg::kLargestWritten);
-    const std::string text = ffseg::path_text(points, degree);
+    const std::vector<Vec2> points = draw_points(random, {600, 800}, patches * degree, ffseg::text::kLargestWritten);
+    const std::string text = ffseg::text::path_text(points, degree);
     const auto written = [](char c) { return std::string(" ,-.0123456789MLQCZ").find(c) != std::string::npos; };
     expect(std::all_of(text.begin(), text.end(), written), "a character that is none of a path");
 }

@@ -24,7 +24,7 @@ using Table = nb::ndarray<const double, nb::shape<65536>, nb::c_contig, nb::devi
 constexpr double kFastest = 1e100, kSlowest = 1e-100;
 
 template <class Plane>
-ffseg::Grid grid_of(const Plane& plane) {
+ffseg::marching::Grid grid_of(const Plane& plane) {
     if (plane.shape(0) == 0 || plane.shape(1) == 0 || plane.shape(0) > 32767 || plane.shape(1) > 32767) {
         throw std::invalid_argument("the image must have 1 to 32767 pixels a side");
     }
@@ -32,7 +32,7 @@ ffseg::Grid grid_of(const Plane& plane) {
 }
 
 template <class Plane>
-void check_size(const ffseg::Grid& grid, const Plane& plane) {
+void check_size(const ffseg::marching::Grid& grid, const Plane& plane) {
     if (plane.shape(0) != static_cast<std::size_t>(grid.height) || plane.shape(1) != static_cast<std::size_t>(grid.width)) {
         throw std::invalid_argument("the arrays differ in size");
     }
@@ -46,7 +46,7 @@ nb::ndarray<nb::numpy, T> take(std::vector<T> values) {
 }
 
 // Slowness on the grid with its ring; the ring and all that is not faster than `stop` is infinite.
-std::vector<double> slowness_of(const ffseg::Grid& grid, const double* speed, double stop) {
+std::vector<double> slowness_of(const ffseg::marching::Grid& grid, const double* speed, double stop) {
     std::vector<double> slowness(grid.size(), std::numeric_limits<double>::infinity());
     for (int y = 0; y < grid.height; ++y) {
         double* row = slowness.data() + grid.node(0, y);
@@ -58,7 +58,7 @@ std::vector<double> slowness_of(const ffseg::Grid& grid, const double* speed, do
     return slowness;
 }
 
-std::vector<std::int32_t> raster_index(const ffseg::Grid& grid, const std::vector<std::int32_t>& nodes) {
+std::vector<std::int32_t> raster_index(const ffseg::marching::Grid& grid, const std::vector<std::int32_t>& nodes) {
     std::vector<std::int32_t> index;
     index.reserve(nodes.size());
     for (const std::int32_t node : nodes) index.push_back(grid.y(node) * grid.width + grid.x(node));
@@ -66,19 +66,19 @@ std::vector<std::int32_t> raster_index(const ffseg::Grid& grid, const std::vecto
 }
 
 nb::tuple py_march(const PlaneF& speed, double stop, const Plane8& inside, std::optional<Plane8> domain) {
-    const ffseg::Grid grid = grid_of(speed);
+    const ffseg::marching::Grid grid = grid_of(speed);
     check_size(grid, inside);
     if (domain) check_size(grid, *domain);
     if (!(stop >= 0)) throw std::invalid_argument("the stop speed must not be negative");
-    ffseg::March march(grid, domain ? domain->data() : nullptr);
+    ffseg::marching::March march(grid, domain ? domain->data() : nullptr);
     std::vector<double> time(static_cast<std::size_t>(grid.height) * static_cast<std::size_t>(grid.width));
     std::size_t initial = 0;
     {
         nb::gil_scoped_release release;
         const std::vector<double> values = slowness_of(grid, speed.data(), stop);
-        const ffseg::SlownessPlane slowness{values.data()};
+        const ffseg::marching::SlownessPlane slowness{values.data()};
         march.accept(inside.data());
-        ffseg::ArrivalQueue queue(ffseg::bucket_width(grid, slowness), march.time.data(), march.grid.stride());
+        ffseg::marching::ArrivalQueue queue(ffseg::marching::bucket_width(grid, slowness), march.time.data(), march.grid.stride());
         march.begin(slowness, {}, queue);
         initial = march.met;
         march.run(slowness, queue);
@@ -110,13 +110,13 @@ void unpack(const Points& points, const Offsets& offsets, std::vector<ffseg::Vec
 }
 
 nb::tuple py_start_band(const Plane8& inside, const Points& points, const Offsets& offsets) {
-    const ffseg::Grid grid = grid_of(inside);
+    const ffseg::marching::Grid grid = grid_of(inside);
     std::vector<ffseg::Vec2> corners;
     std::vector<std::size_t> ends;
     unpack(points, offsets, corners, ends);
     std::vector<std::int32_t> nodes;
     std::vector<double> distances;
-    for (const ffseg::Arrival& a : ffseg::start_band(grid, inside.data(), corners, ends)) {
+    for (const ffseg::marching::Arrival& a : ffseg::marching::start_band(grid, inside.data(), corners, ends)) {
         nodes.push_back(a.node);
         distances.push_back(a.time);
     }
@@ -131,7 +131,7 @@ struct LevelSetOptions {
 
 nb::tuple py_level_set(const Plane16& gradient, const Table& slowness, const Plane8& inside, const Points& points,
                        const Offsets& offsets, std::optional<Plane8> domain, const LevelSetOptions& options) {
-    const ffseg::Grid grid = grid_of(gradient);
+    const ffseg::marching::Grid grid = grid_of(gradient);
     check_size(grid, inside);
     if (domain) check_size(grid, *domain);
     if (options.stop < 1 || options.stop > 65536 || options.reach < 0 || options.reach > 64 || !(options.min_area >= 0)) {
@@ -145,13 +145,13 @@ nb::tuple py_level_set(const Plane16& gradient, const Table& slowness, const Pla
     std::vector<ffseg::Vec2> corners;
     std::vector<std::size_t> ends;
     unpack(points, offsets, corners, ends);
-    ffseg::LevelSetResult result;
+    ffseg::levelset::LevelSetResult result;
     {
         nb::gil_scoped_release release;
-        const ffseg::LevelSetInput input{grid, gradient.data(), slowness.data(), inside.data(),
+        const ffseg::levelset::LevelSetInput input{grid, gradient.data(), slowness.data(), inside.data(),
                                          domain ? domain->data() : nullptr, options.stop, options.reach,
                                          options.closing_in, options.min_area};
-        result = ffseg::level_set(input, ffseg::start_band(grid, inside.data(), corners, ends));
+        result = ffseg::levelset::level_set(input, ffseg::marching::start_band(grid, inside.data(), corners, ends));
     }
     std::vector<double> flat;
     flat.reserve(2 * result.points.size());
@@ -165,12 +165,12 @@ nb::tuple py_level_set(const Plane16& gradient, const Table& slowness, const Pla
 }
 
 nb::tuple py_outlines(const Plane8& mask) {
-    const ffseg::Grid grid = grid_of(mask);
+    const ffseg::marching::Grid grid = grid_of(mask);
     std::vector<double> flat;
     std::vector<std::int64_t> ends{0};
     {
         nb::gil_scoped_release release;
-        for (const std::vector<ffseg::Vec2>& outline : ffseg::Region(grid, mask.data()).outlines(nullptr)) {
+        for (const std::vector<ffseg::Vec2>& outline : ffseg::levelset::Region(grid, mask.data()).outlines(nullptr)) {
             for (const ffseg::Vec2 p : outline) flat.insert(flat.end(), {p.x, p.y});
             ends.push_back(static_cast<std::int64_t>(flat.size() / 2));
         }

@@ -4,7 +4,7 @@
 
 #include "baselines/levelset/outline.hpp"
 
-namespace ffseg {
+namespace ffseg::levelset {
 namespace {
 
 double shoelace(const std::vector<Vec2>& polygon) {
@@ -17,12 +17,12 @@ double shoelace(const std::vector<Vec2>& polygon) {
 
 }  // namespace
 
-LevelSetResult level_set(const LevelSetInput& input, const std::vector<Arrival>& first) {
+LevelSetResult level_set(const LevelSetInput& input, const std::vector<marching::Arrival>& first) {
     const GradientPlane gradient(input.grid, input.gradient, input.stop);
-    const SlownessTable slowness{gradient.levels(), input.slowness};
-    March march(input.grid, input.domain);
+    const marching::SlownessTable slowness{gradient.levels(), input.slowness};
+    marching::March march(input.grid, input.domain);
     march.accept(input.inside);
-    ArrivalQueue queue(bucket_width(input.grid, slowness), march.time.data(), march.grid.stride());
+    marching::ArrivalQueue queue(marching::bucket_width(input.grid, slowness), march.time.data(), march.grid.stride());
     march.begin(slowness, first, queue);
     LevelSetResult result;
     result.initial_band = march.met;
@@ -41,4 +41,4 @@ LevelSetResult level_set(const LevelSetInput& input, const std::vector<Arrival>&
     return result;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::levelset

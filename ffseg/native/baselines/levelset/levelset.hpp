@@ -6,10 +6,10 @@
 #include "baselines/marching/march.hpp"
 #include "common/vec.hpp"
 
-namespace ffseg {
+namespace ffseg::levelset {
 
 struct LevelSetInput {
-    Grid grid;
+    marching::Grid grid;
     const std::uint16_t* gradient;  // (H, W)
     const double* slowness;         // one per gradient level, 65536; infinite from `stop` on
     const std::uint8_t* inside;     // (H, W), start region
@@ -27,6 +27,6 @@ struct LevelSetResult {
 };
 
 // `first`: nodes of the start band and their distances (px) to the start contour.
-LevelSetResult level_set(const LevelSetInput& input, const std::vector<Arrival>& first);
+LevelSetResult level_set(const LevelSetInput& input, const std::vector<marching::Arrival>& first);
 
-}  // namespace ffseg
+}  // namespace ffseg::levelset

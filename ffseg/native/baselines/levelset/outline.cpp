@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace ffseg {
+namespace ffseg::levelset {
 namespace {
 
 // Sides of a node, turning clockwise on the screen: up, right, down, left. An outline runs along the next side.
@@ -15,7 +15,7 @@ constexpr double kMargin = 1.0 / 64.0;
 
 }  // namespace
 
-GradientPlane::GradientPlane(Grid grid, const std::uint16_t* gradient, int stop) : levels_(grid.size()), stop_(stop) {
+GradientPlane::GradientPlane(marching::Grid grid, const std::uint16_t* gradient, int stop) : levels_(grid.size()), stop_(stop) {
     const std::int32_t stride = grid.stride();
     for (int y = -1; y <= grid.height; ++y) {
         const std::uint16_t* row = gradient + static_cast<std::ptrdiff_t>(std::clamp(y, 0, grid.height - 1)) * grid.width;
@@ -26,12 +26,12 @@ GradientPlane::GradientPlane(Grid grid, const std::uint16_t* gradient, int stop)
     }
 }
 
-Region::Region(const March& march) : grid(march.grid), inside(march.grid.size()) {
+Region::Region(const marching::March& march) : grid(march.grid), inside(march.grid.size()) {
     for (const std::int32_t node : march.start) inside[node] = 1;
     for (const std::int32_t node : march.order) inside[node] = 1;
 }
 
-Region::Region(Grid size, const std::uint8_t* mask) : grid(size), inside(size.size()) {
+Region::Region(marching::Grid size, const std::uint8_t* mask) : grid(size), inside(size.size()) {
     for (int y = 0; y < grid.height; ++y) {
         for (int x = 0; x < grid.width; ++x) inside[grid.node(x, y)] = *mask++ != 0;
     }
@@ -134,4 +134,4 @@ std::vector<std::vector<Vec2>> Region::outlines(const GradientPlane* gradient) c
     return found;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::levelset

@@ -6,13 +6,13 @@
 #include "baselines/marching/march.hpp"
 #include "common/vec.hpp"
 
-namespace ffseg {
+namespace ffseg::levelset {
 
 // The gradient magnitude on the nodes of a grid, the ring repeating the border pixels.
 class GradientPlane {
 public:
     // Nodes at or above `stop` are on an edge.
-    GradientPlane(Grid grid, const std::uint16_t* gradient, int stop);
+    GradientPlane(marching::Grid grid, const std::uint16_t* gradient, int stop);
     bool on_edge(std::int32_t node) const { return level(node) >= stop_; }
     const std::uint16_t* levels() const { return levels_.data(); }
     int level(std::int32_t node) const { return levels_[static_cast<std::size_t>(node)]; }
@@ -27,9 +27,9 @@ private:
 // The region behind a front: `inside` is 1 on its nodes.
 class Region {
 public:
-    explicit Region(const March& march);
+    explicit Region(const marching::March& march);
     // Pixels that are nonzero in a mask, (H, W).
-    Region(Grid size, const std::uint8_t* mask);
+    Region(marching::Grid size, const std::uint8_t* mask);
 
     // For a front that closes in: all that lies outside the image or the domain (may be null) joins the region.
     void surround(const std::uint8_t* domain);
@@ -44,7 +44,7 @@ public:
     // Outer ones have positive shoelace area. Nodes touching at a corner only are not connected.
     std::vector<std::vector<Vec2>> outlines(const GradientPlane* gradient) const;
 
-    Grid grid;
+    marching::Grid grid;
     std::vector<std::uint8_t> inside;
 
 private:
@@ -55,4 +55,4 @@ private:
     std::int32_t step(int side) const;
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::levelset

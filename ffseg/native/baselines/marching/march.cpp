@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace ffseg {
+namespace ffseg::marching {
 
 March::March(Grid size, const std::uint8_t* domain) : grid(size), time(size.size(), kNever) {
     constexpr double kBarred = std::numeric_limits<double>::quiet_NaN();
@@ -31,4 +31,4 @@ void March::accept(const std::uint8_t* inside) {
     }
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::marching

@@ -7,7 +7,7 @@
 
 #include "baselines/marching/queue.hpp"
 
-namespace ffseg {
+namespace ffseg::marching {
 
 // Pixels with one ring of barred nodes round them: node = (y + 1) * stride + x + 1, in raster order.
 struct Grid {
@@ -119,4 +119,4 @@ double bucket_width(const Grid& grid, const Slowness& slowness) {
     return *middle / kBucketsPerPixel;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::marching

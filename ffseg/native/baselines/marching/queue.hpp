@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace ffseg {
+namespace ffseg::marching {
 
 // A front node with the time at which it would be reached.
 struct Arrival {
@@ -143,4 +143,4 @@ private:
     std::vector<std::int32_t> far_;
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::marching

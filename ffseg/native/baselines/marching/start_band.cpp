@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace ffseg {
+namespace ffseg::marching {
 namespace {
 
 // Longer segments are cut so that the box round a piece holds few nodes.
@@ -79,4 +79,4 @@ std::vector<Arrival> start_band(const Grid& grid, const std::uint8_t* inside, co
     return band.nearest();
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::marching

@@ -30,7 +30,7 @@ nb::ndarray<nb::numpy, double> py_nearest(const Points& points, const Points& ot
     nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
     {
         nb::gil_scoped_release release;
-        *kept = ffseg::nearest_distances(from, to);
+        *kept = ffseg::measures::nearest_distances(from, to);
     }
     return nb::ndarray<nb::numpy, double>(kept->data(), {kept->size()}, owner);
 }

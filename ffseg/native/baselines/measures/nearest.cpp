@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <limits>
 
-namespace ffseg {
+namespace ffseg::measures {
 namespace {
 
 // Points sorted into square cells, about one point a cell along a boundary of one point a pixel.
@@ -79,4 +79,4 @@ std::vector<double> nearest_distances(const std::vector<Vec2>& points, const std
     return distances;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::measures

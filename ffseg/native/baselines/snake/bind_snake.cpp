@@ -42,15 +42,15 @@ nb::ndarray<nb::numpy, double> as_array(const std::vector<ffseg::Vec2>& points) 
     return nb::ndarray<nb::numpy, double>(flat, {points.size(), 2}, owner);
 }
 
-void check(const ffseg::SnakeOptions& o) {
+void check(const ffseg::snake::SnakeOptions& o) {
     const bool sane = between(o.tension, 0, 1e3) && between(o.rigidity, 0, 1e3) && between(o.balloon, -64, 64) &&
                       between(o.attraction, 0, 1e3) && between(o.spacing, 0.5, 1e6) && between(o.tolerance, 0, 1e6) &&
                       o.max_iterations >= 0;
     if (!sane) throw std::invalid_argument("a snake option is out of range");
 }
 
-std::vector<ffseg::AltitudePoint> altitude_points(const Altitudes& rows, double epsilon) {
-    std::vector<ffseg::AltitudePoint> out;
+std::vector<ffseg::snake::AltitudePoint> altitude_points(const Altitudes& rows, double epsilon) {
+    std::vector<ffseg::snake::AltitudePoint> out;
     for (std::size_t i = 0; i < rows.shape(0); ++i) {
         const double* row = rows.data() + 4 * i;
         if (!between(row[0], -kFar, kFar) || !between(row[1], -kFar, kFar) || !std::isfinite(row[2]) || !between(row[3], 0, 1e4)) {
@@ -65,10 +65,10 @@ std::vector<ffseg::AltitudePoint> altitude_points(const Altitudes& rows, double 
 struct PySnake {
     Plane16 gradient;
     std::optional<Plane8> domain;
-    std::unique_ptr<ffseg::Snake> snake;
+    std::unique_ptr<ffseg::snake::Snake> snake;
 
     PySnake(const Points& points, Plane16 gradient_in, const Plane8& edges, std::optional<Plane8> domain_in,
-            const Altitudes& altitudes, double epsilon, const ffseg::SnakeOptions& options)
+            const Altitudes& altitudes, double epsilon, const ffseg::snake::SnakeOptions& options)
         : gradient(std::move(gradient_in)), domain(std::move(domain_in)) {
         check(options);
         const std::size_t h = gradient.shape(0), w = gradient.shape(1);
@@ -77,12 +77,12 @@ struct PySnake {
             throw std::invalid_argument("the arrays differ in size");
         }
         const int height = static_cast<int>(h), width = static_cast<int>(w);
-        const std::vector<ffseg::AltitudePoint> known = altitude_points(altitudes, epsilon);
+        const std::vector<ffseg::snake::AltitudePoint> known = altitude_points(altitudes, epsilon);
         std::vector<ffseg::Vec2> start = vertices(points);
         nb::gil_scoped_release release;
-        ffseg::SnakeField field{gradient.data(), height, width, domain ? domain->data() : nullptr,
-                                ffseg::snake_zones(edges.data(), height, width, known)};
-        snake = std::make_unique<ffseg::Snake>(std::move(field), std::move(start), options);
+        ffseg::snake::SnakeField field{gradient.data(), height, width, domain ? domain->data() : nullptr,
+                                ffseg::snake::snake_zones(edges.data(), height, width, known)};
+        snake = std::make_unique<ffseg::snake::Snake>(std::move(field), std::move(start), options);
     }
 
     bool advance(int most) {
@@ -92,10 +92,10 @@ struct PySnake {
 
     const char* stop_reason() const {
         switch (snake->stop()) {
-            case ffseg::SnakeStop::kConverged: return "converged";
-            case ffseg::SnakeStop::kMaxIterations: return "max_iterations";
-            case ffseg::SnakeStop::kVanished: return "vanished";
-            case ffseg::SnakeStop::kMaxPoints: return "max_points";
+            case ffseg::snake::SnakeStop::kConverged: return "converged";
+            case ffseg::snake::SnakeStop::kMaxIterations: return "max_iterations";
+            case ffseg::snake::SnakeStop::kVanished: return "vanished";
+            case ffseg::snake::SnakeStop::kMaxPoints: return "max_points";
             default: return "running";
         }
     }
@@ -106,14 +106,14 @@ nb::ndarray<nb::numpy, double> py_solve(const Points& right, double tension, dou
         throw std::invalid_argument("a cyclic system needs 5 rows or more and weights from 0 to 1000");
     }
     std::vector<ffseg::Vec2> v = vertices(right);
-    ffseg::CyclicSystem(tension, rigidity).solve(v);
+    ffseg::snake::CyclicSystem(tension, rigidity).solve(v);
     return as_array(v);
 }
 
 }  // namespace
 
 void bind_snake(nb::module_& m) {
-    using Options = ffseg::SnakeOptions;
+    using Options = ffseg::snake::SnakeOptions;
     nb::class_<Options>(m, "SnakeOptions")
         .def(nb::init<>())
         .def_rw("tension", &Options::tension)
@@ -129,9 +129,9 @@ void bind_snake(nb::module_& m) {
              "points"_a, "gradient"_a, "edges"_a, "domain"_a.none(), "altitudes"_a, "epsilon"_a, "options"_a)
         .def("advance", &PySnake::advance, "iterations"_a, "Runs iterations; False once the snake has stopped.")
         .def("points", [](const PySnake& s) { return as_array(s.snake->points()); }, "Points of the snake, (M, 2).")
-        .def_prop_ro("iterations", [](const PySnake& s) { return s.snake->iterations(); })
-        .def_prop_ro("insertions", [](const PySnake& s) { return s.snake->insertions(); })
-        .def_prop_ro("removals", [](const PySnake& s) { return s.snake->removals(); })
+        .def_prop_ro("iterations", [](const PySnake& s) { return s.snake->counts().iterations; })
+        .def_prop_ro("insertions", [](const PySnake& s) { return s.snake->counts().insertions; })
+        .def_prop_ro("removals", [](const PySnake& s) { return s.snake->counts().removals; })
         .def_prop_ro("stop_reason", &PySnake::stop_reason);
     m.def("solve_cyclic", &py_solve, "right"_a, "tension"_a, "rigidity"_a,
           "Solution of (I + A) v = right for the internal energy of a closed chain.");

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-namespace ffseg {
+namespace ffseg::snake {
 
 // The factors are what Cholesky's recursion on the endless band settles at.
 CyclicSystem::CyclicSystem(double tension, double rigidity) {
@@ -47,4 +47,4 @@ void CyclicSystem::solve(std::vector<Vec2>& v) {
     for (std::size_t i = n; i-- > 0;) v[i] = run(forward_[i]);
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::snake

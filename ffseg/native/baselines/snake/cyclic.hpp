@@ -5,7 +5,7 @@
 
 #include "common/vec.hpp"
 
-namespace ffseg {
+namespace ffseg::snake {
 
 // I + A of a closed chain of points: A v_i = -tension (v_{i-1} - 2 v_i + v_{i+1})
 //   + rigidity (v_{i-2} - 4 v_{i-1} + 6 v_i - 4 v_{i+1} + v_{i+2}). Every row is the same, so the matrix is a product
@@ -24,4 +24,4 @@ private:
     std::vector<Vec2> forward_;
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::snake

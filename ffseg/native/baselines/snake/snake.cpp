@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-namespace ffseg {
+namespace ffseg::snake {
 namespace {
 
 // Edge zones reach this far (px) round an edge pixel: the flank of an edge blurred by one to two pixels, and more than
@@ -95,11 +95,11 @@ void Snake::step() {
         stop_ = SnakeStop::kMaxPoints;
         return;
     }
-    if (iterations_ == options_.max_iterations) {
+    if (counts_.iterations == options_.max_iterations) {
         stop_ = SnakeStop::kMaxIterations;
         return;
     }
-    ++iterations_;
+    ++counts_.iterations;
     const std::size_t n = points_.size();
     normals_.resize(n);
     for (std::size_t i = 0; i < n; ++i) normals_[i] = normal(i);
@@ -219,22 +219,22 @@ bool Snake::refine() {
         fits = length <= longest && length >= shortest;
     }
     if (fits) return false;
-    const int before = insertions_ + removals_;
+    const int before = counts_.insertions + counts_.removals;
     next_.clear();
     for (std::size_t i = 0; i < n; ++i) {
         const Vec2 a = points_[i], b = points_[i + 1 < n ? i + 1 : 0];
         if (!next_.empty() && norm2(a - next_.back()) < shortest) {
-            ++removals_;
+            ++counts_.removals;
             continue;
         }
         next_.push_back(a);
         if (norm2(b - a) > longest) {
             next_.push_back(0.5 * (a + b));
-            ++insertions_;
+            ++counts_.insertions;
         }
     }
     points_.swap(next_);
-    return insertions_ + removals_ > before;
+    return counts_.insertions + counts_.removals > before;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::snake

@@ -6,7 +6,7 @@
 #include "baselines/snake/cyclic.hpp"
 #include "common/vec.hpp"
 
-namespace ffseg {
+namespace ffseg::snake {
 
 struct SnakeOptions {
     double tension = 0.02, rigidity = 0.02;  // weights of first and second differences
@@ -47,6 +47,10 @@ std::vector<std::uint8_t> snake_zones(const std::uint8_t* edges, int height, int
 
 enum class SnakeStop { kRunning, kConverged, kMaxIterations, kVanished, kMaxPoints };
 
+struct SnakeCounts {
+    int iterations = 0, insertions = 0, removals = 0;
+};
+
 class Snake {
 public:
     Snake(SnakeField field, std::vector<Vec2> points, const SnakeOptions& options);
@@ -56,9 +60,7 @@ public:
 
     const std::vector<Vec2>& points() const { return points_; }
     SnakeStop stop() const { return stop_; }
-    int iterations() const { return iterations_; }
-    int insertions() const { return insertions_; }
-    int removals() const { return removals_; }
+    const SnakeCounts& counts() const { return counts_; }
 
 private:
     void step();
@@ -74,8 +76,9 @@ private:
     SnakeOptions options_;
     CyclicSystem system_;
     std::vector<Vec2> points_, next_, normals_;
-    int iterations_ = 0, insertions_ = 0, removals_ = 0, quiet_ = 0;
+    SnakeCounts counts_;
+    int quiet_ = 0;
     SnakeStop stop_ = SnakeStop::kRunning;
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::snake
