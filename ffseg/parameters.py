@@ -24,7 +24,7 @@ _POSITIVE = Number(0, above=True)
 _POINT = Row(("x", "y"), (Number(), Number()))
 _CIRCLE = Row(("x", "y", "radius"), (Number(), Number(), _POSITIVE))
 _BOX = Row(("left", "top", "right", "bottom"), (Number(),) * 4)
-_THRESHOLDS = Row(("low", "high"), (Number(0),) * 2, ascending=True)
+_THRESHOLDS = Row(("low", "high"), (Number(0, 10_000),) * 2, ascending=True)  # no magnitude of 8-bit grey exceeds 1443
 _MOST_STARTS = 1000
 
 

@@ -8,13 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ffseg.cli.checks import folder
+
 if TYPE_CHECKING:
     from ffseg.parameters import Parameters
 
 Inputs = Annotated[
     list[str], typer.Argument(metavar="INPUT...", help="Image files, folders (searched to any depth) or patterns.")
 ]
-Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the outputs; made if absent.")]
+Out = Annotated[
+    Path, typer.Option("--out", metavar="DIR", parser=folder, help="Folder for the outputs; made if absent.")
+]
 Config = Annotated[str | None, typer.Option("--config", metavar="FILE|PRESET", help="Parameter file or preset.")]
 Settings = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter; may be repeated.")

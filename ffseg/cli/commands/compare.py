@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import console
+from ffseg.cli.checks import checked_params
 from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, starts_file
 from ffseg.errors import UsageError
 
@@ -52,12 +53,11 @@ def compare(  # noqa: PLR0913 - the options of the command
     """
     from ffseg.batch import compare as work
     from ffseg.cli.running.interruption import Interruption
-    from ffseg.parameters import load_params
     from ffseg.peer_parameters import load_peer_parameters
 
     chosen = work.choose_methods(methods)
     gates = _gates(min_iou or [], chosen, with_truth=truth is not None)
-    params, peer_params = load_params(config, settings), load_peer_parameters(peers)
+    params, peer_params = checked_params(config, settings), load_peer_parameters(peers)
     folder = os.fspath(out)
     jobs = work.plan_comparison(inputs, folder, os.fspath(truth) if truth else "", starts_file(starts, params))
     task = work.Comparison(jobs, folder, chosen, params, peer_params, repeat)

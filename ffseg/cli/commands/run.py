@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.batch.workers.launch import Process, launch, take
+from ffseg.cli.checks import MOST_MEGABYTES, MOST_SECONDS, checked_params, number
 from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, starts_file
 from ffseg.errors import UsageError
 
@@ -58,10 +59,18 @@ def run(  # noqa: PLR0913 - the options of the command
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table; errors only.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="A line for each image.")] = False,
     timeout: Annotated[
-        float, typer.Option("--timeout", min=0, help="Seconds an image may take; 0 = no limit.")
+        float,
+        typer.Option(
+            "--timeout",
+            min=0,
+            max=MOST_SECONDS,
+            callback=number,
+            show_default=True,
+            help="Seconds an image may take; 0 = no limit.",
+        ),
     ] = 300.0,
     memory: Annotated[
-        int, typer.Option("--memory", min=0, help="MB a worker may add to its start; 0 = no limit.")
+        int, typer.Option("--memory", min=0, max=MOST_MEGABYTES, help="MB a worker may add to its start; 0 = no limit.")
     ] = 4096,
     max_pixels: Annotated[int, typer.Option("--max-pixels", min=1, help="Refuse larger images.")] = 100_000_000,
 ) -> None:
@@ -77,13 +86,12 @@ def run(  # noqa: PLR0913 - the options of the command
     from ffseg.batch.workers.outputs import Wanted, read_exports
     from ffseg.cli.running.interruption import Interruption
     from ffseg.cli.running.reporting import Progress, show_plan, show_result
-    from ffseg.parameters import load_params
 
     with contextlib.ExitStack() as cleanup:
         for process in early:
             cleanup.callback(process.end)
         interruption = cleanup.enter_context(Interruption())
-        params = load_params(config, settings)
+        params = checked_params(config, settings)
         if animate and find_spec("PIL") is None:
             raise UsageError("--animate needs Pillow; install it with: pip install 'ffseg[film]'")
         wanted = Wanted(overlay, read_exports(export or ()), animate)
