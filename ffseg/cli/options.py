@@ -26,6 +26,10 @@ Settings = Annotated[
 Starts = Annotated[
     Path | None, typer.Option("--starts", metavar="FILE", help="CSV image,x,y[,radius]: each image's start circle.")
 ]
+TruthLabel = Annotated[
+    int | None,
+    typer.Option("--truth-label", metavar="K", min=0, max=65535, help="Class number that is inside in true masks."),
+]
 
 
 def starts_file(starts: Path | None, params: Parameters) -> str:

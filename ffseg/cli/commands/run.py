@@ -12,7 +12,7 @@ import typer
 
 from ffseg.batch.workers.launch import Process, launch, take
 from ffseg.cli.checks import MOST_MEGABYTES, MOST_SECONDS, checked_params, number
-from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, starts_file
+from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ def run(  # noqa: PLR0913 - the options of the command
     truth: Annotated[
         Path | None, typer.Option("--truth", metavar="DIR", help="Folder of true masks (NAME.png): adds the IoU.")
     ] = None,
+    truth_label: TruthLabel = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Worker processes; 0 = one for each core.")] = 0,
     overlay: Annotated[
         bool, typer.Option("--overlay/--no-overlay", help="Write images with the contours drawn.")
@@ -100,7 +101,14 @@ def run(  # noqa: PLR0913 - the options of the command
         plan = with_starts(plan, begins) if begins else plan
         views = read_views(camera, poses, pairs, plan)
         plan = with_previous(plan, views.previous) if views else plan
-        setup = Setup(params=params, views=views, wanted=wanted, max_pixels=max_pixels, memory_bytes=memory * _MEGABYTE)
+        setup = Setup(
+            params=params,
+            views=views,
+            wanted=wanted,
+            max_pixels=max_pixels,
+            memory_bytes=memory * _MEGABYTE,
+            truth_label=truth_label,
+        )
         if dry_run:
             show_plan(plan, as_json=as_json)
             return
