@@ -47,7 +47,9 @@ class Contour(Section):
 class Edges(Section):
     """The edge map."""
 
-    source: str = declared("gradient", Name(tuple(EDGE_SOURCES)), "edge source: gradient, or module:function of your own")
+    source: str = declared(
+        "gradient", Name(tuple(EDGE_SOURCES)), "edge source: gradient, or module:function of your own"
+    )
     sigma: float = declared(1.5, Number(0, 20, above=True), "px, standard deviation of the smoothing Gaussian")
     exponent: float = declared(2.0, Number(1, 8), "p of the edge force |grad|^p (Eq. 8)")
     canny: tuple[float, float] | Literal["auto"] = declared(
@@ -111,7 +113,9 @@ class Parameters(Section):
     """Everything that decides a segmentation."""
 
     method: str = declared(
-        "freeform", Name(tuple(METHODS)), "freeform, snake, levelset, the name of a peer, or module:function of your own"
+        "freeform",
+        Name(tuple(METHODS)),
+        "freeform, snake, levelset, the name of a peer, or module:function of your own",
     )
     contour: Contour = subsection(Contour)
     edges: Edges = subsection(Edges)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from ffseg.batch.jobs import Plan
     from ffseg.batch.views import Views
+    from ffseg.batch.workers.outputs import Wanted
 
 FAILED_IMAGES = 3
 """Exit code when at least one image failed."""
@@ -81,10 +82,8 @@ def run(  # noqa: PLR0913 - the options of the command
     run; 3 at least one image failed, the others are written.
     """
     early = [] if dry_run else early_workers(inputs, jobs or cores())
-    from ffseg.batch.jobs import make_plan, with_previous, with_starts
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
-    from ffseg.batch.workers.outputs import Wanted, read_exports
     from ffseg.cli.running.interruption import Interruption
     from ffseg.cli.running.reporting import Progress, show_plan, show_result
 
@@ -93,14 +92,10 @@ def run(  # noqa: PLR0913 - the options of the command
             cleanup.callback(process.end)
         interruption = cleanup.enter_context(Interruption())
         params = checked_params(config, settings)
-        if animate and find_spec("PIL") is None:
-            raise UsageError("--animate needs Pillow; install it with: pip install 'ffseg[film]'")
-        wanted = Wanted(overlay, read_exports(export or ()), animate)
-        begins = starts_file(starts, params)
-        plan = make_plan(inputs, os.fspath(out), wanted=wanted, truth=os.fspath(truth) if truth else "")
-        plan = with_starts(plan, begins) if begins else plan
+        wanted = read_wanted(export or (), overlay=overlay, animate=animate)
+        plan = read_plan(inputs, out, wanted, truth, starts_file(starts, params))
         views = read_views(camera, poses, pairs, plan)
-        plan = with_previous(plan, views.previous) if views else plan
+        plan = in_sequence(plan, views)
         setup = Setup(
             params=params,
             views=views,
@@ -125,6 +120,36 @@ def run(  # noqa: PLR0913 - the options of the command
             raise typer.Exit(interruption.exit_code)
     if summary.failed or summary.problems:
         raise typer.Exit(FAILED_IMAGES)
+
+
+def read_wanted(export: Sequence[str], *, overlay: bool, animate: bool) -> Wanted:
+    """Outputs that are asked for.
+
+    Raises
+    ------
+    UsageError
+        For a format that does not exist, or a film without Pillow.
+    """
+    from ffseg.batch.workers.outputs import Wanted, read_exports
+
+    if animate and find_spec("PIL") is None:
+        raise UsageError("--animate needs Pillow; install it with: pip install 'ffseg[film]'")
+    return Wanted(overlay, read_exports(export), animate)
+
+
+def read_plan(inputs: Sequence[str], out: Path, wanted: Wanted, truth: Path | None, starts: str) -> Plan:
+    """Images of a run with their outputs, truths and starts."""
+    from ffseg.batch.jobs import make_plan, with_starts
+
+    plan = make_plan(inputs, os.fspath(out), wanted=wanted, truth=os.fspath(truth) if truth else "")
+    return with_starts(plan, starts) if starts else plan
+
+
+def in_sequence(plan: Plan, views: Views | None) -> Plan:
+    """The plan with each image's predecessor, if there is a camera."""
+    from ffseg.batch.jobs import with_previous
+
+    return with_previous(plan, views.previous) if views else plan
 
 
 def read_views(camera: Path | None, poses: Path | None, pairs: Path | None, plan: Plan) -> Views | None:
