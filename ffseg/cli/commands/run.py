@@ -94,8 +94,7 @@ def run(  # noqa: PLR0913 - the options of the command
         params = checked_params(config, settings)
         wanted = read_wanted(export or (), overlay=overlay, animate=animate)
         plan = read_plan(inputs, out, wanted, truth, starts_file(starts, params))
-        views = read_views(camera, poses, pairs, plan)
-        plan = in_sequence(plan, views)
+        plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan))
         setup = Setup(
             params=params,
             views=views,
@@ -145,11 +144,11 @@ def read_plan(inputs: Sequence[str], out: Path, wanted: Wanted, truth: Path | No
     return with_starts(plan, starts) if starts else plan
 
 
-def in_sequence(plan: Plan, views: Views | None) -> Plan:
-    """The plan with each image's predecessor, if there is a camera."""
+def in_sequence(plan: Plan, views: Views | None) -> tuple[Plan, Views | None]:
+    """The plan with each image's predecessor, if there is a camera, and what the predecessors came from."""
     from ffseg.batch.jobs import with_previous
 
-    return with_previous(plan, views.previous) if views else plan
+    return (with_previous(plan, views.previous) if views else plan), views
 
 
 def read_views(camera: Path | None, poses: Path | None, pairs: Path | None, plan: Plan) -> Views | None:
