@@ -6,6 +6,7 @@ NB_MODULE(_core, m) {
     bind_edges(m);
     bind_freeform(m);
     bind_raster(m);
+    bind_region(m);
     bind_text(m);
     bind_levelset(m);
     bind_measures(m);

@@ -7,6 +7,7 @@
 void bind_edges(nanobind::module_& m);
 void bind_freeform(nanobind::module_& m);
 void bind_raster(nanobind::module_& m);
+void bind_region(nanobind::module_& m);
 void bind_text(nanobind::module_& m);
 void bind_levelset(nanobind::module_& m);
 void bind_measures(nanobind::module_& m);

@@ -125,8 +125,7 @@ class Text:
         value = node.value
         if isinstance(value, str) and value and "\0" not in value and (not self.choices or value in self.choices):
             return value
-        near = nearest_word(value, self.choices) if isinstance(value, str) and self.choices else ""
-        return _reject(self, node, key, problems, near)
+        return _reject(self, node, key, problems)
 
     def allowed(self) -> str:
         """See `Kind`."""

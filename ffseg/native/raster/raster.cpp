@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #include "raster/side.hpp"
 
@@ -134,6 +135,37 @@ void fill_mask(const std::vector<Edge>& edges, const MaskView& mask) {
         active.resize(kept);
         crossings.write(mask.data + static_cast<std::size_t>(y) * mask.width);
     }
+}
+
+std::vector<Span> fill_spans(const std::vector<Edge>& edges, int height, int width) {
+    std::vector<Span> spans;
+    if (height == 0 || width == 0) return spans;
+    const ByRow by_row(edges, height);
+    std::vector<std::size_t> active;
+    std::vector<std::pair<int, int>> crossings;  // column and change of the winding number
+    for (int y = 0; y < height; ++y) {
+        active.insert(active.end(), by_row.order.begin() + by_row.begin[y], by_row.order.begin() + by_row.begin[y + 1]);
+        crossings.clear();
+        std::size_t kept = 0;
+        for (const std::size_t index : active) {
+            if (!(y < edges[index].high.y)) continue;
+            active[kept++] = index;
+            crossings.emplace_back(column_of(edges[index], y, width), -edges[index].sign);
+        }
+        active.resize(kept);
+        std::sort(crossings.begin(), crossings.end());
+        int winding = 0;
+        for (std::size_t i = 0; i < crossings.size(); ++i) {
+            const bool was_inside = winding > 0;
+            const int column = crossings[i].first;
+            for (winding += crossings[i].second; i + 1 < crossings.size() && crossings[i + 1].first == column; ++i) {
+                winding += crossings[i + 1].second;
+            }
+            if (!was_inside && winding > 0 && column < width) spans.push_back({y, column, width});
+            if (was_inside && winding <= 0) spans.back().end = column;
+        }
+    }
+    return spans;
 }
 
 }  // namespace ffseg::raster

@@ -22,4 +22,13 @@ void append_contour(const Vec2* points, std::size_t count, int degree, const Pix
 // the centres 0..n-1 of both axes, and regions that share an edge share no pixel and leave none between them.
 void fill_mask(const std::vector<Edge>& edges, const MaskView& mask);
 
+// Columns begin..end - 1 of row y.
+struct Span {
+    int y, begin, end;
+};
+
+// The same pixels as `fill_mask` in rows and columns, as spans in order of row and column that do not touch.
+// Costs the crossings of the edges with the rows, whatever lies between them.
+std::vector<Span> fill_spans(const std::vector<Edge>& edges, int height, int width);
+
 }  // namespace ffseg::raster

@@ -1,0 +1,117 @@
+#include "region/sums.hpp"
+
+#include <algorithm>
+
+namespace ffseg::region {
+namespace {
+
+// Columns between two kept sums. Sums of a row fit 32 bits: 65535 * 255 * 255 < 2^32; counts fit 16.
+constexpr int kBlock = 32;
+
+std::size_t power(std::size_t base, int exponent) {
+    std::size_t value = 1;
+    for (int i = 0; i < exponent; ++i) value *= base;
+    return value;
+}
+
+}  // namespace
+
+RowSums::RowSums(const std::uint8_t* pixels, int height, int width, int channels, int bins)
+    : height_(height),
+      width_(width),
+      channels_(channels),
+      levels_(bins),
+      blocks_(static_cast<std::size_t>(width) / kBlock + 1),
+      moments_(static_cast<std::size_t>(channels + channels * (channels + 1) / 2)),
+      bins_(bins == 0 ? 0 : power(static_cast<std::size_t>(bins), channels)),
+      pixels_(pixels, pixels + static_cast<std::size_t>(height) * width * channels),
+      before_(static_cast<std::size_t>(height) * blocks_ * moments_),
+      counts_before_(static_cast<std::size_t>(height) * blocks_ * bins_) {
+    if (channels == 1) {
+        fill<1>();
+    } else if (channels == 2) {
+        fill<2>();
+    } else {
+        fill<3>();
+    }
+}
+
+template <int C>
+void RowSums::fill() {
+    std::vector<std::int64_t> sums(length());
+    for (int y = 0; y < height_; ++y) {
+        std::fill(sums.begin(), sums.end(), 0);
+        for (std::size_t block = 0; block < blocks_; ++block) {
+            const std::size_t place = static_cast<std::size_t>(y) * blocks_ + block;
+            for (std::size_t i = 0; i < moments_; ++i) {
+                before_[place * moments_ + i] = static_cast<std::uint32_t>(sums[1 + i]);
+            }
+            for (std::size_t i = 0; i < bins_; ++i) {
+                counts_before_[place * bins_ + i] = static_cast<std::uint16_t>(sums[1 + moments_ + i]);
+            }
+            const int x = static_cast<int>(block) * kBlock;
+            add_pixels<C>(at(y, x), std::min(kBlock, width_ - x), 1, sums.data());
+        }
+    }
+}
+
+template <int C>
+int RowSums::bin_of(const std::uint8_t* pixel) const {
+    int bin = 0;
+    for (int c = 0; c < C; ++c) bin = bin * levels_ + (pixel[c] * levels_ >> 8);
+    return bin;
+}
+
+template <int C>
+void RowSums::add_pixels(const std::uint8_t* pixel, int count, std::int64_t sign, std::int64_t* totals) const {
+    std::uint32_t sums[C * (C + 3) / 2] = {};  // of fewer than kBlock pixels
+    for (int i = 0; i < count; ++i, pixel += C) {
+        std::uint32_t* next = sums + C;
+        for (int c = 0; c < C; ++c) {
+            sums[c] += pixel[c];
+            for (int d = c; d < C; ++d) *next++ += static_cast<std::uint32_t>(pixel[c]) * pixel[d];
+        }
+        if (bins_ > 0) totals[1 + moments_ + bin_of<C>(pixel)] += sign;
+    }
+    for (std::size_t i = 0; i < moments_; ++i) totals[1 + i] += sign * static_cast<std::int64_t>(sums[i]);
+}
+
+void RowSums::add_before(int y, int block, std::int64_t sign, std::int64_t* totals) const {
+    const std::size_t place = static_cast<std::size_t>(y) * blocks_ + static_cast<std::size_t>(block);
+    const std::uint32_t* sums = before_.data() + place * moments_;
+    for (std::size_t i = 0; i < moments_; ++i) totals[1 + i] += sign * static_cast<std::int64_t>(sums[i]);
+    const std::uint16_t* counts = counts_before_.data() + place * bins_;
+    for (std::size_t i = 0; i < bins_; ++i) totals[1 + moments_ + i] += sign * counts[i];
+}
+
+template <int C>
+void RowSums::add_span(const Span& span, std::int64_t* totals) const {
+    totals[0] += span.end - span.begin;
+    const int first = span.begin / kBlock, last = span.end / kBlock;
+    if (last - first <= 1) {
+        for (int x = span.begin; x < span.end; x += kBlock) {
+            add_pixels<C>(at(span.y, x), std::min(kBlock, span.end - x), 1, totals);
+        }
+        return;
+    }
+    add_before(span.y, last, 1, totals);
+    add_before(span.y, first, -1, totals);
+    add_pixels<C>(at(span.y, last * kBlock), span.end - last * kBlock, 1, totals);
+    add_pixels<C>(at(span.y, first * kBlock), span.begin - first * kBlock, -1, totals);
+}
+
+Totals RowSums::over(const Spans& spans) const {
+    Totals totals(length(), 0);
+    for (const Span& span : spans) {
+        if (channels_ == 1) {
+            add_span<1>(span, totals.data());
+        } else if (channels_ == 2) {
+            add_span<2>(span, totals.data());
+        } else {
+            add_span<3>(span, totals.data());
+        }
+    }
+    return totals;
+}
+
+}  // namespace ffseg::region
