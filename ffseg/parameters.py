@@ -24,7 +24,7 @@ _POSITIVE = Number(0, above=True)
 _POINT = Row(("x", "y"), (Number(), Number()))
 _CIRCLE = Row(("x", "y", "radius"), (Number(), Number(), _POSITIVE))
 _BOX = Row(("left", "top", "right", "bottom"), (Number(),) * 4)
-_THRESHOLDS = Row(("low", "high"), (Number(0),) * 2, ascending=True)
+_THRESHOLDS = Row(("low", "high"), (Number(0, 10_000),) * 2, ascending=True)  # no magnitude of 8-bit grey exceeds 1443
 _MOST_STARTS = 1000
 
 
@@ -47,7 +47,9 @@ class Contour(Section):
 class Edges(Section):
     """The edge map."""
 
-    source: str = declared("gradient", Name(tuple(EDGE_SOURCES)), "edge source: gradient, or module:function of your own")
+    source: str = declared(
+        "gradient", Name(tuple(EDGE_SOURCES)), "edge source: gradient, or module:function of your own"
+    )
     sigma: float = declared(1.5, Number(0, 20, above=True), "px, standard deviation of the smoothing Gaussian")
     exponent: float = declared(2.0, Number(1, 8), "p of the edge force |grad|^p (Eq. 8)")
     canny: tuple[float, float] | Literal["auto"] = declared(
@@ -111,7 +113,9 @@ class Parameters(Section):
     """Everything that decides a segmentation."""
 
     method: str = declared(
-        "freeform", Name(tuple(METHODS)), "freeform, snake, levelset, the name of a peer, or module:function of your own"
+        "freeform",
+        Name(tuple(METHODS)),
+        "freeform, snake, levelset, the name of a peer, or module:function of your own",
     )
     contour: Contour = subsection(Contour)
     edges: Edges = subsection(Edges)

@@ -55,7 +55,7 @@ def run_batch(
 ) -> Summary:
     """Run the stand-in over a folder; options are those of `Options`, `make_plan` and `Setup` by name."""
     plan_options = {key: options.pop(key) for key in ("wanted", "truth") if key in options}
-    setup_options = {key: options.pop(key) for key in ("memory_bytes",) if key in options}
+    setup_options = {key: options.pop(key) for key in ("memory_bytes", "truth_label") if key in options}
     plan = make_plan([str(folder)], str(out), **plan_options)
     setup = Setup(
         params=params or load_params(),

@@ -10,7 +10,10 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.batch.comparison.text import markdown
+from ffseg.batch.comparison.values import COLUMNS, Comparison, Row
 from ffseg.batch.jobs import Job, make_plan, with_starts
+from ffseg.batch.workers.truth import read_truth
 from ffseg.errors import ImageReadError, ParameterError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
 from ffseg.formats.images import read_image, single_thread
@@ -18,66 +21,15 @@ from ffseg.formats.masks import read_levels
 from ffseg.formats.overlays import Polyline
 from ffseg.formats.panels import Tile, encode_panel
 from ffseg.formats.tables import csv_table
-from ffseg.image.components import num_holes
 from ffseg.methods import METHODS, PEERS, SEGMENTERS
 from ffseg.metrics import scores
-from ffseg.parameters import Parameters
-from ffseg.peer_parameters import PeerParameters
 from ffseg.segmenters.base import Segmentation
 from ffseg.segmenters.peers import configured
 from ffseg.segmenters.registry import segment
 
-COLUMNS = (
-    *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),
-    *("iou", "boundary_mean_px", "boundary_max_px", "holes", "status", "error", "boundary_f_2px"),
-)
 _FLATNESS = 0.1
 """Tolerance of the lines drawn in panels, px: a tenth of the line's width."""
 _LONGEST_ERROR = 300
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One method on one image; None stands for what is not known. `status` is ok, failed or skipped."""
-
-    image: str
-    method: str
-    initial_points: int | None = None
-    final_points: int | None = None
-    iterations: int | None = None
-    edges_ms: float | None = None
-    evolve_ms: float | None = None
-    total_ms: float | None = None
-    iou: float | None = None
-    boundary_mean_px: float | None = None
-    boundary_max_px: float | None = None
-    holes: int | None = None
-    status: str = "ok"
-    error: str = ""
-    boundary_f_2px: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """What is to be compared.
-
-    Attributes
-    ----------
-    jobs : tuple of Job
-    out : str
-    methods : tuple of str
-    params : Parameters
-    peers : PeerParameters
-    repeat : int
-        Runs of each method on each image; the median time counts.
-    """
-
-    jobs: tuple[Job, ...]
-    out: str
-    methods: tuple[str, ...]
-    params: Parameters
-    peers: PeerParameters
-    repeat: int = 1
 
 
 def choose_methods(text: str) -> tuple[str, ...]:
@@ -140,8 +92,6 @@ def compare(task: Comparison, tell: Callable[[Row], None]) -> list[Row]:
     OutputError
         If an output cannot be written.
     """
-    from ffseg.batch.compare_text import markdown
-
     single_thread()
     make_folder(task.out)
     masks = _Masks(_mask("domain.mask", task.params.domain.mask), _mask("init.mask", task.params.init.mask))
@@ -202,9 +152,8 @@ def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Ro
     name = printable(job.source.name)
     try:
         image = read_image(job.source.path)
-        truth = read_levels(job.truth) if job.truth else None
-        if truth is not None and truth.shape != image.shape[:2]:
-            raise ImageReadError("damaged", f"{printable(job.truth)} has not the size of its image; exchange it")
+        height, width = image.shape[:2]
+        truth = read_truth(job.truth, (height, width), task.truth_label) if job.truth else None
     except ImageReadError as error:
         rows = [Row(name, method, status="failed", error=f"{error.reason}: {error}") for method in task.methods]
         for row in rows:
@@ -265,7 +214,7 @@ def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: _Ma
 
 
 def _scored(row: Row, result: Segmentation, truth: NDArray[np.uint8] | None) -> Row:
-    row = replace(row, holes=num_holes(result.mask))
+    row = replace(row, holes=result.num_holes)
     if truth is None:
         return row
     found = scores(result.mask, truth)

@@ -90,6 +90,8 @@ def _expand(text: str) -> list[Source]:
 
 def _expand_pattern(pattern: str) -> list[Source]:
     base = _fixed_folder(pattern)
+    if ".." in pattern[len(base) :].split("/"):  # the name of an output would lead out of the output folder
+        raise UsageError(f"the pattern {printable(pattern)} has '..' behind a wildcard; write the folder it leads to")
     matches = sorted(glob.iglob(pattern, recursive=True), key=lambda path: natural_key(_relative(path, base)))
     if not matches:
         raise UsageError(f"the pattern {printable(pattern)} matches no file; check the folder it starts in")

@@ -6,7 +6,8 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ffseg.batch.discover import STATE_FOLDER, SUFFIXES, Source, discover
+from ffseg.batch.discover import STATE_FOLDER, Source, discover
+from ffseg.batch.inputs.truths import find_truths
 from ffseg.batch.workers.outputs import MASKS_AND_CONTOURS, OUTPUT_FOLDERS, Wanted
 from ffseg.errors import OutputError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
@@ -119,42 +120,6 @@ def _checked_name(source: Source) -> Source:
     if longest + len(".png") <= MAX_NAME_BYTES or source.problem:
         return source
     return Source(source.path, source.name, "bad-name: its outputs' names would be too long; rename the file")
-
-
-def find_truths(sources: Iterable[Source], folder: str) -> dict[str, str]:
-    """True mask of each image that has one: the same relative name with any suffix, or with ``_truth`` before it.
-
-    Raises
-    ------
-    UsageError
-        If the folder does not exist, or no image has a true mask in it.
-    """
-    if not os.path.isdir(folder):
-        raise UsageError(f"--truth: there is no folder {printable(folder)}; check the name")
-    listings: dict[str, dict[str, str]] = {}
-    truths = {}
-    for source in sources:
-        place, name = os.path.split(source.name)
-        if place not in listings:
-            listings[place] = _masks_by_stem(os.path.join(folder, place))
-        stem = os.path.splitext(name)[0]
-        path = listings[place].get(f"{stem}_truth") or listings[place].get(stem, "")
-        if path and os.path.realpath(path) != os.path.realpath(source.path):
-            truths[source.name] = path
-    if not truths:
-        raise UsageError(
-            f"--truth: no image has a mask of its name in {printable(folder)} (NAME.png or NAME_truth.png)"
-        )
-    return truths
-
-
-def _masks_by_stem(folder: str) -> dict[str, str]:
-    try:
-        names = sorted(os.listdir(folder), reverse=True)
-    except OSError:
-        return {}
-    stems = (os.path.splitext(name) for name in names)
-    return {stem: os.path.join(folder, stem + suffix) for stem, suffix in stems if suffix.lower() in SUFFIXES}
 
 
 def _refuse_collisions(plan: Plan) -> None:

@@ -9,9 +9,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from ffseg.camera import Camera, Pose, load_camera, load_pairs, load_poses
-from ffseg.errors import CalibrationError
-from ffseg.formats.files import printable
+from ffseg.camera import Camera, Pose, load_mounted_camera, load_pairs, load_poses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,11 +73,7 @@ def load_views(camera: str, poses: str | None, pairs: str | None, names: Sequenc
     CalibrationError
         One line for each thing wrong, with file and key or line; also without ``mount_height``.
     """
-    loaded = load_camera(camera)
-    try:
-        loaded.mounting()
-    except CalibrationError as error:
-        raise CalibrationError(f"{printable(camera)}: {error}") from error
+    loaded = load_mounted_camera(camera)
     before = dict(load_pairs(pairs, names)) if pairs else neighbours(names)
     return Views(loaded, dict(load_poses(poses, names, loaded)) if poses else {}, before)
 

@@ -11,11 +11,11 @@ import numpy as np
 from ffseg.camera import ocam_files, opencv_files
 from ffseg.camera.lens import Lens
 from ffseg.camera.model import Camera
-from ffseg.camera.projections import Affine, Fisheye, Projection, UnifiedSphere
+from ffseg.camera.projections import Affine, Fisheye, Polynomial, Projection, UnifiedSphere
 from ffseg.errors import CalibrationError
 from ffseg.schema.kinds import FilePath, Integer, Many, Number, Row, Text
 from ffseg.schema.nodes import Node, Problems, Source
-from ffseg.schema.sections import Section, collect, declared
+from ffseg.schema.sections import Section, collect, declarations, declared
 from ffseg.schema.strict_yaml import parse, read_text
 
 MODELS = ("unified", "omnidir", "fisheye", "ocam")
@@ -53,6 +53,9 @@ class CameraFile(Section):
     rim_radius: float = declared(1.0, Number(0, MAX_SIDE, above=True), "end of the scene, px")
 
 
+SEE_ALL = f"; the keys are {', '.join(key for key, _, _ in declarations(CameraFile))}"
+
+
 def load_camera(path: str | os.PathLike[str]) -> Camera:
     """Read a camera file.
 
@@ -78,6 +81,28 @@ def load_camera(path: str | os.PathLike[str]) -> Camera:
     return camera
 
 
+def load_mounted_camera(path: str | os.PathLike[str]) -> Camera:
+    """Read a camera file that also says how high the camera is mounted, which altitudes need.
+
+    Raises
+    ------
+    CalibrationError
+        As `load_camera`, and when the height is missing: the remedy depends on what kind of file it is.
+    """
+    camera, name = load_camera(path), os.fspath(path)
+    if camera.mount_height is not None:
+        return camera
+    text = read_text(name, Problems())
+    if not (ocam_files.looks_like(text) or opencv_files.looks_like(text)):
+        raise CalibrationError(f"{name}: mount_height: missing; altitudes need it: add 'mount_height: METRES'")
+    kinds = {Polynomial: "ocam", Fisheye: "fisheye"}
+    model = kinds.get(type(camera.projection), "omnidir")
+    raise CalibrationError(
+        f"{name}: holds the lens alone, and altitudes need the height of the camera; name a YAML file of three lines instead: "
+        f"'model: {model}', 'file: {os.path.basename(name)}', 'mount_height: METRES'"
+    )
+
+
 def _from_text(text: str, source: Source, problems: Problems) -> Camera | None:
     if ocam_files.looks_like(text):
         return _bare(ocam_files.read(text, source.name, problems))
@@ -96,8 +121,8 @@ def _bare(lens: Lens | None) -> Camera | None:
 
 
 def _from_yaml(root: Node, problems: Problems) -> Camera | None:
-    values: dict[str, Any] = collect(CameraFile, root, problems)
-    if "model" not in values:
+    values: dict[str, Any] = collect(CameraFile, root, problems, SEE_ALL)
+    if "model" not in values and "model" not in dict(root.value if isinstance(root.value, dict) else {}):
         _missing(root, "model", problems)
     lens = _lens(root, values, problems) if not problems.lines else None
     up = np.array(values.get("up", (0.0, 0.0, -1.0)))

@@ -8,19 +8,27 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ffseg.cli.checks import folder
+
 if TYPE_CHECKING:
     from ffseg.parameters import Parameters
 
 Inputs = Annotated[
     list[str], typer.Argument(metavar="INPUT...", help="Image files, folders (searched to any depth) or patterns.")
 ]
-Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the outputs; made if absent.")]
+Out = Annotated[
+    Path, typer.Option("--out", metavar="DIR", parser=folder, help="Folder for the outputs; made if absent.")
+]
 Config = Annotated[str | None, typer.Option("--config", metavar="FILE|PRESET", help="Parameter file or preset.")]
 Settings = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter; may be repeated.")
 ]
 Starts = Annotated[
     Path | None, typer.Option("--starts", metavar="FILE", help="CSV image,x,y[,radius]: each image's start circle.")
+]
+TruthLabel = Annotated[
+    int | None,
+    typer.Option("--truth-label", metavar="K", min=0, max=65535, help="Class number that is inside in true masks."),
 ]
 
 

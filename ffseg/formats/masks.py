@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.formats.images import Limits, read_image
+from ffseg.formats.files import read_bytes
+from ffseg.formats.images import Limits, decode_image, read_image
 
 # A mask is runs of two values: run-length matching on unfiltered rows packs the 800x600 scenes into half the bytes of
 # OpenCV's default, in three quarters of its time. Releases of OpenCV without the filter option choose one themselves.
@@ -60,3 +61,23 @@ def read_mask(path: str | os.PathLike[str], limits: Limits | None = None) -> NDA
     """Mask file as a region, shape (H, W): True from a grey level of `INSIDE` on."""
     inside: NDArray[np.bool_] = read_levels(path, limits) >= INSIDE
     return inside
+
+
+def read_labels(path: str | os.PathLike[str], limits: Limits | None = None) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Numbers of a label image as they are stored, shape (H, W) for grey or (H, W, 3) in BGR order for colours.
+
+    Unlike `read_image`, 16-bit numbers are not scaled: 1 stays 1. The message of an error does not name the file.
+
+    Raises
+    ------
+    ImageReadError
+        As `decode_image`.
+    """
+    limits = limits or Limits()
+    data = read_bytes(path, limits.max_bytes)
+    scaled = decode_image(data, limits)
+    stored: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
+    labels: NDArray[Any] = stored if stored is not None and stored.dtype == np.uint16 else scaled
+    if labels.ndim == 3 and (labels[:, :, 1:] == labels[:, :, :1]).all():
+        labels = labels[:, :, 0]
+    return labels

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -90,12 +89,3 @@ def merged(region: Mask, components: Sequence[Component]) -> Mask:
     for component in components:
         result[component.window()] |= component.mask
     return result
-
-
-def num_holes(region: Mask) -> int:
-    """Holes of a region: parts of the background, connected over sides and corners, that do not reach the border.
-
-    The region itself is then connected over sides only. A hole of one pixel counts.
-    """
-    outside = np.pad(~region, 1, constant_values=True).astype(np.uint8)
-    return cv2.connectedComponents(outside, connectivity=8)[0] - 2  # less the region's label and what lies all round

@@ -125,7 +125,8 @@ class Text:
         value = node.value
         if isinstance(value, str) and value and "\0" not in value and (not self.choices or value in self.choices):
             return value
-        return _reject(self, node, key, problems)
+        near = nearest_word(value, self.choices) if isinstance(value, str) and self.choices else ""
+        return _reject(self, node, key, problems, near)
 
     def allowed(self) -> str:
         """See `Kind`."""

@@ -94,7 +94,7 @@ def leaves(section: type[Section], prefix: str = "") -> dict[str, Leaf]:
     return found
 
 
-def collect(section: type[Section], root: Node, problems: Problems) -> dict[str, object]:
+def collect(section: type[Section], root: Node, problems: Problems, see_all: str = SEE_ALL) -> dict[str, object]:
     """Check a mapping node against a section.
 
     Parameters
@@ -104,6 +104,8 @@ def collect(section: type[Section], root: Node, problems: Problems) -> dict[str,
         A mapping; keys may be nested or dotted.
     problems : Problems
         Receives unknown keys, each with the nearest known one, and values that are not allowed.
+    see_all : str
+        Where all keys are listed, said of a key that is near to none.
 
     Returns
     -------
@@ -125,7 +127,7 @@ def collect(section: type[Section], root: Node, problems: Problems) -> dict[str,
             if value is not BAD:
                 values[key] = value
         elif key not in groups:
-            problems.add(node.key_where, f"{shown_key(key)}: unknown key{nearest(key, [*known, *groups]) or SEE_ALL}")
+            problems.add(node.key_where, f"{shown_key(key)}: unknown key{nearest(key, [*known, *groups]) or see_all}")
         elif node.value is not None:
             problems.add(node.where, f"{key}: {shown(node.value)} is not a mapping; write {key}.KEY: VALUE")
     return values

@@ -66,6 +66,11 @@ class Segmentation:
     stats: Stats
     timings: Timings
 
+    @property
+    def num_holes(self) -> int:
+        """Inner contours."""
+        return sum(contour.signed_area < 0 for contour in self.contours)
+
 
 def _no_altitudes() -> NDArray[np.float64]:
     return np.empty((0, 4))

@@ -28,7 +28,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.compare import Comparison, Row, compare, plan_comparison
+from ffseg.batch.compare import compare, plan_comparison
+from ffseg.batch.comparison.values import Comparison, Row
 from ffseg.batch.jobs import Job
 from ffseg.errors import FfsegError
 from ffseg.formats.files import write_bytes_atomic

@@ -123,7 +123,7 @@ def test_a_second_run_does_only_what_its_inputs_changed(ffseg_command: Command, 
 def test_bad_files_are_refused_before_the_first_image(ffseg_command: Command, views: Path) -> None:
     for text, said in (
         (CAMERA_YAML.replace("xi: 0.95", "xi: minus"), "xi: 'minus' is not"),
-        (CAMERA_YAML.replace("mount_height: 0.9\n", ""), "bad.yaml: the camera file has no mount_height"),
+        (CAMERA_YAML.replace("mount_height: 0.9\n", ""), "bad.yaml: mount_height: missing"),
     ):
         (views / "bad.yaml").write_text(text)
         result = run(ffseg_command, views, "--camera", views / "bad.yaml")

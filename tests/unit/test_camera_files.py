@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ffseg.camera import Camera, load_camera, load_pairs, load_poses
+from ffseg.camera import Camera, load_camera, load_mounted_camera, load_pairs, load_poses
 from ffseg.camera.projections import Fisheye, Polynomial, UnifiedSphere
 from ffseg.errors import CalibrationError
 
@@ -235,3 +236,40 @@ def test_pairs(tmp_path: Path) -> None:
     ):
         with pytest.raises(CalibrationError, match=said):
             load_pairs(write(tmp_path, text), images)
+
+
+def test_a_mistyped_model_is_one_problem_with_the_nearest_name(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD.replace("unified", "unifed"))
+    with pytest.raises(CalibrationError) as caught:
+        load_camera(path)
+    (line,) = str(caught.value).splitlines()
+    assert line.endswith("did you mean 'unified'?")
+
+
+def test_a_key_near_to_none_is_told_the_keys_of_a_camera_file(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match="zzz: unknown key; the keys are model, file, width,") as caught:
+        load_camera(write(tmp_path, GOOD + "zzz: 1\n"))
+    assert "config" not in str(caught.value)
+
+
+LENSES = {
+    "calib_results.txt": (OCAM, "ocam"),
+    "lens.xml": (MATRIX_XML, "fisheye"),
+    "lens.yml": (MATRIX_YAML, "omnidir"),
+}
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_the_lines_a_lens_file_is_told_to_be_named_by_make_a_camera(name: str, tmp_path: Path) -> None:
+    text, model = LENSES[name]
+    with pytest.raises(CalibrationError) as caught:
+        load_mounted_camera(write(tmp_path, text, name))
+    lines = re.findall(r"'([^']+)'", str(caught.value))
+    assert lines == [f"model: {model}", f"file: {name}", "mount_height: METRES"]
+    camera = load_mounted_camera(write(tmp_path, "\n".join(lines).replace("METRES", "1.5")))
+    assert camera.mounting() == 1.5
+
+
+def test_a_camera_file_without_a_height_is_told_the_key(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match="add 'mount_height: METRES'"):
+        load_mounted_camera(write(tmp_path, GOOD.replace("mount_height: 0.9\n", "")))

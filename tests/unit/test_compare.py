@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 
 from ffseg.batch import compare as work
-from ffseg.batch.compare_text import markdown
+from ffseg.batch.comparison.text import markdown
 from ffseg.errors import ParameterError, SegmentationError, UsageError
 from ffseg.formats.overlays import Polyline
 from ffseg.formats.panels import STRIP, TILE_WIDTH, Tile, encode_panel
+from ffseg.geometry.freeform import FreeForm
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters
+from ffseg.segmenters.base import Segmentation, Stats, Timings
 
 CONTRACT = [
     *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),
@@ -106,6 +108,20 @@ def test_an_unreadable_image_fails_every_method(tmp_path: Path) -> None:
     assert [(row.image, row.status) for row in rows[:2]] == [("bad.png", "failed")] * 2
     assert rows[0].error.startswith("not-an-image: ")
     assert rows[2].status == "ok"
+
+
+def test_holes_are_counted_as_a_run_counts_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_case(tmp_path)
+    mask = np.ones((90, 120), np.bool_)
+    mask[10:12, 10:12] = mask[20, 20] = mask[30, 30] = False  # one inner contour, and pixels no contour goes round
+    contours = (
+        FreeForm.box(0.0, 0.0, 119.0, 89.0),
+        FreeForm.polygon([(9.5, 9.5), (9.5, 11.5), (11.5, 11.5), (11.5, 9.5)]),
+    )
+    found = Segmentation(mask, contours, Stats(1, 0, 0, 0, 0, 4, 4, 4, "converged"), Timings(1.0, 1.0, 2.0))
+    monkeypatch.setattr(work, "segment", lambda *_, **__: found)
+    (row,) = work.compare(task_of(tmp_path, "freeform"), silent)
+    assert row.holes == found.num_holes == 1
 
 
 def test_a_truth_of_another_size_fails(tmp_path: Path) -> None:

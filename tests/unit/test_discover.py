@@ -62,6 +62,17 @@ def test_patterns_are_relative_to_their_fixed_folder(tmp_path: Path, monkeypatch
     assert _names("*/left/*.png") == ["run1/left/a.png", "run2/left/a.png"]
 
 
+@pytest.mark.parametrize("pattern", ["in/*/../../other/*.png", "in/**/../../other/a.png", "in/*/../a.png"])
+def test_patterns_that_lead_upward_behind_a_wildcard_are_refused(
+    pattern: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _touch(tmp_path, "in/sub/a.png", "in/a.png", "other/a.png")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UsageError, match=r"'\.\.' behind a wildcard"):
+        discover([pattern])
+    assert _names("in/../other/*.png") == ["a.png"]
+
+
 def test_named_file_needs_no_suffix_and_brackets_in_names_are_no_pattern(tmp_path: Path) -> None:
     _touch(tmp_path, "scan", "a[1].png")
     assert _names(tmp_path / "scan", tmp_path / "a[1].png") == ["scan", "a[1].png"]

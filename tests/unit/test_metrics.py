@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from ffseg import metrics
-from ffseg.image.components import num_holes
 from ffseg.native import _core
 
 
@@ -93,20 +92,3 @@ def test_nearest_distances_without_others_are_infinite() -> None:
     assert np.isinf(_core.nearest_distances(np.zeros((2, 2)), np.empty((0, 2)))).all()
     with pytest.raises(ValueError, match="finite"):
         _core.nearest_distances(np.array([[np.nan, 0.0]]), np.zeros((1, 2)))
-
-
-def test_holes_are_background_that_does_not_reach_the_border() -> None:
-    mask = box(5, 5, 30, 30)
-    mask[8, 8] = mask[12:14, 12:20] = False
-    assert num_holes(mask) == 2
-    mask[9, 9] = False  # touches the first at a corner: background is 8-connected
-    assert num_holes(mask) == 2
-    mask[:9, 8] = False  # opens it to the outside
-    assert num_holes(mask) == 1
-    assert num_holes(np.ones((4, 4), bool)) == num_holes(np.zeros((4, 4), bool)) == 0
-
-
-def test_a_hole_at_a_diagonal_gap_is_open() -> None:
-    mask = box(5, 5, 30, 30)
-    mask[6, 6] = mask[5, 5] = False  # 8-connected to the outside through the corner
-    assert num_holes(mask) == 0

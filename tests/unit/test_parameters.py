@@ -68,7 +68,7 @@ def test_all_errors_at_once_each_with_its_place(tmp_path: Path) -> None:
         "--set balloon: write KEY=VALUE, such as contour.degree=2",
         f"{path}:2: contour.degree: 9 is not an integer from 1 to 6",
         f"{path}:3: contour.split_treshold: unknown key; did you mean 'contour.split_threshold'?",
-        f"{path}:5: edges.canny: [30, 10] is not [low, high], each a finite number of at least 0, ascending",
+        f"{path}:5: edges.canny: [30, 10] is not [low, high], each a number from 0 to 10000, ascending",
         f"{path}:7: zebra: unknown key; 'ffseg config show' lists every key",
         f"{path}:8: degree: unknown key; did you mean 'contour.degree'?",
         "--set contour.refine=yes: contour.refine: 'yes' is not true or false; write true",

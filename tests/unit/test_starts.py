@@ -11,7 +11,8 @@ from batches import Silent, table
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ffseg.batch.compare import Comparison, compare, plan_comparison
+from ffseg.batch.compare import compare, plan_comparison
+from ffseg.batch.comparison.values import Comparison
 from ffseg.batch.jobs import make_plan, with_starts
 from ffseg.batch.runner import Options, Run, Summary
 from ffseg.batch.workers.messages import Setup

@@ -34,6 +34,8 @@ class Setup:
         Limits of one image file.
     memory_bytes : int
         How far a worker may grow beyond its size at the start; 0 for no limit.
+    truth_label : int or None
+        Number that means inside in true masks; None for 255.
     """
 
     params: Parameters
@@ -43,6 +45,7 @@ class Setup:
     max_pixels: int = 100_000_000
     max_bytes: int = 1 << 30
     memory_bytes: int = 0
+    truth_label: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -155,9 +155,18 @@ class Workbench:
         return digest(before or b"") + digest(self._setup.views.pair_text(task.name).encode("utf-8"))
 
     def _content(self, data: bytes, task: Task) -> str:
-        truth = read_bytes(task.truth, self._setup.max_bytes) if task.truth else b""
+        truth = self._truth_content(task.truth) if task.truth else ""
         start = task.start.text().encode("ascii") if task.start is not None else b""
-        return digest(data) + (digest(truth) if truth else "") + (f" start {digest(start)}" if start else "")
+        return digest(data) + truth + (f" start {digest(start)}" if start else "")
+
+    def _truth_content(self, path: str) -> str:
+        try:
+            truth = read_bytes(path, self._setup.max_bytes)
+        except ImageReadError as error:
+            text = f"the true mask {printable(path)} cannot be used: {error.reason}: {error}"
+            raise ImageReadError("truth", text) from error
+        label = self._setup.truth_label
+        return digest(truth) + ("" if label is None else f" label {label}")
 
     def _params(self, task: Task) -> Parameters:
         """Parameters of one image."""
@@ -171,13 +180,11 @@ class Workbench:
             yield path, data, digest(data)
 
     def _iou(self, result: Segmentation, path: str) -> float:
+        from ffseg.batch.workers.truth import read_truth
         from ffseg.metrics import iou
 
-        truth = read_levels(path, self._limits)
-        if truth.shape != result.mask.shape:
-            sizes = f"{truth.shape[1]}x{truth.shape[0]}, the image {result.mask.shape[1]}x{result.mask.shape[0]}"
-            raise ImageReadError("truth", f"the true mask {printable(path)} has {sizes} pixels")
-        return float(iou(result.mask, truth))
+        height, width = result.mask.shape
+        return iou(result.mask, read_truth(path, (height, width), self._setup.truth_label, self._limits))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -218,7 +225,7 @@ def _start_cells(params: Parameters, task: Task) -> dict[str, Any]:
 
 
 def _row(image: NDArray[np.uint8], result: Segmentation, method: str) -> dict[str, Any]:
-    stats, areas = result.stats, [contour.signed_area for contour in result.contours]
+    stats = result.stats
     return {
         "width": image.shape[1],
         "height": image.shape[0],
@@ -229,8 +236,8 @@ def _row(image: NDArray[np.uint8], result: Segmentation, method: str) -> dict[st
         "iterations": stats.iterations,
         "splits": stats.splits,
         "flips": stats.flips,
-        "components": sum(area > 0 for area in areas),
-        "holes": sum(area < 0 for area in areas),
+        "components": sum(contour.signed_area > 0 for contour in result.contours),
+        "holes": result.num_holes,
         "area_px": int(np.count_nonzero(result.mask)),
         "edges_ms": result.timings.edges_ms,
         "evolve_ms": result.timings.evolve_ms,

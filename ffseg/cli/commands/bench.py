@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import console
+from ffseg.cli.checks import folder, number
 
 if TYPE_CHECKING:
     from ffseg.batch.bench.session import Outcome
@@ -18,7 +19,9 @@ MISSED_GATE = 4
 
 
 def bench(  # noqa: PLR0913 - the options of the command
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the report; made if absent.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", parser=folder, help="Folder for the report; made if absent.")
+    ],
     suite: Annotated[
         list[str] | None,
         typer.Option(
@@ -31,13 +34,21 @@ def bench(  # noqa: PLR0913 - the options of the command
         Path | None, typer.Option("--images", metavar="DIR", help="Images of scenes and peers, with NAME_truth.png.")
     ] = None,
     repeat: Annotated[int, typer.Option("--repeat", min=1, help="Rounds of every group.")] = 15,
-    budget: Annotated[float, typer.Option("--budget", min=0, help="Seconds after which a group gets no more.")] = 20.0,
+    budget: Annotated[
+        float, typer.Option("--budget", min=0, callback=number, help="Seconds after which a group gets no more.")
+    ] = 20.0,
     baseline: Annotated[
         Path | None, typer.Option("--baseline", metavar="FILE", help="bench.json of an earlier run to compare with.")
     ] = None,
     max_ratio: Annotated[
         float,
-        typer.Option("--max-ratio", min=1, metavar="X", help="Exit with 4 when a figure is X times its baseline."),
+        typer.Option(
+            "--max-ratio",
+            min=1,
+            callback=number,
+            metavar="X",
+            help="Exit with 4 when a figure is X times its baseline.",
+        ),
     ] = 1.15,
     quick: Annotated[bool, typer.Option("--quick", help="Tiny inputs, to see that it runs.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print bench.json instead of the tables.")] = False,

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import console
-from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, starts_file
+from ffseg.cli.checks import checked_params
+from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
-    from ffseg.batch.compare import Row
+    from ffseg.batch.comparison.values import Row
 
 FAILED_IMAGES, MISSED_GATE = 3, 4
 """Exit codes."""
@@ -31,6 +32,7 @@ def compare(  # noqa: PLR0913 - the options of the command
     truth: Annotated[
         Path | None, typer.Option("--truth", metavar="DIR", help="Folder of true masks: 255 inside, 128 ignored.")
     ] = None,
+    truth_label: TruthLabel = None,
     repeat: Annotated[int, typer.Option("--repeat", min=1, help="Runs of each; the median time counts.")] = 1,
     config: Config = None,
     settings: Settings = None,
@@ -51,16 +53,16 @@ def compare(  # noqa: PLR0913 - the options of the command
     gate was missed. Peers that are not installed are named and skipped.
     """
     from ffseg.batch import compare as work
+    from ffseg.batch.comparison.values import Comparison
     from ffseg.cli.running.interruption import Interruption
-    from ffseg.parameters import load_params
     from ffseg.peer_parameters import load_peer_parameters
 
     chosen = work.choose_methods(methods)
     gates = _gates(min_iou or [], chosen, with_truth=truth is not None)
-    params, peer_params = load_params(config, settings), load_peer_parameters(peers)
+    params, peer_params = checked_params(config, settings), load_peer_parameters(peers)
     folder = os.fspath(out)
     jobs = work.plan_comparison(inputs, folder, os.fspath(truth) if truth else "", starts_file(starts, params))
-    task = work.Comparison(jobs, folder, chosen, params, peer_params, repeat)
+    task = Comparison(jobs, folder, chosen, params, peer_params, repeat, truth_label)
     with Interruption():
         rows = work.compare(task, _silent if quiet else _tell)
     missed = work.missed_gates(rows, gates)

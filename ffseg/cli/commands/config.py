@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from ffseg.cli import console
+from ffseg.cli.checks import checked_params
 from ffseg.errors import ParameterError
 
 app = typer.Typer(
@@ -46,12 +47,10 @@ def show(
 @app.command(no_args_is_help=True)
 def check(files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Parameter files or presets.")]) -> None:
     """Check parameter files: everything that is wrong, each with file and line; exit code 2 if anything is."""
-    from ffseg.parameters import load_params
-
     problems = []
     for file in files:
         try:
-            load_params(file)
+            checked_params(file)
             console.data(f"{console.escape(file)}: ok")
         except ParameterError as error:
             problems.append(str(error))

@@ -8,10 +8,11 @@ from typing import Annotated
 import typer
 
 from ffseg.cli import console
+from ffseg.cli.checks import folder as named
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Output folder of run or compare.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", parser=named, help="Output folder of run or compare.")],
     images: Annotated[
         list[str] | None,
         typer.Option("--images", metavar="INPUT", help="Where the input images are, if moved; may be repeated."),

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.batch.workers.launch import Process, launch, take
-from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, starts_file
+from ffseg.cli.checks import MOST_MEGABYTES, MOST_SECONDS, checked_params, number
+from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
     from ffseg.batch.jobs import Plan
     from ffseg.batch.views import Views
+    from ffseg.batch.workers.outputs import Wanted
 
 FAILED_IMAGES = 3
 """Exit code when at least one image failed."""
@@ -43,6 +45,7 @@ def run(  # noqa: PLR0913 - the options of the command
     truth: Annotated[
         Path | None, typer.Option("--truth", metavar="DIR", help="Folder of true masks (NAME.png): adds the IoU.")
     ] = None,
+    truth_label: TruthLabel = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Worker processes; 0 = one for each core.")] = 0,
     overlay: Annotated[
         bool, typer.Option("--overlay/--no-overlay", help="Write images with the contours drawn.")
@@ -58,10 +61,18 @@ def run(  # noqa: PLR0913 - the options of the command
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table; errors only.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="A line for each image.")] = False,
     timeout: Annotated[
-        float, typer.Option("--timeout", min=0, help="Seconds an image may take; 0 = no limit.")
+        float,
+        typer.Option(
+            "--timeout",
+            min=0,
+            max=MOST_SECONDS,
+            callback=number,
+            show_default=True,
+            help="Seconds an image may take; 0 = no limit.",
+        ),
     ] = 300.0,
     memory: Annotated[
-        int, typer.Option("--memory", min=0, help="MB a worker may add to its start; 0 = no limit.")
+        int, typer.Option("--memory", min=0, max=MOST_MEGABYTES, help="MB a worker may add to its start; 0 = no limit.")
     ] = 4096,
     max_pixels: Annotated[int, typer.Option("--max-pixels", min=1, help="Refuse larger images.")] = 100_000_000,
 ) -> None:
@@ -71,28 +82,27 @@ def run(  # noqa: PLR0913 - the options of the command
     run; 3 at least one image failed, the others are written.
     """
     early = [] if dry_run else early_workers(inputs, jobs or cores())
-    from ffseg.batch.jobs import make_plan, with_previous, with_starts
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
-    from ffseg.batch.workers.outputs import Wanted, read_exports
     from ffseg.cli.running.interruption import Interruption
     from ffseg.cli.running.reporting import Progress, show_plan, show_result
-    from ffseg.parameters import load_params
 
     with contextlib.ExitStack() as cleanup:
         for process in early:
             cleanup.callback(process.end)
         interruption = cleanup.enter_context(Interruption())
-        params = load_params(config, settings)
-        if animate and find_spec("PIL") is None:
-            raise UsageError("--animate needs Pillow; install it with: pip install 'ffseg[film]'")
-        wanted = Wanted(overlay, read_exports(export or ()), animate)
-        begins = starts_file(starts, params)
-        plan = make_plan(inputs, os.fspath(out), wanted=wanted, truth=os.fspath(truth) if truth else "")
-        plan = with_starts(plan, begins) if begins else plan
-        views = read_views(camera, poses, pairs, plan)
-        plan = with_previous(plan, views.previous) if views else plan
-        setup = Setup(params=params, views=views, wanted=wanted, max_pixels=max_pixels, memory_bytes=memory * _MEGABYTE)
+        params = checked_params(config, settings)
+        wanted = read_wanted(export or (), overlay=overlay, animate=animate)
+        plan = read_plan(inputs, out, wanted, truth, starts_file(starts, params))
+        plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan))
+        setup = Setup(
+            params=params,
+            views=views,
+            wanted=wanted,
+            max_pixels=max_pixels,
+            memory_bytes=memory * _MEGABYTE,
+            truth_label=truth_label,
+        )
         if dry_run:
             show_plan(plan, as_json=as_json)
             return
@@ -109,6 +119,36 @@ def run(  # noqa: PLR0913 - the options of the command
             raise typer.Exit(interruption.exit_code)
     if summary.failed or summary.problems:
         raise typer.Exit(FAILED_IMAGES)
+
+
+def read_wanted(export: Sequence[str], *, overlay: bool, animate: bool) -> Wanted:
+    """Outputs that are asked for.
+
+    Raises
+    ------
+    UsageError
+        For a format that does not exist, or a film without Pillow.
+    """
+    from ffseg.batch.workers.outputs import Wanted, read_exports
+
+    if animate and find_spec("PIL") is None:
+        raise UsageError("--animate needs Pillow; install it with: pip install 'ffseg[film]'")
+    return Wanted(overlay, read_exports(export), animate)
+
+
+def read_plan(inputs: Sequence[str], out: Path, wanted: Wanted, truth: Path | None, starts: str) -> Plan:
+    """Images of a run with their outputs, truths and starts."""
+    from ffseg.batch.jobs import make_plan, with_starts
+
+    plan = make_plan(inputs, os.fspath(out), wanted=wanted, truth=os.fspath(truth) if truth else "")
+    return with_starts(plan, starts) if starts else plan
+
+
+def in_sequence(plan: Plan, views: Views | None) -> tuple[Plan, Views | None]:
+    """The plan with each image's predecessor, if there is a camera, and what the predecessors came from."""
+    from ffseg.batch.jobs import with_previous
+
+    return (with_previous(plan, views.previous) if views else plan), views
 
 
 def read_views(camera: Path | None, poses: Path | None, pairs: Path | None, plan: Plan) -> Views | None:

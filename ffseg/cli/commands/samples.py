@@ -8,10 +8,11 @@ from typing import Annotated
 import typer
 
 from ffseg.cli import console
+from ffseg.cli.checks import folder as named
 
 
 def samples(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write into; made if absent.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", parser=named, help="Folder to write into; made if absent.")],
     pairs: Annotated[
         int, typer.Option(min=0, max=1000, metavar="N", help="Pairs of a camera under a mirror: pair, pair-2, ...")
     ] = 1,

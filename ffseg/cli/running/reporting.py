@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -97,7 +98,8 @@ def show_result(run: Run, out: str, *, as_json: bool) -> None:
     if as_json:
         counts = {name: getattr(summary, name) for name in ("total", "done", "same", "failed")}
         value = {"out": out, "counts": counts, "seconds": round(summary.seconds, 3), "problems": summary.problems}
-        console.data(json.dumps({**value, "images": list(run.rows())}, indent=2))
+        rows = list(run.rows())
+        console.data(json.dumps({**value, **_figures(rows), "images": rows}, indent=2))
         return
     width = max(len(label) for label, _ in _lines(run, summary))
     for label, text in _lines(run, summary):
@@ -105,8 +107,17 @@ def show_result(run: Run, out: str, *, as_json: bool) -> None:
     console.data(f"{'output':{width}}  {printable(out)}")
 
 
+def _figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """What the rows say together: images that stopped before they had converged, and the mean IoU."""
+    from statistics import fmean
+
+    overlaps = [row["iou"] for row in rows if row.get("iou") is not None]
+    stopped = sum(row.get("stop_reason") == "max_iterations" for row in rows)
+    return {"max_iterations": stopped, "mean_iou": fmean(overlaps) if overlaps else None}
+
+
 def _lines(run: Run, summary: Summary) -> list[tuple[str, str]]:
-    from statistics import mean, median
+    from statistics import median
 
     rate = (summary.done + summary.failed + summary.same) / max(summary.seconds, 1e-9)
     lines = [
@@ -121,7 +132,10 @@ def _lines(run: Run, summary: Summary) -> list[tuple[str, str]]:
         parts = ("decode_ms", "edges_ms", "evolve_ms", "write_ms", "total_ms")
         medians = (f"{part[:-3]} {median(row[part] for row in good):.1f}" for part in parts)
         lines.append(("median ms", ", ".join(medians)))
+    figures = _figures(good)
+    if figures["max_iterations"]:
+        lines.append(("stopped", f"{figures['max_iterations']} at contour.max_iterations, before they had converged"))
     overlaps = [row["iou"] for row in good if row.get("iou") is not None]
     if overlaps:
-        lines.append(("mean IoU", f"{mean(overlaps):.4f} (lowest {min(overlaps):.4f}, of {len(overlaps)})"))
+        lines.append(("mean IoU", f"{figures['mean_iou']:.4f} (lowest {min(overlaps):.4f}, of {len(overlaps)})"))
     return lines

@@ -6,14 +6,11 @@ import os
 import platform
 from collections.abc import Sequence
 from statistics import mean, median
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ffseg import __version__
-
-if TYPE_CHECKING:
-    from ffseg.batch.compare import Comparison, Row
+from ffseg.batch.comparison.values import Comparison, Row
 
 _ABBREVIATIONS = {"freeform": "FF", "snake": "PM", "levelset": "LS"}
 """What the paper's Table 1 calls them."""

@@ -1,0 +1,1 @@
+"""What a comparison finds, as values and as text."""

@@ -1,0 +1,1 @@
+"""What a run is given beside the images it finds in folders."""

@@ -1,0 +1,91 @@
+"""True masks as 255 inside, 128 ignored, 0 outside, however their files say it; what is doubtful is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import ImageReadError
+from ffseg.formats.files import printable
+from ffseg.formats.images import Limits
+from ffseg.formats.masks import read_labels
+from ffseg.metrics import IGNORED, INSIDE
+
+Labels = NDArray[Any]
+
+_DEEP = 257
+"""A level of 8 bits is this many of 16."""
+_SHOWN = 6
+
+
+def read_truth(
+    path: str, shape: tuple[int, int], label: int | None = None, limits: Limits | None = None
+) -> NDArray[np.uint8]:
+    """True mask of an image.
+
+    Parameters
+    ----------
+    path : str
+    shape : tuple of int
+        Height and width of the image.
+    label : int or None
+        Number that means inside; 255 then is not counted, unless it is the label, and all other numbers are outside.
+        None: 255 is inside, 128 not counted, 0 outside, and a file of 0 and 1 only has 1 inside.
+    limits : Limits, optional
+
+    Returns
+    -------
+    ndarray of uint8, shape (H, W)
+        255 inside, 128 not counted, 0 outside.
+
+    Raises
+    ------
+    ImageReadError
+        With the reason ``truth``, naming the file: it cannot be read, has another size, or numbers whose meaning is
+        not known.
+    """
+    name = printable(path)
+    try:
+        labels = read_labels(path, limits)
+    except ImageReadError as error:
+        raise ImageReadError("truth", f"the true mask {name} cannot be used: {error.reason}: {error}") from error
+    if labels.shape[:2] != shape:
+        sizes = f"{labels.shape[1]}x{labels.shape[0]}, the image {shape[1]}x{shape[0]}"
+        raise ImageReadError("truth", f"the true mask {name} has {sizes} pixels")
+    try:
+        return _levels(labels) if label is None else _chosen(labels, label)
+    except ValueError as error:
+        raise ImageReadError("truth", f"the true mask {name} {error}") from None
+
+
+def _levels(labels: Labels) -> NDArray[np.uint8]:
+    """Levels of a truth that must say by itself what is inside."""
+    if labels.ndim > 2:  # a picture of a mask: what counts is whether a pixel has any colour
+        strongest = labels.max(axis=2)
+        if not np.isin(strongest, (0, INSIDE)).all():
+            raise ValueError("is in colour; save it in grey, 255 inside and 0 outside, or its class numbers")
+        return np.asarray(strongest, np.uint8)
+    found = np.unique(labels)
+    if set(found.tolist()) <= {0, IGNORED, INSIDE}:
+        return labels.astype(np.uint8)
+    if set(found.tolist()) <= {0, 1}:
+        return np.where(labels == 1, np.uint8(INSIDE), np.uint8(0))
+    if set(found.tolist()) <= {0, IGNORED * _DEEP, INSIDE * _DEEP}:
+        return (labels // _DEEP).astype(np.uint8)
+    shown = ", ".join(map(str, found[:_SHOWN].tolist())) + (", ..." if len(found) > _SHOWN else "")
+    raise ValueError(
+        f"holds the levels {shown}; 255 is inside, 128 ignored and 0 outside: say --truth-label K if they are class "
+        "numbers, or save it anew"
+    )
+
+
+def _chosen(labels: Labels, label: int) -> NDArray[np.uint8]:
+    """Levels of a truth of which one number is inside."""
+    if labels.ndim > 2:
+        raise ValueError("is in colour; class numbers need a grey image")
+    levels = np.where(labels == label, np.uint8(INSIDE), np.uint8(0))
+    if label != INSIDE:
+        levels[labels == INSIDE] = IGNORED
+    return levels

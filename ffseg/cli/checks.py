@@ -1,0 +1,64 @@
+"""What is refused before a command does anything: empty folder names, numbers that are none, masks that are not there."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from ffseg.parameters import Parameters
+
+MOST_SECONDS = 10_000_000.0
+"""Longer limits are none: 115 days."""
+MOST_MEGABYTES = 100_000_000
+"""More memory than a machine has, and far from what the system's counters hold."""
+
+
+def folder(text: str) -> Path:
+    """Read the name of a folder; an empty one, as of an unset variable, would silently be the working directory."""
+    if not text:
+        raise typer.BadParameter("the name of the folder is empty; write . for the folder you are in")
+    return Path(text)
+
+
+def number(value: float) -> float:
+    """Refuse ``nan``, which passes every comparison with a limit."""
+    if value != value:
+        raise typer.BadParameter("nan is not a number")
+    return value
+
+
+def checked_params(config: str | None, settings: Sequence[str] | None = None) -> Parameters:
+    """Load a parameter set of a command, and see that the files it names are there.
+
+    Raises
+    ------
+    ParameterError
+        One line for everything that is wrong.
+    """
+    from ffseg.errors import ParameterError
+    from ffseg.formats.files import printable
+    from ffseg.parameters import load_params
+
+    params = load_params(config, settings)
+    masks = {"domain.mask": params.domain.mask, "init.mask": params.init.mask}
+    missing = [
+        f"{printable(config) + ': ' if config else ''}{key}: {_complaint(path)}"
+        for key, path in masks.items()
+        if path is not None and not os.path.isfile(path)
+    ]
+    if missing:
+        raise ParameterError("\n".join(missing))
+    return params
+
+
+def _complaint(path: str) -> str:
+    from ffseg.formats.files import printable
+
+    if os.path.lexists(path):
+        return f"{printable(path)} is not a file that can be read as an image; name a PNG, TIFF, ..."
+    return f"there is no file {printable(path)}; names in a parameter file are relative to that file"

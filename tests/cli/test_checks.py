@@ -1,0 +1,60 @@
+"""What a command refuses before it does anything."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+SAMPLES = Path(__file__).resolve().parents[2] / "samples"
+USAGE = {
+    "nan seconds": (["--timeout", "nan"], "'--timeout': nan is not a number"),
+    "more seconds than any": (["--timeout", "1e300"], "'--timeout'"),
+    "more memory than any": (["--memory", "9" * 20], "'--memory'"),
+    "thresholds no gradient has": (["--set", "edges.canny=[1e300,1e300]"], "is not a number from 0 to 10000"),
+    "no such method": (["--set", "method=freefrm"], "did you mean 'freeform'?"),
+    "no such mask": (["--set", "domain.mask=nofile.png"], "domain.mask: there is no file nofile.png"),
+    "no such start": (["--set", "init.mask=nofile.png"], "init.mask: there is no file nofile.png"),
+    "a device for a mask": (["--set", "domain.mask=/dev/zero"], "domain.mask: /dev/zero is not a file"),
+}
+
+
+@pytest.mark.parametrize(("options", "said"), USAGE.values(), ids=USAGE)
+@pytest.mark.parametrize("more", [[], ["--dry-run"]], ids=["run", "dry run"])
+def test_refused_before_the_first_image(
+    options: list[str], said: str, more: list[str], tmp_path: Path, ffseg_command: Run
+) -> None:
+    done = ffseg_command("run", SAMPLES, "--out", tmp_path / "out", *options, *more)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert said in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+COMMANDS = [["run", SAMPLES, "--out"], ["compare", SAMPLES, "--out"], ["bench", "--out"], ["samples"], ["report"]]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=[str(command[0]) for command in COMMANDS])
+def test_an_empty_folder_name_is_refused(command: list[str | Path], tmp_path: Path, ffseg_command: Run) -> None:
+    done = ffseg_command(*command, "", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "the name of the folder is empty" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_config_check_names_a_method_and_a_mask_that_are_not_there(tmp_path: Path, ffseg_command: Run) -> None:
+    (tmp_path / "method.yaml").write_text("method: freefrm\n")
+    (tmp_path / "mask.yaml").write_text("domain:\n  mask: nofile.png\n")
+    done = ffseg_command("config", "check", "method.yaml", "mask.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "method.yaml:1: method: 'freefrm' is not one of" in done.stderr
+    assert "mask.yaml: domain.mask: there is no file nofile.png" in done.stderr
+
+
+def test_compare_refuses_a_mask_that_is_not_there(tmp_path: Path, ffseg_command: Run) -> None:
+    done = ffseg_command("compare", SAMPLES, "--out", tmp_path / "out", "--set", "domain.mask=nofile.png")
+    assert done.returncode == 2
+    assert "domain.mask: there is no file nofile.png" in done.stderr
+    assert not (tmp_path / "out").exists()
