@@ -1,6 +1,7 @@
 // Work side by side. Loops over rows of pixels are plain C++, and where the compiler can, an AVX2 version stands beside
-// the portable one, picked at load time. Results are the same: only exact integer arithmetic and correctly rounded square
-// roots or single multiplications and additions (never contracted) are used. Few numbers at a time go into a Float4.
+// the portable one, picked at load time. Results are the same: only exact integer arithmetic and correctly rounded
+// square roots or single multiplications and additions (never contracted) are used. Few numbers at a time go into a
+// Float4.
 #pragma once
 #include "common/vec.hpp"
 
@@ -54,14 +55,30 @@ using Float4 = Four<float>;
 using Int4 = Four<int>;
 
 template <typename Make>
-inline Float4 four(Make make) { return {{make(0), make(1), make(2), make(3)}}; }
-inline Float4 operator+(const Float4& a, const Float4& b) { return four([&](int i) { return a[i] + b[i]; }); }
-inline Float4 operator-(const Float4& a, const Float4& b) { return four([&](int i) { return a[i] - b[i]; }); }
-inline Float4 operator*(const Float4& a, const Float4& b) { return four([&](int i) { return a[i] * b[i]; }); }
-inline Float4 operator+(const Float4& a, float b) { return four([&](int i) { return a[i] + b; }); }
-inline Float4 operator*(const Float4& a, float b) { return four([&](int i) { return a[i] * b; }); }
-inline Float4 smaller(const Float4& a, const Float4& b) { return four([&](int i) { return a[i] < b[i] ? a[i] : b[i]; }); }
-inline Float4 larger(const Float4& a, const Float4& b) { return four([&](int i) { return a[i] > b[i] ? a[i] : b[i]; }); }
+inline Float4 four(Make make) {
+    return {{make(0), make(1), make(2), make(3)}};
+}
+inline Float4 operator+(const Float4& a, const Float4& b) {
+    return four([&](int i) { return a[i] + b[i]; });
+}
+inline Float4 operator-(const Float4& a, const Float4& b) {
+    return four([&](int i) { return a[i] - b[i]; });
+}
+inline Float4 operator*(const Float4& a, const Float4& b) {
+    return four([&](int i) { return a[i] * b[i]; });
+}
+inline Float4 operator+(const Float4& a, float b) {
+    return four([&](int i) { return a[i] + b; });
+}
+inline Float4 operator*(const Float4& a, float b) {
+    return four([&](int i) { return a[i] * b; });
+}
+inline Float4 smaller(const Float4& a, const Float4& b) {
+    return four([&](int i) { return a[i] < b[i] ? a[i] : b[i]; });
+}
+inline Float4 larger(const Float4& a, const Float4& b) {
+    return four([&](int i) { return a[i] > b[i] ? a[i] : b[i]; });
+}
 inline Int4 truncated(const Float4& a) {
     return {{static_cast<int>(a[0]), static_cast<int>(a[1]), static_cast<int>(a[2]), static_cast<int>(a[3])}};
 }

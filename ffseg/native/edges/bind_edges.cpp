@@ -52,8 +52,8 @@ void py_gradient(const Bytes& image, double sigma, Plane16 gradient, Plane8 ridg
 
 // Thresholds from the noise: high = factor * local noise, at least `least`; low = low_ratio * high. The local noise is
 // held within `spread` times that of the quiet windows either way. Returns the latter.
-int py_canny_auto(const Gradient& gradient, std::optional<Domain> domain, double factor, double least,
-                  double low_ratio, double spread, Plane8 edges) {
+int py_canny_auto(const Gradient& gradient, std::optional<Domain> domain, double factor, double least, double low_ratio,
+                  double spread, Plane8 edges) {
     check_size(gradient);
     check_plane(edges, gradient.shape(0), gradient.shape(1));
     if (domain) check_plane(*domain, gradient.shape(0), gradient.shape(1));
@@ -63,7 +63,8 @@ int py_canny_auto(const Gradient& gradient, std::optional<Domain> domain, double
     }
     const int height = static_cast<int>(gradient.shape(0)), width = static_cast<int>(gradient.shape(1));
     nb::gil_scoped_release release;
-    const ffseg::edges::NoiseMap noise = ffseg::edges::noise_map(gradient.data(), domain ? domain->data() : nullptr, height, width);
+    const ffseg::edges::NoiseMap noise =
+        ffseg::edges::noise_map(gradient.data(), domain ? domain->data() : nullptr, height, width);
     ffseg::edges::ThresholdMap thresholds;
     thresholds.columns = noise.columns;
     for (const std::uint16_t block : noise.blocks) {
@@ -95,12 +96,14 @@ void py_canny(const Gradient& gradient, int low, int high, Plane8 edges) {
 }  // namespace
 
 void bind_edges(nb::module_& m) {
-    m.def("gradient_and_ridges", &py_gradient, "image"_a, "sigma"_a, "gradient"_a, "ridges"_a,
-          "Gradient magnitude of the strongest channel of the smoothed image, in 1/32 grey level per pixel, and 1 on its "
-          "ridges (0 elsewhere).");
+    m.def(
+        "gradient_and_ridges", &py_gradient, "image"_a, "sigma"_a, "gradient"_a, "ridges"_a,
+        "Gradient magnitude of the strongest channel of the smoothed image, in 1/32 grey level per pixel, and 1 on its "
+        "ridges (0 elsewhere).");
     m.def("canny_auto", &py_canny_auto, "gradient"_a, "domain"_a.none(), "factor"_a, "least"_a, "low_ratio"_a,
           "spread"_a, "edges"_a,
-          "Canny edges (255) from the ridges in `edges`, in place, with thresholds from the local noise; returns the noise "
+          "Canny edges (255) from the ridges in `edges`, in place, with thresholds from the local noise; returns the "
+          "noise "
           "of quiet windows. Stored units.");
     m.def("canny", &py_canny, "gradient"_a, "low"_a, "high"_a, "edges"_a,
           "Canny edges (255) from the ridges in `edges`, in place, by hysteresis; thresholds in stored units.");

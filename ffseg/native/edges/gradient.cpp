@@ -21,7 +21,8 @@ template <class T>
 class Rows {
 public:
     Rows(int rows, int width, int margin)
-        : margin_(whole(margin)), stride_(apart(whole(width) + 2 * margin_)),
+        : margin_(whole(margin)),
+          stride_(apart(whole(width) + 2 * margin_)),
           data_(static_cast<std::size_t>(rows) * static_cast<std::size_t>(stride_) + kLine) {
         void* start = data_.data();
         std::size_t room = data_.size() * sizeof(T);
@@ -48,11 +49,20 @@ void replicate(std::uint16_t* row, int width, int margin) {
 class Pass {
 public:
     Pass(const ImageView& image, const Gaussian& kernel, std::uint16_t* gradient, std::uint8_t* ridges)
-        : image_(image), kernel_(kernel), gradient_(gradient), ridges_(ridges), span_(whole(image.width)),
-          ring_(2 * kernel.radius() + 1), wide_(1, image.width, kernel.radius()),
-          across_(ring_ * image.channels, image.width, 0), smoothed_(3 * image.channels, image.width, 1),
-          slopes_(2, image.width, 0), sizes_(4, image.width, 1), directions_(2, image.width, 0),
-          above_(kernel.weights.size()), below_(kernel.weights.size()) {}
+        : image_(image),
+          kernel_(kernel),
+          gradient_(gradient),
+          ridges_(ridges),
+          span_(whole(image.width)),
+          ring_(2 * kernel.radius() + 1),
+          wide_(1, image.width, kernel.radius()),
+          across_(ring_ * image.channels, image.width, 0),
+          smoothed_(3 * image.channels, image.width, 1),
+          slopes_(2, image.width, 0),
+          sizes_(4, image.width, 1),
+          directions_(2, image.width, 0),
+          above_(kernel.weights.size()),
+          below_(kernel.weights.size()) {}
 
     void run() {
         const int height = image_.height;
@@ -110,7 +120,8 @@ private:
             gradient_row(slope, out, span_);
         }
         row[width] = 0;
-        std::memcpy(gradient_ + static_cast<std::ptrdiff_t>(y) * width, row, sizeof(*row) * static_cast<std::size_t>(width));
+        std::memcpy(gradient_ + static_cast<std::ptrdiff_t>(y) * width, row,
+                    sizeof(*row) * static_cast<std::size_t>(width));
     }
 
     void find_ridges(int y) {
@@ -132,7 +143,8 @@ private:
 
 }  // namespace
 
-void gradient_and_ridges(const ImageView& image, const Gaussian& kernel, std::uint16_t* gradient, std::uint8_t* ridges) {
+void gradient_and_ridges(const ImageView& image, const Gaussian& kernel, std::uint16_t* gradient,
+                         std::uint8_t* ridges) {
     Pass(image, kernel, gradient, ridges).run();
 }
 

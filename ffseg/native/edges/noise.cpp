@@ -79,7 +79,8 @@ int median(const std::vector<std::uint16_t>& values) {
     int below = -1;                 // at most half of the values are as small
     for (int step = kMost / 2; step > 0; step /= 2) {
         const int limit = below + step;
-        if (2 * count_up_to(values.data(), values.size(), static_cast<std::uint16_t>(limit)) <= values.size()) below = limit;
+        if (2 * count_up_to(values.data(), values.size(), static_cast<std::uint16_t>(limit)) <= values.size())
+            below = limit;
     }
     return values.empty() ? 0 : below + 1;
 }
@@ -113,8 +114,8 @@ NoiseMap noise_map(const std::uint16_t* gradient, const std::uint8_t* domain, in
     std::vector<int> sorted;
     std::copy_if(medians.begin(), medians.end(), std::back_inserter(sorted), [](int median) { return median >= 0; });
     std::sort(sorted.begin(), sorted.end());
-    map.quiet = static_cast<std::uint16_t>(sorted.empty() ? median_of_all(samples, height, width)
-                                                          : sorted[sorted.size() / 4]);
+    map.quiet =
+        static_cast<std::uint16_t>(sorted.empty() ? median_of_all(samples, height, width) : sorted[sorted.size() / 4]);
     for (int& median : medians) median = median < 0 ? map.quiet : median;
     map.blocks.resize(static_cast<std::size_t>(map.rows) * static_cast<std::size_t>(map.columns));
     for (int r = 0; r < map.rows; ++r) {  // linear between the middles of the windows

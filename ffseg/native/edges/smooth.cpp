@@ -31,9 +31,9 @@ struct Pass {
 };
 
 template <std::size_t... I>
-FFSEG_PART inline void across(const std::uint16_t* left, const std::uint16_t* right,
-                              const std::uint16_t* weights, std::uint16_t start, std::uint16_t* out,
-                              int count, Pass pass, std::index_sequence<I...>) {
+FFSEG_PART inline void across(const std::uint16_t* left, const std::uint16_t* right, const std::uint16_t* weights,
+                              std::uint16_t start, std::uint16_t* out, int count, Pass pass,
+                              std::index_sequence<I...>) {
     const std::uint16_t w[] = {weights[I]...};
     FFSEG_APART
     for (int x = 0; x < count; ++x) {
@@ -45,8 +45,8 @@ FFSEG_PART inline void across(const std::uint16_t* left, const std::uint16_t* ri
 
 template <std::size_t... I>
 FFSEG_PART inline void down(const std::uint16_t* const* above, const std::uint16_t* const* below,
-                            const std::uint16_t* weights, std::uint16_t start, std::uint16_t* out,
-                            int count, Pass pass, std::index_sequence<I...>) {
+                            const std::uint16_t* weights, std::uint16_t start, std::uint16_t* out, int count, Pass pass,
+                            std::index_sequence<I...>) {
     constexpr int kShift = kAcrossBits - kSmoothedBits;
     const std::uint16_t* const a[] = {above[I]...};
     const std::uint16_t* const b[] = {below[I]...};
@@ -82,7 +82,8 @@ Gaussian gaussian(double sigma) {
     const auto height = [sigma](int k) { return std::exp(-0.5 * (k / sigma) * (k / sigma)); };
     const double least = std::sqrt(2 * 3.14159265358979323846) * sigma / (255.0 * (1 << kSmoothedBits));
     std::vector<double> heights{1.0};
-    while (height(static_cast<int>(heights.size())) > least) heights.push_back(height(static_cast<int>(heights.size())));
+    while (height(static_cast<int>(heights.size())) > least)
+        heights.push_back(height(static_cast<int>(heights.size())));
     double total = 1.0;
     for (std::size_t k = 1; k < heights.size(); ++k) total += 2 * heights[k];
     Gaussian made;

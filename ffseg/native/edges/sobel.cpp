@@ -33,9 +33,7 @@ FFSEG_PART inline std::uint16_t size_of(std::int16_t value) {
 }
 
 // The part of a size that stands for tan(22.5 deg), rounded down.
-FFSEG_PART inline std::uint16_t slant(std::uint16_t size) {
-    return static_cast<std::uint16_t>((size * kSlant) >> 16);
-}
+FFSEG_PART inline std::uint16_t slant(std::uint16_t size) { return static_cast<std::uint16_t>((size * kSlant) >> 16); }
 
 FFSEG_PART inline std::uint16_t magnitude(std::int16_t gx, std::int16_t gy) {
     const float squared = static_cast<float>(gx * gx + gy * gy);

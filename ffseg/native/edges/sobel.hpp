@@ -1,5 +1,5 @@
-// Slopes, gradient magnitude and ridges of rows of smoothed pixels. Rows of smoothed pixels and of gradients are read one
-// pixel beyond both ends.
+// Slopes, gradient magnitude and ridges of rows of smoothed pixels. Rows of smoothed pixels and of gradients are read
+// one pixel beyond both ends.
 #pragma once
 #include <cstdint>
 
@@ -31,8 +31,8 @@ struct GradientRow {
 void gradient_row(ThreeRows smoothed, GradientRow out, int count);
 void gradient_row(SlopeRow slope, GradientRow out, int count);
 
-// 1 where the gradient is a maximum along its direction, else 0. A tie keeps the pixel on the lower-index side, so that a
-// ramp two pixels wide gives one edge.
+// 1 where the gradient is a maximum along its direction, else 0. A tie keeps the pixel on the lower-index side, so that
+// a ramp two pixels wide gives one edge.
 void ridge_row(ThreeRows gradient, const std::uint16_t* direction, std::uint8_t* ridges, int count);
 
 }  // namespace ffseg::edges

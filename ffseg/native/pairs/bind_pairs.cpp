@@ -27,7 +27,8 @@ ffseg::pairs::PlaneView view(const Grey& image) {
 }
 
 void check(bool right) {
-    if (!right) throw std::invalid_argument("the arrays differ in size, or the radius or number of steps is out of range");
+    if (!right)
+        throw std::invalid_argument("the arrays differ in size, or the radius or number of steps is out of range");
 }
 
 ffseg::Vec2 point(const Rows& rows, std::size_t row, std::size_t column = 0) {
@@ -41,7 +42,8 @@ ffseg::pairs::Warp warp(const Rows& rows, std::size_t row, std::size_t column = 
 }
 
 // Components packed one after another: windows (n, 4) of x, y, width, height, and their masks row by row.
-std::vector<ffseg::pairs::ComponentWindow> regions(const ffseg::pairs::PlaneView& image, const Windows& windows, const Bytes& masks) {
+std::vector<ffseg::pairs::ComponentWindow> regions(const ffseg::pairs::PlaneView& image, const Windows& windows,
+                                                   const Bytes& masks) {
     std::vector<ffseg::pairs::ComponentWindow> found;
     std::size_t offset = 0;
     for (std::size_t i = 0; i < windows.shape(0); ++i) {
@@ -53,8 +55,8 @@ std::vector<ffseg::pairs::ComponentWindow> regions(const ffseg::pairs::PlaneView
             throw std::invalid_argument("a window leaves the image, or its mask is missing");
         }
         const std::uint8_t* first = masks.data() + offset;
-        found.push_back({static_cast<int>(w[0]), static_cast<int>(w[1]), static_cast<int>(w[2]),
-                         static_cast<int>(w[3]), std::vector<std::uint8_t>(first, first + size)});
+        found.push_back({static_cast<int>(w[0]), static_cast<int>(w[1]), static_cast<int>(w[2]), static_cast<int>(w[3]),
+                         std::vector<std::uint8_t>(first, first + size)});
         offset += size;
     }
     return found;
@@ -127,12 +129,15 @@ void py_align(const Grey& current, const Grey& previous, const Rows& centers, co
 }  // namespace
 
 void bind_pairs(nb::module_& m) {
-    m.def("harris_points", &py_points<ffseg::pairs::harris_points>, "image"_a, "windows"_a, "masks"_a, "grow"_a, "points"_a,
-          "counts"_a, "Harris corners of components grown by `grow` pixels, strongest first, into `points`.");
-    m.def("outline_points", &py_points<ffseg::pairs::outline_points>, "image"_a, "windows"_a, "masks"_a, "grow"_a, "points"_a,
-          "counts"_a, "Samples of the strongest edges of components grown by `grow` pixels, into `points`.");
+    m.def("harris_points", &py_points<ffseg::pairs::harris_points>, "image"_a, "windows"_a, "masks"_a, "grow"_a,
+          "points"_a, "counts"_a,
+          "Harris corners of components grown by `grow` pixels, strongest first, into `points`.");
+    m.def("outline_points", &py_points<ffseg::pairs::outline_points>, "image"_a, "windows"_a, "masks"_a, "grow"_a,
+          "points"_a, "counts"_a,
+          "Samples of the strongest edges of components grown by `grow` pixels, into `points`.");
     m.def("patch_scores", &py_scores, "current"_a, "previous"_a, "centers"_a, "candidates"_a, "warps"_a, "radius"_a,
-          "hopeless"_a, "out"_a, "Normalised cross-correlation of patches against warped candidates of the previous image, into `out`.");
+          "hopeless"_a, "out"_a,
+          "Normalised cross-correlation of patches against warped candidates of the previous image, into `out`.");
     m.def("align_patches", &py_align, "current"_a, "previous"_a, "centers"_a, "starts"_a, "warps"_a, "radius"_a,
           "steps"_a, "out"_a, "Sub-pixel alignment of patches in the previous image, into `out`.");
 }

@@ -72,7 +72,7 @@ struct ProductRows {
 // Sums over three rows of the products of the gradients, one line of the window; below 2**22.
 FFSEG_CLONES
 void product_row(const int* dx, const int* dy, int width, ProductRows out) {
-    int *__restrict xx = out.xx, *__restrict xy = out.xy, *__restrict yy = out.yy;
+    int* __restrict xx = out.xx, * __restrict xy = out.xy, * __restrict yy = out.yy;
     for (int c = 0; c < width; ++c) {
         const int x0 = dx[c], x1 = dx[c + width], x2 = dx[c + 2 * width];
         const int y0 = dy[c], y1 = dy[c + width], y2 = dy[c + 2 * width];
@@ -205,9 +205,10 @@ std::vector<Vec2> outline_points(const PlaneView& image, const ComponentWindow& 
                        static_cast<double>(region.y) + static_cast<double>(k / region.width)});
     }
     const std::size_t count = std::min(all.size(), static_cast<std::size_t>(most));
+    const double last = static_cast<double>(all.size()) - 1.0;
     for (std::size_t k = 0; k < count; ++k) {
         // Evenly spread, the first and the last among them.
-        const double place = count > 1 ? static_cast<double>(k) * (all.size() - 1.0) / (count - 1.0) : 0.0;
+        const double place = count > 1 ? static_cast<double>(k) * last / (static_cast<double>(count) - 1.0) : 0.0;
         points.push_back(all[static_cast<std::size_t>(std::lround(place))]);
     }
     return points;

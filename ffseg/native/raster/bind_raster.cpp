@@ -43,7 +43,8 @@ void check_contours(const Indices& offsets, const Indices& degrees, std::size_t 
 
 void py_rasterize(const Points& points, const Indices& offsets, const Indices& degrees, double tolerance, Mask out) {
     if (!(tolerance >= 1e-6)) throw std::invalid_argument("the tolerance must be at least 1e-6 pixel");
-    if (out.shape(0) > 65535 || out.shape(1) > 65535) throw std::invalid_argument("the mask exceeds 65535 pixels a side");
+    if (out.shape(0) > 65535 || out.shape(1) > 65535)
+        throw std::invalid_argument("the mask exceeds 65535 pixels a side");
     const std::vector<ffseg::Vec2> control = checked_points(points);
     check_contours(offsets, degrees, control.size());
     const ffseg::raster::MaskView mask{out.data(), static_cast<int>(out.shape(0)), static_cast<int>(out.shape(1))};
@@ -53,7 +54,8 @@ void py_rasterize(const Points& points, const Indices& offsets, const Indices& d
     for (std::size_t c = 0; c < degrees.shape(0); ++c) {
         const std::size_t begin = static_cast<std::size_t>(offsets.data()[c]);
         const std::size_t end = static_cast<std::size_t>(offsets.data()[c + 1]);
-        ffseg::raster::append_contour(control.data() + begin, end - begin, static_cast<int>(degrees.data()[c]), grid, edges);
+        ffseg::raster::append_contour(control.data() + begin, end - begin, static_cast<int>(degrees.data()[c]), grid,
+                                      edges);
     }
     ffseg::raster::fill_mask(edges, mask);
 }

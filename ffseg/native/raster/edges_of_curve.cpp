@@ -11,7 +11,8 @@ using Patch = std::array<Vec2, kMaxDegree + 1>;
 
 // Up to this many chords a piece is sampled outright; a longer one is halved first, so that its far parts are dropped.
 constexpr double kMaxChords = 32.0;
-// Each halving divides the bend by four: 1e100 px comes below any tolerance in 200. Rounding could stall it; this ends it.
+// Each halving divides the bend by four: 1e100 px comes below any tolerance in 200. Rounding could stall it; this ends
+// it.
 constexpr int kMaxHalvings = 256;
 
 Vec2 middle(Vec2 a, Vec2 b) { return 0.5 * a + 0.5 * b; }

@@ -20,8 +20,8 @@ struct PixelGrid {
     double tolerance;
 };
 
-// Appends the edges of one patch of d + 1 control points. Pieces that no row of centres can see are dropped; pieces left
-// of all centres are replaced by their chord, which crosses the same rows with the same sum of signs.
+// Appends the edges of one patch of d + 1 control points. Pieces that no row of centres can see are dropped; pieces
+// left of all centres are replaced by their chord, which crosses the same rows with the same sum of signs.
 void append_edges(const Vec2* patch, int degree, const PixelGrid& grid, std::vector<Edge>& edges);
 
 }  // namespace ffseg::raster

@@ -109,7 +109,8 @@ struct ByRow {
 
 }  // namespace
 
-void append_contour(const Vec2* points, std::size_t count, int degree, const PixelGrid& grid, std::vector<Edge>& edges) {
+void append_contour(const Vec2* points, std::size_t count, int degree, const PixelGrid& grid,
+                    std::vector<Edge>& edges) {
     for (std::size_t begin = 0; begin < count; begin += static_cast<std::size_t>(degree)) {
         std::array<Vec2, kMaxDegree + 1> patch;
         for (int i = 0; i < degree; ++i) patch[i] = points[begin + i];

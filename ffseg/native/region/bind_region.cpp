@@ -33,7 +33,8 @@ void init(RowSums* self, const Bytes& image, int bins) {
                        static_cast<int>(channels), bins);
 }
 
-std::vector<ffseg::raster::Edge> edges_of(const Points& points, const Indices& offsets, int degree, const ffseg::raster::PixelGrid& grid) {
+std::vector<ffseg::raster::Edge> edges_of(const Points& points, const Indices& offsets, int degree,
+                                          const ffseg::raster::PixelGrid& grid) {
     if (degree < 1 || degree > ffseg::raster::kMaxDegree) throw std::invalid_argument("the degree must be from 1 to 6");
     if (offsets.shape(0) < 1 || offsets.data()[0] != 0) throw std::invalid_argument("offsets must begin with 0");
     const std::size_t contours = offsets.shape(0) - 1;
@@ -50,7 +51,8 @@ std::vector<ffseg::raster::Edge> edges_of(const Points& points, const Indices& o
     std::vector<ffseg::raster::Edge> edges;
     for (std::size_t c = 0; c < contours; ++c) {
         const std::int64_t begin = offsets.data()[c], size = offsets.data()[c + 1] - begin;
-        if (begin < 0 || size < degree || size % degree != 0 || begin + size > static_cast<std::int64_t>(control.size())) {
+        if (begin < 0 || size < degree || size % degree != 0 ||
+            begin + size > static_cast<std::int64_t>(control.size())) {
             throw std::invalid_argument("a contour needs N * d control points, N >= 1");
         }
         ffseg::raster::append_contour(control.data() + begin, static_cast<std::size_t>(size), degree, grid, edges);

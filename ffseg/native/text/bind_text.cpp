@@ -21,7 +21,8 @@ std::string py_path_text(const Points& points, int degree) {
     std::vector<ffseg::Vec2> checked(points.shape(0));
     for (std::size_t i = 0; i < checked.size(); ++i) {
         checked[i] = {points.data()[2 * i], points.data()[2 * i + 1]};
-        if (!(std::abs(checked[i].x) <= ffseg::text::kLargestWritten && std::abs(checked[i].y) <= ffseg::text::kLargestWritten)) {
+        if (!(std::abs(checked[i].x) <= ffseg::text::kLargestWritten &&
+              std::abs(checked[i].y) <= ffseg::text::kLargestWritten)) {
             throw std::invalid_argument("a coordinate is not finite or beyond 1e11 pixels");
         }
     }

@@ -43,7 +43,8 @@ void append_number(double value, std::string& text) {
     }
     char digits[24];
     std::size_t size = 0;
-    for (int place = 0; place <= decimals || units > 0; ++place) {  // from the last digit; one before the point at least
+    for (int place = 0; place <= decimals || units > 0;
+         ++place) {  // from the last digit; one before the point at least
         if (place == decimals && decimals > 0) digits[size++] = '.';
         digits[size++] = static_cast<char>('0' + units % 10);
         units /= 10;

@@ -54,7 +54,8 @@ void draw_mask(const ffseg::ContourSet& set, int degree, Size size) {
     const ffseg::raster::PixelGrid grid{size.width - 1.0, size.height - 1.0, 0.01};
     std::vector<ffseg::raster::Edge> pieces;
     for (std::size_t c = 0; c + 1 < set.offsets.size(); ++c) {
-        ffseg::raster::append_contour(set.points.data() + set.offsets[c], set.offsets[c + 1] - set.offsets[c], degree, grid, pieces);
+        ffseg::raster::append_contour(set.points.data() + set.offsets[c], set.offsets[c + 1] - set.offsets[c], degree,
+                                      grid, pieces);
     }
     std::vector<std::uint8_t> mask(size.count(), 7);
     ffseg::raster::fill_mask(pieces, {mask.data(), size.height, size.width});

@@ -62,7 +62,9 @@ std::vector<std::uint8_t> draw_marks(Random& random, Size size) {
         }
     }
     const std::size_t width = static_cast<std::size_t>(size.width);
-    const auto row = [&](int y) { std::fill_n(made.begin() + static_cast<std::ptrdiff_t>(y) * size.width, width, mark); };
+    const auto row = [&](int y) {
+        std::fill_n(made.begin() + static_cast<std::ptrdiff_t>(y) * size.width, width, mark);
+    };
     const auto column = [&](int x) {
         for (std::size_t at = static_cast<std::size_t>(x); at < made.size(); at += width) made[at] = mark;
     };
@@ -91,7 +93,8 @@ std::vector<std::uint8_t> draw_domain(Random& random, Size size) {
 
 std::vector<std::uint8_t> draw_bytes(Random& random, std::size_t count) {
     std::vector<std::uint8_t> made(count);
-    const std::uint64_t mask = random.pick<std::uint64_t>({0, ~0ull, ~0ull, ~0ull, 0x0707070707070707u, 0x8080808080808080u});
+    const std::uint64_t mask =
+        random.pick<std::uint64_t>({0, ~0ull, ~0ull, ~0ull, 0x0707070707070707u, 0x8080808080808080u});
     std::uint64_t word = 0;
     for (std::size_t i = 0; i < count; ++i) {
         word = i % 8 == 0 ? random.bits() & mask : word >> 8;
@@ -116,9 +119,9 @@ std::vector<std::uint16_t> draw_gradient(Random& random, Size size) {
 
 double hostile(Random& random, double limit) {
     constexpr double kTiny = std::numeric_limits<double>::denorm_min();
-    const double value = random.pick({0.0, -0.0, kTiny, 1e-300, 0.5, 0.5 - 1e-6, -0.5, 65534.5, 65535.5, 1e6, 1e9,
-                                      2147483647.0, 2147483648.0, 9.3e18, 1e100, 1e154, 1e300,
-                                      std::numeric_limits<double>::max()});
+    const double value =
+        random.pick({0.0, -0.0, kTiny, 1e-300, 0.5, 0.5 - 1e-6, -0.5, 65534.5, 65535.5, 1e6, 1e9, 2147483647.0,
+                     2147483648.0, 9.3e18, 1e100, 1e154, 1e300, std::numeric_limits<double>::max()});
     return (random.once_in(2) ? -1.0 : 1.0) * std::min(value, limit);
 }
 

@@ -1,8 +1,9 @@
-// Runs random cases on the core under sanitizers: ``fuzz --first N --cases M [--seed S] [--mark FILE] [--only TARGET]``.
+// Runs random cases on the core under sanitizers: ``fuzz --first N --cases M [--seed S] [--mark FILE] [--only
+// TARGET]``.
 //
-// Which part a case goes to depends on its number alone, what it does on the seed and the number. The number of the case
-// at work stands in the file, so that it is known after a finding has ended the process. A case that takes kCaseSeconds
-// of processor time hangs, and ends the process as well.
+// Which part a case goes to depends on its number alone, what it does on the seed and the number. The number of the
+// case at work stands in the file, so that it is known after a finding has ended the process. A case that takes
+// kCaseSeconds of processor time hangs, and ends the process as well.
 #include <fcntl.h>
 #include <sys/time.h>
 #include <unistd.h>

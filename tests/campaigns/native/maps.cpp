@@ -41,7 +41,10 @@ void draw_polygons(Random& random, Size size, std::vector<ffseg::Vec2>& points, 
 double enclosed(const std::vector<std::uint8_t>& mask, Size size) {
     const auto at = [&](int x, int y) {
         if (x < 0 || y < 0 || x >= size.width || y >= size.height) return 0;
-        return mask[static_cast<std::size_t>(y) * static_cast<std::size_t>(size.width) + static_cast<std::size_t>(x)] != 0 ? 1 : 0;
+        return mask[static_cast<std::size_t>(y) * static_cast<std::size_t>(size.width) + static_cast<std::size_t>(x)] !=
+                       0
+                   ? 1
+                   : 0;
     };
     double area = 0.0;
     for (int y = -1; y < size.height; ++y) {
@@ -55,7 +58,8 @@ double enclosed(const std::vector<std::uint8_t>& mask, Size size) {
 }
 
 double draw_slowness(Random& random) {
-    return random.pick({kLeast, kMost, kInfinite, 1.0, 1.0, 1e-3, 1e3, random.scale(1e-6, 1e6), random.scale(kLeast, kMost)});
+    return random.pick(
+        {kLeast, kMost, kInfinite, 1.0, 1.0, 1e-3, 1e3, random.scale(1e-6, 1e6), random.scale(kLeast, kMost)});
 }
 
 }  // namespace
@@ -67,7 +71,8 @@ void edges(Random& random) {
     const int channels = random.pick({1, 1, 3, 2, 4});
     const std::vector<std::uint8_t> image = draw_bytes(random, size.count() * static_cast<std::size_t>(channels));
     const ffseg::edges::ImageView view{image.data(), size.height, size.width, channels};
-    const double sigma = random.pick({0.01, 0.5, 1.5, 1.5, 4.0, 20.0, ffseg::edges::kMostSigma, random.scale(1e-3, 32.0)});
+    const double sigma =
+        random.pick({0.01, 0.5, 1.5, 1.5, 4.0, 20.0, ffseg::edges::kMostSigma, random.scale(1e-3, 32.0)});
     std::vector<std::uint16_t> gradient(size.count(), 65535);
     std::vector<std::uint8_t> out(size.count(), 7);
     ffseg::edges::gradient_and_ridges(view, ffseg::edges::gaussian(sigma), gradient.data(), out.data());
@@ -76,7 +81,8 @@ void edges(Random& random) {
     if (random.once_in(4)) out = draw_bytes(random, size.count());
     if (random.once_in(3)) gradient = draw_gradient(random, size);
     const std::vector<std::uint8_t> domain = draw_domain(random, size);
-    const ffseg::edges::NoiseMap noise = ffseg::edges::noise_map(gradient.data(), or_null(domain), size.height, size.width);
+    const ffseg::edges::NoiseMap noise =
+        ffseg::edges::noise_map(gradient.data(), or_null(domain), size.height, size.width);
     ffseg::edges::ThresholdMap thresholds;
     thresholds.columns = (size.width + ffseg::edges::NoiseMap::kBlock - 1) / ffseg::edges::NoiseMap::kBlock;
     const int rows = (size.height + ffseg::edges::NoiseMap::kBlock - 1) / ffseg::edges::NoiseMap::kBlock;
@@ -109,7 +115,8 @@ void march(Random& random) {
     const ffseg::marching::SlownessPlane slowness{values.data()};
     ffseg::marching::March front(grid, or_null(domain));
     front.accept(inside.data());
-    ffseg::marching::ArrivalQueue queue(ffseg::marching::bucket_width(grid, slowness), front.time.data(), grid.stride());
+    ffseg::marching::ArrivalQueue queue(ffseg::marching::bucket_width(grid, slowness), front.time.data(),
+                                        grid.stride());
     front.begin(slowness, {}, queue);
     front.run(slowness, queue);
     expect(front.order.size() <= size.count(), "a node was accepted twice");
@@ -138,9 +145,17 @@ void level_set(Random& random) {
     std::vector<std::size_t> offsets;
     draw_polygons(random, size, points, offsets);
     const double min_area = random.pick({0.0, 0.0, 4.0, 1e9, kInfinite});
-    const ffseg::levelset::LevelSetInput input{grid,  gradient.data(),           table.data(),       inside.data(), or_null(domain), stop,
-                                     random.pick({0, 1, 4, 64}), random.once_in(3), min_area};
-    const ffseg::levelset::LevelSetResult result = ffseg::levelset::level_set(input, ffseg::marching::start_band(grid, inside.data(), points, offsets));
+    const ffseg::levelset::LevelSetInput input{grid,
+                                               gradient.data(),
+                                               table.data(),
+                                               inside.data(),
+                                               or_null(domain),
+                                               stop,
+                                               random.pick({0, 1, 4, 64}),
+                                               random.once_in(3),
+                                               min_area};
+    const ffseg::levelset::LevelSetResult result =
+        ffseg::levelset::level_set(input, ffseg::marching::start_band(grid, inside.data(), points, offsets));
     expect(result.points.size() == result.offsets.back(), "the offsets end elsewhere than the points");
     for (const ffseg::Vec2 p : result.points) {
         expect(p.x >= -1 && p.x <= size.width && p.y >= -1 && p.y <= size.height, "an outline leaves the image");
@@ -152,7 +167,8 @@ void outlines(Random& random) {
     const Size size = draw_size(random, 1, kLongestGrid);
     const std::vector<std::uint8_t> mask = draw_marks(random, size);
     double twice = 0.0;
-    for (const std::vector<ffseg::Vec2>& outline : ffseg::levelset::Region({size.height, size.width}, mask.data()).outlines(nullptr)) {
+    for (const std::vector<ffseg::Vec2>& outline :
+         ffseg::levelset::Region({size.height, size.width}, mask.data()).outlines(nullptr)) {
         expect(outline.size() >= 4, "an outline of less than four points");
         for (std::size_t i = 2; i < outline.size(); ++i) {
             twice += ffseg::cross(outline[i - 1] - outline[0], outline[i] - outline[0]);

@@ -24,7 +24,8 @@ constexpr int kLongestGrid = 32767, kLongestPair = 65535;
 
 bool finite(Vec2 p) { return std::isfinite(p.x) && std::isfinite(p.y); }
 
-// The binding's limits: 0..1e3 for weights and attraction, |balloon| <= 64, 0.5 <= spacing <= 1e6, 0 <= tolerance <= 1e6.
+// The binding's limits: 0..1e3 for weights and attraction, |balloon| <= 64, 0.5 <= spacing <= 1e6, 0 <= tolerance <=
+// 1e6.
 ffseg::snake::SnakeOptions draw_options(Random& random) {
     ffseg::snake::SnakeOptions options;
     const auto weight = [&] { return random.pick({0.0, 5e-324, 0.02, 0.02, 1.0, 1e3}); };
@@ -46,7 +47,8 @@ double any_number(Random& random) {
 // Anything, mostly close to the identity, now and then at the limit of what rounding keeps apart.
 ffseg::pairs::Warp draw_warp(Random& random) {
     const double size = random.pick({1.0, 1.0, 1.0, 0.0, 1e-12, 1e-17, 30.0}), skew = random.pick({0.0, 0.1, 1.0});
-    ffseg::pairs::Warp warp{size, skew * random.between(-1, 1), skew * random.between(-1, 1), random.pick({size, -size, 1.0})};
+    ffseg::pairs::Warp warp{size, skew * random.between(-1, 1), skew * random.between(-1, 1),
+                            random.pick({size, -size, 1.0})};
     for (double* part : {&warp.xx, &warp.xy, &warp.yx, &warp.yy}) {
         if (random.once_in(60)) *part = any_number(random);
     }
@@ -77,8 +79,9 @@ struct Pair {
         : current_size(draw_size(random, 2, kLongestPair)),
           previous_size(random.once_in(2) ? current_size : draw_size(random, 2, kLongestPair)),
           current(draw_bytes(random, current_size.count())),
-          previous(previous_size.count() == current.size() && random.once_in(2) ? current
-                                                                                : draw_bytes(random, previous_size.count())),
+          previous(previous_size.count() == current.size() && random.once_in(2)
+                       ? current
+                       : draw_bytes(random, previous_size.count())),
           radius(random.pick({1, 1, 2, 4, 32})) {}
     ffseg::pairs::ImagePair view() const {
         return {{current.data(), current_size.height, current_size.width},
@@ -99,11 +102,13 @@ void snake(Random& random) {
         known.push_back({at[0], random.pick({0.0, 0.5, 3.0, 20.0, 1e4}), random.once_in(2)});
     }
     ffseg::snake::SnakeField field{gradient.data(), size.height, size.width, or_null(domain),
-                            ffseg::snake::snake_zones(edges.data(), size.height, size.width, known)};
+                                   ffseg::snake::snake_zones(edges.data(), size.height, size.width, known)};
     ffseg::snake::Snake made(std::move(field), draw_points(random, size, random.below(40), kFar), draw_options(random));
     for (int rounds = random.below(3); rounds > 0; --rounds) {
         // Points double at most with every iteration, and steps cost as much as the pixels they cross.
-        if (made.points().size() > 4000 || !made.advance(size.count() > 4000 ? 2 : static_cast<int>(random.scale(1, 30)))) break;
+        if (made.points().size() > 4000 ||
+            !made.advance(size.count() > 4000 ? 2 : static_cast<int>(random.scale(1, 30))))
+            break;
     }
     expect(std::all_of(made.points().begin(), made.points().end(), finite), "a point of a snake is not finite");
 }
@@ -155,7 +160,8 @@ void alignment(Random& random) {
     const Vec2 center = draw_place(random, pair.current_size, pair.radius);
     const Vec2 start = random.once_in(2) ? center : draw_place(random, pair.previous_size, pair.radius);
     const int steps = random.pick({0, 1, 5, 20, pair.radius < 4 ? 1000 : 50});
-    const ffseg::pairs::Alignment found = ffseg::pairs::align_patch(pair.view(), center, start, draw_warp(random), pair.radius, steps);
+    const ffseg::pairs::Alignment found =
+        ffseg::pairs::align_patch(pair.view(), center, start, draw_warp(random), pair.radius, steps);
     expect(!(std::abs(found.score) > 1.001), "a correlation beyond one");
 }
 
@@ -170,12 +176,15 @@ void interest(Random& random) {
     region.height = random.among(1, size.height - region.y);
     region.mask = draw_marks(random, {region.height, region.width});
     const ffseg::pairs::PlaneView view{image.data(), size.height, size.width};
-    const ffseg::pairs::ComponentWindow wide = ffseg::pairs::grown(region, random.pick({0, 1, 3, 32}), size.width, size.height);
+    const ffseg::pairs::ComponentWindow wide =
+        ffseg::pairs::grown(region, random.pick({0, 1, 3, 32}), size.width, size.height);
     const int most = random.pick({0, 1, 8, 65535});
     for (const auto find : {ffseg::pairs::harris_points, ffseg::pairs::outline_points}) {
         const std::vector<Vec2> found = find(view, wide, most);
         expect(static_cast<int>(found.size()) <= most, "more points than asked for");
-        const auto inside = [&](Vec2 p) { return p.x > -2 && p.y > -2 && p.x < size.width + 1 && p.y < size.height + 1; };
+        const auto inside = [&](Vec2 p) {
+            return p.x > -2 && p.y > -2 && p.x < size.width + 1 && p.y < size.height + 1;
+        };
         expect(std::all_of(found.begin(), found.end(), inside), "a point outside the image");
     }
 }

@@ -33,7 +33,8 @@ ffseg::marching::Grid grid_of(const Plane& plane) {
 
 template <class Plane>
 void check_size(const ffseg::marching::Grid& grid, const Plane& plane) {
-    if (plane.shape(0) != static_cast<std::size_t>(grid.height) || plane.shape(1) != static_cast<std::size_t>(grid.width)) {
+    if (plane.shape(0) != static_cast<std::size_t>(grid.height) ||
+        plane.shape(1) != static_cast<std::size_t>(grid.width)) {
         throw std::invalid_argument("the arrays differ in size");
     }
 }
@@ -78,7 +79,8 @@ nb::tuple py_march(const PlaneF& speed, double stop, const Plane8& inside, std::
         const std::vector<double> values = slowness_of(grid, speed.data(), stop);
         const ffseg::marching::SlownessPlane slowness{values.data()};
         march.accept(inside.data());
-        ffseg::marching::ArrivalQueue queue(ffseg::marching::bucket_width(grid, slowness), march.time.data(), march.grid.stride());
+        ffseg::marching::ArrivalQueue queue(ffseg::marching::bucket_width(grid, slowness), march.time.data(),
+                                            march.grid.stride());
         march.begin(slowness, {}, queue);
         initial = march.met;
         march.run(slowness, queue);
@@ -90,13 +92,16 @@ nb::tuple py_march(const PlaneF& speed, double stop, const Plane8& inside, std::
         march.order = raster_index(grid, march.order);
         march.on_contour = raster_index(grid, march.on_contour);
     }
-    return nb::make_tuple(take(std::move(time)), take(std::move(march.order)), take(std::move(march.on_contour)), initial);
+    return nb::make_tuple(take(std::move(time)), take(std::move(march.order)), take(std::move(march.on_contour)),
+                          initial);
 }
 
-void unpack(const Points& points, const Offsets& offsets, std::vector<ffseg::Vec2>& to, std::vector<std::size_t>& ends) {
+void unpack(const Points& points, const Offsets& offsets, std::vector<ffseg::Vec2>& to,
+            std::vector<std::size_t>& ends) {
     for (std::size_t i = 0; i < points.shape(0); ++i) {
         const double x = points.data()[2 * i], y = points.data()[2 * i + 1];
-        if (!(std::abs(x) < 1e6 && std::abs(y) < 1e6)) throw std::invalid_argument("a contour point is not finite or far away");
+        if (!(std::abs(x) < 1e6 && std::abs(y) < 1e6))
+            throw std::invalid_argument("a contour point is not finite or far away");
         to.push_back({x, y});
     }
     std::int64_t last = 0;
@@ -134,7 +139,8 @@ nb::tuple py_level_set(const Plane16& gradient, const Table& slowness, const Pla
     const ffseg::marching::Grid grid = grid_of(gradient);
     check_size(grid, inside);
     if (domain) check_size(grid, *domain);
-    if (options.stop < 1 || options.stop > 65536 || options.reach < 0 || options.reach > 64 || !(options.min_area >= 0)) {
+    if (options.stop < 1 || options.stop > 65536 || options.reach < 0 || options.reach > 64 ||
+        !(options.min_area >= 0)) {
         throw std::invalid_argument("a level set option is out of range");
     }
     for (int level = 0; level < 65536; ++level) {
@@ -148,9 +154,9 @@ nb::tuple py_level_set(const Plane16& gradient, const Table& slowness, const Pla
     ffseg::levelset::LevelSetResult result;
     {
         nb::gil_scoped_release release;
-        const ffseg::levelset::LevelSetInput input{grid, gradient.data(), slowness.data(), inside.data(),
-                                         domain ? domain->data() : nullptr, options.stop, options.reach,
-                                         options.closing_in, options.min_area};
+        const ffseg::levelset::LevelSetInput input{
+            grid,         gradient.data(), slowness.data(),    inside.data(),   domain ? domain->data() : nullptr,
+            options.stop, options.reach,   options.closing_in, options.min_area};
         result = ffseg::levelset::level_set(input, ffseg::marching::start_band(grid, inside.data(), corners, ends));
     }
     std::vector<double> flat;
@@ -186,13 +192,14 @@ void bind_levelset(nb::module_& m) {
     m.def("start_band", &py_start_band, "inside"_a, "points"_a, "offsets"_a,
           "Nodes just outside the start contours and their distances to them.");
     m.def("mask_outlines", &py_outlines, "mask"_a,
-          "Outlines (flat x, y) half-way between pixels inside and outside, and their offsets; holes turn the other way.");
+          "Outlines (flat x, y) half-way between pixels inside and outside, and their offsets; holes turn the other "
+          "way.");
     nb::class_<LevelSetOptions>(m, "LevelSetOptions")
         .def(nb::init<>())
         .def_rw("stop", &LevelSetOptions::stop)
         .def_rw("reach", &LevelSetOptions::reach)
         .def_rw("closing_in", &LevelSetOptions::closing_in)
         .def_rw("min_area", &LevelSetOptions::min_area);
-    m.def("level_set", &py_level_set, "gradient"_a, "slowness"_a, "inside"_a, "points"_a, "offsets"_a, "domain"_a.none(),
-          "options"_a, "Outlines (flat x, y), their offsets and the counts of a level set.");
+    m.def("level_set", &py_level_set, "gradient"_a, "slowness"_a, "inside"_a, "points"_a, "offsets"_a,
+          "domain"_a.none(), "options"_a, "Outlines (flat x, y), their offsets and the counts of a level set.");
 }

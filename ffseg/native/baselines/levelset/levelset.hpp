@@ -16,8 +16,8 @@ struct LevelSetInput {
     const std::uint8_t* domain;     // (H, W) or null
     int stop;                       // gradient level of an edge
     int reach;                      // nodes the front climbs an edge
-    bool closing_in;                // `inside` is all but the start region; the result is what the front did not reach
-    double min_area;                // outlines that enclose less (px^2) are dropped
+    bool closing_in;  // `inside` is all but the start region; the result is what the front did not reach
+    double min_area;  // outlines that enclose less (px^2) are dropped
 };
 
 struct LevelSetResult {

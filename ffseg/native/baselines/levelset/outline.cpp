@@ -15,10 +15,12 @@ constexpr double kMargin = 1.0 / 64.0;
 
 }  // namespace
 
-GradientPlane::GradientPlane(marching::Grid grid, const std::uint16_t* gradient, int stop) : levels_(grid.size()), stop_(stop) {
+GradientPlane::GradientPlane(marching::Grid grid, const std::uint16_t* gradient, int stop)
+    : levels_(grid.size()), stop_(stop) {
     const std::int32_t stride = grid.stride();
     for (int y = -1; y <= grid.height; ++y) {
-        const std::uint16_t* row = gradient + static_cast<std::ptrdiff_t>(std::clamp(y, 0, grid.height - 1)) * grid.width;
+        const std::uint16_t* row =
+            gradient + static_cast<std::ptrdiff_t>(std::clamp(y, 0, grid.height - 1)) * grid.width;
         std::uint16_t* out = levels_.data() + static_cast<std::ptrdiff_t>(y + 1) * stride;
         out[0] = row[0];
         std::copy_n(row, grid.width, out + 1);

@@ -108,7 +108,8 @@ private:
         base_ = time_[far_.front()];
         for (const std::int32_t node : far_) base_ = std::min(base_, time_[node]);
         inverse_ = least_inverse_;
-        const auto near = std::count_if(far_.begin(), far_.end(), [this](std::int32_t n) { return slot_of(n) < kBuckets; });
+        const auto near =
+            std::count_if(far_.begin(), far_.end(), [this](std::int32_t n) { return slot_of(n) < kBuckets; });
         if (static_cast<std::size_t>(near) < far_.size() / 8) widen();
         std::size_t kept = 0;
         for (const std::int32_t node : far_) {

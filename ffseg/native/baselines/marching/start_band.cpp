@@ -50,7 +50,8 @@ private:
     }
     bool in(int x, int y) const {
         return x >= 0 && y >= 0 && x < grid_.width && y < grid_.height &&
-               inside_[static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.width) + static_cast<std::size_t>(x)];
+               inside_[static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.width) +
+                       static_cast<std::size_t>(x)];
     }
     bool outer(int x, int y) const {
         return !in(x, y) && (in(x - 1, y) || in(x + 1, y) || in(x, y - 1) || in(x, y + 1));

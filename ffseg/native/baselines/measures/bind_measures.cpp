@@ -18,7 +18,8 @@ std::vector<ffseg::Vec2> checked(const Points& points) {
     out.reserve(points.shape(0));
     for (std::size_t i = 0; i < points.shape(0); ++i) {
         const double x = points.data()[2 * i], y = points.data()[2 * i + 1];
-        if (!(std::abs(x) <= kFar && std::abs(y) <= kFar)) throw std::invalid_argument("a point is not finite or far away");
+        if (!(std::abs(x) <= kFar && std::abs(y) <= kFar))
+            throw std::invalid_argument("a point is not finite or far away");
         out.push_back({x, y});
     }
     return out;

@@ -26,7 +26,8 @@ std::vector<ffseg::Vec2> vertices(const Points& points) {
     std::vector<ffseg::Vec2> out;
     for (std::size_t i = 0; i < points.shape(0); ++i) {
         const double x = points.data()[2 * i], y = points.data()[2 * i + 1];
-        if (!between(x, -kFar, kFar) || !between(y, -kFar, kFar)) throw std::invalid_argument("a point is not finite or far away");
+        if (!between(x, -kFar, kFar) || !between(y, -kFar, kFar))
+            throw std::invalid_argument("a point is not finite or far away");
         out.push_back({x, y});
     }
     return out;
@@ -53,7 +54,8 @@ std::vector<ffseg::snake::AltitudePoint> altitude_points(const Altitudes& rows, 
     std::vector<ffseg::snake::AltitudePoint> out;
     for (std::size_t i = 0; i < rows.shape(0); ++i) {
         const double* row = rows.data() + 4 * i;
-        if (!between(row[0], -kFar, kFar) || !between(row[1], -kFar, kFar) || !std::isfinite(row[2]) || !between(row[3], 0, 1e4)) {
+        if (!between(row[0], -kFar, kFar) || !between(row[1], -kFar, kFar) || !std::isfinite(row[2]) ||
+            !between(row[3], 0, 1e4)) {
             throw std::invalid_argument("an altitude point (x, y, altitude, radius) is out of range");
         }
         out.push_back({{row[0], row[1]}, row[3], row[2] < epsilon});
@@ -72,8 +74,10 @@ struct PySnake {
         : gradient(std::move(gradient_in)), domain(std::move(domain_in)) {
         check(options);
         const std::size_t h = gradient.shape(0), w = gradient.shape(1);
-        if (h == 0 || w == 0 || h > 32767 || w > 32767) throw std::invalid_argument("the image must have 1 to 32767 pixels a side");
-        if (edges.shape(0) != h || edges.shape(1) != w || (domain && (domain->shape(0) != h || domain->shape(1) != w))) {
+        if (h == 0 || w == 0 || h > 32767 || w > 32767)
+            throw std::invalid_argument("the image must have 1 to 32767 pixels a side");
+        if (edges.shape(0) != h || edges.shape(1) != w ||
+            (domain && (domain->shape(0) != h || domain->shape(1) != w))) {
             throw std::invalid_argument("the arrays differ in size");
         }
         const int height = static_cast<int>(h), width = static_cast<int>(w);
@@ -81,7 +85,7 @@ struct PySnake {
         std::vector<ffseg::Vec2> start = vertices(points);
         nb::gil_scoped_release release;
         ffseg::snake::SnakeField field{gradient.data(), height, width, domain ? domain->data() : nullptr,
-                                ffseg::snake::snake_zones(edges.data(), height, width, known)};
+                                       ffseg::snake::snake_zones(edges.data(), height, width, known)};
         snake = std::make_unique<ffseg::snake::Snake>(std::move(field), std::move(start), options);
     }
 
@@ -125,10 +129,12 @@ void bind_snake(nb::module_& m) {
         .def_rw("refine", &Options::refine)
         .def_rw("max_iterations", &Options::max_iterations);
     nb::class_<PySnake>(m, "Snake")
-        .def(nb::init<const Points&, Plane16, const Plane8&, std::optional<Plane8>, const Altitudes&, double, const Options&>(),
+        .def(nb::init<const Points&, Plane16, const Plane8&, std::optional<Plane8>, const Altitudes&, double,
+                      const Options&>(),
              "points"_a, "gradient"_a, "edges"_a, "domain"_a.none(), "altitudes"_a, "epsilon"_a, "options"_a)
         .def("advance", &PySnake::advance, "iterations"_a, "Runs iterations; False once the snake has stopped.")
-        .def("points", [](const PySnake& s) { return as_array(s.snake->points()); }, "Points of the snake, (M, 2).")
+        .def(
+            "points", [](const PySnake& s) { return as_array(s.snake->points()); }, "Points of the snake, (M, 2).")
         .def_prop_ro("iterations", [](const PySnake& s) { return s.snake->counts().iterations; })
         .def_prop_ro("insertions", [](const PySnake& s) { return s.snake->counts().insertions; })
         .def_prop_ro("removals", [](const PySnake& s) { return s.snake->counts().removals; })

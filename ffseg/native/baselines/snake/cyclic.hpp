@@ -9,8 +9,8 @@ namespace ffseg::snake {
 
 // I + A of a closed chain of points: A v_i = -tension (v_{i-1} - 2 v_i + v_{i+1})
 //   + rigidity (v_{i-2} - 4 v_{i-1} + 6 v_i - 4 v_{i+1} + v_{i+2}). Every row is the same, so the matrix is a product
-// scale * L * L^T with L x_i = x_i + near x_{i-1} + far x_{i-2}: two recursions round the ring, whose start is forgotten
-// after `warm_` points to the last bit.
+// scale * L * L^T with L x_i = x_i + near x_{i-1} + far x_{i-2}: two recursions round the ring, whose start is
+// forgotten after `warm_` points to the last bit.
 class CyclicSystem {
 public:
     CyclicSystem(double tension, double rigidity);

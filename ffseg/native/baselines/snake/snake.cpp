@@ -12,8 +12,8 @@ namespace {
 constexpr int kZoneReach = 2;
 // Longest move by the edge force in one iteration: on the outer flank the force overshoots the ridge.
 constexpr double kMaxAttraction = 1.0;
-// No point moves farther (px) in one iteration, as stiff internal forces on far points would have it: every pixel that a
-// stretch crosses is marked.
+// No point moves farther (px) in one iteration, as stiff internal forces on far points would have it: every pixel that
+// a stretch crosses is marked.
 constexpr double kMostMove = 64.0;
 // Steps (px) in which a way is looked along: finer than the pixels that are looked at.
 constexpr double kFine = 0.5;
@@ -41,7 +41,8 @@ void each_pixel_near(Vec2 at, double radius, int height, int width, Mark mark) {
 
 Vec2 SnakeField::clamp(Vec2 p) const {
     constexpr double kInside = 0.5 - 1e-6;
-    return {std::min(std::max(p.x, -kInside), width - 1 + kInside), std::min(std::max(p.y, -kInside), height - 1 + kInside)};
+    return {std::min(std::max(p.x, -kInside), width - 1 + kInside),
+            std::min(std::max(p.y, -kInside), height - 1 + kInside)};
 }
 
 std::size_t SnakeField::pixel(Vec2 p) const {
@@ -53,7 +54,8 @@ std::vector<std::uint8_t> snake_zones(const std::uint8_t* edges, int height, int
     std::vector<std::uint8_t> zone(static_cast<std::size_t>(height) * static_cast<std::size_t>(width));
     for (int y = 0; y < height; ++y) {
         const std::uint8_t* row = edges + static_cast<std::ptrdiff_t>(y) * width;
-        for (const std::uint8_t* at = row; (at = static_cast<const std::uint8_t*>(std::memchr(at, 255, row + width - at))); ++at) {
+        for (const std::uint8_t* at = row;
+             (at = static_cast<const std::uint8_t*>(std::memchr(at, 255, row + width - at))); ++at) {
             const int x = static_cast<int>(at - row);
             const int x0 = std::max(x - kZoneReach, 0), x1 = std::min(x + kZoneReach, width - 1);
             const int y0 = std::max(y - kZoneReach, 0), y1 = std::min(y + kZoneReach, height - 1);

@@ -11,9 +11,9 @@ namespace ffseg::snake {
 struct SnakeOptions {
     double tension = 0.02, rigidity = 0.02;  // weights of first and second differences
     double balloon = 2.0;                    // px per iteration; negative closes in
-    double attraction = 2.5;                 // px^2; the edge force is attraction * grad ln |grad I| along the normal
-    double spacing = 6.0;                    // px; longer stretches get a point, a third of it loses one
-    double tolerance = 0.05;                 // px; points that move less have stopped
+    double attraction = 2.5;  // px^2; the edge force is attraction * grad ln |grad I| along the normal
+    double spacing = 6.0;  // px; longer stretches get a point, a third of it loses one
+    double tolerance = 0.05;  // px; points that move less have stopped
     bool refine = true;
     int max_iterations = 2000;
 };
@@ -30,7 +30,7 @@ struct AltitudePoint {
 struct SnakeField {
     const std::uint16_t* gradient;
     int height, width;
-    const std::uint8_t* domain;      // zero where the snake may not go; may be null
+    const std::uint8_t* domain;  // zero where the snake may not go; may be null
     std::vector<std::uint8_t> zone;  // SnakeZone of each pixel
 
     Vec2 clamp(Vec2 p) const;
