@@ -1,4 +1,4 @@
-"""Run every check of the project: ruff, types, import floors, tests, and a smoke test of a clean install.
+"""Run every check of the project: lint, format, types, import floors, C++ builds, tests, and a clean install.
 
 ``python check.py`` needs ``pip install -e '.[test]'``; ``--no-install`` leaves the clean install out.
 """
@@ -15,11 +15,19 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent
 SCRIPTS = Path(sys.executable).parent
+CPP = [
+    str(path)
+    for folder in ("ffseg/native", "tests/campaigns/native")
+    for path in sorted((ROOT / folder).rglob("*.[ch]pp"))
+]
+CLANG_FORMAT = "import clang_format; clang_format.clang_format()"
 CHECKS = {
     "ruff": [sys.executable, "-m", "ruff", "check", "--output-format=concise"],
     "format": [sys.executable, "-m", "ruff", "format", "--check"],
+    "C++ format": [sys.executable, "-c", CLANG_FORMAT, "--dry-run", "-Werror", *CPP],
     "types": [sys.executable, "-m", "mypy"],
     "import floors": [str(SCRIPTS / "lint-imports"), "--no-logo"],
+    "C++ builds": [sys.executable, "tests/campaigns/builds.py", "--work", "build/checks"],
     "tests": [sys.executable, "-m", "pytest", "-n", "2", "-q"],
 }
 """Name and command of each check, run in the project's folder."""

@@ -103,7 +103,7 @@ def telling(words: str) -> str:
 
 def border(work: Path, cases: int, seed: int, only: int | None = None) -> tuple[int, str]:
     """Run border cases through Python; the exit code and what was counted or found."""
-    core = sanitized.build_module(work)
+    core = sanitized.BUILD.module(work)
     script = Path(__file__).with_name("fuzz_border.py")
     command = [sys.executable, str(script), "--work", str(work), "--core", str(core), "--seed", str(seed)]
     command += ["--cases", str(cases)] if only is None else ["--only", str(only)]

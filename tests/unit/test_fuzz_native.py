@@ -12,6 +12,7 @@ from ffseg.native import _core
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "campaigns"))
 
+import compiling
 import fuzz_native
 import sanitized
 
@@ -32,8 +33,8 @@ print("evolve", cases, 0.5, 0.25, first)
 
 def test_native_cases_under_sanitizers_are_clean(pytestconfig: pytest.Config) -> None:
     try:
-        sanitized.compiler()
-    except sanitized.NoSanitizersError as error:
+        sanitized.BUILD.check()
+    except compiling.NoCompilerError as error:
         pytest.skip(str(error))
     work = pytestconfig.cache.mkdir("sanitized")  # compiled objects are kept for as long as their sources are the same
     figures = fuzz_native.campaign(work, CASES)
@@ -67,7 +68,11 @@ def test_a_finding_is_named_and_the_next_case_follows(tmp_path: Path, monkeypatc
 
 def test_a_compiler_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CXX", "no-such-compiler")
-    with pytest.raises(
-        sanitized.NoSanitizersError, match="there is no C\\+\\+ compiler no-such-compiler; name one in CXX"
-    ):
-        sanitized.compiler()
+    sentence = "there is no C\\+\\+ compiler no-such-compiler; name one in CXX"
+    with pytest.raises(compiling.NoCompilerError, match=sentence):
+        compiling.compiler()
+
+
+def test_flags_that_a_compiler_does_not_take_are_named() -> None:
+    with pytest.raises(compiling.NoCompilerError, match="--no-such-flag.* does not build"):
+        compiling.Build(("--no-such-flag",)).check()
