@@ -21,6 +21,51 @@ def canny(gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), or
     Canny edges (255) from the ridges in `edges`, in place, by hysteresis; thresholds in stored units.
     """
 
+def evidence_lab(image: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], factor: int, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
+    """L, a, b of the means of blocks of `factor` x `factor` pixels."""
+
+def evidence_blur(plane: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], sigma: float, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """Gaussian smoothing; outside, the border repeats."""
+
+def evidence_texture(lab: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], sigma: float, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
+    """
+    L, a, b smoothed; gradient of L, of a and b, of all; eigenvalues of structure tensor and Hessian of L.
+    """
+
+def evidence_relative(lab: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], floor: float, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
+    """
+    L, a, b less their means inside, and their length over deviation inside + floor.
+    """
+
+def evidence_likelihood(lab: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    Logarithm of how much likelier a pixel's colour is inside than in the whole plane.
+    """
+
+def evidence_barrier(heights: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], step: float, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
+    """
+    Least maximum of the heights on a way from inside; its logarithm over the median inside; shares of pixels at or below it, at it, and about at it.
+    """
+
+def evidence_geodesic(heights: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], step: float, least: int, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    Length of the cheapest way from inside, where a pixel costs its height + least, in steps.
+    """
+
+class EvidenceForest:
+    """A boosted forest of trees with at most 32 leaves each."""
+
+    def __init__(self, feature: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], threshold: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], left: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], right: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], root: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], value: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], features: int) -> None: ...
+
+    @property
+    def features(self) -> int: ...
+
+    @property
+    def trees(self) -> int: ...
+
+    def score(self, planes: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+        """Sum of the leaves that each pixel reaches."""
+
 class EvolutionOptions:
     def __init__(self) -> None: ...
 

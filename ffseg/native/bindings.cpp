@@ -4,6 +4,7 @@
 NB_MODULE(_core, m) {
     m.doc() = "Native loops of ffseg: arrays in, arrays out; no files, no policy.";
     bind_edges(m);
+    bind_evidence(m);
     bind_freeform(m);
     bind_raster(m);
     bind_region(m);

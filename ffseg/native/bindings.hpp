@@ -5,6 +5,7 @@
 #include <nanobind/stl/optional.h>
 
 void bind_edges(nanobind::module_& m);
+void bind_evidence(nanobind::module_& m);
 void bind_freeform(nanobind::module_& m);
 void bind_raster(nanobind::module_& m);
 void bind_region(nanobind::module_& m);

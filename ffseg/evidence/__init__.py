@@ -1,0 +1,1 @@
+"""Evidence beyond the gradient: pixel features, learned forests, and maps of what lies inside."""

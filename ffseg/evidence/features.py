@@ -1,0 +1,194 @@
+"""Features of pixels: what they look like at several scales, and how they relate to the start region."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import SegmentationError
+from ffseg.native import _core
+
+WORKING_SIZE = 400
+"""Most pixels a side that features are computed at; larger images are reduced by a whole factor first."""
+
+SCALES = (0.7, 1.5, 3.0, 6.0)
+"""Standard deviations of the smoothing in reduced pixels."""
+
+WAYS = SCALES[:3]
+"""Scales at which ways from the start are looked for; at the coarsest, borders have merged."""
+
+TEXTURE = ("light", "red", "blue", "slope_light", "slope_colour", "slope", "tensor1", "tensor2", "bend1", "bend2")
+"""Planes of one scale in the order of the native core: smoothed L, a, b, gradient sizes, structure tensor, Hessian."""
+
+RELATIVE = ("from_light", "from_red", "from_blue", "from_start")
+"""L, a, b less their means in the start region, and their length in deviations."""
+
+BARRIER = ("barrier", "hardness", "reached", "level", "plateau")
+"""The least maximum of the gradient on a way from the start, and what share of the image it lets pass."""
+
+PLACE = ("x", "y", "across", "along", "distance")
+"""Place in the image, and seen from the middle of the start, in parts of the image's width (``y``: of its height)."""
+
+DEVIATION_FLOOR = 1.5
+"""Units of L, a, b added to the deviation inside the start: camera noise, which a small disc may not show."""
+
+STEP = 0.01
+"""Unit of L, a, b per pixel in which gradients are counted on ways from the start; sensor noise is above it."""
+
+WAY_SCALE, WAY_STEP, LEAST_COST = 1.5, 0.1, 1
+"""The shortest way is measured at one scale and in coarser steps, of which an even pixel costs one: length counts a
+little."""
+
+NAMES = (
+    *(f"{name}@{scale:g}" for scale in SCALES for name in (*TEXTURE, *RELATIVE)),
+    *(f"{name}@{scale:g}" for scale in WAYS for name in BARRIER),
+    "way",
+    "likeness",
+    *PLACE,
+)
+"""Names of all planes in their order."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Features:
+    """Features of a reduced image.
+
+    Attributes
+    ----------
+    planes : ndarray of float32, shape (F, h, w)
+        One plane for each of ``NAMES``, all finite.
+    inside : ndarray of uint8, shape (h, w)
+        1 in the start region.
+    factor : int
+        Pixels a side of the image that became one.
+    shape : tuple of int
+        (H, W) of the image.
+    """
+
+    planes: NDArray[np.float32]
+    inside: NDArray[np.uint8]
+    factor: int
+    shape: tuple[int, int]
+
+    def __getitem__(self, name: str) -> NDArray[np.float32]:
+        """The plane of that name, shape (h, w)."""
+        plane: NDArray[np.float32] = self.planes[NAMES.index(name)]
+        return plane
+
+
+def reduction(shape: tuple[int, ...], size: int = WORKING_SIZE) -> int:
+    """The whole factor by which an image of that shape is reduced."""
+    return max(1, -(-max(shape[:2]) // size))
+
+
+def features(image: NDArray[np.uint8], start: NDArray[np.bool_], size: int = WORKING_SIZE) -> Features:
+    """All features of an image, seen from a start region.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    start : ndarray of bool, shape (H, W)
+        True in the start region: inside by definition.
+    size : int
+        Pixels a side that the reduced image may have.
+
+    Raises
+    ------
+    SegmentationError
+        If no pixel is in the start region.
+    """
+    shape = (image.shape[0], image.shape[1])
+    factor = reduction(shape, size)
+    inside = reduced_region(start, factor)
+    height, width = inside.shape
+    planes = np.empty((len(NAMES), height, width), np.float32)
+    lab = np.empty((3, height, width), np.float32)
+    _core.evidence_lab(np.ascontiguousarray(image), factor, lab)
+    at = 0
+    for scale in SCALES:
+        texture, relative = planes[at : at + len(TEXTURE)], planes[at + len(TEXTURE) : at + len(TEXTURE + RELATIVE)]
+        _core.evidence_texture(lab, scale, texture)
+        _core.evidence_relative(texture[:3], inside, DEVIATION_FLOOR, relative)
+        at += len(TEXTURE + RELATIVE)
+    for scale in WAYS:
+        slope = planes[NAMES.index(f"slope@{scale:g}")]
+        _core.evidence_barrier(slope, inside, STEP, planes[at : at + len(BARRIER)])
+        at += len(BARRIER)
+    way = NAMES.index("way")
+    _core.evidence_geodesic(planes[NAMES.index(f"slope@{WAY_SCALE:g}")], inside, WAY_STEP, LEAST_COST, planes[way])
+    _likeness(planes, inside, planes[way + 1])
+    _place(inside, planes[way + 2 :])
+    return Features(planes, inside, factor, shape)
+
+
+def reduced_region(region: NDArray[np.bool_], factor: int) -> NDArray[np.uint8]:
+    """A region at the reduced size: blocks of which at least half lies inside, or, if there are none, any.
+
+    Raises
+    ------
+    SegmentationError
+        If the region is empty.
+    """
+    if not region.any():
+        raise SegmentationError("no pixel centre lies in the start region; make init.radius larger or move it inside")
+    shares = reduced_mean(region.astype(np.float32), factor)
+    inside = shares >= 0.5
+    return (inside if inside.any() else shares > 0).astype(np.uint8)
+
+
+def reduced_mean(plane: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
+    """Means over blocks of ``factor`` x ``factor`` pixels; those at the far borders may be smaller."""
+    rows = np.arange(0, plane.shape[0], factor)
+    columns = np.arange(0, plane.shape[1], factor)
+    sums = np.add.reduceat(np.add.reduceat(plane, rows, axis=0), columns, axis=1)
+    heights = np.minimum(rows + factor, plane.shape[0]) - rows
+    widths = np.minimum(columns + factor, plane.shape[1]) - columns
+    means: NDArray[np.float32] = (sums / (heights[:, None] * widths)).astype(np.float32)
+    return means
+
+
+def enlarged(plane: NDArray[np.float32], factor: int, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """A reduced plane at the size of the image: between the middles of the blocks, linear.
+
+    Parameters
+    ----------
+    plane : ndarray of float32, shape (h, w)
+    factor : int
+    shape : tuple of int
+        (H, W) of the image.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W)
+    """
+    down = _weights(shape[0], plane.shape[0], factor)
+    right = _weights(shape[1], plane.shape[1], factor)
+    rows = plane[down[0]] * (1 - down[2])[:, None] + plane[down[1]] * down[2][:, None]
+    return np.ascontiguousarray(rows[:, right[0]] * (1 - right[2]) + rows[:, right[1]] * right[2], np.float32)
+
+
+def _weights(length: int, blocks: int, factor: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
+    """The blocks before and after each pixel, and the weight of the one after."""
+    place = np.clip((np.arange(length) + 0.5) / factor - 0.5, 0, blocks - 1)
+    before = np.minimum(place.astype(np.intp), blocks - 1)
+    return before, np.minimum(before + 1, blocks - 1), (place - before).astype(np.float32)
+
+
+def _likeness(planes: NDArray[np.float32], inside: NDArray[np.uint8], out: NDArray[np.float32]) -> None:
+    """How much likelier the colour is in the start than in the image, smoothed by a pixel."""
+    ratio = np.empty_like(out)
+    light = NAMES.index(f"light@{WAY_SCALE:g}")
+    _core.evidence_likelihood(planes[light : light + 3], inside, ratio)
+    _core.evidence_blur(ratio, 1.0, out)
+
+
+def _place(inside: NDArray[np.uint8], out: NDArray[np.float32]) -> None:
+    height, width = inside.shape
+    rows, columns = np.nonzero(inside)
+    y, x = np.arange(height, dtype=np.float32)[:, None], np.arange(width, dtype=np.float32)
+    out[0], out[1] = (x + 0.5) / width, (y + 0.5) / height
+    out[2], out[3] = (x - columns.mean()) / width, (y - rows.mean()) / width
+    out[4] = np.hypot(out[2], out[3])

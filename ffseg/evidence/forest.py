@@ -1,0 +1,190 @@
+"""Learned forests: the model file ``.ffmodel`` and its evaluation, for which nothing else is needed.
+
+A model file is data only: the line ``ffmodel 1``, four bytes with the length of the header, the header (JSON), the
+arrays of the trees as little-endian numbers, and the SHA-256 of all that stands before it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import struct
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import ImageReadError, ParameterError
+from ffseg.evidence.features import NAMES, WORKING_SIZE, Features, enlarged
+from ffseg.formats.files import printable, read_bytes
+from ffseg.native import _core
+
+MAGIC = b"ffmodel 1\n"
+MAX_BYTES = 16 << 20
+"""A forest of a thousand trees of 32 leaves takes 0.6 MB."""
+MAX_HEADER = 1 << 16
+MAX_SIZE = 4096
+"""Pixels a side that the native core works on at most."""
+ARRAYS = (
+    ("feature", "<i4", "nodes"),
+    ("threshold", "<f4", "nodes"),
+    ("left", "<i4", "nodes"),
+    ("right", "<i4", "nodes"),
+    ("root", "<i4", "trees"),
+    ("value", "<f4", "leaves"),
+)
+"""Name, type and count of each array, in the order of the file. A child below zero is the leaf ``-1 - child``."""
+REMEDY = "make it again with ffseg learn"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Forest:
+    """A boosted forest that tells pixels inside from others.
+
+    Attributes
+    ----------
+    arrays : dict of ndarray
+        As ``ARRAYS`` names them; left is where a feature is at most the threshold.
+    features : tuple of str
+        Names of the features that ``feature`` counts, of those in ``NAMES``.
+    bias : float
+        Added to the sum of the leaves; the logistic function of that is the probability of inside.
+    size : int
+        Pixels a side that features were computed at.
+    about : dict
+        What it was learned from and how well it did, for people.
+    """
+
+    arrays: dict[str, NDArray[Any]]
+    features: tuple[str, ...] = NAMES
+    bias: float = 0.0
+    size: int = WORKING_SIZE
+    about: dict[str, Any] = field(default_factory=dict)
+
+    def compiled(self) -> _core.EvidenceForest:
+        """The forest in the native core.
+
+        Raises
+        ------
+        ValueError
+            If the arrays are no forest: an index out of range, a loop, a number that is not finite.
+        """
+        arrays = {name: np.ascontiguousarray(self.arrays[name], kind[1:]) for name, kind, _ in ARRAYS}
+        return _core.EvidenceForest(**arrays, features=len(self.features))
+
+    def probability(self, seen: Features, native: _core.EvidenceForest | None = None) -> NDArray[np.float32]:
+        """Probability of inside for each reduced pixel.
+
+        Parameters
+        ----------
+        seen : Features
+        native : EvidenceForest, optional
+            What ``compiled`` returned, to be used for many images.
+
+        Returns
+        -------
+        ndarray of float32, shape (h, w)
+        """
+        planes = seen.planes
+        if self.features != NAMES:
+            planes = np.ascontiguousarray(planes[[NAMES.index(name) for name in self.features]])
+        score = np.empty(planes.shape[1:], np.float32)
+        (native or self.compiled()).score(planes, score)
+        found: NDArray[np.float32] = 1 / (1 + np.exp(-(score + np.float32(self.bias))))
+        return found
+
+    def map(self, seen: Features, native: _core.EvidenceForest | None = None) -> NDArray[np.float32]:
+        """Probability of inside for each pixel of the image, shape (H, W)."""
+        return enlarged(self.probability(seen, native), seen.factor, seen.shape)
+
+
+def to_bytes(forest: Forest) -> bytes:
+    """The model file of a forest."""
+    counts = {count: len(forest.arrays[name]) for name, _, count in ARRAYS}
+    header = {"features": forest.features, "bias": forest.bias, "size": forest.size, **counts, "about": forest.about}
+    text = json.dumps(header, sort_keys=True, allow_nan=False).encode()
+    if len(text) > MAX_HEADER:
+        raise ParameterError(f"what is said about the model takes {len(text)} bytes, more than {MAX_HEADER}; say less")
+    body = b"".join(np.asarray(forest.arrays[name], kind).tobytes() for name, kind, _ in ARRAYS)
+    data = MAGIC + struct.pack("<I", len(text)) + text + body
+    return data + hashlib.sha256(data).digest()
+
+
+def load_forest(path: str | os.PathLike[str]) -> Forest:
+    """Read a model file.
+
+    Raises
+    ------
+    ParameterError
+        If it cannot be read, or is not what ``to_bytes`` writes; the text names the file.
+    """
+    name = printable(path)
+    try:
+        data = read_bytes(path, MAX_BYTES)
+    except ImageReadError as error:
+        raise ParameterError(f"model {name}: {error}; name a file that ffseg learn has written") from error
+    try:
+        return from_bytes(data)
+    except ValueError as error:
+        raise ParameterError(f"model {name}: {error}; {REMEDY}") from error
+
+
+def from_bytes(data: bytes) -> Forest:
+    """The forest in a model file.
+
+    Raises
+    ------
+    ValueError
+        If it is not what ``to_bytes`` writes.
+    """
+    head = len(MAGIC) + 4
+    if not data.startswith(MAGIC):
+        raise ValueError("it is not a model file of this version, whose first line is 'ffmodel 1'")
+    if len(data) < head + hashlib.sha256().digest_size or hashlib.sha256(data[:-32]).digest() != data[-32:]:
+        raise ValueError("its digest does not fit: it is cut or altered")
+    length = struct.unpack("<I", data[len(MAGIC) : head])[0]
+    if length > min(MAX_HEADER, len(data) - head - 32):
+        raise ValueError("its header is longer than it may be")
+    header = _header(data[head : head + length])
+    body = data[head + length : -32]
+    sizes = [header[count] * np.dtype(kind).itemsize for _, kind, count in ARRAYS]
+    if sum(sizes) != len(body):
+        raise ValueError("its arrays are longer or shorter than its header says")
+    ends = np.cumsum([0, *sizes])
+    arrays = {
+        name: np.frombuffer(body[a:b], kind) for (name, kind, _), (a, b) in zip(ARRAYS, pairwise(ends), strict=True)
+    }
+    forest = Forest(arrays, tuple(header["features"]), float(header["bias"]), header["size"], header["about"])
+    forest.compiled()
+    return forest
+
+
+def _header(text: bytes) -> dict[str, Any]:
+    """The header, with values of the types and ranges that they may have."""
+    try:
+        header = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ValueError("its header is not JSON") from error
+    keys = {"features", "bias", "size", "about", *(count for _, _, count in ARRAYS)}
+    if not isinstance(header, dict) or set(header) != keys:
+        raise ValueError(f"its header does not have the keys {', '.join(sorted(keys))}")
+    for key, least, most in (("nodes", 0, MAX_BYTES), ("trees", 1, MAX_BYTES), ("leaves", 1, MAX_BYTES),
+                             ("size", 16, MAX_SIZE)):  # fmt: skip
+        if type(header[key]) is not int or not least <= header[key] <= most:
+            raise ValueError(f"{key} in its header is not a whole number from {least} to {most}")
+    bias = header["bias"]
+    if type(bias) not in (int, float) or not math.isfinite(bias) or abs(bias) > 1e6:
+        raise ValueError("bias in its header is not a finite number up to 1e6")
+    names = header["features"]
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+        raise ValueError("features in its header is not a list of names")
+    unknown = [name for name in names if name not in NAMES]
+    if unknown:
+        raise ValueError(f"it asks for a feature that this version does not have, {unknown[0][:40]!r}")
+    if not isinstance(header["about"], dict):
+        raise ValueError("about in its header is not a table")
+    return header

@@ -1,0 +1,174 @@
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+
+#include "bindings.hpp"
+#include "evidence/blur.hpp"
+#include "evidence/flood.hpp"
+#include "evidence/forest.hpp"
+#include "evidence/lab.hpp"
+#include "evidence/relative.hpp"
+#include "evidence/texture.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+namespace evidence = ffseg::evidence;
+using evidence::Size;
+
+using Bytes = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
+using Region = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using InPlane = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using InPlanes = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using OutPlane = nb::ndarray<float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using OutPlanes = nb::ndarray<float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Whole = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Real = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+// Costs of the longest shortest path stay below 2^32.
+constexpr std::size_t kMostPixels = 4096;
+
+void require(bool holds, const char* what) {
+    if (!holds) throw std::invalid_argument(what);
+}
+
+Size checked(std::size_t height, std::size_t width) {
+    require(height > 0 && width > 0, "the plane is empty");
+    require(height <= kMostPixels && width <= kMostPixels, "the plane is larger than 4096 pixels a side");
+    return {static_cast<int>(height), static_cast<int>(width)};
+}
+
+Size size_of(const InPlane& plane) { return checked(plane.shape(0), plane.shape(1)); }
+
+template <class Array>
+void check_same(const Array& array, Size size) {
+    require(array.shape(0) == static_cast<std::size_t>(size.height) &&
+                array.shape(1) == static_cast<std::size_t>(size.width),
+            "the arrays differ in size");
+}
+
+template <class Planes>
+Size check_planes(const Planes& planes, std::size_t count) {
+    require(planes.shape(0) == count, "there are more or fewer planes than this needs");
+    return checked(planes.shape(1), planes.shape(2));
+}
+
+void check_step(double step) { require(step >= 1e-6 && step <= 1e6, "the step is out of range"); }
+
+void py_lab(const Bytes& image, int factor, OutPlanes out) {
+    require(image.ndim() == 2 || image.ndim() == 3, "the image must be (H, W) or (H, W, C)");
+    const std::size_t channels = image.ndim() == 3 ? image.shape(2) : 1;
+    require(channels == 1 || channels == 3 || channels == 4, "the image must have 1, 3 or 4 channels");
+    require(image.shape(0) > 0 && image.shape(1) > 0, "the image is empty");
+    require(image.shape(0) <= 65535 && image.shape(1) <= 65535, "the image is larger than 65535 pixels a side");
+    require(factor >= 1 && factor <= 256, "the factor is out of range");
+    const evidence::Pixels pixels{image.data(), static_cast<int>(image.shape(0)), static_cast<int>(image.shape(1)),
+                                  static_cast<int>(channels)};
+    const Size size = check_planes(out, 3), wanted = evidence::reduced(pixels, factor);
+    require(size.height == wanted.height && size.width == wanted.width, "the arrays differ in size");
+    nb::gil_scoped_release release;
+    evidence::reduced_lab(pixels, factor, out.data());
+}
+
+void py_blur(const InPlane& plane, double sigma, OutPlane out) {
+    const Size size = size_of(plane);
+    check_same(out, size);
+    require(sigma > 0 && sigma <= evidence::kWidestBlur, "sigma is out of range");
+    nb::gil_scoped_release release;
+    evidence::blur(plane.data(), size, sigma, out.data());
+}
+
+void py_texture(const InPlanes& lab, double sigma, OutPlanes out) {
+    const Size size = check_planes(lab, 3), target = check_planes(out, evidence::kTexturePlanes);
+    require(size.height == target.height && size.width == target.width, "the arrays differ in size");
+    require(sigma > 0 && 2 * sigma <= evidence::kWidestBlur, "sigma is out of range");
+    nb::gil_scoped_release release;
+    evidence::texture(lab.data(), size, sigma, out.data());
+}
+
+void py_relative(const InPlanes& lab, const Region& inside, double floor, OutPlanes out) {
+    const Size size = check_planes(lab, 3), target = check_planes(out, evidence::kRelativePlanes);
+    require(size.height == target.height && size.width == target.width, "the arrays differ in size");
+    check_same(inside, size);
+    require(floor > 0 && std::isfinite(floor), "the floor is out of range");
+    nb::gil_scoped_release release;
+    evidence::relative_colour(lab.data(), inside.data(), size, floor, out.data());
+}
+
+// The region of a binned colour may not be asked of NaN.
+void check_finite(const float* values, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) require(std::abs(values[i]) <= 1e6F, "a value is not finite or beyond 1e6");
+}
+
+void py_likelihood(const InPlanes& lab, const Region& inside, OutPlane out) {
+    const Size size = check_planes(lab, 3);
+    check_same(inside, size);
+    check_same(out, size);
+    check_finite(lab.data(), 3 * size.count());
+    nb::gil_scoped_release release;
+    evidence::likelihood_ratio(lab.data(), inside.data(), size, out.data());
+}
+
+void py_barrier(const InPlane& heights, const Region& inside, double step, OutPlanes out) {
+    const Size size = size_of(heights), target = check_planes(out, evidence::kBarrierPlanes);
+    require(size.height == target.height && size.width == target.width, "the arrays differ in size");
+    check_same(inside, size);
+    check_step(step);
+    nb::gil_scoped_release release;
+    evidence::barrier_planes(heights.data(), inside.data(), size, step, out.data());
+}
+
+void py_geodesic(const InPlane& heights, const Region& inside, double step, int least, OutPlane out) {
+    const Size size = size_of(heights);
+    check_same(inside, size);
+    check_same(out, size);
+    check_step(step);
+    require(least >= 1 && least <= 4095, "the least cost is out of range");
+    nb::gil_scoped_release release;
+    evidence::geodesic(heights.data(), inside.data(), size, step, least, out.data());
+}
+
+void make_forest(evidence::Forest* self, const Whole& feature, const Real& threshold, const Whole& left,
+                 const Whole& right, const Whole& root, const Real& value, int features) {
+    const std::size_t nodes = feature.shape(0);
+    require(threshold.shape(0) == nodes && left.shape(0) == nodes && right.shape(0) == nodes,
+            "the arrays of the nodes differ in size");
+    require(features >= 1 && features <= 4096, "the number of features is out of range");
+    const evidence::ForestArrays arrays{feature.data(), threshold.data(), left.data(),     right.data(),  nodes,
+                                        root.data(),    root.shape(0),    value.data(), value.shape(0)};
+    new (self) evidence::Forest(arrays, features);
+}
+
+void py_score(const evidence::Forest& forest, const InPlanes& planes, OutPlane out) {
+    const Size size = check_planes(planes, static_cast<std::size_t>(forest.features()));
+    check_same(out, size);
+    nb::gil_scoped_release release;
+    forest.score(planes.data(), size.count(), out.data());
+}
+
+}  // namespace
+
+void bind_evidence(nb::module_& m) {
+    m.def("evidence_lab", &py_lab, "image"_a, "factor"_a, "out"_a,
+          "L, a, b of the means of blocks of `factor` x `factor` pixels.");
+    m.def("evidence_blur", &py_blur, "plane"_a, "sigma"_a, "out"_a, "Gaussian smoothing; outside, the border repeats.");
+    m.def("evidence_texture", &py_texture, "lab"_a, "sigma"_a, "out"_a,
+          "L, a, b smoothed; gradient of L, of a and b, of all; eigenvalues of structure tensor and Hessian of L.");
+    m.def("evidence_relative", &py_relative, "lab"_a, "inside"_a, "floor"_a, "out"_a,
+          "L, a, b less their means inside, and their length over deviation inside + floor.");
+    m.def("evidence_likelihood", &py_likelihood, "lab"_a, "inside"_a, "out"_a,
+          "Logarithm of how much likelier a pixel's colour is inside than in the whole plane.");
+    m.def("evidence_barrier", &py_barrier, "heights"_a, "inside"_a, "step"_a, "out"_a,
+          "Least maximum of the heights on a way from inside; its logarithm over the median inside; shares of pixels at or "
+          "below it, at it, and about at it.");
+    m.def("evidence_geodesic", &py_geodesic, "heights"_a, "inside"_a, "step"_a, "least"_a, "out"_a,
+          "Length of the cheapest way from inside, where a pixel costs its height + least, in steps.");
+    nb::class_<evidence::Forest>(m, "EvidenceForest", "A boosted forest of trees with at most 32 leaves each.")
+        .def("__init__", &make_forest, "feature"_a, "threshold"_a, "left"_a, "right"_a, "root"_a, "value"_a,
+             "features"_a)
+        .def_prop_ro("features", &evidence::Forest::features)
+        .def_prop_ro("trees", [](const evidence::Forest& forest) { return forest.trees(); })
+        .def("score", &py_score, "planes"_a, "out"_a, "Sum of the leaves that each pixel reaches.");
+}

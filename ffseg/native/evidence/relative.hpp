@@ -1,0 +1,18 @@
+// Colour seen from the start region.
+#pragma once
+#include <cstdint>
+
+#include "evidence/plane.hpp"
+
+namespace ffseg::evidence {
+
+// L, a, b less their means inside the start region, and the length of the three over (deviation inside + `floor`).
+constexpr int kRelativePlanes = 4;
+
+void relative_colour(const float* lab, const std::uint8_t* inside, Size size, double floor, float* out);
+
+// How much likelier the colour of a pixel is in the start region than in the whole plane: the logarithm of the ratio of
+// two smoothed histograms of 24 x 20 x 20 colours.
+void likelihood_ratio(const float* lab, const std::uint8_t* inside, Size size, float* out);
+
+}  // namespace ffseg::evidence

@@ -1,0 +1,207 @@
+"""The native pixel features and the forest beside their twins."""
+
+from __future__ import annotations
+
+import naive_evidence as naive
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from ffseg.native import _core
+
+sides = st.tuples(st.integers(1, 9), st.integers(1, 11))
+images = st.one_of(
+    hnp.arrays(np.uint8, sides),
+    hnp.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 11), st.sampled_from([1, 3, 4]))).map(
+        lambda a: a if a.shape[2] > 1 else a[..., 0]
+    ),
+)
+
+
+@st.composite
+def starts(draw: st.DrawFn, shape: tuple[int, int]) -> np.ndarray:
+    """A region that is not empty."""
+    inside = draw(hnp.arrays(np.uint8, shape, elements=st.sampled_from([0, 0, 0, 1])))
+    inside[draw(st.integers(0, shape[0] - 1)), draw(st.integers(0, shape[1] - 1))] = 1
+    return inside
+
+
+@st.composite
+def coloured(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray]:
+    """Planes of L, a, b and a start region."""
+    shape = draw(sides)
+    whole = draw(hnp.arrays(np.int16, (3, *shape), elements=st.integers(-400, 400)))
+    lab = (whole / 4).astype(np.float32)
+    lab[0] = np.abs(lab[0])
+    return lab, draw(starts(shape))
+
+
+@st.composite
+def hilly(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray]:
+    """Heights and a start region; many heights are equal, some beyond the highest level."""
+    shape = draw(sides)
+    values = st.sampled_from([0.0, 0.25, 0.5, 1.0, 3.75, 40.0, 90.0])
+    return draw(hnp.arrays(np.float32, shape, elements=values)), draw(starts(shape))
+
+
+def made(shape: tuple[int, ...], function: object, *arguments: object) -> np.ndarray:
+    out = np.full(shape, np.nan, np.float32)
+    function(*arguments, out)  # type: ignore[operator]
+    return out
+
+
+@given(images, st.integers(1, 5))
+@settings(max_examples=60, deadline=None)
+def test_reduced_colours_are_those_of_the_twin(image: np.ndarray, factor: int) -> None:
+    twin = naive.reduced_lab(image, factor)
+    # lines between 4096 tabled values: 1e-6 of a cube root near its foot, times 500, twice
+    np.testing.assert_allclose(made(twin.shape, _core.evidence_lab, image, factor), twin, rtol=0, atol=2e-2)
+
+
+def test_lab_of_known_colours() -> None:
+    """White, black, and the red of sRGB, whose L, a, b are in every table."""
+    image = np.array([[[255, 255, 255], [0, 0, 0], [0, 0, 255]]], np.uint8)
+    lab = made((3, 1, 3), _core.evidence_lab, image, 1)
+    np.testing.assert_allclose(lab[:, 0].T, [[100, 0, 0], [0, 0, 0], [53.24, 80.09, 67.20]], atol=0.05)
+
+
+@given(coloured(), st.floats(0.2, 7))
+@settings(max_examples=40, deadline=None)
+def test_texture_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], sigma: float) -> None:
+    lab, _ = drawn
+    twin = naive.texture(lab, sigma)
+    found = made(twin.shape, _core.evidence_texture, lab, sigma)
+    # single precision: values up to 100, squares of slopes up to 2500 before they are smoothed, roots of their
+    # rounding errors where they cancel
+    np.testing.assert_allclose(found[[0, 1, 2, 8, 9]], twin[[0, 1, 2, 8, 9]], rtol=0, atol=1e-3)
+    np.testing.assert_allclose(found[3:6], twin[3:6], rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(found[6:8], twin[6:8], rtol=1e-4, atol=2e-3)
+
+
+@given(coloured(), st.floats(0.5, 10))
+@settings(max_examples=60, deadline=None)
+def test_colour_from_the_start_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], floor: float) -> None:
+    lab, inside = drawn
+    twin = naive.relative(lab.astype(np.float64), inside, floor)
+    np.testing.assert_allclose(
+        made(twin.shape, _core.evidence_relative, lab, inside, floor), twin, rtol=1e-5, atol=1e-4
+    )
+
+
+@given(coloured())
+@settings(max_examples=60, deadline=None)
+def test_likelihood_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray]) -> None:
+    lab, inside = drawn
+    twin = naive.likelihood(lab, inside)
+    np.testing.assert_allclose(made(twin.shape, _core.evidence_likelihood, lab, inside), twin, rtol=1e-5, atol=1e-5)
+
+
+@given(hilly(), st.sampled_from([0.25, 0.01, 1.0]))
+@settings(max_examples=100, deadline=None)
+def test_barrier_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], step: float) -> None:
+    heights, inside = drawn
+    twin = naive.barrier(heights, inside, step)
+    np.testing.assert_allclose(
+        made(twin.shape, _core.evidence_barrier, heights, inside, step), twin, rtol=1e-6, atol=1e-6
+    )
+
+
+@given(hilly(), st.sampled_from([0.25, 0.01, 1.0]), st.integers(1, 30))
+@settings(max_examples=100, deadline=None)
+def test_way_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], step: float, least: int) -> None:
+    heights, inside = drawn
+    twin = naive.geodesic(heights, inside, step, least)
+    found = made(twin.shape, _core.evidence_geodesic, heights, inside, step, least)
+    np.testing.assert_allclose(found, twin, rtol=1e-6, atol=1e-6)
+
+
+def test_without_a_start_all_is_beyond_the_highest_barrier() -> None:
+    planes = made((5, 2, 3), _core.evidence_barrier, np.zeros((2, 3), np.float32), np.zeros((2, 3), np.uint8), 0.01)
+    np.testing.assert_allclose(planes[0], 40.95)
+
+
+@st.composite
+def forests(draw: st.DrawFn) -> dict[str, np.ndarray]:
+    """Random trees, of one leaf up to 32."""
+    arrays: dict[str, list] = {name: [] for name in ("feature", "threshold", "left", "right", "root", "value")}
+    for _ in range(draw(st.integers(1, 5))):
+        arrays["root"].append(grown(arrays, draw(st.integers(1, 32)), draw(st.randoms(use_true_random=False))))
+    kinds = {"threshold": np.float32, "value": np.float32}
+    return {name: np.array(values, kinds.get(name, np.int32)) for name, values in arrays.items()}
+
+
+def grown(arrays: dict[str, list], leaves: int, random: object) -> int:
+    """Add a tree of so many leaves; returns its root."""
+    if leaves == 1:
+        arrays["value"].append(random.uniform(-2, 2))  # type: ignore[attr-defined]
+        return -len(arrays["value"])
+    node, left = len(arrays["feature"]), random.randint(1, leaves - 1)  # type: ignore[attr-defined]
+    arrays["feature"].append(random.randint(0, 3))  # type: ignore[attr-defined]
+    arrays["threshold"].append(random.choice([-1.0, 0.0, 0.5, 2.0]))  # type: ignore[attr-defined]
+    arrays["left"].append(0)
+    arrays["right"].append(0)
+    arrays["left"][node] = grown(arrays, left, random)
+    arrays["right"][node] = grown(arrays, leaves - left, random)
+    return node
+
+
+@given(forests(), st.tuples(st.integers(1, 3), st.integers(1, 70)), st.randoms(use_true_random=False))
+@settings(max_examples=100, deadline=None)
+def test_forest_is_that_of_the_twin(arrays: dict[str, np.ndarray], shape: tuple[int, int], random: object) -> None:
+    choices = [-1.0, 0.0, 0.5, 2.0, 7.0, np.nan, np.inf, -np.inf]  # thresholds are hit exactly
+    values = [random.choice(choices) for _ in range(4 * shape[0] * shape[1])]  # type: ignore[attr-defined]
+    planes = np.array(values, np.float32).reshape(4, *shape)
+    forest = _core.EvidenceForest(**arrays, features=4)
+    assert forest.trees == len(arrays["root"])
+    found = made(shape, forest.score, planes)
+    for y, x in np.ndindex(shape):
+        assert found[y, x] == np.float32(naive.forest(arrays, planes[:, y, x]))
+
+
+STUMP = {
+    "feature": np.array([1], np.int32),
+    "threshold": np.array([0.5], np.float32),
+    "left": np.array([-1], np.int32),
+    "right": np.array([-2], np.int32),
+    "root": np.array([0], np.int32),
+    "value": np.array([-1, 1], np.float32),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "sentence"),
+    [
+        ("feature", [4], "a feature that there is not"),
+        ("feature", [-1], "a feature that there is not"),
+        ("threshold", [np.nan], "threshold is not finite"),
+        ("left", [0], "a node is absent or has two places"),
+        ("left", [7], "a node is absent or has two places"),
+        ("right", [-1], "a leaf is absent or has two places"),
+        ("right", [-(2**31)], "a leaf is absent or has two places"),
+        ("root", [0, 0], "a node is absent or has two places"),
+        ("root", [], "a node or a leaf belongs to no tree"),
+        ("value", [1, np.inf], "leaf is not finite"),
+        ("value", [1, 2, 3], "a node or a leaf belongs to no tree"),
+        ("feature", [1, 1], "arrays of the nodes differ in size"),
+    ],
+)
+def test_what_is_no_forest_is_refused(name: str, values: list[float], sentence: str) -> None:
+    arrays = {**STUMP, name: np.array(values, STUMP[name].dtype)}
+    with pytest.raises(ValueError, match=sentence):
+        _core.EvidenceForest(**arrays, features=4)
+
+
+def test_a_tree_of_33_leaves_is_refused() -> None:
+    count = np.arange(32)
+    chain = {
+        "feature": np.zeros(32, np.int32),
+        "threshold": np.zeros(32, np.float32),
+        "left": (-1 - count).astype(np.int32),
+        "right": np.append(count[1:], -33).astype(np.int32),
+        "root": np.zeros(1, np.int32),
+        "value": np.zeros(33, np.float32),
+    }
+    with pytest.raises(ValueError, match="more than 32 leaves"):
+        _core.EvidenceForest(**chain, features=1)

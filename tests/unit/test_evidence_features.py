@@ -1,0 +1,158 @@
+"""Features as a value, and the model file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ffseg.errors import ParameterError, SegmentationError
+from ffseg.evidence.features import NAMES, enlarged, features, reduced_mean, reduction
+from ffseg.evidence.forest import MAGIC, Forest, load_forest, to_bytes
+
+SHAPE = (90, 130)
+
+
+def disc(x: float, y: float, radius: float) -> np.ndarray:
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    return (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
+
+
+def photograph() -> np.ndarray:
+    image = np.random.default_rng(3).integers(90, 110, (*SHAPE, 3), np.uint8)
+    image[:, 80:] //= 3
+    return image
+
+
+def stump(name: str, threshold: float) -> Forest:
+    """A forest that calls inside what is at most the threshold."""
+    kinds = {"feature": [NAMES.index(name)], "left": [-1], "right": [-2], "root": [0]}
+    arrays = {key: np.array(value, np.int32) for key, value in kinds.items()}
+    arrays |= {"threshold": np.array([threshold], np.float32), "value": np.array([3, -3], np.float32)}
+    return Forest(arrays, about={"masks": 1})
+
+
+def test_all_features_are_finite_and_named_once() -> None:
+    seen = features(photograph(), disc(30, 40, 8), size=65)
+    assert seen.factor == 2
+    assert seen.planes.shape == (len(NAMES), 45, 65)
+    assert len(set(NAMES)) == len(NAMES)
+    assert np.isfinite(seen.planes).all()
+
+
+def test_the_barrier_of_a_border_is_its_gradient() -> None:
+    seen = features(photograph(), disc(30, 40, 8), size=130)
+    assert seen["barrier@1.5"][40, 60] < 1 < seen["barrier@1.5"][40, 120]
+    assert seen["reached@1.5"][40, 120] > 0.95
+    assert seen["from_start@1.5"][40, 120] > 5 > seen["from_start@1.5"][40, 60]
+    assert seen["distance"][40, 30] < 0.01 < seen["distance"][40, 120]
+
+
+def test_grey_is_colour_without_a_and_b() -> None:
+    grey = photograph()[..., 0]
+    one = features(grey, disc(30, 40, 8))
+    two = features(np.repeat(grey[..., None], 3, axis=2), disc(30, 40, 8))
+    np.testing.assert_array_equal(one.planes, two.planes)
+
+
+def test_a_small_start_keeps_a_pixel_and_an_empty_one_is_refused() -> None:
+    assert features(photograph(), disc(31, 41, 0.5), size=16).inside.sum() == 1
+    with pytest.raises(SegmentationError, match="start region"):
+        features(photograph(), np.zeros(SHAPE, bool))
+
+
+def test_means_of_blocks_and_back() -> None:
+    plane = np.arange(7 * 5, dtype=np.float32).reshape(7, 5)
+    small = reduced_mean(plane, 2)
+    assert small.shape == (4, 3)
+    assert small[0, 0] == plane[:2, :2].mean()
+    assert small[3, 2] == plane[6, 4]
+    slope = np.repeat(np.arange(40, dtype=np.float32)[None], 8, axis=0)
+    back = enlarged(reduced_mean(slope, 4), 4, slope.shape)
+    np.testing.assert_allclose(back[:, 2:-2], slope[:, 2:-2], atol=1e-5)  # between block middles a slope is itself
+
+
+def test_reduction_is_a_whole_factor() -> None:
+    assert [reduction((h, w)) for h, w in ((360, 480), (400, 400), (401, 10), (1, 1))] == [2, 1, 2, 1]
+
+
+def test_a_forest_survives_its_file(tmp_path: Path) -> None:
+    forest, seen = stump("barrier@1.5", 1.0), features(photograph(), disc(30, 40, 8), size=65)
+    (tmp_path / "a.ffmodel").write_bytes(to_bytes(forest))
+    again = load_forest(tmp_path / "a.ffmodel")
+    assert again.about == {"masks": 1}
+    assert to_bytes(again) == to_bytes(forest)
+    np.testing.assert_array_equal(again.map(seen), forest.map(seen))
+    assert forest.map(seen)[40, 60] > 0.9 > 0.1 > forest.map(seen)[40, 120]
+
+
+def test_a_forest_of_few_features_asks_for_those_only() -> None:
+    full, seen = stump("barrier@1.5", 1.0), features(photograph(), disc(30, 40, 8), size=65)
+    few = Forest({**full.arrays, "feature": np.zeros(1, np.int32)}, features=("barrier@1.5",))
+    np.testing.assert_array_equal(few.probability(seen), full.probability(seen))
+
+
+def sealed(header: object, body: bytes, length: int | None = None) -> bytes:
+    text = header if isinstance(header, bytes) else json.dumps(header).encode()
+    data = MAGIC + struct.pack("<I", len(text) if length is None else length) + text + body
+    return data + hashlib.sha256(data).digest()
+
+
+def parts() -> tuple[dict[str, object], bytes]:
+    data = to_bytes(stump("x", 0.5))
+    start = len(MAGIC) + 4
+    length = struct.unpack("<I", data[len(MAGIC) : start])[0]
+    return json.loads(data[start : start + length]), data[start + length : -32]
+
+
+HEADER, BODY = parts()
+HOSTILE = {
+    "empty": (b"", "empty"),
+    "text": (b"hello", "not a model file"),
+    "cut": (to_bytes(stump("x", 0.5))[:-7], "cut or altered"),
+    "altered": (to_bytes(stump("x", 0.5)).replace(b"nodes", b"nodez"), "cut or altered"),
+    "long-header": (sealed(HEADER, BODY, 1 << 30), "header is longer"),
+    "no-json": (sealed(b"{", BODY), "not JSON"),
+    "deep": (sealed(b"[" * 60000, BODY), "not JSON"),
+    "list": (sealed([1], BODY), "does not have the keys"),
+    "missing": (sealed({"nodes": 1}, BODY), "does not have the keys"),
+    "huge": (sealed({**HEADER, "nodes": 1 << 40}, BODY), "nodes in its header"),
+    "bool": (sealed({**HEADER, "trees": True}, BODY), "trees in its header"),
+    "negative": (sealed({**HEADER, "leaves": -1}, BODY), "leaves in its header"),
+    "more": (sealed({**HEADER, "leaves": 3}, BODY), "longer or shorter"),
+    "tail": (sealed(HEADER, BODY + b"x"), "longer or shorter"),
+    "nan-bias": (sealed(json.dumps({**HEADER, "bias": float("nan")}).encode(), BODY), "bias in its header"),
+    "names": (sealed({**HEADER, "features": [1]}, BODY), "not a list of names"),
+    "unknown": (sealed({**HEADER, "features": ["smell"]}, BODY), "'smell'"),
+    "few": (sealed({**HEADER, "features": []}, BODY), "not a list of names"),
+    "out-of-range": (
+        sealed({**HEADER, "features": ["y"]}, BODY.replace(BODY[:4], b"\x09\0\0\0", 1)),
+        "feature that there",
+    ),
+    "loop": (sealed(HEADER, BODY.replace(b"\xff\xff\xff\xff", b"\0\0\0\0", 1)), "two places"),
+    "nan": (sealed(HEADER, BODY.replace(struct.pack("<f", 0.5), struct.pack("<f", np.nan))), "threshold is not finite"),
+    "about": (sealed({**HEADER, "about": 1}, BODY), "about"),
+}
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_a_hostile_model_file_gets_one_sentence(tmp_path: Path, kind: str) -> None:
+    data, why = HOSTILE[kind]
+    path = tmp_path / "bad.ffmodel"
+    path.write_bytes(data)
+    with pytest.raises(ParameterError) as caught:
+        load_forest(path)
+    text = str(caught.value)
+    assert "bad.ffmodel" in text
+    assert why in text
+    assert "ffseg learn" in text
+    assert "\n" not in text
+
+
+def test_a_model_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="no.ffmodel"):
+        load_forest(tmp_path / "no.ffmodel")
