@@ -13,7 +13,15 @@ from importlib.util import module_from_spec
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ffseg.api import ParametersLike as ParametersLike
+    from ffseg.api import segment as segment
+    from ffseg.camera import Camera as Camera
+    from ffseg.camera import Motion as Motion
+    from ffseg.camera import Pose as Pose
     from ffseg.camera import load_camera as load_camera
+    from ffseg.camera import load_poses as load_poses
+    from ffseg.camera import planar_pose as planar_pose
+    from ffseg.camera.projections import Projection as Projection
     from ffseg.errors import CalibrationError as CalibrationError
     from ffseg.errors import FfsegError as FfsegError
     from ffseg.errors import ImageReadError as ImageReadError
@@ -21,31 +29,62 @@ if TYPE_CHECKING:
     from ffseg.errors import ParameterError as ParameterError
     from ffseg.errors import SegmentationError as SegmentationError
     from ffseg.errors import UsageError as UsageError
+    from ffseg.formats.images import Limits as Limits
+    from ffseg.formats.images import read_image as read_image
     from ffseg.freespace.sequence import Frame as Frame
     from ffseg.freespace.sequence import Sequence as Sequence
+    from ffseg.freespace.structural import ComponentVerdict as ComponentVerdict
     from ffseg.geometry.freeform import FreeForm as FreeForm
+    from ffseg.image.edges import EdgeMap as EdgeMap
+    from ffseg.image.edges import Scene as Scene
+    from ffseg.image.edges import edge_map as edge_map
+    from ffseg.parameters import Contour as Contour
+    from ffseg.parameters import Domain as Domain
+    from ffseg.parameters import Edges as Edges
+    from ffseg.parameters import Init as Init
+    from ffseg.parameters import LevelSet as LevelSet
+    from ffseg.parameters import Obstacles as Obstacles
     from ffseg.parameters import Parameters as Parameters
+    from ffseg.parameters import Snake as Snake
     from ffseg.parameters import load_params as load_params
     from ffseg.parameters import presets as presets
+    from ffseg.segmenters.base import Outcome as Outcome
+    from ffseg.segmenters.base import Progress as Progress
     from ffseg.segmenters.base import Segmentation as Segmentation
+    from ffseg.segmenters.base import Segmenter as Segmenter
     from ffseg.segmenters.base import Stats as Stats
     from ffseg.segmenters.base import Timings as Timings
-    from ffseg.segmenters.registry import segment as segment
+    from ffseg.segmenters.base import View as View
 
 __version__ = "0.1.0"
 
 _HOMES = {
+    "segment": "ffseg.api",
+    "ParametersLike": "ffseg.api",
     "load_params": "ffseg.parameters",
     "presets": "ffseg.parameters",
     "Parameters": "ffseg.parameters",
-    "segment": "ffseg.segmenters.registry",
     "Segmentation": "ffseg.segmenters.base",
     "Stats": "ffseg.segmenters.base",
     "Timings": "ffseg.segmenters.base",
+    "Progress": "ffseg.segmenters.base",
+    "Segmenter": "ffseg.segmenters.base",
+    "View": "ffseg.segmenters.base",
+    "Outcome": "ffseg.segmenters.base",
+    "EdgeMap": "ffseg.image.edges",
+    "Scene": "ffseg.image.edges",
+    "edge_map": "ffseg.image.edges",
     "FreeForm": "ffseg.geometry.freeform",
+    "Camera": "ffseg.camera",
     "load_camera": "ffseg.camera",
+    "Pose": "ffseg.camera",
+    "planar_pose": "ffseg.camera",
+    "load_poses": "ffseg.camera",
+    "Motion": "ffseg.camera",
     "Sequence": "ffseg.freespace.sequence",
     "Frame": "ffseg.freespace.sequence",
+    "ComponentVerdict": "ffseg.freespace.structural",
+    "read_image": "ffseg.formats.images",
     "FfsegError": "ffseg.errors",
     "ParameterError": "ffseg.errors",
     "UsageError": "ffseg.errors",
@@ -53,6 +92,15 @@ _HOMES = {
     "SegmentationError": "ffseg.errors",
     "CalibrationError": "ffseg.errors",
     "OutputError": "ffseg.errors",
+    "Contour": "ffseg.parameters",
+    "Edges": "ffseg.parameters",
+    "Init": "ffseg.parameters",
+    "Domain": "ffseg.parameters",
+    "Obstacles": "ffseg.parameters",
+    "Snake": "ffseg.parameters",
+    "LevelSet": "ffseg.parameters",
+    "Limits": "ffseg.formats.images",
+    "Projection": "ffseg.camera.projections",
 }
 
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - the names are strings, in one place

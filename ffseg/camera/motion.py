@@ -16,13 +16,18 @@ Origin = Literal["poses", "poses, refined on the ground", "ground points"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """Where the camera is: ``world = rotation @ camera + position``.
+    """Where the camera is: ``world = rotation @ camera + position``, from the camera's frame to the world's.
+
+    The camera's frame is x right and y down in the image, z along the optical axis toward the ground side. The world's is
+    any fixed frame in metres, the same for all poses of a sequence; only differences between poses count.
+    `planar_pose` makes a pose of x, y and a heading.
 
     Attributes
     ----------
     rotation : ndarray of float64, shape (3, 3)
+        Takes directions of the camera's frame to the world's; without a unit.
     position : ndarray of float64, shape (3,)
-        Metres.
+        The camera's centre in the world, metres.
     """
 
     rotation: Array
@@ -67,7 +72,24 @@ class Motion:
 
 
 def planar_pose(camera: Camera, x: float, y: float, theta: float) -> Pose:
-    """Pose on the ground plane: the levelled camera frame turned by ``theta`` and moved to ``(x, y)``."""
+    """Pose of a camera that moves over level ground, as in a row of a poses file.
+
+    Parameters
+    ----------
+    camera : Camera
+        Its ``up`` says how it is mounted.
+    x, y : float
+        The camera's place on the ground, metres.
+    theta : float
+        Its heading, radians: a direction (dx, dy) of the levelled camera frame is (cos(theta) dx - sin(theta) dy,
+        sin(theta) dx + cos(theta) dy) on the ground. Since y points down in the image, positive turns clockwise as
+        the image shows it.
+
+    Returns
+    -------
+    Pose
+        Levelled camera frame turned by `theta` and moved to (x, y, 0).
+    """
     return Pose(_turn(theta) @ camera.level(), np.array([x, y, 0.0]))
 
 

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.errors import OutputError
 from ffseg.formats.masks import encode_png
 
 Kind = Literal["outer", "obstacle", "false", "untested"]
@@ -21,6 +22,12 @@ COLOURS: dict[Kind, tuple[int, int, int]] = {
 }
 """BGR: green free space, red obstacles, blue ground given back, yellow what no point tested."""
 
+_TINT_SHARE = 0.25
+"""Of the green in what is inside: the picture stays readable below."""
+_TINTED = np.rint((1 - _TINT_SHARE) * np.arange(256)[:, None] + _TINT_SHARE * np.array(COLOURS["outer"])).astype(
+    np.uint8
+)[:, None, :]
+"""What each level of each channel becomes inside, shape (256, 1, 3)."""
 _SHIFT = 4  # bits of a pixel fraction OpenCV draws with: 1/16 px, below what a line of one pixel can show
 _FAR = 1 << 14  # px: fixed-point coordinates overflow 32 bits beyond 2**27; 2**14 is outside every image that is read
 
@@ -40,13 +47,17 @@ class Polyline:
     kind: Kind
 
 
-def draw_overlay(image: NDArray[np.uint8], polylines: Sequence[Polyline]) -> NDArray[np.uint8]:
-    """Image with closed antialiased lines, outer ones last so that they stay visible.
+def draw_overlay(
+    image: NDArray[np.uint8], polylines: Sequence[Polyline], mask: NDArray[np.bool_] | None = None
+) -> NDArray[np.uint8]:
+    """Image with the region tinted and closed antialiased lines, outer ones last so that they stay visible.
 
     Parameters
     ----------
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
     polylines : sequence of Polyline
+    mask : ndarray of bool, shape (H, W), optional
+        Region to tint.
 
     Returns
     -------
@@ -56,6 +67,9 @@ def draw_overlay(image: NDArray[np.uint8], polylines: Sequence[Polyline]) -> NDA
         image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
     )
     canvas = canvas.copy() if canvas is image else canvas
+    if mask is not None:
+        inside = np.ascontiguousarray(mask).view(np.uint8)
+        canvas = np.asarray(cv2.copyTo(cv2.LUT(canvas, _TINTED), inside, canvas), np.uint8)
     thickness = 1 if max(canvas.shape[:2]) < 1000 else 2
     for line in sorted(polylines, key=lambda line: line.kind == "outer"):
         fixed = np.rint(np.clip(line.points, -_FAR, _FAR) * (1 << _SHIFT)).astype(np.int32)
@@ -63,6 +77,18 @@ def draw_overlay(image: NDArray[np.uint8], polylines: Sequence[Polyline]) -> NDA
     return canvas
 
 
-def encode_overlay(image: NDArray[np.uint8], polylines: Sequence[Polyline]) -> bytes:
-    """PNG file of `draw_overlay`, packed for speed."""
-    return encode_png(draw_overlay(image, polylines), [cv2.IMWRITE_PNG_COMPRESSION, 1])
+def encode_overlay(
+    image: NDArray[np.uint8],
+    polylines: Sequence[Polyline],
+    mask: NDArray[np.bool_] | None = None,
+    suffix: str = ".png",
+) -> bytes:
+    """File of `draw_overlay`: PNG packed for speed, or JPEG or WebP by the suffix."""
+    drawn = draw_overlay(image, polylines, mask)
+    if suffix == ".png":
+        return encode_png(drawn, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    done, encoded = cv2.imencode(suffix, drawn)
+    if not done:
+        raise OutputError(f"the picture cannot be written as {suffix}; write it as .png")
+    data: bytes = encoded.tobytes()
+    return data

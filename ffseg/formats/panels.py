@@ -17,8 +17,7 @@ TILE_WIDTH = 400
 COLUMNS = 4
 STRIP = 24
 """Pixels of the strip the name stands in."""
-_WHITE, _DARK, _TINT = (255, 255, 255), (32, 32, 32), (80, 220, 60)
-_TINT_SHARE = 0.25
+_WHITE, _DARK = (255, 255, 255), (32, 32, 32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,19 +57,10 @@ def encode_panel(image: NDArray[np.uint8], tiles: Sequence[Tile]) -> bytes:
 
 
 def _drawn(image: NDArray[np.uint8], tile: Tile) -> NDArray[np.uint8]:
-    picture = draw_overlay(_tinted(image, tile.mask), tile.polylines)
+    picture = draw_overlay(image, tile.polylines, tile.mask)
     scale = TILE_WIDTH / image.shape[1]
     size = (TILE_WIDTH, max(1, round(image.shape[0] * scale)))
     small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
     strip = np.full((STRIP, TILE_WIDTH, 3), _DARK, np.uint8)
     cv2.putText(strip, tile.label, (6, STRIP - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _WHITE, 1, cv2.LINE_AA)
     return np.vstack([strip, np.asarray(small, np.uint8)])
-
-
-def _tinted(image: NDArray[np.uint8], mask: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
-    colour = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
-    if mask is None:
-        return np.asarray(colour, np.uint8)
-    mixed = colour.copy()
-    mixed[mask] = np.rint((1 - _TINT_SHARE) * colour[mask] + _TINT_SHARE * np.array(_TINT)).astype(np.uint8)
-    return mixed

@@ -277,7 +277,9 @@ class Sequence:
         ----------
         image : ndarray of uint8, shape (H, W) or (H, W, 3)
         pose : Pose, optional
-            Without the pose of this image or of the one before, the motion is read off the ground.
+            Where the camera is, metres, from the camera's frame to one that is the same for all images
+            (`planar_pose` makes one of x, y and heading). Without the pose of this image or of the one before, the
+            motion is read off the ground.
 
         Raises
         ------

@@ -15,7 +15,7 @@ from ffseg.geometry.bezier import Points
 from ffseg.geometry.winding import winding_numbers
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class FreeForm:
     """A closed chain of Bezier patches of one degree.
 
@@ -50,6 +50,11 @@ class FreeForm:
         if not np.isfinite(points).all():
             raise ValueError("control points hold NaN or infinity: every coordinate must be finite")
         _set(self, points, int(self.degree))
+
+    def __repr__(self) -> str:
+        return (
+            f"<FreeForm of degree {self.degree}: {self.num_patches} patches, signed area {self.signed_area:.1f} px^2>"
+        )
 
     def __reduce__(self) -> tuple[type[FreeForm], tuple[Points, int]]:
         """Rebuild through the constructor, so that a copy from another process is read-only too."""

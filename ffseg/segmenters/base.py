@@ -13,6 +13,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.parameters import Parameters
+from ffseg.segmenters.saving.savable import Savable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,8 +48,8 @@ class Timings:
     total_ms: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Segmentation:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Segmentation(Savable):
     """The region a segmenter found.
 
     Attributes

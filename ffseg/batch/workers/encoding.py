@@ -98,11 +98,11 @@ def _mask(made: Made, _: str) -> bytes:
 
 def _contours(made: Made, _: str) -> bytes:
     height, width = made.image.shape[:2]
-    return svg_document(made.result.contours, width, height).encode("utf-8")
+    return svg_document(made.result.contours, width, height, made.name).encode("utf-8")
 
 
 def _overlay(made: Made, _: str) -> bytes:
-    return encode_overlay(made.image, made.lines)
+    return encode_overlay(made.image, made.lines, made.result.mask)
 
 
 def _coco(made: Made, _: str) -> bytes:

@@ -1,0 +1,179 @@
+"""``ffseg.segment``: takes what people have at hand, and says in one sentence what is wrong with what it cannot take."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import ImageReadError, ParameterError, SegmentationError
+from ffseg.formats.masks import read_levels
+from ffseg.image.edges import EdgeMap
+from ffseg.parameters import Parameters, load_params
+from ffseg.segmenters import registry
+from ffseg.segmenters.base import Progress, Segmentation, Segmenter
+
+ParametersLike = Parameters | str | os.PathLike[str] | Mapping[str, object] | None
+"""A parameter set, a preset's name, a parameter file, overrides of the defaults, or None for the defaults."""
+
+_CHANNELS = (1, 3, 4)
+
+
+def segment(  # noqa: PLR0913 - everything that is particular to one image has its name here
+    image: NDArray[np.uint8],
+    params: ParametersLike = None,
+    method: str | Segmenter | None = None,
+    *,
+    edges: EdgeMap | None = None,
+    domain: NDArray[np.uint8] | None = None,
+    start_mask: NDArray[np.uint8] | None = None,
+    center: tuple[float, float] | None = None,
+    altitudes: NDArray[np.float64] | None = None,
+    options: object = None,
+    callback: Callable[[Progress], None] | None = None,
+) -> Segmentation:
+    """Segment one image: edge map, start contours, evolution, mask.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    params : Parameters, str, path or mapping, optional
+        A parameter set, the name of a preset, a parameter file, or values by dotted key such as
+        ``{"contour.degree": 2}``; without it the defaults.
+    method : str or Segmenter, optional
+        Takes the place of ``params.method``: a name, or a function ``run(view) -> outcome``. A peer runs with the
+        parameters of ``configs/peers.yaml`` and its own sigma.
+    edges : EdgeMap, optional
+        Takes the place of the edge source that ``edges.source`` names.
+    domain : ndarray of uint8 or bool, shape (H, W), optional
+        Nonzero where the contour may go; without it the file ``domain.mask`` names, else everywhere.
+    start_mask : ndarray of uint8 or bool, shape (H, W), optional
+        Nonzero inside the start regions; without it the file ``init.mask`` names.
+    center : tuple of float, optional
+        What ``init.center: auto`` stands for, (x, y) in pixels; without it the image centre.
+    altitudes : ndarray of float64, shape (K, 4), optional
+        Interest points of a camera pair for the snake's altitude term (Eq. 11).
+    options : object, optional
+        The method's own section of parameters, where it has one outside `params`; what a peer needs is then all in
+        `params` and `options`.
+    callback : callable, optional
+        Called with snapshots of the evolution.
+
+    Returns
+    -------
+    Segmentation
+
+    Raises
+    ------
+    SegmentationError
+        If the image is none, or cannot be segmented as asked.
+    ParameterError
+        If a parameter is wrong, or there is no such method.
+
+    Examples
+    --------
+    >>> result = ffseg.segment(image)  # doctest: +SKIP
+    >>> result = ffseg.segment(image, {"init.center": [120, 80], "init.radius": 15})  # doctest: +SKIP
+    """
+    pixels = checked_image(image)
+    chosen = parameter_set(params)
+    return registry.segment(
+        pixels,
+        chosen,
+        method,
+        edges=edges,
+        domain=_mask("domain", domain, "domain.mask", chosen.domain.mask),
+        start_mask=_mask("start_mask", start_mask, "init.mask", chosen.init.mask),
+        center=center,
+        altitudes=altitudes,
+        options=options,
+        callback=callback,
+    )
+
+
+def parameter_set(params: ParametersLike) -> Parameters:
+    """A parameter set from whatever `segment` takes for one."""
+    if isinstance(params, Parameters):
+        return params
+    if isinstance(params, Mapping):
+        return load_params(None, params)
+    if params is None or isinstance(params, str | os.PathLike):
+        return load_params(params)
+    raise ParameterError(
+        f"params is of type {type(params).__name__}; give a preset's name, a file, a dict such as {{'init.radius': 20}}, "
+        "or what ffseg.load_params returns"
+    )
+
+
+def checked_image(image: object) -> NDArray[np.uint8]:
+    """The image as the core takes it.
+
+    Raises
+    ------
+    SegmentationError
+        One sentence: what it is, and how to make an image of it.
+    """
+    if not isinstance(image, np.ndarray):
+        raise SegmentationError(_not_an_array(image))
+    if image.dtype == np.uint8 and image.size and (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)):
+        return image
+    raise SegmentationError(f"the image must be uint8 of shape (H, W) or (H, W, 3); {_remedy(image)}")
+
+
+def _not_an_array(image: object) -> str:
+    if image is None:
+        return "the image is None, which cv2.imread returns for a file it cannot read; check the file's name"
+    if isinstance(image, str | os.PathLike):
+        return f"the image is a file name; read it first: ffseg.segment(cv2.imread({os.fspath(image)!r}))"
+    if type(image).__module__.startswith("PIL."):
+        return "the image is a PIL image; give its pixels: np.asarray(image.convert('RGB'))[..., ::-1]"
+    if hasattr(image, "numpy"):
+        return f"the image is a {type(image).__name__}; give a NumPy array: image.numpy()"
+    return f"the image is of type {type(image).__name__}; give a NumPy array of uint8, shape (H, W) or (H, W, 3)"
+
+
+def _remedy(image: NDArray[Any]) -> str:
+    """What an array that is no image is, and how it becomes one."""
+    shape = image.shape
+    if not image.size:
+        return f"this one of shape {shape} has no pixel"
+    if image.ndim == 4:
+        return f"shape {shape} is a stack; give one image: images[0]"
+    if image.ndim not in (2, 3):
+        return f"this one has shape {shape}"
+    if image.ndim == 3 and shape[2] not in _CHANNELS:
+        first = "image.transpose(1, 2, 0)" if shape[0] in _CHANNELS else "image[..., :3]"
+        return f"shape {shape} does not end with the channels; give {first}"
+    if image.dtype != np.uint8:
+        return _other_pixels(image)
+    return f"shape {shape} has {shape[2]} channels; give image[..., {'0' if shape[2] == 1 else ':3'}]"
+
+
+def _other_pixels(image: NDArray[Any]) -> str:
+    if image.dtype == np.bool_:
+        return "for bool give image.astype(np.uint8) * 255"
+    if image.dtype == np.uint16:
+        return "for uint16 give (image // 257).astype(np.uint8)"
+    if image.dtype.kind == "f" and np.nanmax(image) <= 1:
+        return f"for {image.dtype} from 0 to 1 give (image * 255).round().astype(np.uint8)"
+    return f"for {image.dtype} give image.clip(0, 255).astype(np.uint8)"
+
+
+def _mask(
+    name: str, mask: NDArray[np.uint8] | NDArray[np.bool_] | None, key: str, path: str | None
+) -> NDArray[np.uint8] | None:
+    """A mask as 0 and 255: the one given, else that of the file the parameters name."""
+    if mask is None and path is None:
+        return None
+    if mask is None and path is not None:
+        try:
+            mask = read_levels(path)
+        except ImageReadError as error:
+            raise ParameterError(f"{key}: {error}") from error
+    if not isinstance(mask, np.ndarray) or mask.ndim != 2 or mask.dtype.kind not in "bu":
+        raise SegmentationError(f"{name} must be an array of bool or uint8, shape (H, W), nonzero inside")
+    return np.where(mask > 0, np.uint8(255), np.uint8(0))

@@ -1,0 +1,128 @@
+"""What one result can be written as, told by the suffix of a file name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from ffseg.errors import OutputError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.regions import group_regions
+from ffseg.image.raster import rasterize
+from ffseg.segmenters.saving.source import Source
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ffseg.formats.exports import AnnotatedImage, Document
+    from ffseg.formats.overlays import Polyline
+    from ffseg.segmenters.base import Segmentation
+
+FLATNESS = 0.1
+"""Tolerance of the lines drawn on pictures, px: a tenth of a line's width."""
+SUFFIXES = {
+    ".png": "mask",
+    ".svg": "svg",
+    ".geojson": "geojson",
+    ".json": "coco",
+    ".jpg": "overlay",
+    ".jpeg": "overlay",
+    ".webp": "overlay",
+}
+"""Kind of a file by its suffix."""
+
+
+def kind_of(path: str, kinds: Sequence[str] = ()) -> str:
+    """Kind of output a file name asks for.
+
+    Raises
+    ------
+    OutputError
+        If the suffix stands for none, or not for one of `kinds`.
+    """
+    suffix = os.path.splitext(path)[1].lower()
+    known = {end: kind for end, kind in SUFFIXES.items() if not kinds or kind in kinds}
+    if suffix not in known:
+        named = ", ".join(f"{end} ({kind})" for end, kind in known.items())
+        raise OutputError(f"{path}: the suffix {suffix or 'is missing and'} stands for no output; write one of {named}")
+    return known[suffix]
+
+
+def encoded(result: Segmentation, kind: str, source: Source, suffix: str = ".png") -> bytes:
+    """A result as the bytes of a file.
+
+    Parameters
+    ----------
+    result : Segmentation
+    kind : {"mask", "svg", "geojson", "coco", "labelme", "overlay"}
+    source : Source
+    suffix : str
+        Format of an overlay.
+    """
+    if kind == "overlay":
+        return _overlay(result, source, suffix)
+    return KINDS[kind](result, source)
+
+
+def annotated(result: Segmentation, name: str) -> AnnotatedImage:
+    """What documents know of a result."""
+    from ffseg.formats.exports import AnnotatedImage, PaintedRegion
+
+    height, width = result.mask.shape
+    regions = group_regions(result.contours)
+    painted = tuple(PaintedRegion(region, rasterize(region.contours, (height, width))) for region in regions)
+    return AnnotatedImage(name, width, height, painted)
+
+
+def polylines(contours: Sequence[FreeForm]) -> list[Polyline]:
+    """Contours as lines to draw: outer ones, and holes as obstacles."""
+    from ffseg.formats.overlays import Polyline
+
+    return [Polyline(c.flatten(FLATNESS), "outer" if c.signed_area > 0 else "obstacle") for c in contours]
+
+
+def documents(result: Segmentation, kind: str, name: str) -> Document:
+    """A result as a COCO, LabelMe or GeoJSON document."""
+    from ffseg.formats import exports
+
+    made = {"coco": exports.coco_document, "labelme": exports.labelme_document, "geojson": exports.geojson_document}
+    return made[kind](annotated(result, name))
+
+
+def _overlay(result: Segmentation, source: Source, suffix: str) -> bytes:
+    from ffseg.formats.overlays import encode_overlay
+
+    if source.image is None or source.image.shape[:2] != result.mask.shape:
+        raise OutputError("an overlay needs the image that was segmented")
+    return encode_overlay(source.image, polylines(result.contours), result.mask, suffix)
+
+
+def _mask(result: Segmentation, _: Source) -> bytes:
+    from ffseg.formats.masks import encode_mask
+
+    return encode_mask(result.mask)
+
+
+def _svg(result: Segmentation, source: Source) -> bytes:
+    from ffseg.formats.svg import svg_document
+
+    height, width = result.mask.shape
+    return svg_document(result.contours, width, height, source.name, source.behind).encode("utf-8")
+
+
+def _document(kind: str) -> Callable[[Segmentation, Source], bytes]:
+    def write(result: Segmentation, source: Source) -> bytes:
+        from ffseg.formats.exports import json_text
+
+        return json_text(documents(result, kind, source.name)).encode("ascii")
+
+    return write
+
+
+KINDS: dict[str, Callable[[Segmentation, Source], bytes]] = {
+    "mask": _mask,
+    "svg": _svg,
+    **{kind: _document(kind) for kind in ("geojson", "coco", "labelme")},
+}
+"""Encoders that need no image."""

@@ -1,0 +1,210 @@
+"""``ffseg.segment`` as people call it, what a result can do, and the names a signature needs."""
+
+from __future__ import annotations
+
+import inspect
+import io
+import json
+import re
+import subprocess
+import sys
+import typing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import ffseg
+from ffseg.formats.exports import geojson_document
+from ffseg.formats.masks import read_mask
+from ffseg.segmenters.saving.kinds import annotated
+
+ROOT = Path(__file__).resolve().parents[2]
+YY, XX = np.mgrid[:90, :120]
+DISC = np.where((XX - 60) ** 2 + (YY - 45) ** 2 < 900, 210, 40).astype(np.uint8)
+SMALL = {"init.radius": 10}
+
+
+@pytest.fixture(scope="module")
+def result() -> ffseg.Segmentation:
+    return ffseg.segment(DISC, SMALL)
+
+
+def test_an_image_alone_is_enough() -> None:
+    alone = ffseg.segment(ffseg.read_image(ROOT / "samples" / "toy.png"))
+    assert np.array_equal(
+        alone.mask, ffseg.segment(ffseg.read_image(ROOT / "samples" / "toy.png"), ffseg.load_params()).mask
+    )
+
+
+def test_parameters_are_a_preset_a_file_a_dict_or_a_set(tmp_path: Path) -> None:
+    (tmp_path / "p.yaml").write_text("contour: {degree: 2}\ninit: {radius: 10}\n")
+    nested: dict[str, object] = {"contour": {"degree": 2}, "init": {"radius": 10}}
+    same = [
+        tmp_path / "p.yaml", str(tmp_path / "p.yaml"), {"contour.degree": 2, **SMALL}, nested,
+        ffseg.load_params(None, nested),
+    ]  # fmt: skip
+    points = [ffseg.segment(DISC, one).contours[0].control_points.tolist() for one in same]
+    assert all(found == points[0] for found in points)
+    assert ffseg.segment(DISC, "toy-fixed").stats.patches != ffseg.segment(DISC, "toy-full").stats.patches
+    with pytest.raises(ffseg.ParameterError, match="params is of type int; give a preset's name"):
+        ffseg.segment(DISC, 3)  # type: ignore[arg-type]
+
+
+COLOUR = np.dstack([DISC] * 3)
+WRONG = {
+    "none": (None, "cv2.imread returns for a file it cannot read"),
+    "a name": ("a.png", "ffseg.segment(cv2.imread('a.png'))"),
+    "a path": (Path("a.png"), "ffseg.segment(cv2.imread('a.png'))"),
+    "pillow": (Image.fromarray(COLOUR), "np.asarray(image.convert('RGB'))[..., ::-1]"),
+    "list": (DISC.tolist(), "give a NumPy array"),
+    "unit floats": (DISC / 255, "(image * 255).round().astype(np.uint8)"),
+    "floats": (DISC.astype(float), "image.clip(0, 255).astype(np.uint8)"),
+    "16 bits": (DISC.astype(np.uint16) * 257, "(image // 257).astype(np.uint8)"),
+    "bool": (DISC > 99, "image.astype(np.uint8) * 255"),
+    "channels first": (COLOUR.transpose(2, 0, 1), "image.transpose(1, 2, 0)"),
+    "float, channels first": (COLOUR.transpose(2, 0, 1) / 255, "image.transpose(1, 2, 0)"),
+    "stack": (COLOUR[None], "images[0]"),
+    "alpha": (np.dstack([COLOUR, DISC]), "image[..., :3]"),
+    "one channel": (DISC[..., None], "image[..., 0]"),
+    "nothing": (DISC[:0], "has no pixel"),
+}
+
+
+@pytest.mark.parametrize(("image", "remedy"), WRONG.values(), ids=WRONG)
+def test_what_is_no_image_is_told_in_one_sentence_how_to_become_one(image: object, remedy: str) -> None:
+    with pytest.raises(ffseg.SegmentationError) as caught:
+        ffseg.segment(image)  # type: ignore[arg-type]
+    assert remedy in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+REMEDIES = ("unit floats", "floats", "16 bits", "bool", "channels first", "stack", "alpha", "one channel", "pillow")
+
+
+@pytest.mark.parametrize("name", REMEDIES)
+def test_the_remedy_works(name: str) -> None:
+    image, remedy = WRONG[name]
+    remedied = eval(remedy, {"np": np, "image": image, "images": image})  # noqa: S307 - our own sentences
+    assert ffseg.segment(remedied, {**SMALL, "edges.canny": [5, 10]}).mask.shape == DISC.shape
+
+
+def test_views_of_images_are_images() -> None:
+    flipped = ffseg.segment(COLOUR[..., ::-1], SMALL)
+    assert np.array_equal(flipped.mask, ffseg.segment(COLOUR, SMALL).mask)
+
+
+def test_masks_may_be_bool_and_files_of_the_parameters_count(tmp_path: Path) -> None:
+    left = XX < 60
+    Image.fromarray(left.astype(np.uint8) * 255).save(tmp_path / "left.png")
+    start = {"init.radius": 8, "init.center": [45, 45]}
+    given = ffseg.segment(DISC, start, domain=left)
+    named = ffseg.segment(DISC, {**start, "domain.mask": tmp_path / "left.png"})
+    assert np.array_equal(given.mask, named.mask)
+    assert not named.mask[:, 62:].any()
+    with pytest.raises(ffseg.ParameterError, match=r"domain.mask: .*nowhere.png"):
+        ffseg.segment(DISC, {"domain.mask": "nowhere.png"})
+    with pytest.raises(ffseg.SegmentationError, match="domain must be an array"):
+        ffseg.segment(DISC, SMALL, domain=left.astype(float))  # type: ignore[arg-type]
+
+
+def test_short_texts(result: ffseg.Segmentation) -> None:
+    assert re.fullmatch(
+        r"<Segmentation of 120 x 90 px: 28\d\d px inside, 1 region, 0 holes; converged after \d+ iterations>",
+        repr(result),
+    )
+    assert re.fullmatch(r"<FreeForm of degree 3: \d+ patches, signed area 28\d\d\.\d px\^2>", repr(result.contours[0]))
+
+
+@pytest.mark.parametrize(("factor", "size"), [(1, (120, 90)), (6, (360, 270))])
+def test_a_notebook_shows_a_picture(factor: int, size: tuple[int, int]) -> None:
+    large = ffseg.segment(np.kron(DISC, np.ones((factor, factor), np.uint8)), {"init.radius": 10 * factor})
+    picture = Image.open(io.BytesIO(large._repr_png_()))
+    assert picture.size == size
+    assert picture.getpixel((size[0] // 2, size[1] // 2)) == (235, 235, 235)
+    assert picture.getpixel((1, 1)) == (70, 70, 70)
+
+
+def test_files_of_a_result(result: ffseg.Segmentation, tmp_path: Path) -> None:
+    result.save_mask(tmp_path / "m.png")
+    assert np.array_equal(read_mask(tmp_path / "m.png"), result.mask)
+    result.save_svg(tmp_path / "c.svg", title="a & b", behind="disc.png")
+    text = (tmp_path / "c.svg").read_text("utf-8")
+    assert "<title>a &amp; b</title>" in text
+    assert '<image href="disc.png" width="120" height="90"/>' in text
+    for suffix in ("png", "jpg", "webp"):
+        result.save_overlay(tmp_path / f"o.{suffix}", DISC)
+        assert ffseg.read_image(tmp_path / f"o.{suffix}").shape == (90, 120, 3)
+    drawn = ffseg.read_image(tmp_path / "o.png")[..., ::-1]
+    assert tuple(drawn[45, 60]) == (  # RGB: a quarter of the green of outer contours
+        round(0.75 * 210 + 0.25 * 60), round(0.75 * 210 + 0.25 * 220), round(0.75 * 210 + 0.25 * 80),
+    )  # fmt: skip
+    assert tuple(drawn[1, 1]) == (40, 40, 40)
+
+
+def test_files_with_wrong_names_or_images_are_refused(result: ffseg.Segmentation, tmp_path: Path) -> None:
+    with pytest.raises(ffseg.OutputError, match=r"\.jpg stands for no output; write one of \.png \(mask\)"):
+        result.save_mask(tmp_path / "m.jpg")
+    with pytest.raises(ffseg.OutputError, match="is missing"):
+        result.save_svg(tmp_path / "c")
+    with pytest.raises(ffseg.OutputError, match="needs the image that was segmented"):
+        result.save_overlay(tmp_path / "o.png", DISC[:50])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_documents_of_a_result(result: ffseg.Segmentation) -> None:
+    assert result.to_geojson("disc.png") == geojson_document(annotated(result, "disc.png"))
+    coco = json.loads(json.dumps(result.to_coco("disc.png")))
+    assert coco["images"] == [{"id": 1, "file_name": "disc.png", "width": 120, "height": 90}]
+    assert coco["annotations"][0]["area"] == int(result.mask.sum())
+
+
+def hints(item: object) -> typing.Iterator[object]:
+    """Types in the signatures of a public name."""
+    if inspect.isclass(item):
+        members = [member for name, member in vars(item).items() if not name.startswith("_") or name == "__init__"]
+        functions = [getattr(member, "fget", None) or getattr(member, "__func__", member) for member in members]
+        yield from typing.get_type_hints(item).values()
+    else:
+        functions = [item]
+    for function in functions:
+        if inspect.isfunction(function):
+            yield from typing.get_type_hints(function).values()
+
+
+def classes(hint: object) -> set[type]:
+    found = {hint} if isinstance(hint, type) else set()
+    arguments = typing.get_args(hint)
+    for argument in arguments if not isinstance(arguments, list) else ():
+        found |= (
+            classes(argument) if not isinstance(argument, list) else {c for part in argument for c in classes(part)}
+        )
+    return {one for one in found if one.__module__.startswith("ffseg")}
+
+
+INTERNAL = {"Section"}
+"""Bases that no user makes or asks for."""
+
+
+@pytest.mark.parametrize("name", [name for name in ffseg.__all__ if name != "__version__"])
+def test_every_type_in_a_public_signature_can_be_had(name: str) -> None:
+    try:
+        found = {one.__name__ for hint in hints(getattr(ffseg, name)) for one in classes(hint)}
+    except NameError:  # a name that only type checkers load
+        pytest.skip("a signature with names for type checkers")
+    assert found - set(ffseg.__all__) - INTERNAL == set()
+
+
+def test_strict_type_checking_accepts_the_python_of_the_pages(tmp_path: Path) -> None:
+    for page in (ROOT / "README.md", ROOT / "docs" / "tutorial.md"):
+        blocks = re.findall(r"^```python\n(.*?)^```$", page.read_text("utf-8"), re.DOTALL | re.MULTILINE)
+        assert blocks
+        for number, block in enumerate(blocks):
+            (tmp_path / f"{page.stem.lower()}_{number}.py").write_text(block, "utf-8")
+    command = [sys.executable, "-m", "mypy", "--strict", "--config-file=", "--cache-dir", str(tmp_path / "cache")]
+    done = subprocess.run(
+        [*command, "--follow-imports=silent", *map(str, sorted(tmp_path.glob("*.py")))],
+        capture_output=True, text=True, check=False, cwd=ROOT,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
