@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, features
 
 WIDTH, HEIGHT = 64, 48
 
@@ -127,11 +127,102 @@ def _bmp_claim(width: int, height: int) -> bytes:
     return bytes(data)
 
 
-def _tiff_claim(width: int, height: int, samples: int = 3) -> bytes:
-    tags = [(256, 4, width), (257, 4, height), (258, 3, 8), (259, 3, 1), (262, 3, 2), (273, 4, 8), (277, 3, samples)]
-    tags += [(278, 4, height), (279, 4, 100)]
+def _tiff_claim(width: int, height: int, coding: int = 1, samples: int = 1) -> bytes:
+    bits = 1 if coding in (2, 3, 4) else 8
+    tags = [(256, 4, width), (257, 4, height), (258, 3, bits), (259, 3, coding), (262, 3, 1), (273, 4, 8)]
+    tags += [(277, 3, samples), (278, 4, height), (279, 4, 100)]
     body = b"".join(struct.pack("<HHII", tag, kind, 1, value) for tag, kind, value in tags)
     return b"II*\0" + struct.pack("<I", 108) + bytes(100) + struct.pack("<H", len(tags)) + body + bytes(4)
+
+
+def _shared_strips(width: int, height: int) -> bytes:
+    """A TIFF file whose strips of one row are all the same few bytes."""
+    row = zlib.compress(bytes(width))
+    tags = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, 1, 8), (259, 3, 1, 8), (262, 3, 1, 1)]
+    places = 8 + 2 + 12 * 9 + 4
+    tags += [(273, 4, height, places), (277, 3, 1, 1), (278, 4, 1, 1), (279, 4, height, places + 4 * height)]
+    body = b"".join(struct.pack("<HHII", *tag) for tag in tags)
+    at = places + 8 * height
+    lists = struct.pack("<I", at) * height + struct.pack("<I", len(row)) * height
+    return b"II*\0" + struct.pack("<IH", 8, len(tags)) + body + bytes(4) + lists + row[:-1]
+
+
+def many_scans(count: int, progressive: bool = True) -> bytes:
+    """A JPEG file that sends its last scan `count` times more; a baseline one sends each component alone."""
+    if progressive:
+        data = encoded(Image.fromarray(picture()), "JPEG", progressive=True)
+        last = data.rfind(b"\xff\xda")
+    else:
+        data, last = _separate_scans()
+    return data[:-2] + data[last:-2] * count + data[-2:]
+
+
+def _separate_scans() -> tuple[bytes, int]:
+    """A baseline JPEG file of three components with a scan of the first alone, and where that begins."""
+    grey = encoded(Image.fromarray(picture()[..., 0]), "JPEG")
+    at, scan = grey.find(b"\xff\xc0"), grey.find(b"\xff\xda")
+    length = int.from_bytes(grey[at + 2 : at + 4], "big")
+    frame = b"\xff\xc0\0\x11" + grey[at + 4 : at + 9] + b"\3" + b"".join(bytes([i, 0x11, 0]) for i in (1, 2, 3))
+    data = grey[:at] + frame + grey[at + 2 + length :]
+    return data, scan + len(frame) - length - 2
+
+
+def _flat_webp(width: int, height: int) -> bytes:
+    """A WebP file of one colour, whose pixels take no bit: only its header says how many there are."""
+    data = bytearray(encoded(Image.new("RGB", (64, 64), (9, 8, 7)), "WEBP", lossless=True))
+    data[21:25] = struct.pack("<I", (width - 1) | (height - 1) << 14)
+    return bytes(data)
+
+
+def _jp2_claim(width: int, height: int, tile: int = 0) -> bytes:
+    data = bytearray(plain_files()["jp2"])
+    header, size = data.find(b"ihdr") + 4, data.find(b"\xff\x51") + 6
+    data[header : header + 8] = struct.pack(">II", height, width)
+    data[size : size + 8] = struct.pack(">II", width, height)
+    data[size + 16 : size + 24] = struct.pack(">II", tile or width, tile or height)
+    return bytes(data)
+
+
+def avif_claim(width: int, height: int) -> bytes:
+    """An AVIF file whose container claims another size than its frame has."""
+    data = encoded(Image.fromarray(picture()), "AVIF")
+    at = data.find(b"ispe") + 8
+    return data[:at] + struct.pack(">II", width, height) + data[at + 8 :]
+
+
+def jp2_palette() -> bytes:
+    """A JPEG 2000 file whose one channel numbers the colours of a palette."""
+    data = encoded(Image.fromarray(picture()[..., 0] // 16), "JPEG2000")
+    entries = bytes(range(48))
+    extra = _box(b"pclr", struct.pack(">HB", 16, 3) + b"\7\7\7" + entries)
+    extra += _box(b"cmap", b"".join(struct.pack(">HBB", 0, 1, column) for column in range(3)))
+    at = data.find(b"jp2h")
+    length = int.from_bytes(data[at - 4 : at], "big")
+    colours = data.find(b"colr")
+    begin = colours - 4 + int.from_bytes(data[colours - 4 : colours], "big")
+    return data[: at - 4] + struct.pack(">I", length + len(extra)) + data[at:begin] + extra + data[begin:]
+
+
+def _box(name: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", 8 + len(content)) + name + content
+
+
+def bmp_in_palette() -> bytes:
+    """A BMP file whose pixels are said to begin in the middle of its palette."""
+    data = bytearray(encoded(Image.fromarray(picture()).quantize(256), "BMP"))
+    data[10:14] = struct.pack("<I", 14 + 40 + 512)
+    return bytes(data)
+
+
+def webp_with_exif(code: int, prefix: bytes = b"Exif\0\0") -> bytes:
+    """A WebP file with an EXIF orientation behind the prefix of JPEG files."""
+    exif = Image.Exif()
+    exif[0x112] = code
+    block = prefix + exif.tobytes().removeprefix(b"Exif\0\0")
+    chunk = encoded(Image.fromarray(picture()), "WEBP", lossless=True)[12:]
+    canvas = struct.pack("<II", 10, 8) + struct.pack("<I", WIDTH - 1)[:3] + struct.pack("<I", HEIGHT - 1)[:3]
+    body = b"WEBPVP8X" + canvas + chunk + b"EXIF" + struct.pack("<I", len(block)) + block + bytes(len(block) % 2)
+    return b"RIFF" + struct.pack("<I", len(body)) + body
 
 
 def bombs() -> list[Case]:
@@ -156,7 +247,17 @@ def bombs() -> list[Case]:
         "overflow.ppm": b"P6\n4294967297 2\n255\n" + bytes(200),
         "claim.tif": _tiff_claim(32_000, 32_000),
         "samples.tif": _tiff_claim(100, 100, samples=60_000),
+        **{f"coded{code}.tif": _tiff_claim(9_999, 9_999, code) for code in (2, 3, 4, 5, 7, 8, 32773, 32946)},
+        "shared.tif": _shared_strips(9_000, 9_000),
+        "scans.jpg": many_scans(300),
+        "separate.jpg": many_scans(300, progressive=False),
+        "flat.webp": _flat_webp(9_000, 9_000),
+        "claim.jp2": _jp2_claim(9_000, 9_000),
+        "tiles.jp2": _jp2_claim(1_900, 1_900, tile=1),
     }
+    if features.check("avif"):
+        files["claim.avif"] = avif_claim(9_000, 9_000)
+        files["small.avif"] = avif_claim(1_900, 1_900)
     return [Case(f"bomb_{name}", data, refused) for name, data in files.items()]
 
 
@@ -173,6 +274,17 @@ def damaged_png() -> list[Case]:
         Case("depth3.png", png_file(size, 3, 2, rows), broken),
         Case("half_rows.png", png_file(size, 8, 2, png_rows(picture()[: HEIGHT // 2])), broken),
         Case("no_data.png", good[:33] + png_chunk(b"IEND", b""), broken),
+    ]
+
+
+def misleading() -> list[Case]:
+    """Files that decoders read, to other pixels than they hold."""
+    return [
+        Case("palette.jp2", jp2_palette(), frozenset({"unsupported-pixels"})),
+        Case("in_palette.bmp", bmp_in_palette(), frozenset({"damaged"})),
+        Case("no_space.pbm", b"P4 64 48\xff" + bytes(400), frozenset({"damaged"})),
+        Case("letters.ppm", b"P3 1 1 255 1 2x3 4", frozenset({"damaged"})),
+        Case("above.pgm", b"P2 2 1 255 7 256", frozenset({"damaged"})),
     ]
 
 
@@ -224,14 +336,18 @@ def _orientations() -> list[Case]:
         cases.append(Case(f"turned{code}.png", encoded(image, "PNG", exif=exif), pixels=truth))
         cases.append(Case(f"turned{code}.webp", encoded(image, "WEBP", exif=exif, lossless=True), pixels=truth))
         cases.append(Case(f"turned{code}.tif", encoded(image, "TIFF", tiffinfo={0x112: code}), pixels=truth))
+        cases.append(Case(f"copied{code}.webp", webp_with_exif(code), pixels=truth))
         jpeg = encoded(image, "JPEG", exif=exif, quality=100, subsampling=0)
         cases.append(Case(f"turned{code}.jpg", jpeg, pixels=truth, tolerance=6))
+        if features.check("avif"):  # Pillow writes the orientation as rotation and mirroring of the item
+            avif = encoded(image, "AVIF", exif=exif, quality=100, subsampling="4:4:4")
+            cases.append(Case(f"turned{code}.avif", avif, pixels=truth, tolerance=3))
     return cases
 
 
 def all_cases() -> list[Case]:
     """Everything above."""
-    return [*good_cases(), *not_images(), *cut_files(), *bombs(), *damaged_png(), *odd_cases()]
+    return [*good_cases(), *not_images(), *cut_files(), *bombs(), *damaged_png(), *misleading(), *odd_cases()]
 
 
 def write_all(folder: Path) -> list[Case]:

@@ -2,13 +2,15 @@
 
 Policies
 --------
-Orientation : an EXIF orientation is applied; the array, and so every mask, is upright.
+Orientation : an EXIF orientation, and the rotation and mirroring of AVIF, are applied; the array, and so every mask, is
+    upright. An orientation in XMP, or in a text chunk of PNG, is not looked at.
 Bit depth : 16 bits are scaled by the full range to 8 (65535 becomes 255), 1 bit to 0 and 255, whatever the content.
 Alpha : ignored, the colours are taken as stored, hidden ones too. TIFF files with alpha are refused.
 Palette : replaced by its colours.
 CMYK : JPEG is converted to BGR by the decoder; TIFF is refused.
 Float, signed, complex : refused, they have no fixed white level.
-Several frames or pages : the first is the image.
+Several frames or pages : the first is the image; of an animated PNG what programs show that know of no animation.
+GIF : the first frame on its canvas; transparent pixels and what it leaves open have the background colour.
 """
 
 from __future__ import annotations
@@ -24,8 +26,13 @@ from numpy.typing import NDArray
 
 from ffseg.errors import ImageReadError
 from ffseg.formats.files import printable, read_bytes
-from ffseg.formats.gate.headers import Header, avif, bmp, gif, jpeg, jpeg2000, looks_like, png, pnm, truncated, webp
+from ffseg.formats.gate.base import Header, damaged
+from ffseg.formats.gate.boxes import avif, jpeg2000
+from ffseg.formats.gate.headers import gif, looks_like, png
+from ffseg.formats.gate.jpeg import jpeg
+from ffseg.formats.gate.rows import bmp, pnm
 from ffseg.formats.gate.tiff import tiff
+from ffseg.formats.gate.webp import webp
 
 REASONS = {
     "missing": "no such file",
@@ -82,19 +89,40 @@ def decode_image(data: bytes, limits: Limits | None = None) -> NDArray[np.uint8]
     """Decode the bytes of an image file; as `read_image`, but the message does not name the file."""
     limits = limits or Limits()
     header = inspect(data, limits)
+    probes = header.check()
+    image = _decoded(header.still or data, header)
+    if image is None:
+        raise _undecodable(header)
+    if {image.shape[0], image.shape[1]} != {header.height, header.width}:
+        raise ImageReadError("damaged", f"the {header.format} pixels have not the size its header claims; convert it")
+    if any((_decoded(probe.data, header) is not None) != probe.decodes for probe in probes):
+        raise damaged(f"the {header.format} data has zeros where pixels should be (lost blocks?)")
+    return _upright(image, header.orientation)
+
+
+def _decoded(data: bytes, header: Header) -> NDArray[np.uint8] | None:
     flag = cv2.IMREAD_GRAYSCALE if header.grey else cv2.IMREAD_COLOR
+    if header.orientation:
+        flag |= cv2.IMREAD_IGNORE_ORIENTATION
     try:
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), flag)
     except cv2.error:
-        decoded = None
-    if decoded is None:
-        raise _undecodable(header)
-    image: NDArray[np.uint8] = np.asarray(decoded, np.uint8)
-    if {image.shape[0], image.shape[1]} != {header.height, header.width}:
-        raise ImageReadError("damaged", f"the {header.format} pixels have not the size its header claims; convert it")
-    if header.raw and _interrupted(image[::-1] if header.bottom_up else image):
-        raise truncated(f"the {header.format} pixels break off into zeros inside a row")
-    return image
+        return None
+    return None if decoded is None else np.asarray(decoded, np.uint8)
+
+
+_TRANSPOSED = (5, 6, 7, 8)
+_FLIPPED = {2: (0, 1), 3: (1, 1), 4: (1, 0), 6: (0, 1), 7: (1, 1), 8: (1, 0)}
+"""After the transposition, whether rows and columns are reversed."""
+
+
+def _upright(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
+    """The pixels turned as EXIF's number says."""
+    if orientation <= 1:
+        return image
+    turned = image.swapaxes(0, 1) if orientation in _TRANSPOSED else image
+    rows, columns = _FLIPPED.get(orientation, (0, 0))
+    return np.ascontiguousarray(turned[:: -1 if rows else 1, :: -1 if columns else 1])
 
 
 def inspect(data: bytes, limits: Limits) -> Header:
@@ -140,21 +168,6 @@ def _undecodable(header: Header) -> ImageReadError:
     else:
         text = f"the {header.format} data is damaged or incomplete; copy the file again"
     return ImageReadError("damaged", text)
-
-
-def _interrupted(image: NDArray[np.uint8]) -> bool:
-    """Whether the pixels break off into zeros inside a row whose upper neighbour goes on: a copy that stopped.
-
-    Rows are in file order. A black margin does not look like this: above its first pixel the image is black as well.
-    """
-    rows = image.reshape(image.shape[0], -1)
-    if rows.shape[0] < 4 or rows[-2:].any() or not rows.any():
-        return False
-    last = int(np.flatnonzero(rows.any(axis=1))[-1])
-    end = int(np.flatnonzero(rows[last])[-1]) + 1
-    if last == 0 or rows.shape[1] - end < 6:  # a tail that starts with a row (to two pixels) may be a margin
-        return False
-    return bool(np.count_nonzero(rows[last - 1]) >= 0.9 * rows.shape[1] and np.count_nonzero(rows[last]) >= 0.9 * end)
 
 
 OPENCV_VERSION: str = cv2.__version__

@@ -11,11 +11,13 @@ from pathlib import Path
 import bad_images
 import numpy as np
 import pytest
+import readings
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
 from ffseg.errors import ImageReadError
-from ffseg.formats.images import REASONS, Limits, decode_image, read_image
+from ffseg.formats.images import REASONS, Limits, decode_image, inspect, read_image
 
 CASES = bad_images.all_cases()
 
@@ -176,3 +178,49 @@ def test_flipped_bytes_never_escape_the_list_of_reasons(data: st.DataObject) -> 
     else:
         reason = "" if image.size else "an image without pixels"
     assert reason in {"", *REASONS}
+
+
+def _frames(kind: str, **options: object) -> bytes:
+    """Two frames, the second the negative of the first."""
+    image = Image.fromarray(bad_images.picture())
+    negative = Image.fromarray(255 - bad_images.picture())
+    if kind == "GIF":
+        image, negative = image.quantize(64), negative.quantize(64)
+    return bad_images.encoded(image, kind, save_all=True, append_images=[negative], **options)
+
+
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [
+        ("PNG", {}), ("PNG", {"default_image": True}), ("GIF", {}), ("WEBP", {"lossless": True}),
+        ("TIFF", {"compression": "tiff_lzw"}), ("TIFF", {}),
+    ],
+)  # fmt: skip
+def test_first_of_several_frames_is_read(kind: str, options: dict[str, object]) -> None:
+    data = _frames(kind, **options)
+    assert inspect(data, Limits()).several
+    reading = readings.pillow(data)
+    assert reading is not None
+    np.testing.assert_array_equal(decode_image(data), reading)
+
+
+def test_single_frames_are_not_called_several() -> None:
+    for suffix, data in bad_images.plain_files().items():
+        assert not inspect(data, Limits()).several, suffix
+
+
+def test_open_ground_of_a_gif_has_the_background_colour() -> None:
+    image = Image.fromarray(bad_images.picture()).quantize(16)
+    data = bytearray(bad_images.encoded(image, "GIF", transparency=5))
+    data[6:10], data[11] = (80).to_bytes(2, "little") + (60).to_bytes(2, "little"), 7  # canvas and background
+    palette = np.asarray(image.getpalette()).reshape(-1, 3)[:, ::-1]
+    numbers = np.full((60, 80), 7)
+    numbers[:48, :64] = np.where(np.asarray(image) == 5, 7, np.asarray(image))
+    np.testing.assert_array_equal(decode_image(bytes(data)), palette[numbers])
+
+
+def test_orientation_in_xmp_is_not_looked_at() -> None:
+    packet = b'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:Description tiff:Orientation="6"/></x:xmpmeta>'
+    data = bad_images.encoded(Image.fromarray(bad_images.picture()), "JPEG", xmp=packet)
+    assert b"Orientation" in data
+    assert decode_image(data).shape == (48, 64, 3)

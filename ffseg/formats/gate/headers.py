@@ -1,65 +1,21 @@
 """The gate before a decoder: what a file is, its size in pixels, and whether its data can be there at all.
 
-Nothing is decoded here; every function walks lengths that it has checked against the end of the data.
+Nothing is decoded here; every function walks lengths that it has checked against the end of the data. PNG and GIF are
+looked at here, the other formats in the modules beside.
 """
 
 from __future__ import annotations
 
-import re
 import struct
-from dataclasses import dataclass
 
-from ffseg.errors import ImageReadError
+from ffseg.formats.gate.base import Header, damaged, refuse_claim, truncated
 
 MAX_CHUNKS = 200_000
 """A PNG of 100 Mpx in the usual 8 kB pieces has about 25,000 chunks; more than this is made to waste time."""
 DEFLATE_RATIO = 1032
 """The most bytes one byte of a deflate stream can stand for."""
-JPEG_PIXELS_PER_BYTE = 1024
-"""Huffman coding spends a bit or more on each 8x8 block of the DC scan: six bits on 16x16 pixels with 4:2:0 colours."""
 GIF_PIXELS_PER_BYTE = 4096
 """A 12-bit LZW code stands for at most 4096 pixels: 2731 for each byte."""
-
-
-@dataclass(frozen=True, slots=True)
-class Header:
-    """What the gate found.
-
-    Attributes
-    ----------
-    format : str
-        ``PNG``, ``JPEG``, ``BMP``, ``TIFF``, ``WebP``, ``GIF``, ``PNM``, ``JPEG 2000`` or ``AVIF``.
-    width, height : int
-        As stored, before any orientation is applied.
-    grey : bool
-        The pixels have one colour channel.
-    raw : bool
-        Stored without compression or checksum: damage shows only in the pixels.
-    bottom_up : bool
-        The first stored row is the lowest.
-    """
-
-    format: str
-    width: int
-    height: int
-    grey: bool = False
-    raw: bool = False
-    bottom_up: bool = False
-
-
-def damaged(text: str) -> ImageReadError:
-    """Error for data that contradicts itself."""
-    return ImageReadError("damaged", f"{text}; copy the file again or convert it")
-
-
-def truncated(text: str) -> ImageReadError:
-    """Error for data that ends before the image does."""
-    return ImageReadError("truncated", f"{text}; copy the file again")
-
-
-def unsupported(text: str) -> ImageReadError:
-    """Error for an image whose pixels have no reading that is sure to be right."""
-    return ImageReadError("unsupported-pixels", f"{text}; convert it to an 8-bit PNG")
 
 
 def png(data: bytes) -> Header:
@@ -69,82 +25,35 @@ def png(data: bytes) -> Header:
     width, height, depth, kind = struct.unpack(">IIBB", data[16:26])
     if kind not in (0, 2, 3, 4, 6) or depth not in (1, 2, 4, 8, 16):
         raise damaged(f"the PNG header claims colour type {kind} with {depth} bits")
-    packed = _png_idat_bytes(data)
+    chunks = _png_chunks(data)
+    packed = sum(end - at - 12 for name, at, end in chunks if name == b"IDAT")
     channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}[kind]
     if height * (1 + width * depth * channels // 8) > packed * DEFLATE_RATIO + DEFLATE_RATIO:
         raise truncated(f"the PNG header claims {width}x{height} pixels, {packed} bytes of data cannot hold them")
-    return Header("PNG", width, height, grey=kind in (0, 4))
+    animated = any(name in _FRAMES for name, *_ in chunks)
+    still = data[:8] + b"".join(data[at:end] for name, at, end in chunks if name not in _FRAMES) if animated else None
+    return Header("PNG", width, height, grey=kind in (0, 4), several=animated, still=still)
 
 
-def _png_idat_bytes(data: bytes) -> int:
-    position, packed = 8, 0
+_FRAMES = (b"acTL", b"fcTL", b"fdAT")
+"""Chunks of an animation; the image is what programs show that know nothing of them."""
+
+
+def _png_chunks(data: bytes) -> list[tuple[bytes, int, int]]:
+    """Name, start and end of every chunk."""
+    chunks, at = [], 8
     for _ in range(MAX_CHUNKS):
-        if position + 12 > len(data):
+        if at + 12 > len(data):
             raise truncated("the PNG file ends before its last chunk")
-        length = int.from_bytes(data[position : position + 4], "big")
-        name = data[position + 4 : position + 8]
-        if position + 12 + length > len(data):
+        length = int.from_bytes(data[at : at + 4], "big")
+        name, end = data[at + 4 : at + 8], at + 12 + length
+        if end > len(data):
             raise truncated(f"the PNG chunk {name!r} claims {length} bytes, more than the file has")
+        chunks.append((name, at, end))
         if name == b"IEND":
-            return packed
-        packed += length if name == b"IDAT" else 0
-        position += 12 + length
+            return chunks
+        at = end
     raise damaged(f"the PNG file has more than {MAX_CHUNKS} chunks")
-
-
-def jpeg(data: bytes) -> Header:
-    """Find the frame header of a JPEG file; it must be Huffman coded, 8 bits, 1, 3 or 4 components."""
-    _refuse_zeros_before_end(data)
-    position = 2
-    while position + 4 <= len(data):
-        if data[position] != 0xFF:
-            raise damaged("the JPEG markers are out of place")
-        marker = data[position + 1]
-        if marker == 0xFF or marker == 0x01 or 0xD0 <= marker <= 0xD8:
-            position += 1 if marker == 0xFF else 2
-            continue
-        if marker in (0xDA, 0xD9):
-            raise damaged("the JPEG file has no frame header before its data")
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            return _jpeg_frame(data, position, marker)
-        position += 2 + int.from_bytes(data[position + 2 : position + 4], "big")
-    raise truncated("the JPEG file ends inside its header")
-
-
-def _refuse_zeros_before_end(data: bytes) -> None:
-    # Some cameras pad with zeros, but after the end marker; zeros inside the scan decode to flat grey.
-    if not data[-64:].strip(b"\0") and not data.rstrip(b"\0").endswith(b"\xff\xd9"):
-        raise truncated("the JPEG data breaks off into zeros (an interrupted copy?)")
-
-
-def _jpeg_frame(data: bytes, position: int, marker: int) -> Header:
-    if position + 10 > len(data):
-        raise truncated("the JPEG file ends inside its header")
-    precision, height, width, components = struct.unpack(">BHHB", data[position + 4 : position + 10])
-    if marker > 0xC2 or precision != 8:
-        raise unsupported(f"the JPEG file uses a rare coding (frame type {marker - 0xC0}, {precision} bits)")
-    if components not in (1, 3, 4):
-        raise unsupported(f"the JPEG file has {components} components")
-    if width * height > len(data) * JPEG_PIXELS_PER_BYTE:
-        raise truncated(f"the JPEG header claims {width}x{height} pixels, {len(data)} bytes cannot hold them")
-    return Header("JPEG", width, height, grey=components == 1)
-
-
-def bmp(data: bytes) -> Header:
-    """Header of a BMP file without compression."""
-    if len(data) < 30:
-        raise truncated("the BMP file ends inside its header")
-    offset, size = struct.unpack("<II", data[10:18])
-    if size < 40:
-        raise unsupported("the BMP file has the header of OS/2")
-    width, height = struct.unpack("<ii", data[18:26])
-    bits, compression = struct.unpack("<HI", data[28:34].ljust(6, b"\0"))
-    if compression != 0 or bits not in (1, 4, 8, 24, 32):
-        raise unsupported(f"the BMP file has {bits} bits a pixel with compression {compression}")
-    rows = abs(height)
-    if width > 0 and offset + rows * ((width * bits + 31) // 32 * 4) > len(data):
-        raise truncated(f"the BMP header claims {width}x{rows} pixels, the file is too short for them")
-    return Header("BMP", width, rows, raw=True, bottom_up=height > 0)
 
 
 def gif(data: bytes) -> Header:
@@ -152,85 +61,29 @@ def gif(data: bytes) -> Header:
     if len(data) < 13:
         raise truncated("the GIF file ends inside its header")
     width, height = struct.unpack("<HH", data[6:10])
-    if width * height > len(data) * GIF_PIXELS_PER_BYTE:
-        raise truncated(f"the GIF header claims {width}x{height} pixels, {len(data)} bytes cannot hold them")
-    return Header("GIF", width, height)
+    refuse_claim("GIF", (width, height), len(data), GIF_PIXELS_PER_BYTE)
+    return Header("GIF", width, height, several=_gif_frames(data) > 1)
 
 
-def webp(data: bytes) -> Header:
-    """Size of a WebP file from its first chunk."""
-    if len(data) < 30:
-        raise truncated("the WebP file ends inside its header")
-    if int.from_bytes(data[4:8], "little") + 8 > len(data):
-        raise truncated("the WebP file is shorter than its header says")
-    _refuse_zero_tail(data, "WebP")
-    kind = data[12:16]
-    if kind == b"VP8X":
-        return Header("WebP", int.from_bytes(data[24:27], "little") + 1, int.from_bytes(data[27:30], "little") + 1)
-    if kind == b"VP8L":
-        bits = int.from_bytes(data[21:25], "little")
-        return Header("WebP", (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1)
-    if kind == b"VP8 ":
-        width, height = struct.unpack("<HH", data[26:30])
-        return Header("WebP", width & 0x3FFF, height & 0x3FFF)
-    raise damaged(f"the WebP file starts with the chunk {kind!r}")
+_GIF_FRAME, _GIF_EXTENSION = 0x2C, 0x21
 
 
-def _refuse_zero_tail(data: bytes, name: str) -> None:
-    # An entropy coder's output is not zero over an eighth of the file; an interrupted copy is.
-    tail = max(len(data) // 8, 64)
-    if not data[-tail:].strip(b"\0"):
-        raise damaged(f"the last {tail} bytes of the {name} file are zeros (an interrupted copy?)")
+def _gif_frames(data: bytes) -> int:
+    """Frames of a GIF file, not counted beyond two."""
+    at, frames = 13 + _gif_colours(data[10]), 0
+    while at + 10 < len(data) and data[at] in (_GIF_FRAME, _GIF_EXTENSION) and frames < 2:
+        frame = data[at] == _GIF_FRAME
+        frames += frame
+        at += 11 + _gif_colours(data[at + 9]) if frame else 2
+        while at < len(data) and data[at]:
+            at += 1 + data[at]
+        at += 1
+    return frames
 
 
-_PNM_FIELD = rb"(?:\s|#[^\r\n]*[\r\n])+(\d{1,9})"
-_PNM_HEAD = re.compile(rb"P([1-6])" + _PNM_FIELD + _PNM_FIELD)
-_PNM_LAST = re.compile(_PNM_FIELD + rb"\s")
-
-
-def pnm(data: bytes) -> Header:
-    """Header of a PBM, PGM or PPM file, binary or text."""
-    head = _PNM_HEAD.match(data[:4096])
-    if head is None:
-        raise damaged("the PNM header has no width and height")
-    kind, width, height = (int(group) for group in head.groups())
-    end, maximum = head.end() + 1, 1
-    if kind not in (1, 4):
-        last = _PNM_LAST.match(data[:4096], head.end())
-        if last is None:
-            raise damaged("the PNM header has no largest value")
-        end, maximum = last.end(), int(last.group(1))
-    if maximum not in (1, 255) or (maximum == 1) != (kind in (1, 4)):
-        raise unsupported(f"the PNM file has a largest value of {maximum}, not 255")
-    samples = height * ((width + 7) // 8 if kind == 4 else width * (3 if kind in (3, 6) else 1))
-    needed = samples if kind >= 4 else samples + (samples - 1 if kind != 1 else 0)
-    if end + needed > len(data):
-        raise truncated(f"the PNM header claims {width}x{height} pixels, the file is too short for them")
-    return Header("PNM", width, height, grey=kind not in (3, 6), raw=kind >= 4)
-
-
-def jpeg2000(data: bytes) -> Header:
-    """Image header box of a JP2 file; the code stream must reach its end marker."""
-    at = data.find(b"ihdr", 0, 4096)
-    if at < 0 or at + 18 > len(data):
-        raise truncated("the JPEG 2000 file ends inside its header")
-    height, width, channels, bits = struct.unpack(">IIHB", data[at + 4 : at + 15])
-    if channels not in (1, 3) or bits != 7:
-        raise unsupported(f"the JPEG 2000 file has {channels} channels of {(bits & 127) + 1} bits")
-    if data[-2:] != b"\xff\xd9":
-        raise truncated("the JPEG 2000 file does not end with its end marker")
-    return Header("JPEG 2000", width, height, grey=channels == 1)
-
-
-def avif(data: bytes) -> Header:
-    """Largest image extent (``ispe``) that an AVIF file declares."""
-    ends = [at.end() for at in re.finditer(b"ispe", data[:65536]) if at.end() + 12 <= len(data)]
-    sizes = [struct.unpack(">II", data[end + 4 : end + 12]) for end in ends]
-    if not sizes:
-        raise truncated("the AVIF file ends inside its header")
-    width, height = max(sizes, key=lambda size: size[0] * size[1])
-    _refuse_zero_tail(data, "AVIF")
-    return Header("AVIF", width, height)
+def _gif_colours(flags: int) -> int:
+    """Bytes of the palette that a flag byte announces."""
+    return 3 << (flags & 7) + 1 if flags & 0x80 else 0
 
 
 _OTHERS: tuple[tuple[bytes, str], ...] = (

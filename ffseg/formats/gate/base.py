@@ -1,0 +1,99 @@
+"""What the gate says of a file: its header as a value, and the errors of a refusal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from ffseg.errors import ImageReadError
+
+FREE_PIXELS = 4_000_000
+"""An image up to this size is read however few bytes it has: 2000x2000 pixels cost any decoder under 100 MB."""
+FLAT_PIXELS_PER_BYTE = 4096
+"""Beyond `FREE_PIXELS`, for codings that need no bit for a flat area: a disc on flat ground, drawn at 100 Mpx, still has
+a byte for each 2000 pixels, and less has no outline to be found."""
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """A changed copy of a file whose data has zeros as lost blocks leave them.
+
+    Attributes
+    ----------
+    data : bytes
+        The file with the end of its packed data missing, or with more behind it.
+    decodes : bool
+        Whether a decoder takes it when the pixels end where the data does: then the zeros belong to them.
+    """
+
+    data: bytes
+    decodes: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What the gate found.
+
+    Attributes
+    ----------
+    format : str
+        ``PNG``, ``JPEG``, ``BMP``, ``TIFF``, ``WebP``, ``GIF``, ``PNM``, ``JPEG 2000`` or ``AVIF``.
+    width, height : int
+        As stored, before any orientation is applied.
+    grey : bool
+        The pixels have one colour channel.
+    orientation : int
+        EXIF's number for what turns the pixels upright; 0 leaves it to the decoder.
+    several : bool
+        More frames or pages follow the first.
+    still : bytes or None
+        The image as a file of its own, where decoders take another frame for it.
+    check : callable
+        Looks through the packed pixels, to be called once the size is accepted; raises ``ImageReadError``, or gives
+        what only a decoder can tell.
+    """
+
+    format: str
+    width: int
+    height: int
+    grey: bool = False
+    orientation: int = 0
+    several: bool = False
+    still: bytes | None = None
+    check: Callable[[], Iterable[Probe]] = tuple
+
+
+def damaged(text: str) -> ImageReadError:
+    """Error for data that contradicts itself."""
+    return ImageReadError("damaged", f"{text}; copy the file again or convert it")
+
+
+def truncated(text: str) -> ImageReadError:
+    """Error for data that ends before the image does."""
+    return ImageReadError("truncated", f"{text}; copy the file again")
+
+
+def unsupported(text: str) -> ImageReadError:
+    """Error for an image whose pixels have no reading that is sure to be right."""
+    return ImageReadError("unsupported-pixels", f"{text}; convert it to an 8-bit PNG")
+
+
+def refuse_claim(name: str, size: tuple[int, int], num_bytes: int, per_byte: int, free: int = 0) -> None:
+    """Refuse a header that claims more pixels than its bytes can stand for.
+
+    Parameters
+    ----------
+    name : str
+        Of the format.
+    size : (int, int)
+        Width and height, pixels.
+    num_bytes : int
+        Of the packed data.
+    per_byte : int
+        Pixels that one byte can stand for.
+    free : int
+        Pixels that need no byte.
+    """
+    width, height = size
+    if width * height > free + num_bytes * per_byte:
+        raise truncated(f"the {name} header claims {width}x{height} pixels, {num_bytes} bytes cannot hold them")

@@ -1,0 +1,210 @@
+"""Damage done to image files, drawn from a seed: mutated headers, zero tails, cuts, flipped bits and holes."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from bad_images import encoded
+from numpy.typing import NDArray
+from PIL import Image, features
+
+SHARES = (25, 35, 50, 60, 75, 85, 90, 95, 97, 98, 99)
+"""Percent of a file at which its tail begins."""
+HOLE = 4096
+"""Bytes: the usual block of a file system."""
+HEADER = 220
+"""Bytes from the start in which headers are mutated."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Damaged:
+    """One damaged file.
+
+    Attributes
+    ----------
+    format : str
+        Name of its source in `sources`.
+    kind : str
+        ``whole``, ``header``, ``tail``, ``cut``, ``bit`` or ``hole``.
+    number : int
+        Counts the files of a format and kind.
+    data : bytes
+    """
+
+    format: str
+    kind: str
+    number: int
+    data: bytes
+
+    @property
+    def name(self) -> str:
+        """File name."""
+        return f"{self.format}-{self.kind}-{self.number}"
+
+
+def picture(width: int = 256, height: int = 192) -> NDArray[np.uint8]:
+    """RGB picture with texture, shape (height, width, 3): its files are longer than a few holes."""
+    y, x = np.mgrid[0:height, 0:width]
+    noise = np.random.default_rng(3).integers(0, 24, (height, width, 3))
+    waves = np.stack([np.sin(x / 17 + y / 40), np.cos(y / 11), np.sin((x - y) / 23)], axis=-1)
+    image = 110 + 80 * waves + noise
+    image[height // 4 : height // 2, width // 3 : 2 * width // 3] = (200, 40, 60)
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+def sources() -> dict[str, tuple[bytes, NDArray[np.uint8]]]:
+    """Whole files in every format and coding that is read, each with its pixels in RGB or grey before any loss."""
+    rgb = picture()
+    image, grey = Image.fromarray(rgb), Image.fromarray(rgb[..., 1])
+    bit, palette = grey.convert("1"), image.quantize(200)
+    made = {
+        "png": (encoded(image, "PNG"), rgb),
+        "grey.png": (encoded(grey, "PNG"), rgb[..., 1]),
+        "palette.png": (encoded(palette, "PNG"), _rgb(palette)),
+        "jpg": (encoded(image, "JPEG", quality=90), rgb),
+        "grey.jpg": (encoded(grey, "JPEG", quality=90), rgb[..., 1]),
+        "progressive.jpg": (encoded(image, "JPEG", quality=90, progressive=True), rgb),
+        "restart.jpg": (encoded(image, "JPEG", quality=90, restart_marker_rows=1), rgb),
+        "lossless.webp": (encoded(image, "WEBP", lossless=True), rgb),
+        "lossy.webp": (encoded(image, "WEBP", quality=90), rgb),
+        "gif": (encoded(palette, "GIF"), _rgb(palette)),
+        "24.bmp": (encoded(image, "BMP"), rgb),
+        "8.bmp": (encoded(palette, "BMP"), _rgb(palette)),
+        "1.bmp": (encoded(bit, "BMP"), _bits(bit)),
+        "ppm": (encoded(image, "PPM"), rgb),
+        "pgm": (encoded(grey, "PPM"), rgb[..., 1]),
+        "pbm": (encoded(bit, "PPM"), _bits(bit)),
+        "text.ppm": (_text_ppm(rgb[:64, :64]), rgb[:64, :64]),
+        "lossless.jp2": (encoded(image, "JPEG2000"), rgb),
+        "lossy.jp2": (encoded(image, "JPEG2000", quality_mode="rates", quality_layers=[8]), rgb),
+    }
+    if features.check("avif"):
+        made["avif"] = (encoded(image, "AVIF", quality=95, subsampling="4:4:4"), rgb)
+    return made | tiff_sources()
+
+
+def tiff_sources() -> dict[str, tuple[bytes, NDArray[np.uint8]]]:
+    """TIFF files of every compression with the directory before the pixels, and one with it behind them."""
+    rgb = picture()
+    image, grey = Image.fromarray(rgb), Image.fromarray(rgb[..., 1])
+    bit = grey.convert("1")
+    kinds = {"deflate": "tiff_adobe_deflate", "lzw": "tiff_lzw", "packbits": "packbits", "jpeg": "jpeg"}
+    made = {"none.tif": (encoded(image, "TIFF"), rgb)}
+    for name, compression in kinds.items():
+        made[f"{name}.tif"] = (directory_first(encoded(image, "TIFF", compression=compression)), rgb)
+    difference = encoded(image, "TIFF", compression="tiff_lzw", tiffinfo={317: 2})
+    made["difference.tif"] = (directory_first(difference), rgb)
+    made["last.tif"] = (encoded(image, "TIFF", compression="tiff_adobe_deflate", tiffinfo={278: 16}), rgb)
+    made["grey.tif"] = (directory_first(encoded(grey, "TIFF", compression="tiff_lzw")), rgb[..., 1])
+    deep = Image.fromarray((rgb[..., 1].astype(np.uint16)) * 257)
+    made["16.tif"] = (directory_first(encoded(deep, "TIFF", compression="tiff_adobe_deflate")), rgb[..., 1])
+    for name in ("group3", "group4", "tiff_ccitt"):
+        made[f"{name}.tif"] = (directory_first(encoded(bit, "TIFF", compression=name)), _bits(bit))
+    return made
+
+
+def tolerance(name: str) -> int:
+    """Grey levels by which two decoders of a source may differ: the rounding of a colour transform, or of 16 bits."""
+    if name == "16.tif":
+        return 1
+    return 3 if name.endswith("jpg") or name in ("jpeg.tif", "avif", "lossy.webp", "lossy.jp2") else 0
+
+
+def directory_first(data: bytes) -> bytes:
+    """A classic little-endian TIFF file with its directory moved before its pixels, as many programs write them."""
+    order, at = "<", int.from_bytes(data[4:8], "little")
+    count = int.from_bytes(data[at : at + 2], "little")
+    entries = [struct.unpack(f"{order}HHI4s", data[at + 2 + 12 * i : at + 14 + 12 * i]) for i in range(count)]
+    values = {tag: _values(data, kind, number, raw) for tag, kind, number, raw in entries}
+    strips = [data[o : o + n] for o, n in zip(values[273][1], values[279][1], strict=True)]
+    extra = b""
+    first = 8 + 2 + 12 * count + 4
+    room = sum(_size(kind, len(items)) for kind, items in values.values())
+    places = np.cumsum([first + room, *(len(strip) + len(strip) % 2 for strip in strips)])[:-1]
+    values[273] = (4, tuple(int(place) for place in places))
+    body = b""
+    for tag, (kind, items) in sorted(values.items()):
+        packed = struct.pack(f"<{len(items)}{_CODES[kind]}", *items)
+        if len(packed) > 4:
+            field, extra = struct.pack("<I", first + len(extra)), extra + packed + bytes(len(packed) % 2)
+        else:
+            field = packed.ljust(4, b"\0")
+        body += struct.pack("<HHI", tag, kind, len(items)) + field
+    head = b"II*\0" + struct.pack("<IH", 8, count) + body + bytes(4) + extra.ljust(room, b"\0")
+    return head + b"".join(strip + bytes(len(strip) % 2) for strip in strips)
+
+
+_CODES = {1: "B", 2: "B", 3: "H", 4: "I", 5: "Q", 7: "B"}
+
+
+def _size(kind: int, count: int) -> int:
+    size = struct.calcsize(f"<{count}{_CODES[kind]}")
+    return size + size % 2 if size > 4 else 0
+
+
+def _values(data: bytes, kind: int, count: int, raw: bytes) -> tuple[int, tuple[int, ...]]:
+    code = f"<{count}{_CODES[kind]}"
+    size = struct.calcsize(code)
+    at = int.from_bytes(raw, "little")
+    return kind, struct.unpack(code, raw[:size] if size <= 4 else data[at : at + size])
+
+
+def _rgb(image: Image.Image) -> NDArray[np.uint8]:
+    return np.asarray(image.convert("RGB"))
+
+
+def _bits(image: Image.Image) -> NDArray[np.uint8]:
+    return np.asarray(image).astype(np.uint8) * 255
+
+
+def _text_ppm(rgb: NDArray[np.uint8]) -> bytes:
+    numbers = "\n".join(" ".join(map(str, row)) for row in rgb.reshape(-1, 12).tolist())
+    return f"P3\n{rgb.shape[1]} {rgb.shape[0]}\n255\n{numbers}\n".encode("ascii")
+
+
+def damaged(name: str, data: bytes, headers: int) -> Iterator[Damaged]:
+    """Every kind of damage to one file.
+
+    Parameters
+    ----------
+    name : str
+        Of its source; with it the damage is drawn.
+    data : bytes
+    headers : int
+        Mutated headers to make.
+    """
+    rng = np.random.default_rng([*name.encode()])
+    yield Damaged(name, "whole", 0, data)
+    for number in range(headers):
+        yield Damaged(name, "header", number, mutated_header(data, rng))
+    for share in SHARES:
+        end = len(data) * share // 100
+        yield Damaged(name, "tail", share, data[:end] + bytes(len(data) - end))
+        yield Damaged(name, "cut", share, data[:end])
+    for number in range(20):
+        at = int(rng.integers(min(HEADER, len(data) // 4), len(data)))
+        yield Damaged(name, "bit", number, _changed(data, at, bytes([data[at] ^ 1 << rng.integers(8)])))
+    for number in range(6):
+        at = int(rng.integers(len(data) // 8, max(len(data) - HOLE, len(data) // 8 + 1)))
+        yield Damaged(name, "hole", number, _changed(data, at, bytes(min(HOLE, len(data) - at))))
+
+
+def mutated_header(data: bytes, rng: np.random.Generator) -> bytes:
+    """A file with one to three bytes of its first `HEADER`, or of a TIFF directory behind them, changed."""
+    places = [*range(min(HEADER, len(data)))]
+    if data[:4] == b"II*\0":
+        at = int.from_bytes(data[4:8], "little")
+        places = [*range(4, 8), *range(at, min(at + HEADER, len(data)))]
+    changed = bytearray(data)
+    for _ in range(rng.integers(1, 4)):
+        at = int(rng.choice(places))
+        value = [0, 1, 2, 0x7F, 0x80, 0xFF, changed[at] ^ 1 << int(rng.integers(8)), int(rng.integers(256))]
+        changed[at] = value[rng.integers(len(value))]
+    return bytes(changed)
+
+
+def _changed(data: bytes, at: int, by: bytes) -> bytes:
+    return data[:at] + by + data[at + len(by) :]

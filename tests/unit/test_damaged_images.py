@@ -1,0 +1,157 @@
+"""Damaged files: refused where their coding can tell, and else read as other programs read them."""
+
+from __future__ import annotations
+
+import io
+
+import bad_images
+import damage
+import naive_packing
+import numpy as np
+import pytest
+import readings
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from ffseg.errors import ImageReadError
+from ffseg.formats.images import Limits, decode_image
+from ffseg.native import _core
+
+SOURCES = damage.sources()
+TELL_ZEROS = sorted(name for name in SOURCES if not name.endswith(("bmp", "pgm", "ppm", "pbm", "none.tif")))
+"""Where pixels are packed, no whole file looks like one with a tail of zeros."""
+NO_HOLES = sorted(set(TELL_ZEROS) - {"progressive.jpg", "lossless.jp2", "lossy.jp2"})
+CHECKSUMS = sorted(name for name in SOURCES if name.endswith("png") or name in ("deflate.tif", "last.tif", "16.tif"))
+
+
+def refused(data: bytes) -> bool:
+    try:
+        decode_image(data, Limits(max_pixels=5_000_000))
+    except ImageReadError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize("name", sorted(SOURCES))
+def test_whole_files_are_read_as_pillow_reads_them(name: str) -> None:
+    data = SOURCES[name][0]
+    reading = readings.pillow(data)
+    assert reading is not None
+    assert readings.same(decode_image(data), reading, damage.tolerance(name))
+
+
+@pytest.mark.parametrize("name", TELL_ZEROS)
+def test_zero_tails_of_packed_pixels_are_refused(name: str) -> None:
+    tails = [item for item in damage.damaged(name, SOURCES[name][0], 0) if item.kind == "tail"]
+    assert [item.number for item in tails if not refused(item.data)] == []
+
+
+@pytest.mark.parametrize("name", NO_HOLES)
+def test_lost_blocks_are_refused(name: str) -> None:
+    holes = [item for item in damage.damaged(name, SOURCES[name][0], 0) if item.kind == "hole"]
+    assert [item.number for item in holes if not refused(item.data)] == []
+
+
+@pytest.mark.parametrize("name", CHECKSUMS)
+def test_flipped_bits_are_refused_where_there_are_checksums(name: str) -> None:
+    flips = [item for item in damage.damaged(name, SOURCES[name][0], 0) if item.kind == "bit"]
+    assert [item.number for item in flips if not refused(item.data)] == []
+
+
+@pytest.mark.parametrize("name", sorted(SOURCES))
+def test_what_is_read_of_mutated_headers_is_what_pillow_or_libvips_read(name: str) -> None:
+    wrong = []
+    for item in damage.damaged(name, SOURCES[name][0], 40):
+        if item.kind != "header" or refused(item.data):
+            continue
+        image = decode_image(item.data)
+        others = [reading for read in (readings.pillow, readings.vips) if (reading := read(item.data)) is not None]
+        if not any(readings.same(image, other, damage.tolerance(name)) for other in others):
+            wrong.append(item.number)
+    assert wrong == []
+
+
+def test_flat_webp_ends_in_zeros_and_is_whole() -> None:
+    noise = np.random.default_rng(1).integers(0, 256, (240, 300, 3)).astype(np.uint8)
+    noise[100:] = 0
+    data = bad_images.encoded(Image.fromarray(noise), "WEBP", lossless=True, method=0, quality=0)
+    assert data[-4096:] == bytes(4096)
+    np.testing.assert_array_equal(decode_image(data), noise[..., ::-1])
+
+
+def test_flat_jpeg_holds_zeros_and_is_whole() -> None:
+    image = Image.new("L", (600, 600))
+    data = bad_images.encoded(image, "JPEG", optimize=True)
+    assert bytes(500) in data
+    np.testing.assert_array_equal(decode_image(data), np.zeros((600, 600), np.uint8))
+
+
+def test_trailing_data_of_a_jpeg_is_no_part_of_it() -> None:
+    data = bad_images.plain_files()["jpg"]
+    clip = bytes(4096) + data  # a phone's moving picture, or a second view
+    np.testing.assert_array_equal(decode_image(data + clip), decode_image(data))
+
+
+@pytest.mark.parametrize("scans", [(300, True), (300, False)])
+def test_scans_are_counted(scans: tuple[int, bool]) -> None:
+    with pytest.raises(ImageReadError, match="scans, made to waste time"):
+        decode_image(bad_images.many_scans(*scans))
+
+
+def test_usual_scans_are_read() -> None:
+    data = bad_images.many_scans(50)
+    assert decode_image(data).shape == (48, 64, 3)
+
+
+def test_frame_of_another_size_is_named() -> None:
+    with pytest.raises(ImageReadError, match="claims 90x70 pixels, its frame is 64x48"):
+        decode_image(bad_images.avif_claim(90, 70))
+
+
+def _strips(image: np.ndarray, compression: str, tags: dict[int, int] | None = None) -> list[tuple[bytes, int]]:
+    """Packed strips of an image and the rows of each."""
+    data = bad_images.encoded(
+        Image.fromarray(image), "TIFF", compression=compression, tiffinfo={**(tags or {}), 278: 24}
+    )
+    found = Image.open(io.BytesIO(data)).tag_v2
+    rows = [min(24, len(image) - at) for at in range(0, len(image), 24)]
+    return [(data[at : at + n], height) for at, n, height in zip(found[273], found[279], rows, strict=True)]
+
+
+@given(data=st.binary(max_size=300))
+def test_lengths_of_packed_bytes_are_those_of_the_naive_unpackers(data: bytes) -> None:
+    packed = b"\x80" + data  # mostly a clear code
+    for content in (data, packed):
+        assert _core.lzw_size(content) == naive_packing.lzw_size(content)
+        assert _core.packbits_size(content) == naive_packing.packbits_size(content)
+
+
+@given(levels=st.sampled_from([2, 7, 256]), width=st.integers(1, 900), seed=st.integers(0, 99))
+def test_strips_of_encoders_have_the_length_of_their_rows(levels: int, width: int, seed: int) -> None:
+    image = np.random.default_rng(seed).integers(0, levels, (40, width), dtype=np.uint8)
+    for compression, size in (("tiff_lzw", _core.lzw_size), ("packbits", _core.packbits_size)):
+        assert [size(packed) for packed, _ in _strips(image, compression)] == [24 * width, 16 * width]
+
+
+@given(density=st.sampled_from([0.5, 0.1, 0.01, 0.0005]), width=st.integers(1, 6000), seed=st.integers(0, 99))
+def test_fax_rows_of_encoders_are_whole_and_shorter_ones_are_not(density: float, width: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    image = np.cumsum(rng.random((50, width)) < density, axis=1) % 2 == 1
+    image[1::3] = image[::3][: len(image[1::3])]
+    for name, coding, flag in (("tiff_ccitt", 2, 0), ("group3", 3, 0), ("group3", 3, 1), ("group4", 4, 0)):
+        for packed, rows in _strips(image, name, {292: flag} if coding == 3 else None):
+            assert _core.fax_is_whole(packed, width, rows, coding, bool(flag))
+            assert not _core.fax_is_whole(packed, width, rows + 1, coding, bool(flag))
+
+
+@given(data=st.binary(max_size=400), width=st.integers(1, 3000), rows=st.integers(1, 40), coding=st.integers(2, 4))
+def test_any_bytes_are_judged_as_fax(data: bytes, width: int, rows: int, coding: int) -> None:
+    assert _core.fax_is_whole(data, width, rows, coding, coding == 3) in (True, False)
+
+
+def test_fax_arguments_are_checked() -> None:
+    with pytest.raises(ValueError, match="at least one row"):
+        _core.fax_is_whole(b"", 0, 1, 4, False)
+    with pytest.raises(ValueError, match="2, 3 or 4"):
+        _core.fax_is_whole(b"", 1, 1, 5, False)
