@@ -8,6 +8,9 @@ import sys
 
 def main() -> None:
     """Run the command line; never returns."""
+    from ffseg.cli.running.streams import harden, lost_output
+
+    harden()
     if sys.argv[1:2] == ["run"] and not {"-h", "--help", "--dry-run"} & set(sys.argv):
         # A worker takes as long to load OpenCV as this process takes to load Typer and read parameters: side by side.
         from ffseg.batch.workers.launch import launch_early
@@ -18,8 +21,11 @@ def main() -> None:
     try:
         command_line()
     finally:  # the outcome stands: a signal that comes while Python ends must not change it
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
             signal.signal(number, signal.SIG_IGN)
+        lost = lost_output()
+        if lost:
+            print(f"ffseg: stdout could not be written ({lost}); what was to be printed is lost", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -65,6 +65,7 @@ def main() -> None:
         console.error(str(error))
         sys.exit(2)
     except KeyboardInterrupt:
+        console.message("ffseg: interrupted")
         sys.exit(130)
     except Exception as error:  # noqa: BLE001 - the last resort of the program
         console.error(f"unexpected {type(error).__name__}: {_one_line(error)}; the traceback is in {_traceback_file()}")

@@ -221,7 +221,7 @@ def test_r6_file_size_limit_fails_rows_by_name_and_leaves_no_temporary(blobs: Pa
     assert harness.temporaries(tmp_path / "out") == []
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_r7_signals_end_the_run_in_two_seconds_without_orphans(number: int, code: int, tmp_path: Path) -> None:
     harness.draw_blobs(tmp_path / "in", 400)
     process = harness.start("run", tmp_path / "in", "--out", tmp_path / "out", "--jobs", "2", *SMALL)

@@ -134,7 +134,8 @@ def _become_worker(tasks: int, replies: int, log: int, parent: int) -> None:
     """Be what a new process would be: default signals, own streams, no file of the parent's but the pipes; never returns."""
     code = 1
     try:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        for name in ("SIGINT", "SIGHUP"):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         nothing = os.open(os.devnull, os.O_RDONLY)
         for stream, source in enumerate((nothing, log, log)):

@@ -25,7 +25,9 @@ def main(tasks: int, replies: int, parent: int) -> None:
     parent : int
         Process that this one must not outlive.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the whole group; the run ends its workers itself
+    for name in ("SIGINT", "SIGHUP"):  # they go to the whole group of a terminal; the run ends its workers itself
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     _die_with(parent)
     _keep_memory()
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")

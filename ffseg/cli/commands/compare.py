@@ -63,7 +63,7 @@ def compare(  # noqa: PLR0913 - the options of the command
     folder = os.fspath(out)
     jobs = work.plan_comparison(inputs, folder, os.fspath(truth) if truth else "", starts_file(starts, params))
     task = Comparison(jobs, folder, chosen, params, peer_params, repeat, truth_label)
-    with Interruption():
+    with Interruption("a comparison begins anew"):
         rows = work.compare(task, _silent if quiet else _tell)
     missed = work.missed_gates(rows, gates)
     if as_json:

@@ -90,7 +90,7 @@ def run(  # noqa: PLR0913 - the options of the command
     with contextlib.ExitStack() as cleanup:
         for process in early:
             cleanup.callback(process.end)
-        interruption = cleanup.enter_context(Interruption())
+        interruption = cleanup.enter_context(Interruption("run it again to go on"))
         params = checked_params(config, settings)
         wanted = read_wanted(export or (), overlay=overlay, animate=animate)
         plan = read_plan(inputs, out, wanted, truth, starts_file(starts, params))

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM as something a run can end for, with its tables written and its workers gone."""
+"""Signals as something a run can end for, with its tables written and its workers gone."""
 
 from __future__ import annotations
 
@@ -6,18 +6,28 @@ import os
 import signal
 from types import FrameType, TracebackType
 
+from ffseg.cli import console
+
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Ctrl-C, the end asked for, and a terminal that has gone."""
 _BASE = 128
 """A shell's exit code for a program ended by signal n is 128 + n."""
 
 
 class Interruption:
-    """Context manager that takes SIGINT and SIGTERM over.
+    """Context manager that takes SIGINT, SIGTERM and SIGHUP over; at its end it tells that one came.
 
     Until `defer` is called a signal ends the program where it is; from then on it is only noted, and `descriptor`
-    becomes readable.
+    becomes readable. A SIGHUP that is ignored when this begins, as under ``nohup``, stays ignored.
+
+    Parameters
+    ----------
+    remedy : str
+        What to do after an interruption.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, remedy: str = "") -> None:
+        self._remedy = remedy
         self._signal = 0
         self._deferred = False
         self._reader, self._writer = -1, -1
@@ -44,7 +54,9 @@ class Interruption:
 
     def __enter__(self) -> Interruption:
         self._reader, self._writer = os.pipe()
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in SIGNALS:
+            if number == getattr(signal, "SIGHUP", 0) and signal.getsignal(number) == signal.SIG_IGN:
+                continue
             self._earlier[number] = signal.signal(number, self._note)
         return self
 
@@ -55,6 +67,8 @@ class Interruption:
             signal.signal(number, handler)  # type: ignore[arg-type]
         os.close(self._reader)
         os.close(self._writer)
+        if self._signal:
+            console.message(f"ffseg: interrupted{'; ' if self._remedy else ''}{self._remedy}")
 
     def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - a handler's signature
         if self._signal:
