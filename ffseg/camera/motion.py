@@ -28,10 +28,17 @@ class Pose:
         Takes directions of the camera's frame to the world's; without a unit.
     position : ndarray of float64, shape (3,)
         The camera's centre in the world, metres.
+    sigmas : tuple of float or None
+        Standard deviations of the position per axis on the ground, metres, and of the turn, radians, where they are
+        stated.
+    theta : float or None
+        The turn as it was given, whole turns included; None where it was given as a matrix or quaternion.
     """
 
     rotation: Array
     position: Array
+    sigmas: tuple[float, float] | None = None
+    theta: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,9 +55,12 @@ class Motion:
     inliers : int
         Ground points that agree; 0 where only poses speak.
     translation_sigma : float
-        Standard deviation of the translation per axis, metres.
+        Standard deviation of the translation per axis on the ground, metres.
     rotation_sigma : float
-        Standard deviation of the rotation, radians.
+        Standard deviation of the rotation about ``up``, radians.
+    spread : ndarray of float64, shape (k, 8), or None
+        Independent errors of one standard deviation each, as `perturbed` takes them: their squares add up to the
+        covariance. None: the planar ones that the two numbers above say.
     """
 
     rotation: Array
@@ -59,6 +69,14 @@ class Motion:
     inliers: int
     translation_sigma: float
     rotation_sigma: float
+    spread: Array | None = None
+
+    def errors(self) -> Array:
+        """Independent errors of one standard deviation each, shape (k, 8)."""
+        if self.spread is not None:
+            return self.spread
+        sigmas = np.array([self.translation_sigma, self.translation_sigma, self.rotation_sigma])
+        return np.diag(sigmas) @ np.eye(3, PARAMETERS)
 
     @property
     def baseline(self) -> float:
@@ -71,7 +89,40 @@ class Motion:
         return moved
 
 
-def planar_pose(camera: Camera, x: float, y: float, theta: float) -> Pose:
+PARAMETERS = 8
+"""Of a motion with its ground: x, y (metres), turn about up, lift (metres), nod about level x and y, and the tilt of the
+current camera: how much its true up leans toward level x and y (radians)."""
+
+
+def perturbed(camera: Camera, motion: Motion, parameters: Array) -> tuple[Array, Array, Array]:
+    """Rotations (v, 3, 3), translations (v, 3) and ups (v, 3) after corrections, shape (v, 8).
+
+    The correction moves points of the current camera's levelled frame before the motion does; the ups are those of the
+    current camera. Angles are small: a degree of nod is right to the fourth digit.
+    """
+    level = camera.level()
+    x, y, turn, lift, nod_x, nod_y, lean_x, lean_y = parameters.T
+    zero = np.zeros_like(x)
+    rotations = motion.rotation @ rotation_matrices(np.stack([nod_x, nod_y, turn], axis=1) @ level)
+    moves = np.stack([x, y, lift], axis=1) @ level
+    ups = camera.up + np.stack([lean_x, lean_y, zero], axis=1) @ level
+    ups /= np.sqrt(np.sum(ups**2, axis=1))[:, None]
+    return rotations, motion.translation + moves @ motion.rotation.T, ups
+
+
+def rotation_matrices(vectors: Array) -> Array:
+    """Rodrigues: rotation matrices, shape (v, 3, 3), of rotation vectors, shape (v, 3)."""
+    angle = np.sqrt(np.sum(vectors**2, axis=1))
+    safe = np.maximum(angle, 1e-12)
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    bend = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
+    turned: Array = np.eye(3) + (np.sin(safe) / safe)[:, None, None] * cross + bend[:, None, None] * (cross @ cross)
+    return turned
+
+
+def planar_pose(camera: Camera, x: float, y: float, theta: float, sigmas: tuple[float, float] | None = None) -> Pose:
     """Pose of a camera that moves over level ground, as in a row of a poses file.
 
     Parameters
@@ -84,13 +135,15 @@ def planar_pose(camera: Camera, x: float, y: float, theta: float) -> Pose:
         Its heading, radians: a direction (dx, dy) of the levelled camera frame is (cos(theta) dx - sin(theta) dy,
         sin(theta) dx + cos(theta) dy) on the ground. Since y points down in the image, positive turns clockwise as
         the image shows it.
+    sigmas : tuple of float, optional
+        Standard deviations of x and y (metres) and of theta (radians), where they are known.
 
     Returns
     -------
     Pose
         Levelled camera frame turned by `theta` and moved to (x, y, 0).
     """
-    return Pose(_turn(theta) @ camera.level(), np.array([x, y, 0.0]))
+    return Pose(_turn(theta) @ camera.level(), np.array([x, y, 0.0]), sigmas, theta)
 
 
 def relative_motion(

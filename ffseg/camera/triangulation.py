@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Motion
+from ffseg.camera.motion import PARAMETERS, Motion, perturbed
 from ffseg.camera.projections import Array
 
 PROBE = 1e-3
 """Pixels by which a match is moved to see how its altitude answers: far above rounding, far below curvature."""
+MOTION_PROBE = 1e-6
+"""Metres and radians, the same for a motion."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,6 +28,10 @@ class Triangulation:
         Metres above the ground.
     altitude_sigma : ndarray of float64, shape (n,)
         Standard deviation of the altitude, metres, from pixel noise and the motion's uncertainty.
+    pixel_sigma : ndarray of float64, shape (n,)
+        The part of it that pixel noise makes.
+    slopes : ndarray of float64, shape (n, 8)
+        d(altitude)/d(parameters of the motion), as `perturbed` takes them.
     reprojection : ndarray of float64, shape (n,)
         Larger of the distances between a pixel and its point's projection in the two images, pixels.
     epipolar : ndarray of float64, shape (n,)
@@ -35,6 +41,8 @@ class Triangulation:
     points: Array
     altitude: Array
     altitude_sigma: Array
+    pixel_sigma: Array
+    slopes: Array
     reprojection: Array
     epipolar: Array
 
@@ -51,24 +59,26 @@ def triangulate(camera: Camera, motion: Motion, current: Array, previous: Array,
     noise_px : float
         Standard deviation of the match per axis, pixels.
     """
-    lifted = camera.lift(np.stack([place + step for place in (current, previous) for step in _STEPS]))
-    rotations, translations, sigmas = _probes(camera, motion, noise_px)
+    rays, seen = (camera.lift(place + _STEPS[:, None]) for place in (current, previous))
+    rotations, translations, ups = perturbed(camera, motion, _PROBES)
     centers = -np.einsum("vji,vj->vi", rotations, translations)
-    points, epipolar = _meet(lifted[_CURRENT], lifted[_PREVIOUS] @ rotations, centers)
-    altitudes = camera.altitude(points)
-    slopes = (altitudes[1:] - altitudes[0]) / PROBE
-    sigma: Array = np.sqrt(np.sum((slopes * sigmas[:, None]) ** 2, axis=0))
-    seen = np.stack([points[0], motion.apply(points[0])])
-    miss = camera.project(seen) - np.stack([current, previous])
+    points, epipolar = _meet(rays[_CURRENT], seen[_PREVIOUS] @ rotations, centers)
+    altitudes = camera.mounting() + np.einsum("vni,vi->vn", points, ups)
+    moved = altitudes[1:] - altitudes[0]
+    pixel_sigma = np.sqrt(np.sum(moved[:4] ** 2, axis=0)) * (noise_px / PROBE)
+    slopes = moved[4:].T / MOTION_PROBE
+    sigma: Array = np.sqrt(pixel_sigma**2 + np.sum((slopes @ motion.errors().T) ** 2, axis=1))
+    back = np.stack([points[0], motion.apply(points[0])])
+    miss = camera.project(back) - np.stack([current, previous])
     error = np.sqrt(np.sum(miss**2, axis=2)).max(axis=0)
-    return Triangulation(points[0], altitudes[0], sigma, error, epipolar[0])
+    return Triangulation(points[0], altitudes[0], sigma, pixel_sigma, slopes, error, epipolar[0])
 
 
 _STEPS = PROBE * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-"""Moves of a pixel; the places below are those of the moved pixels, the current image's first."""
-_CURRENT = [0, 1, 2, 0, 0, 0, 0, 0]
-_PREVIOUS = [3, 3, 3, 4, 5, 3, 3, 3]
-"""Rays as they are, each pixel coordinate moved, and as they are three times: there the motion moves."""
+"""Moves of a pixel; the places below are rows of it for either image, while the motion stays and then moves."""
+_CURRENT = [0, 1, 2, 0, 0] + [0] * PARAMETERS
+_PREVIOUS = [0, 0, 0, 1, 2] + [0] * PARAMETERS
+_PROBES = np.concatenate([np.zeros((5, PARAMETERS)), MOTION_PROBE * np.eye(PARAMETERS)])
 
 
 def _meet(rays: Array, seen: Array, centers: Array) -> tuple[Array, Array]:
@@ -111,18 +121,3 @@ def _cross(a: Array, b: Array) -> Array:
         one, two = (axis + 1) % 3, (axis + 2) % 3
         product[..., axis] = a[..., one] * b[..., two] - a[..., two] * b[..., one]
     return product
-
-
-def _probes(camera: Camera, motion: Motion, noise_px: float) -> tuple[Array, Array, Array]:
-    """Rotations (8, 3, 3) and translations (8, 3) of the variants, and what each one's slope is worth (7,).
-
-    The motion as it is, five times; moved by ``PROBE`` metres along two level axes; turned by ``PROBE`` radians about
-    ``up``.
-    """
-    rotations, translations = np.tile(motion.rotation, (8, 1, 1)), np.tile(motion.translation, (8, 1))
-    translations[5:7] += PROBE * camera.level()[:2]
-    x, y, z = camera.up
-    spin = np.eye(3) + PROBE * np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    rotations[7] = spin @ motion.rotation
-    moved, turned = motion.translation_sigma, motion.rotation_sigma
-    return rotations, translations, np.array([*[noise_px] * 4, moved, moved, turned])

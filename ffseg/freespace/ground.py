@@ -1,216 +1,294 @@
-"""Motion read off the ground itself: points of the free space placed in both images."""
+"""Motion read off the ground itself: points that may show it, placed in both images, and what agrees with them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import MIN_INLIERS, Motion, Origin, fit_planar, ground_points, planar_motion
-from ffseg.image.keypoints import (
-    Alignments,
-    Array,
-    Candidates,
-    Grey,
-    Mask,
-    align_patches,
-    limited,
-    plane_candidates,
-)  # fmt: skip
-from ffseg.image.planes import halved
+from ffseg.camera.motion import PARAMETERS, Motion, Origin, perturbed
+from ffseg.freespace.evidence import FREE, Evidence
+from ffseg.freespace.tracking import Look, Tracks, tracked
+from ffseg.image.keypoints import Array, Grey
 
-GRID_STEP = 28
-"""Pixels between ground points: some 130 of them in the free space of an 800x600 image."""
-PATCH_RADIUS = 6
-CLEAR = 10
-"""Pixels a ground point keeps from everything that is not free space: its patch must show ground only."""
-LEAST_SCORE = 0.6
-"""Correlation of a low-contrast ground patch with itself under sensor noise stays above this."""
-WORST_SIGMA = 0.7
-"""Pixels; a patch that cannot be placed better says nothing."""
-FINEST_SIGMA = 0.15
-"""Pixels; interpolation and the small curvature of the warp leave this even on strong texture."""
+NOD, LEAN, LIFT = np.deg2rad(0.15), np.deg2rad(0.15), 0.002
+"""Standard deviations of nod, lean (radians) and lift (metres): the plane as a strong prior."""
+HEAVY = 2.0
+"""Standard deviations from which a nod that the ground shows is believed as it is: robots do nod now and then."""
+MOST_NOD = np.array([0.05, *[np.deg2rad(4.5)] * 4])
+"""Lift, nods and leans (metres, radians) beyond which it is no robot on a floor, but a chance agreement."""
 GATE = 3.5
 """Standard deviations of a whitened residual."""
-ROUNDS = 4
-STILL = 1e-6
-"""Metres and radians; a hundredth of what the ground resolves at best."""
+PRIOR_MOST = 25.0
+"""What a prior that is far off costs at most in the choice between motions: two points that disagree."""
+TRIALS, SAMPLE, BATCHES, JUDGES = 96, 4, 5, 150
+"""Sets of four points a batch, batches, and points that judge them. With 40 % of the points agreeing the batches miss
+four of them once in 200,000 times, and the prior is a trial itself."""
+CLEAR_SHARE = 0.55
+"""Share of agreeing points that spares further batches."""
+ROUNDS = 6
+STILL = 1e-5
+"""Metres and radians; a tenth of what the ground resolves at best."""
 SETTLED = 0.3
-"""Pixels a motion may have changed its predictions by for the alignments made from them to stand."""
+"""Pixels a motion may have changed its predictions by for the placements made from them to stand."""
 PROBE = 1e-5
 """Metres and radians; far above rounding, far below curvature."""
-LEAST_SHARE = 0.4
+MIN_INLIERS = 8
+"""Points that must agree: the motion has five parameters that no prior holds."""
+MIN_OWNERS = 3
+"""Things these points must belong to; every point of the free space is one of its own."""
+LEAST_SHARE = 0.35
 """Share of well-placed points that must agree: the rest is what moves, shines or stands up."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Tracks:
-    """Ground points of the current image and where they were found in the previous one."""
+class GroundFit:
+    """A motion with its ground, and the points it was read off.
 
-    current: Array
-    start: Array
-    ground: Array
-    previous: Array
-    information: Array
+    Attributes
+    ----------
+    camera : Camera
+        The current camera with its true ``up``.
+    motion : Motion
+    offset : ndarray of float64, shape (8,)
+        What was corrected of the prior, as `perturbed` takes it.
+    tracks : Tracks
+    inliers : ndarray of bool, shape (n,)
+    residual : ndarray of float64, shape (n, 2)
+        Found less predicted, pixels.
+    """
+
+    camera: Camera
+    motion: Motion
+    offset: Array
+    tracks: Tracks
+    inliers: NDArray[np.bool_]
+    residual: Array
+    levers: Array
+    white: Array
+    hold: Array
+
+    @property
+    def count(self) -> int:
+        """Points that agree."""
+        return int(np.count_nonzero(self.inliers))
+
+    @property
+    def share(self) -> float:
+        """Of the well-placed points, those that agree."""
+        return self.count / max(1, len(self.inliers))
+
+    @property
+    def answer(self) -> float:
+        """Of the points that should have been placed, those that agree."""
+        return self.count / max(1, self.tracks.asked)
+
+    def without(self, count: int) -> Doubt:
+        """What the points of all others say of the motion that each of so many components is judged by."""
+        levers, white, owner = self.levers[self.inliers], self.white[self.inliers], self.tracks.owner[self.inliers]
+        mine = (owner == np.arange(count)[:, None]).astype(np.float64)
+        turned = np.swapaxes(levers, 1, 2)
+        size = PARAMETERS * PARAMETERS
+        normals = (turned @ levers).reshape(-1, size)
+        whole = normals.sum(axis=0) + self.hold.ravel()
+        inverses = np.linalg.inv((whole - mine @ normals).reshape(-1, PARAMETERS, PARAMETERS))
+        pulls = mine @ (turned @ white[..., None])[..., 0]
+        squares, own = np.sum(white**2, axis=1), mine.sum(axis=1)
+        scatter = (squares.sum() - mine @ squares) / np.maximum(1.0, 2.0 * (len(white) - own) - 5.0)
+        things = _things(owner) - (own > 0)
+        known = (len(owner) - own >= MIN_INLIERS) & (things >= _needed(self.motion.origin))
+        known |= self.motion.origin != "ground points"  # the poses hold what the others leave open
+        steps = -(inverses @ pulls[..., None])[..., 0]
+        return Doubt(steps, inverses * np.maximum(scatter, 1.0)[:, None, None], known)
 
 
-def refine_on_ground(
-    camera: Camera, prior: Motion, pair: tuple[Grey, Grey], points: Array, coarse: bool, origin: Origin
-) -> Motion | None:
-    """Correct a motion by a planar one so that ground points of the free space agree with both images.
+@dataclass(frozen=True, slots=True, eq=False)
+class Doubt:
+    """What is known of the motion apart from a component itself.
+
+    Attributes
+    ----------
+    steps : ndarray of float64, shape (count, 8)
+        By how much the motion would be another, as `perturbed` takes it.
+    covariances : ndarray of float64, shape (count, 8, 8)
+    known : ndarray of bool, shape (count,)
+        False where the others do not give a motion.
+    """
+
+    steps: Array
+    covariances: Array
+    known: NDArray[np.bool_]
+
+    def of(self, places: list[int]) -> Doubt:
+        """That of some of the components."""
+        return Doubt(self.steps[places], self.covariances[places], self.known[places])
+
+
+def shared_doubt(motion: Motion, count: int) -> Doubt:
+    """The same for components that had no say in the motion."""
+    errors = motion.errors()
+    covariances = np.tile(errors.T @ errors, (count, 1, 1))
+    return Doubt(np.zeros((count, PARAMETERS)), covariances, np.ones(count, np.bool_))
+
+
+def prior_sigmas(translation: float, rotation: float) -> Array:
+    """Standard deviations of the eight parameters of a prior."""
+    return np.array([translation, translation, rotation, LIFT, NOD, NOD, LEAN, LEAN])
+
+
+def fit_ground(
+    camera: Camera, prior: Motion, sigmas: Array, pair: tuple[Grey, Grey], evidence: Evidence, looks: tuple[Look, ...]
+) -> GroundFit | None:
+    """Correct a motion so that points on the ground agree with both images.
 
     Parameters
     ----------
     camera : Camera
     prior : Motion
-        Good to about 3 pixels, or 10 with `coarse`.
+        What it says of its own origin, the result says as well.
+    sigmas : ndarray of float64, shape (8,)
+        Of the prior's parameters, as `prior_sigmas` gives them.
     pair : tuple of ndarray of uint8, shape (H, W)
         Current and previous image.
-    points : ndarray of float64, shape (n, 2)
-        Pixels of the current image that show ground, from `ground_grid`.
-    coarse : bool
-        Look at half the resolution first.
-    origin : str
-        What the returned motion says of itself.
+    evidence : Evidence
+    looks : tuple of str
+        How the points are placed, one after another: ``far`` looks for each within 16 pixels of where it is expected,
+        ``half`` at half the resolution first, ``full`` as the images stand.
 
     Returns
     -------
-    Motion or None
-        None when the ground shows too little texture or too few of its points agree.
+    GroundFit or None
+        None where too few points agree.
     """
-    motion = prior
-    for half in (True, False, False) if coarse else (False, False):
-        tracks = _track(camera, motion, pair, points, half)
-        refined = _fit(camera, motion, tracks, origin)
-        if refined is None:
+    offset, fit, here = np.zeros(PARAMETERS), None, (camera, prior)
+    for look in looks:
+        tracks = tracked(*here, pair, evidence, look)
+        fit = _fitted(*here, tracks, offset, sigmas, first=fit is None)
+        if fit is None:
             return None
-        moved = _predicted(camera, refined, tracks.ground, np.zeros((1, 3)))[0] - tracks.start
-        motion = refined
-        if not half and np.nanmedian(np.abs(moved)) < SETTLED:
+        step = np.abs(_predicted(fit.camera, fit.motion, tracks.current) - tracks.start)
+        offset, here = fit.offset, (fit.camera, fit.motion)
+        if look == "full" and len(step) and np.nanmedian(step) < SETTLED:
             break
-    return motion
+    return fit
 
 
-def ground_grid(camera: Camera, free: Mask) -> Array:
-    """A grid of pixels well inside the free space and outside the robot's disc, shape (n, 2)."""
-    first, size = GRID_STEP // 2, 2 * CLEAR + 1
-    if min(free.shape) < size:
-        return np.empty((0, 2))
-    around = np.lib.stride_tricks.sliding_window_view(free, (size, size))
-    rows, columns = np.nonzero(around[first - CLEAR :: GRID_STEP, first - CLEAR :: GRID_STEP].all(axis=(2, 3)))
-    points = np.stack([columns, rows], axis=1) * float(GRID_STEP) + first
-    away = np.hypot(*(points - camera.center).T) > camera.robot_radius + CLEAR
-    kept: Array = points[away]
-    return kept
-
-
-def textured_points(grey: Grey, points: Array) -> int:
-    """Number of points whose patch could be placed at all: against itself, as the image stands."""
-    unit = np.tile([1.0, 0.0, 0.0, 1.0], (len(points), 1, 1))
-    found = align_patches(grey, grey, points, Candidates(points[:, None], unit), PATCH_RADIUS, steps=0)
-    return int(np.sum(_placed(found.information)[0] < WORST_SIGMA))
-
-
-def _track(camera: Camera, motion: Motion, pair: tuple[Grey, Grey], points: Array, half: bool) -> _Tracks:
-    candidates = plane_candidates(camera, motion, points, np.zeros(1))
-    seen = ~np.isnan(candidates.pixels[:, 0, 0])
-    points = points[seen]
-    start = Candidates(candidates.pixels[seen], candidates.warps[seen])
-    placed = start.pixels[:, 0]
-    if half:
-        small = [halved(image) for image in pair]
-        start = Candidates(start.pixels / 2.0, start.warps)
-        found = align_patches(small[0], small[1], points / 2.0, start, PATCH_RADIUS)
-        found = Alignments(found.pixels * 2.0, found.score, found.information / 4.0)
-    else:
-        found = align_patches(*pair, points, start, PATCH_RADIUS)
-    spread, information = _placed(found.information)
-    good = (found.score > LEAST_SCORE) & (spread < WORST_SIGMA * (2.0 if half else 1.0))
-    ground = ground_points(camera, points[good])
-    return _Tracks(points[good], placed[good], ground, found.pixels[good], information[good])
-
-
-def _placed(information: Array) -> tuple[Array, Array]:
-    """Larger standard deviation of each placement, pixels, and its information bounded by ``FINEST_SIGMA``."""
-    bounded = limited(information, FINEST_SIGMA)
-    half, skew = (0.5 * (bounded[:, 0, 0] + sign * bounded[:, 1, 1]) for sign in (1, -1))
-    least = half - np.hypot(skew, bounded[:, 0, 1])
-    return 1.0 / np.sqrt(np.maximum(least, LEAST_INFORMATION)), bounded
-
-
-LEAST_INFORMATION = 1e-6
-"""1/px^2: a kilopixel of uncertainty stands for a place of which nothing is known."""
-
-
-def _fit(camera: Camera, prior: Motion, tracks: _Tracks, origin: Origin) -> Motion | None:
-    """Planar correction of `prior` by RANSAC in metres, then by least squares in pixels."""
-    measured = _back_on_ground(camera, prior, tracks.previous)
-    step = np.array([[1.0, 0.0], [0.0, 1.0]])
-    stretch = ground_points(camera, (tracks.current[:, None] + step).reshape(-1, 2)).reshape(-1, 2, 2)
-    metres = np.sqrt(np.sum((stretch - tracks.ground[:, None]) ** 2, axis=2)).max(axis=1)
-    usable = np.isfinite(measured).all(axis=1) & np.isfinite(metres)
-    fit = fit_planar(tracks.ground[usable], measured[usable], metres[usable] * WORST_SIGMA)
-    if fit is None:
+def _fitted(
+    camera: Camera, motion: Motion, tracks: Tracks, offset: Array, sigmas: Array, *, first: bool
+) -> GroundFit | None:
+    """Parameters by RANSAC at first, then by least squares with a hard gate; the motion is linear near its prior."""
+    if len(tracks.current) < MIN_INLIERS:
         return None
-    parameters, covariance, inliers = _polish(camera, prior, tracks, fit.parameters)
-    if covariance is None or inliers < LEAST_SHARE * max(1, len(tracks.current)):
-        return None
-    sigma = (float(np.sqrt(covariance[[0, 1], [0, 1]].max())), float(np.sqrt(covariance[2, 2])))
-    return _compose(prior, planar_motion(camera, parameters, origin, inliers, sigma))
-
-
-def _compose(prior: Motion, correction: Motion) -> Motion:
-    """First the correction, then the prior; what is said of the result comes from the correction."""
-    return Motion(
-        prior.rotation @ correction.rotation, prior.apply(correction.translation),
-        correction.origin, correction.inliers, correction.translation_sigma, correction.rotation_sigma,
-    )  # fmt: skip
-
-
-def _back_on_ground(camera: Camera, motion: Motion, previous: Array) -> Array:
-    """Where previous pixels lie on the current camera's ground if `motion` holds: levelled metres, shape (n, 2)."""
-    ways = camera.lift(previous) @ motion.rotation
-    center = -motion.rotation.T @ motion.translation
-    fall = -(ways @ camera.up)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        reach = np.where(fall > 0, (camera.mounting() + center @ camera.up) / fall, np.nan)
-    points: Array = ((center + ways * reach[:, None]) @ camera.level().T)[:, :2]
-    return points
-
-
-def _polish(camera: Camera, prior: Motion, tracks: _Tracks, parameters: Array) -> tuple[Array, Array | None, int]:
-    """Gauss-Newton on whitened pixel residuals with a hard gate; parameters, covariance and number of inliers."""
     root = np.linalg.cholesky(tracks.information)
-    slope = np.swapaxes(root, 1, 2) @ _jacobian(camera, prior, tracks, parameters)
-    covariance, inliers = None, 0
+    levers = np.swapaxes(root, 1, 2) @ _jacobian(camera, motion, tracks)
+    miss = np.einsum("nji,nj->ni", root, tracks.previous - tracks.start)
+    total = _consensus(levers, miss, offset, sigmas) if first else offset
     for _ in range(ROUNDS):
-        miss = _predicted(camera, prior, tracks.ground, parameters[None])[0] - tracks.previous
-        white = np.einsum("nji,nj->ni", root, miss)
-        kept = np.sum(white**2, axis=1) < GATE**2  # false for NaN
-        inliers = int(kept.sum())
-        if inliers < MIN_INLIERS:
-            return parameters, None, inliers
-        lever, left = slope[kept].reshape(-1, 3), white[kept].ravel()
-        normal = lever.T @ lever
-        step = np.linalg.solve(normal, lever.T @ left)
-        parameters = parameters - step
-        covariance = np.linalg.inv(normal) * max(1.0, float(left @ left) / (2 * inliers - 3))
+        white = miss - levers @ (total - offset)
+        inliers = np.sum(white**2, axis=1) < GATE**2
+        own = np.maximum(sigmas, np.abs(total) / HEAVY)
+        hold = np.diag(1.0 / own**2)
+        normal = _normal(levers[inliers]) + hold
+        step = np.linalg.solve(normal, np.einsum("nij,ni->j", levers[inliers], white[inliers]) - hold @ total)
+        total = total + step
         if np.abs(step).max() < STILL:
             break
-    return parameters, covariance, inliers
+    agree = tracks.owner[inliers]
+    if not _enough(agree, motion.origin) or inliers.sum() < LEAST_SHARE * len(inliers):
+        return None
+    if np.any(np.abs(total[3:]) > MOST_NOD):
+        return None
+    white = miss - levers @ (total - offset)
+    covariance = np.asarray(np.linalg.inv(normal) * _scatter(white[inliers]), np.float64)
+    fixed = _moved(camera, motion, total - offset, covariance, int(inliers.sum()))
+    residual = tracks.previous - _predicted(*fixed, tracks.current)
+    return GroundFit(*fixed, total, tracks, inliers, residual, levers, white, hold)
 
 
-def _jacobian(camera: Camera, prior: Motion, tracks: _Tracks, parameters: Array) -> Array:
-    """d(previous pixel)/d(x, y, theta), shape (n, 2, 3), by differences; the motion changes too little to renew it."""
-    base, *moved = _predicted(camera, prior, tracks.ground, parameters + np.eye(4, 3, -1) * PROBE)
-    slopes: Array = np.nan_to_num(np.stack([(one - base) / PROBE for one in moved], axis=2))
+def _enough(owners: NDArray[np.intp], origin: Origin) -> bool:
+    """Enough points of enough things: one thing alone would carry the ground with it."""
+    return len(owners) >= MIN_INLIERS and _things(owners) >= _needed(origin)
+
+
+def _things(owners: NDArray[np.intp]) -> int:
+    free = owners == FREE
+    return int(np.count_nonzero(free)) + len(set(owners[~free].tolist()))
+
+
+def _needed(origin: Origin) -> int:
+    return MIN_OWNERS if origin == "ground points" else 1
+
+
+def _consensus(levers: Array, miss: Array, offset: Array, sigmas: Array) -> Array:
+    """The best of many parameter sets through ``SAMPLE`` points and the prior, and of the prior itself."""
+    random = np.random.default_rng(0)
+    seen = miss + levers @ offset
+    judges = random.permutation(len(levers))[:JUDGES]
+    best: Array = offset
+    least = float("inf")
+    for _ in range(BATCHES):
+        trials = np.concatenate([_trials(random, levers, seen, sigmas), np.zeros((1, PARAMETERS)), best[None]])
+        left = seen[judges].ravel() - trials @ levers[judges].reshape(-1, PARAMETERS).T
+        square = left[:, 0::2] ** 2 + left[:, 1::2] ** 2
+        cost = np.minimum(square, GATE**2).sum(axis=1) + np.minimum((trials / sigmas) ** 2, PRIOR_MOST).sum(axis=1)
+        at = int(np.argmin(np.where(np.isfinite(cost), cost, np.inf)))
+        if cost[at] < least:
+            best, least = np.array(trials[at], np.float64), float(cost[at])
+        if np.mean(square[at] < GATE**2) > CLEAR_SHARE:
+            break
+    return best
+
+
+def _trials(random: np.random.Generator, levers: Array, seen: Array, sigmas: Array) -> Array:
+    """Parameters through ``SAMPLE`` points each; what a sample says of nods is believed."""
+    chosen = random.integers(0, len(levers), (TRIALS, SAMPLE))
+    loose = np.where(np.arange(PARAMETERS) >= 3, 10.0 * sigmas, sigmas)
+    lever = levers[chosen].reshape(TRIALS, -1, PARAMETERS)
+    turned = np.swapaxes(lever, 1, 2)
+    right = turned @ seen[chosen].reshape(TRIALS, -1, 1)
+    return np.asarray(np.linalg.solve(turned @ lever + np.diag(1.0 / loose**2), right)[..., 0], np.float64)
+
+
+def _normal(levers: Array) -> Array:
+    flat = levers.reshape(-1, PARAMETERS)
+    normal: Array = flat.T @ flat
+    return normal
+
+
+def _scatter(white: Array) -> float:
+    """By how much the residuals' variance exceeds what they claim; never below 1."""
+    return max(1.0, float(np.sum(white**2)) / max(1, 2 * len(white) - 5))
+
+
+def _moved(camera: Camera, motion: Motion, step: Array, covariance: Array, inliers: int) -> tuple[Camera, Motion]:
+    """Camera and motion after a correction of so much certainty."""
+    rotations, translations, ups = perturbed(camera, motion, step[None])
+    values, vectors = np.linalg.eigh(covariance)
+    spread = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    sigma = float(np.sqrt(covariance[[0, 1], [0, 1]].max())), float(np.sqrt(covariance[2, 2]))
+    fixed = Motion(rotations[0], translations[0], motion.origin, inliers, *sigma, spread)
+    return replace(camera, up=ups[0]), fixed
+
+
+def _jacobian(camera: Camera, motion: Motion, tracks: Tracks) -> Array:
+    """d(previous pixel)/d(parameters), shape (n, 2, 8), by differences."""
+    moved = predictions(camera, motion, tracks.current, PROBE * np.eye(PARAMETERS))
+    slopes: Array = np.nan_to_num(np.moveaxis((moved - tracks.start) / PROBE, 0, 2))
     return slopes
 
 
-def _predicted(camera: Camera, prior: Motion, ground: Array, parameters: Array) -> Array:
-    """Previous pixels, shape (v, n, 2), of levelled ground points after planar corrections, shape (v, 3)."""
-    x, y, turn = parameters.T[..., None]
-    moved = (ground @ [1.0, 1.0j]) * np.exp(1j * turn) + (x + 1j * y)
-    level = np.stack([moved.real, moved.imag, np.full(moved.shape, camera.mounting())], axis=2)
-    return camera.project(prior.apply(level @ camera.level()))
+def _predicted(camera: Camera, motion: Motion, current: Array) -> Array:
+    first: Array = predictions(camera, motion, current, np.zeros((1, PARAMETERS)))[0]
+    return first
+
+
+def predictions(camera: Camera, motion: Motion, current: Array, parameters: Array) -> Array:
+    """Previous pixels, shape (v, n, 2), of ground seen at current ones after corrections, shape (v, 8)."""
+    rays = camera.lift(current)
+    rotations, translations, ups = perturbed(camera, motion, parameters)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fall = np.maximum(-(rays @ ups.T).T, 1e-9)
+    points = rays * (camera.mounting() / fall)[..., None]
+    return camera.project(points @ np.swapaxes(rotations, 1, 2) + translations[:, None])

@@ -14,11 +14,14 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose
 from ffseg.errors import SegmentationError
 from ffseg.freespace.altitudes import altitude_points
-from ffseg.freespace.egomotion import pair_motion
+from ffseg.freespace.egomotion import PairMotion, pair_motion
+from ffseg.freespace.evidence import Scenery, outer_joints
+from ffseg.freespace.ground import GroundFit
 from ffseg.freespace.structural import ComponentVerdict, ImagePair, structural_test, untested
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.components import contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
+from ffseg.image.planes import pixel_noise
 from ffseg.parameters import Parameters
 from ffseg.segmenters.base import Progress, Segmentation, Segmenter, Timings
 from ffseg.segmenters.registry import segment
@@ -54,6 +57,10 @@ class Frame:
         Where the motion comes from, or why nothing was tested.
     obstacles_ms : float
         Wall time of motion and structural test.
+    camera : Camera or None
+        The current camera with its true ``up``, where the ground was asked.
+    fit : GroundFit or None
+        The points that the motion was read off.
     """
 
     mask: NDArray[np.bool_]
@@ -64,6 +71,8 @@ class Frame:
     motion: Motion | None
     note: str
     obstacles_ms: float
+    camera: Camera | None = None
+    fit: GroundFit | None = None
 
 
 def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters:
@@ -183,10 +192,10 @@ def _snake_frame(
     previous, current = (grey_image(image) for image in images)
     camera.check_size(previous.shape[1], previous.shape[0], "the previous image")
     first = segmenting("snake")
-    chosen = pair_motion(camera, (previous, current), poses, first.mask, epsilon)
+    chosen = pair_motion(camera, (previous, current), poses, Scenery(first.mask), epsilon)
     rows, said = None, "the snake ran without its altitude term"
     if chosen.motion is not None:
-        points = altitude_points(ImagePair(current, previous, camera, chosen.motion), epsilon)
+        points = altitude_points(ImagePair(current, previous, chosen.camera or camera, chosen.motion), epsilon)
         rows, said = points.rows, f"{points.low} points let the snake pass, {len(points.rows) - points.low} bar it"
     second = segmenting("snake", callback=callback, altitudes=rows)
     spent = (first.timings, second.timings)
@@ -226,22 +235,25 @@ def free_space(
     """
     begin = perf_counter()
     inner, components = contour_components(segmentation.contours, segmentation.mask.shape)
-    motion, note = None, FIRST_IMAGE if previous is None else NOTHING_ENCLOSED
-    rows = untested(components)
+    chosen = PairMotion(None, FIRST_IMAGE if previous is None else NOTHING_ENCLOSED)
+    rows: tuple[ComponentVerdict, ...] | None = None
     if previous is not None and components:
         camera.check_size(previous.shape[1], previous.shape[0], "the previous image")
         pair = (grey_image(previous), grey_image(current))
-        chosen = pair_motion(camera, pair, poses, segmentation.mask, epsilon)
-        motion, note = chosen.motion, chosen.note
-        if motion is not None:
-            rows = structural_test(ImagePair(pair[1], pair[0], camera, motion), components, epsilon)
+        scenery = Scenery(segmentation.mask, components, outer_joints(segmentation.contours))
+        chosen = pair_motion(camera, pair, poses, scenery, epsilon)
+        if chosen.motion is not None:
+            noise = pixel_noise(pair[1], segmentation.mask)
+            seen = ImagePair(pair[1], pair[0], chosen.camera or camera, chosen.motion, noise)
+            rows = structural_test(seen, components, epsilon, chosen.fit)
+    rows = untested(components) if rows is None else rows
     paint = {row.component for row in rows if row.verdict == "false_obstacle"}
     dropped = {inner[place] for place in paint}
     return Frame(
         merged(segmentation.mask, [component for component in components if component.index in paint]),
         tuple(contour for place, contour in enumerate(segmentation.contours) if place not in dropped),
         tuple(segmentation.contours[place] for place in sorted(dropped)),
-        rows, segmentation, motion, note, (perf_counter() - begin) * 1e3,
+        rows, segmentation, chosen.motion, chosen.note, (perf_counter() - begin) * 1e3, chosen.camera, chosen.fit,
     )  # fmt: skip
 
 

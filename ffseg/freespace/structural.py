@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Motion
+from ffseg.camera.motion import PARAMETERS, Motion
 from ffseg.camera.triangulation import triangulate
+from ffseg.freespace.ground import PROBE, Doubt, GroundFit, predictions, shared_doubt
 from ffseg.image.components import Component
 from ffseg.image.interest import harris_points, outline_points
 from ffseg.image.keypoints import (
@@ -60,13 +61,17 @@ class ImagePair:
     ----------
     current, previous : ndarray of uint8, shape (H, W)
     camera : Camera
+        With its true ``up`` at the current image.
     motion : Motion
+    noise : float
+        Standard deviation of the pixels' noise, grey levels.
     """
 
     current: Grey
     previous: Grey
     camera: Camera
     motion: Motion
+    noise: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +129,9 @@ class Matches:
     good: NDArray[np.bool_]
 
 
-def structural_test(pair: ImagePair, components: Sequence[Component], epsilon: float) -> tuple[ComponentVerdict, ...]:
+def structural_test(
+    pair: ImagePair, components: Sequence[Component], epsilon: float, fit: GroundFit | None = None
+) -> tuple[ComponentVerdict, ...]:
     """Verdict on every component.
 
     Parameters
@@ -134,6 +141,9 @@ def structural_test(pair: ImagePair, components: Sequence[Component], epsilon: f
         Of the current image.
     epsilon : float
         ``obstacles.altitude``, metres.
+    fit : GroundFit, optional
+        How the motion was read off the ground: a component that had much to say in it is judged by the motion that the
+        others give, so that no thing makes itself the ground.
 
     Notes
     -----
@@ -141,17 +151,19 @@ def structural_test(pair: ImagePair, components: Sequence[Component], epsilon: f
     found again where flat paint would be. A box of which only the base was matched so stays an obstacle, and one wrong
     match neither merges a box nor keeps a mark.
     """
-    matches = match_corners(pair, components, epsilon)
+    doubt = shared_doubt(pair.motion, len(components)) if fit is None else fit.without(len(components))
+    matches = match_corners(pair, components, epsilon, doubt)
     corners = _corner_votes(matches, len(components), epsilon)
     flat, raised = np.zeros((2, len(components)), np.intp)
     asked = np.flatnonzero(corners.on_ground).tolist()
-    flat[asked], raised[asked] = outline_votes(pair, [components[place] for place in asked], epsilon)
-    merged = corners.on_ground & (flat >= LEAST_FLAT) & (raised <= MOST_RAISED * (flat + raised))
+    flat[asked], raised[asked] = outline_votes(pair, [components[place] for place in asked], epsilon, doubt.of(asked))
+    merged = corners.on_ground & doubt.known & (flat >= LEAST_FLAT) & (raised <= MOST_RAISED * (flat + raised))
+    told = doubt.known & (corners.matched > 0)
     return tuple(
         ComponentVerdict(
             component.index, component.area, *component.centroid,
             int(corners.matched[place]), float(corners.highest[place]),
-            "false_obstacle" if merged[place] else "obstacle" if corners.matched[place] else "untested",
+            "false_obstacle" if merged[place] else "obstacle" if told[place] else "untested",
             int(flat[place]), int(raised[place]),
         )
         for place, component in enumerate(components)
@@ -163,8 +175,11 @@ def untested(components: Sequence[Component]) -> tuple[ComponentVerdict, ...]:
     return tuple(ComponentVerdict(c.index, c.area, *c.centroid, 0, float("nan"), "untested", 0, 0) for c in components)
 
 
-def match_corners(pair: ImagePair, components: Sequence[Component], epsilon: float) -> Matches:
+def match_corners(
+    pair: ImagePair, components: Sequence[Component], epsilon: float, doubt: Doubt | None = None
+) -> Matches:
     """Match Harris corners of components along their epipolar curves and triangulate them."""
+    doubt = doubt or shared_doubt(pair.motion, len(components))
     found = harris_points(pair.current, components, MOST_CORNERS)
     start, unique = _sweep(pair, found.pixels, epsilon)
     aligned = align_patches(pair.current, pair.previous, found.pixels, start, CORNER_RADIUS)
@@ -172,7 +187,10 @@ def match_corners(pair: ImagePair, components: Sequence[Component], epsilon: flo
     stayed = np.sum((aligned.pixels - start.pixels[:, 0]) ** 2, axis=1) < RIVAL**2
     good = unique & stayed & (aligned.score > LEAST_SCORE) & (placed.reprojection < REPROJECTION_GATE)
     good &= np.isfinite(placed.altitude) & np.isfinite(placed.altitude_sigma)
-    return Matches(found.owner, found.pixels, aligned.pixels, placed.altitude, placed.altitude_sigma, good)
+    altitude = placed.altitude + np.sum(placed.slopes * doubt.steps[found.owner], axis=1)
+    variance = np.einsum("ni,nij,nj->n", placed.slopes, doubt.covariances[found.owner], placed.slopes)
+    sigma = np.sqrt(placed.pixel_sigma**2 + variance)
+    return Matches(found.owner, found.pixels, aligned.pixels, altitude, sigma, good)
 
 
 HIGHEST = 0.7
@@ -204,7 +222,7 @@ def _sweep(pair: ImagePair, points: Array, epsilon: float) -> tuple[Candidates, 
 
 
 def outline_votes(
-    pair: ImagePair, components: Sequence[Component], epsilon: float
+    pair: ImagePair, components: Sequence[Component], epsilon: float, doubt: Doubt
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Samples of each component's edges that lie on the ground, and those that do not.
 
@@ -215,15 +233,40 @@ def outline_votes(
     ground = plane_candidates(pair.camera, pair.motion, found.pixels, np.array([0.0, epsilon]))
     start = Candidates(ground.pixels[:, :1], ground.warps[:, :1])
     aligned = align_patches(pair.current, pair.previous, found.pixels, start, OUTLINE_RADIUS, OUTLINE_STEPS)
-    flat, raised = _judge(aligned, ground)
-    count = len(components)
+    shift, covariance = _expected(pair, found.pixels, doubt, found.owner)
+    flat, raised = _judge(aligned, ground, shift, covariance)
+    tells = pair.noise**2 < MOST_NOISE * _contrast(pair.current, found.pixels)
+    flat, raised, count = flat & tells, raised & tells, len(components)
     return np.bincount(found.owner[flat], minlength=count), np.bincount(found.owner[raised], minlength=count)
 
 
-def _judge(aligned: Alignments, ground: Candidates) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    shift = aligned.pixels - ground.pixels[:, 0]
+def _contrast(grey: Grey, pixels: Array) -> Array:
+    """Variance of the pixels round each sample, squared grey levels."""
+    steps = np.arange(-OUTLINE_RADIUS, OUTLINE_RADIUS + 1)
+    columns, rows = np.rint(pixels).astype(np.intp).T[..., None] + steps
+    rows, columns = np.clip(rows, 0, grey.shape[0] - 1), np.clip(columns, 0, grey.shape[1] - 1)
+    variance: Array = grey[rows[:, :, None], columns[:, None, :]].reshape(len(pixels), -1).var(axis=1)
+    return variance
+
+
+def _expected(pair: ImagePair, pixels: Array, doubt: Doubt, owner: NDArray[np.intp]) -> tuple[Array, Array]:
+    """By how much the ground would put pixels elsewhere, shape (n, 2), and the covariance of it, shape (n, 2, 2)."""
+    probes = np.concatenate([np.zeros((1, PARAMETERS)), PROBE * np.eye(PARAMETERS)])
+    base, *moved = predictions(pair.camera, pair.motion, pixels, probes)
+    slopes = np.nan_to_num((np.stack(moved, axis=2) - base[..., None]) / PROBE)
+    shift = np.einsum("nij,nj->ni", slopes, doubt.steps[owner])
+    covariance: Array = slopes @ doubt.covariances[owner] @ np.swapaxes(slopes, 1, 2)
+    return shift, covariance
+
+
+def _judge(
+    aligned: Alignments, ground: Candidates, moved: Array, covariance: Array
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    shift = aligned.pixels - ground.pixels[:, 0] - moved
     parallax = ground.pixels[:, 1] - ground.pixels[:, 0]
     information = limited(aligned.information, NOISE_PX)
+    # (J^-1 + C)^-1, which holds for an edge's singular J as well.
+    information = information @ np.linalg.inv(np.eye(2) + covariance @ information)
     weighted = np.einsum("nij,nj->ni", information, parallax)
     certainty = np.sum(weighted * parallax, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -232,8 +275,8 @@ def _judge(aligned: Alignments, ground: Candidates) -> tuple[NDArray[np.bool_], 
         left = shift - altitude[:, None] * parallax
         miss = np.einsum("ni,nij,nj->n", left, information, left)
         similar = aligned.score > LEAST_SCORE
-        raised = ~similar | (altitude - CONFIDENT * sigma > 1.0) | (miss > MISS_GATE)
-        flat = similar & (altitude + CONFIDENT * sigma < 1.0) & ~raised
+        raised = ~similar | (np.abs(altitude) - CONFIDENT * sigma > 1.0) | (miss > MISS_GATE)
+        flat = similar & (np.abs(altitude) + CONFIDENT * sigma < 1.0) & ~raised
     seen = np.isfinite(aligned.score) & np.isfinite(parallax).all(axis=1)
     return flat & seen, raised & seen
 
@@ -242,6 +285,8 @@ MISS_GATE = 16.0
 """Four standard deviations across the epipolar curve."""
 
 
+MOST_NOISE = 0.08
+"""Part of a sample's contrast that may be noise: with twice as much right matches fall short of ``LEAST_SCORE``."""
 LEAST_FLAT = 4
 """Samples that must speak for the ground before anything is merged."""
 LOW_PER_HIGH = 5

@@ -100,11 +100,14 @@ class Alignments:
         Normalised cross-correlation; NaN where the patch left the image.
     information : ndarray of float64, shape (n, 2, 2)
         Inverse covariance of ``pixels``, 1/px^2: small along an edge, large across it.
+    noise : ndarray of float64, shape (n,)
+        Variance of what differs between the patches in units of that assumed in ``information``, at most 1.
     """
 
     pixels: Array
     score: Array
     information: Array
+    noise: Array
 
 
 FINEST_RESIDUAL = 2.0
@@ -123,7 +126,8 @@ def align_patches(
     )  # fmt: skip
     variance = np.maximum(out[:, 3], FINEST_RESIDUAL) ** 2
     information = np.stack([out[:, 4], out[:, 5], out[:, 5], out[:, 6]], axis=1).reshape(n, 2, 2)
-    return Alignments(out[:, :2].copy(), out[:, 2].copy(), information / variance[:, None, None])
+    noise = out[:, 3] ** 2 / variance
+    return Alignments(out[:, :2].copy(), out[:, 2].copy(), information / variance[:, None, None], noise)
 
 
 def limited(information: Array, finest: float) -> Array:

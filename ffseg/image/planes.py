@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, planar_motion
+from ffseg.image.components import Component, merged
 
 Grey = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -27,7 +29,13 @@ FINALISTS = 5
 SURE_PEAK = 0.48
 """Correlation of a finalist that spares the other turns; faint ground is searched at full resolution throughout."""
 TURNS = np.deg2rad(np.arange(-30.0, 30.1, 1.5))
-"""Rotations tried between two images: a robot that turns faster needs poses."""
+"""Rotations tried between two images first: a robot rarely turns faster."""
+WIDE_TURNS = np.deg2rad(np.concatenate([np.arange(-180.0, -30.0, 2.0), np.arange(32.0, 180.0, 2.0)]))
+"""Those tried when none of them fits."""
+MOST_TURNS = 24
+"""Turns that are tried at full resolution at most."""
+STARTS = 4
+"""Motions that are handed on of each range of turns."""
 HALF_SMOOTHING = 1.4
 """Pixels of the halved image: with the halving's own smoothing 3 pixels of the whole, which is half a cell 1 m away."""
 CLIP = 2.0
@@ -36,39 +44,40 @@ LEAST_OVERLAP = 0.3
 """Share of the current cells that must find a partner."""
 LEAST_ENERGY = 1e-4
 """Part of the largest energy below which single precision would decide a correlation."""
-LEAST_PEAK = 0.3
-"""Correlation that spares the refinement hopeless starts; it decides, for the peaks of unrelated grounds reach 0.45
-where those of right ones begin at 0.49 (12 rendered pairs each)."""
+LEAST_PEAK = 0.2
+"""Correlation that spares the refinement hopeless starts; whether the ground agrees is for its points to say."""
+SMOOTHED_NOISE = 0.095
+"""Part of the pixels' noise that the view's smoothing leaves."""
+ABOVE_NOISE, MOST_OF_NOISE = 2.0, 8.0
+"""Noise levels that a cell is pulled toward zero by, and at which one on bare ground is cut."""
 
 
-def search_ground_motion(camera: Camera, current: Grey, previous: Grey, free: Mask) -> Motion | None:
-    """Planar motion that lays the current ground on the previous one: correlation over all turns and shifts.
+def search_ground_motions(
+    camera: Camera, current: Grey, previous: Grey, free: Mask, components: Sequence[Component] = ()
+) -> Iterator[Motion]:
+    """Planar motions that lay the current ground on the previous one, the likeliest first: a correlation over all shifts.
 
-    Returns
-    -------
-    Motion or None
-        Within half a cell; None without a peak that stands out.
+    Each is good to within a cell or two. Turns of up to 30 degrees come first, all others after them.
     """
     pixels = _cells(camera)
-    now = _ground_view(camera, current, pixels, free)
+    now = _ground_view(camera, current, pixels, merged(free, components))
     then = _ground_view(camera, previous, pixels, camera.domain())
-    small, then_small = now.halved(), _spectra(then.halved())
-    peaks = [float(_correlation(small.turned(turn), then_small).max()) for turn in TURNS]
-    order = np.argsort(peaks, kind="stable")[::-1].tolist()
-    spectra = _spectra(then)
-    best, place = LEAST_PEAK, None
-    for rank, index in enumerate(order):
-        if rank >= FINALISTS and best > SURE_PEAK:
-            break
-        surface = _correlation(now.turned(TURNS[index]), spectra)
-        at = np.unravel_index(np.argmax(surface), surface.shape)
-        if surface[at] > best:
-            best, place = float(surface[at]), (TURNS[index], _shift(surface, at))
-    if place is None:
-        return None
-    turn, (dy, dx) = place
-    sigma = (CELL, float(TURNS[1] - TURNS[0]))
-    return planar_motion(camera, np.array([dx * CELL, dy * CELL, turn]), "ground points", 0, sigma)
+    small, spectra, then_small = now.halved(), _spectra(then), _spectra(then.halved())
+    for turns in (TURNS, WIDE_TURNS):
+        peaks = [float(_correlation(small.turned(turn), then_small).max()) for turn in turns]
+        order = np.argsort(peaks, kind="stable")[::-1].tolist()
+        found: list[tuple[float, float, tuple[float, float]]] = []
+        for rank, index in enumerate(order[:MOST_TURNS]):
+            if rank >= FINALISTS and found[0][0] > SURE_PEAK:
+                break
+            surface = _correlation(now.turned(turns[index]), spectra)
+            at = np.unravel_index(np.argmax(surface), surface.shape)
+            found.append((float(surface[at]), float(turns[index]), _shift(surface, at)))
+            found.sort(reverse=True)
+        for peak, turn, (dy, dx) in found[:STARTS]:
+            if peak > LEAST_PEAK:
+                sigma = (CELL, float(TURNS[1] - TURNS[0]))
+                yield planar_motion(camera, np.array([dx * CELL, dy * CELL, turn]), "ground points", 0, sigma)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +135,28 @@ def _ground_view(camera: Camera, grey: Grey, pixels: NDArray[np.float32], mask: 
     weight = cv2.GaussianBlur(known, (0, 0), 4.0) + 1e-6
     high = (view - cv2.GaussianBlur(view * known, (0, 0), 4.0) / weight) * known
     scale = 1.4826 * np.median(np.abs(high[known > 0])) if known.any() else 0.0
-    return _View(np.clip(high, -CLIP * scale, CLIP * scale).astype(np.float32), known)
+    noise = SMOOTHED_NOISE * pixel_noise(grey, mask)
+    most = max(CLIP * scale, MOST_OF_NOISE * noise)
+    shrunk = np.sign(high) * np.clip(np.abs(high) - ABOVE_NOISE * noise, 0.0, most)
+    return _View(shrunk.astype(np.float32), known)
+
+
+def pixel_noise(grey: Grey, mask: Mask) -> float:
+    """Standard deviation of the pixels' noise: the median step between neighbours in every eighth row of a mask."""
+    steps = np.abs(np.diff(grey[::8].astype(np.int16), axis=1))[mask[::8, 1:] & mask[::8, :-1]]
+    if not len(steps):
+        return 0.0
+    # Whole grey levels: the median is found inside its level, as if the steps were spread over it.
+    counts = np.bincount(steps, minlength=2)
+    place = int(np.searchsorted(np.cumsum(counts), 0.5 * len(steps)))
+    below = float(counts[:place].sum())
+    width, low = (0.5, 0.0) if place == 0 else (1.0, place - 0.5)
+    median = low + width * (0.5 * len(steps) - below) / float(counts[place])
+    return median / MEDIAN_STEP
+
+
+MEDIAN_STEP = 0.9539
+"""Median of the absolute difference of two normal values, in units of their standard deviation."""
 
 
 def _spectra(view: _View) -> tuple[Field, Field, Field]:

@@ -29,6 +29,8 @@ class RenderedPair:
     poses : tuple of (x, y, theta)
         Of the previous and of the current view, metres and radians.
     scene : Scene
+    tilts : tuple of (float, float)
+        Of the previous and of the current view from the vertical, radians, as `render` takes them.
     """
 
     previous: Rendering
@@ -36,6 +38,7 @@ class RenderedPair:
     camera: Camera
     poses: tuple[PlanarPose, PlanarPose]
     scene: Scene
+    tilts: tuple[tuple[float, float], tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0))
 
 
 def sample_camera() -> Camera:

@@ -14,11 +14,9 @@ from ffseg.rendering.texture import Noise
 Array = NDArray[np.float64]
 Labels = NDArray[np.int16]
 
-OUTSIDE, GROUND, FIRST_MARK, FIRST_BOX, FIRST_WALL = -1, 0, 1, 100, 200
+OUTSIDE, GROUND, FIRST_MARK, STREAK, SHADOW, FIRST_BOX, FIRST_WALL = -1, 0, 1, 90, 91, 100, 200
 SUBSAMPLES = 4
 """Per axis, in pixels where two surfaces meet."""
-SENSOR_SIGMA = 1.2
-"""Grey levels of noise in every pixel."""
 ROBOT_GREY, OUTSIDE_GREY = 28.0, 4.0
 RADIANS_PER_PIXEL = 1.0 / 160.0
 """Typical of a mirror that spreads half the sphere over 300 pixels; only the fading of texture uses it."""
@@ -40,7 +38,8 @@ class Rendering:
     truth : ndarray of bool, shape (H, W)
         Free space: ground and marks connected with the robot, and the robot's own disc.
     labels : ndarray of int16, shape (H, W)
-        What the pixel's centre shows: -1 robot or nothing, 0 ground, from 1 marks, from 100 boxes, from 200 walls.
+        What the pixel's centre shows: -1 robot or nothing, 0 ground, from 1 marks, 90 a mirrored streak, 91 a box's
+        shadow, from 100 boxes, from 200 walls.
     """
 
     image: NDArray[np.uint8]
@@ -57,7 +56,20 @@ class _Hits:
     grey: Array
 
 
-def render(scene: Scene, camera: Camera, pose: tuple[float, float, float], noise_seed: int = 0) -> Rendering:
+FLOOR_OCTAVES = ((0.02, 3.0), (0.04, 3.5), (0.08, 3.5), (0.16, 3.0), (0.5, 5.0))
+VALUE_NOISE_SIGMA = 0.429
+"""Standard deviation of value noise of amplitude 1: nodes are uniform (1/3), smoothstep weights leave 0.552 of that."""
+SHADOW_GREY = 0.62
+"""Part of the light that reaches a shadow."""
+
+
+def render(
+    scene: Scene,
+    camera: Camera,
+    pose: tuple[float, float, float],
+    noise_seed: int = 0,
+    tilt: tuple[float, float] = (0.0, 0.0),
+) -> Rendering:
     """Render a view.
 
     Parameters
@@ -69,8 +81,10 @@ def render(scene: Scene, camera: Camera, pose: tuple[float, float, float], noise
         (x, y, theta) on the ground, metres and radians.
     noise_seed : int
         Of the sensor noise.
+    tilt : tuple of float
+        Turns of the camera about its own x and then y axis, radians: a robot that nods.
     """
-    caster = _Caster(scene, camera, pose)
+    caster = _Caster(scene, camera, pose, tilt)
     x, y = np.meshgrid(np.arange(camera.width, dtype=np.float64), np.arange(camera.height, dtype=np.float64))
     seen = camera.domain() & (np.hypot(x - camera.center[0], y - camera.center[1]) > camera.robot_radius)
     hits = caster.cast(np.stack([x[seen], y[seen]], axis=1))
@@ -81,7 +95,7 @@ def render(scene: Scene, camera: Camera, pose: tuple[float, float, float], noise
     labels[seen], parts[seen], grey[seen] = hits.label, hits.part, hits.grey
     parts[~seen & camera.domain()] = -2
     _smooth_edges(grey, parts, caster)
-    noise = np.random.default_rng([scene.seed, 7, noise_seed]).normal(0.0, SENSOR_SIGMA, grey.shape)
+    noise = np.random.default_rng([scene.seed, 7, noise_seed]).normal(0.0, scene.floor.noise_sigma, grey.shape)
     image = np.clip(np.rint(grey + noise), 0, 255).astype(np.uint8)
     return Rendering(image, _truth(labels, camera), labels)
 
@@ -107,10 +121,13 @@ def _smooth_edges(grey: Array, parts: NDArray[np.int32], caster: _Caster) -> Non
 class _Caster:
     """Casts rays of one view."""
 
-    def __init__(self, scene: Scene, camera: Camera, pose: tuple[float, float, float]) -> None:
+    def __init__(
+        self, scene: Scene, camera: Camera, pose: tuple[float, float, float], tilt: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
         self._scene, self._camera, self._pose = scene, camera, pose
+        self._tilt = tilt_matrix(*tilt)
         self._height = camera.mounting()
-        self._ground = Noise([scene.seed, 2], GROUND_OCTAVES)
+        self._ground = Noise([scene.seed, 2], _ground_octaves(scene.floor.texture_sigma))
         self._faces = Noise([scene.seed, 3], FACE_OCTAVES)
         self._walls = Noise([scene.seed, 4], WALL_OCTAVES)
 
@@ -125,7 +142,7 @@ class _Caster:
 
     def cast(self, pixels: Array) -> _Hits:
         """Meet rays of pixels, shape (n, 2), with the scene."""
-        rays = self._camera.lift(pixels)
+        rays = self._camera.lift(pixels) @ self._tilt.T
         c, s = np.cos(self._pose[2]), np.sin(self._pose[2])
         ways = np.stack([c * rays[:, 0] - s * rays[:, 1], s * rays[:, 0] + c * rays[:, 1], -rays[:, 2]], axis=1)
         eye = np.array([self._pose[0], self._pose[1], self._height])
@@ -146,7 +163,15 @@ class _Caster:
             inside = _inside(mark, points)
             label[inside] = FIRST_MARK + index
             grey[inside] = mark.grey
+        if self._scene.floor.light is not None:
+            shaded = _shaded(self._scene, points)
+            grey[shaded] *= SHADOW_GREY
+            label[shaded] = SHADOW
         grey += self._ground(points, reach * RADIANS_PER_PIXEL / slope)
+        if self._scene.floor.streak is not None:
+            shining = _shining(self._scene.floor.streak, points - eye[:2])
+            grey[shining] += self._scene.floor.streak[4]
+            label[shining] = STREAK
         return _Hits(label, label.astype(np.int32), grey)
 
     def _room_hits(self, eye: Array, ways: Array, reach: Array, hits: _Hits) -> Array:
@@ -191,6 +216,42 @@ class _Caster:
         hits.part[met] = ((FIRST_BOX + index) * 8 + face) * 2 + sticker
         hits.grey[met] = grey
         return np.where(met, near, reach)
+
+
+def tilt_matrix(about_x: float, about_y: float) -> Array:
+    """Rotation from a tilted camera's frame to the level one: about its x axis, then about its y axis."""
+    c, s, d, t = np.cos(about_x), np.sin(about_x), np.cos(about_y), np.sin(about_y)
+    turned: Array = np.array([[d, 0, t], [0, 1, 0], [-t, 0, d]]) @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    return turned
+
+
+def _ground_octaves(texture_sigma: float | None) -> tuple[tuple[float, float], ...]:
+    if texture_sigma is None:
+        return GROUND_OCTAVES
+    own = VALUE_NOISE_SIGMA * float(np.sqrt(sum(amplitude**2 for _, amplitude in FLOOR_OCTAVES)))
+    return tuple((wave, amplitude * texture_sigma / own) for wave, amplitude in FLOOR_OCTAVES)
+
+
+def _shaded(scene: Scene, points: Array) -> NDArray[np.bool_]:
+    """Ground points from which a box hides the light: a step toward the light from them meets the box."""
+    bearing, slope = scene.floor.light or (0.0, 1.0)
+    shaded = np.zeros(len(points), dtype=np.bool_)
+    for box in scene.boxes:
+        origin = _turned(points - box.center, box.angle)
+        along = _turned(np.array([np.cos(bearing), np.sin(bearing)]), box.angle)
+        enter = ((-np.sign(along) * box.half - origin) / along).max(axis=1)
+        leave = ((np.sign(along) * box.half - origin) / along).min(axis=1)
+        shaded |= (leave > np.maximum(enter, 0.0)) & (np.maximum(enter, 0.0) * slope < box.height)
+    return shaded
+
+
+def _shining(streak: tuple[float, float, float, float, float], away: Array) -> NDArray[np.bool_]:
+    """Ground points, relative to the camera, that lie in the strip."""
+    along = _turned(away, streak[0])
+    shining: NDArray[np.bool_] = (
+        (along[:, 0] > streak[1]) & (along[:, 0] < streak[2]) & (np.abs(along[:, 1]) < streak[3])
+    )
+    return shining
 
 
 def _wall_pattern(surface: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+MarkKind = Literal["mixed", "discs", "touching"]
 
 GAP = 0.16
 """Metres of ground left between things: about a dozen pixels at the distances used, so that a contour passes."""
@@ -71,6 +73,32 @@ class Room:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Floor:
+    """What the ground is like.
+
+    Attributes
+    ----------
+    texture_sigma : float or None
+        Standard deviation of the ground's texture, grey levels, seen from nearby; None: that of the sample scenes.
+    noise_sigma : float
+        Standard deviation of the sensor's noise, grey levels.
+    light : tuple of float or None
+        Bearing, radians, and slope (height over length) of a light under which boxes throw shadows; None: no shadow.
+    streak : tuple of float or None
+        Bearing (radians, of the room), nearest and farthest distance from the camera, half width (metres), and grey
+        levels added by a mirrored strip that moves with the camera; None: a dull floor.
+    """
+
+    texture_sigma: float | None = None
+    noise_sigma: float = 1.2
+    light: tuple[float, float] | None = None
+    streak: tuple[float, float, float, float, float] | None = None
+
+
+PLAIN = Floor()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """Everything that is seen."""
 
@@ -79,6 +107,7 @@ class Scene:
     room: Room
     ground_grey: float
     seed: int
+    floor: Floor = PLAIN
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +129,7 @@ class _Spot:
         return False
 
 
-def random_scene(seed: int, mount_height: float, clear_of: Array) -> Scene:
+def random_scene(seed: int, mount_height: float, clear_of: Array, marks_are: MarkKind = "mixed") -> Scene:
     """Draw a scene round a camera at the origin.
 
     Parameters
@@ -108,8 +137,10 @@ def random_scene(seed: int, mount_height: float, clear_of: Array) -> Scene:
     seed : int
     mount_height : float
         Of the camera, metres: decides what a box hides.
-    clear_of : ndarray of float64, shape (2,)
-        Where the camera has been before: nothing is put there.
+    clear_of : ndarray of float64, shape (2,) or (n, 2)
+        Where the camera is at other times: nothing is put there.
+    marks_are : str
+        ``mixed``, ``discs`` (no corners) or ``touching`` (two of different greys side by side).
     """
     random = np.random.default_rng([seed, 1])
     ground = float(random.uniform(90, 130))
@@ -118,7 +149,7 @@ def random_scene(seed: int, mount_height: float, clear_of: Array) -> Scene:
         float(random.uniform(0, np.pi)),
         float(random.uniform(150, 200)),
     )
-    taken = [_Spot(np.zeros(2), 0.34, 1.0), _Spot(clear_of, 0.34, 1.0)]
+    taken = [_Spot(place, 0.34, 1.0) for place in (np.zeros(2), *np.atleast_2d(clear_of))]
     boxes: list[Box] = []
     marks: list[Mark] = []
     wanted_boxes, wanted_marks = int(random.integers(2, 4)), int(random.integers(3, 6))
@@ -128,10 +159,11 @@ def random_scene(seed: int, mount_height: float, clear_of: Array) -> Scene:
             if _place(_Spot(box.center, box.radius(), mount_height / (mount_height - box.height)), taken):
                 boxes.append(box)
         elif len(marks) < wanted_marks:
-            mark = _random_mark(random, ground)
-            middle = mark.outline.mean(axis=0)
-            if _place(_Spot(middle, float(np.hypot(*(mark.outline - middle).T).max()), 1.0), taken):
-                marks.append(mark)
+            drawn = _random_marks(random, ground, marks_are)
+            outline = np.concatenate([mark.outline for mark in drawn])
+            middle = outline.mean(axis=0)
+            if _place(_Spot(middle, float(np.hypot(*(outline - middle).T).max()), 1.0), taken):
+                marks.extend(drawn)
     return Scene(tuple(marks), tuple(boxes), room, ground, seed)
 
 
@@ -159,10 +191,23 @@ def _random_box(random: np.random.Generator, ground: float) -> Box:
     )
 
 
-def _random_mark(random: np.random.Generator, ground: float) -> Mark:
+def _random_marks(random: np.random.Generator, ground: float, marks_are: MarkKind) -> list[Mark]:
+    """One mark, or two that touch: the second is the first one moved sideways by its own width."""
+    if marks_are != "touching":
+        return [_random_mark(random, ground, 0 if marks_are == "discs" else None)]
+    first = _random_mark(random, ground, 2)
+    side = first.outline[1] - first.outline[0]
+    normal = np.array([-side[1], side[0]]) if random.random() < 0.5 else np.array([side[1], -side[0]])
+    grey = 15.0 if first.grey > ground else 225.0
+    slid = first.outline + normal + side * random.uniform(-0.4, 0.4)
+    away = np.sign((first.outline.mean(axis=0) - first.outline[0]) @ normal)
+    return [first, Mark(slid if away > 0 else slid - 2 * normal, grey)]
+
+
+def _random_mark(random: np.random.Generator, ground: float, kind: int | None = None) -> Mark:
     """A disc, a regular polygon, a tile or a road line, 0.15 to 1.5 m long."""
     center, angle = _random_spot(random, 0.6), random.uniform(0, 2 * np.pi)
-    kind = random.integers(0, 4)
+    kind = int(random.integers(0, 4)) if kind is None else kind
     if kind == 3:
         length, width = random.uniform(0.5, 1.5), random.uniform(0.15, 0.18)
         outline = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * [length / 2, width / 2]

@@ -49,12 +49,13 @@ def enclosed_marks(pair: RenderedPair) -> list[int]:
     found = []
     for label in range(1, len(pair.scene.marks) + 1):
         mark = labels == label
-        if mark.any() and np.all(np.isin(labels[_ring(mark)], (GROUND, label))):
+        if mark.any() and np.all(np.isin(labels[ring(mark)], (GROUND, label))):
             found.append(label)
     return found
 
 
-def _ring(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def ring(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The mask grown by ``RING`` pixels."""
     grown = mask.copy()
     for axis in (0, 1):
         for step in range(1, RING + 1):

@@ -91,7 +91,8 @@ def ratios(case: Case, rounds: int) -> tuple[float, list[float], int]:
 
     def test() -> None:
         if frame.motion is not None:
-            structural_test(ImagePair(case.current, case.previous, case.camera, frame.motion), components, epsilon)
+            seen = ImagePair(case.current, case.previous, frame.camera or case.camera, frame.motion)
+            structural_test(seen, components, epsilon, frame.fit)
 
     steps: list[Callable[[], object]] = [
         lambda: edge_map(case.current, case.params.edges, domain),

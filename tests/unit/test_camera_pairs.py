@@ -13,13 +13,14 @@ from campaigns.freespace import run, true_poses
 from ffseg.camera.motion import planar_parameters, relative_motion
 from ffseg.errors import CalibrationError
 from ffseg.freespace.egomotion import pair_motion
-from ffseg.freespace.ground import ground_grid, refine_on_ground
+from ffseg.freespace.evidence import Scenery, gathered
+from ffseg.freespace.ground import fit_ground, prior_sigmas
 from ffseg.freespace.sequence import Sequence, free_space, segment_view
 from ffseg.freespace.structural import ImagePair, structural_test
 from ffseg.image.components import Component, component_of
 from ffseg.image.interest import harris_points
 from ffseg.image.keypoints import Candidates, align_patches, limited, patch_scores, plane_candidates
-from ffseg.image.planes import search_ground_motion
+from ffseg.image.planes import search_ground_motions
 from ffseg.native import _core
 from ffseg.parameters import load_params
 from ffseg.rendering import RenderedPair, render_pair
@@ -201,11 +202,12 @@ def test_ground_motion_from_nothing_is_the_true_one() -> None:
     rendered = pair(3)
     free = rendered.current.truth & (rendered.current.labels <= 0)
     images = rendered.current.image, rendered.previous.image
-    rough = search_ground_motion(rendered.camera, *images, free)
-    assert rough is not None
-    points = ground_grid(rendered.camera, free)
-    found = refine_on_ground(rendered.camera, rough, images, points, True, "ground points")
-    assert found is not None
+    rough = next(search_ground_motions(rendered.camera, *images, free))
+    evidence = gathered(rendered.camera, images[0], Scenery(free))
+    looks = ("half", "full", "full")
+    fit = fit_ground(rendered.camera, rough, prior_sigmas(0.1, 0.04), images, evidence, looks)
+    assert fit is not None
+    found = fit.motion
     true = planar_parameters(rendered.camera, relative_motion(*true_poses(rendered)))
     error = planar_parameters(rendered.camera, found) - true
     # Five of its own standard deviations: it says what it does not know.
@@ -221,7 +223,7 @@ def test_poses_that_the_ground_contradicts_are_not_believed() -> None:
     images = (rendered.previous.image, rendered.current.image)
     for scale in (1.5, 10.0):
         wrong = type(previous)(previous.rotation, scale * previous.position)
-        found = pair_motion(rendered.camera, images, (wrong, current), free, EPSILON)
+        found = pair_motion(rendered.camera, images, (wrong, current), Scenery(free), EPSILON)
         assert found.motion is None
         assert "poses" in found.note
 
@@ -230,10 +232,10 @@ def test_bare_ground_leaves_the_poses_as_they_are() -> None:
     rendered = pair(3)
     flat = np.full_like(rendered.current.image, 120)
     free = rendered.current.truth & (rendered.current.labels <= 0)
-    found = pair_motion(rendered.camera, (flat, flat), true_poses(rendered), free, EPSILON)
+    found = pair_motion(rendered.camera, (flat, flat), true_poses(rendered), Scenery(free), EPSILON)
     assert found.motion is not None
     assert found.motion.origin == "poses"
-    assert pair_motion(rendered.camera, (flat, flat), None, free, EPSILON).motion is None
+    assert pair_motion(rendered.camera, (flat, flat), None, Scenery(free), EPSILON).motion is None
 
 
 def test_a_pair_without_baseline_is_degenerate() -> None:
@@ -242,7 +244,7 @@ def test_a_pair_without_baseline_is_degenerate() -> None:
     images = (rendered.current.image, rendered.current.image)
     free = rendered.current.truth & (rendered.current.labels <= 0)
     for poses in ((current, current), None):
-        found = pair_motion(rendered.camera, images, poses, free, EPSILON)
+        found = pair_motion(rendered.camera, images, poses, Scenery(free), EPSILON)
         assert found.motion is None
         assert "degenerate" in found.note
 
@@ -284,6 +286,6 @@ def test_short_campaign() -> None:
 def test_unrelated_grounds_have_no_motion() -> None:
     first, second = pair(1), pair(3)
     images = (second.previous.image, first.current.image)
-    found = pair_motion(first.camera, images, None, first.current.truth, EPSILON)
+    found = pair_motion(first.camera, images, None, Scenery(first.current.truth), EPSILON)
     assert found.motion is None
     assert "no motion" in found.note

@@ -1,0 +1,128 @@
+"""What may be wrong with poses that the ground contradicts: units, signs, order, mount height."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ffseg.camera.model import Camera
+from ffseg.camera.motion import Motion, Pose, planar_pose, relative_motion
+from ffseg.freespace.ground import GroundFit
+
+TALLEST, LONGEST = 8.0, 25.0
+"""Metres: no robot carries its camera higher, or moves further between two images that are to be compared."""
+CLEARLY = 1.5
+"""Times as many points must agree with another reading of the poses as with the one given."""
+CHANGES = 0.03, np.deg2rad(2.0)
+"""Metres and radians by which another reading must differ from the one given to be another one."""
+
+Confirmed = Callable[[Motion, Camera], GroundFit | None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contradiction:
+    """What is likely wrong.
+
+    Attributes
+    ----------
+    said : str
+        One sentence with the size of the contradiction and the remedy.
+    fit : GroundFit
+        How well the ground agrees with the poses read in the other way.
+    """
+
+    said: str
+    fit: GroundFit
+
+
+def unlikely_units(camera: Camera, poses: tuple[Pose, Pose]) -> str:
+    """What no camera and no pair of poses in metres says; empty when nothing is wrong."""
+    height, baseline = camera.mounting(), relative_motion(*poses).baseline
+    if height > TALLEST:
+        unit, factor = ("millimetres", 1000.0) if height > 20.0 * TALLEST else ("centimetres", 100.0)
+        return f"mount_height {height:g} m looks like {unit}; write {height / factor:g} in the camera file"
+    if baseline > LONGEST:
+        unit, factor = ("millimetres", 1000.0) if baseline > 60.0 else ("centimetres", 100.0)
+        return f"x and y of the poses look like {unit}: the images lie {baseline:g} m apart; divide them by {factor:g}"
+    return ""
+
+
+def likely_cause(camera: Camera, poses: tuple[Pose, Pose], confirmed: Confirmed, agree: int) -> Contradiction | None:
+    """The reading of the poses that the ground agrees with, where it is another than the given one.
+
+    Parameters
+    ----------
+    camera : Camera
+    poses : tuple of Pose
+        Of the previous and the current image, as given.
+    confirmed : callable
+        Tries a motion with a camera on the ground; None where the ground does not agree.
+    agree : int
+        Points that agree with the poses as they are given.
+    """
+    given = relative_motion(*poses)
+    best: Contradiction | None = None
+    for said, motion, other in _readings(camera, poses):
+        if not _differs(given, motion, camera, other):
+            continue
+        fit = confirmed(motion, other)
+        if fit is None or fit.count < CLEARLY * agree:
+            continue
+        if best is None or fit.count > best.fit.count:
+            best = Contradiction(f"{said}; read like this {fit.count} points of the ground agree", fit)
+    return best
+
+
+def _differs(given: Motion, other: Motion, camera: Camera, other_camera: Camera) -> bool:
+    turn = np.arccos(np.clip(0.5 * (np.trace(given.rotation.T @ other.rotation) - 1.0), -1.0, 1.0))
+    shift = np.linalg.norm(given.translation - other.translation)
+    return bool(shift > CHANGES[0] or turn > CHANGES[1]) or camera.mounting() != other_camera.mounting()
+
+
+def _readings(camera: Camera, poses: tuple[Pose, Pose]) -> Iterator[tuple[str, Motion, Camera]]:
+    """Other readings of the poses: what is said of each, its motion and its camera."""
+    flat = [_planar(camera, pose) for pose in poses]
+    degrees = [(x, y, np.deg2rad(theta)) for x, y, theta in _unwrapped(poses, flat)]
+    yield _said(poses, "theta looks like degrees; give radians"), _motion(camera, degrees), camera
+    for unit, factor in (("millimetres", 1000.0), ("centimetres", 100.0)):
+        scaled = [(x / factor, y / factor, theta) for x, y, theta in flat]
+        yield _said(poses, f"x and y look like {unit}; divide them by {factor:g}"), _motion(camera, scaled), camera
+    turned = [(x, y, -theta) for x, y, theta in flat]
+    yield _said(poses, "theta has the other sign; turn it"), _motion(camera, turned), camera
+    swapped = _motion(camera, flat[::-1])
+    yield _said(poses, "the poses of the two images are swapped; check the order of the rows"), swapped, camera
+    mirrored = [(x, -y, theta) for x, y, theta in flat]
+    yield _said(poses, "y has the other sign, as seen without the mirror; turn it"), _motion(camera, mirrored), camera
+    exchanged = [(y, x, theta) for x, y, theta in flat]
+    yield _said(poses, "x and y are exchanged"), _motion(camera, exchanged), camera
+    other = [(x, -y, -theta) for x, y, theta in flat]
+    yield _said(poses, "y and theta have the other sign, as seen without the mirror"), _motion(camera, other), camera
+    for unit, factor in (("feet", 0.3048), ("inches", 0.0254)):
+        lower = replace(camera, mount_height=camera.mounting() * factor)
+        yield _said(poses, f"mount_height looks like {unit}; give metres"), relative_motion(*poses), lower
+
+
+def _said(poses: tuple[Pose, Pose], what: str) -> str:
+    bare = relative_motion(*poses)
+    turn = np.rad2deg(np.arccos(np.clip(0.5 * (np.trace(bare.rotation) - 1.0), -1.0, 1.0)))
+    return f"the ground does not move by {bare.baseline:.3g} m and {turn:.1f} degrees as the poses say: {what}"
+
+
+def _planar(camera: Camera, pose: Pose) -> tuple[float, float, float]:
+    turn = pose.rotation @ camera.level().T
+    x, y, _ = pose.position
+    return float(x), float(y), float(np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1]))
+
+
+def _unwrapped(poses: tuple[Pose, Pose], flat: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+    """Planar poses with theta as the file says it, where it says one."""
+    return [
+        (x, y, pose.theta if pose.theta is not None else theta) for pose, (x, y, theta) in zip(poses, flat, strict=True)
+    ]
+
+
+def _motion(camera: Camera, flat: list[tuple[float, float, float]]) -> Motion:
+    previous, current = (planar_pose(camera, *one) for one in flat)
+    return relative_motion(previous, current)

@@ -1,0 +1,107 @@
+"""Where to look for the ground: texture of the free space, what is enclosed, and the border of the free space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.model import Camera
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.components import Component
+from ffseg.image.interest import harris_points, outline_points
+from ffseg.image.keypoints import Array, Grey, Mask
+
+GRID_STEP = 28
+"""Pixels between points of the free space: some 130 of them in an 800x600 image."""
+CLEAR = 10
+"""Pixels a point of the free space keeps from everything else: its patch must show ground only."""
+RIM = 8.0
+"""Pixels inside the rim: what is nearer to it is cut off, not standing on the ground."""
+CORNERS, EDGES, BORDER = 6, 12, 72
+"""Most corners and edge samples of a component, and samples of the border of the free space."""
+FREE, FOOT = -1, -2
+"""Owners of points that belong to no component: texture of the free space, and its border."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scenery:
+    """What was segmented in an image.
+
+    Attributes
+    ----------
+    free : ndarray of bool, shape (H, W)
+        Free space without its enclosed components.
+    components : sequence of Component
+    border : ndarray of float64, shape (n, 2)
+        Samples of the outer contours, pixels; empty where nobody asks.
+    """
+
+    free: Mask
+    components: Sequence[Component] = ()
+    border: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """Points of the current image that may show the ground.
+
+    Attributes
+    ----------
+    pixels : ndarray of float64, shape (n, 2)
+    owner : ndarray of int, shape (n,)
+        Place of the component, or ``FREE`` or ``FOOT``.
+    """
+
+    pixels: Array
+    owner: NDArray[np.intp]
+
+
+def gathered(camera: Camera, grey: Grey, scenery: Scenery) -> Evidence:
+    """All points of an image that may show the ground.
+
+    Notes
+    -----
+    Marks are the most textured things on a bare floor, feet of boxes and walls carry edges that lie on the ground. What
+    stands up among them disagrees with the rest, and is left out by the fit.
+    """
+    grid = ground_grid(camera, scenery.free)
+    corners = harris_points(grey, scenery.components, CORNERS)
+    edges = outline_points(grey, scenery.components, EDGES)
+    feet = _thinned(camera, scenery.border)
+    owners = [np.full(len(grid), FREE), corners.owner, edges.owner, np.full(len(feet), FOOT)]
+    return Evidence(np.concatenate([grid, corners.pixels, edges.pixels, feet]), np.concatenate(owners))
+
+
+def ground_grid(camera: Camera, free: Mask) -> Array:
+    """A grid of pixels well inside the free space and outside the robot's disc, shape (n, 2)."""
+    first, size = GRID_STEP // 2, 2 * CLEAR + 1
+    if min(free.shape) < size:
+        return np.empty((0, 2))
+    around = np.lib.stride_tricks.sliding_window_view(free, (size, size))
+    rows, columns = np.nonzero(around[first - CLEAR :: GRID_STEP, first - CLEAR :: GRID_STEP].all(axis=(2, 3)))
+    points = np.stack([columns, rows], axis=1) * float(GRID_STEP) + first
+    away = np.hypot(*(points - camera.center).T) > camera.robot_radius + CLEAR
+    kept: Array = points[away]
+    return kept
+
+
+def outer_joints(contours: Sequence[FreeForm]) -> Array:
+    """Joints between the patches of the outer contours, pixels, shape (n, 2)."""
+    joints = [contour.control_points[:: contour.degree] for contour in contours if contour.signed_area > 0]
+    return np.concatenate(joints) if joints else np.empty((0, 2))
+
+
+def _thinned(camera: Camera, border: Array | None) -> Array:
+    """Samples of the border, evenly thinned, without those where the image of the scene ends."""
+    if border is None or not len(border):
+        return np.empty((0, 2))
+    distance = np.hypot(*(border - camera.center).T)
+    last = np.array([camera.width, camera.height]) - 1.0
+    kept = (distance > camera.robot_radius + RIM) & (np.minimum(border, last - border).min(axis=1) > RIM)
+    if camera.rim_radius is not None:
+        kept &= distance < camera.rim_radius - RIM
+    points: Array = border[kept]
+    return points[:: max(1, -(-len(points) // BORDER))]

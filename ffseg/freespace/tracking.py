@@ -1,0 +1,127 @@
+"""Points of the current image placed in the previous one, as well as each of them can be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.model import Camera
+from ffseg.camera.motion import Motion
+from ffseg.freespace.evidence import FREE, Evidence
+from ffseg.image.keypoints import (
+    Alignments,
+    Array,
+    Candidates,
+    Grey,
+    align_patches,
+    limited,
+    patch_scores,
+    plane_candidates,
+)  # fmt: skip
+from ffseg.image.planes import halved
+
+Look = Literal["far", "half", "full"]
+
+PATCH_RADIUS = 6
+FAR_RADIUS = 4
+LEAST_SCORE = 0.35
+"""Correlation of a patch of 169 pixels that noise alone reaches once in ten thousand; the fit sees to the rest."""
+NOISE_SLOPES = 0.2
+"""Information per pixel of a patch that noise alone pretends to: its own slopes over its own variance."""
+WORST_SIGMA = 0.7
+"""Pixels, in the best direction; a patch that cannot be placed better says nothing."""
+FINEST_SIGMA = 0.15
+"""Pixels; interpolation and the small curvature of the warp leave this even on strong texture."""
+HALF_SIGMA, FAR_SIGMA = 0.5, 0.8
+"""The same at half the resolution, where a nearly right prediction is all that is asked for, and after a far look."""
+FAR_STEPS = 8
+"""Pixels at half the resolution that a far look reaches to either side."""
+FAR_SCORE = 0.6
+"""Correlation of the best place of a far look; with 289 places noise alone reaches 0.45."""
+FAINT = 1e-9
+"""1/px^2; keeps a placement along an edge from being singular."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracks:
+    """Points that were placed.
+
+    Attributes
+    ----------
+    current, start, previous : ndarray of float64, shape (n, 2)
+        In the current image, where the previous one was expected to show them, and where it does.
+    information : ndarray of float64, shape (n, 2, 2)
+        Inverse covariance of ``previous``, 1/px^2.
+    owner : ndarray of int, shape (n,)
+    asked : int
+        Points that should have been placed: all but those of the free space without texture.
+    """
+
+    current: Array
+    start: Array
+    previous: Array
+    information: Array
+    owner: NDArray[np.intp]
+    asked: int
+
+
+def tracked(camera: Camera, motion: Motion, pair: tuple[Grey, Grey], evidence: Evidence, look: Look) -> Tracks:
+    """Place points from where the ground would put them.
+
+    Parameters
+    ----------
+    camera, motion
+    pair : tuple of ndarray
+        Current and previous image.
+    evidence : Evidence
+    look : str
+        ``far``, ``half`` or ``full``.
+    """
+    candidates = plane_candidates(camera, motion, evidence.pixels, np.zeros(1))
+    seen = np.isfinite(candidates.pixels[:, 0]).all(axis=1) & np.isfinite(candidates.warps[:, 0]).all(axis=1)
+    points, owner = evidence.pixels[seen], evidence.owner[seen]
+    expected = Candidates(candidates.pixels[seen], candidates.warps[seen])
+    if look == "full":
+        found = align_patches(*pair, points, expected, PATCH_RADIUS)
+        information = placed(found, PATCH_RADIUS, FINEST_SIGMA)
+    else:
+        found, information = _halved(pair, points, expected, look)
+    sure = np.linalg.eigvalsh(information)[:, 1] > WORST_SIGMA**-2 * (1.0 if look == "full" else 0.25)
+    good = (found.score > LEAST_SCORE) & sure & np.isfinite(found.pixels).all(axis=1)
+    asked = int(np.count_nonzero(good | (owner != FREE)))
+    information = information[good] + FAINT * np.eye(2)
+    return Tracks(points[good], expected.pixels[good, 0], found.pixels[good], information, owner[good], asked)
+
+
+def placed(found: Alignments, radius: int, finest: float) -> Array:
+    """Information of placements above what noise alone pretends to, and no finer than `finest` pixels."""
+    pretended = NOISE_SLOPES * (2 * radius + 1) ** 2 * found.noise
+    values, vectors = np.linalg.eigh(np.nan_to_num(found.information))
+    values = np.maximum(values - np.nan_to_num(pretended)[:, None], 0.0)
+    return limited((vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2), finest)
+
+
+def _halved(pair: tuple[Grey, Grey], points: Array, expected: Candidates, look: Look) -> tuple[Alignments, Array]:
+    """Placements at half the resolution, in pixels of the whole."""
+    small = halved(pair[0]), halved(pair[1])
+    start, sigma = Candidates(expected.pixels / 2.0, expected.warps), HALF_SIGMA
+    if look == "far":
+        start, sigma = _searched(small, points / 2.0, start), FAR_SIGMA
+    found = align_patches(*small, points / 2.0, start, PATCH_RADIUS)
+    information = placed(found, PATCH_RADIUS, sigma / 2.0) / 4.0
+    return Alignments(found.pixels * 2.0, found.score, found.information / 4.0, found.noise), information
+
+
+def _searched(small: tuple[Grey, Grey], points: Array, start: Candidates) -> Candidates:
+    """The best place of each point within ``FAR_STEPS`` of where it is expected; NaN without one."""
+    axis = np.arange(-FAR_STEPS, FAR_STEPS + 1.0)
+    steps = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    places = start.pixels + steps
+    warps = np.broadcast_to(start.warps, (len(points), len(steps), 4))
+    scores = np.nan_to_num(patch_scores(*small, points, Candidates(places, warps), FAR_RADIUS, 0.4), nan=-1.0)
+    rows, best = np.arange(len(points)), np.argmax(scores, axis=1)
+    found = np.where((scores[rows, best] > FAR_SCORE)[:, None], places[rows, best], np.nan)
+    return Candidates(found[:, None], start.warps)

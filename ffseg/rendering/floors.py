@@ -1,0 +1,119 @@
+"""Pairs and sequences on floors of every kind: bare, glossy, shaded, seen by a camera that nods or turns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from ffseg.rendering.pairs import LONGEST, SHORTEST, WIDEST_TURN, PlanarPose, RenderedPair, sample_camera
+from ffseg.rendering.raycast import Rendering, render
+from ffseg.rendering.scene import Floor, MarkKind, Scene, random_scene
+
+FloorKind = Literal["plain", "glossy", "shadows", "nodding", "turning", "discs", "touching"]
+FLOOR_KINDS: tuple[FloorKind, ...] = get_args(FloorKind)
+TEXTURES, NOISES = (0.0, 1.0, 2.0, 3.0, 5.0), (1.0, 2.0, 4.0)
+"""Grey levels."""
+NOD = np.deg2rad(1.5)
+"""Of either camera from the vertical, so that two views differ by up to 3 degrees."""
+QUARTER = np.deg2rad(90.0)
+STEP = 0.12
+"""Metres between the images of a sequence."""
+
+Tilt = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FloorSequence:
+    """Views along a path over one scene.
+
+    Attributes
+    ----------
+    views : tuple of Rendering
+    poses : tuple of (x, y, theta)
+    scene : Scene
+    """
+
+    views: tuple[Rendering, ...]
+    poses: tuple[PlanarPose, ...]
+    scene: Scene
+
+
+def floor_pair(seed: int, kind: FloorKind, texture: float, noise: float) -> RenderedPair:
+    """Render a pair on a floor.
+
+    Parameters
+    ----------
+    seed : int
+    kind : str
+        ``plain``; ``glossy`` (a mirrored strip moves with the camera), ``shadows`` (of boxes), ``nodding`` (each view
+        tilted by up to 1.5 degrees), ``turning`` (up to 90 degrees between the views), ``discs`` (marks without
+        corners), ``touching`` (marks side by side).
+    texture, noise : float
+        Standard deviations of the floor's texture and of the sensor's noise, grey levels.
+    """
+    camera = sample_camera()
+    random = np.random.default_rng([seed, 11])
+    poses = _poses(random, QUARTER if kind == "turning" else WIDEST_TURN)
+    scene = _scene(seed, kind, np.array(poses[0][:2]), random)
+    scene = replace(scene, floor=_floor(random, kind, texture, noise))
+    tilts = tuple(_tilt(random) if kind == "nodding" else (0.0, 0.0) for _ in poses)
+    views = [render(scene, camera, pose, index, tilts[index]) for index, pose in enumerate(poses)]
+    return RenderedPair(views[0], views[1], camera, poses, scene, (tilts[0], tilts[1]))
+
+
+def floor_sequence(seed: int, num_views: int, texture: float, noise: float) -> FloorSequence:
+    """Views of a robot that drives a curve through a scene, a step of ``STEP`` metres each."""
+    camera, random = sample_camera(), np.random.default_rng([seed, 12])
+    poses = _path(random, num_views)
+    scene = _scene(seed, "plain", np.array([pose[:2] for pose in poses]), random)
+    scene = replace(scene, floor=_floor(random, "plain", texture, noise))
+    return FloorSequence(
+        tuple(render(scene, camera, pose, index) for index, pose in enumerate(poses)), tuple(poses), scene
+    )
+
+
+def _path(random: np.random.Generator, num_views: int) -> list[PlanarPose]:
+    """A curve through the origin."""
+    bearing, bend = random.uniform(0, 2 * np.pi), random.uniform(-0.06, 0.06)
+    headings = bearing + bend * np.arange(num_views)
+    places = np.cumsum(STEP * np.stack([np.cos(headings), np.sin(headings)], axis=1), axis=0)
+    places -= places.mean(axis=0)
+    return [(float(x), float(y), float(heading)) for (x, y), heading in zip(places, headings, strict=True)]
+
+
+def _poses(random: np.random.Generator, widest: float) -> tuple[PlanarPose, PlanarPose]:
+    baseline, bearing = random.uniform(SHORTEST, LONGEST), random.uniform(0, 2 * np.pi)
+    theta = random.uniform(-np.pi, np.pi)
+    turn = random.uniform(-widest, widest)
+    return (
+        (float(baseline * np.cos(bearing)), float(baseline * np.sin(bearing)), float(theta + turn)),
+        (0.0, 0.0, float(theta)),
+    )
+
+
+def _scene(seed: int, kind: FloorKind, clear_of: np.ndarray, random: np.random.Generator) -> Scene:
+    own: dict[FloorKind, MarkKind] = {"discs": "discs", "touching": "touching"}
+    return random_scene(int(random.integers(1 << 30)) ^ seed, 0.9, clear_of, own.get(kind, "mixed"))
+
+
+def _floor(random: np.random.Generator, kind: FloorKind, texture: float, noise: float) -> Floor:
+    light = (float(random.uniform(0, 2 * np.pi)), float(random.uniform(0.8, 2.5)))
+    near = float(random.uniform(0.55, 0.8))
+    streak = (
+        float(random.uniform(0, 2 * np.pi)), near, near + float(random.uniform(0.3, 0.9)),
+        float(random.uniform(0.06, 0.1)), float(random.uniform(45, 90)),
+    )  # fmt: skip
+    return Floor(texture, noise, light if kind == "shadows" else None, streak if kind == "glossy" else None)
+
+
+def _tilt(random: np.random.Generator) -> Tilt:
+    size, bearing = random.uniform(0, NOD), random.uniform(0, 2 * np.pi)
+    return float(size * np.cos(bearing)), float(size * np.sin(bearing))
+
+
+def varied(seeds: Sequence[int]) -> list[tuple[int, float, float]]:
+    """Seeds with textures and noises in turn, so that every fifteen meet each combination once."""
+    return [(seed, TEXTURES[index % 5], NOISES[index // 5 % 3]) for index, seed in enumerate(seeds)]
