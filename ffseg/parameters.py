@@ -10,7 +10,7 @@ from typing import Literal
 
 from ffseg.errors import ParameterError
 from ffseg.methods import EDGE_SOURCES, METHODS
-from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Name, Number, OrWord, Row
+from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Name, Number, OrWord, Row, Text
 from ffseg.schema.nodes import Node, Problems, Source, wrap
 from ffseg.schema.sections import Section, build, collect, declared, nearest, subsection
 
@@ -75,6 +75,11 @@ class Domain(Section):
     """Where the contour may go."""
 
     mask: str | None = declared(None, FilePath(), "image that is 0 where the contour may not go")
+    disc: str = declared(
+        "auto",
+        Text(("auto", "off")),
+        "auto = where no mask is given, the disc of a mirror or fisheye in a dark surround",
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,8 +79,8 @@ class Stop(Protocol):
 class Observer(Protocol):
     """Hears of the progress of a run."""
 
-    def finished(self, job: Job, status: str, error: str) -> None:
-        """An image ended as ``ok``, ``same`` (done before) or ``failed``."""
+    def finished(self, job: Job, status: str, told: str) -> None:
+        """An image ended as ``ok``, ``same`` (done before) or ``failed``; what there is to tell of it."""
 
     def note(self, text: str) -> None:
         """Something the user should know that belongs to no image."""
@@ -304,7 +304,8 @@ class Run:
             self.summary.done += 1
         else:
             self.summary.failed += 1
-        self._observer.finished(self._plan.jobs[index], record.status, record.row["error"])
+        told = record.row["error"] or ("" if self._setup.views else record.row.get("note", ""))
+        self._observer.finished(self._plan.jobs[index], record.status, told)
 
     def _record(self, reply: Reply, problem: str, spent: float) -> Record:
         """Record of an image whose outputs are written, unless there was a problem, in so many milliseconds."""
@@ -343,7 +344,7 @@ class Run:
     def _write_tables(self) -> None:
         extra = ("iou",) if self._plan.with_truth else ()
         starts = START_COLUMNS if any(job.start for job in self._plan.jobs) else ()
-        columns = (*TIMING_COLUMNS, *extra, "stop_reason", *(("note",) if self._setup.views else ()), *starts)
+        columns = (*TIMING_COLUMNS, *extra, "stop_reason", "note", *starts)
         timings = csv_table(columns, ([row.get(column) for column in columns] for row in self.rows()))
         tables = [("timings.csv", timings), ("run.json", self._run_json())]
         if self._setup.views:

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
@@ -60,12 +61,15 @@ class Segmentation(Savable):
         Closed contours of the region; outer ones have positive signed area, holes negative.
     stats : Stats
     timings : Timings
+    messages : tuple of str
+        What was done otherwise than asked, such as a start that had to be moved.
     """
 
     mask: NDArray[np.bool_]
     contours: tuple[FreeForm, ...]
     stats: Stats
     timings: Timings
+    messages: tuple[str, ...] = ()
 
     @property
     def num_holes(self) -> int:
@@ -134,6 +138,10 @@ class Outcome:
     contours: tuple[FreeForm, ...] | None
     stats: Stats = Stats()
     mask: NDArray[np.bool_] | None = None
+
+
+class BlockedStartError(SegmentationError):
+    """No sample of any start can move; the text is the remedy."""
 
 
 class Segmenter(Protocol):

@@ -8,12 +8,11 @@ from itertools import accumulate, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Outcome, Progress, Stats, View
+from ffseg.segmenters.base import BlockedStartError, Outcome, Progress, Stats, View
 
 RIDGE_SHARE = 0.5
 """A ridge may be this much weaker than the low Canny threshold: between samples the edge fades and returns."""
@@ -33,8 +32,8 @@ def run(view: View) -> Outcome:
 
     Raises
     ------
-    SegmentationError
-        If every sample of every start lies on an edge or outside the domain.
+    BlockedStartError
+        If every sample of every start lies on an edge or outside the domain; its text is the remedy.
 
     Notes
     -----
@@ -46,10 +45,7 @@ def run(view: View) -> Outcome:
     oriented = tuple(c.reversed() for c in starts) if shrinking else starts
     evolution = _core.Evolution(*_packed(oriented), edge_map.edges, edge_map.domain, _options(edge_map, params))
     if evolution.stop_reason == "blocked":
-        raise SegmentationError(
-            "the start contour lies on an edge or outside the domain at every sample; "
-            "move init.center, change init.radius or raise edges.canny"
-        )
+        raise BlockedStartError("move init.center, change init.radius or raise edges.canny")
 
     def current() -> tuple[FreeForm, ...]:
         contours = _unpacked(evolution, params.contour.degree)

@@ -7,12 +7,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Outcome, Progress, Stats, View
+from ffseg.segmenters.base import BlockedStartError, Outcome, Progress, Stats, View
 
 START_TOLERANCE = 0.02
 """Pixels between a start contour and the polygon the distances are taken from."""
@@ -66,10 +65,7 @@ def run(view: View) -> Outcome:
         options,
     )
     if counts["initial_band"] == 0:
-        raise SegmentationError(
-            "the start contour lies on an edge or outside the domain at every node; "
-            "move init.center, change init.radius or lower levelset.stop_speed"
-        )
+        raise BlockedStartError("move init.center, change init.radius or lower levelset.stop_speed")
     vertices = flat.reshape(-1, 2)
     contours = tuple(FreeForm(vertices[a:b], 1) for a, b in pairwise(ends))
     if view.callback is not None:

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.geometry.freeform import FreeForm
+from ffseg.image.bounds.disc import valid_disc
 from ffseg.image.edges import EdgeMap, Scene, edges_from_source
 from ffseg.image.raster import rasterize
 from ffseg.methods import METHODS, Method, load
 from ffseg.native import _core
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Outcome, Progress, Segmentation, Segmenter, Timings, View
+from ffseg.segmenters.base import BlockedStartError, Outcome, Progress, Segmentation, Segmenter, Timings, View
 from ffseg.segmenters.starts import start_contours
 
 
@@ -104,11 +105,12 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     starts = start_contours(shape, params, start_mask, center)
     begin = perf_counter()
     if edges is None:
+        domain = _disc(image, starts, params) if domain is None else domain
         region = rasterize(starts, shape) if params.edges.source != "gradient" else None
         edges = edges_from_source(Scene(image, region, params, domain))
     edges_done = perf_counter()
     view = View(image, edges, starts, params, options, _rows(altitudes), callback)
-    outcome = run(view)
+    outcome, messages = _run(run, view)
     evolved = perf_counter()
     found = outcome.mask if outcome.mask is not None else rasterize(outcome.contours or (), shape)
     end = perf_counter()
@@ -116,7 +118,29 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     counted = name not in METHODS or METHODS[str(name)].uses_edges
     edges_ms = (edges_done - begin) * 1e3 if counted else 0.0
     timings = Timings(edges_ms, (evolved - edges_done) * 1e3, edges_ms + (end - edges_done) * 1e3)
-    return Segmentation(mask, contours, outcome.stats, timings)
+    return Segmentation(mask, contours, outcome.stats, timings, messages)
+
+
+def _disc(image: NDArray[np.uint8], starts: tuple[FreeForm, ...], params: Parameters) -> NDArray[np.uint8] | None:
+    """The valid disc of a mirror or fisheye as the domain, if the image has one and every start lies in it."""
+    if params.domain.disc == "off":
+        return None
+    found = valid_disc(image)
+    if found is None or not all(found.holds(start.control_points.mean(axis=0)) for start in starts):
+        return None
+    return found.mask((image.shape[0], image.shape[1]))
+
+
+def _run(run: Segmenter, view: View) -> tuple[Outcome, tuple[str, ...]]:
+    """What a method finds, from starts that are moved if none of them can."""
+    try:
+        return run(view), ()
+    except BlockedStartError as blocked:
+        remedy = str(blocked)
+    from ffseg.segmenters.placing import freed  # loads what only this needs
+
+    moved, told = freed(view, remedy)
+    return run(moved), (told,)
 
 
 def outlines_of(mask: NDArray[np.bool_]) -> tuple[FreeForm, ...]:

@@ -119,7 +119,7 @@ def evaluate(one: Photograph, params: Parameters, repeat: int = 1) -> Outcome:
     except FfsegError as error:
         nothing = np.zeros(one.truth.shape, bool)
         return Outcome(one, nothing, 0.0, None, base, 0.0, str(error), "failed")
-    said = str(getattr(result, "message", "") or "")
+    said = "; ".join(result.messages)
     return Outcome(one, result.mask, iou(result.mask, one.truth), result, base, spent, said)
 
 

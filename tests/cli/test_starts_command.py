@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import subprocess
 from collections.abc import Callable
@@ -84,3 +85,18 @@ def test_compare_gives_every_method_the_start_of_the_image(
     assert done.returncode == 0, done.stderr
     assert {row["status"] for row in json.loads(done.stdout)["rows"]} == {"ok"}
     assert sorted(file.name for file in (tmp_path / "out" / "panels").iterdir()) == ["a.png", "b.png"]
+
+
+def test_a_start_that_had_to_move_is_told_and_noted(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
+    """The start of b.png is a circle along the edge of the right disc."""
+    path, out = starts(tmp_path, "a.png,30,40,6", "b.png,90,40,20"), tmp_path / "out"
+    done = ffseg_command("run", images, "--out", out, "--starts", path, "--jobs", "1")
+    assert done.returncode == 0, done.stderr
+    told = [line for line in done.stderr.splitlines() if "lay on an edge" in line]
+    assert len(told) == 1
+    assert "b.png: the start at (90, 40), radius 20 lay on an edge and was moved to (90, 40), radius 16.8" in told[0]
+    with (out / "timings.csv").open(encoding="utf-8", newline="") as file:
+        rows = {row["image"]: row for row in csv.DictReader(file)}
+    assert rows["a.png"]["note"] == ""
+    assert rows["b.png"]["note"] in told[0]
+    assert rows["b.png"]["status"] == "ok"

@@ -93,7 +93,7 @@ def test_every_event_of_an_evolution_agrees_with_its_mask(seed: int) -> None:
 
 @pytest.mark.long
 def test_every_event_of_a_thousand_evolutions_agrees_with_its_mask() -> None:
-    assert sum(check_evolution(seed) for seed in range(1000)) > 5000
+    assert sum(check_evolution(seed) for seed in range(1000)) > 2000
 
 
 def colours(image: np.ndarray) -> Colours:

@@ -114,6 +114,7 @@ class Workbench:
         outputs = tuple(self._outputs(image, found, task))
         result = found.result
         row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, task)
+        row["note"] = "; ".join(filter(None, (*result.messages, row.get("note"))))
         if task.truth:
             row["iou"] = self._iou(result, task.truth)
         end = perf_counter()

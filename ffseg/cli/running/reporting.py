@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -13,8 +14,8 @@ from ffseg.batch.runner import Run, Summary
 from ffseg.cli import console
 from ffseg.formats.files import printable
 
-_SHOWN_FAILURES = 100
-"""Failures named on the terminal; ``timings.csv`` has them all."""
+_MOST_TOLD = 100
+"""Failures, and as many notes, told on the terminal; ``timings.csv`` has them all."""
 
 
 class Progress:
@@ -31,21 +32,21 @@ class Progress:
 
     def __init__(self, total: int, *, bar: bool, verbose: bool) -> None:
         self._verbose = verbose
-        self._failures = 0
+        self._told: Counter[str] = Counter()
         self._bar: Any = None
         if bar and total > 1 and sys.stderr.isatty():
             from tqdm import tqdm
 
             self._bar = tqdm(total=total, unit="image", file=sys.stderr, dynamic_ncols=True)
 
-    def finished(self, job: Job, status: str, error: str) -> None:
-        """Count an image, and name it when it failed."""
-        if status == "failed":
-            self._failures += 1
-            if self._failures <= _SHOWN_FAILURES:
-                self.note(f"{printable(job.source.path)}: {error}")
-            elif self._failures == _SHOWN_FAILURES + 1:
-                self.note("further failures are named in timings.csv only")
+    def finished(self, job: Job, status: str, told: str) -> None:
+        """Count an image, and name it when it failed or there is something to tell."""
+        if told:
+            self._told[status] += 1
+            if self._told[status] <= _MOST_TOLD:
+                self.note(f"{printable(job.source.path)}: {told}")
+            elif self._told[status] == _MOST_TOLD + 1:
+                self.note(f"further {'failures' if status == 'failed' else 'notes'} are in timings.csv only")
         elif self._verbose:
             self.note(f"{printable(job.source.path)}: {'unchanged' if status == 'same' else 'done'}")
         if self._bar is not None:

@@ -1,0 +1,1 @@
+"""Where a contour may go, found in the image itself."""

@@ -1,0 +1,154 @@
+"""The valid disc of a mirror or fisheye lens: the bright circle in a dark surround, found in the image itself."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Image = NDArray[np.uint8]
+Points = NDArray[np.float64]
+
+GRID = 200
+"""Pixels along the longer side at which the disc is looked for: its radius is then known to half a percent."""
+
+DARKEST = 0.3
+"""Corners brighter than this part of the image's bright level belong to the scene (real surrounds: up to 0.22)."""
+
+CONTRAST = 40.0
+"""Grey levels between surround and bright level, from which a circle can be told from noise."""
+
+LEVELS = (0.15, 0.3, 0.5)
+"""Parts of the way from surround to bright level at which the disc is cut out: reflections on a hood need the later ones."""
+
+SLACK = 0.012
+"""Distance from the circle, as a part of its radius, at which a point of the outline still lies on it."""
+
+LEAST_SHARE = 0.65
+"""Part of the outline that must lie on the circle. Real discs: 0.7 to 1; scenes and things with dark corners: up to 0.45."""
+
+LEAST_TURN = 0.4
+"""Part of the full turn the outline must cover: a lens that fills the image leaves it in the corners only (0.42)."""
+
+MOST_OUTSIDE = 0.005
+"""Part of the surround that may be bright."""
+
+LEAST_OUTSIDE = 0.03
+"""Part of the image the surround must take; less is not worth a mistake."""
+
+LEAST_SPREAD = 20.0
+"""Standard deviation of the grey levels inside: a mirror shows a scene (50 to 80), a plain round thing does not."""
+
+MARGIN = 0.01
+"""Part of the radius by which the disc is grown: an edge at the rim stops a contour first, the disc what leaks there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """A circle in pixels."""
+
+    x: float
+    y: float
+    radius: float
+
+    def holds(self, point: Points) -> bool:
+        """Whether a point (x, y) lies in the circle."""
+        return math.hypot(point[0] - self.x, point[1] - self.y) <= self.radius
+
+    def mask(self, shape: tuple[int, int], margin: float = MARGIN) -> NDArray[np.uint8]:
+        """255 inside the circle grown by a part of its radius, else 0, shape (H, W)."""
+        y, x = np.ogrid[: shape[0], : shape[1]]
+        inside = (x - self.x) ** 2 + (y - self.y) ** 2 <= (self.radius * (1 + margin)) ** 2
+        return np.where(inside, np.uint8(255), np.uint8(0))
+
+
+def valid_disc(image: Image) -> Disc | None:
+    """The circle in which a mirror or fisheye shows its scene, or None where the image is an ordinary one.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+
+    Notes
+    -----
+    Looks only at images whose four corners are dark. The convex outline of what is bright must lie on one circle,
+    which holds everything bright, shows a scene and leaves a dark surround. An ordinary image fails at the corners,
+    at the cost of reading these; one with dark corners fails at the circle.
+    """
+    step = -(-max(image.shape[:2]) // GRID)
+    surround = _corner_level(image, step)
+    small = image[step // 2 :: step, step // 2 :: step]
+    if surround > DARKEST * 255 or min(small.shape[:2]) < 8:
+        return None
+    grey = np.ascontiguousarray(small.max(axis=2) if small.ndim == 3 else small)
+    level = float(np.percentile(grey, 95))
+    if surround > DARKEST * level or level - surround < CONTRAST:
+        return None
+    for part in LEVELS:
+        found = _circle_round(grey > surround + part * (level - surround), grey)
+        if found is not None:
+            return Disc(found.x * step + step // 2, found.y * step + step // 2, found.radius * step)
+    return None
+
+
+def _corner_level(image: Image, step: int) -> float:
+    """Mean of the brightest of the four corners."""
+    size = max(1, min(image.shape[:2]) // 16)
+    rows, columns = (slice(0, size, step), slice(-size, None, step)), (slice(0, size, step), slice(-size, None, step))
+    corners = (image[y, x] for y in rows for x in columns)
+    return max(float((corner.max(axis=2) if corner.ndim == 3 else corner).mean()) for corner in corners)
+
+
+def _circle_round(bright: NDArray[np.bool_], grey: Image) -> Disc | None:
+    outline = _outline(cv2.medianBlur(bright.astype(np.uint8), 3) > 0)
+    if len(outline) < 40:
+        return None
+    disc, on = _fit(outline)
+    if on.mean() < LEAST_SHARE:
+        return None
+    angles = np.arctan2(outline[on, 1] - disc.y, outline[on, 0] - disc.x)
+    turn = len(np.unique((angles * (18 / np.pi)).astype(int))) / 36
+    outside = disc.mask(bright.shape, 2 * SLACK) == 0
+    share = float(outside.mean())
+    if turn < LEAST_TURN or share < LEAST_OUTSIDE or float(bright[outside].mean()) > MOST_OUTSIDE:
+        return None
+    within = disc.mask(bright.shape, -2 * SLACK) > 0
+    return disc if float(grey[within].std()) >= LEAST_SPREAD else None
+
+
+def _outline(bright: NDArray[np.bool_]) -> Points:
+    """Points a pixel apart on the convex hull of what is bright, those at the image's border left out."""
+    rows = np.nonzero(bright.any(axis=1))[0]
+    if not len(rows):
+        return np.empty((0, 2))
+    first, last = bright[rows].argmax(axis=1), bright.shape[1] - 1 - bright[rows, ::-1].argmax(axis=1)
+    ends = np.column_stack([np.concatenate([first, last]), np.concatenate([rows, rows])])
+    hull = cv2.convexHull(ends.astype(np.int32))[:, 0].astype(np.float64)
+    sides = np.roll(hull, -1, axis=0) - hull
+    counts = np.maximum(1, np.hypot(sides[:, 0], sides[:, 1]).astype(int))
+    which = np.repeat(np.arange(len(hull)), counts)
+    place = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
+    points = hull[which] + sides[which] * (place / counts[which])[:, None]
+    inner: Points = points[((points > 1) & (points < np.array(bright.shape[::-1]) - 2)).all(axis=1)]
+    return inner
+
+
+def _fit(points: Points) -> tuple[Disc, NDArray[np.bool_]]:
+    """Circle of least algebraic error through the points, the far ones dropped and taken back until they stay."""
+    centre = points.mean(axis=0)
+    moved = points - centre
+    rows, squares = np.column_stack([2 * moved, np.ones(len(moved))]), (moved**2).sum(axis=1)
+    on = np.ones(len(moved), bool)
+    for _ in range(10):
+        kept = rows[on]
+        x, y, rest = np.linalg.lstsq(kept.T @ kept, kept.T @ squares[on], rcond=None)[0]
+        radius = math.sqrt(max(0.0, rest + x * x + y * y))
+        error = np.abs(np.hypot(moved[:, 0] - x, moved[:, 1] - y) - radius)
+        near = max(1.0, SLACK * radius)
+        before, on = on, error <= max(near, 2 * float(np.median(error)))
+        if np.array_equal(before, on):
+            break
+    return Disc(float(x + centre[0]), float(y + centre[1]), radius), error <= near

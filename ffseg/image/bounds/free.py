@@ -1,0 +1,45 @@
+"""Free places for a start: pixels away from edges, the domain's limit and the border of the image."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Plane = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+
+def free_pixels(edges: Plane, domain: Plane | None, clearance: float = 0.0) -> Mask:
+    """Pixels a contour's sample may lie on, shape (H, W).
+
+    Parameters
+    ----------
+    edges : ndarray of uint8, shape (H, W)
+        Nonzero on edge pixels; those round them are not free either.
+    domain : ndarray of uint8, shape (H, W), or None
+        Nonzero where the contour may go.
+    clearance : float
+        Pixels; nothing nearer than half of it to an edge pixel is free.
+    """
+    free: Mask = cv2.dilate(edges, np.ones((3, 3), np.uint8)) == 0
+    if clearance > 0:
+        free &= _distance(edges == 0) >= clearance / 2
+    return free if domain is None else free & (domain != 0)
+
+
+def room_round(free: Mask) -> NDArray[np.float32]:
+    """Distance of every pixel to the nearest one that is not free, pixels; the ring beyond the image is not free."""
+    return _distance(np.pad(free, 1))[1:-1, 1:-1]
+
+
+def ground_under(free: Mask, region: Mask) -> Mask | None:
+    """The connected free pixels that hold most of a region, or None where none of the region is free."""
+    _, labels = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
+    counts = np.bincount(labels[region & free])
+    return None if not len(counts) else np.asarray(labels == int(counts.argmax()), np.bool_)
+
+
+def _distance(free: Mask) -> NDArray[np.float32]:
+    found = cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(found, np.float32)
