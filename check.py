@@ -6,12 +6,15 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
 import venv
 from pathlib import Path
+
+from tests import documented_blocks as documented
 
 ROOT = Path(__file__).resolve().parent
 SCRIPTS = Path(sys.executable).parent
@@ -31,6 +34,8 @@ CHECKS = {
     "tests": [sys.executable, "-m", "pytest", "-n", "2", "-q"],
 }
 """Name and command of each check, run in the project's folder."""
+IN_SOURCES = "import ffseg; print(ffseg.segment(ffseg.read_image('samples/toy.png')))"
+"""What must use the installation also in this folder, where ``import ffseg`` finds the sources first."""
 TEST_ONLY = ("pytest", "hypothesis", "shapely", "ruff", "mypy")
 
 
@@ -68,7 +73,27 @@ def _clean_install() -> bool:
         found = f"import importlib.util as u; print([n for n in {TEST_ONLY} if u.find_spec(n)])"
         present = subprocess.run([python, "-c", found], cwd=folder, check=True, capture_output=True, text=True).stdout
         print(f"test packages in the clean install: {present.strip()}")
-        return present.strip() == "[]" and all(_timed(" ".join(use), use, folder) for use in _uses(scripts / "ffseg"))
+        tried = [_timed(" ".join(use), use, folder) for use in _uses(scripts / "ffseg")]
+        tried.append(_timed("python in the sources", [python, "-c", IN_SOURCES]))
+        return present.strip() == "[]" and all(tried) and _documented(scripts, folder)
+
+
+def _documented(scripts: Path, folder: Path) -> bool:
+    """Run the commands and the Python code of every page with that installation, in bash and in zsh."""
+    passed = True
+    for shell in documented.SHELLS:
+        if shutil.which(shell) is None:
+            print(f"== documentation in {shell}: not run, {shell} is not installed")
+            continue
+        for page in documented.pages():
+            place = folder / f"{shell}-{page.stem}"
+            environment = documented.prepare(place, page, scripts)
+            wrong = [
+                text for block in documented.blocks(page) if (text := documented.run(block, shell, place, environment))
+            ]
+            print(f"== {page.name} in {shell}: {'; '.join(wrong) or 'every block runs'}", flush=True)
+            passed = passed and not wrong
+    return passed
 
 
 def _uses(ffseg: Path) -> list[list[str]]:

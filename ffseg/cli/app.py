@@ -16,6 +16,7 @@ from ffseg.errors import FfsegError
 
 COMMANDS = {
     "run": "ffseg.cli.commands.run",
+    "segment": "ffseg.cli.commands.segment",
     "compare": "ffseg.cli.commands.compare",
     "bench": "ffseg.cli.commands.bench",
     "config": "ffseg.cli.commands.config",

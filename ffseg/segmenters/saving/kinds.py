@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -21,32 +20,6 @@ if TYPE_CHECKING:
 
 FLATNESS = 0.1
 """Tolerance of the lines drawn on pictures, px: a tenth of a line's width."""
-SUFFIXES = {
-    ".png": "mask",
-    ".svg": "svg",
-    ".geojson": "geojson",
-    ".json": "coco",
-    ".jpg": "overlay",
-    ".jpeg": "overlay",
-    ".webp": "overlay",
-}
-"""Kind of a file by its suffix."""
-
-
-def kind_of(path: str, kinds: Sequence[str] = ()) -> str:
-    """Kind of output a file name asks for.
-
-    Raises
-    ------
-    OutputError
-        If the suffix stands for none, or not for one of `kinds`.
-    """
-    suffix = os.path.splitext(path)[1].lower()
-    known = {end: kind for end, kind in SUFFIXES.items() if not kinds or kind in kinds}
-    if suffix not in known:
-        named = ", ".join(f"{end} ({kind})" for end, kind in known.items())
-        raise OutputError(f"{path}: the suffix {suffix or 'is missing and'} stands for no output; write one of {named}")
-    return known[suffix]
 
 
 def encoded(result: Segmentation, kind: str, source: Source, suffix: str = ".png") -> bytes:

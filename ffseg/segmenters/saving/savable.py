@@ -107,7 +107,8 @@ class Savable:
 
     def _save(self, path: str | os.PathLike[str], kind: str, source: Source = NO_SOURCE) -> None:
         from ffseg.formats.files import write_bytes_atomic
-        from ffseg.segmenters.saving.kinds import encoded, kind_of
+        from ffseg.segmenters.saving.kinds import encoded
+        from ffseg.segmenters.saving.suffixes import kind_of
 
         text = os.fspath(path)
         suffix = os.path.splitext(text)[1].lower()

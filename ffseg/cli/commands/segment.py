@@ -1,0 +1,126 @@
+"""``ffseg segment``: one image to one file or a few, also through pipes."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ffseg.cli import console
+from ffseg.cli.checks import checked_params
+from ffseg.cli.options import Config, Settings
+from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ffseg.segmenters.base import Segmentation
+
+FAILED_IMAGES = 3
+"""Exit code when the image cannot be read or segmented, or an output cannot be written."""
+KINDS = ("mask", "svg", "geojson", "coco", "labelme", "overlay")
+PIPE = "-"
+
+
+def segment(
+    image: Annotated[str, typer.Argument(metavar="IN", help="Image file, or - for stdin.")],
+    outputs: Annotated[
+        list[str], typer.Argument(metavar="OUT...", help="Files to write; their suffix says what. - is stdout.")
+    ],
+    kind: Annotated[
+        str | None,
+        typer.Option("--as", metavar="KIND", help=f"{', '.join(KINDS)}; without it by the suffix, mask for -."),
+    ] = None,
+    config: Config = None,
+    settings: Settings = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No word of how it went; errors only.")] = False,
+) -> None:
+    """Segment one image and write what the suffix of OUT asks for.
+
+    NAME.png is the mask, NAME.svg the exact contours, NAME.geojson and NAME.json (COCO) the regions, NAME.jpg or
+    NAME.webp the image with the region drawn. Exit code: 0 done; 2 nothing was run; 3 the image cannot be read or
+    segmented, or an output cannot be written.
+    """
+    wanted = [(path, _kind(path, kind)) for path in outputs]
+    if any(path != PIPE and _same(path, image) for path in outputs):
+        raise UsageError("an output would replace the input image; choose another name")
+    params = checked_params(config, settings)
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    from ffseg.api import segment as segment_pixels
+    from ffseg.segmenters.saving.kinds import encoded
+    from ffseg.segmenters.saving.source import Source
+
+    try:
+        pixels = _read(image)
+        result = segment_pixels(pixels, params)
+        source = Source("" if image == PIPE else os.path.basename(image), pixels)
+        for path, output in wanted:
+            suffix = ".png" if path == PIPE else os.path.splitext(path)[1].lower()
+            _write(path, encoded(result, output, source, suffix))
+    except FfsegError as error:
+        console.error(str(error))
+        raise typer.Exit(FAILED_IMAGES) from error
+    if not quiet:
+        console.message(_told(result))
+
+
+def _kind(path: str, named: str | None) -> str:
+    """What to write into a file: what is asked for, or what its suffix stands for."""
+    if named is not None and named not in KINDS:
+        from ffseg.schema.kinds import nearest_word
+
+        raise UsageError(f"--as {named}: choose one of {', '.join(KINDS)}{nearest_word(named, KINDS)}")
+    if named is not None or path == PIPE:
+        return named or "mask"
+    from ffseg.segmenters.saving.suffixes import kind_of
+
+    try:
+        return kind_of(path)
+    except OutputError as error:
+        raise UsageError(f"{error}; or name it with --as") from error
+
+
+def _same(path: str, image: str) -> bool:
+    try:
+        return os.path.samefile(path, image)
+    except OSError:
+        return False
+
+
+def _read(image: str) -> NDArray[np.uint8]:
+    from ffseg.formats.images import Limits, decode_image, read_image
+
+    if image != PIPE:
+        return read_image(image)
+    limits = Limits()
+    data = sys.stdin.buffer.read(limits.max_bytes + 1) if sys.stdin is not None else b""
+    if not data:
+        raise ImageReadError("empty", "stdin is empty; send an image: ffseg segment - OUT < IMAGE")
+    if len(data) > limits.max_bytes:
+        raise ImageReadError("too-many-bytes", f"stdin holds more than {limits.max_bytes} bytes")
+    return decode_image(data, limits)
+
+
+def _write(path: str, data: bytes) -> None:
+    """Write a file whole or not at all, or to stdout."""
+    if path != PIPE:
+        from ffseg.formats.files import write_bytes_atomic
+
+        write_bytes_atomic(path, data)
+        return
+    from ffseg.cli.running.streams import lost_output
+
+    if sys.stdout.isatty() and b"\0" in data:
+        raise OutputError("stdout is a terminal, which shows no pictures; redirect it: ffseg segment IN - > OUT")
+    sys.stdout.buffer.write(data)
+    lost = lost_output()
+    if lost:
+        raise OutputError(f"stdout cannot be written ({lost})")
+
+
+def _told(result: Segmentation) -> str:
+    inner = repr(result).strip("<>").partition(": ")[2]
+    return f"ffseg: {inner}"

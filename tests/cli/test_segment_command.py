@@ -1,0 +1,103 @@
+"""``ffseg segment``: one image, formats by suffix, pipes."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import ffseg
+from ffseg.formats.masks import read_mask
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+TOY = Path(__file__).resolve().parents[2] / "samples" / "toy.png"
+
+
+@pytest.fixture(scope="module")
+def mask() -> np.ndarray:
+    return ffseg.segment(ffseg.read_image(TOY)).mask
+
+
+def test_suffixes_say_what_is_written(mask: np.ndarray, tmp_path: Path, ffseg_command: Run) -> None:
+    names = ("a.png", "a.svg", "a.geojson", "a.json", "a.jpg", "a.webp")
+    done = ffseg_command("segment", TOY, *names, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "")
+    assert done.stderr == f"ffseg: {mask.sum()} px inside, 1 region, 4 holes; converged after 61 iterations\n"
+    assert sorted(os.listdir(tmp_path)) == sorted(names)
+    assert np.array_equal(read_mask(tmp_path / "a.png"), mask)
+    assert "<title>toy.png</title>" in (tmp_path / "a.svg").read_text("utf-8")
+    assert json.loads((tmp_path / "a.geojson").read_text())["features"][0]["properties"]["holes"] == 4
+    assert json.loads((tmp_path / "a.json").read_text())["images"][0]["file_name"] == "toy.png"
+    assert ffseg.read_image(tmp_path / "a.jpg").shape == ffseg.read_image(tmp_path / "a.webp").shape == (600, 800, 3)
+
+
+@pytest.mark.parametrize("kind", [None, "svg", "geojson", "coco", "labelme", "overlay"])
+def test_pipes(kind: str | None, mask: np.ndarray, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "ffseg", "segment", "-", "-", "-q", *(["--as", kind] if kind else [])]
+    done = subprocess.run(command, input=TOY.read_bytes(), capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    if kind is None:
+        assert np.array_equal(np.asarray(Image.open(io.BytesIO(done.stdout))) == 255, mask)
+    elif kind == "overlay":
+        assert Image.open(io.BytesIO(done.stdout)).size == (800, 600)
+    else:
+        assert done.stdout.startswith(b"<?xml" if kind == "svg" else b"{")
+
+
+def test_it_finds_what_run_finds(tmp_path: Path, ffseg_command: Run) -> None:
+    setting = ["--set", "contour.degree=2", "--set", "init.center=[390,300]"]
+    assert ffseg_command("run", TOY, "--out", tmp_path / "run", *setting).returncode == 0
+    assert ffseg_command("segment", TOY, tmp_path / "a.png", tmp_path / "a.svg", *setting).returncode == 0
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "run" / "masks" / "toy.png").read_bytes()
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "run" / "contours" / "toy.svg").read_bytes()
+
+
+USAGE = {
+    "unknown suffix": (["{toy}", "a.tif"], "the suffix .tif stands for no output"),
+    "no suffix": (["{toy}", "a"], "the suffix is missing"),
+    "unknown kind": (["{toy}", "a.png", "--as", "geojsn"], "did you mean 'geojson'?"),
+    "over the input": (["{toy}", "{toy}"], "would replace the input image"),
+    "wrong parameter": (["{toy}", "a.png", "--set", "contour.degre=2"], "did you mean 'contour.degree'?"),
+    "no output": (["{toy}"], "OUT"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "said"), USAGE.values(), ids=USAGE)
+def test_usage_errors(arguments: list[str], said: str, tmp_path: Path, ffseg_command: Run) -> None:
+    (tmp_path / "toy.png").write_bytes(TOY.read_bytes())
+    done = ffseg_command("segment", *(text.format(toy="toy.png") for text in arguments), cwd=tmp_path)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["toy.png"]
+    assert (tmp_path / "toy.png").read_bytes() == TOY.read_bytes()
+
+
+FAILED = {
+    "no image": ("segment nowhere.png a.png", "nowhere.png"),
+    "an empty pipe": ("segment - a.png < /dev/null", "stdin is empty"),
+    "text": ("segment - a.png <<< hello", "looks like a text file"),
+    "a full disk": (f"segment {TOY} - > /dev/full", "stdout cannot be written (No space left on device)"),
+    "a start on an edge": (f"segment {TOY} a.png --set 'init.circles=[[-9,-9,2]]'", "outside the image"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "said"), FAILED.values(), ids=FAILED)
+def test_what_fails_ends_with_3(arguments: str, said: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        ["bash", "-c", f"{sys.executable} -m ffseg {arguments}"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 3
+    assert said in done.stderr
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,74 @@
+"""Runs the commands and the Python code of the documentation, in a folder as a reader has it. Standard library only."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+OWN_SAMPLES = ("README.md", "tutorial.md")
+"""Pages that tell how to get the sample pictures; the others take them for granted."""
+SHELLS = {"bash": ["bash", "-e", "-c"], "zsh": ["zsh", "-f", "-e", "-i", "-c"]}
+"""An interactive zsh takes no comments and refuses patterns that match nothing, as when a line is pasted."""
+_BLOCK = re.compile(
+    r"(<!-- not run: [^\n]+ -->\n)?^```(sh|python)\n(.*?)^```$(?:\n+```output\n(.*?)^```$)?", re.DOTALL | re.MULTILINE
+)
+"""A block, the mark that it cannot be run here, and what it prints."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A piece of code of a page: language, code, and what it prints where the page shows it."""
+
+    language: str
+    code: str
+    output: str | None
+
+
+def blocks(page: Path) -> list[Block]:
+    """Blocks of a page that are to be run."""
+    found = _BLOCK.findall(page.read_text("utf-8"))
+    return [Block(language, code, output or None) for mark, language, code, output in found if not mark]
+
+
+def pages() -> list[Path]:
+    """Pages with something to run."""
+    return [page for page in PAGES if blocks(page)]
+
+
+def prepare(folder: Path, page: Path, scripts: Path) -> dict[str, str]:
+    """Give a reader's folder two photographs, and the samples where the page supposes them; the environment to use."""
+    photos = folder / "photos"
+    photos.mkdir(parents=True)
+    for name in ("simple.png", "complex.png"):
+        shutil.copyfile(ROOT / "samples" / name, photos / name)
+    environment = {**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}", "HOME": str(folder)}
+    if page.name not in OWN_SAMPLES:
+        subprocess.run(
+            [scripts / "ffseg", "samples", "pictures"], cwd=folder, env=environment, check=True, capture_output=True
+        )
+    return environment
+
+
+def run(block: Block, shell: str, folder: Path, environment: dict[str, str]) -> str:
+    """Run a block; what is wrong, or empty."""
+    command = [*SHELLS[shell], block.code] if block.language == "sh" else ["python", "-c", block.code]
+    done = subprocess.run(
+        command, cwd=folder, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=600,
+        check=False,
+    )  # fmt: skip
+    if done.returncode != 0:
+        return f"exit code {done.returncode}\n{block.code}\n{done.stdout}{done.stderr}"
+    if block.output is not None and _words(done.stdout) != _words(block.output):
+        return f"printed something else\n{block.code}\n{done.stdout}"
+    return ""
+
+
+def _words(text: str) -> list[str]:
+    """Words of an output, with every number taken for the same: times and versions differ."""
+    return re.sub(r"\d+(\.\d+)*", "0", text).split()
