@@ -1,7 +1,8 @@
 """R1, R2: every bad file costs a row with a known reason, 2 s and 500 MB at most, and never the run.
 
-``python tests/campaigns/bad_files.py --work DIR [--folder BAD]``; without ``--folder`` the files of
-``tests/bad_images.py`` are used. Each file is read by a process of its own, then all of them in one run.
+``python -m tests.campaigns.bad_files --work DIR [--folder BAD] [--headers N]``; without ``--folder`` the files of
+``tests/bad_images.py`` are used. Each file is read by a process of its own, then all of them in one run. Then the files of
+``tests/damage.py``, with N mutated headers of each of its formats and codings, are read as Pillow and libvips read them.
 """
 
 from __future__ import annotations
@@ -12,10 +13,14 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parent))  # also as a module of the repository
+
 import harness
+from readings_apart import Share, share_of, table
 
 READ_ONE = """
 import json, re, sys, time
@@ -84,6 +89,19 @@ def read_alone(path: Path, figures: Figures) -> None:
         figures.largest_bomb_mb = max(figures.largest_bomb_mb, (grown, path.name))
 
 
+def damaged(headers: int, names: Sequence[str] = ()) -> dict[str, Share]:
+    """Read damaged files of every format, or of some, in a process for each."""
+    import damage
+
+    shares = {}
+    script = str(Path(__file__).with_name("readings_apart.py"))
+    for name in names or damage.sources():
+        command = [sys.executable, script, name, str(headers)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=3600, check=False)
+        shares[name] = share_of(name, done.stdout, done.returncode)
+    return shares
+
+
 def _run_over(paths: list[Path], work: Path, figures: Figures, known: set[str]) -> None:
     """One run over all files, each in a folder of its own because many differ in their suffix only."""
     source, out = work / "files", work / "out"
@@ -109,6 +127,7 @@ def _run_over(paths: list[Path], work: Path, figures: Figures, known: set[str]) 
 if __name__ == "__main__":
     arguments = harness.parser(__doc__)
     arguments.add_argument("--folder", type=Path)
+    arguments.add_argument("--headers", type=int, default=200, help="mutated headers of each format")
     given = arguments.parse_args()
     if given.folder is None:
         import bad_images
@@ -117,3 +136,6 @@ if __name__ == "__main__":
         given.folder.mkdir(parents=True, exist_ok=True)
         bad_images.write_all(given.folder)
     harness.say(str(campaign(given.folder, given.work)))
+    shares = damaged(given.headers)
+    harness.say(table(shares))
+    harness.say(f"crashed: {[name for share in shares.values() for name in share.crashed]}")
