@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.errors import ImageReadError, ParameterError, SegmentationError
-from ffseg.formats.masks import read_levels
+from ffseg.errors import ParameterError, SegmentationError
+from ffseg.formats.masks import load_mask
 from ffseg.image.edges import EdgeMap
 from ffseg.parameters import Parameters, load_params
 from ffseg.segmenters import registry
@@ -167,13 +167,8 @@ def _mask(
     name: str, mask: NDArray[np.uint8] | NDArray[np.bool_] | None, key: str, path: str | None
 ) -> NDArray[np.uint8] | None:
     """A mask as 0 and 255: the one given, else that of the file the parameters name."""
-    if mask is None and path is None:
-        return None
-    if mask is None and path is not None:
-        try:
-            mask = read_levels(path)
-        except ImageReadError as error:
-            raise ParameterError(f"{key}: {error}") from error
+    if mask is None:
+        return load_mask(key, path)
     if not isinstance(mask, np.ndarray) or mask.ndim != 2 or mask.dtype.kind not in "bu":
         raise SegmentationError(f"{name} must be an array of bool or uint8, shape (H, W), nonzero inside")
     return np.where(mask > 0, np.uint8(255), np.uint8(0))

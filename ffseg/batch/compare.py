@@ -14,10 +14,10 @@ from ffseg.batch.comparison.text import markdown
 from ffseg.batch.comparison.values import COLUMNS, Comparison, Row
 from ffseg.batch.jobs import Job, make_plan, with_starts
 from ffseg.batch.workers.truth import read_truth
-from ffseg.errors import ImageReadError, ParameterError, UsageError
+from ffseg.errors import ImageReadError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
 from ffseg.formats.images import read_image, single_thread
-from ffseg.formats.masks import read_levels
+from ffseg.formats.masks import load_mask
 from ffseg.formats.overlays import Polyline
 from ffseg.formats.panels import Tile, encode_panel
 from ffseg.formats.tables import csv_table
@@ -94,7 +94,7 @@ def compare(task: Comparison, tell: Callable[[Row], None]) -> list[Row]:
     """
     single_thread()
     make_folder(task.out)
-    masks = _Masks(_mask("domain.mask", task.params.domain.mask), _mask("init.mask", task.params.init.mask))
+    masks = _Masks(load_mask("domain.mask", task.params.domain.mask), load_mask("init.mask", task.params.init.mask))
     rows: list[Row] = []
     for job in task.jobs:
         made = _compare_image(task, job, masks, tell)
@@ -136,15 +136,6 @@ class _Masks:
 
     domain: NDArray[np.uint8] | None
     start: NDArray[np.uint8] | None
-
-
-def _mask(key: str, path: str | None) -> NDArray[np.uint8] | None:
-    if path is None:
-        return None
-    try:
-        return np.where(read_levels(path) > 0, np.uint8(255), np.uint8(0))
-    except ImageReadError as error:
-        raise ParameterError(f"{key}: {error}") from error
 
 
 def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Row], None]) -> list[Row]:

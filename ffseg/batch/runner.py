@@ -23,8 +23,15 @@ from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Reply, Setup, Task
 from ffseg.batch.workers.outputs import COCO
 from ffseg.batch.workers.pool import Pool
-from ffseg.errors import FfsegError, OutputError, UsageError
-from ffseg.formats.files import is_temporary, printable, sync_folders, write_all_atomic, write_bytes_atomic
+from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError
+from ffseg.formats.files import (
+    is_temporary,
+    printable,
+    read_bytes,
+    sync_folders,
+    write_all_atomic,
+    write_bytes_atomic,
+)  # fmt: skip
 from ffseg.formats.tables import csv_table
 
 TIMING_COLUMNS = (
@@ -204,7 +211,7 @@ class Run:
     def _header(self) -> dict[str, Any]:
         params = self._setup.params
         files = {"domain.mask": params.domain.mask, "init.mask": params.init.mask}
-        digests = {key: _digest_of(path) for key, path in files.items()}
+        digests = {key: _digest_of(key, path, self._setup.max_bytes) for key, path in files.items()}
         views = self._setup.views
         digests["camera"] = hashlib.blake2b(views.camera_text().encode(), digest_size=16).hexdigest() if views else ""
         header = {"parameters": asdict(params), "files": digests}
@@ -401,13 +408,13 @@ class Run:
         return (json.dumps(value, indent=2, default=str) + "\n").encode("utf-8")
 
 
-def _digest_of(path: str | None) -> str:
+def _digest_of(key: str, path: str | None, max_bytes: int) -> str:
     if path is None:
         return ""
     try:
-        return hashlib.blake2b(Path(path).read_bytes(), digest_size=16).hexdigest()
-    except OSError as error:
-        raise UsageError(f"the mask {printable(path)} cannot be read ({os.strerror(error.errno or 0)})") from error
+        return hashlib.blake2b(read_bytes(path, max_bytes), digest_size=16).hexdigest()
+    except ImageReadError as error:
+        raise UsageError(f"{key}: {printable(path)}: {error}") from error
 
 
 def _refuse_other_parameters(out: str, header: Mapping[str, Any]) -> None:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.errors import ImageReadError, ParameterError
 from ffseg.formats.files import read_bytes
 from ffseg.formats.images import Limits, decode_image, read_image
 
@@ -61,6 +62,29 @@ def read_mask(path: str | os.PathLike[str], limits: Limits | None = None) -> NDA
     """Mask file as a region, shape (H, W): True from a grey level of `INSIDE` on."""
     inside: NDArray[np.bool_] = read_levels(path, limits) >= INSIDE
     return inside
+
+
+def load_mask(key: str, path: str | None, limits: Limits | None = None) -> NDArray[np.uint8] | None:
+    """Mask file that a parameter names, shape (H, W): 255 where it is not 0; None without a file.
+
+    Parameters
+    ----------
+    key : str
+        Of the parameter.
+    path : str or None
+    limits : Limits, optional
+
+    Raises
+    ------
+    ParameterError
+        Naming the key, the file and the reason.
+    """
+    if path is None:
+        return None
+    try:
+        return np.where(read_levels(path, limits) > 0, np.uint8(255), np.uint8(0))
+    except ImageReadError as error:
+        raise ParameterError(f"{key}: {error}") from error
 
 
 def read_labels(path: str | os.PathLike[str], limits: Limits | None = None) -> NDArray[np.uint8] | NDArray[np.uint16]:

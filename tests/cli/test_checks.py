@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -58,3 +60,35 @@ def test_compare_refuses_a_mask_that_is_not_there(tmp_path: Path, ffseg_command:
     assert done.returncode == 2
     assert "domain.mask: there is no file nofile.png" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "option", ["--starts", "--camera", "--poses", "--pairs", "--config", "--set=domain.mask", "--set=init.mask"]
+)
+def test_pipes_that_options_name_are_not_waited_for(option: str, tmp_path: Path, ffseg_command: Run) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    given = [f"{option}=pipe"] if "=" in option else [option, "pipe"]
+    if option in ("--poses", "--pairs"):
+        (tmp_path / "camera.yaml").write_text("model: unified\n")
+        given += ["--camera", "camera.yaml"]
+    done = ffseg_command("run", SAMPLES, "--out", "out", *given, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_mask_larger_than_any_image_is_refused_unread(tmp_path: Path, ffseg_command: Run) -> None:
+    with (tmp_path / "large.png").open("wb") as file:
+        file.truncate(1 << 40)
+    done = ffseg_command("run", SAMPLES, "--out", tmp_path / "out", "--set", f"domain.mask={tmp_path / 'large.png'}")
+    assert done.returncode == 2
+    assert "large.png: the file has 1099511627776 bytes, the limit is" in done.stderr
+
+
+def test_a_pipe_for_a_truth_is_not_waited_for(tmp_path: Path, ffseg_command: Run) -> None:
+    shutil.copy(SAMPLES / "toy.png", tmp_path / "toy.png")
+    (tmp_path / "truth").mkdir()
+    os.mkfifo(tmp_path / "truth" / "toy.png")
+    done = ffseg_command("run", "toy.png", "--out", "out", "--truth", "truth", cwd=tmp_path)
+    assert done.returncode == 3
+    assert "a named pipe" in done.stderr

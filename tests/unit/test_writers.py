@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import re
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from ffseg.formats.masks import encode_mask, read_levels, read_mask
+from ffseg.errors import ParameterError
+from ffseg.formats.images import Limits
+from ffseg.formats.masks import encode_mask, load_mask, read_levels, read_mask
 from ffseg.formats.overlays import COLOURS, Polyline, draw_overlay, encode_overlay
 from ffseg.formats.tables import csv_table
 
@@ -26,6 +29,24 @@ def test_mask_is_8_bit_grey_of_0_and_255_and_reads_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.asarray(image), np.where(mask, 255, 0))
     (tmp_path / "m.png").write_bytes(data)
     np.testing.assert_array_equal(read_mask(tmp_path / "m.png"), mask)
+
+
+def test_mask_of_a_parameter_counts_every_level_but_0(tmp_path: Path) -> None:
+    Image.fromarray(np.array([[0, 1], [128, 255]], np.uint8)).save(tmp_path / "m.png")
+    mask = load_mask("domain.mask", str(tmp_path / "m.png"))
+    assert mask is not None
+    assert mask.tolist() == [[0, 255], [255, 255]]
+    assert load_mask("domain.mask", None) is None
+
+
+def test_mask_of_a_parameter_is_read_behind_the_gate_and_within_the_limits(tmp_path: Path) -> None:
+    (tmp_path / "m.png").write_bytes(encode_mask(np.ones((9, 9), np.bool_)))
+    os.mkfifo(tmp_path / "pipe")
+    for name, limits, words in (
+        ("pipe", None, "a named pipe"), ("m.png", Limits(max_pixels=80), "9x9 pixels"), ("", None, "a folder"),
+    ):  # fmt: skip
+        with pytest.raises(ParameterError, match=f"^init.mask: .*{words}"):
+            load_mask("init.mask", str(tmp_path / name), limits)
 
 
 def test_mask_of_a_transposed_view_is_not_scrambled() -> None:

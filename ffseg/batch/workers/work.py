@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from ffseg import __version__
 from ffseg.batch.workers.encoding import Film, Made
 from ffseg.batch.workers.messages import Reply, Setup, Task
-from ffseg.errors import CalibrationError, FfsegError, ImageReadError, ParameterError, SegmentationError
+from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError
 from ffseg.formats.files import printable, read_bytes
 from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, single_thread
-from ffseg.formats.masks import read_levels
+from ffseg.formats.masks import load_mask
 from ffseg.formats.overlays import Polyline
 from ffseg.parameters import Parameters
 from ffseg.segmenters.base import Segmentation
@@ -54,21 +54,13 @@ class Workbench:
         self._segment = getattr(import_module(module), name)
         self._setup = setup
         self._limits = Limits(setup.max_bytes, setup.max_pixels)
-        self._domain = self._mask("domain.mask", setup.params.domain.mask)
-        self._start_mask = self._mask("init.mask", setup.params.init.mask)
+        self._domain = load_mask("domain.mask", setup.params.domain.mask, self._limits)
+        self._start_mask = load_mask("init.mask", setup.params.init.mask, self._limits)
         self._frames: FrameBench | None = None
         if setup.views is not None:
             from ffseg.batch.workers.frames import FrameBench, Masks  # loads what only cameras need
 
             self._frames = FrameBench(setup.views, setup.params, Masks(self._domain, self._start_mask))
-
-    def _mask(self, key: str, path: str | None) -> NDArray[np.uint8] | None:
-        if path is None:
-            return None
-        try:
-            return np.where(read_levels(path, self._limits) > 0, np.uint8(255), np.uint8(0))
-        except ImageReadError as error:
-            raise ParameterError(f"{key}: {error}") from error
 
     def versions(self) -> dict[str, str]:
         """Versions that a result can depend on."""
