@@ -140,6 +140,27 @@ class Outcome:
     mask: NDArray[np.bool_] | None = None
 
 
+LONGEST_SIDE = 65_535
+"""Pixels; the native core keeps places as 16-bit numbers."""
+LONGEST_MARCH = 32_767
+"""Pixels; the level set and the snake need one bit more."""
+
+
+def check_sides(shape: tuple[int, ...], most: int = LONGEST_SIDE, method: str = "ffseg") -> None:
+    """Refuse an image with a side longer than a method takes.
+
+    Raises
+    ------
+    SegmentationError
+    """
+    height, width = shape[:2]
+    if max(height, width) > most:
+        raise SegmentationError(
+            f"the image has {width} x {height} pixels, {method} takes at most {most} a side; "
+            "scale it down or cut it into pieces"
+        )
+
+
 class BlockedStartError(SegmentationError):
     """No sample of any start can move; the text is the remedy."""
 

@@ -11,7 +11,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import BlockedStartError, Outcome, Progress, Stats, View
+from ffseg.segmenters.base import LONGEST_MARCH, BlockedStartError, Outcome, Progress, Stats, View, check_sides
 
 START_TOLERANCE = 0.02
 """Pixels between a start contour and the polygon the distances are taken from."""
@@ -50,6 +50,7 @@ def run(view: View) -> Outcome:
     edge while the gradient rises, at most ``levelset.settle`` pixels, and the outline crosses between two nodes where
     the gradient's slope along the grid line changes sign.
     """
+    check_sides(view.image.shape, LONGEST_MARCH, "method levelset")
     edge_map, starts, params = view.edges, view.starts, view.params
     options = _options(edge_map, params)
     inside = view.start_region()

@@ -17,7 +17,16 @@ from ffseg.image.raster import rasterize
 from ffseg.methods import METHODS, Method, load
 from ffseg.native import _core
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import BlockedStartError, Outcome, Progress, Segmentation, Segmenter, Timings, View
+from ffseg.segmenters.base import (
+    BlockedStartError,
+    Outcome,
+    Progress,
+    Segmentation,
+    Segmenter,
+    Timings,
+    View,
+    check_sides,
+)  # fmt: skip
 from ffseg.segmenters.starts import start_contours
 
 
@@ -167,6 +176,7 @@ def _rows(altitudes: NDArray[np.float64] | None) -> NDArray[np.float64]:
 def _checked_shape(image: NDArray[np.uint8], domain: NDArray[np.uint8] | None) -> tuple[int, int]:
     if image.dtype != np.uint8 or image.ndim not in (2, 3) or image.size == 0:
         raise SegmentationError(f"the image must be uint8 (H, W) or (H, W, 3), not {image.dtype} {image.shape}")
+    check_sides(image.shape)
     shape = (image.shape[0], image.shape[1])
     if domain is not None and domain.shape != shape:
         raise SegmentationError(

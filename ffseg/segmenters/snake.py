@@ -9,7 +9,7 @@ from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.native import _core
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Outcome, Progress, Stats, View
+from ffseg.segmenters.base import LONGEST_MARCH, Outcome, Progress, Stats, View, check_sides
 
 START_SPACING = 0.75
 """Distance of the first points in units of ``snake.spacing``: half-way between a split and what a split leaves."""
@@ -47,6 +47,7 @@ def run(view: View) -> Outcome:
     Differs: the paper's external energy is the gradient magnitude itself; its logarithm has the same minima but
     does not depend on the contrast. The one contour does not split: round an island it closes to a slit.
     """
+    check_sides(view.image.shape, LONGEST_MARCH, "method snake")
     edge_map, starts, params, callback = view.edges, view.starts, view.params, view.callback
     if len(starts) != 1:
         raise SegmentationError(

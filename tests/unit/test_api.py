@@ -208,3 +208,17 @@ def test_strict_type_checking_accepts_the_python_of_the_pages(tmp_path: Path) ->
         capture_output=True, text=True, check=False, cwd=ROOT,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize(
+    ("method", "side", "most"), [("freeform", 65_536, 65_535), ("levelset", 32_768, 32_767), ("snake", 32_768, 32_767)]
+)
+@pytest.mark.parametrize("wide", [True, False])
+def test_a_side_that_no_method_takes_is_said_in_a_sentence(method: str, side: int, most: int, wide: bool) -> None:
+    image = np.full((16, side) if wide else (side, 16), 90, np.uint8)
+    sizes = f"{side} x 16" if wide else f"16 x {side}"
+    start = {"init.center": [7, 7], "init.radius": 3}
+    with pytest.raises(
+        ffseg.SegmentationError, match=f"the image has {sizes} pixels, .* takes at most {most} a side; "
+    ):
+        ffseg.segment(image, start, method=method)

@@ -112,3 +112,10 @@ def test_film_strip_carries_its_picture(evolution: tuple[np.ndarray, list[Progre
 def test_no_snapshot_is_an_error(write: object) -> None:
     with pytest.raises(ValueError, match="at least one snapshot"):
         write(np.zeros((4, 4), np.uint8), [])  # type: ignore[operator]
+
+
+def test_film_of_a_tall_image_fits_its_format() -> None:
+    image = np.full((20_000, 12), 90, np.uint8)
+    circle = FreeForm(np.array([[2.0, 2.0], [8.0, 2.0], [8.0, 8.0]]), 1)
+    film = Image.open(io.BytesIO(animation_bytes(image, [Progress(0, (circle,))])))
+    assert film.size == (2, 4096)

@@ -32,10 +32,14 @@ def spread(snapshots: Sequence[Snapshot], count: int) -> list[Snapshot]:
     return [snapshots[place] for place in dict.fromkeys(places.tolist())]
 
 
+TALLEST = 4096
+"""Pixels of a scaled picture: more than any screen has, and WebP ends at 16383."""
+
+
 def scaled_down(image: NDArray[np.uint8], width: int) -> tuple[NDArray[np.uint8], float]:
-    """Image of at most `width` px as BGR, and its scale; never enlarged."""
+    """Image of at most `width` px, and `TALLEST` high, as BGR, and its scale; never enlarged."""
     height, full = image.shape[:2]
-    scale = min(1.0, width / full)
+    scale = min(1.0, width / full, TALLEST / height)
     size = (max(1, round(full * scale)), max(1, round(height * scale)))
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA) if scale < 1 else image
     colour = small if small.ndim == 3 else np.repeat(small[..., None], 3, axis=2)
