@@ -156,3 +156,22 @@ def test_another_size_or_a_broken_predecessor_costs_no_other_image(ffseg_command
     assert timings["1.png"]["status"] == "ok"
     assert "previous image 0.png cannot be used: it is 80x60, the camera file says 800x600" in timings["1.png"]["note"]
     assert timings["2.png"]["status"] == "ok"
+
+
+def test_a_run_in_which_nothing_could_be_tested_says_why_and_how_much(ffseg_command: Command, views: Path) -> None:
+    for name in ("1.png", "3.png"):
+        shutil.copyfile(views / "views" / "2.png", views / "views" / name)
+    done = run(ffseg_command, views, "--camera", views / "camera.yaml")
+    assert done.returncode == 0
+    found = rows(views / "out" / "obstacles.csv")
+    assert {row["verdict"] for row in found} == {"untested"}
+    said = done.stderr.splitlines()
+    assert f"ffseg: nothing was tested: {len(found)} enclosed components of 3 images stay untested" in said
+    assert any(line.startswith("ffseg:   2 images: degenerate pair: ") for line in said)
+    assert any(line.startswith("ffseg:   1 image: first image: ") for line in said)
+    quiet = run(ffseg_command, views, "--camera", views / "camera.yaml", "--overwrite", "-q")
+    assert "nothing was tested" not in quiet.stderr
+
+
+def test_a_run_in_which_something_was_tested_says_nothing(ffseg_command: Command, views: Path) -> None:
+    assert "nothing was tested" not in run(ffseg_command, views, *with_camera(views)).stderr

@@ -12,6 +12,7 @@ from typing import Any
 from ffseg.batch.jobs import Job, Plan
 from ffseg.batch.runner import Run, Summary
 from ffseg.cli import console
+from ffseg.cli.running.untested import nothing_tested
 from ffseg.formats.files import printable
 
 _MOST_TOLD = 100
@@ -96,6 +97,8 @@ def _radius(job: Job) -> str:
 def show_result(run: Run, out: str, *, as_json: bool) -> None:
     """Print how a run ended: the summary table, or one JSON document with every row."""
     summary = run.summary
+    for line in nothing_tested(list(run.rows()), out):
+        console.message(f"ffseg: {line}")
     if as_json:
         counts = {name: getattr(summary, name) for name in ("total", "done", "same", "failed")}
         value = {"out": out, "counts": counts, "seconds": round(summary.seconds, 3), "problems": summary.problems}
