@@ -21,7 +21,7 @@ from ffseg.batch.workers.encoding import Film, Made
 from ffseg.batch.workers.messages import Reply, Setup, Task
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError
 from ffseg.formats.files import printable, read_bytes
-from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, single_thread
+from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, frames_note, single_thread
 from ffseg.formats.masks import load_mask
 from ffseg.formats.overlays import Polyline
 from ffseg.parameters import Parameters
@@ -106,7 +106,7 @@ class Workbench:
         outputs = tuple(self._outputs(image, found, task))
         result = found.result
         row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, task)
-        row["note"] = "; ".join(filter(None, (*result.messages, row.get("note"))))
+        row["note"] = "; ".join(filter(None, (frames_note(data, self._limits), *result.messages, row.get("note"))))
         if task.truth:
             row["iou"] = self._iou(result, task.truth)
         end = perf_counter()
