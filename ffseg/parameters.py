@@ -114,13 +114,24 @@ class LevelSet(Section):
 
 
 @dataclass(frozen=True, slots=True)
+class Paper(Section):
+    """The method as printed (Algorithms 1 to 4). It also takes contour and edges, without clearance and settle."""
+
+    balloon: float = declared(
+        2.0,
+        Number(0, 16, above=True),
+        "px per iteration that contour.balloon is cut to: nothing else holds it at an edge",
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class Parameters(Section):
     """Everything that decides a segmentation."""
 
     method: str = declared(
         "freeform",
         Name(tuple(METHODS)),
-        "freeform, snake, levelset, the name of a peer, or module:function of your own",
+        "freeform, snake, levelset, paper, the name of a peer, or module:function of your own",
     )
     contour: Contour = subsection(Contour)
     edges: Edges = subsection(Edges)
@@ -129,6 +140,7 @@ class Parameters(Section):
     obstacles: Obstacles = subsection(Obstacles)
     snake: Snake = subsection(Snake)
     levelset: LevelSet = subsection(LevelSet)
+    paper: Paper = subsection(Paper)
 
 
 def load_params(source: str | os.PathLike[str] | None = None, overrides: Overrides | None = None) -> Parameters:

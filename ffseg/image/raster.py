@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.ragged import packed
 from ffseg.native import _core
 
 TOLERANCE = 0.01
@@ -43,8 +44,7 @@ def rasterize(contours: Sequence[FreeForm], shape: tuple[int, int], tolerance: f
     box from 0 to n holds the centres 0 to n - 1, and regions that share an edge share no pixel.
     """
     mask = np.empty(shape, dtype=np.bool_)
-    points = np.concatenate([np.empty((0, 2)), *(c.control_points for c in contours)])
-    offsets = np.cumsum([0, *(len(c.control_points) for c in contours)], dtype=np.int64)
+    points, offsets = packed(contours)
     degrees = np.array([c.degree for c in contours], dtype=np.int64)
     _core.rasterize(points, offsets, degrees, tolerance, mask.view(np.uint8))
     return mask

@@ -243,6 +243,87 @@ def patch_scores(current: Annotated[NDArray[numpy.uint8], dict(shape=(None, None
 def align_patches(current: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], previous: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], centers: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], starts: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], warps: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], radius: int, steps: int, out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
     """Sub-pixel alignment of patches in the previous image, into `out`."""
 
+class PaperOptions:
+    def __init__(self) -> None: ...
+
+    @property
+    def degree(self) -> int: ...
+
+    @degree.setter
+    def degree(self, arg: int, /) -> None: ...
+
+    @property
+    def split_threshold(self) -> float: ...
+
+    @split_threshold.setter
+    def split_threshold(self, arg: float, /) -> None: ...
+
+    @property
+    def balloon(self) -> float: ...
+
+    @balloon.setter
+    def balloon(self, arg: float, /) -> None: ...
+
+    @property
+    def exponent(self) -> float: ...
+
+    @exponent.setter
+    def exponent(self, arg: float, /) -> None: ...
+
+    @property
+    def sigma(self) -> float: ...
+
+    @sigma.setter
+    def sigma(self, arg: float, /) -> None: ...
+
+    @property
+    def refine(self) -> bool: ...
+
+    @refine.setter
+    def refine(self, arg: bool, /) -> None: ...
+
+    @property
+    def topology(self) -> bool: ...
+
+    @topology.setter
+    def topology(self, arg: bool, /) -> None: ...
+
+    @property
+    def max_iterations(self) -> int: ...
+
+    @max_iterations.setter
+    def max_iterations(self, arg: int, /) -> None: ...
+
+class PaperEvolution:
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu', writable=False)], edges: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, options: PaperOptions) -> None: ...
+
+    def advance(self, iterations: int) -> bool:
+        """Runs iterations; False once the contour has stopped."""
+
+    def step(self) -> tuple[int, int]:
+        """One iteration of Algorithm 4: how many samples moved, of how many."""
+
+    def split(self) -> None: ...
+
+    def prune(self) -> None: ...
+
+    def flip(self) -> None: ...
+
+    def meeting(self) -> list[list[int]]:
+        """
+        Component and patch of both patches of each pair that passes the filter.
+        """
+
+    def contours(self) -> tuple:
+        """
+        Control points (M, 2) of all contours and their offsets; those set aside come last.
+        """
+
+    def counts(self) -> dict: ...
+
+    @property
+    def stop_reason(self) -> str: ...
+
 class SnakeOptions:
     def __init__(self) -> None: ...
 

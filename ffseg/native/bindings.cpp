@@ -13,5 +13,6 @@ NB_MODULE(_core, m) {
     bind_measures(m);
     bind_packing(m);
     bind_pairs(m);
+    bind_paper(m);
     bind_snake(m);
 }

@@ -14,4 +14,5 @@ void bind_levelset(nanobind::module_& m);
 void bind_measures(nanobind::module_& m);
 void bind_packing(nanobind::module_& m);
 void bind_pairs(nanobind::module_& m);
+void bind_paper(nanobind::module_& m);
 void bind_snake(nanobind::module_& m);

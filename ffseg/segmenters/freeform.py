@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import accumulate, pairwise
-
-import numpy as np
-from numpy.typing import NDArray
-
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.ragged import packed, unpacked
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
 from ffseg.parameters import Parameters
@@ -43,12 +38,13 @@ def run(view: View) -> Outcome:
     edge_map, starts, params, callback = view.edges, view.starts, view.params, view.callback
     shrinking = params.contour.balloon < 0
     oriented = tuple(c.reversed() for c in starts) if shrinking else starts
-    evolution = _core.Evolution(*_packed(oriented), edge_map.edges, edge_map.domain, _options(edge_map, params))
+    evolution = _core.Evolution(*packed(oriented), edge_map.edges, edge_map.domain, _options(edge_map, params))
     if evolution.stop_reason == "blocked":
         raise BlockedStartError("move init.center, change init.radius or raise edges.canny")
 
     def current() -> tuple[FreeForm, ...]:
-        contours = _unpacked(evolution, params.contour.degree)
+        points, offsets = evolution.contours()
+        contours = unpacked(points, offsets, params.contour.degree)
         return tuple(c.reversed() for c in contours) if shrinking else contours
 
     if callback is None:
@@ -76,20 +72,6 @@ def _options(edge_map: EdgeMap, params: Parameters) -> _core.EvolutionOptions:
     options.settle = contour.settle
     options.ridge_low = RIDGE_SHARE * edge_map.thresholds[0] * GRADIENT_SCALE
     return options
-
-
-def _packed(contours: Iterable[FreeForm]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    points = [c.control_points for c in contours]
-    offsets = np.array([0, *accumulate(len(p) for p in points)], dtype=np.int64)
-    return np.concatenate(points), offsets
-
-
-def _unpacked(evolution: _core.Evolution, degree: int) -> tuple[FreeForm, ...]:
-    points, offsets = evolution.contours()
-    if len(points) == 0:
-        return ()
-    checked = FreeForm(points, degree).control_points  # all of them at once
-    return tuple(FreeForm.trusted(checked[a:b], degree) for a, b in pairwise(offsets))
 
 
 def _stats(evolution: _core.Evolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]) -> Stats:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.ragged import unpacked
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
 from ffseg.parameters import Parameters
@@ -67,8 +66,7 @@ def run(view: View) -> Outcome:
     )
     if counts["initial_band"] == 0:
         raise BlockedStartError("move init.center, change init.radius or lower levelset.stop_speed")
-    vertices = flat.reshape(-1, 2)
-    contours = tuple(FreeForm(vertices[a:b], 1) for a, b in pairwise(ends))
+    contours = unpacked(flat.reshape(-1, 2), ends, 1)
     if view.callback is not None:
         view.callback(Progress(0, starts))
         view.callback(Progress(counts["accepted"], contours))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from time import perf_counter
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.ragged import unpacked
 from ffseg.image.bounds.disc import valid_disc
 from ffseg.image.edges import EdgeMap, Scene, edges_from_source
 from ffseg.image.raster import rasterize
@@ -155,8 +155,7 @@ def _run(run: Segmenter, view: View) -> tuple[Outcome, tuple[str, ...]]:
 def outlines_of(mask: NDArray[np.bool_]) -> tuple[FreeForm, ...]:
     """Contours of degree 1 half-way between pixels inside and outside; they rasterise to the mask exactly."""
     points, ends = _core.mask_outlines(np.ascontiguousarray(mask).view(np.uint8))
-    vertices = points.reshape(-1, 2)
-    return tuple(FreeForm(vertices[a:b], 1) for a, b in pairwise(ends))
+    return unpacked(points.reshape(-1, 2), ends, 1)
 
 
 def _both(

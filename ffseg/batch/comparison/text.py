@@ -12,7 +12,7 @@ import numpy as np
 from ffseg import __version__
 from ffseg.batch.comparison.values import Comparison, Row
 
-_ABBREVIATIONS = {"freeform": "FF", "snake": "PM", "levelset": "LS"}
+_ABBREVIATIONS = {"freeform": "FF", "snake": "PM", "levelset": "LS", "paper": "FF as printed"}
 """What the paper's Table 1 calls them."""
 
 _HEAD = (

@@ -1,0 +1,39 @@
+"""Contours as one array of points and the offsets of each, which is how the native core takes and returns them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import accumulate, pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.geometry.freeform import FreeForm
+
+
+def packed(contours: Iterable[FreeForm]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Control points of all contours, shape (M, 2), and where each begins, shape (N + 1,), ending with M."""
+    points = [c.control_points for c in contours]
+    offsets = np.array([0, *accumulate(len(p) for p in points)], dtype=np.int64)
+    return np.concatenate([np.empty((0, 2)), *points]), offsets
+
+
+def unpacked(points: NDArray[np.float64], offsets: Sequence[int], degree: int) -> tuple[FreeForm, ...]:
+    """Contours from such arrays.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (M, 2)
+    offsets : sequence of int
+    degree : int
+        Of all contours.
+
+    Raises
+    ------
+    ValueError
+        If a coordinate is not finite.
+    """
+    if len(points) == 0:
+        return ()
+    checked = FreeForm(points, degree).control_points  # all of them at once
+    return tuple(FreeForm.trusted(checked[a:b], degree) for a, b in pairwise(offsets))

@@ -1,0 +1,178 @@
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/vector.h>
+
+#include <cmath>
+#include <stdexcept>
+
+#include "bindings.hpp"
+#include "paper/evolution.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+namespace paper = ffseg::paper;
+
+namespace {
+
+using Points = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+using Offsets = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Plane8 = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Plane16 = nb::ndarray<const std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Index4 = std::vector<std::size_t>;
+
+struct Options {
+    int degree = 0, max_iterations = 0;
+    double split_threshold = 0, balloon = 0, exponent = 0, sigma = 0;
+    bool refine = false, topology = false;
+};
+
+void check(const Options& o) {
+    const bool sane = o.degree >= 1 && o.degree <= paper::kMostDegree && o.split_threshold >= 1 &&
+                      o.split_threshold <= 1e6 && std::abs(o.balloon) <= 1e3 && o.max_iterations >= 0 &&
+                      o.exponent >= 1 && o.exponent <= 64 && o.sigma > 0 && o.sigma <= 1e3;
+    if (!sane) throw std::invalid_argument("an option of the paper's method is out of range");
+}
+
+paper::Contour contour_of(const Points& points, const Offsets& offsets, int degree) {
+    paper::Contour contour{paper::Basis(degree), {}, {}, {}};
+    const double* at = points.data();
+    for (std::size_t i = 0; i < 2 * points.shape(0); ++i) {
+        if (!(std::abs(at[i]) <= 1e6)) throw std::invalid_argument("a control point is not finite or far away");
+    }
+    const auto count = static_cast<std::int64_t>(points.shape(0));
+    for (std::size_t c = 0; c + 1 < offsets.shape(0); ++c) {
+        const std::int64_t begin = offsets.data()[c], end = offsets.data()[c + 1], size = end - begin;
+        if (begin < 0 || size < 2 * degree || size % degree != 0 || end > count) {
+            throw std::invalid_argument("a contour needs two patches or more of `degree` control points each");
+        }
+        paper::Component component(static_cast<std::size_t>(size / degree));
+        for (std::int64_t i = 0; i < size / degree; ++i) {
+            for (int k = 0; k <= degree; ++k) {
+                const std::int64_t n = begin + (i * degree + k) % size;
+                component[static_cast<std::size_t>(i)][k] = {at[2 * n], at[2 * n + 1]};
+            }
+        }
+        contour.components.push_back(component);
+    }
+    return contour;
+}
+
+// The paper's algorithm, in one go or step by step.
+struct PyPaper {
+    Options options;
+    paper::Evolution evolution;
+
+    PyPaper(const Points& points, const Offsets& offsets, const Plane16& gradient, const Plane8& edges,
+            const std::optional<Plane8>& domain, const Options& given)
+        : options(given), evolution(made(points, offsets, gradient, edges, domain, given)) {}
+
+    static paper::Evolution made(const Points& points, const Offsets& offsets, const Plane16& gradient,
+                                 const Plane8& edges, const std::optional<Plane8>& domain, const Options& o) {
+        check(o);
+        const std::size_t height = gradient.shape(0), width = gradient.shape(1);
+        if (height == 0 || width == 0 || height > 65535 || width > 65535) {
+            throw std::invalid_argument("the edge map must have 1 to 65535 pixels a side");
+        }
+        if (edges.shape(0) != height || edges.shape(1) != width ||
+            (domain && (domain->shape(0) != height || domain->shape(1) != width))) {
+            throw std::invalid_argument("edges, gradient and domain differ in size");
+        }
+        paper::Field field(gradient.data(), edges.data(), domain ? domain->data() : nullptr, static_cast<int>(height),
+                           static_cast<int>(width));
+        return {contour_of(points, offsets, o.degree),
+                std::move(field),
+                {o.balloon, o.exponent, o.sigma},
+                {o.split_threshold, o.refine, o.topology, o.max_iterations}};
+    }
+
+    bool advance(int iterations) {
+        nb::gil_scoped_release release;
+        return evolution.advance(iterations);
+    }
+
+    nb::tuple contours() {
+        std::vector<double> flat;
+        nb::list offsets;
+        offsets.append(0);
+        const auto add = [&](const std::vector<paper::Component>& components) {
+            for (const paper::Component& component : components) {
+                for (const paper::Patch& patch : component) {
+                    for (int k = 0; k < options.degree; ++k) flat.insert(flat.end(), {patch[k].x, patch[k].y});
+                }
+                offsets.append(flat.size() / 2);
+            }
+        };
+        add(evolution.contour().components);
+        add(evolution.contour().inner);
+        auto* points = new double[flat.size() + 1];
+        nb::capsule owner(points, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+        std::copy(flat.begin(), flat.end(), points);
+        return nb::make_tuple(nb::ndarray<nb::numpy, double>(points, {flat.size() / 2, 2}, owner), offsets);
+    }
+
+    nb::dict counts() {
+        const paper::Counts& c = evolution.contour().counts;
+        nb::dict out;
+        out["iterations"] = c.iterations;
+        out["splits"] = c.splits;
+        out["prunes"] = c.prunes;
+        out["flips"] = c.flips;
+        out["merges"] = c.merges;
+        out["reversals"] = c.reversals;
+        out["comparisons"] = c.comparisons;
+        out["box_tests"] = c.box_tests;
+        out["polygon_tests"] = c.polygon_tests;
+        out["evolving"] = evolution.contour().components.size();
+        return out;
+    }
+
+    std::vector<Index4> meeting() {
+        std::vector<Index4> found;
+        for (const auto& [a, b] : paper::meeting(evolution.contour())) {
+            found.push_back({a.component, a.patch, b.component, b.patch});
+        }
+        return found;
+    }
+
+    std::pair<std::size_t, std::size_t> step() {
+        const paper::Moved result = evolution.step();
+        return {result.moved, result.samples};
+    }
+
+    const char* stop_reason() const {
+        switch (evolution.stop()) {
+            case paper::Stop::kConverged: return "converged";
+            case paper::Stop::kMaxIterations: return "max_iterations";
+            case paper::Stop::kMaxPatches: return "max_patches";
+            default: return "running";
+        }
+    }
+};
+
+}  // namespace
+
+void bind_paper(nb::module_& m) {
+    nb::class_<Options>(m, "PaperOptions")
+        .def(nb::init<>())
+        .def_rw("degree", &Options::degree)
+        .def_rw("split_threshold", &Options::split_threshold)
+        .def_rw("balloon", &Options::balloon)
+        .def_rw("exponent", &Options::exponent)
+        .def_rw("sigma", &Options::sigma)
+        .def_rw("refine", &Options::refine)
+        .def_rw("topology", &Options::topology)
+        .def_rw("max_iterations", &Options::max_iterations);
+    nb::class_<PyPaper>(m, "PaperEvolution")
+        .def(nb::init<const Points&, const Offsets&, const Plane16&, const Plane8&, const std::optional<Plane8>&,
+                      const Options&>(),
+             "points"_a, "offsets"_a, "gradient"_a, "edges"_a, "domain"_a.none(), "options"_a)
+        .def("advance", &PyPaper::advance, "iterations"_a, "Runs iterations; False once the contour has stopped.")
+        .def("step", &PyPaper::step, "One iteration of Algorithm 4: how many samples moved, of how many.")
+        .def("split", [](PyPaper& p) { paper::split(p.evolution.contour(), p.options.split_threshold); })
+        .def("prune", [](PyPaper& p) { paper::prune(p.evolution.contour(), p.options.split_threshold); })
+        .def("flip", [](PyPaper& p) { paper::flip(p.evolution.contour()); })
+        .def("meeting", &PyPaper::meeting, "Component and patch of both patches of each pair that passes the filter.")
+        .def("contours", &PyPaper::contours,
+             "Control points (M, 2) of all contours and their offsets; those set aside come last.")
+        .def("counts", &PyPaper::counts)
+        .def_prop_ro("stop_reason", &PyPaper::stop_reason);
+}
