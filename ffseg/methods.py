@@ -45,9 +45,9 @@ def _peer(name: str, package: str, module: str, *, uses_edges: bool = True) -> M
 
 SEGMENTERS: dict[str, Method] = {
     "freeform": Method("ffseg.segmenters.freeform:run"),
-    "levelset": Method("ffseg.segmenters.levelset:run"),
+    "levelset": Method("ffseg.segmenters.baselines.levelset:run"),
     "paper": Method("ffseg.segmenters.paper:run"),
-    "snake": Method("ffseg.segmenters.snake:run"),
+    "snake": Method("ffseg.segmenters.baselines.snake:run"),
 }
 """ffseg's own methods by the name they have in ``method`` and ``--methods``."""
 

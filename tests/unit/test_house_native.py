@@ -68,13 +68,13 @@ def test_each_room_has_its_namespace(path: Path) -> None:
 
 
 def test_no_class_is_defined_twice() -> None:
-    """Two definitions of one name in two rooms are legal, but read as one thing."""
+    """Two definitions of one name in one namespace are one to the linker, which keeps either."""
     places = defaultdict(set)
     for path in SOURCES:
         for item in blocks(path):
             outermost = all(parent.kind == "namespace" for parent in item.parents)
             if item.kind in ("class", "enum") and outermost and "(anonymous)" not in item.namespace:
-                places[item.name].add(str(path.relative_to(CORE)))
+                places[f"{item.namespace}::{item.name}"].add(str(path.relative_to(CORE)))
     assert {name: sorted(found) for name, found in places.items() if len(found) > 1} == {}
 
 

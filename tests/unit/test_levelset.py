@@ -12,8 +12,8 @@ from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.raster import rasterize
 from ffseg.native import _core
 from ffseg.parameters import Parameters, load_params
-from ffseg.segmenters import levelset
 from ffseg.segmenters.base import View
+from ffseg.segmenters.baselines import levelset
 
 SHAPE = (120, 160)
 

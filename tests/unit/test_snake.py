@@ -12,8 +12,8 @@ from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.raster import rasterize
 from ffseg.native import _core
 from ffseg.parameters import Parameters, load_params
-from ffseg.segmenters import snake
 from ffseg.segmenters.base import Progress, View
+from ffseg.segmenters.baselines import snake
 
 SHAPE = (160, 200)
 START = FreeForm.circle((100, 80), 14, 13, 3)

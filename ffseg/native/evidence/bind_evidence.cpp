@@ -136,7 +136,7 @@ void make_forest(evidence::Forest* self, const Whole& feature, const Real& thres
     require(threshold.shape(0) == nodes && left.shape(0) == nodes && right.shape(0) == nodes,
             "the arrays of the nodes differ in size");
     require(features >= 1 && features <= 4096, "the number of features is out of range");
-    const evidence::ForestArrays arrays{feature.data(), threshold.data(), left.data(),     right.data(),  nodes,
+    const evidence::ForestArrays arrays{feature.data(), threshold.data(), left.data(),  right.data(),  nodes,
                                         root.data(),    root.shape(0),    value.data(), value.shape(0)};
     new (self) evidence::Forest(arrays, features);
 }
@@ -161,7 +161,8 @@ void bind_evidence(nb::module_& m) {
     m.def("evidence_likelihood", &py_likelihood, "lab"_a, "inside"_a, "out"_a,
           "Logarithm of how much likelier a pixel's colour is inside than in the whole plane.");
     m.def("evidence_barrier", &py_barrier, "heights"_a, "inside"_a, "step"_a, "out"_a,
-          "Least maximum of the heights on a way from inside; its logarithm over the median inside; shares of pixels at or "
+          "Least maximum of the heights on a way from inside; its logarithm over the median inside; shares of pixels "
+          "at or "
           "below it, at it, and about at it.");
     m.def("evidence_geodesic", &py_geodesic, "heights"_a, "inside"_a, "step"_a, "least"_a, "out"_a,
           "Length of the cheapest way from inside, where a pixel costs its height + least, in steps.");

@@ -72,7 +72,9 @@ std::vector<std::uint16_t> stepped(const float* heights, std::size_t count, doub
     const float scale = static_cast<float>(1 / step);
     for (std::size_t i = 0; i < count; ++i) {
         const float level = heights[i] * scale + 0.5F;
-        levels[i] = static_cast<std::uint16_t>(!(level > 0) ? 0 : level >= kHighest ? kHighest : static_cast<int>(level));
+        levels[i] = static_cast<std::uint16_t>(!(level > 0)        ? 0
+                                               : level >= kHighest ? kHighest
+                                                                   : static_cast<int>(level));
     }
     return levels;
 }
@@ -151,7 +153,8 @@ void geodesic(const float* heights, const std::uint8_t* inside, Size size, doubl
         });
     });
     const float scale = static_cast<float>(step / (2 * kStraight));
-    for (std::size_t i = 0; i < size.count(); ++i) out[i] = costs[i] == kFar ? 0.0F : static_cast<float>(costs[i]) * scale;
+    for (std::size_t i = 0; i < size.count(); ++i)
+        out[i] = costs[i] == kFar ? 0.0F : static_cast<float>(costs[i]) * scale;
 }
 
 }  // namespace ffseg::evidence

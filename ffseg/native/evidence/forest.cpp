@@ -17,7 +17,8 @@ void refuse(const char* why) { throw std::invalid_argument(why); }
 // Checks an array by array what can be checked without the shape of the trees.
 void check_numbers(const ForestArrays& arrays, int features) {
     for (std::size_t i = 0; i < arrays.nodes; ++i) {
-        if (arrays.feature[i] < 0 || arrays.feature[i] >= features) refuse("a node asks for a feature that there is not");
+        if (arrays.feature[i] < 0 || arrays.feature[i] >= features)
+            refuse("a node asks for a feature that there is not");
         if (!std::isfinite(arrays.threshold[i])) refuse("a threshold is not finite");
     }
     for (std::size_t i = 0; i < arrays.leaves; ++i) {

@@ -25,8 +25,8 @@ struct ForestArrays {
 // A forest that has been checked. Left is where the feature is at most the threshold.
 class Forest {
 public:
-    // Throws std::invalid_argument where an index is out of range, a number is not finite, a node or leaf has not exactly
-    // one place in the trees (so that there are no loops), or a tree has more leaves than `kMostLeaves`.
+    // Throws std::invalid_argument where an index is out of range, a number is not finite, a node or leaf has not
+    // exactly one place in the trees (so that there are no loops), or a tree has more leaves than `kMostLeaves`.
     Forest(const ForestArrays& arrays, int features);
 
     int features() const { return features_; }

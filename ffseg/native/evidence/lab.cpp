@@ -21,7 +21,8 @@ double root(double value) { return value > 216.0 / 24389.0 ? std::cbrt(value) : 
 template <class Function>
 Table tabled(Function function) {
     Table table{};
-    for (int i = 0; i < kSteps + 2; ++i) table[static_cast<std::size_t>(i)] = static_cast<float>(function(i / double{kSteps}));
+    for (int i = 0; i < kSteps + 2; ++i)
+        table[static_cast<std::size_t>(i)] = static_cast<float>(function(i / double{kSteps}));
     return table;
 }
 
@@ -54,7 +55,8 @@ Colour mean_of(const Pixels& image, int factor, int y, int x) {
         }
     }
     const float scale = 1.0F / (255.0F * static_cast<float>((y1 - y) * (x1 - x)));
-    return {static_cast<float>(sums[0]) * scale, static_cast<float>(sums[1]) * scale, static_cast<float>(sums[2]) * scale};
+    return {static_cast<float>(sums[0]) * scale, static_cast<float>(sums[1]) * scale,
+            static_cast<float>(sums[2]) * scale};
 }
 
 float weighed(const float* weights, float red, float green, float blue) {

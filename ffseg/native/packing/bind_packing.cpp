@@ -14,22 +14,22 @@ std::string_view view(const nb::bytes& data) { return {data.c_str(), data.size()
 std::int64_t py_lzw_size(const nb::bytes& data) {
     const std::string_view packed = view(data);
     nb::gil_scoped_release release;
-    return ffseg::lzw_size(packed);
+    return ffseg::packing::lzw_size(packed);
 }
 
 std::int64_t py_packbits_size(const nb::bytes& data) {
     const std::string_view packed = view(data);
     nb::gil_scoped_release release;
-    return ffseg::packbits_size(packed);
+    return ffseg::packing::packbits_size(packed);
 }
 
 bool py_fax_is_whole(const nb::bytes& data, int width, int rows, int coding, bool two_dimensional) {
     if (width < 1 || rows < 1) throw std::invalid_argument("a fax has at least one row of one pixel");
     if (coding < 2 || coding > 4) throw std::invalid_argument("the coding of a fax is TIFF's number 2, 3 or 4");
     const std::string_view packed = view(data);
-    const auto kind = static_cast<ffseg::FaxKind::Coding>(coding - 2);
+    const auto kind = static_cast<ffseg::packing::FaxKind::Coding>(coding - 2);
     nb::gil_scoped_release release;
-    return ffseg::fax_is_whole(packed, width, rows, {kind, two_dimensional});
+    return ffseg::packing::fax_is_whole(packed, width, rows, {kind, two_dimensional});
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string_view>
 
-namespace ffseg {
+namespace ffseg::packing {
 
 class BitReader {
 public:
@@ -36,4 +36,4 @@ private:
     std::size_t at_ = 0;
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::packing

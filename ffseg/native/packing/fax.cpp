@@ -5,7 +5,7 @@
 
 #include "packing/fax_codes.hpp"
 
-namespace ffseg {
+namespace ffseg::packing {
 
 namespace {
 
@@ -49,9 +49,9 @@ struct ModeCode {
 
 // T.6, table 1.
 constexpr ModeCode kModes[] = {
-    {0b1, 1, Mode::kVertical, 0},       {0b011, 3, Mode::kVertical, 1},      {0b010, 3, Mode::kVertical, -1},
-    {0b001, 3, Mode::kHorizontal, 0},   {0b0001, 4, Mode::kPass, 0},         {0b000011, 6, Mode::kVertical, 2},
-    {0b000010, 6, Mode::kVertical, -2}, {0b0000011, 7, Mode::kVertical, 3},  {0b0000010, 7, Mode::kVertical, -3},
+    {0b1, 1, Mode::kVertical, 0},       {0b011, 3, Mode::kVertical, 1},     {0b010, 3, Mode::kVertical, -1},
+    {0b001, 3, Mode::kHorizontal, 0},   {0b0001, 4, Mode::kPass, 0},        {0b000011, 6, Mode::kVertical, 2},
+    {0b000010, 6, Mode::kVertical, -2}, {0b0000011, 7, Mode::kVertical, 3}, {0b0000010, 7, Mode::kVertical, -3},
 };
 
 ModeCode read_mode(BitReader& bits) {
@@ -158,4 +158,4 @@ bool fax_is_whole(std::string_view data, int width, int rows, FaxKind kind) {
     return only_ends(bits, group3 && kind.two_dimensional);
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::packing

@@ -2,7 +2,7 @@
 #pragma once
 #include <string_view>
 
-namespace ffseg {
+namespace ffseg::packing {
 
 struct FaxKind {
     enum Coding { kRunLengths, kGroup3, kGroup4 } coding = kGroup4;
@@ -12,4 +12,4 @@ struct FaxKind {
 // True when the data holds `rows` rows, each exactly `width` pixels long, and nothing but end codes behind them.
 bool fax_is_whole(std::string_view data, int width, int rows, FaxKind kind);
 
-}  // namespace ffseg
+}  // namespace ffseg::packing

@@ -2,7 +2,7 @@
 
 #include <string>
 
-namespace ffseg {
+namespace ffseg::packing {
 
 namespace {
 
@@ -81,4 +81,4 @@ int read_run(BitReader& bits, bool black, int most) {
     }
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::packing

@@ -5,7 +5,7 @@
 
 #include "packing/bits.hpp"
 
-namespace ffseg {
+namespace ffseg::packing {
 
 constexpr unsigned kLongestRunCode = 13;
 
@@ -20,4 +20,4 @@ const std::vector<RunCode>& run_codes(bool black);
 // Length of a run: any number of make-up codes, then a terminating one; -1 when a code word has no meaning.
 int read_run(BitReader& bits, bool black, int most);
 
-}  // namespace ffseg
+}  // namespace ffseg::packing

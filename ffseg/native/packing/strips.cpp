@@ -4,7 +4,7 @@
 
 #include "packing/bits.hpp"
 
-namespace ffseg {
+namespace ffseg::packing {
 
 namespace {
 
@@ -68,4 +68,4 @@ std::int64_t packbits_size(std::string_view data) {
     return at > data.size() ? -1 : total;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::packing
