@@ -15,10 +15,12 @@ TALLEST, LONGEST = 8.0, 25.0
 """Metres: no robot carries its camera higher, or moves further between two images that are to be compared."""
 CLEARLY = 1.5
 """Times as many points must agree with another reading of the poses as with the one given."""
+ALIKE = 0.9
+"""Of the most points, so many make a reading as good as the best; the one that the ground corrects least is taken."""
 CHANGES = 0.03, np.deg2rad(2.0)
 """Metres and radians by which another reading must differ from the one given to be another one."""
 
-Confirmed = Callable[[Motion, Camera], GroundFit | None]
+Confirmed = Callable[[Motion, Camera], tuple[GroundFit, float] | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,21 +60,23 @@ def likely_cause(camera: Camera, poses: tuple[Pose, Pose], confirmed: Confirmed,
     poses : tuple of Pose
         Of the previous and the current image, as given.
     confirmed : callable
-        Tries a motion with a camera on the ground; None where the ground does not agree.
+        Tries a motion with a camera on the ground: what agrees, and by how many standard deviations the ground corrects
+        it; None where the ground does not agree.
     agree : int
         Points that agree with the poses as they are given.
     """
     given = relative_motion(*poses)
-    best: Contradiction | None = None
+    found: list[tuple[GroundFit, float, str]] = []
     for said, motion, other in _readings(camera, poses):
-        if not _differs(given, motion, camera, other):
-            continue
-        fit = confirmed(motion, other)
-        if fit is None or fit.count < CLEARLY * agree:
-            continue
-        if best is None or fit.count > best.fit.count:
-            best = Contradiction(f"{said}; read like this {fit.count} points of the ground agree", fit)
-    return best
+        if _differs(given, motion, camera, other):
+            tried = confirmed(motion, other)
+            if tried is not None and tried[0].count >= CLEARLY * agree:
+                found.append((*tried, said))
+    if not found:
+        return None
+    most = max(fit.count for fit, _, _ in found)
+    fit, _, said = min((one for one in found if one[0].count >= ALIKE * most), key=lambda one: one[1])
+    return Contradiction(f"{said}; read like this {fit.count} points of the ground agree", fit)
 
 
 def _differs(given: Motion, other: Motion, camera: Camera, other_camera: Camera) -> bool:

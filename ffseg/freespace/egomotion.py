@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Motion, Pose, relative_motion
-from ffseg.freespace.contradictions import Contradiction, likely_cause, unlikely_units
+from ffseg.camera.motion import Motion, Origin, Pose, relative_motion
+from ffseg.freespace.contradictions import likely_cause, unlikely_units
 from ffseg.freespace.evidence import Evidence, Scenery, gathered, ground_grid
 from ffseg.freespace.ground import GroundFit, fit_ground, prior_sigmas
 from ffseg.freespace.tracking import Look
@@ -105,12 +106,10 @@ def given_motion(poses: tuple[Pose, Pose]) -> Motion:
     """Motion between poses, with the standard deviations that they state or that wheel odometry has."""
     bare = relative_motion(*poses)
     stated = [pose.sigmas for pose in poses if pose.sigmas is not None]
-    if len(stated) < 2:
-        sigma = max(FINEST_POSE[0], POSE_TRANSLATION_SIGMA * bare.baseline), float(POSE_ROTATION_SIGMA)
-    else:
-        moved, turned = np.sqrt(np.sum(np.square(stated), axis=0)).tolist()
-        sigma = moved, turned
-    return Motion(bare.rotation, bare.translation, "poses", 0, *np.maximum(sigma, FINEST_POSE).tolist())
+    if len(stated) < len(poses):
+        return _with_odometry(bare, "poses")
+    sigma = np.maximum(np.sqrt(np.sum(np.square(stated), axis=0)), FINEST_POSE).tolist()
+    return Motion(bare.rotation, bare.translation, "poses", 0, *sigma)
 
 
 def _without(camera: Camera, pair: tuple[Grey, Grey], evidence: Evidence, scenery: Scenery) -> PairMotion:
@@ -162,27 +161,38 @@ def _with_poses(
     prior = Motion(given.rotation, given.translation, "poses, refined on the ground", 0, *_planar(given))
     fits = list(_fits(camera, prior, sigmas, pair, evidence, PRESENT))
     fit = max(fits, key=lambda one: one.count, default=None)
-    if fit is not None and fit.share > GOOD_SHARE and not _far(fit.offset, sigmas):
+    if fit is not None and _sure(fit) and not _far(fit.offset, sigmas):
         return PairMotion(fit.motion, _said(fit.motion), fit.camera, fit)
-
-    def confirmed(other: Motion, other_camera: Camera) -> GroundFit | None:
-        tried = Motion(other.rotation, other.translation, "ground points", 0, *_planar(other))
-        found = _fits(other_camera, tried, sigmas, pair, evidence, PRESENT[1:2])
-        return next((one for one in found if _sure(one) and not _far(one.offset, sigmas)), None)
-
-    most = fit.count if fit is not None else 0
-    cause = likely_cause(camera, poses, confirmed, most)
+    agree = fit.count if fit is not None and not _far(fit.offset, sigmas) else 0
+    cause = likely_cause(camera, poses, partial(_confirmed, pair, evidence), agree)
     if cause is not None:
         return PairMotion(None, f"no motion: {cause.said}")
-    if fit is None or not _sure(fit):
-        found = _searched(camera, pair, evidence, scenery)
-        if found is not None and found.count > most:
-            return PairMotion(None, _differ(found.motion, given))
-    if fit is None:
-        return PairMotion(given, f"{_said(given)}; the ground does not answer", camera)
-    if _far(fit.offset, sigmas):
+    if fit is not None and _sure(fit):
         return PairMotion(None, _differ(fit.motion, given))
+    found = _searched(camera, pair, evidence, scenery)
+    if found is not None and found.count > agree:
+        return PairMotion(None, _differ(found.motion, given))
+    if fit is None or _far(fit.offset, sigmas):
+        return PairMotion(given, f"{_said(given)}; the ground does not answer", camera)
     return PairMotion(fit.motion, _said(fit.motion), fit.camera, fit)
+
+
+def _confirmed(
+    pair: tuple[Grey, Grey], evidence: Evidence, motion: Motion, camera: Camera
+) -> tuple[GroundFit, float] | None:
+    """What agrees with another reading of the poses, and by how many standard deviations the ground corrects it."""
+    tried = _with_odometry(motion, "ground points")
+    sigmas = prior_sigmas(*_planar(tried))
+    for fit in _fits(camera, tried, sigmas, pair, evidence, PRESENT[1:2]):
+        if _sure(fit) and not _far(fit.offset, sigmas):
+            return fit, float(np.sqrt(np.sum((fit.offset[:3] / sigmas[:3]) ** 2)))
+    return None
+
+
+def _with_odometry(bare: Motion, origin: Origin) -> Motion:
+    """A motion with the standard deviations that wheel odometry has."""
+    sigma = max(FINEST_POSE[0], POSE_TRANSLATION_SIGMA * bare.baseline), float(POSE_ROTATION_SIGMA)
+    return Motion(bare.rotation, bare.translation, origin, 0, *sigma)
 
 
 def _planar(motion: Motion) -> tuple[float, float]:
@@ -217,6 +227,3 @@ def _said(motion: Motion) -> str:
         f"motion by {motion.origin}{seen}: {motion.baseline:.3f} m (+- {motion.translation_sigma:.4f} m, "
         f"+- {np.rad2deg(motion.rotation_sigma):.2f} degrees)"
     )
-
-
-__all__ = ["Contradiction", "PairMotion", "given_motion", "pair_motion", "threshold_parallax"]

@@ -157,7 +157,10 @@ def structural_test(
     flat, raised = np.zeros((2, len(components)), np.intp)
     asked = np.flatnonzero(corners.on_ground).tolist()
     flat[asked], raised[asked] = outline_votes(pair, [components[place] for place in asked], epsilon, doubt.of(asked))
-    merged = corners.on_ground & doubt.known & (flat >= LEAST_FLAT) & (raised <= MOST_RAISED * (flat + raised))
+    spoken = (flat >= LEAST_FLAT) | (
+        (flat >= 2) & (raised == 0) & (corners.high == 0) & (flat + corners.low >= LEAST_BOTH)
+    )
+    merged = corners.on_ground & doubt.known & spoken & (raised <= MOST_RAISED * (flat + raised))
     told = doubt.known & (corners.matched > 0)
     return tuple(
         ComponentVerdict(
@@ -245,7 +248,7 @@ def _contrast(grey: Grey, pixels: Array) -> Array:
     steps = np.arange(-OUTLINE_RADIUS, OUTLINE_RADIUS + 1)
     columns, rows = np.rint(pixels).astype(np.intp).T[..., None] + steps
     rows, columns = np.clip(rows, 0, grey.shape[0] - 1), np.clip(columns, 0, grey.shape[1] - 1)
-    variance: Array = grey[rows[:, :, None], columns[:, None, :]].reshape(len(pixels), -1).var(axis=1)
+    variance: Array = grey[rows[:, :, None], columns[:, None, :]].var(axis=(1, 2))
     return variance
 
 
@@ -289,6 +292,9 @@ MOST_NOISE = 0.08
 """Part of a sample's contrast that may be noise: with twice as much right matches fall short of ``LEAST_SCORE``."""
 LEAST_FLAT = 4
 """Samples that must speak for the ground before anything is merged."""
+LEAST_BOTH = 6
+"""Samples and corners together that do as well where nothing contradicts: of a line along the way the robot took, only
+its ends can tell."""
 LOW_PER_HIGH = 5
 """Corners surely on the ground that outweigh one found above it: one wrong match in six is what gates let through."""
 MOST_RAISED = 0.2
@@ -300,6 +306,8 @@ class _CornerVotes:
     """What the matched corners of every component say, shape (count,) each."""
 
     matched: NDArray[np.intp]
+    low: NDArray[np.intp]
+    high: NDArray[np.intp]
     highest: Array
     on_ground: NDArray[np.bool_]
 
@@ -313,4 +321,4 @@ def _corner_votes(matches: Matches, count: int, epsilon: float) -> _CornerVotes:
     highest = np.full(count, -np.inf)
     np.maximum.at(highest, owner, altitude)
     highest[matched == 0] = np.nan
-    return _CornerVotes(matched, highest, (low > 0) & (high * LOW_PER_HIGH <= low))
+    return _CornerVotes(matched, low, high, highest, (low > 0) & (high * LOW_PER_HIGH <= low))
