@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from ffseg.batch.discover import STATE_FOLDER, Source, discover
@@ -30,8 +30,8 @@ class Job:
         Name of its outputs below ``masks/`` and so on, without the suffix.
     truth : str
         Path of the true mask, or empty.
-    previous : str
-        Path of the image before it in its sequence, or empty.
+    earlier : tuple of str
+        Paths of the images before it in its sequence, the nearest first.
     start : Start or None
         Its own start circle; None leaves the parameters'.
     """
@@ -40,7 +40,7 @@ class Job:
     source: Source
     stem: str
     truth: str = ""
-    previous: str = ""
+    earlier: tuple[str, ...] = ()
     start: Start | None = None
 
 
@@ -96,10 +96,10 @@ def make_plan(inputs: Sequence[str], out: str, *, wanted: Wanted = MASKS_AND_CON
     return plan
 
 
-def with_previous(plan: Plan, before: Mapping[str, str]) -> Plan:
-    """The plan with each image's predecessor, given by names."""
+def with_earlier(plan: Plan, chain: Callable[[str], Iterable[str]]) -> Plan:
+    """The plan with the images before each image, whose names the chain gives, the nearest first."""
     paths = {job.source.name: job.source.path for job in plan.jobs}
-    jobs = tuple(replace(job, previous=paths.get(before.get(job.source.name, ""), "")) for job in plan.jobs)
+    jobs = tuple(replace(job, earlier=tuple(paths[name] for name in chain(job.source.name))) for job in plan.jobs)
     return replace(plan, jobs=jobs)
 
 

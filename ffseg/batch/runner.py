@@ -43,6 +43,7 @@ START_COLUMNS = ("start_x", "start_y", "start_radius")
 """With ``--starts``: the start circle of the image, in pixels."""
 OBSTACLE_COLUMNS = (
     "image", "component", "area_px", "centroid_x", "centroid_y", "matched_points", "max_altitude_m", "verdict",
+    "against", "ground_x_m", "ground_y_m", "track",
 )  # fmt: skip
 
 JOB_REASONS = {
@@ -203,10 +204,14 @@ class Run:
                 yield {"image": printable(job.source.name), **record.row}
 
     def _obstacle_cells(self) -> Iterator[list[Any]]:
-        for job in self._plan.jobs:
-            record = self._journal.get(job.index) if self._finished[job.index] else None
-            for line in record.extra if record is not None else ():
-                yield [printable(job.source.name), *(line[column] for column in OBSTACLE_COLUMNS[1:])]
+        from ffseg.batch.sightings import numbered
+
+        records = {job.source.name: self._journal.get(job.index) for job in self._plan.jobs if self._finished[job.index]}
+        lines = {printable(name): record.extra for name, record in records.items() if record is not None}
+        order = self._setup.views.in_time(records) if self._setup.views else ()
+        found = numbered(map(printable, order), lines)
+        for name in map(printable, records):
+            yield from ([name, *(line[column] for column in OBSTACLE_COLUMNS[1:])] for line in found[name])
 
     def _header(self) -> dict[str, Any]:
         params = self._setup.params
@@ -265,7 +270,7 @@ class Run:
             known = (record.content, dict(record.outputs))
         outputs = self._plan.outputs(job)
         files = (job.source.path, job.truth, self._plan.out, outputs)
-        pool.put(Task(job.index, *files, known, job.source.name, job.previous, job.start))
+        pool.put(Task(job.index, *files, known, job.source.name, job.earlier, job.start))
 
     def _take(self, replies: Sequence[Reply]) -> None:
         """Write what replies bring and remember it: never more images at once than there are workers."""
@@ -351,7 +356,7 @@ class Run:
     def _write_tables(self) -> None:
         extra = ("iou",) if self._plan.with_truth else ()
         starts = START_COLUMNS if any(job.start for job in self._plan.jobs) else ()
-        columns = (*TIMING_COLUMNS, *extra, "stop_reason", "note", *starts)
+        columns = (*TIMING_COLUMNS, *extra, "stop_reason", "note", *(("pair",) if self._setup.views else ()), *starts)
         timings = csv_table(columns, ([row.get(column) for column in columns] for row in self.rows()))
         tables = [("timings.csv", timings), ("run.json", self._run_json())]
         if self._setup.views:

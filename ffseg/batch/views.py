@@ -11,6 +11,9 @@ import numpy as np
 
 from ffseg.camera import Camera, Pose, load_mounted_camera, load_pairs, load_poses
 
+WINDOW = 8
+"""Images before an image that it may be compared with."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Views:
@@ -29,10 +32,28 @@ class Views:
     poses: Mapping[str, Pose]
     previous: Mapping[str, str]
 
-    def pair_poses(self, name: str) -> tuple[Pose, Pose] | None:
-        """Poses of the image before and of the image; None unless both are known."""
-        before, pose = self.poses.get(self.previous.get(name, "")), self.poses.get(name)
-        return (before, pose) if before is not None and pose is not None else None
+    def chain(self, name: str) -> tuple[str, ...]:
+        """Names of the images before an image, the nearest first, as many as are asked at most."""
+        found: list[str] = []
+        before = self.previous.get(name)
+        while before is not None and before not in (name, *found) and len(found) < WINDOW:
+            found.append(before)
+            before = self.previous.get(before)
+        return tuple(found)
+
+    def in_time(self, names: Iterable[str]) -> list[str]:
+        """Names in an order in which each comes after the images before it."""
+        ordered: dict[str, None] = {}
+        wanted = list(names)
+        for name in wanted:
+            ordered |= dict.fromkeys((*reversed(self.chain(name)), name))
+        known = set(wanted)
+        return [name for name in ordered if name in known]
+
+    def poses_of(self, before: str, name: str) -> tuple[Pose, Pose] | None:
+        """Poses of an earlier image and of the image; None unless both are known."""
+        earlier, pose = self.poses.get(before), self.poses.get(name)
+        return (earlier, pose) if earlier is not None and pose is not None else None
 
     def unposed(self, name: str) -> tuple[str, ...]:
         """Names of an image's pair that the poses file has no row for; none without poses or without an image before."""
@@ -45,9 +66,11 @@ class Views:
         return json.dumps(asdict(self.camera), default=_plain, sort_keys=True)
 
     def pair_text(self, name: str) -> str:
-        """What is known of an image's pair beside its two files."""
-        poses = self.pair_poses(name)
-        return json.dumps([asdict(pose) for pose in poses], default=_plain) if poses else ""
+        """What is known of an image's pairs beside their files."""
+        poses = [self.poses_of(before, name) for before in self.chain(name)]
+        if not any(poses):
+            return ""
+        return json.dumps([[asdict(pose) for pose in pair] if pair else None for pair in poses], default=_plain)
 
 
 def _plain(value: object) -> object:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections import deque
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
@@ -11,26 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Motion, Pose
+from ffseg.camera.motion import Motion, Pose, planar_parameters, relative_motion
 from ffseg.errors import SegmentationError
 from ffseg.freespace.altitudes import altitude_points
-from ffseg.freespace.egomotion import PairMotion, pair_motion
-from ffseg.freespace.evidence import Scenery, outer_joints
-from ffseg.freespace.ground import GroundFit
-from ffseg.freespace.structural import ComponentVerdict, ImagePair, structural_test, untested
+from ffseg.freespace.motion.egomotion import pair_motion
+from ffseg.freespace.motion.evidence import Scenery, outer_joints
+from ffseg.freespace.motion.ground import GroundFit
+from ffseg.freespace.structural import ComponentVerdict, ImagePair
+from ffseg.freespace.tracks import Tracks
+from ffseg.freespace.window import WINDOW, Earlier, Link, judged
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.components import contour_components, merged
+from ffseg.image.components import Component, contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
-from ffseg.image.planes import pixel_noise
 from ffseg.parameters import Parameters
 from ffseg.segmenters.base import Progress, Segmentation, Segmenter, Timings
 from ffseg.segmenters.registry import segment
 
 START_MARGIN = 8.0
 """Pixels between the robot's disc and the start circle: the disc's border is an edge some 5 px wide."""
-
-FIRST_IMAGE = "first image: nothing to compare with; its components stay untested"
-NOTHING_ENCLOSED = "no enclosed component to test"
 
 Segmenting = Callable[..., Segmentation]
 
@@ -61,6 +61,12 @@ class Frame:
         The current camera with its true ``up``, where the ground was asked.
     fit : GroundFit or None
         The points that the motion was read off.
+    tested : bool
+        Whether any earlier image could be compared with.
+    links : tuple of Link
+        How the ground moved since those images.
+    contradicted : bool
+        Whether the ground says that the poses are wrong.
     """
 
     mask: NDArray[np.bool_]
@@ -73,6 +79,9 @@ class Frame:
     obstacles_ms: float
     camera: Camera | None = None
     fit: GroundFit | None = None
+    tested: bool = False
+    links: tuple[Link, ...] = ()
+    contradicted: bool = False
 
 
 def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters:
@@ -139,24 +148,23 @@ def segment_view(  # noqa: PLR0913 - what `segment` takes, and the camera
 
 
 def segment_frame(
-    images: tuple[Grey, Grey | None],
+    current: Grey,
+    earlier: Iterable[Earlier],
     camera: Camera,
     params: Parameters,
-    poses: tuple[Pose, Pose] | None,
     segmenting: Segmenting,
     callback: Callable[[Progress], None] | None = None,
 ) -> Frame:
-    """Segment an image of a sequence and test it against the image before.
+    """Segment an image of a sequence and test it against the image before, and those farther back where one is not enough.
 
     Parameters
     ----------
-    images : tuple of ndarray of uint8, shape (H, W) or (H, W, 3)
-        The current image and the one before it, None for the first.
+    current : ndarray of uint8, shape (H, W) or (H, W, 3)
+    earlier : iterable of Earlier
+        Images before it, the nearest first; none for the first image. They are taken one at a time, as they are needed.
     camera : Camera
     params : Parameters
         ``method``, and what `free_space` takes.
-    poses : tuple of Pose or None
-        Of the previous and the current image.
     segmenting : callable
         ``segmenting(method, callback=callback)`` segments the current image by a name or a `Segmenter`.
     callback : callable, optional
@@ -169,11 +177,13 @@ def segment_frame(
     SegmentationError
         As `ffseg.segment`.
     """
-    current, previous = images
-    if params.method == "snake" and previous is not None:
-        return _snake_frame((previous, current), camera, params, poses, segmenting, callback)
+    views = iter(earlier)
+    if params.method == "snake":
+        before = next(views, None)
+        if before is not None:
+            return _snake_frame((before.image, current), camera, params, before.poses, segmenting, callback)
     found = segmenting(params.method, callback=callback)
-    return free_space(current, found, previous, camera, params.obstacles.altitude, poses)
+    return free_space(current, found, None, camera, params.obstacles.altitude, earlier=views)
 
 
 def _snake_frame(
@@ -212,8 +222,10 @@ def free_space(
     camera: Camera,
     epsilon: float,
     poses: tuple[Pose, Pose] | None = None,
+    *,
+    earlier: Iterable[Earlier] = (),
 ) -> Frame:
-    """The structural test on a segmented image: a pure function of two images, the camera and the poses.
+    """The structural test on a segmented image: a pure function of the images, the camera and the poses.
 
     Parameters
     ----------
@@ -227,34 +239,45 @@ def free_space(
         ``obstacles.altitude``, metres.
     poses : tuple of Pose, optional
         Of the previous and the current image; without them the motion is read off the ground.
+    earlier : iterable of Earlier, optional
+        Images farther back, the nearest first: what one pair leaves open is asked of the next.
 
     Raises
     ------
     CalibrationError
-        When the camera file has no mount_height, or the previous image another size.
+        When the camera file has no mount_height, or an earlier image another size.
     """
     begin = perf_counter()
     inner, components = contour_components(segmentation.contours, segmentation.mask.shape)
-    chosen = PairMotion(None, FIRST_IMAGE if previous is None else NOTHING_ENCLOSED)
-    rows: tuple[ComponentVerdict, ...] | None = None
-    if previous is not None and components:
-        camera.check_size(previous.shape[1], previous.shape[0], "the previous image")
-        pair = (grey_image(previous), grey_image(current))
-        scenery = Scenery(segmentation.mask, components, outer_joints(segmentation.contours))
-        chosen = pair_motion(camera, pair, poses, scenery, epsilon)
-        if chosen.motion is not None:
-            noise = pixel_noise(pair[1], segmentation.mask)
-            seen = ImagePair(pair[1], pair[0], chosen.camera or camera, chosen.motion, noise)
-            rows = structural_test(seen, components, epsilon, chosen.fit)
-    rows = untested(components) if rows is None else rows
+    scenery = Scenery(segmentation.mask, components, outer_joints(segmentation.contours))
+    nearest = () if previous is None else (Earlier(previous, poses),)
+    found = judged(grey_image(current), scenery, itertools.chain(nearest, earlier), camera, epsilon)
+    bare = Frame(
+        segmentation.mask, segmentation.contours, (), found.rows, segmentation, found.pair.motion, found.pair.note, 0.0,
+        found.pair.camera, found.pair.fit, found.tested, found.links, found.pair.contradicted,
+    )  # fmt: skip
+    frame = _assembled(bare, found.rows, inner, components)
+    return replace(frame, obstacles_ms=(perf_counter() - begin) * 1e3)
+
+
+def with_verdicts(frame: Frame, rows: tuple[ComponentVerdict, ...]) -> Frame:
+    """The frame with other verdicts on its components, and the mask and contours that follow from them."""
+    return _assembled(frame, rows, *contour_components(frame.segmentation.contours, frame.segmentation.mask.shape))
+
+
+def _assembled(
+    frame: Frame, rows: tuple[ComponentVerdict, ...], inner: list[int], components: list[Component]
+) -> Frame:
     paint = {row.component for row in rows if row.verdict == "false_obstacle"}
     dropped = {inner[place] for place in paint}
-    return Frame(
-        merged(segmentation.mask, [component for component in components if component.index in paint]),
-        tuple(contour for place, contour in enumerate(segmentation.contours) if place not in dropped),
-        tuple(segmentation.contours[place] for place in sorted(dropped)),
-        rows, segmentation, chosen.motion, chosen.note, (perf_counter() - begin) * 1e3, chosen.camera, chosen.fit,
-    )  # fmt: skip
+    contours = frame.segmentation.contours
+    return replace(
+        frame,
+        mask=merged(frame.segmentation.mask, [component for component in components if component.index in paint]),
+        contours=tuple(contour for place, contour in enumerate(contours) if place not in dropped),
+        merged_contours=tuple(contours[place] for place in sorted(dropped)),
+        components=rows,
+    )
 
 
 class Sequence:
@@ -279,8 +302,10 @@ class Sequence:
         camera.mounting()
         self._camera = camera
         self._params = params if method is None else replace(params, method=method)
-        self._previous: Grey | None = None
-        self._pose: Pose | None = None
+        self._earlier: deque[tuple[str, Grey, Pose | None]] = deque(maxlen=WINDOW)
+        self._tracks = Tracks(WINDOW + 1)
+        self._paint: dict[int, str] = {}
+        self._count = 0
 
     def feed(self, image: Grey, pose: Pose | None = None) -> Frame:
         """Take the next image, with its pose when there is one.
@@ -301,8 +326,39 @@ class Sequence:
             When the image cannot be segmented; the sequence goes on from it all the same.
         """
         self._camera.check_size(image.shape[1], image.shape[0], "the image")
-        previous, before = self._previous, self._pose
-        self._previous, self._pose = grey_image(image), pose
-        poses = (before, pose) if before is not None and pose is not None else None
+        name, self._count = str(self._count), self._count + 1
+        window = list(self._earlier)
+        self._earlier.appendleft((name, grey_image(image), pose))
+        views = [Earlier(one, _both(before, pose), number) for number, one, before in window]
         segmenting = partial(segment_view, image, self._camera, self._params)
-        return segment_frame((image, previous), self._camera, self._params, poses, segmenting)
+        frame = segment_frame(image, views, self._camera, self._params, segmenting)
+        return self._followed(frame, name, pose, window)
+
+    def _followed(
+        self, frame: Frame, name: str, pose: Pose | None, window: list[tuple[str, Grey, Pose | None]]
+    ) -> Frame:
+        """The frame with numbers for its components; what was paint and is undecided now stays paint."""
+        links = [(link.name, link.planar) for link in frame.links]
+        for number, _, before in window:
+            poses = _both(before, pose)
+            if poses is not None and not frame.contradicted:
+                x, y, turn = planar_parameters(self._camera, relative_motion(*poses)).tolist()
+                links.append((number, (x, y, turn)))
+        places = np.array([[row.ground_x_m, row.ground_y_m] for row in frame.components]).reshape(-1, 2)
+        numbers = self._tracks.follow(name, places, links)
+        rows = tuple(replace(row, track=number) for row, number in zip(frame.components, numbers, strict=True))
+        self._paint |= {row.track: row.against for row in rows if row.verdict == "false_obstacle"}
+        for row in rows:
+            if row.decided and row.verdict == "obstacle":
+                self._paint.pop(row.track, None)
+        kept = tuple(self._kept(row) for row in rows)
+        return with_verdicts(frame, kept) if kept != rows else replace(frame, components=rows)
+
+    def _kept(self, row: ComponentVerdict) -> ComponentVerdict:
+        if row.decided or row.track not in self._paint:
+            return row
+        return replace(row, verdict="false_obstacle", against=self._paint[row.track])
+
+
+def _both(before: Pose | None, now: Pose | None) -> tuple[Pose, Pose] | None:
+    return (before, now) if before is not None and now is not None else None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import PARAMETERS, Motion
 from ffseg.camera.triangulation import triangulate
-from ffseg.freespace.ground import PROBE, Doubt, GroundFit, predictions, shared_doubt
+from ffseg.freespace.motion.ground import PROBE, Doubt, GroundFit, predictions, shared_doubt
 from ffseg.image.components import Component
 from ffseg.image.interest import harris_points, outline_points
 from ffseg.image.keypoints import (
@@ -92,6 +92,15 @@ class ComponentVerdict:
         ``obstacle``, ``false_obstacle`` or ``untested``.
     flat, raised : int
         Outline samples that speak for the ground and against it; 0 where the corners alone keep the component.
+    decided : bool
+        Whether the pair settled it: merged, or something on it surely stands up. What is not settled is worth asking of
+        another pair.
+    ground_x_m, ground_y_m : float
+        Where the centroid lies if it is on the ground: metres in the levelled camera frame of the image.
+    against : str
+        Name of the image it was judged against; empty when untested.
+    track : int
+        Number of the thing along a sequence; -1 where nobody counts.
     """
 
     component: int
@@ -103,6 +112,11 @@ class ComponentVerdict:
     verdict: Verdict
     flat: int
     raised: int
+    decided: bool = False
+    ground_x_m: float = float("nan")
+    ground_y_m: float = float("nan")
+    against: str = ""
+    track: int = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,12 +176,13 @@ def structural_test(
     )
     merged = corners.on_ground & doubt.known & spoken & (raised <= MOST_RAISED * (flat + raised))
     told = doubt.known & (corners.matched > 0)
+    stands = told & ((corners.high >= 2) | (raised > np.maximum(LEAST_FLAT, MOST_RAISED * (flat + raised))))
     return tuple(
         ComponentVerdict(
             component.index, component.area, *component.centroid,
             int(corners.matched[place]), float(corners.highest[place]),
             "false_obstacle" if merged[place] else "obstacle" if told[place] else "untested",
-            int(flat[place]), int(raised[place]),
+            int(flat[place]), int(raised[place]), bool(merged[place] | stands[place]),
         )
         for place, component in enumerate(components)
     )  # fmt: skip

@@ -15,7 +15,7 @@ import numpy as np
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose, planar_pose, relative_motion
-from ffseg.freespace.egomotion import given_motion
+from ffseg.freespace.motion.egomotion import given_motion
 from ffseg.freespace.sequence import Frame, free_space, segment_view
 from ffseg.parameters import load_params
 from ffseg.rendering import RenderedPair, floor_pair

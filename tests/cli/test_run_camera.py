@@ -67,6 +67,7 @@ def test_a_sequence_writes_verdicts_and_merged_masks(ffseg_command: Command, vie
     table = rows(views / "out" / "obstacles.csv")
     assert list(table[0]) == [
         "image", "component", "area_px", "centroid_x", "centroid_y", "matched_points", "max_altitude_m", "verdict",
+        "against", "ground_x_m", "ground_y_m", "track",
     ]  # fmt: skip
     assert {row["verdict"] for row in table if row["image"] == "1.png"} == {"untested"}
     assert {row["verdict"] for row in table if row["image"] == "2.png"} == {"obstacle", "false_obstacle"}

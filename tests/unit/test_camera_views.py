@@ -12,6 +12,7 @@ import pytest
 from ffseg.batch.views import Views, load_views, neighbours
 from ffseg.batch.workers.frames import FrameBench, Masks, merged_segmentation, obstacle_rows, overlay_lines
 from ffseg.errors import CalibrationError
+from ffseg.freespace.window import Earlier
 from ffseg.parameters import load_params
 from ffseg.rendering import CAMERA_YAML, RenderedPair, poses_csv, render_pair, sample_camera
 
@@ -37,7 +38,9 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     camera, poses = files(tmp_path)
     views: Views = pickle.loads(pickle.dumps(load_views(camera, poses, None, ["0.png", "1.png"])))
     pair = rendered()
-    frame = FrameBench(views, load_params(), Masks()).frame(pair.current.image, pair.previous.image, "1.png")
+    frame = FrameBench(views, load_params(), Masks()).frame(
+        pair.current.image, [Earlier(pair.previous.image, views.poses_of("0.png", "1.png"), "0.png")], "1.png"
+    )
     rows = obstacle_rows(frame)
     assert {row["verdict"] for row in rows} == {"obstacle", "false_obstacle"}
     assert all(
@@ -47,7 +50,7 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     assert (merged.mask & pair.current.truth).sum() / (merged.mask | pair.current.truth).sum() > 0.985
     lines = overlay_lines(frame, 0.1)
     assert {line.kind for line in lines} == {"outer", "obstacle", "false"}
-    first = FrameBench(views, load_params(), Masks()).frame(pair.previous.image, None, "0.png")
+    first = FrameBench(views, load_params(), Masks()).frame(pair.previous.image, (), "0.png")
     assert {row["verdict"] for row in obstacle_rows(first)} == {"untested"}
     assert {row["max_altitude_m"] for row in obstacle_rows(first)} == {""}
 
@@ -55,9 +58,10 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
 def test_missing_pose_rows_leave_the_motion_to_the_ground(tmp_path: Path) -> None:
     camera, poses = files(tmp_path)
     views = load_views(camera, poses, None, ["0.png", "1.png", "2.png"])
-    assert views.pair_poses("1.png") is not None
-    assert views.pair_poses("2.png") is None
-    assert views.pair_poses("0.png") is None
+    assert views.poses_of("0.png", "1.png") is not None
+    assert views.poses_of("1.png", "2.png") is None
+    assert views.chain("2.png") == ("1.png", "0.png")
+    assert views.chain("0.png") == ()
 
 
 def test_a_camera_without_mounting_is_refused_before_the_run(tmp_path: Path) -> None:
@@ -70,7 +74,7 @@ def test_another_size_is_refused(tmp_path: Path) -> None:
     camera, _ = files(tmp_path)
     views = load_views(camera, None, None, ["0.png"])
     with pytest.raises(CalibrationError, match="9x8, the camera file says 800x600"):
-        FrameBench(views, load_params(), Masks()).frame(np.zeros((8, 9), np.uint8), None, "0.png")
+        FrameBench(views, load_params(), Masks()).frame(np.zeros((8, 9), np.uint8), (), "0.png")
 
 
 def test_the_sample_cameras_file_is_the_sample_camera(tmp_path: Path) -> None:

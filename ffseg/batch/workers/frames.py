@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -17,6 +18,7 @@ from ffseg.formats.files import printable
 from ffseg.formats.images import Limits, decode_image
 from ffseg.formats.overlays import Kind, Polyline
 from ffseg.freespace.sequence import Frame, segment_frame, segment_view
+from ffseg.freespace.window import FIRST_IMAGE, NOTHING_ENCLOSED, Earlier
 from ffseg.parameters import Parameters
 from ffseg.segmenters.base import Progress, Segmentation
 
@@ -54,9 +56,9 @@ class FrameBench:
     masks: Masks
 
     def frame(
-        self, image: NDArray[np.uint8], previous: NDArray[np.uint8] | None, name: str, callback: Callback = None
+        self, image: NDArray[np.uint8], earlier: Iterable[Earlier], name: str, callback: Callback = None
     ) -> Frame:
-        """Segment an image and test its components against the image before.
+        """Segment an image and test its components against the images before, the nearest first.
 
         Raises
         ------
@@ -67,33 +69,50 @@ class FrameBench:
         """
         camera, masks = self.views.camera, self.masks
         segmenting = partial(segment_view, image, camera, self.params, domain=masks.domain, start_mask=masks.start)
-        frame = segment_frame((image, previous), camera, self.params, self.views.pair_poses(name), segmenting, callback)
+        frame = segment_frame(image, earlier, camera, self.params, segmenting, callback)
         unposed = " and ".join(map(printable, self.views.unposed(name)))
         return replace(frame, note=f"no pose of {unposed}; {frame.note}") if unposed else frame
 
     def frame_of(
-        self, image: NDArray[np.uint8], before: bytes | None, name: str, limits: Limits, callback: Callback = None
+        self, image: NDArray[np.uint8], before: Sequence[bytes], name: str, limits: Limits, callback: Callback = None
     ) -> Frame:
-        """The same with the image before as a file's content.
+        """The same with the images before as files' contents.
 
-        One that cannot be read, or has another size, costs the image nothing but the test: the note says so.
+        A nearest one that cannot be read, or has another size, costs the image nothing but the test: the note says so.
         """
-        if before is None:
-            return self.frame(image, None, name, callback)
-        try:
-            previous = decode_image(before, limits)
-        except ImageReadError as error:
-            return self._alone(image, name, str(error), callback)
+        if not before:
+            return self.frame(image, (), name, callback)
+        chain = self.views.chain(name)
+        nearest = self._earlier(before[0], chain[0], name, limits)
+        if isinstance(nearest, str):
+            return self._alone(image, name, nearest, callback)
+        farther = zip(before[1:], chain[1:], strict=True)
+        views = itertools.chain([nearest], self._readable(farther, name, limits))
+        return self.frame(image, views, name, callback)
+
+    def _readable(self, farther: Iterable[tuple[bytes, str]], name: str, limits: Limits) -> Iterator[Earlier]:
+        """Images farther back as they are asked for, without those that are of no use."""
+        for data, before in farther:
+            view = self._earlier(data, before, name, limits)
+            if not isinstance(view, str):
+                yield view
+
+    def _earlier(self, data: bytes, before: str, name: str, limits: Limits) -> Earlier | str:
+        """An image before, or why it is of no use."""
         camera = self.views.camera
-        if previous.shape[:2] != (camera.height, camera.width):
-            sizes = f"{previous.shape[1]}x{previous.shape[0]}, the camera file says {camera.width}x{camera.height}"
-            return self._alone(image, name, f"it is {sizes}", callback)
-        return self.frame(image, previous, name, callback)
+        try:
+            image = decode_image(data, limits)
+        except ImageReadError as error:
+            return str(error)
+        if image.shape[:2] != (camera.height, camera.width):
+            sizes = f"{image.shape[1]}x{image.shape[0]}, the camera file says {camera.width}x{camera.height}"
+            return f"it is {sizes}"
+        return Earlier(image, self.views.poses_of(before, name), printable(before))
 
     def _alone(self, image: NDArray[np.uint8], name: str, reason: str, callback: Callback) -> Frame:
         """The frame of an image whose previous one is of no use."""
         before = printable(self.views.previous.get(name, ""))
-        frame = self.frame(image, None, name, callback)
+        frame = self.frame(image, (), name, callback)
         return replace(frame, note=f"the previous image {before} cannot be used: {reason}; nothing was tested")
 
 
@@ -103,7 +122,10 @@ def merged_segmentation(frame: Frame) -> Segmentation:
 
 
 def obstacle_rows(frame: Frame) -> list[dict[str, Any]]:
-    """Lines of ``obstacles.csv`` without the image's name; an altitude that nobody knows is an empty cell."""
+    """Lines of ``obstacles.csv`` without the image's name; what nobody knows is an empty cell.
+
+    The links are no column: the run numbers the things of a sequence by them.
+    """
     return [
         {
             "component": row.component,
@@ -113,6 +135,10 @@ def obstacle_rows(frame: Frame) -> list[dict[str, Any]]:
             "matched_points": row.matched_points,
             "max_altitude_m": _cell(row.max_altitude_m, 4),
             "verdict": row.verdict,
+            "against": row.against,
+            "ground_x_m": _cell(row.ground_x_m, 3),
+            "ground_y_m": _cell(row.ground_y_m, 3),
+            "links": [[link.name, *link.planar] for link in frame.links],
         }
         for row in frame.components
     ]
@@ -120,6 +146,13 @@ def obstacle_rows(frame: Frame) -> list[dict[str, Any]]:
 
 def _cell(value: float, digits: int) -> float | str:
     return round(value, digits) if math.isfinite(value) else ""
+
+
+def pair_state(frame: Frame) -> str:
+    """What came of comparing an image with those before: one of four words."""
+    if frame.tested:
+        return "tested"
+    return {FIRST_IMAGE: "first", NOTHING_ENCLOSED: "empty"}.get(frame.note, "untested")
 
 
 def overlay_lines(frame: Frame, flatness: float) -> list[Polyline]:

@@ -66,8 +66,8 @@ class Task:
         Content digest and output digests of an earlier run with the same parameters and version.
     name : str
         Relative name of the image, by which poses are found.
-    previous : str
-        Path of the image before it, or empty.
+    earlier : tuple of str
+        Paths of the images before it, the nearest first.
     start : Start or None
         Its own start circle.
     """
@@ -79,7 +79,7 @@ class Task:
     outputs: tuple[str, ...]
     known: tuple[str, dict[str, str]] | None = None
     name: str = ""
-    previous: str = ""
+    earlier: tuple[str, ...] = ()
     start: Start | None = None
 
 

@@ -114,7 +114,7 @@ class Workbench:
         row["total_ms"] = (end - begin) * 1e3
         return Reply(task.index, "ok", row, content, outputs, found.extra)
 
-    def _found(self, image: NDArray[np.uint8], before: bytes | None, task: Task, params: Parameters) -> _Found:
+    def _found(self, image: NDArray[np.uint8], before: list[bytes], task: Task, params: Parameters) -> _Found:
         film = Film() if self._setup.wanted.animation else None
         overlay = self._setup.wanted.overlay
         if self._frames is None:
@@ -125,27 +125,29 @@ class Workbench:
                 for contour in (result.contours if overlay else ())
             ]
             return _Found(result, lines, film)
-        from ffseg.batch.workers.frames import merged_segmentation, obstacle_rows, overlay_lines
+        from ffseg.batch.workers.frames import merged_segmentation, obstacle_rows, overlay_lines, pair_state
 
         frames = replace(self._frames, params=params)
         frame = frames.frame_of(image, before, task.name, self._limits, film)
         lines = overlay_lines(frame, _FLATNESS) if overlay else []
-        row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note}
+        row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note, "pair": pair_state(frame)}
         return _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame))
 
-    def _before(self, task: Task) -> bytes | None:
-        """Content of the image before; empty, which no decoder takes, when it cannot be read."""
-        if not task.previous:
-            return None
+    def _before(self, task: Task) -> list[bytes]:
+        """Contents of the images before, the nearest first; empty, which no decoder takes, when one cannot be read."""
+        return [self._readable(path) for path in task.earlier]
+
+    def _readable(self, path: str) -> bytes:
         try:
-            return read_bytes(task.previous, self._setup.max_bytes)
+            return read_bytes(path, self._setup.max_bytes)
         except ImageReadError:
             return b""
 
-    def _pair_content(self, before: bytes | None, task: Task) -> str:
+    def _pair_content(self, before: list[bytes], task: Task) -> str:
         if self._setup.views is None:
             return ""
-        return digest(before or b"") + digest(self._setup.views.pair_text(task.name).encode("utf-8"))
+        contents = digest("".join(map(digest, before)).encode("ascii"))
+        return contents + digest(self._setup.views.pair_text(task.name).encode("utf-8"))
 
     def _content(self, data: bytes, task: Task) -> str:
         truth = self._truth_content(task.truth) if task.truth else ""

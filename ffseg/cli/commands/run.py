@@ -145,10 +145,10 @@ def read_plan(inputs: Sequence[str], out: Path, wanted: Wanted, truth: Path | No
 
 
 def in_sequence(plan: Plan, views: Views | None) -> tuple[Plan, Views | None]:
-    """The plan with each image's predecessor, if there is a camera, and what the predecessors came from."""
-    from ffseg.batch.jobs import with_previous
+    """The plan with the images before each image, if there is a camera, and what they came from."""
+    from ffseg.batch.jobs import with_earlier
 
-    return (with_previous(plan, views.previous) if views else plan), views
+    return (with_earlier(plan, views.chain) if views else plan), views
 
 
 def read_views(camera: Path | None, poses: Path | None, pairs: Path | None, plan: Plan) -> Views | None:

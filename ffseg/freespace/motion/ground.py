@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import PARAMETERS, Motion, Origin, perturbed
-from ffseg.freespace.evidence import FREE, Evidence
-from ffseg.freespace.tracking import Look, Tracks, tracked
+from ffseg.freespace.motion.evidence import FREE, Evidence
+from ffseg.freespace.motion.tracking import Look, Tracks, tracked
 from ffseg.image.keypoints import Array, Grey
 
 NOD, LEAN, LIFT = np.deg2rad(0.15), np.deg2rad(0.15), 0.002

@@ -10,10 +10,10 @@ import numpy as np
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Origin, Pose, relative_motion
-from ffseg.freespace.contradictions import likely_cause, unlikely_units
-from ffseg.freespace.evidence import Evidence, Scenery, gathered, ground_grid
-from ffseg.freespace.ground import GroundFit, fit_ground, prior_sigmas
-from ffseg.freespace.tracking import Look
+from ffseg.freespace.motion.contradictions import likely_cause, unlikely_units
+from ffseg.freespace.motion.evidence import Evidence, Scenery, gathered, ground_grid
+from ffseg.freespace.motion.ground import GroundFit, fit_ground, prior_sigmas
+from ffseg.freespace.motion.tracking import Look
 from ffseg.image.keypoints import Array, Grey, plane_candidates
 from ffseg.image.planes import CELL, search_ground_motions
 
@@ -51,12 +51,15 @@ class PairMotion:
         The current camera with its true ``up``, where the ground says that it leans; None without a motion.
     fit : GroundFit or None
         The points the motion was read off; None where only poses speak.
+    contradicted : bool
+        Whether the poses are wrong: other images with poses of the same file tell no more.
     """
 
     motion: Motion | None
     note: str
     camera: Camera | None = None
     fit: GroundFit | None = None
+    contradicted: bool = False
 
 
 def pair_motion(
@@ -156,7 +159,7 @@ def _with_poses(
     given = given_motion(poses)
     refused = unlikely_units(camera, poses)
     if refused:
-        return PairMotion(None, f"no motion: {refused}")
+        return PairMotion(None, f"no motion: {refused}", contradicted=True)
     sigmas = prior_sigmas(given.translation_sigma, given.rotation_sigma)
     prior = Motion(given.rotation, given.translation, "poses, refined on the ground", 0, *_planar(given))
     fits = list(_fits(camera, prior, sigmas, pair, evidence, PRESENT))
@@ -166,12 +169,12 @@ def _with_poses(
     agree = fit.count if fit is not None and not _far(fit.offset, sigmas) else 0
     cause = likely_cause(camera, poses, partial(_confirmed, pair, evidence), agree)
     if cause is not None:
-        return PairMotion(None, f"no motion: {cause.said}")
+        return PairMotion(None, f"no motion: {cause.said}", contradicted=True)
     if fit is not None and _sure(fit):
-        return PairMotion(None, _differ(fit.motion, given))
+        return PairMotion(None, _differ(fit.motion, given), contradicted=True)
     found = _searched(camera, pair, evidence, scenery)
     if found is not None and found.count > agree:
-        return PairMotion(None, _differ(found.motion, given))
+        return PairMotion(None, _differ(found.motion, given), contradicted=True)
     if fit is None or _far(fit.offset, sigmas):
         return PairMotion(given, f"{_said(given)}; the ground does not answer", camera)
     return PairMotion(fit.motion, _said(fit.motion), fit.camera, fit)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, planar_pose, relative_motion
-from ffseg.freespace.ground import GroundFit
+from ffseg.freespace.motion.ground import GroundFit
 
 TALLEST, LONGEST = 8.0, 25.0
 """Metres: no robot carries its camera higher, or moves further between two images that are to be compared."""

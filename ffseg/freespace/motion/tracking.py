@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
-from ffseg.freespace.evidence import FREE, Evidence
+from ffseg.freespace.motion.evidence import FREE, Evidence
 from ffseg.image.keypoints import (
     Alignments,
     Array,

@@ -1,0 +1,84 @@
+"""The same thing in image after image: components linked by where they lie on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+NEAR = 0.25
+"""Metres between a component's place and where the motion puts it: paint keeps it to a pixel or two, the visible part of
+a box shifts with the view by up to its height over the camera's."""
+
+
+def moved(places: Array, planar: Sequence[float]) -> Array:
+    """Ground places of the current image, shape (n, 2), in the earlier image's levelled camera frame."""
+    c, s = np.cos(planar[2]), np.sin(planar[2])
+    result: Array = places @ np.array([[c, s], [-s, c]]) + np.asarray(planar[:2], np.float64)
+    return result
+
+
+def linked(now: Array, before: Array) -> list[int]:
+    """For each place of now that of before which is the same thing, or -1.
+
+    Parameters
+    ----------
+    now, before : ndarray of float64, shape (n, 2) and (m, 2)
+        Metres, in one frame. Places that are not finite have no partner.
+
+    Notes
+    -----
+    Two places are the same thing when each is the nearest of the other and they lie less than ``NEAR`` apart.
+    """
+    if not len(now) or not len(before):
+        return [-1] * len(now)
+    apart = np.hypot(*(now[:, None] - before[None]).transpose(2, 0, 1))
+    apart = np.where(np.isfinite(apart), apart, np.inf)
+    nearest, back = apart.argmin(axis=1), apart.argmin(axis=0)
+    rows = range(len(now))
+    return [int(nearest[i]) if back[nearest[i]] == i and apart[i, nearest[i]] < NEAR else -1 for i in rows]
+
+
+class Tracks:
+    """Numbers for things along a sequence.
+
+    Numbers count from 0 in the order in which things are first seen; nothing is given a number again.
+
+    Parameters
+    ----------
+    kept : int, optional
+        Images that are remembered; all without it.
+    """
+
+    def __init__(self, kept: int | None = None) -> None:
+        self._next, self._kept = 0, kept
+        self._seen: dict[str, tuple[Array, list[int]]] = {}
+
+    def follow(self, name: str, places: Array, links: Sequence[tuple[str, Sequence[float]]]) -> list[int]:
+        """Numbers of the components of an image.
+
+        Parameters
+        ----------
+        name : str
+            Of the image.
+        places : ndarray of float64, shape (n, 2)
+            On the ground, in its levelled camera frame, metres.
+        links : sequence of (str, (x, y, turn))
+            Earlier images and how the ground moved since; the first that was followed counts.
+        """
+        numbers = [-1] * len(places)
+        for before, planar in links:
+            if before in self._seen and len(places):
+                old, known = self._seen[before]
+                partners = linked(moved(places, planar), old)
+                numbers = [known[partner] if partner >= 0 else -1 for partner in partners]
+                break
+        for index, number in enumerate(numbers):
+            if number < 0:
+                numbers[index], self._next = self._next, self._next + 1
+        self._seen[name] = places, numbers
+        if self._kept is not None and len(self._seen) > self._kept:
+            del self._seen[next(iter(self._seen))]
+        return numbers

@@ -1,0 +1,148 @@
+"""Verdicts on one image from several earlier ones: what one pair leaves open is asked again of images farther back."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ffseg.camera.model import Camera
+from ffseg.camera.motion import Motion, Pose, ground_points, planar_parameters
+from ffseg.freespace.motion.egomotion import PairMotion, pair_motion
+from ffseg.freespace.motion.evidence import Scenery
+from ffseg.freespace.structural import ComponentVerdict, ImagePair, structural_test, untested
+from ffseg.image.keypoints import Grey, grey_image
+from ffseg.image.planes import pixel_noise
+
+WINDOW = 8
+"""Earlier images that are kept: at a step of 5 cm the farthest lies 0.4 m back."""
+MOST_ASKED = 3
+"""Pairs with a motion that are asked of one image; the others would cost more than they settle."""
+
+FIRST_IMAGE = "first image: nothing to compare with; its components stay untested"
+NOTHING_ENCLOSED = "no enclosed component to test"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Earlier:
+    """An image before the current one.
+
+    Attributes
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    poses : tuple of Pose or None
+        Its own and that of the current image, where both are known.
+    name : str
+        What ``obstacles.csv`` calls it.
+    """
+
+    image: Grey
+    poses: tuple[Pose, Pose] | None = None
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Link:
+    """How the ground moved since an earlier image.
+
+    Attributes
+    ----------
+    name : str
+    planar : tuple of float
+        x, y (metres) and turn (radians): a ground point of the current image, in its levelled camera frame, turned by
+        the turn and moved by (x, y) is that point in the earlier image's.
+    """
+
+    name: str
+    planar: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """What the earlier images say.
+
+    Attributes
+    ----------
+    rows : tuple of ComponentVerdict
+    pair : PairMotion
+        Of the image before, or the first of the others that has a motion.
+    tested : bool
+        Whether any pair had a motion.
+    links : tuple of Link
+        One for each pair with a motion, the nearest image first.
+    """
+
+    rows: tuple[ComponentVerdict, ...]
+    pair: PairMotion
+    tested: bool = False
+    links: tuple[Link, ...] = ()
+
+
+def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: Camera, epsilon: float) -> Judged:
+    """Verdicts on the components of an image.
+
+    Parameters
+    ----------
+    current : ndarray of uint8, shape (H, W)
+    scenery : Scenery
+    earlier : iterable of Earlier
+        The nearest first; taken one at a time, and only as long as a component is undecided.
+    camera : Camera
+    epsilon : float
+        ``obstacles.altitude``, metres.
+
+    Raises
+    ------
+    CalibrationError
+        When an earlier image has another size, or the camera file no mount_height.
+    """
+    components = scenery.components
+    rows = _placed(untested(components), camera)
+    first: PairMotion | None = None
+    links: list[Link] = []
+    noise = pixel_noise(current, scenery.free)
+    views = iter(earlier)
+    nearest = next(views, None)
+    if nearest is None or not components:
+        return Judged(rows, PairMotion(None, FIRST_IMAGE if nearest is None else NOTHING_ENCLOSED))
+    for view in itertools.chain([nearest], views):
+        camera.check_size(view.image.shape[1], view.image.shape[0], "the previous image")
+        before = grey_image(view.image)
+        chosen = pair_motion(camera, (before, current), view.poses, scenery, epsilon)
+        if first is None or (first.motion is None and chosen.motion is not None):
+            first = chosen if first is None else replace(chosen, note=f"{first.note}; {view.name}: {chosen.note}")
+        if chosen.contradicted:
+            break
+        if chosen.motion is None:
+            continue
+        own = chosen.camera or camera
+        seen = ImagePair(current, before, own, chosen.motion, noise)
+        found = _placed(structural_test(seen, components, epsilon, chosen.fit), own, view.name)
+        rows = tuple(map(_better, rows, found))
+        links.append(Link(view.name, _planar(own, chosen.motion)))
+        if len(links) == MOST_ASKED or all(row.decided for row in rows):
+            break
+    return Judged(rows, first or PairMotion(None, NOTHING_ENCLOSED), bool(links), tuple(links))
+
+
+def _better(old: ComponentVerdict, new: ComponentVerdict) -> ComponentVerdict:
+    """The decided one; among undecided ones the first with a matched point."""
+    return new if not old.decided and (new.decided or old.verdict == "untested") else old
+
+
+def _placed(rows: tuple[ComponentVerdict, ...], camera: Camera, against: str = "") -> tuple[ComponentVerdict, ...]:
+    """Rows with the places of their components on the ground."""
+    if not rows:
+        return rows
+    places = ground_points(camera, np.array([[row.centroid_x, row.centroid_y] for row in rows]))
+    return tuple(
+        replace(row, ground_x_m=float(x), ground_y_m=float(y), against="" if row.verdict == "untested" else against)
+        for row, (x, y) in zip(rows, places, strict=True)
+    )
+
+
+def _planar(camera: Camera, motion: Motion) -> tuple[float, float, float]:
+    x, y, turn = planar_parameters(camera, motion).tolist()
+    return x, y, turn
