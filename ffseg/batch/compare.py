@@ -23,6 +23,7 @@ from ffseg.formats.panels import Tile, encode_panel
 from ffseg.formats.tables import csv_table
 from ffseg.methods import METHODS, PEERS, SEGMENTERS
 from ffseg.metrics import scores
+from ffseg.schema.kinds import nearest_word
 from ffseg.segmenters.base import Segmentation
 from ffseg.segmenters.peers import configured
 from ffseg.segmenters.registry import segment
@@ -46,7 +47,8 @@ def choose_methods(text: str) -> tuple[str, ...]:
         known = groups.get(name, (name,) if name in SEGMENTERS or name in PEERS else ())
         if not known:
             choices = ", ".join([*SEGMENTERS, *PEERS, *groups])
-            raise UsageError(f"--methods: there is no method {printable(name)!r}; choose from {choices}")
+            near = nearest_word(name, (*SEGMENTERS, *PEERS, *groups)) or f"; choose from {choices}"
+            raise UsageError(f"--methods: there is no method {printable(name)!r}{near}")
         names += [one for one in known if one not in names]
     return tuple(names)
 

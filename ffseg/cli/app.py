@@ -8,10 +8,11 @@ from importlib.util import find_spec
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 from ffseg import __version__
 from ffseg.cli import console
+from ffseg.cli.examples import epilog
+from ffseg.cli.group import Group
 from ffseg.errors import FfsegError
 
 COMMANDS = {
@@ -26,7 +27,7 @@ COMMANDS = {
 """Module of each subcommand; it holds a function of the command's name, or a Typer ``app`` with commands of its own."""
 
 
-class LazyGroup(TyperGroup):
+class LazyGroup(Group):
     """A group that imports the module of a subcommand only when that subcommand is named or listed."""
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401, ARG002 - Typer's signature
@@ -38,7 +39,7 @@ class LazyGroup(TyperGroup):
         if cmd_name not in self.list_commands(ctx):
             return None
         module = import_module(COMMANDS[cmd_name])
-        inner = getattr(module, "app", None) or _single(getattr(module, cmd_name))
+        inner = getattr(module, "app", None) or _single(getattr(module, cmd_name), epilog(cmd_name))
         command = typer.main.get_command(inner)
         command.name = cmd_name
         return command
@@ -88,9 +89,9 @@ def ffseg(
     """Segment images with free-form active contours, one by one or by the folder."""
 
 
-def _single(function: Any) -> typer.Typer:  # noqa: ANN401 - any annotated function
+def _single(function: Any, below: str | None) -> typer.Typer:  # noqa: ANN401 - any annotated function
     single = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    single.command(no_args_is_help=True)(function)
+    single.command(no_args_is_help=True, epilog=below)(function)
     return single
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ffseg.cli import completion
 from ffseg.cli.checks import folder
 
 if TYPE_CHECKING:
@@ -19,9 +20,17 @@ Inputs = Annotated[
 Out = Annotated[
     Path, typer.Option("--out", metavar="DIR", parser=folder, help="Folder for the outputs; made if absent.")
 ]
-Config = Annotated[str | None, typer.Option("--config", metavar="FILE|PRESET", help="Parameter file or preset.")]
+Config = Annotated[
+    str | None,
+    typer.Option(
+        "--config", metavar="FILE|PRESET", autocompletion=completion.presets, help="Parameter file or preset."
+    ),
+]
 Settings = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a parameter; may be repeated.")
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", autocompletion=completion.settings, help="Override a parameter; may be repeated."
+    ),
 ]
 Starts = Annotated[
     Path | None, typer.Option("--starts", metavar="FILE", help="CSV image,x,y[,radius]: each image's start circle.")

@@ -16,6 +16,7 @@ from ffseg.batch.bench.machine import machine, versions
 from ffseg.batch.bench.measure import Effort, Fact, Group, Skipped, compared, measure
 from ffseg.batch.bench.suites.settings import Settings
 from ffseg.errors import UsageError
+from ffseg.schema.kinds import nearest_word
 
 SUITES = {
     "patches": "patches",
@@ -110,7 +111,8 @@ def run_bench(order: Order, note: Note, keep: Keep | None = None) -> Outcome:
 def _checked(names: Sequence[str]) -> tuple[str, ...]:
     unknown = [name for name in names if name not in SUITES]
     if unknown:
-        raise UsageError(f"--suite: there is no suite '{unknown[0]}'; choose from {', '.join(SUITES)}")
+        near = nearest_word(unknown[0], tuple(SUITES)) or f"; choose from {', '.join(SUITES)}"
+        raise UsageError(f"--suite: there is no suite '{unknown[0]}'{near}")
     return tuple(dict.fromkeys(names)) or tuple(SUITES)
 
 

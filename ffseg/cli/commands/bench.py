@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ffseg.cli import console
+from ffseg.cli import completion, console
 from ffseg.cli.checks import folder, number
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ def bench(  # noqa: PLR0913 - the options of the command
         typer.Option(
             "--suite",
             metavar="NAME",
+            autocompletion=completion.suites,
             help="patches, size, method, scenes, peers, batch, startup or memory; may be repeated.",
         ),
     ] = None,

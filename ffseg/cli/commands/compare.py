@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ffseg.cli import console
+from ffseg.cli import completion, console
 from ffseg.cli.checks import checked_params
 from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
@@ -27,7 +27,13 @@ def compare(  # noqa: PLR0913 - the options of the command
     inputs: Inputs,
     out: Out,
     methods: Annotated[
-        str, typer.Option("--methods", metavar="A,B,C", help="Methods and peers; 'peers' or 'all' for every one.")
+        str,
+        typer.Option(
+            "--methods",
+            metavar="A,B,C",
+            autocompletion=completion.methods,
+            help="Methods and peers; 'peers' or 'all' for every one.",
+        ),
     ] = "freeform,snake,levelset",
     truth: Annotated[
         Path | None, typer.Option("--truth", metavar="DIR", help="Folder of true masks: 255 inside, 128 ignored.")

@@ -6,11 +6,15 @@ from typing import Annotated
 
 import typer
 
-from ffseg.cli import console
+from ffseg.cli import completion, console
 from ffseg.cli.checks import checked_params
+from ffseg.cli.examples import epilog
+from ffseg.cli.group import Group
 from ffseg.errors import ParameterError
 
 app = typer.Typer(
+    cls=Group,
+    epilog=epilog("config"),
     help="List, show and check parameter sets.",
     no_args_is_help=True,
     add_completion=False,
@@ -19,7 +23,7 @@ app = typer.Typer(
 )
 
 
-@app.command("list")
+@app.command("list", epilog=epilog("config list"))
 def list_presets() -> None:
     """List the presets that come with ffseg: name, what for, file."""
     from ffseg.parameters import presets
@@ -30,11 +34,17 @@ def list_presets() -> None:
         console.data(f"{name:{width}}  {_purpose(path.read_text(encoding='utf-8'))}  ({path})")
 
 
-@app.command()
+@app.command(epilog=epilog("config show"))
 def show(
-    source: Annotated[str | None, typer.Argument(metavar="[PRESET|FILE]", help="Default: the defaults.")] = None,
+    source: Annotated[
+        str | None,
+        typer.Argument(metavar="[PRESET|FILE]", autocompletion=completion.presets, help="Default: the defaults."),
+    ] = None,
     settings: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key; may be repeated.")
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", autocompletion=completion.settings, help="Override a key; may be repeated."
+        ),
     ] = None,
 ) -> None:
     """Show every key of a parameter set as YAML, with what it means and what is allowed."""
@@ -44,8 +54,13 @@ def show(
     console.data(to_yaml(load_params(source, settings)).rstrip("\n"))
 
 
-@app.command(no_args_is_help=True)
-def check(files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Parameter files or presets.")]) -> None:
+@app.command(no_args_is_help=True, epilog=epilog("config check"))
+def check(
+    files: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE...", autocompletion=completion.presets, help="Parameter files or presets."),
+    ],
+) -> None:
     """Check parameter files: everything that is wrong, each with file and line; exit code 2 if anything is."""
     problems = []
     for file in files:
@@ -58,7 +73,7 @@ def check(files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Pa
         raise ParameterError("\n".join(problems))
 
 
-@app.command()
+@app.command(epilog=epilog("config schema"))
 def schema() -> None:
     """Print the JSON Schema of parameter files, for editors."""
     from ffseg.parameter_text import schema_file

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.batch.workers.launch import Process, launch, take
+from ffseg.cli import completion
 from ffseg.cli.checks import MOST_MEGABYTES, MOST_SECONDS, checked_params, number
 from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
@@ -51,7 +52,13 @@ def run(  # noqa: PLR0913 - the options of the command
         bool, typer.Option("--overlay/--no-overlay", help="Write images with the contours drawn.")
     ] = False,
     export: Annotated[
-        list[str] | None, typer.Option("--export", metavar="LIST", help="Also write coco, labelme, geojson files.")
+        list[str] | None,
+        typer.Option(
+            "--export",
+            metavar="LIST",
+            autocompletion=completion.exports,
+            help="Also write coco, labelme, geojson files.",
+        ),
     ] = None,
     animate: Annotated[bool, typer.Option("--animate", help="Write a film and a film strip of each image.")] = False,
     report: Annotated[bool, typer.Option("--report", help="Write report.html, a page to look at it all.")] = False,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ffseg.cli import console
+from ffseg.cli import completion, console
 from ffseg.cli.checks import checked_params
 from ffseg.cli.options import Config, Settings
 from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError
@@ -32,7 +32,12 @@ def segment(
     ],
     kind: Annotated[
         str | None,
-        typer.Option("--as", metavar="KIND", help=f"{', '.join(KINDS)}; without it by the suffix, mask for -."),
+        typer.Option(
+            "--as",
+            metavar="KIND",
+            autocompletion=completion.kinds,
+            help=f"{', '.join(KINDS)}; without it by the suffix, mask for -.",
+        ),
     ] = None,
     config: Config = None,
     settings: Settings = None,

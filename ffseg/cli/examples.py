@@ -1,0 +1,40 @@
+"""Examples that the help of each command ends with; the tests run them."""
+
+from __future__ import annotations
+
+EXAMPLES: dict[str, tuple[str, ...]] = {
+    "run": (
+        "ffseg run photos --out out --overlay --report",
+        "ffseg run photos --out set --set contour.degree=2 --set 'init.center=[400,300]'",
+        "ffseg run 'photos/*.png' --out scored --truth pictures/truth --export coco,geojson",
+        "ffseg run pictures/pair --out free --camera pictures/pair/camera.yaml --poses pictures/pair/poses.csv",
+    ),
+    "segment": (
+        "ffseg segment photos/simple.png simple.svg simple.png",
+        "ffseg segment - - --as geojson < photos/simple.png > simple.geojson",
+    ),
+    "compare": (
+        "ffseg compare pictures --out table --truth pictures/truth",
+        "ffseg compare photos --out peers --methods freeform,cv_edges_opened --truth pictures/truth --min-iou freeform=0.99",
+    ),
+    "bench": (
+        "ffseg bench --out bench --suite scenes --images photos",
+        "ffseg bench --out now --baseline bench/bench.json",
+    ),
+    "config": ("ffseg config list", "ffseg config show toy-full"),
+    "config list": ("ffseg config list",),
+    "config show": ("ffseg config show --set contour.degree=2 > mine.yaml",),
+    "config check": ("ffseg config check mine.yaml",),
+    "config schema": ("ffseg config schema > schema.json",),
+    "samples": ("ffseg samples pictures", "ffseg samples more --pairs 2"),
+    "report": ("ffseg report out", "ffseg report out --images photos"),
+}
+"""By the words of the command; they use a folder ``photos`` and the samples in ``pictures``."""
+
+
+def epilog(command: str) -> str | None:
+    """What stands below the options in the help of a command; None without an example."""
+    lines = EXAMPLES.get(command)
+    if not lines:
+        return None
+    return "\b\n" + "\n".join(["Examples:", *(f"  {line}" for line in lines)])

@@ -1,0 +1,103 @@
+"""Help ends with examples that work, lists show whole summaries, mistyped words are told the nearest, shells complete."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import documented_blocks as documented
+import pytest
+
+from ffseg.batch.bench.session import SUITES
+from ffseg.batch.workers.outputs import EXPORTS
+from ffseg.cli import completion
+from ffseg.cli.app import COMMANDS
+from ffseg.cli.commands import config
+from ffseg.cli.examples import EXAMPLES
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+BELOW = [f"config {name}" for name in ("list", "show", "check", "schema")]
+SLOW = ("bench",)
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, *BELOW])
+def test_every_help_ends_with_its_examples(command: str, ffseg_command: Run) -> None:
+    shown = ffseg_command(*command.split(), "--help").stdout
+    assert EXAMPLES[command]
+    assert shown.partition("Examples:\n")[2].split("\n")[:-1] == [f"    {line}" for line in EXAMPLES[command]]
+
+
+def test_the_examples_run(tmp_path: Path) -> None:
+    page = documented.ROOT / "docs" / "examples"
+    environment = documented.prepare(tmp_path, page, Path(sys.executable).parent)
+    lines = [line for command, lines in EXAMPLES.items() if command not in SLOW for line in lines]
+    for line in lines:
+        assert documented.run(documented.Block("sh", line, None), "bash", tmp_path, environment) == ""
+
+
+@pytest.mark.parametrize("command", [(), ("config",)])
+def test_lists_of_commands_show_whole_summaries(command: tuple[str, ...], ffseg_command: Run) -> None:
+    listed = ffseg_command(*command, "--help").stdout.partition("Commands:\n")[2]
+    assert "..." not in listed
+    if command:
+        assert " ".join((config.check.__doc__ or "").split()) in " ".join(listed.split())
+
+
+MISTYPED = {
+    "command": (["rnu"], "there is no command 'rnu'; did you mean 'run'?"),
+    "command of a group": (["config", "chek"], "there is no command 'chek'; did you mean 'check'?"),
+    "a word near to none": (["zzz"], "there is no command 'zzz'; choose one of run, segment, compare, "),
+    "option": (["run", "--ovrelay"], "--overlay"),
+    "method": (["compare", "samples", "--out", "x", "--methods", "snak"], "did you mean 'snake'?"),
+    "suite": (["bench", "--out", "x", "--suite", "pach"], "did you mean 'patches'?"),
+    "preset": (["config", "show", "toy-ful"], "did you mean 'toy-full'?"),
+    "key": (["config", "show", "--set", "contour.degre=2"], "did you mean 'contour.degree'?"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "said"), MISTYPED.values(), ids=MISTYPED)
+def test_mistyped_words_are_told_the_nearest(
+    arguments: list[str], said: str, tmp_path: Path, ffseg_command: Run
+) -> None:
+    done = ffseg_command(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert said in " ".join(done.stderr.split())
+
+
+def completed(words: str) -> list[str]:
+    count = len(words.split()) - (not words.endswith(" "))
+    environment = {**os.environ, "_FFSEG_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(count)}
+    done = subprocess.run([sys.executable, "-m", "ffseg"], check=False, capture_output=True, text=True, env=environment)
+    return done.stdout.split()
+
+
+COMPLETED = {
+    "ffseg run --config toy-f": ["toy-fixed", "toy-full"],
+    "ffseg config show omni-i": ["omni-indoor"],
+    "ffseg run --set contour.deg": ["contour.degree="],
+    "ffseg run --set contour.ref": ["contour.refine="],
+    "ffseg compare --methods freeform,sn": ["freeform,snake"],
+    "ffseg run --export coco,": ["coco,labelme", "coco,geojson"],
+    "ffseg bench --suite pa": ["patches"],
+    "ffseg segment --as ge": ["geojson"],
+}
+
+
+@pytest.mark.parametrize(("words", "expected"), COMPLETED.items(), ids=COMPLETED)
+def test_the_shell_completes(words: str, expected: list[str]) -> None:
+    assert completed(words) == expected
+
+
+def test_words_of_a_key_are_completed() -> None:
+    assert completion.settings("contour.refine=") == ["contour.refine=true", "contour.refine=false"]
+    assert completion.settings("edges.canny=a") == ["edges.canny=auto"]
+    assert "method=snake" in completion.settings("method=")
+    assert completion.settings("contour.degree=") == completion.settings("nothing=") == []
+
+
+def test_completion_knows_all_suites_and_exports() -> None:
+    assert completion.suites("") == list(SUITES)
+    assert completion.exports("") == list(EXPORTS)
