@@ -30,6 +30,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     edges: EdgeMap | None = None,
     domain: NDArray[np.uint8] | None = None,
     start_mask: NDArray[np.uint8] | None = None,
+    background: NDArray[np.uint8] | None = None,
     center: tuple[float, float] | None = None,
     altitudes: NDArray[np.float64] | None = None,
     options: object = None,
@@ -53,6 +54,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         Nonzero where the contour may go; without it the file ``domain.mask`` names, else everywhere.
     start_mask : ndarray of uint8 or bool, shape (H, W), optional
         Nonzero inside the start regions; without it the file ``init.mask`` names.
+    background : ndarray of uint8 or bool, shape (H, W), optional
+        Nonzero at what lies outside the region; without it the file ``init.background_mask`` names.
     center : tuple of float, optional
         What ``init.center: auto`` stands for, (x, y) in pixels; without it the image centre.
     altitudes : ndarray of float64, shape (K, 4), optional
@@ -88,6 +91,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         edges=edges,
         domain=_mask("domain", domain, "domain.mask", chosen.domain.mask),
         start_mask=_mask("start_mask", start_mask, "init.mask", chosen.init.mask),
+        background=_mask("background", background, "init.background_mask", chosen.init.background_mask),
         center=center,
         altitudes=altitudes,
         options=options,

@@ -19,10 +19,12 @@ Overrides = Mapping[str, object] | Sequence[str]
 Point = tuple[float, float]
 Circle = tuple[float, float, float]
 Box = tuple[float, float, float, float]
+Seed = tuple[float, float] | tuple[float, float, float]
 
 _POSITIVE = Number(0, above=True)
 _POINT = Row(("x", "y"), (Number(), Number()))
 _CIRCLE = Row(("x", "y", "radius"), (Number(), Number(), _POSITIVE))
+_SEED = Row(("x", "y", "radius"), (Number(), Number(), _POSITIVE), fewest=2)
 _BOX = Row(("left", "top", "right", "bottom"), (Number(),) * 4)
 _THRESHOLDS = Row(("low", "high"), (Number(0, 10_000),) * 2, ascending=True)  # no magnitude of 8-bit grey exceeds 1443
 _MOST_STARTS = 1000
@@ -68,6 +70,10 @@ class Init(Section):
     circles: tuple[Circle, ...] = declared((), Many(_CIRCLE, _MOST_STARTS), "start circles instead of center, radius")
     boxes: tuple[Box, ...] = declared((), Many(_BOX, _MOST_STARTS), "start boxes instead of center, radius")
     mask: str | None = declared(None, FilePath(), "image whose outlines are the start contours")
+    background: tuple[Seed, ...] = declared(
+        (), Many(_SEED, _MOST_STARTS), "points and circles outside the region: the contour stops where it meets them"
+    )
+    background_mask: str | None = declared(None, FilePath(), "image that is nonzero at what lies outside the region")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +85,15 @@ class Domain(Section):
         "auto",
         Text(("auto", "off")),
         "auto = where no mask is given, the disc of a mirror or fisheye in a dark surround",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Region(Section):
+    """What is known of the region."""
+
+    border: str = declared(
+        "free", Text(("free", "outside")), "outside = the image's border lies outside the region, as round a thing"
     )
 
 
@@ -137,6 +152,7 @@ class Parameters(Section):
     edges: Edges = subsection(Edges)
     init: Init = subsection(Init)
     domain: Domain = subsection(Domain)
+    region: Region = subsection(Region)
     obstacles: Obstacles = subsection(Obstacles)
     snake: Snake = subsection(Snake)
     levelset: LevelSet = subsection(LevelSet)

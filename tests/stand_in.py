@@ -24,6 +24,7 @@ def segment(
     *,
     domain: NDArray[np.uint8] | None = None,
     start_mask: NDArray[np.uint8] | None = None,
+    background: NDArray[np.uint8] | None = None,
 ) -> Segmentation:
     """Pixels above 127, with one box as the contour."""
     grey = image if image.ndim == 2 else image.max(axis=2)

@@ -96,7 +96,11 @@ def compare(task: Comparison, tell: Callable[[Row], None]) -> list[Row]:
     """
     single_thread()
     make_folder(task.out)
-    masks = _Masks(load_mask("domain.mask", task.params.domain.mask), load_mask("init.mask", task.params.init.mask))
+    masks = _Masks(
+        load_mask("domain.mask", task.params.domain.mask),
+        load_mask("init.mask", task.params.init.mask),
+        load_mask("init.background_mask", task.params.init.background_mask),
+    )
     rows: list[Row] = []
     for job in task.jobs:
         made = _compare_image(task, job, masks, tell)
@@ -138,6 +142,7 @@ class _Masks:
 
     domain: NDArray[np.uint8] | None
     start: NDArray[np.uint8] | None
+    background: NDArray[np.uint8] | None
 
 
 def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Row], None]) -> list[Row]:
@@ -203,7 +208,15 @@ def _middle(runs: Sequence[_Run]) -> _Run:
 
 def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: _Masks) -> Segmentation:
     params, options = configured(task.params, method, task.peers)
-    return segment(image, params, method, domain=masks.domain, start_mask=masks.start, options=options)
+    return segment(
+        image,
+        params,
+        method,
+        domain=masks.domain,
+        start_mask=masks.start,
+        background=masks.background,
+        options=options,
+    )
 
 
 def _scored(row: Row, result: Segmentation, truth: NDArray[np.uint8] | None) -> Row:

@@ -206,7 +206,9 @@ class Run:
     def _obstacle_cells(self) -> Iterator[list[Any]]:
         from ffseg.batch.sightings import numbered
 
-        records = {job.source.name: self._journal.get(job.index) for job in self._plan.jobs if self._finished[job.index]}
+        records = {
+            job.source.name: self._journal.get(job.index) for job in self._plan.jobs if self._finished[job.index]
+        }
         lines = {printable(name): record.extra for name, record in records.items() if record is not None}
         order = self._setup.views.in_time(records) if self._setup.views else ()
         found = numbered(map(printable, order), lines)
@@ -216,6 +218,7 @@ class Run:
     def _header(self) -> dict[str, Any]:
         params = self._setup.params
         files = {"domain.mask": params.domain.mask, "init.mask": params.init.mask}
+        files["init.background_mask"] = params.init.background_mask
         digests = {key: _digest_of(key, path, self._setup.max_bytes) for key, path in files.items()}
         views = self._setup.views
         digests["camera"] = hashlib.blake2b(views.camera_text().encode(), digest_size=16).hexdigest() if views else ""

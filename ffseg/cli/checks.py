@@ -45,7 +45,11 @@ def checked_params(config: str | None, settings: Sequence[str] | None = None) ->
     from ffseg.parameters import load_params
 
     params = load_params(config, settings)
-    masks = {"domain.mask": params.domain.mask, "init.mask": params.init.mask}
+    masks = {
+        "domain.mask": params.domain.mask,
+        "init.mask": params.init.mask,
+        "init.background_mask": params.init.background_mask,
+    }
     missing = [
         f"{printable(config) + ': ' if config else ''}{key}: {_complaint(path)}"
         for key, path in masks.items()

@@ -41,6 +41,18 @@ TruthLabel = Annotated[
 ]
 
 
+Outside = Annotated[
+    list[str] | None,
+    typer.Option("--not", metavar="X,Y[,R]", help="A point or circle outside the region; may be repeated."),
+]
+
+
+def with_background(settings: list[str] | None, outside: list[str] | None) -> list[str]:
+    """Overrides with the background seeds of ``--not`` as the last of them."""
+    given = list(settings or ())
+    return [*given, f"init.background=[{', '.join(f'[{seed}]' for seed in outside)}]"] if outside else given
+
+
 def starts_file(starts: Path | None, params: Parameters) -> str:
     """Name of the starts file, or empty.
 

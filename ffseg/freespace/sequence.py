@@ -100,6 +100,7 @@ def segment_view(  # noqa: PLR0913 - what `segment` takes, and the camera
     *,
     domain: NDArray[np.uint8] | None = None,
     start_mask: NDArray[np.uint8] | None = None,
+    background: NDArray[np.uint8] | None = None,
     altitudes: NDArray[np.float64] | None = None,
     callback: Callable[[Progress], None] | None = None,
 ) -> Segmentation:
@@ -115,6 +116,8 @@ def segment_view(  # noqa: PLR0913 - what `segment` takes, and the camera
         A further bound, nonzero where the contour may go.
     start_mask : ndarray of uint8, shape (H, W), optional
         Nonzero inside the start regions; takes the place of the start circle.
+    background : ndarray of uint8, shape (H, W), optional
+        Nonzero at what lies outside the region.
     altitudes : ndarray of float64, shape (K, 4), optional
         Interest points for the snake, as `ffseg.segment`.
     callback : callable, optional
@@ -141,6 +144,7 @@ def segment_view(  # noqa: PLR0913 - what `segment` takes, and the camera
         method,
         domain=bound,
         start_mask=start_mask,
+        background=background,
         center=camera.center,
         altitudes=altitudes,
         callback=callback,

@@ -198,18 +198,19 @@ class FilePath:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A fixed number of named numbers, such as ``[x, y, radius]``; ascending where `ascending`."""
+    """Named numbers such as ``[x, y, radius]``, all or the first `fewest` at least; ascending where `ascending`."""
 
     names: tuple[str, ...]
     parts: tuple[Number, ...]
     ascending: bool = False
+    fewest: int = 0
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
         """See `Kind`."""
         items = node.value
-        if not isinstance(items, tuple) or len(items) != len(self.parts):
+        if not isinstance(items, tuple) or not (self.fewest or len(self.parts)) <= len(items) <= len(self.parts):
             return _reject(self, node, key, problems)
-        named = zip(self.parts, items, self.names, strict=True)
+        named = zip(self.parts, items, self.names, strict=False)
         values = tuple(part.check(item, f"{key}, {name}", problems) for part, item, name in named)
         if BAD in values:
             return BAD
@@ -222,13 +223,15 @@ class Row:
         order = ", ascending" if self.ascending else ""
         each = {part.allowed() for part in self.parts}
         ranges = f", each {each.pop()}" if len(each) == 1 else ""
-        return f"[{', '.join(self.names)}]{ranges}{order}"
+        short = f"[{', '.join(self.names[: self.fewest])}] or " if self.fewest else ""
+        return f"{short}[{', '.join(self.names)}]{ranges}{order}"
 
     def json_schema(self) -> JsonSchema:
         """See `Kind`."""
         count = len(self.parts)
         items = [part.json_schema() for part in self.parts]
-        return {"type": "array", "items": items, "additionalItems": False, "minItems": count, "maxItems": count}
+        fewest = self.fewest or count
+        return {"type": "array", "items": items, "additionalItems": False, "minItems": fewest, "maxItems": count}
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -62,6 +63,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     edges: EdgeMap | None = None,
     domain: NDArray[np.uint8] | None = None,
     start_mask: NDArray[np.uint8] | None = None,
+    background: NDArray[np.uint8] | None = None,
     center: tuple[float, float] | None = None,
     altitudes: NDArray[np.float64] | None = None,
     options: object = None,
@@ -83,6 +85,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         Nonzero where the contour may go.
     start_mask : ndarray of uint8, shape (H, W), optional
         Nonzero inside the start regions.
+    background : ndarray of uint8, shape (H, W), optional
+        Nonzero at what lies outside the region, beside ``init.background``.
     center : tuple of float, optional
         What ``init.center: auto`` stands for; without it the image centre.
     altitudes : ndarray of float64, shape (K, 4), optional
@@ -114,9 +118,11 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     starts = start_contours(shape, params, start_mask, center)
     begin = perf_counter()
     if edges is None:
-        domain = _disc(image, starts, params) if domain is None else domain
         region = rasterize(starts, shape) if params.edges.source != "gradient" else None
         edges = edges_from_source(Scene(image, region, params, domain))
+        if edges.domain is None:  # bounds the contour only: thresholds stay those of the image
+            edges = replace(edges, domain=_disc(image, starts, params))
+    edges = _bounded(edges, starts, params, background)
     edges_done = perf_counter()
     view = View(image, edges, starts, params, options, _rows(altitudes), callback)
     outcome, messages = _run(run, view)
@@ -140,13 +146,24 @@ def _disc(image: NDArray[np.uint8], starts: tuple[FreeForm, ...], params: Parame
     return found.mask((image.shape[0], image.shape[1]))
 
 
+def _bounded(
+    edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters, background: NDArray[np.uint8] | None
+) -> EdgeMap:
+    """The edge map bounded by what grows from outside the region, where anything does."""
+    if background is None and not params.init.background and params.region.border == "free":
+        return edges
+    from ffseg.segmenters.starting.rivals import bounded  # loads what only this needs
+
+    return bounded(edges, rasterize(starts, edges.gradient.shape), params, background)
+
+
 def _run(run: Segmenter, view: View) -> tuple[Outcome, tuple[str, ...]]:
     """What a method finds, from starts that are moved if none of them can."""
     try:
         return run(view), ()
     except BlockedStartError as blocked:
         remedy = str(blocked)
-    from ffseg.segmenters.placing import freed  # loads what only this needs
+    from ffseg.segmenters.starting.freed import freed  # loads what only this needs
 
     moved, told = freed(view, remedy)
     return run(moved), (told,)

@@ -33,11 +33,12 @@ class Masks:
 
     Attributes
     ----------
-    domain, start : ndarray of uint8, shape (H, W), or None
+    domain, start, background : ndarray of uint8, shape (H, W), or None
     """
 
     domain: NDArray[np.uint8] | None = None
     start: NDArray[np.uint8] | None = None
+    background: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +69,15 @@ class FrameBench:
             As `ffseg.segment`.
         """
         camera, masks = self.views.camera, self.masks
-        segmenting = partial(segment_view, image, camera, self.params, domain=masks.domain, start_mask=masks.start)
+        segmenting = partial(
+            segment_view,
+            image,
+            camera,
+            self.params,
+            domain=masks.domain,
+            start_mask=masks.start,
+            background=masks.background,
+        )
         frame = segment_frame(image, earlier, camera, self.params, segmenting, callback)
         unposed = " and ".join(map(printable, self.views.unposed(name)))
         return replace(frame, note=f"no pose of {unposed}; {frame.note}") if unposed else frame

@@ -56,11 +56,14 @@ class Workbench:
         self._limits = Limits(setup.max_bytes, setup.max_pixels)
         self._domain = load_mask("domain.mask", setup.params.domain.mask, self._limits)
         self._start_mask = load_mask("init.mask", setup.params.init.mask, self._limits)
+        self._background = load_mask("init.background_mask", setup.params.init.background_mask, self._limits)
         self._frames: FrameBench | None = None
         if setup.views is not None:
             from ffseg.batch.workers.frames import FrameBench, Masks  # loads what only cameras need
 
-            self._frames = FrameBench(setup.views, setup.params, Masks(self._domain, self._start_mask))
+            self._frames = FrameBench(
+                setup.views, setup.params, Masks(self._domain, self._start_mask, self._background)
+            )
 
     def versions(self) -> dict[str, str]:
         """Versions that a result can depend on."""
@@ -119,7 +122,9 @@ class Workbench:
         overlay = self._setup.wanted.overlay
         if self._frames is None:
             segment = self._segment if film is None else partial(self._segment, callback=film)
-            result = segment(image, params, domain=self._domain, start_mask=self._start_mask)
+            result = segment(
+                image, params, domain=self._domain, start_mask=self._start_mask, background=self._background
+            )
             lines = [
                 Polyline(contour.flatten(_FLATNESS), "outer" if contour.signed_area > 0 else "obstacle")
                 for contour in (result.contours if overlay else ())

@@ -13,7 +13,7 @@ import typer
 from ffseg.batch.workers.launch import Process, launch, take
 from ffseg.cli import completion
 from ffseg.cli.checks import MOST_MEGABYTES, MOST_SECONDS, checked_params, number
-from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, TruthLabel, starts_file
+from ffseg.cli.options import Config, Inputs, Out, Outside, Settings, Starts, TruthLabel, starts_file, with_background
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def run(  # noqa: PLR0913 - the options of the command
     config: Config = None,
     settings: Settings = None,
     starts: Starts = None,
+    outside: Outside = None,
     camera: Annotated[
         Path | None, typer.Option("--camera", metavar="FILE", help="Camera file: tests enclosed components on pairs.")
     ] = None,
@@ -98,7 +99,7 @@ def run(  # noqa: PLR0913 - the options of the command
         for process in early:
             cleanup.callback(process.end)
         interruption = cleanup.enter_context(Interruption("run it again to go on"))
-        params = checked_params(config, settings)
+        params = checked_params(config, with_background(settings, outside))
         wanted = read_wanted(export or (), overlay=overlay, animate=animate)
         plan = read_plan(inputs, out, wanted, truth, starts_file(starts, params))
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan))

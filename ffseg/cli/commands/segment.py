@@ -10,7 +10,7 @@ import typer
 
 from ffseg.cli import completion, console
 from ffseg.cli.checks import checked_params
-from ffseg.cli.options import Config, Settings
+from ffseg.cli.options import Config, Outside, Settings, with_background
 from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ def segment(
     ] = None,
     config: Config = None,
     settings: Settings = None,
+    outside: Outside = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No word of how it went; errors only.")] = False,
 ) -> None:
     """Segment one image and write what the suffix of OUT asks for.
@@ -52,7 +53,7 @@ def segment(
     wanted = [(path, _kind(path, kind)) for path in outputs]
     if any(path != PIPE and _same(path, image) for path in outputs):
         raise UsageError("an output would replace the input image; choose another name")
-    params = checked_params(config, settings)
+    params = checked_params(config, with_background(settings, outside))
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from ffseg.api import segment as segment_pixels
     from ffseg.segmenters.saving.kinds import encoded
@@ -69,6 +70,8 @@ def segment(
         console.error(str(error))
         raise typer.Exit(FAILED_IMAGES) from error
     if not quiet:
+        for text in result.messages:
+            console.message(f"ffseg: {text}")
         console.message(_told(result))
 
 

@@ -1,0 +1,133 @@
+"""Negative seeds: rivals grow from outside the region, and the contour stops where it meets them."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import ffseg
+from ffseg.errors import ParameterError, SegmentationError
+from ffseg.image.edges import edge_map
+from ffseg.metrics import iou
+from ffseg.segmenters.starting.rivals import bounded
+
+
+def rooms(gap: int = 30) -> np.ndarray:
+    """Two rooms side by side, each 80 px wide, and a door of `gap` px between them."""
+    image = np.full((100, 164), 180, np.uint8)
+    image[:, 80:84] = 40
+    image[50 - gap // 2 : 50 + gap // 2, 80:84] = 180
+    return image
+
+
+START = {"init.center": [30, 50], "init.radius": 8}
+
+
+@pytest.mark.parametrize("method", ["freeform", "levelset"])
+def test_the_contour_stops_in_an_open_door(method: str) -> None:
+    image, params = rooms(), {**START, "method": method}
+    assert ffseg.segment(image, params).mask[50, 140]
+    found = ffseg.segment(image, {**params, "init.background": [[133, 50, 8]]})
+    assert not found.mask[:, 90:].any()
+    assert found.mask[:, :76].mean() > 0.95
+    # Alike on both sides, the fronts meet half-way: in the door.
+    reach = np.nonzero(found.mask[50])[0].max()
+    assert abs(reach - 81.5) < 3
+
+
+def test_a_point_will_do_and_the_meeting_is_half_way() -> None:
+    flat = np.full((60, 200), 90, np.uint8)
+    found = ffseg.segment(flat, {"init.center": [40, 30], "init.radius": 8, "init.background": [[150, 30]]})
+    # From the rims at 48 and 148 (a point is a disc of 2 px) to the middle, 98.
+    assert abs(np.nonzero(found.mask[30])[0].max() - 98) < 2
+
+
+def test_without_rivals_nothing_changes() -> None:
+    image = rooms()
+    edges = edge_map(image, ffseg.load_params().edges)
+    assert bounded(edges, np.zeros(image.shape, bool), ffseg.load_params()) is edges
+
+
+def test_the_border_of_the_image_as_a_rival() -> None:
+    """A dark thing whose outline is open at one place: with the border outside, the hole in it does not leak."""
+    image = np.full((140, 180), 200, np.uint8)
+    cv2.circle(image, (90, 70), 40, 60, 5)
+    image[66:75, 120:140] = 200
+    y, x = np.mgrid[:140, :180]
+    truth = np.where(np.hypot(x - 90, y - 70) < 38, np.uint8(255), np.uint8(0))
+    start = {"init.center": [90, 70], "init.radius": 10}
+    assert iou(ffseg.segment(image, start).mask, truth) < 0.3
+    assert iou(ffseg.segment(image, {**start, "region.border": "outside"}).mask, truth) > 0.9
+
+
+def test_a_mask_of_the_background() -> None:
+    image, outside = rooms(), np.zeros((100, 164), np.uint8)
+    outside[20:80, 130:160] = 1
+    found = ffseg.segment(image, START, background=outside)
+    assert not found.mask[:, 100:].any()
+    assert np.array_equal(ffseg.segment(image, START, background=outside > 0).mask, found.mask)
+    with pytest.raises(SegmentationError, match="background mask has 3 x 2 pixels, the image 164 x 100"):
+        ffseg.segment(image, START, background=np.ones((2, 3), np.uint8))
+
+
+def test_the_domain_still_holds() -> None:
+    domain = np.zeros((100, 164), np.uint8)
+    domain[:, :60] = 255
+    found = ffseg.segment(rooms(), {**START, "init.background": [[133, 50]]}, domain=domain)
+    assert not found.mask[:, 62:].any()
+    assert found.mask[:, :58].mean() > 0.95
+
+
+def test_seeds_that_cannot_be() -> None:
+    with pytest.raises(SegmentationError, match=r"background seed at \(500, 50\) lies outside the image of 164 x 100"):
+        ffseg.segment(rooms(), {**START, "init.background": [[500, 50]]})
+    with pytest.raises(SegmentationError, match="lies in the start region"):
+        ffseg.segment(rooms(), {**START, "init.background": [[31, 51]]})
+    with pytest.raises(ParameterError, match=r"init.background\[0\]: .* is not \[x, y\] or \[x, y, radius\]"):
+        ffseg.load_params(None, {"init.background": [[5]]})
+    with pytest.raises(ParameterError, match="region.border"):
+        ffseg.load_params(None, {"region.border": "inside"})
+
+
+def test_commands_take_not(ffseg_command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "rooms.png"), rooms())
+    given = ("--set", "init.center=[30,50]", "--set", "init.radius=8", "--not", "133,50,8", "--not", "140,20")
+    done = ffseg_command("segment", tmp_path / "rooms.png", tmp_path / "mask.png", *given)
+    assert done.returncode == 0, done.stderr
+    mask = cv2.imread(str(tmp_path / "mask.png"), cv2.IMREAD_GRAYSCALE)
+    assert mask[50, 40] == 255
+    assert not mask[:, 90:].any()
+    done = ffseg_command("run", tmp_path / "rooms.png", "--out", tmp_path / "out", "--jobs", "1", *given)
+    assert done.returncode == 0, done.stderr
+    assert np.array_equal(cv2.imread(str(tmp_path / "out/masks/rooms.png"), cv2.IMREAD_GRAYSCALE), mask)
+    wrong = ffseg_command("run", tmp_path / "rooms.png", "--out", tmp_path / "no", "--not", "133;50")
+    assert wrong.returncode == 2
+    assert "init.background" in wrong.stderr
+
+
+def test_a_run_reads_the_background_mask(
+    ffseg_command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
+    outside = np.zeros((100, 164), np.uint8)
+    outside[20:80, 130:160] = 255
+    cv2.imwrite(str(tmp_path / "rooms.png"), rooms())
+    cv2.imwrite(str(tmp_path / "outside.png"), outside)
+    given = ("--set", "init.center=[30,50]", "--set", "init.radius=8")
+    named = ("--set", f"init.background_mask={tmp_path / 'outside.png'}")
+    run = ("run", tmp_path / "rooms.png", "--out", tmp_path / "out", "--jobs", "1", *given, *named)
+    assert ffseg_command(*run).returncode == 0
+    assert not cv2.imread(str(tmp_path / "out/masks/rooms.png"), cv2.IMREAD_GRAYSCALE)[:, 100:].any()
+    outside[20:80, 130:160] = 0
+    outside[20:80, 100:110] = 255
+    cv2.imwrite(str(tmp_path / "outside.png"), outside)
+    again = ffseg_command(*run)  # another mask is another parameter
+    assert again.returncode == 2
+    assert "--overwrite" in again.stderr
+    with (tmp_path / "out" / "timings.csv").open(encoding="utf-8", newline="") as file:
+        assert [row["status"] for row in csv.DictReader(file)] == ["ok"]
