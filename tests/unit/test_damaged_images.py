@@ -80,6 +80,15 @@ def test_flat_webp_ends_in_zeros_and_is_whole() -> None:
     np.testing.assert_array_equal(decode_image(data), noise[..., ::-1])
 
 
+def test_zeros_in_the_first_frame_of_an_animated_webp_are_refused() -> None:
+    image = Image.fromarray(damage.picture())
+    data = bad_images.encoded(image, "WEBP", save_all=True, append_images=[image.rotate(180)], lossless=False)
+    at = data.index(b"VP8 ")
+    end = at + 8 + int.from_bytes(data[at + 4 : at + 8], "little")
+    assert decode_image(data).shape == (192, 256, 3)
+    assert refused(data[: end - 900] + bytes(880) + data[end - 20 :])
+
+
 def test_flat_jpeg_holds_zeros_and_is_whole() -> None:
     image = Image.new("L", (600, 600))
     data = bad_images.encoded(image, "JPEG", optimize=True)

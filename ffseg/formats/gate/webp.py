@@ -11,6 +11,8 @@ _CANVAS, _ANIMATION, _FRAME, _EXIF = b"VP8X", b"ANIM", b"ANMF", b"EXIF"
 _IMAGES = (b"VP8 ", b"VP8L")
 _HAS_EXIF = 8
 """Flag of the canvas chunk: viewers look for an EXIF chunk only when it is set."""
+_FRAME_HEADER = 16
+"""Bytes of a frame before its own chunks."""
 MAX_CHUNKS = 10_000
 """Of a whole file, frames included: five minutes of film."""
 ZEROS = bytes(32)
@@ -74,13 +76,20 @@ def _orientation(data: bytes, chunks: list[tuple[bytes, int, int]]) -> int:
 
 
 def _probes(data: bytes, chunks: list[tuple[bytes, int, int]]) -> list[Probe]:
+    """Probe of the first image; later frames of an animation are not read."""
     for name, at, length in chunks:
+        if name == _FRAME:
+            return _probes(data, _chunks(data, at + _FRAME_HEADER, at + length))
         body = data[at : at + length]
-        if name in _IMAGES and ZEROS in body:
-            body = body[:-SPARE]
-            chunk = name + len(body).to_bytes(4, "little") + body + bytes(len(body) % 2)
-            return [Probe(b"RIFF" + (4 + len(chunk)).to_bytes(4, "little") + b"WEBP" + chunk, decodes=False)]
+        if name in _IMAGES:
+            return [Probe(_still(name, body[:-SPARE]), decodes=False)] if ZEROS in body else []
     return []
+
+
+def _still(name: bytes, body: bytes) -> bytes:
+    """A file of one chunk."""
+    chunk = name + len(body).to_bytes(4, "little") + body + bytes(len(body) % 2)
+    return b"RIFF" + (4 + len(chunk)).to_bytes(4, "little") + b"WEBP" + chunk
 
 
 _PREFIX = b"Exif\0\0"
