@@ -6,6 +6,7 @@ import contextlib
 import errno
 import itertools
 import os
+import re
 import stat
 import sys
 from collections.abc import Callable, Sequence
@@ -37,6 +38,22 @@ def printable(name: str | os.PathLike[str]) -> str:
     if text.isascii() and text.isprintable() and "\\" not in text:
         return text
     return "".join(_shown(character) for character in text)
+
+
+_ESCAPES = re.compile(r"\\(?:\\|x([0-9a-f]{2})|u([0-9a-f]{4})|U([0-9a-f]{8}))")
+
+
+def unprintable(text: str) -> str:
+    """The name that `printable` shows as `text`; the text itself where it shows none."""
+    return _ESCAPES.sub(_meant, text) if "\\" in text else text
+
+
+def _meant(escape: re.Match[str]) -> str:
+    byte, short, long = escape.groups()
+    if byte:
+        return chr(0xDC00 + int(byte, 16))
+    code = int(short or long or "5c", 16)
+    return chr(code) if code <= 0x10FFFF and not 0xD800 <= code <= 0xDFFF else escape[0]
 
 
 def _shown(character: str) -> str:

@@ -29,6 +29,11 @@ def neutral(cell: Cell) -> str:
     return str(int(cell))
 
 
+def meant_by(cell: str) -> list[str]:
+    """Texts that `neutral` writes as this cell: one that begins with an apostrophe may have been given it."""
+    return [cell[1:], cell] if cell.startswith("'") else [cell]
+
+
 def csv_row(cells: Iterable[Cell]) -> str:
     """One line of a table, with its line end."""
     buffer = io.StringIO(newline="")

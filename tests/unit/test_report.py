@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import re
 import zlib
 from pathlib import Path
@@ -12,14 +13,18 @@ from urllib.parse import unquote
 import numpy as np
 import pytest
 import runs
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ffseg.batch import report
 from ffseg.batch.report import write_report
+from ffseg.batch.reporting import folder as report_folder
 from ffseg.errors import UsageError
+from ffseg.formats.files import printable, unprintable
 from ffseg.formats.report.contours import UNITS, centroid, packed_components, packed_path, read_contours
 from ffseg.formats.report.page import page, script_json
 from ffseg.formats.svg import DECIMALS, svg_document
-from ffseg.formats.tables import csv_table
+from ffseg.formats.tables import csv_table, meant_by, neutral
 from ffseg.geometry.freeform import FreeForm
 
 HOSTILE = "</script><img src=x onerror=alert(1)>&amp;\"'.png"
@@ -222,3 +227,90 @@ def test_many_images_are_linked_not_embedded(tmp_path: Path, monkeypatch: pytest
 def test_no_output_folder(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="neither timings.csv nor compare.csv; give the --out folder"):
         write_report(tmp_path)
+
+
+def test_open_tags_are_looked_through_once() -> None:
+    assert read_contours("<path " * 200_000) == ()  # 40 times longer for each that looked for its own end
+
+
+@pytest.mark.parametrize("data", ["M0,0 L1e999,1 5,5 Z", "M0,0 L1e8,1 5,5 Z"])
+def test_contours_beyond_any_image_are_refused(data: str) -> None:
+    with pytest.raises(ValueError, match="farther away"):
+        read_contours(f'<svg><path d="{data}"/></svg>')
+
+
+def test_more_contours_than_asked_for_are_refused() -> None:
+    square = "M0,0 L5,0 5,5 Z"
+    assert len(read_contours(f'<path d="{square} {square}"/>', 2)) == 2
+    with pytest.raises(ValueError, match="more than 1 contours"):
+        read_contours(f'<path d="{square} {square}"/>', 1)
+
+
+def test_folders_that_inputs_name_are_not_walked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs.sample_run(tmp_path)
+    image = runs.ROOT / "samples" / "complex.png"
+    (tmp_path / "run.json").write_text(json.dumps({"inputs": ["/", "/**/*.png", f"{image.parent}/*.png", 7, None]}))
+    for name in ("walk", "scandir", "listdir"):
+        monkeypatch.setattr(os, name, None)
+    images = data_of(write_report(tmp_path))["images"]
+    assert (tmp_path / images[0]["pictures"]["image"]).samefile(image)
+    assert images[0]["contours"]
+
+
+def test_names_that_lead_out_find_no_picture(tmp_path: Path) -> None:
+    out, secret = tmp_path / "out", tmp_path / "secret.png"
+    (out / "masks").mkdir(parents=True)
+    (tmp_path / "in").mkdir()
+    secret.write_bytes((runs.ROOT / "samples" / "simple.png").read_bytes())
+    names = ["../secret.png", str(secret), "../../secret.png", "a/../../secret.png", "nul\\u0000.png"]
+    runs.write_tables(out, [runs.failed_row(name, "segmentation: x") for name in names], [tmp_path / "in"])
+    (out / "timings.csv").write_text((out / "timings.csv").read_text().replace(",failed,", ",ok,"))
+    images = data_of(write_report(out))["images"]
+    assert len(images) == len(names)
+    assert [image["pictures"] for image in images] == [{}] * len(names)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"parameters": {"a": NaN, "b": [Infinity]}, "seconds": NaN, "problems": [NaN], "counts": {"done": NaN}}',
+        '{"problems": "one", "counts": [1], "versions": 3, "status": {"a": 1}, "started": [], "seconds": "x"}',
+        '{"parameters": ' + '{"a":' * 400 + "1" + "}" * 400 + "}",
+        '{"parameters": {"' + "k" * 200_000 + '": "' + "v" * 200_000 + '"}, "started": "' + "s" * 200_000 + '"}',
+    ],
+    ids=["no numbers", "other types", "deep", "lengthy"],
+)
+def test_odd_facts_of_a_run_are_shown_as_far_as_they_go(text: str, tmp_path: Path) -> None:
+    runs.sample_run(tmp_path)
+    (tmp_path / "run.json").write_text(text)
+    data = data_of(write_report(tmp_path))
+    assert len(json.dumps(data["about"]) + json.dumps(data["parameters"])) < 10_000
+    assert isinstance(data["about"]["problems"], list)
+    assert isinstance(data["about"]["counts"], dict)
+
+
+def test_a_run_json_of_endless_depth_is_named(tmp_path: Path) -> None:
+    runs.sample_run(tmp_path)
+    (tmp_path / "run.json").write_text("[" * 200_000)
+    with pytest.raises(UsageError, match=r"run\.json is no JSON"):
+        write_report(tmp_path)
+
+
+def test_long_cells_are_cut(tmp_path: Path) -> None:
+    runs.write_tables(tmp_path, [runs.failed_row("a.png", "damaged: " + "x" * 200_000)], [])
+    (image,) = data_of(write_report(tmp_path))["images"]
+    assert image["rows"][0]["error"] == "damaged: " + "x" * 991 + "..."
+
+
+def test_tables_longer_than_a_page_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(report_folder, "MAX_ROWS", 2)
+    runs.sample_run(tmp_path)
+    with pytest.raises(UsageError, match=r"timings\.csv has more than 2 rows"):
+        write_report(tmp_path)
+
+
+@given(name=st.text(st.characters(exclude_categories=())).map(lambda text: text.encode("utf-8", "replace").decode()))
+def test_shown_names_are_told_back(name: str) -> None:
+    assert unprintable(printable(name)) == name
+    assert unprintable(printable("\udcff" + name + "\udc80")) == "\udcff" + name + "\udc80"
+    assert name in [unprintable(text) for text in meant_by(neutral(printable(name)))]

@@ -7,6 +7,7 @@ import json
 import re
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from ffseg.geometry.freeform import FreeForm
 UNITS = 100
 """Units of the packed paths in a pixel: a hundredth shows at no zoom the page offers."""
 
-_PATH = re.compile(r"<path\b[^>]*?\sd=\"([^\"]*)\"")
+_DATA = re.compile(r"\sd=\"([^\"]*)\"")
 _SUBPATH = re.compile(r"M([^M]*?)Z")
 _TO_SPACES = str.maketrans("LQC,\n", "     ")
 _DEGREES = {"L": 1, "Q": 2, "C": 3}
@@ -26,13 +27,19 @@ _CHORDS = 4
 """Chords to a patch for centroids: patches are short, and a tenth of a pixel is what the page shows. Areas are exact."""
 
 
-def read_contours(text: str) -> tuple[FreeForm, ...]:
+FARTHEST = 1e7
+"""Pixels: beyond the sides of any image by a hundred times."""
+
+
+def read_contours(text: str, most: int = 1 << 30) -> tuple[FreeForm, ...]:
     """Contours of an SVG file written by `ffseg.formats.svg`.
 
     Parameters
     ----------
     text : str
         The whole file.
+    most : int
+        Contours.
 
     Returns
     -------
@@ -42,13 +49,18 @@ def read_contours(text: str) -> tuple[FreeForm, ...]:
     Raises
     ------
     ValueError
-        If a path holds anything but closed chains of L, Q or C with absolute numbers.
+        If a path holds anything but closed chains of L, Q or C with absolute numbers, or there are more contours.
     """
     contours: list[FreeForm] = []
-    for data in _PATH.findall(text):
-        if not _PLAIN.fullmatch(data):
+    for tag in text.split("<path")[1:]:  # each is looked through once, whatever they are
+        data = _DATA.search(tag.partition(">")[0])
+        if data is None:
+            continue
+        if not _PLAIN.fullmatch(data[1]):
             raise ValueError("a path holds other commands than M, L, Q, C and Z")
-        contours += [_contour(piece) for piece in _SUBPATH.findall(data)]
+        if len(contours) + data[1].count("M") > most:
+            raise ValueError(f"there are more than {most} contours")
+        contours += [_contour(piece) for piece in _SUBPATH.findall(data[1])]
     return tuple(contours)
 
 
@@ -61,6 +73,8 @@ def _contour(data: str) -> FreeForm:
     numbers = np.array([float(word) for word in data.translate(_TO_SPACES).split()])
     if len(numbers) % 2:
         raise ValueError("a contour has an x without a y")
+    if not (np.abs(numbers) <= FARTHEST).all():
+        raise ValueError("a contour lies farther away than any image reaches")
     points = numbers.reshape(-1, 2) - 0.5
     if degree > 1:
         points = points[:-1]  # the last patch ends where the first begins; of degree 1, Z is the last patch
@@ -111,9 +125,13 @@ def packed_components(contours: Sequence[FreeForm], verdicts: Iterable[Mapping[s
         x, y = centroid(contour)
         area = round(contour.signed_area, 1)
         parts.append({"d": packed_path(contour), "area": area, "at": [round(x, 1), round(y, 1)]})
-    for row in verdicts:
+    for row in islice(verdicts, MOST_VERDICTS):
         _attach(parts, row)
     return pack(parts)
+
+
+MOST_VERDICTS = 500
+"""Rows of one image that are shown: pairs have a few dozen components."""
 
 
 def pack(value: object) -> str:
@@ -132,8 +150,8 @@ def _attach(parts: list[dict[str, object]], row: Mapping[str, object]) -> None:
     at = _numbers(row, "centroid_x", "centroid_y")
     facts = {"verdict": row.get("verdict"), "points": row.get("matched_points"), "altitude": row.get("max_altitude_m")}
     holes = [part for part in parts if "d" in part and "verdict" not in part and _area(part) < 0]
-    distances = [float(np.hypot(*(np.array(part["at"]) - at))) for part in holes]
-    if distances and min(distances) <= _NEAR:
+    distances = np.hypot(*(np.array([part["at"] for part in holes]).reshape(-1, 2) - at).T)
+    if holes and distances.min() <= _NEAR:
         holes[int(np.argmin(distances))].update(facts)
         return
     parts.append({"area": -float(_numbers(row, "area_px")[0]), "at": at.tolist(), **facts})
