@@ -51,12 +51,19 @@ def make_images(folder: Path, names: Iterable[str], levels: dict[str, int] | Non
 
 
 def run_batch(
-    folder: Path, out: Path, *, params: Parameters | None = None, observer: Silent | None = None, **options: object
+    folder: Path | list[Path],
+    out: Path,
+    *,
+    params: Parameters | None = None,
+    observer: Silent | None = None,
+    **options: object,
 ) -> Summary:
     """Run the stand-in over a folder; options are those of `Options`, `make_plan` and `Setup` by name."""
-    plan_options = {key: options.pop(key) for key in ("wanted", "truth") if key in options}
+    plan_keys = ("wanted", "truth", "exclude", "keep_suffix")
+    plan_options = {key: options.pop(key) for key in plan_keys if key in options}
     setup_options = {key: options.pop(key) for key in ("memory_bytes", "truth_label") if key in options}
-    plan = make_plan([str(folder)], str(out), **plan_options)
+    inputs = folder if isinstance(folder, list) else [folder]
+    plan = make_plan([str(path) for path in inputs], str(out), **plan_options)
     setup = Setup(
         params=params or load_params(),
         segmenter=stand_in.NAME,

@@ -26,14 +26,15 @@ def segment(
     start_mask: NDArray[np.uint8] | None = None,
     background: NDArray[np.uint8] | None = None,
 ) -> Segmentation:
-    """Pixels above 127, with one box as the contour."""
+    """Pixels above 127 (at the default degree), with one box as the contour; both depend on `contour.degree`."""
     grey = image if image.ndim == 2 else image.max(axis=2)
     _misbehave(int(grey[0, 0]))
-    mask = grey > 127
+    more = params.contour.degree - 3
+    mask = grey > 127 + 20 * more
     if domain is not None:
         mask &= domain > 0
     height, width = mask.shape
-    box = FreeForm.box(0.0, 0.0, width - 1.0, height - 1.0)
+    box = FreeForm.box(0.0, 0.0, width - 1.0 + more, height - 1.0)
     stats = Stats(1, 0, 0, 0, 0, 4, 4, 4, "converged")
     return Segmentation(mask, (box,), stats, Timings(0.1, 0.2, 0.3))
 

@@ -6,9 +6,9 @@ import glob
 import os
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from ffseg.batch.workers.outputs import OUTPUT_FOLDERS
+from ffseg.batch.outputs.table import OUTPUT_FOLDERS
 from ffseg.errors import UsageError
 from ffseg.formats.files import SKIP_FILE, is_temporary, printable
 
@@ -35,11 +35,14 @@ class Source:
         Relative to the INPUT it was found under, with ``/`` between folders; outputs mirror it.
     problem : str
         Why it cannot even be tried (``reason: text``), else empty.
+    place : int
+        Number of the INPUT it was found under: images stand in the order of these, then of their names.
     """
 
     path: str
     name: str
     problem: str = ""
+    place: int = 0
 
 
 def natural_key(name: str) -> tuple[tuple[tuple[bool, int, str], ...], ...]:
@@ -66,7 +69,7 @@ def discover(inputs: Sequence[str]) -> list[Source]:
         If an input does not exist, or holds no image.
     """
     found: dict[tuple[str, str], Source] = {}
-    for text in inputs:
+    for place, text in enumerate(inputs):
         sources = _expand(text)
         if not sources:
             raise UsageError(
@@ -74,7 +77,7 @@ def discover(inputs: Sequence[str]) -> list[Source]:
                 f"{SKIP_FILE} are left out, and images in a folder need one of the suffixes {_READ}"
             )
         for source in sources:
-            found.setdefault((os.path.realpath(source.path), source.name), source)
+            found.setdefault((os.path.realpath(source.path), source.name), replace(source, place=place))
     return list(found.values())
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 
 from ffseg.batch.discover import STATE_FOLDER, Source, discover
 from ffseg.batch.inputs.truths import find_truths
-from ffseg.batch.workers.outputs import MASKS_AND_CONTOURS, OUTPUT_FOLDERS, Wanted
+from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, OUTPUT_FOLDERS, Wanted
 from ffseg.errors import OutputError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
 from ffseg.formats.starts import Start, load_starts
@@ -34,6 +35,9 @@ class Job:
         Paths of the images before it in its sequence, the nearest first.
     start : Start or None
         Its own start circle; None leaves the parameters'.
+    depends : tuple of str
+        Paths of further files that its result depends on, such as its own domain or evidence map. Whatever is added to a
+        job and read from a file belongs here: with another content the image is done again.
     """
 
     index: int
@@ -42,6 +46,7 @@ class Job:
     truth: str = ""
     earlier: tuple[str, ...] = ()
     start: Start | None = None
+    depends: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +61,8 @@ class Plan:
     with_truth : bool
     inputs : tuple of str
         What was asked for, as absolute paths and patterns: how the images are found again.
+    shard : str
+        Name of the shard this is, as ``3-of-8``; empty when it is the whole.
     """
 
     out: str
@@ -63,30 +70,52 @@ class Plan:
     wanted: Wanted = MASKS_AND_CONTOURS
     with_truth: bool = False
     inputs: tuple[str, ...] = ()
+    shard: str = ""
 
     def outputs(self, job: Job) -> tuple[str, ...]:
         """Outputs of a job, relative to `out`."""
-        return tuple(f"{folder}/{job.stem}{suffix}" for folder, suffix in self.wanted.kinds)
+        return tuple(kind.path(job.stem) for kind in self.wanted.kinds)
 
 
-def make_plan(inputs: Sequence[str], out: str, *, wanted: Wanted = MASKS_AND_CONTOURS, truth: str = "") -> Plan:
+def make_plan(
+    inputs: Sequence[str],
+    out: str,
+    *,
+    wanted: Wanted = MASKS_AND_CONTOURS,
+    truth: str = "",
+    exclude: Sequence[str] = (),
+    keep_suffix: bool = False,
+) -> Plan:
     """Find the inputs, pair them with their outputs and truths, and refuse what cannot work.
 
     Nothing is written.
+
+    Parameters
+    ----------
+    inputs : sequence of str
+    out : str
+    wanted : Wanted
+    truth : str
+        Folder of true masks, or empty.
+    exclude : sequence of str
+        Patterns of relative names, or of folders or files in them, that are left out.
+    keep_suffix : bool
+        Outputs keep the suffix of their image before their own, so that ``a.jpg`` and ``a.png`` do not collide.
 
     Raises
     ------
     UsageError
         If an input is missing, two inputs share an output, or an output would replace an input.
     """
-    sources = discover(inputs)
+    sources = without(discover(inputs), exclude)
     truths: dict[str, str] = {}
     if truth:
         truths = find_truths(sources, truth)
         used = {os.path.realpath(path) for path in truths.values()}
         sources = [source for source in sources if os.path.realpath(source.path) not in used]
+    stem = _whole_name if keep_suffix else _stem
     jobs = tuple(
-        Job(index, _checked_name(source), os.path.splitext(source.name)[0], truths.get(source.name, ""))
+        Job(index, _checked_name(source, stem(source), wanted), stem(source), truths.get(source.name, ""))
         for index, source in enumerate(sources)
     )
     asked = tuple(map(os.path.abspath, inputs))
@@ -115,23 +144,55 @@ def with_starts(plan: Plan, path: str) -> Plan:
     return replace(plan, jobs=tuple(replace(job, start=starts.get(job.source.name)) for job in plan.jobs))
 
 
-def _checked_name(source: Source) -> Source:
-    longest = max(len(os.fsencode(part)) for part in os.path.splitext(source.name)[0].split("/"))
-    if longest + len(".png") <= MAX_NAME_BYTES or source.problem:
+def _whole_name(source: Source) -> str:
+    return source.name
+
+
+def _stem(source: Source) -> str:
+    return os.path.splitext(source.name)[0]
+
+
+def without(sources: Sequence[Source], exclude: Sequence[str]) -> list[Source]:
+    """Sources without those whose name, or a folder or the file in it, matches a pattern.
+
+    Raises
+    ------
+    UsageError
+        If none is left.
+    """
+    left = [source for source in sources if not any(_matches(source.name, pattern) for pattern in exclude)]
+    if sources and not left:
+        raise UsageError(f"--exclude leaves no image; the patterns are {', '.join(map(printable, exclude))}")
+    return left
+
+
+def _matches(name: str, pattern: str) -> bool:
+    return fnmatchcase(name, pattern) or any(fnmatchcase(part, pattern.rstrip("/")) for part in name.split("/"))
+
+
+def _checked_name(source: Source, stem: str, wanted: Wanted) -> Source:
+    *folders, last = stem.split("/")
+    longest = max(len(os.fsencode(part)) for part in (*folders, ""))
+    suffix = max(len(kind.suffix) for kind in wanted.kinds)
+    if source.problem:
         return source
-    return Source(source.path, source.name, "bad-name: its outputs' names would be too long; rename the file")
+    if {"", ".", ".."} & set(folders) or last in ("", ".", ".."):  # its outputs would leave the output folder
+        return replace(source, problem="bad-name: the name leads out of its folder; rename the file")
+    if max(longest, len(os.fsencode(last)) + suffix) <= MAX_NAME_BYTES:
+        return source
+    return replace(source, problem="bad-name: its outputs' names would be too long; rename the file")
 
 
 def _refuse_collisions(plan: Plan) -> None:
     fold = str.casefold if _ignores_case(plan.out) else str
     owners: dict[str, Job] = {}
+    sharing: dict[str, list[Job]] = {}
     for job in plan.jobs:
         other = owners.setdefault(fold(job.stem), job)
         if other is not job:
-            raise UsageError(
-                f"{printable(other.source.path)} and {printable(job.source.path)} would share the output "
-                f"masks/{printable(job.stem)}.png; rename one, or run them into two output folders"
-            )
+            sharing.setdefault(fold(job.stem), [other]).append(job)
+    if sharing:
+        raise UsageError("\n".join(_shared(jobs) for jobs in sharing.values()))
     folders = {fold(folder) for job in plan.jobs for folder in _parents(job.stem)}
     for stem, job in owners.items():
         taken = next((stem + suffix for suffix in (".png", ".svg") if stem + suffix in folders), None)
@@ -140,6 +201,16 @@ def _refuse_collisions(plan: Plan) -> None:
                 f"the output masks/{printable(taken)} of {printable(job.source.path)} is also the folder "
                 "of other outputs; rename the image or the folder"
             )
+
+
+def _shared(jobs: Sequence[Job]) -> str:
+    """Sentence about images that would share an output."""
+    *others, last = (printable(job.source.path) for job in jobs)
+    if len({job.source.name for job in jobs}) == len(jobs):
+        remedy = "use --keep-suffix, rename all but one, or run them into several output folders"
+    else:
+        remedy = "rename all but one, or run them into several output folders"
+    return f"{', '.join(others)} and {last} would share the output masks/{printable(jobs[0].stem)}.png; {remedy}"
 
 
 def _parents(stem: str) -> Iterable[str]:
@@ -192,19 +263,23 @@ def foreign_outputs(plan: Plan) -> str:
     return next((path for path in paths if os.path.lexists(path)), "")
 
 
-def prepare_output(plan: Plan) -> None:
-    """Make every output folder and prove that a file can be written there.
+def output_folders(plan: Plan) -> list[str]:
+    """Folders of all outputs of a plan; what cannot even be tried has none."""
+    jobs = (job for job in plan.jobs if not job.source.problem)
+    folders = {os.path.dirname(output) for job in jobs for output in plan.outputs(job)}
+    return [os.path.join(plan.out, folder) for folder in sorted(folders)]
+
+
+def prepare_output(plan: Plan, state: str) -> None:
+    """Make every output folder and prove that a file can be written to the folder of the run's state.
 
     Raises
     ------
     OutputError
         Naming the folder and the system's reason.
     """
-    state = os.path.join(plan.out, STATE_FOLDER)
-    make_folder(state)
-    folders = {os.path.dirname(output) for job in plan.jobs for output in plan.outputs(job)}
-    for folder in sorted(folders):
-        make_folder(os.path.join(plan.out, folder))
+    for folder in (state, *output_folders(plan)):
+        make_folder(folder)
     probe = os.path.join(state, "probe")
     try:
         write_bytes_atomic(probe, bytes(PROBE_BYTES))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,13 +69,13 @@ class AnnotatedImage:
     label: str = "region"
 
 
-def json_text(document: Document) -> str:
+def json_text(document: Document | list[Document]) -> str:
     """The document as one line of ASCII JSON and a line end: the same bytes for the same values."""
     return json.dumps(document, allow_nan=False, separators=(",", ":")) + "\n"
 
 
 def coco_document(image: AnnotatedImage) -> Document:
-    """COCO instances document of one image, to be stored as it is or merged with others (`merge_coco`).
+    """COCO instances document of one image, to be stored as it is or merged with others (`merged_coco`).
 
     Returns
     -------
@@ -98,30 +98,60 @@ def coco_document(image: AnnotatedImage) -> Document:
     }
 
 
-def merge_coco(documents: Iterable[Document]) -> Document:
-    """One COCO document of many, in their order: ids are counted through, categories of one name become one."""
-    images: list[Document] = []
-    annotations: list[Document] = []
+def merged_coco(documents: Callable[[], Iterable[Document]]) -> Iterator[bytes]:
+    """One COCO document of many, in their order: ids are counted through, categories of one name become one.
+
+    Parameters
+    ----------
+    documents : callable
+        Gives the documents, anew at every call: they are gone through once for each part, and never held together.
+
+    Returns
+    -------
+    iterator of bytes
+        Pieces of the text of the document, as `json_text` writes it.
+    """
     categories: dict[str, int] = {}
+    yield b'{"info":{"description":"Regions segmented by ffseg"},"images":['
+    yield from _joined(_merged_images(documents(), categories))
+    rows = [{"id": number, "name": name, "supercategory": ""} for name, number in categories.items()]
+    yield b'],"categories":' + json_text(rows).encode("ascii").rstrip() + b',"annotations":['
+    yield from _joined(_merged_annotations(documents(), categories))
+    yield b"]}\n"
+
+
+def _joined(parts: Iterable[Document]) -> Iterator[bytes]:
+    comma = b""
+    for part in parts:
+        yield comma + json_text(part).encode("ascii").rstrip()
+        comma = b","
+
+
+def _merged_images(documents: Iterable[Document], categories: dict[str, int]) -> Iterator[Document]:
+    """Images with their new ids; the categories that come with them are added to `categories`."""
+    count = 0
     for document in documents:
-        image_ids = {image["id"]: len(images) + k for k, image in enumerate(document["images"], start=1)}
+        for category in document["categories"]:
+            categories.setdefault(category["name"], len(categories) + 1)
+        for image in document["images"]:
+            count += 1
+            yield {**image, "id": count}
+
+
+def _merged_annotations(documents: Iterable[Document], categories: Mapping[str, int]) -> Iterator[Document]:
+    images = annotations = 0
+    for document in documents:
+        image_ids = {image["id"]: images + k for k, image in enumerate(document["images"], start=1)}
+        images += len(image_ids)
         names = {category["id"]: category["name"] for category in document["categories"]}
-        for name in names.values():
-            categories.setdefault(name, len(categories) + 1)
-        images += [{**image, "id": image_ids[image["id"]]} for image in document["images"]]
         for annotation in document["annotations"]:
+            annotations += 1
             ids = {
-                "id": len(annotations) + 1,
+                "id": annotations,
                 "image_id": image_ids[annotation["image_id"]],
                 "category_id": categories[names[annotation["category_id"]]],
             }
-            annotations.append({**annotation, **ids})
-    return {
-        "info": {"description": "Regions segmented by ffseg"},
-        "images": images,
-        "categories": [{"id": number, "name": name, "supercategory": ""} for name, number in categories.items()],
-        "annotations": annotations,
-    }
+            yield {**annotation, **ids}
 
 
 def labelme_document(image: AnnotatedImage) -> Document:

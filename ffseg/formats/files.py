@@ -18,6 +18,7 @@ TEMPORARY_SUFFIX = ".tmp"
 SKIP_FILE = ".ffseg-skip"
 """A folder with a file of this name is left out of walks that begin above it; named itself, it is an input."""
 _counter = itertools.count()
+_TOKEN = os.urandom(4).hex()
 
 _KINDS = {
     stat.S_IFDIR: "a folder",
@@ -176,7 +177,7 @@ class _Pending:
 
     def __init__(self, target: str, data: bytes) -> None:
         self.target, self.data = target, data
-        self.temporary = os.path.join(os.path.dirname(target), _temporary_name())
+        self.temporary = temporary_path(target)
         self.descriptor = _CLOSED
         self.finished = False
 
@@ -233,9 +234,14 @@ def _start_writing(descriptor: int) -> None:
             os.posix_fadvise(descriptor, 0, 0, os.POSIX_FADV_DONTNEED)
 
 
-def _temporary_name() -> str:
-    # Short and of our own making: the target's name may already fill the 255 bytes a name can have.
-    return f"{TEMPORARY_PREFIX}{os.getpid()}-{next(_counter)}{TEMPORARY_SUFFIX}"
+def temporary_path(target: str) -> str:
+    """A new name beside a file, under which it can be written before it gets its own.
+
+    Short, since the file's own name may fill the 255 bytes a name can have, and different on every machine that writes
+    to the same folder.
+    """
+    name = f"{TEMPORARY_PREFIX}{os.getpid()}-{_TOKEN}-{next(_counter)}{TEMPORARY_SUFFIX}"
+    return os.path.join(os.path.dirname(target), name)
 
 
 def is_temporary(name: str) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 Cell = str | int | float | None
 _FORMULA_STARTS = ("=", "+", "-", "@")
@@ -16,14 +16,14 @@ def neutral(cell: Cell) -> str:
     r"""Text of one cell.
 
     Numbers are written as they are: floats as the shortest text that reads back equal, None and NaN as nothing. Text
-    that a spreadsheet would run as a formula is put behind an apostrophe; control characters become ``\uNNNN``, so that
-    a row is a line.
+    that a spreadsheet would run as a formula, also behind blanks, is put behind an apostrophe; control characters become
+    ``\uNNNN``, so that a row is a line.
     """
     if cell is None:
         return ""
     if isinstance(cell, str):
         text = cell.translate(_CONTROLS)
-        return f"'{text}" if text.startswith(_FORMULA_STARTS) else text
+        return f"'{text}" if text.lstrip().startswith(_FORMULA_STARTS) else text
     if isinstance(cell, float):
         return "" if math.isnan(cell) else repr(cell)
     return str(int(cell))
@@ -50,9 +50,13 @@ def csv_table(columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> bytes:
     rows : iterable of sequences
         Each as long as `columns`.
     """
-    lines = [csv_row(columns)]
+    return b"".join(csv_lines(columns, rows))
+
+
+def csv_lines(columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> Iterator[bytes]:
+    """The same line by line, so that a table of any length needs no memory."""
+    yield csv_row(columns).encode("utf-8")
     for row in rows:
         if len(row) != len(columns):
             raise ValueError(f"a row of {len(row)} cells in a table of {len(columns)} columns")
-        lines.append(csv_row(row))
-    return "".join(lines).encode("utf-8")
+        yield csv_row(row).encode("utf-8")

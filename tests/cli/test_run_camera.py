@@ -106,15 +106,15 @@ def test_the_same_bytes_for_one_and_two_workers(ffseg_command: Command, views: P
 def test_a_second_run_does_only_what_its_inputs_changed(ffseg_command: Command, views: Path) -> None:
     command = ("--camera", views / "camera.yaml", "--poses", views / "poses.csv", "--json")
     run(ffseg_command, views, *command)
-    assert '"same": 2' in run(ffseg_command, views, *command).stdout
+    assert '"unchanged": 2' in run(ffseg_command, views, *command).stdout
     image = rendered().previous.image.copy()
     image[:5, :5] = 9
     cv2.imwrite(str(views / "views" / "1.png"), image)
     again = run(ffseg_command, views, *command)
-    assert '"same": 0' in again.stdout, "the second image is judged by the first, which has changed"
+    assert '"unchanged": 0' in again.stdout, "the second image is judged by the first, which has changed"
     text = (views / "poses.csv").read_text()
     (views / "poses.csv").write_text(text.replace("2.png,0.0,", "2.png,0.001,"))
-    assert '"same": 1' in run(ffseg_command, views, *command).stdout
+    assert '"unchanged": 1' in run(ffseg_command, views, *command).stdout
     (views / "camera.yaml").write_text(CAMERA_YAML.replace("mount_height: 0.9", "mount_height: 1.1"))
     refused = run(ffseg_command, views, *command)
     assert refused.returncode == 2

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import shutil
@@ -74,7 +73,7 @@ def test_exports_asked_for_later_are_added_and_then_kept(ffseg_command: Command,
     assert json.loads(ffseg_command(*command, "--export", "coco").stdout)["counts"]["done"] == 2
     assert (tmp_path / "out" / "coco" / "sub" / "b.json").is_file()
     assert (tmp_path / "out" / "masks" / "a.png").read_bytes() == mask
-    assert json.loads(ffseg_command(*command, "--export", "coco").stdout)["counts"]["same"] == 2
+    assert json.loads(ffseg_command(*command, "--export", "coco").stdout)["counts"]["unchanged"] == 2
 
 
 def test_a_failed_image_is_left_out_of_the_merged_document(
@@ -155,21 +154,3 @@ def test_films_without_pillow_are_refused_by_name(images: Path, tmp_path: Path) 
     assert result.returncode == 2
     assert "ffseg[film]" in result.stderr
     assert not (tmp_path / "out").exists()
-
-
-def test_the_row_of_a_stack_says_that_only_its_first_page_was_read(
-    ffseg_command: Command, images: Path, tmp_path: Path
-) -> None:
-    page = Image.open(images / "a.png")
-    page.save(images / "stack.tif", save_all=True, append_images=[page])
-    page.convert("P").save(images / "film.gif", save_all=True, append_images=[Image.new("P", page.size)])
-    result = ffseg_command("run", images, "--out", tmp_path / "out", *START)
-    assert result.returncode == 0, result.stderr
-    with (tmp_path / "out" / "timings.csv").open(newline="") as file:
-        notes = {row["image"]: row["note"] for row in csv.DictReader(file)}
-    assert notes == {
-        "a.png": "",
-        "sub/b.png": "",
-        "stack.tif": "only the first page was read; the TIFF file has more",
-        "film.gif": "only the first frame was read; the GIF file has more",
-    }

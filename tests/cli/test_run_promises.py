@@ -47,7 +47,7 @@ def test_run_writes_what_the_contract_names(blobs: Path, tmp_path: Path) -> None
     )
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
-    assert document["counts"] == {"total": 6, "done": 6, "same": 0, "failed": 0}
+    assert document["counts"] == {"total": 6, "done": 6, "unchanged": 0, "failed": 0, "stale": 0}
     assert [row["image"] for row in document["images"]] == [f"i{index}.png" for index in range(6)]
     found = sorted(
         str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*") if path.is_file()

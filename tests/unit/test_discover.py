@@ -159,7 +159,7 @@ def test_output_that_cannot_be_made_is_named(blocker: str, tmp_path: Path) -> No
     _touch(tmp_path, "in/a.png", blocker)
     plan = make_plan([str(tmp_path / "in")], str(tmp_path / "out"))
     with pytest.raises(OutputError, match=blocker):
-        prepare_output(plan)
+        prepare_output(plan, os.path.join(plan.out, ".ffseg"))
 
 
 def test_ten_thousand_images_are_planned_in_five_seconds(tmp_path: Path) -> None:

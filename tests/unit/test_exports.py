@@ -24,7 +24,7 @@ from ffseg.formats.exports import (
     geojson_document,
     json_text,
     labelme_document,
-    merge_coco,
+    merged_coco,
     run_lengths,
 )
 from ffseg.geometry.freeform import FreeForm
@@ -104,6 +104,10 @@ def test_coco_polygons_are_not_shifted(center: tuple[float, float], tmp_path: Pa
     y, x = np.nonzero(coco.annToMask(annotation))
     # the reader rounds to multiples of 1/5 px: by 1/10 at most; a wrong convention would show as 1/2
     np.testing.assert_allclose((x.mean(), y.mean()), center, atol=0.1)
+
+
+def merge_coco(documents: list[dict[str, object]]) -> dict[str, object]:
+    return json.loads(b"".join(merged_coco(lambda: documents)))
 
 
 def test_coco_merge_counts_ids_through_and_joins_categories(tmp_path: Path) -> None:

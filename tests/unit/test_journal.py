@@ -3,27 +3,44 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from ffseg.batch.journal import Journal, Record, read_header
-from ffseg.batch.lock import OutputLock
+from ffseg.batch.discover import natural_key
+from ffseg.batch.record.journal import Journal, read_header
+from ffseg.batch.record.lock import OutputLock
+from ffseg.batch.record.order import order_key
+from ffseg.batch.record.values import Record, json_line, record_line
 from ffseg.errors import OutputError, UsageError
 
 NAMES = ["a.png", os.fsdecode(b"\xff.png"), "c\n.png"]
 
 
 def _record(name: str, content: str = "1") -> Record:
-    return Record(name, "ok", "0.1", content, {"masks/a.png": "d"}, {"status": "ok", "error": ""})
+    return Record(
+        name=name,
+        status="ok",
+        version="0.1",
+        settings="s",
+        content=content,
+        outputs={"masks/a.png": ("d", (3, 4))},
+        row={"status": "ok", "error": "", "width": 7, "note": None},
+        extra=[{"component": 1}],
+        files={"image": ("/in/a.png", "e", (5, 6))},
+        order=order_key(0, name),
+    )
 
 
-def _journal(out: Path, *, keep: bool = True) -> Journal:
+def _journal(out: Path) -> Journal:
     (out / ".ffseg").mkdir(exist_ok=True)
-    return Journal(str(out), {"parameters": {"x": 1}}, NAMES, keep=keep)
+    return Journal(str(out / ".ffseg"), {"parameters": {"x": 1}}, NAMES)
 
 
 def test_records_come_back_in_a_later_run(tmp_path: Path) -> None:
@@ -35,18 +52,73 @@ def test_records_come_back_in_a_later_run(tmp_path: Path) -> None:
     second = _journal(tmp_path)
     assert [second.get(index) for index in range(3)] == [_record(NAMES[0], "2"), _record(NAMES[1]), _record(NAMES[2])]
     second.close()
-    header = read_header(str(tmp_path))
+    header = read_header(str(tmp_path / ".ffseg"))
     assert header is not None
     assert header["parameters"] == {"x": 1}
 
 
-def test_records_are_dropped_when_all_is_done_again(tmp_path: Path) -> None:
+def test_records_of_other_images_are_kept_until_they_are_dropped(tmp_path: Path) -> None:
     first = _journal(tmp_path)
-    first.add(0, _record(NAMES[0]))
+    for index, name in enumerate(NAMES):
+        first.add(index, _record(name))
     first.close()
-    second = _journal(tmp_path, keep=False)
-    assert second.get(0) is None
-    second.close()
+    part = Journal(str(tmp_path / ".ffseg"), {"parameters": {"x": 1}}, [NAMES[1]])
+    assert part.get(0) == _record(NAMES[1])
+    assert list(part.others()) == [_record(NAMES[0]), _record(NAMES[2])]
+    part.drop(NAMES[0])
+    part.close()
+    again = _journal(tmp_path)
+    assert [again.get(index) is not None for index in range(3)] == [False, True, True]
+    again.close()
+
+
+_GOOD = record_line(_record("a.png"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"more": 1},
+        {"status": 3},
+        {"status": "failed"},
+        {"outputs": ["masks/a.png"]},
+        {"outputs": {"masks/a.png": "d"}},
+        {"outputs": {"masks/a.png": ["d", [1, 2.5]]}},
+        {"outputs": {"masks/a.png": ["d", [1, True]]}},
+        {"row": None},
+        {"row": {"status": "ok"}},
+        {"row": {"status": "ok", "error": "", "width": [1]}},
+        {"extra": {"a": 1}},
+        {"extra": [1]},
+        {"files": {"image": ["a.png", "d"]}},
+        {"name": None},
+    ],
+)
+def test_records_of_another_shape_are_unknown(change: dict[str, object], tmp_path: Path) -> None:
+    _journal(tmp_path).close()
+    odd = {**json.loads(_GOOD), **change}
+    with (tmp_path / ".ffseg" / "journal.jsonl").open("ab") as file:
+        file.write(json_line({name: odd[name] for name in odd if odd[name] is not None}))
+        file.write(b"[" * 100_000 + b"\n" + b"7\n" + b"\xff\xfe\n")
+    journal = _journal(tmp_path)
+    assert journal.get(0) is None
+    journal.add(0, _record(NAMES[0]))
+    assert journal.get(0) == _record(NAMES[0])
+    journal.close()
+
+
+@pytest.mark.parametrize("name", ["journal.jsonl", "lock"])
+def test_a_pipe_in_the_place_of_a_file_is_refused(name: str, tmp_path: Path) -> None:
+    (tmp_path / ".ffseg").mkdir()
+    os.mkfifo(tmp_path / ".ffseg" / name)
+    with pytest.raises(UsageError, match=f"{name} is not a regular file"):
+        _journal(tmp_path) if name.startswith("journal") else OutputLock(str(tmp_path)).__enter__()
+
+
+@given(st.lists(st.text("a1²/0٣.\x01\x02", min_size=1), max_size=6))
+def test_order_as_text_is_the_natural_order(names: list[str]) -> None:
+    assert sorted(names, key=lambda name: order_key(0, name)) == sorted(names, key=natural_key)
+    assert len({order_key(0, name) for name in names}) == len(set(names))
 
 
 def test_every_cut_of_the_file_keeps_the_whole_lines(tmp_path: Path) -> None:
@@ -96,7 +168,7 @@ def test_failing_write_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 HOLD = """
 import sys, time
-from ffseg.batch.lock import OutputLock
+from ffseg.batch.record.lock import OutputLock
 with OutputLock(sys.argv[1]):
     print("held", flush=True)
     time.sleep(60)

@@ -16,9 +16,9 @@ from batches import Silent, make_images, run_batch, snapshot, table
 from PIL import Image
 
 import ffseg.batch.runner as runner_module
+from ffseg.batch.executors import processes as pool
+from ffseg.batch.outputs.table import Wanted
 from ffseg.batch.runner import TIMING_COLUMNS
-from ffseg.batch.workers import pool
-from ffseg.batch.workers.outputs import Wanted
 from ffseg.errors import OutputError, UsageError
 from ffseg.parameters import load_params
 
@@ -45,7 +45,7 @@ def test_outputs_and_table_mirror_the_input(images: Path, tmp_path: Path) -> Non
     mask = np.asarray(Image.open(tmp_path / "out" / "masks" / NAMES[0]))
     np.testing.assert_array_equal(mask == 255, np.asarray(Image.open(images / NAMES[0])) > 127)
     record = json.loads((tmp_path / "out" / "run.json").read_text())
-    assert record["counts"] == {"total": 12, "done": 12, "same": 0, "failed": 0}
+    assert record["counts"] == {"total": 12, "done": 12, "unchanged": 0, "failed": 0, "stale": 0}
     assert record["parameters"]["contour"]["degree"] == 3
 
 
@@ -60,14 +60,14 @@ def test_second_run_does_only_what_is_missing_or_stale(images: Path, tmp_path: P
     out = tmp_path / "out"
     run_batch(images, out)
     before, rows = snapshot(out), table(out / "timings.csv")
-    assert run_batch(images, out).same == 12
+    assert run_batch(images, out).unchanged == 12
     assert table(out / "timings.csv") == rows
     (out / "masks" / NAMES[0]).unlink()
     (out / "contours" / NAMES[1]).with_suffix(".svg").write_bytes(b"<svg")
     make_images(images, ["s0/new.png"])
     shutil.copy(images / NAMES[3], images / NAMES[4])
     summary = run_batch(images, out)
-    assert (summary.same, summary.done) == (9, 4)
+    assert (summary.unchanged, summary.done) == (9, 4)
     after = snapshot(out)
     assert after[f"masks/{NAMES[0]}"] == before[f"masks/{NAMES[0]}"]
     assert after[f"masks/{NAMES[4]}"] == before[f"masks/{NAMES[3]}"]
@@ -76,7 +76,7 @@ def test_second_run_does_only_what_is_missing_or_stale(images: Path, tmp_path: P
 def test_touched_image_of_the_same_content_is_done(images: Path, tmp_path: Path) -> None:
     run_batch(images, tmp_path / "out")
     os.utime(images / NAMES[0], (1, 1))
-    assert run_batch(images, tmp_path / "out").same == 12
+    assert run_batch(images, tmp_path / "out").unchanged == 12
 
 
 def test_other_version_does_all_again(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,7 +147,7 @@ def test_failed_images_are_tried_again_by_the_next_run(tmp_path: Path) -> None:
     assert run_batch(tmp_path / "in", tmp_path / "out").failed == 1
     make_images(tmp_path / "in", ["b.png"])
     summary = run_batch(tmp_path / "in", tmp_path / "out")
-    assert (summary.same, summary.done, summary.failed) == (1, 1, 0)
+    assert (summary.unchanged, summary.done, summary.failed) == (1, 1, 0)
 
 
 def test_worker_that_dies_before_it_is_ready_ends_the_run(
@@ -168,7 +168,7 @@ def test_stopped_run_writes_what_it_has_and_the_next_one_goes_on(images: Path, t
     assert len(table(tmp_path / "out" / "timings.csv")) == summary.done
     assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == "interrupted"
     rest = run_batch(images, tmp_path / "out")
-    assert (rest.same, rest.done) == (summary.done, 12 - summary.done)
+    assert (rest.unchanged, rest.done) == (summary.done, 12 - summary.done)
     run_batch(images, tmp_path / "straight")
     assert snapshot(tmp_path / "out") == snapshot(tmp_path / "straight")
 

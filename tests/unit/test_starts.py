@@ -146,10 +146,10 @@ def test_a_run_starts_each_image_at_its_own_place_and_redoes_changed_starts(tmp_
         ["30.0", "40.0", "6.0"],
         ["90.0", "40.0", "8.0"],
     ]
-    assert run_from(tmp_path / "in", first, out, params).same == 2
+    assert run_from(tmp_path / "in", first, out, params).unchanged == 2
     assert run_from(tmp_path / "in", "image,x,y\nb,90,40\na,30,40\n", out, params).done == 1  # b has another radius
     changed = run_from(tmp_path / "in", "image,x,y\nb,90,40\na,90,40\n", out, params)
-    assert (changed.same, changed.done) == (1, 1)
+    assert (changed.unchanged, changed.done) == (1, 1)
     assert np.array_equal(mask_of(out, "a.png"), mask_of(out, "b.png"))
 
 

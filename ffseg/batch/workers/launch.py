@@ -72,18 +72,31 @@ class Process:
 
 
 def launch() -> Process:
-    """Start a process that loads OpenCV and the core and waits for its setup."""
-    task_out, task_in = os.pipe()
-    reply_out, reply_in = os.pipe()
-    log = _anonymous_file()
-    standard = min(task_out, reply_in, log) < _FIRST_OWN  # this process was started without one of its streams
-    start = _fork if can_fork() and not standard else _spawn
-    try:
+    """Start a process that loads OpenCV and the core and waits for its setup.
+
+    Raises
+    ------
+    OSError
+        When the system has no more descriptors or processes to give; nothing is left open.
+    """
+    with contextlib.ExitStack() as theirs, contextlib.ExitStack() as ours:
+        task_out, task_in = _pipe(theirs, ours)
+        reply_out, reply_in = _pipe(ours, theirs)
+        log = _anonymous_file()
+        ours.callback(os.close, log)
+        standard = min(task_out, reply_in, log) < _FIRST_OWN  # this process was started without one of its streams
+        start = _fork if can_fork() and not standard else _spawn
         handle = start(task_out, reply_in, log)
-    finally:
-        os.close(task_out)
-        os.close(reply_in)
+        ours.pop_all()  # the process is there: they stay open
     return Process(handle, task_in, reply_out, log)
+
+
+def _pipe(reader: contextlib.ExitStack, writer: contextlib.ExitStack) -> tuple[int, int]:
+    """A pipe whose ends are closed with two stacks."""
+    read, write = os.pipe()
+    reader.callback(os.close, read)
+    writer.callback(os.close, write)
+    return read, write
 
 
 def can_fork() -> bool:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import pickle
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from ffseg.batch.workers.outputs import MASKS_AND_CONTOURS, Wanted
+from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, Wanted
 from ffseg.parameters import Parameters
 
 if TYPE_CHECKING:
@@ -36,6 +36,9 @@ class Setup:
         How far a worker may grow beyond its size at the start; 0 for no limit.
     truth_label : int or None
         Number that means inside in true masks; None for 255.
+    files : mapping of str to str
+        Files that every result depends on beside the parameters, by what the user calls them, such as a key; with
+        another content they count as other parameters.
     """
 
     params: Parameters
@@ -46,6 +49,26 @@ class Setup:
     max_bytes: int = 1 << 30
     memory_bytes: int = 0
     truth_label: int | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What an earlier run with the same parameters and version made of an image.
+
+    Attributes
+    ----------
+    content : str
+        Digest of everything that went in (`Evidence.content`).
+    truth : str
+        Digest of the true mask its IoU was measured with; empty without.
+    outputs : mapping of str to str
+        Path below the output folder to the digest of its content.
+    """
+
+    content: str
+    truth: str
+    outputs: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,14 +85,16 @@ class Task:
         Output folder.
     outputs : tuple of str
         Where its outputs go below `out`, one for each of the wanted kinds.
-    known : tuple of (str, dict) or None
-        Content digest and output digests of an earlier run with the same parameters and version.
+    known : Known or None
+        What an earlier run left, which makes the image unchanged if it is still so.
     name : str
         Relative name of the image, by which poses are found.
     earlier : tuple of str
         Paths of the images before it, the nearest first.
     start : Start or None
         Its own start circle.
+    depends : tuple of str
+        Paths of further files the result depends on; their content is part of what makes an image unchanged.
     """
 
     index: int
@@ -77,10 +102,11 @@ class Task:
     truth: str
     out: str
     outputs: tuple[str, ...]
-    known: tuple[str, dict[str, str]] | None = None
+    known: Known | None = None
     name: str = ""
     earlier: tuple[str, ...] = ()
     start: Start | None = None
+    depends: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,34 +124,111 @@ class Refused:
 
 
 @dataclass(frozen=True, slots=True)
-class Reply:
-    """Outcome of one task.
+class Note:
+    """Something the user should know that belongs to no image."""
+
+    text: str
+
+
+Mark = tuple[int, int]
+"""Size and time of change (ns) of a file: while they are the same, its content is not read again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What an image's result was made from.
+
+    Attributes
+    ----------
+    content : str
+        Digests of everything but the parameters, as one text: of the image, of the image before, of what is known of the
+        pair, of the start circle and of the files it depends on.
+    truth : str
+        Digest of the true mask and its label; empty without.
+    files : mapping of str to (str, str, Mark)
+        What a file is for (``image``, ``truth``, ``earlier 0``, ``depends 0``, ...) to its path, digest and mark.
+    """
+
+    content: str
+    truth: str = ""
+    files: Mapping[str, tuple[str, str, Mark]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Encoded:
+    """One output: path below the output folder, content, digest; `data` is None when a worker has written it."""
+
+    path: str
+    data: bytes | None
+    digest: str
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """An image was segmented.
 
     Attributes
     ----------
     index : int
-    status : {"ok", "same", "failed"}
-        ``same``: the earlier run's outputs are still right.
     row : dict
         Cells of ``timings.csv`` by column, without those the run adds.
-    content : str
-    outputs : list of (str, bytes, str)
-        Path below the output folder, content, digest.
+    evidence : Evidence
+    outputs : tuple of Encoded
+        Those that were missing.
+    kept : tuple of str
+        Paths of known outputs that are still right.
     extra : list of dict
         Lines of ``obstacles.csv``.
-    reason, message, traceback : str
-        Of a failure.
+    problem : str
+        ``reason: text`` when the image counts as failed although its outputs are right: of its true mask.
     """
 
     index: int
-    status: str
-    row: dict[str, Any] = field(default_factory=dict)
-    content: str = ""
-    outputs: tuple[tuple[str, bytes, str], ...] = ()
+    row: dict[str, Any]
+    evidence: Evidence
+    outputs: tuple[Encoded, ...]
+    kept: tuple[str, ...] = ()
     extra: list[dict[str, Any]] = field(default_factory=list)
-    reason: str = ""
-    message: str = ""
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Unchanged:
+    """An image's outputs are still right.
+
+    Attributes
+    ----------
+    index : int
+    evidence : Evidence
+    kept : tuple of str
+        Paths of known outputs that are still right: all that are asked for, and perhaps others.
+    scored : bool
+        Whether the mask was measured again; `iou` and `problem` then say what came of it.
+    iou : float or None
+    problem : str
+        As in `Done`.
+    """
+
+    index: int
+    evidence: Evidence
+    kept: tuple[str, ...]
+    scored: bool = False
+    iou: float | None = None
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """An image could not be done; `reason` is one of the closed list, `traceback` of a defect."""
+
+    index: int
+    reason: str
+    message: str
     traceback: str = ""
+
+
+Reply = Done | Unchanged | Failed
+Event = Reply | Ready | Note
 
 
 def send(descriptor: int, message: object) -> None:

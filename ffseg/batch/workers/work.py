@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from importlib import import_module
-from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg import __version__
-from ffseg.batch.workers.encoding import Film, Made
-from ffseg.batch.workers.messages import Reply, Setup, Task
+from ffseg.batch.outputs.encoding import Film, Made
+from ffseg.batch.outputs.table import Output, resolve
+from ffseg.batch.workers.freshness import Read, digest, kept_outputs, read_task
+from ffseg.batch.workers.messages import Done, Encoded, Failed, Known, Reply, Setup, Task, Unchanged
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError
-from ffseg.formats.files import printable, read_bytes
-from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, frames_note, single_thread
-from ffseg.formats.masks import load_mask
+from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, single_thread
+from ffseg.formats.masks import load_mask, read_mask
 from ffseg.formats.overlays import Polyline
 from ffseg.parameters import Parameters
 from ffseg.segmenters.base import Segmentation
@@ -32,11 +30,6 @@ if TYPE_CHECKING:
 
 _FLATNESS = 0.1
 """Tolerance of the lines drawn in overlays, px: a tenth of the line's width."""
-
-
-def digest(data: bytes) -> str:
-    """Digest that stands for content in the journal."""
-    return hashlib.blake2b(data, digest_size=16).hexdigest()
 
 
 class Workbench:
@@ -50,8 +43,7 @@ class Workbench:
 
     def __init__(self, setup: Setup) -> None:
         single_thread()
-        module, name = setup.segmenter.split(":")
-        self._segment = getattr(import_module(module), name)
+        self._segment = resolve(setup.segmenter)
         self._setup = setup
         self._limits = Limits(setup.max_bytes, setup.max_pixels)
         self._domain = load_mask("domain.mask", setup.params.domain.mask, self._limits)
@@ -80,42 +72,54 @@ class Workbench:
         try:
             return self._do(task)
         except ImageReadError as error:
-            return _failed(task, error.reason, str(error))
+            return Failed(task.index, error.reason, str(error))
         except SegmentationError as error:
-            return _failed(task, "segmentation", str(error))
+            return Failed(task.index, "segmentation", str(error))
         except CalibrationError as error:
-            return _failed(task, "calibration", str(error))
+            return Failed(task.index, "calibration", str(error))
         except FfsegError as error:
-            return _failed(task, "parameters", str(error))
+            return Failed(task.index, "parameters", str(error))
         except MemoryError:
-            return _failed(task, "out-of-memory", "more memory than a worker may use; raise --memory or scale it down")
+            text = "more memory than a worker may use; raise --memory or scale it down"
+            return Failed(task.index, "out-of-memory", text)
         except Exception as error:  # noqa: BLE001 - a defect costs one image, and is written down
             import traceback
 
-            return _failed(task, "internal", f"{type(error).__name__}: {error}", traceback.format_exc())
+            return Failed(task.index, "internal", f"{type(error).__name__}: {error}", traceback.format_exc())
 
     def _do(self, task: Task) -> Reply:
         begin = perf_counter()
-        data = read_bytes(task.path, self._setup.max_bytes)
-        before = self._before(task)
-        content = self._content(data, task) + self._pair_content(before, task)
-        if task.known is not None and _still_right(task, content):
-            return Reply(task.index, "same")
-        image = decode_image(data, self._limits)
+        read = read_task(task, self._setup)
+        known = task.known if task.known is not None and task.known.content == read.evidence.content else None
+        kept = tuple(kept_outputs(task.out, known)) if known is not None else ()
+        missing = [
+            (path, kind) for path, kind in zip(task.outputs, self._setup.wanted.kinds, strict=True) if path not in kept
+        ]
+        if known is not None and not missing:
+            return self._unchanged(task, known, read, kept)
+        image = decode_image(read.data, self._limits)
         decoded = perf_counter()
         params = self._params(task)
-        found = self._found(image, before, task, params)
+        found = self._found(image, read.before, task, params)
         segmented = perf_counter()
-        outputs = tuple(self._outputs(image, found, task))
+        outputs = tuple(self._outputs(image, found, task, missing))
         result = found.result
         row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, task)
-        row["note"] = "; ".join(filter(None, (frames_note(data, self._limits), *result.messages, row.get("note"))))
-        if task.truth:
-            row["iou"] = self._iou(result, task.truth)
+        row["note"] = "; ".join(filter(None, (*result.messages, row.get("note"))))
+        overlap, problem = self._iou(result.mask, task, read)
+        row |= {"iou": overlap} if task.truth else {}
         end = perf_counter()
         row |= {"decode_ms": (decoded - begin) * 1e3, "write_ms": (end - segmented) * 1e3}
         row["total_ms"] = (end - begin) * 1e3
-        return Reply(task.index, "ok", row, content, outputs, found.extra)
+        return Done(task.index, row, read.evidence, outputs, kept, found.extra, problem)
+
+    def _unchanged(self, task: Task, known: Known, read: Read, kept: tuple[str, ...]) -> Unchanged:
+        """The reply for an image that need not be segmented; the mask on the disk is enough to measure its IoU."""
+        if not task.truth or read.evidence.truth == known.truth:
+            return Unchanged(task.index, read.evidence, kept)
+        mask = read_mask(os.path.join(task.out, task.outputs[0]), self._limits)
+        overlap, problem = self._iou(mask, task, read)
+        return Unchanged(task.index, read.evidence, kept, scored=True, iou=overlap, problem=problem)
 
     def _found(self, image: NDArray[np.uint8], before: list[bytes], task: Task, params: Parameters) -> _Found:
         film = Film() if self._setup.wanted.animation else None
@@ -138,53 +142,31 @@ class Workbench:
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note, "pair": pair_state(frame)}
         return _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame))
 
-    def _before(self, task: Task) -> list[bytes]:
-        """Contents of the images before, the nearest first; empty, which no decoder takes, when one cannot be read."""
-        return [self._readable(path) for path in task.earlier]
-
-    def _readable(self, path: str) -> bytes:
-        try:
-            return read_bytes(path, self._setup.max_bytes)
-        except ImageReadError:
-            return b""
-
-    def _pair_content(self, before: list[bytes], task: Task) -> str:
-        if self._setup.views is None:
-            return ""
-        contents = digest("".join(map(digest, before)).encode("ascii"))
-        return contents + digest(self._setup.views.pair_text(task.name).encode("utf-8"))
-
-    def _content(self, data: bytes, task: Task) -> str:
-        truth = self._truth_content(task.truth) if task.truth else ""
-        start = task.start.text().encode("ascii") if task.start is not None else b""
-        return digest(data) + truth + (f" start {digest(start)}" if start else "")
-
-    def _truth_content(self, path: str) -> str:
-        try:
-            truth = read_bytes(path, self._setup.max_bytes)
-        except ImageReadError as error:
-            text = f"the true mask {printable(path)} cannot be used: {error.reason}: {error}"
-            raise ImageReadError("truth", text) from error
-        label = self._setup.truth_label
-        return digest(truth) + ("" if label is None else f" label {label}")
-
     def _params(self, task: Task) -> Parameters:
         """Parameters of one image."""
         return self._setup.params if task.start is None else task.start.placed(self._setup.params)
 
-    def _outputs(self, image: NDArray[np.uint8], found: _Found, task: Task) -> Iterator[tuple[str, bytes, str]]:
+    def _outputs(
+        self, image: NDArray[np.uint8], found: _Found, task: Task, missing: Sequence[tuple[str, Output]]
+    ) -> Iterator[Encoded]:
         snapshots = found.film.snapshots if found.film is not None else ()
         made = Made(image, found.result, found.lines, task.name, task.path, snapshots)
-        for path, kind in zip(task.outputs, self._setup.wanted.kinds, strict=True):
+        for path, kind in missing:
             data = made.encoded(kind, os.path.join(task.out, path))
-            yield path, data, digest(data)
+            yield Encoded(path, data, digest(data))
 
-    def _iou(self, result: Segmentation, path: str) -> float:
+    def _iou(self, mask: NDArray[np.bool_], task: Task, read: Read) -> tuple[float | None, str]:
+        """Overlap with the true mask, if there is one, and what is wrong with it."""
+        if not task.truth or read.truth_problem:
+            return None, read.truth_problem
         from ffseg.batch.workers.truth import read_truth
         from ffseg.metrics import iou
 
-        height, width = result.mask.shape
-        return iou(result.mask, read_truth(path, (height, width), self._setup.truth_label, self._limits))
+        height, width = mask.shape
+        try:
+            return iou(mask, read_truth(task.truth, (height, width), self._setup.truth_label, self._limits)), ""
+        except ImageReadError as error:
+            return None, f"{error.reason}: {error}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,25 +178,6 @@ class _Found:
     film: Film | None
     row: dict[str, Any] = field(default_factory=dict)
     extra: list[dict[str, Any]] = field(default_factory=list)
-
-
-def _failed(task: Task, reason: str, message: str, trace: str = "") -> Reply:
-    return Reply(task.index, "failed", reason=reason, message=message, traceback=trace)
-
-
-def _still_right(task: Task, content: str) -> bool:
-    """Whether the image is what it was, and each of its outputs is there with the content it was given."""
-    known_content, known_outputs = task.known or ("", {})
-    if known_content != content or set(known_outputs) != set(task.outputs):
-        return False
-    try:
-        return all(digest(_whole(os.path.join(task.out, path))) == known_outputs[path] for path in task.outputs)
-    except OSError:
-        return False
-
-
-def _whole(path: str) -> bytes:
-    return Path(path).read_bytes()
 
 
 def _start_cells(params: Parameters, task: Task) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -20,8 +21,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ffseg.batch.jobs import Plan
+    from ffseg.batch.outputs.table import Wanted
     from ffseg.batch.views import Views
-    from ffseg.batch.workers.outputs import Wanted
+    from ffseg.batch.workers.messages import Setup
 
 FAILED_IMAGES = 3
 """Exit code when at least one image failed."""
@@ -49,6 +51,9 @@ def run(  # noqa: PLR0913 - the options of the command
     ] = None,
     truth_label: TruthLabel = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Worker processes; 0 = one for each core.")] = 0,
+    executor: Annotated[
+        str, typer.Option("--executor", metavar="NAME", help="Who works: processes, or inprocess for a debugger.")
+    ] = "processes",
     overlay: Annotated[
         bool, typer.Option("--overlay/--no-overlay", help="Write images with the contours drawn.")
     ] = False,
@@ -63,6 +68,12 @@ def run(  # noqa: PLR0913 - the options of the command
     ] = None,
     animate: Annotated[bool, typer.Option("--animate", help="Write a film and a film strip of each image.")] = False,
     report: Annotated[bool, typer.Option("--report", help="Write report.html, a page to look at it all.")] = False,
+    exclude: Annotated[
+        list[str] | None, typer.Option("--exclude", metavar="PATTERN", help="Leave out what matches; may be repeated.")
+    ] = None,
+    keep_suffix: Annotated[
+        bool, typer.Option("--keep-suffix", help="Outputs of a.jpg are called a.jpg.png, ... instead of a.png.")
+    ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Do everything again, whatever is there.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would be done and write nothing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of the table.")] = False,
@@ -89,11 +100,12 @@ def run(  # noqa: PLR0913 - the options of the command
     A second run into the same folder does only what is missing or stale. Exit code: 0 every image done; 2 nothing was
     run; 3 at least one image failed, the others are written.
     """
-    early = [] if dry_run else early_workers(inputs, jobs or cores())
+    early = early_workers(inputs, jobs or cores()) if executor == "processes" and not dry_run else []
+    from ffseg.batch.executors.choice import Choice
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
     from ffseg.cli.running.interruption import Interruption
-    from ffseg.cli.running.reporting import Progress, show_plan, show_result
+    from ffseg.cli.running.reporting import Progress, show_result
 
     with contextlib.ExitStack() as cleanup:
         for process in early:
@@ -101,7 +113,8 @@ def run(  # noqa: PLR0913 - the options of the command
         interruption = cleanup.enter_context(Interruption("run it again to go on"))
         params = checked_params(config, with_background(settings, outside))
         wanted = read_wanted(export or (), overlay=overlay, animate=animate)
-        plan = read_plan(inputs, out, wanted, truth, starts_file(starts, params))
+        choice = Chosen(tuple(inputs), tuple(exclude or ()), keep_suffix=keep_suffix)
+        plan = read_plan(choice, out, wanted, truth, starts_file(starts, params))
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan))
         setup = Setup(
             params=params,
@@ -112,11 +125,10 @@ def run(  # noqa: PLR0913 - the options of the command
             truth_label=truth_label,
         )
         if dry_run:
-            show_plan(plan, as_json=as_json)
-            return
+            raise typer.Exit(show_preview(plan, setup, overwrite=overwrite, as_json=as_json))
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet)
         cleanup.callback(progress.close)
-        options = Options(jobs or cores(), timeout, overwrite, report)
+        options = Options(jobs or cores(), timeout, overwrite, report, Choice(executor))
         work = cleanup.enter_context(Run(plan, setup, options, interruption, progress))
         interruption.defer()
         summary = work.execute(early)
@@ -129,6 +141,14 @@ def run(  # noqa: PLR0913 - the options of the command
         raise typer.Exit(FAILED_IMAGES)
 
 
+def show_preview(plan: Plan, setup: Setup, *, overwrite: bool, as_json: bool) -> int:
+    """Show what a run would do; its exit code as far as that is known."""
+    from ffseg.batch.preview import preview
+    from ffseg.cli.running.reporting import show_plan
+
+    return 0 if show_plan(preview(plan, setup, overwrite=overwrite), plan, as_json=as_json) else FAILED_IMAGES
+
+
 def read_wanted(export: Sequence[str], *, overlay: bool, animate: bool) -> Wanted:
     """Outputs that are asked for.
 
@@ -137,18 +157,34 @@ def read_wanted(export: Sequence[str], *, overlay: bool, animate: bool) -> Wante
     UsageError
         For a format that does not exist, or a film without Pillow.
     """
-    from ffseg.batch.workers.outputs import Wanted, read_exports
+    from ffseg.batch.outputs.table import Wanted, read_exports
 
     if animate and find_spec("PIL") is None:
         raise UsageError("--animate needs Pillow; install it with: pip install 'ffseg[film]'")
     return Wanted(overlay, read_exports(export), animate)
 
 
-def read_plan(inputs: Sequence[str], out: Path, wanted: Wanted, truth: Path | None, starts: str) -> Plan:
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """Which images are to be run, and how their outputs are named."""
+
+    inputs: tuple[str, ...]
+    exclude: tuple[str, ...]
+    keep_suffix: bool
+
+
+def read_plan(choice: Chosen, out: Path, wanted: Wanted, truth: Path | None, starts: str) -> Plan:
     """Images of a run with their outputs, truths and starts."""
     from ffseg.batch.jobs import make_plan, with_starts
 
-    plan = make_plan(inputs, os.fspath(out), wanted=wanted, truth=os.fspath(truth) if truth else "")
+    plan = make_plan(
+        choice.inputs,
+        os.fspath(out),
+        wanted=wanted,
+        truth=os.fspath(truth) if truth else "",
+        exclude=choice.exclude,
+        keep_suffix=choice.keep_suffix,
+    )
     return with_starts(plan, starts) if starts else plan
 
 
@@ -184,7 +220,11 @@ def read_views(camera: Path | None, poses: Path | None, pairs: Path | None, plan
 def early_workers(inputs: Sequence[str], jobs: int) -> list[Process]:
     """Workers that load OpenCV while this process loads the rest, reads parameters and plans; two if there may be work."""
     several = jobs > 1 and (len(inputs) > 1 or os.path.isdir(inputs[0]))
-    return [take(), launch()] if several else [take()]
+    early: list[Process] = []
+    with contextlib.suppress(OSError):  # no more descriptors or processes: the run says so itself
+        early.append(take())
+        early += [launch()] if several else []
+    return early
 
 
 def cores() -> int:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from ffseg.batch.jobs import Job, Plan
+from ffseg.batch.preview import Preview
 from ffseg.batch.runner import Run, Summary
 from ffseg.cli import console
 from ffseg.cli.running.untested import nothing_tested
@@ -49,7 +50,7 @@ class Progress:
             elif self._told[status] == _MOST_TOLD + 1:
                 self.note(f"further {'failures' if status == 'failed' else 'notes'} are in timings.csv only")
         elif self._verbose:
-            self.note(f"{printable(job.source.path)}: {'unchanged' if status == 'same' else 'done'}")
+            self.note(f"{printable(job.source.path)}: {'unchanged' if status == 'unchanged' else 'done'}")
         if self._bar is not None:
             self._bar.update()
 
@@ -67,26 +68,42 @@ class Progress:
             self._bar.close()
 
 
-def show_plan(plan: Plan, *, as_json: bool) -> None:
-    """Print what a run would do, one line an image, or as one JSON document."""
-    images = [
-        {
-            "image": job.source.path,
-            "outputs": list(plan.outputs(job)),
-            "truth": job.truth,
-            "problem": job.source.problem,
-            "start": asdict(job.start) if job.start else None,
-        }
-        for job in plan.jobs
-    ]
+def show_plan(previews: Iterable[Preview], plan: Plan, *, as_json: bool) -> bool:
+    """Print what a run would do, one line an image, or as one JSON document; False if an image is known to fail."""
+    images, failed, unchanged = [], 0, 0
+    for one in previews:
+        failed, unchanged = failed + (one.status == "failed"), unchanged + (one.status == "unchanged")
+        if as_json:
+            images.append(_planned(one, plan))
+        else:
+            console.data(_plan_line(one))
     if as_json:
         console.data(json.dumps({"out": plan.out, "images": images}, indent=2))
-        return
-    for job in plan.jobs:
-        what = f"failed: {job.source.problem}" if job.source.problem else ", ".join(map(printable, plan.outputs(job)))
-        where = f" (start at {job.start.x:g}, {job.start.y:g}{_radius(job)})" if job.start else ""
-        console.data(f"{printable(job.source.path)}{where} -> {what}")
-    console.message(f"ffseg: {len(images)} images into {printable(plan.out)}; nothing was written")
+    else:
+        count = len(plan.jobs)
+        parts = f"{count - failed - unchanged} to do, {unchanged} unchanged, {failed} failed"
+        console.message(f"ffseg: {count} images into {printable(plan.out)}: {parts}; nothing was written")
+    return not failed
+
+
+def _planned(one: Preview, plan: Plan) -> dict[str, Any]:
+    job = one.job
+    return {
+        "image": job.source.path,
+        "status": one.status,
+        "outputs": list(plan.outputs(job)),
+        "truth": job.truth,
+        "problem": one.error,
+        "start": asdict(job.start) if job.start else None,
+    }
+
+
+def _plan_line(one: Preview) -> str:
+    job = one.job
+    where = f" (start at {job.start.x:g}, {job.start.y:g}{_radius(job)})" if job.start else ""
+    words = {"failed": f"failed: {one.error}", "unchanged": "unchanged"}
+    what = words.get(one.status) or ", ".join(map(printable, one.missing)) or "the IoU"
+    return f"{printable(job.source.path)}{where} -> {what}"
 
 
 def _radius(job: Job) -> str:
@@ -100,8 +117,12 @@ def show_result(run: Run, out: str, *, as_json: bool) -> None:
     for line in nothing_tested(list(run.rows()), out):
         console.message(f"ffseg: {line}")
     if as_json:
-        counts = {name: getattr(summary, name) for name in ("total", "done", "same", "failed")}
-        value = {"out": out, "counts": counts, "seconds": round(summary.seconds, 3), "problems": summary.problems}
+        value = {
+            "out": out,
+            "counts": summary.counts(),
+            "seconds": round(summary.seconds, 3),
+            "problems": summary.problems,
+        }
         rows = list(run.rows())
         console.data(json.dumps({**value, **_figures(rows), "images": rows}, indent=2))
         return
@@ -123,12 +144,17 @@ def _figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def _lines(run: Run, summary: Summary) -> list[tuple[str, str]]:
     from statistics import median
 
-    rate = (summary.done + summary.failed + summary.same) / max(summary.seconds, 1e-9)
+    rate = summary.done / max(summary.seconds, 1e-9)
+    left = [("stale", f"{summary.stale} no longer what was made; run.json names them")] if summary.stale else []
+    left += (
+        [("removed", f"{summary.removed} outputs of earlier runs that belong to no image")] if summary.removed else []
+    )
     lines = [
         ("images", f"{summary.total}"),
         ("done", f"{summary.done}"),
-        ("unchanged", f"{summary.same}"),
+        ("unchanged", f"{summary.unchanged}"),
         ("failed", f"{summary.failed}"),
+        *left,
         ("time", f"{summary.seconds:.2f} s ({rate:.1f} images/s)"),
     ]
     good = [row for row in run.rows() if row["status"] == "ok"]

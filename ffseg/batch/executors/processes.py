@@ -13,7 +13,20 @@ from time import monotonic
 from typing import Any
 
 from ffseg.batch.workers.launch import Process, launch
-from ffseg.batch.workers.messages import Inbox, Ready, Refused, Reply, Setup, Task, send
+from ffseg.batch.workers.messages import (
+    Done,
+    Event,
+    Failed,
+    Inbox,
+    Note,
+    Ready,
+    Refused,
+    Reply,
+    Setup,
+    Task,
+    Unchanged,
+    send,
+)
 from ffseg.errors import UsageError
 
 AHEAD = 2
@@ -62,7 +75,7 @@ class Worker:
             os.ftruncate(self.process.log, 0)
 
 
-class Pool:
+class Processes:
     """Workers fed with tasks in order; replies come as they are ready.
 
     Parameters
@@ -73,9 +86,13 @@ class Pool:
         Seconds an image may take; 0 for no limit.
     started : sequence of Process
         Those that were started before.
+    stop : int
+        A file descriptor that ends the waiting in `replies` when it becomes readable; -1 for none.
     """
 
-    def __init__(self, setup: Setup, num_workers: int, timeout: float = 0.0, started: Sequence[Process] = ()) -> None:
+    def __init__(
+        self, setup: Setup, num_workers: int, timeout: float = 0.0, started: Sequence[Process] = (), stop: int = -1
+    ) -> None:
         self._setup = setup
         self._num_workers = num_workers
         self._timeout = timeout
@@ -83,35 +100,22 @@ class Pool:
         self._workers: list[Worker] = []
         self._poll = select.poll()
         self._stillborn = 0  # workers in a row that died before they were ready
-        self.versions: dict[str, str] = {}
+        self._news: list[Event] = []
+        if stop >= 0:
+            self._poll.register(stop, select.POLLIN)
         for process in started:
             self._adopt(process)
 
-    @property
     def room(self) -> int:
-        """How many more tasks can be taken before replies have to be waited for."""
+        """As `Executor.room`."""
         return self._num_workers * AHEAD - len(self._waiting) - sum(len(worker.queue) for worker in self._workers)
 
-    @property
-    def idle(self) -> bool:
-        """Whether every task has been answered."""
-        return not self._waiting and not any(worker.queue for worker in self._workers)
-
     def put(self, task: Task) -> None:
-        """Take a task."""
+        """As `Executor.put`."""
         self._waiting.append(task)
 
-    def watch(self, descriptor: int) -> None:
-        """Let something else end the waiting in `replies` (a signal)."""
-        self._poll.register(descriptor, select.POLLIN)
-
-    def replies(self, most: int | None = None) -> Iterator[Reply]:
-        """Wait until something happens and give the replies that came of it, often one, sometimes none.
-
-        Parameters
-        ----------
-        most : int, optional
-            Milliseconds after which nothing has happened.
+    def replies(self, most: int | None = None) -> Iterator[Event]:
+        """As `Executor.replies`.
 
         Raises
         ------
@@ -128,6 +132,8 @@ class Pool:
             if worker is not None:
                 yield from self._read(worker)
         yield from self._overdue()
+        news, self._news = self._news, []
+        yield from news
 
     def close(self) -> None:
         """End every worker."""
@@ -142,8 +148,29 @@ class Pool:
         """One without a task; else a new one while there may be more; else the one with room for the next task."""
         worker = min(self._workers, key=lambda worker: len(worker.queue), default=None)
         if len(self._workers) < self._num_workers and (worker is None or worker.queue):
-            return self._adopt(launch())
+            started = self._another()
+            if started is not None:
+                return started
         return worker if worker is not None and len(worker.queue) < AHEAD else None
+
+    def _another(self) -> Worker | None:
+        """A further worker; None where the system lets there be no more, which is said once.
+
+        Raises
+        ------
+        UsageError
+            If there is no worker at all.
+        """
+        try:
+            return self._adopt(launch())
+        except OSError as error:
+            reason = os.strerror(error.errno or 0)
+        count = len(self._workers)
+        if not count:
+            raise UsageError(f"no worker process can be started ({reason}); raise the limits of ulimit -n and -u")
+        self._num_workers = count
+        self._news.append(Note(f"only {count} worker processes can be started ({reason}); the run goes on with them"))
+        return None
 
     def _adopt(self, process: Process) -> Worker:
         worker = Worker(process)
@@ -171,7 +198,7 @@ class Pool:
             yield from self._lost(worker)
             return
         for message in worker.inbox.feed(piece):
-            if isinstance(message, Reply):
+            if isinstance(message, Done | Unchanged | Failed):
                 worker.queue.popleft()
                 worker.since = monotonic()
                 worker.clear_log()
@@ -185,7 +212,7 @@ class Pool:
         if isinstance(message, Ready):
             worker.ready, worker.since = True, monotonic()
             self._stillborn = 0
-            self.versions = message.versions
+            self._news.append(message)
 
     def _lost(self, worker: Worker) -> Iterator[Reply]:
         code = worker.process.handle.wait()
@@ -203,7 +230,7 @@ class Pool:
             task = worker.queue.popleft()
             self._waiting.extendleft(reversed(worker.queue))
             message = f"the worker process ended ({_ending(code)}) while it had this image; it was not tried again"
-            yield Reply(task.index, "failed", reason="crash", message=message, traceback=tail)
+            yield Failed(task.index, "crash", message, tail)
 
     def _overdue(self) -> Iterator[Reply]:
         if not self._timeout:
@@ -215,7 +242,7 @@ class Pool:
             worker.queue.clear()
             self._drop(worker)
             message = f"it took more than {self._timeout:g} s; raise --timeout or leave it out"
-            yield Reply(task.index, "failed", reason="timeout", message=message)
+            yield Failed(task.index, "timeout", message)
 
 
 def _ending(code: int) -> str:

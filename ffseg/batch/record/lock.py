@@ -8,12 +8,13 @@ import os
 from types import TracebackType
 
 from ffseg.batch.discover import STATE_FOLDER
+from ffseg.batch.record.journal import refuse_special
 from ffseg.errors import OutputError, UsageError
 from ffseg.formats.files import make_folder, printable
 
 
 class OutputLock:
-    """Context manager that holds the lock of an output folder.
+    """Context manager that holds the lock of an output folder, or of one of the state folders in it.
 
     A record lock of the operating system: it is gone when the process is, however it ended, and child processes do not
     inherit it. The file that carries it stays behind and means nothing by itself.
@@ -26,14 +27,15 @@ class OutputLock:
         If the lock file cannot be made.
     """
 
-    def __init__(self, out: str) -> None:
+    def __init__(self, out: str, folder: str = "") -> None:
         self._out = out
+        self._folder = folder or os.path.join(out, STATE_FOLDER)
         self._descriptor = -1
 
     def __enter__(self) -> OutputLock:
-        folder = os.path.join(self._out, STATE_FOLDER)
-        make_folder(folder)
-        path = os.path.join(folder, "lock")
+        make_folder(self._folder)
+        path = os.path.join(self._folder, "lock")
+        refuse_special(path)
         try:
             self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         except OSError as error:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.workers import outputs
-from ffseg.batch.workers.outputs import OutputKind
+from ffseg.batch.outputs.table import Output, resolve
+from ffseg.formats.files import printable
 from ffseg.formats.masks import encode_mask
 from ffseg.formats.overlays import Polyline, encode_overlay
 from ffseg.formats.svg import svg_document
@@ -69,9 +70,10 @@ class Made:
     path: str
     snapshots: Sequence[Progress] = ()
 
-    def encoded(self, kind: OutputKind, target: str) -> bytes:
+    def encoded(self, kind: Output, target: str) -> bytes:
         """The output of one kind that will be stored at `target`."""
-        return _ENCODERS[kind](self, target)
+        data: bytes = resolve(kind.encode)(self, target)
+        return data
 
     @cached_property
     def annotated(self) -> AnnotatedImage:
@@ -82,7 +84,7 @@ class Made:
         height, width = self.image.shape[:2]
         regions = group_regions(self.result.contours)
         painted = tuple(PaintedRegion(region, rasterize(region.contours, (height, width))) for region in regions)
-        return AnnotatedImage(self.name, width, height, painted)
+        return AnnotatedImage(_readable(self.name), width, height, painted)
 
     @cached_property
     def film(self) -> list[Progress]:
@@ -92,60 +94,72 @@ class Made:
         return [*(snapshot for snapshot in before if snapshot.contours), last]
 
 
-def _mask(made: Made, _: str) -> bytes:
+def _readable(name: str) -> str:
+    """Name of a file as other programs can read it from JSON: bytes that are no UTF-8 are written out."""
+    try:
+        name.encode("utf-8")
+    except UnicodeEncodeError:
+        return printable(name)
+    return name
+
+
+def mask(made: Made, _: str) -> bytes:
+    """The region as a PNG file."""
     return encode_mask(made.result.mask)
 
 
-def _contours(made: Made, _: str) -> bytes:
+def contours(made: Made, _: str) -> bytes:
+    """The contours as an SVG file."""
     height, width = made.image.shape[:2]
     return svg_document(made.result.contours, width, height, made.name).encode("utf-8")
 
 
-def _overlay(made: Made, _: str) -> bytes:
+def overlay(made: Made, _: str) -> bytes:
+    """The image with its contours drawn, as a PNG file."""
     return encode_overlay(made.image, made.lines, made.result.mask)
 
 
-def _coco(made: Made, _: str) -> bytes:
+def coco(made: Made, _: str) -> bytes:
+    """COCO document of the image."""
     from ffseg.formats.exports import coco_document, json_text
 
     return json_text(coco_document(made.annotated)).encode("ascii")
 
 
-def _labelme(made: Made, target: str) -> bytes:
+def labelme(made: Made, target: str) -> bytes:
+    """LabelMe document of the image, which names it by the path from `target`."""
     from dataclasses import replace
 
     from ffseg.formats.exports import json_text, labelme_document
 
     folder = os.path.realpath(os.path.dirname(target))  # LabelMe opens the path from there, without following links
-    image = os.path.relpath(os.path.realpath(made.path), folder).replace(os.sep, "/")
+    image = _readable(os.path.relpath(os.path.realpath(made.path), folder).replace(os.sep, "/"))
     return json_text(labelme_document(replace(made.annotated, file_name=image))).encode("ascii")
 
 
-def _geojson(made: Made, _: str) -> bytes:
+def geojson(made: Made, _: str) -> bytes:
+    """GeoJSON document of the image."""
     from ffseg.formats.exports import geojson_document, json_text
 
     return json_text(geojson_document(made.annotated)).encode("ascii")
 
 
-def _film(made: Made, _: str) -> bytes:
+def film(made: Made, _: str) -> bytes:
+    """The evolution as an animated WebP file."""
     from ffseg.formats.film.animation import animation_bytes
 
     return animation_bytes(made.image, made.film)
 
 
-def _strip(made: Made, _: str) -> bytes:
+def strip(made: Made, _: str) -> bytes:
+    """Six snapshots of the evolution as an SVG file."""
     from ffseg.formats.film.strip import film_strip_svg
 
     return film_strip_svg(made.image, made.film).encode("utf-8")
 
 
-_ENCODERS: dict[OutputKind, Callable[[Made, str], bytes]] = {
-    outputs.MASK: _mask,
-    outputs.CONTOURS: _contours,
-    outputs.OVERLAY: _overlay,
-    outputs.COCO: _coco,
-    outputs.LABELME: _labelme,
-    outputs.GEOJSON: _geojson,
-    outputs.FILM: _film,
-    outputs.STRIP: _strip,
-}
+def coco_of_all(contents: Callable[[], Iterable[bytes]]) -> Iterator[bytes]:
+    """One COCO document of those of all images."""
+    from ffseg.formats.exports import merged_coco
+
+    return merged_coco(lambda: map(json.loads, contents()))

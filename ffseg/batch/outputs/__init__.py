@@ -1,0 +1,1 @@
+"""Which files a run writes of each image, and how: one row for each kind of output."""

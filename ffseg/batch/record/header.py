@@ -1,0 +1,91 @@
+"""What all images of a run have in common, and the refusal of another set of parameters."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, fields
+from typing import Any
+
+from ffseg.batch.record.journal import read_header, read_records
+from ffseg.batch.workers.freshness import digest
+from ffseg.batch.workers.messages import Setup
+from ffseg.errors import ImageReadError, UsageError
+from ffseg.formats.files import printable, read_bytes
+from ffseg.parameters import Parameters
+from ffseg.schema.kinds import FilePath
+from ffseg.schema.sections import Section, declarations
+
+_SHOWN = 5
+
+
+def run_header(setup: Setup) -> dict[str, Any]:
+    """Parameters, digests of the files they name, and the digest of both, by which records know what they were made with.
+
+    Raises
+    ------
+    UsageError
+        If such a file cannot be read.
+    """
+    named = {**dict(parameter_files(setup.params)), **setup.files}
+    files = {key: _digest_of(key, path, setup.max_bytes) for key, path in named.items()}
+    views = setup.views
+    files["camera"] = digest(views.camera_text().encode()) if views else ""
+    header: dict[str, Any] = json.loads(json.dumps({"parameters": asdict(setup.params), "files": files}))
+    return {"settings": digest(json.dumps(header, sort_keys=True).encode()), **header}
+
+
+def parameter_files(params: Parameters) -> Iterator[tuple[str, str]]:
+    """Keys and paths of the files that a parameter set names; a folder of files is each image's own affair."""
+    for top in fields(params):
+        section = getattr(params, top.name)
+        if isinstance(section, Section):
+            for key, kind, _ in declarations(type(section)):
+                path = getattr(section, key)
+                if isinstance(kind, FilePath) and path is not None and not os.path.isdir(path):
+                    yield f"{top.name}.{key}", path
+
+
+def _digest_of(key: str, path: str, max_bytes: int) -> str:
+    try:
+        return digest(read_bytes(path, max_bytes))
+    except ImageReadError as error:
+        raise UsageError(f"{key}: {printable(path)} cannot be used: {error}") from error
+
+
+def refuse_other_parameters(out: str, folder: str, header: Mapping[str, Any]) -> None:
+    """Refuse to mix results; where every image failed, there are none to mix with.
+
+    Raises
+    ------
+    UsageError
+        If an earlier run into this output folder had other parameters, or other files of theirs.
+    """
+    old = read_header(folder)
+    if old is None or old.get("settings") == header["settings"]:
+        return
+    if not any(record.made for record in read_records(folder)):
+        return
+    changes = [*_differences(old.get("parameters", {}), header["parameters"]), *_changed_files(old, header)]
+    shown = "; ".join(changes[:_SHOWN]) + ("; ..." if len(changes) > _SHOWN else "")
+    raise UsageError(
+        f"{printable(out)} holds results with other parameters ({shown or 'of an unknown kind'}); "
+        "use --overwrite to do them again, or another output folder"
+    )
+
+
+def _differences(old: Any, new: Any, key: str = "") -> list[str]:  # noqa: ANN401 - JSON values
+    if isinstance(old, dict) and isinstance(new, dict):
+        keys: Sequence[str] = sorted({*old, *new})
+        return [
+            text for name in keys for text in _differences(old.get(name), new.get(name), f"{key}.{name}".strip("."))
+        ]
+    return [] if old == new else [f"{key} was {json.dumps(old)}, is {json.dumps(new)}"]
+
+
+def _changed_files(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    before = old.get("files")
+    before = before if isinstance(before, dict) else {}
+    names = sorted({*before, *new["files"]})
+    return [f"the file of {key} has changed" for key in names if before.get(key, "") != new["files"].get(key, "")]

@@ -1,0 +1,233 @@
+"""What a run remembers: one line for each finished image, written as soon as its outputs are in place."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import stat
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from ffseg.batch.discover import STATE_FOLDER
+from ffseg.batch.record.streams import atomic_stream
+from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record, record_line
+from ffseg.errors import OutputError, UsageError
+from ffseg.formats.files import printable
+
+FORMAT = 2
+"""Version of the lines; a journal of another one is not read."""
+JOURNAL = "journal.jsonl"
+_ABSENT = -1
+
+
+def state_folder(out: str, shard: str = "") -> str:
+    """Folder of a run's state, or of one shard's."""
+    return os.path.join(out, STATE_FOLDER, "shards", shard) if shard else os.path.join(out, STATE_FOLDER)
+
+
+def read_header(folder: str) -> dict[str, Any] | None:
+    """First line of the journal in a state folder; None when there is none that can be read.
+
+    Raises
+    ------
+    UsageError
+        If something that is no file has its name.
+    """
+    path = os.path.join(folder, JOURNAL)
+    refuse_special(path)
+    try:
+        with Path(path).open("rb") as file:
+            header = parsed_line(file.readline())
+    except OSError:
+        return None
+    return header if header is not None and header.get("format") == FORMAT else None
+
+
+def read_records(folder: str) -> Iterator[Record]:
+    """All records of a journal in the order of their lines; a later one of a name replaces the earlier."""
+    if read_header(folder) is None:
+        return
+    with Path(folder, JOURNAL).open("rb") as file:
+        file.readline()
+        for line in file:
+            record = parsed_record(line)
+            if record is not None:
+                yield record
+
+
+def last_records(folder: str) -> dict[str, Record]:
+    """The record of each name that is not gone."""
+    found: dict[str, Record] = {}
+    if read_header(folder) is None:
+        return found
+    with Path(folder, JOURNAL).open("rb") as file:
+        file.readline()
+        for line in file:
+            name, gone = _subject(line)
+            record = parsed_record(line)
+            if gone:
+                found.pop(name, None)
+            elif record is not None:
+                found[name] = record
+    return found
+
+
+def refuse_special(path: str) -> None:
+    """Refuse what would block or act when it is opened.
+
+    Raises
+    ------
+    UsageError
+        If a pipe, a device, a socket or a folder has this name.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except OSError:
+        return
+    if not stat.S_ISREG(mode):
+        raise UsageError(f"{printable(path)} is not a regular file; remove it or choose another output folder")
+
+
+class Journal:
+    """Append-only file of records in a state folder.
+
+    Memory holds only the place of each record, in an array that is as long at the first image as at the last, and the
+    names of those images that are not in the plan.
+
+    Parameters
+    ----------
+    folder : str
+        State folder.
+    header : mapping
+        First line: what all records have in common.
+    names : sequence of str
+        Sources of the run, in input order.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+
+    def __init__(self, folder: str, header: Mapping[str, Any], names: Sequence[str]) -> None:
+        self._path = os.path.join(folder, JOURNAL)
+        self._places = array("q", [_ABSENT]) * len(names)
+        self._others: dict[str, int] = {}
+        self._unwritten: dict[int, Record] = {}
+        self._end = 0
+        with atomic_stream(self._path) as file:
+            self._write(file, json_line({"format": FORMAT, **header}))
+            self._take_over(folder, {name: index for index, name in enumerate(names)}, file)
+        self._descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC)
+
+    def _write(self, file: BinaryIO, line: bytes) -> int:
+        place, self._end = self._end, self._end + file.write(line)
+        return place
+
+    def _take_over(self, folder: str, indices: Mapping[str, int], file: BinaryIO) -> None:
+        """Copy the last record of each name from the journal before."""
+        if read_header(folder) is None:
+            return
+        last: dict[str, tuple[int, int]] = {}
+        with Path(self._path).open("rb") as old:
+            start = len(old.readline())
+            for line in old:
+                name, gone = _subject(line)
+                if gone:
+                    last.pop(name, None)
+                elif name:
+                    last[name] = (start, len(line))
+                start += len(line)
+            for name, (start, length) in last.items():
+                old.seek(start)
+                place = self._write(file, old.read(length))
+                if name in indices:
+                    self._places[indices[name]] = place
+                else:
+                    self._others[name] = place
+
+    def get(self, index: int) -> Record | None:
+        """Record of an image, if there is one."""
+        if index in self._unwritten:
+            return self._unwritten[index]
+        place = self._places[index]
+        return None if place == _ABSENT else self._at(place)
+
+    def others(self) -> Iterator[Record]:
+        """Records of images that are not in the plan."""
+        for place in list(self._others.values()):
+            record = self._at(place)
+            if record is not None:
+                yield record
+
+    def other(self, name: str) -> Record | None:
+        """Record of an image that is not in the plan."""
+        place = self._others.get(name, _ABSENT)
+        return None if place == _ABSENT else self._at(place)
+
+    def drop(self, name: str) -> None:
+        """Forget an image that is not in the plan, in the file as well; a full disk only puts that off."""
+        if self._others.pop(name, None) is not None:
+            with contextlib.suppress(OSError):
+                self._append(json_line({"name": name, "gone": True}))
+
+    def _at(self, place: int) -> Record | None:
+        line = b""
+        while not line.endswith(b"\n"):
+            piece = os.pread(self._descriptor, 4096, place + len(line))
+            if not piece:
+                return None
+            line += piece[: piece.find(b"\n") + 1 or len(piece)]
+        return parsed_record(line)
+
+    def add(self, index: int, record: Record) -> None:
+        """Append a record with one write.
+
+        Raises
+        ------
+        OutputError
+            If it could not be written; the record is then kept in memory.
+        """
+        try:
+            place = self._append(record_line(record))
+        except OSError as error:
+            self._unwritten[index] = record
+            reason = os.strerror(error.errno or 0)
+            raise OutputError(f"{printable(self._path)} cannot be written ({reason}); free some space") from error
+        self._unwritten.pop(index, None)
+        self._places[index] = place
+
+    def _append(self, line: bytes) -> int:
+        written = os.write(self._descriptor, line)
+        if written != len(line):
+            os.ftruncate(self._descriptor, self._end)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        place, self._end = self._end, self._end + len(line)
+        return place
+
+    def forget(self, index: int) -> None:
+        """Drop what is known of an image in memory: it is about to be done again."""
+        self._places[index] = _ABSENT
+        self._unwritten.pop(index, None)
+
+    def close(self) -> None:
+        """Flush the file to the disk and close it."""
+        try:
+            os.fsync(self._descriptor)
+        except OSError:  # the outputs are safe; at worst an image is done again
+            pass
+        finally:
+            os.close(self._descriptor)
+
+
+def _subject(line: bytes) -> tuple[str, bool]:
+    """Name a line is about, empty for a line of another shape, and whether it says that the record is gone."""
+    record = parsed_record(line)
+    if record is not None:
+        return record.name, False
+    value = parsed_line(line) or {}
+    gone = value.get("gone") is True and isinstance(value.get("name"), str)
+    return (value["name"], True) if gone else ("", False)

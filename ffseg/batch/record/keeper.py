@@ -1,0 +1,256 @@
+"""Outputs on the disk and records in the journal, kept in step: what is written is remembered, what is replaced is removed."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from ffseg import __version__
+from ffseg.batch.jobs import Job, Plan
+from ffseg.batch.record.journal import Journal, state_folder
+from ffseg.batch.record.order import order_key
+from ffseg.batch.record.values import Record
+from ffseg.batch.workers.freshness import content_digest, mark_of
+from ffseg.batch.workers.messages import Done, Failed, Reply, Unchanged
+from ffseg.errors import OutputError
+from ffseg.formats.files import printable, write_all_atomic
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """What became of a reply: ``ok``, ``unchanged`` or ``failed`` with its error, and what there is to note."""
+
+    index: int
+    status: str
+    error: str
+    note: str = ""
+
+
+@dataclass(slots=True)
+class Keeper:
+    """Writes what replies bring and remembers it.
+
+    Attributes
+    ----------
+    plan : Plan
+    journal : Journal
+    settings : str
+        Digest of the parameters of this run.
+    method : str
+        For the rows of images that failed.
+    tell : callable
+        Hears of problems that belong to no image.
+    """
+
+    plan: Plan
+    journal: Journal
+    settings: str
+    method: str
+    tell: Callable[[str], None]
+
+    def settle(self, replies: Sequence[Reply]) -> list[Settled]:
+        """Write the outputs of replies together, then remember each."""
+        begin = perf_counter()
+        done = [reply for reply in replies if isinstance(reply, Done)]
+        problems = self._written(done)
+        spent = (perf_counter() - begin) * 1e3 / max(1, len(done))
+        return [self._settled(reply, problems.get(reply.index, ""), spent) for reply in replies]
+
+    def _written(self, replies: Sequence[Done]) -> dict[int, str]:
+        """Write the outputs of images, all of them at once where that works; the problems of the others by index."""
+        try:
+            files = [
+                (self._path(one.path), one.data) for reply in replies for one in reply.outputs if one.data is not None
+            ]
+            for path, _ in files:
+                _require_replaceable(path)
+            write_all_atomic(files)
+        except OutputError as error:
+            if len(replies) == 1:
+                return {replies[0].index: str(error)}
+            return {index: text for reply in replies for index, text in self._written([reply]).items()}
+        return {}
+
+    def _path(self, output: str) -> str:
+        return os.path.join(self.plan.out, output)
+
+    def _settled(self, reply: Reply, problem: str, spent: float) -> Settled:
+        before = self.journal.get(reply.index)
+        if isinstance(reply, Unchanged) and before is not None:
+            record, status = self._confirmed(reply, before), "unchanged"
+        elif isinstance(reply, Done) and not problem:
+            record, status = self._done(reply, before, spent), "ok"
+        else:
+            record, status = self._failure(reply, problem, before), "failed"
+        if before is not None:
+            record = replace(record, left=self._left(before, record))
+        if record != before:
+            self.journal.forget(reply.index)  # whatever happens now, the earlier line is no longer true
+            self._remember(reply.index, record)
+        ended = "failed" if record.status == "failed" else status
+        return Settled(reply.index, ended, record.row["error"], record.row.get("note") or "")
+
+    def _remember(self, index: int, record: Record) -> None:
+        try:
+            self.journal.add(index, record)
+        except OutputError as error:
+            self.tell(str(error))
+
+    def _done(self, reply: Done, before: Record | None, spent: float) -> Record:
+        """Record of an image whose outputs are written, in so many milliseconds."""
+        job = self.plan.jobs[reply.index]
+        row = {"status": "ok", "error": "", **reply.row}
+        row["write_ms"] += spent
+        row["total_ms"] += spent
+        row = {column: round(cell, 3) if column.endswith("_ms") else cell for column, cell in row.items()}
+        written = {one.path: (one.digest, mark_of(self._path(one.path))) for one in reply.outputs}
+        kept = {path: before.outputs[path] for path in reply.kept} if before is not None else {}
+        record = Record(
+            name=job.source.name,
+            status="ok",
+            version=__version__,
+            settings=self.settings,
+            content=reply.evidence.content,
+            outputs={**kept, **written},
+            row=row,
+            extra=reply.extra,
+            truth=reply.evidence.truth,
+            files=reply.evidence.files,
+            order=self._order(job, before),
+        )
+        if not job.truth and before is not None and _same_source(before, record):
+            record = _with_truth_of(record, before)
+        return _judged(record, reply.problem) if job.truth else record
+
+    def _confirmed(self, reply: Unchanged, before: Record) -> Record:
+        """Record of an image that was not done again; its IoU may have been measured anew."""
+        job = self.plan.jobs[reply.index]
+        outputs = {path: before.outputs[path] for path in reply.kept}
+        record = replace(before, outputs=outputs, files={**before.files, **reply.evidence.files})
+        if reply.scored:
+            row = {**record.row, "iou": reply.iou}
+            return _judged(replace(record, row=row, truth=reply.evidence.truth), reply.problem)
+        if not job.truth and before.status == "failed":  # its true mask was wrong, and is not asked for
+            row = {key: cell for key, cell in record.row.items() if key != "iou"}
+            files = {role: file for role, file in record.files.items() if role != "truth"}
+            return _judged(replace(record, row=row, truth="", files=files), "")
+        return record
+
+    def _failure(self, reply: Reply, problem: str, before: Record | None) -> Record:
+        job = self.plan.jobs[reply.index]
+        if isinstance(reply, Failed):
+            reason, message = reply.reason, reply.message
+            if reply.traceback:
+                self._log(f"{printable(job.source.path)}\n{reason}: {message}\n{reply.traceback}\n")
+                message += f"; see {self._log_name()} in the output folder"
+        else:
+            reason, message = "output", problem
+        row = {"status": "failed", "error": f"{reason}: {message}", "method": self.method}
+        path = os.path.abspath(job.source.path)
+        left = before.outputs if before is not None and reason == "output" else {}
+        return Record(
+            name=job.source.name,
+            status="failed",
+            version=__version__,
+            settings=self.settings,
+            content="",
+            outputs=left,
+            row=row,
+            files={"image": (path, "", mark_of(path))},
+            order=self._order(job, before),
+        )
+
+    def _order(self, job: Job, before: Record | None) -> str:
+        return before.order if before is not None else order_key(job.source.place, job.source.name)
+
+    def _left(self, before: Record, now: Record) -> tuple[str, ...]:
+        """Remove the outputs an image no longer has; those that hold something else than was written are left."""
+        retired = {path: digest for path, (digest, _) in before.outputs.items() if path not in now.outputs}
+        stale = {*retire(self.plan.out, retired)[1], *before.left} - now.outputs.keys()
+        return tuple(sorted(path for path in stale if os.path.lexists(self._path(path))))
+
+    def _log_name(self) -> str:
+        return os.path.relpath(os.path.join(self._state(), "errors.log"), self.plan.out)
+
+    def _state(self) -> str:
+        return state_folder(self.plan.out, self.plan.shard)
+
+    def _log(self, text: str) -> None:
+        path = os.path.join(self._state(), "errors.log")
+        try:
+            _require_replaceable(path)
+            with Path(path).open("a", encoding="utf-8", errors="backslashreplace") as file:
+                file.write(f"{datetime.now(UTC).isoformat(timespec='seconds')} {text}\n")
+        except OSError as error:
+            self.tell(f"{printable(path)} cannot be written ({os.strerror(error.errno or 0)})")
+        except OutputError as error:
+            self.tell(str(error))
+
+
+def _judged(record: Record, problem: str) -> Record:
+    """A record as done, or as failed for something that leaves its outputs right."""
+    row: dict[str, Any] = {**record.row, "status": "failed" if problem else "ok", "error": problem}
+    return replace(record, status=row["status"], row=row)
+
+
+def _same_source(one: Record, other: Record) -> bool:
+    """Whether two records are of the same result."""
+    return (one.content, one.settings, one.version) == (other.content, other.settings, other.version)
+
+
+def _with_truth_of(record: Record, before: Record) -> Record:
+    """A record with what was measured when a true mask was asked for: the mask is the same."""
+    row = {**record.row, **{key: before.row[key] for key in ("iou",) if key in before.row}}
+    files = {**record.files, **{role: file for role, file in before.files.items() if role == "truth"}}
+    return replace(record, row=row, truth=before.truth, files=files) if before.status == "ok" else record
+
+
+def retire(out: str, outputs: Mapping[str, str]) -> tuple[int, list[str]]:
+    """Remove outputs that no record holds any longer.
+
+    Parameters
+    ----------
+    out : str
+    outputs : mapping of str to str
+        Path below `out` to the digest of what was written there.
+
+    Returns
+    -------
+    int
+        How many were removed.
+    list of str
+        Paths that hold something else by now: not ours to remove.
+    """
+    removed, stale = 0, []
+    for path, digest in outputs.items():
+        found = content_digest(os.path.join(out, path))
+        if found == digest:
+            with contextlib.suppress(OSError):
+                os.unlink(os.path.join(out, path))
+                removed += 1
+        elif os.path.lexists(os.path.join(out, path)):
+            stale.append(path)
+    return removed, stale
+
+
+def _require_replaceable(path: str) -> None:
+    """Refuse to replace a pipe, a device or a socket.
+
+    Raises
+    ------
+    OutputError
+        Naming it.
+    """
+    try:
+        mode = os.lstat(path).st_mode
+    except OSError:
+        return
+    if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode) or stat.S_ISDIR(mode)):
+        raise OutputError(f"{printable(path)} is not a regular file and is not replaced; remove it")

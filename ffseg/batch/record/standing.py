@@ -1,0 +1,148 @@
+"""Which records still say what is in the output folder, and in which order they stand in the tables."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+
+from ffseg import __version__
+from ffseg.batch.jobs import Plan
+from ffseg.batch.record.journal import Journal
+from ffseg.batch.record.keeper import retire
+from ffseg.batch.record.values import Record
+from ffseg.batch.workers.freshness import still_true, unchanged
+
+_NAMED = 1000
+"""Stale images that ``run.json`` names; their number is always given."""
+
+
+def standing(record: Record, out: str, settings: str) -> str:
+    """Why a record no longer says what is in the output folder; empty when it does."""
+    if record.settings != settings:
+        return "made with other parameters"
+    if record.version != __version__:
+        return f"made by ffseg {record.version}"
+    changed = still_true(record.files)
+    if changed:
+        return f"{changed} has changed or is gone"
+    outputs = record.outputs.items()
+    lost = next((path for path, seen in outputs if not unchanged(os.path.join(out, path), *seen)), "")
+    return f"{lost} has changed or is gone" if lost else ""
+
+
+def without_old_truth(record: Record) -> Record:
+    """A record whose IoU is left out when the true mask it was measured with has changed or is gone."""
+    file = record.files.get("truth")
+    if file is None or unchanged(*file):
+        return record
+    row = {column: cell for column, cell in record.row.items() if column != "iou"}
+    return replace(record, row=row)
+
+
+@dataclass(slots=True)
+class Standing:
+    """The records that stand in the tables, gone through as often as needed and never held together.
+
+    Attributes
+    ----------
+    journal : Journal
+    entries : list of int or str
+        Index in the plan, or name of an image that is not in it, in the order of the tables.
+    columns : set of str
+        Of all rows together.
+    with_outputs : set of str
+        Folders of outputs that any record has.
+    stale : list of (str, str)
+        Names of images whose outputs are no longer true, and why; `num_stale` counts those that are not named, too.
+    left : list of str
+        Outputs that belong to no image any longer, but hold something else than was written.
+    """
+
+    journal: Journal
+    entries: list[int | str] = field(default_factory=list)
+    columns: set[str] = field(default_factory=set)
+    with_outputs: set[str] = field(default_factory=set)
+    stale: list[tuple[str, str]] = field(default_factory=list)
+    num_stale: int = 0
+    left: list[str] = field(default_factory=list)
+
+    def records(self) -> Iterator[Record]:
+        """Records in the order of the tables."""
+        for entry in self.entries:
+            record = self.journal.get(entry) if isinstance(entry, int) else self.journal.other(entry)
+            if record is not None:
+                yield without_old_truth(record)
+
+    def _note(self, record: Record) -> None:
+        self.columns |= record.row.keys()
+        self.with_outputs |= {path.split("/", 1)[0] for path in record.outputs}
+        self.left += record.left
+
+    def _miss(self, record: Record, reason: str) -> None:
+        if record.made:
+            self.num_stale += 1
+            if len(self.stale) < _NAMED:
+                self.stale.append((record.name, reason))
+
+
+def survey(journal: Journal, plan: Plan, settings: str, finished: bytearray) -> Standing:
+    """Go through all records once: those of this run, and those of earlier ones that are still true.
+
+    Rows stand in input order when the run covers all of them, else sorted by the order in which they were found.
+    """
+    found = Standing(journal)
+    planned: list[tuple[str, int | str]] = []
+    for job in plan.jobs:
+        record = journal.get(job.index)
+        if record is None:
+            continue
+        reason = "" if finished[job.index] else standing(record, plan.out, settings)
+        if reason:
+            found._miss(record, reason)
+        else:
+            found._note(record)
+            planned.append((record.order, job.index))
+    others = [(record.order, record.name) for record in _others(journal.others(), plan, settings, found)]
+    found.entries = [entry for _, entry in (sorted([*planned, *others], key=_order) if others else planned)]
+    return found
+
+
+def tidy(journal: Journal, plan: Plan, settings: str) -> int:
+    """Remove what earlier runs left that belongs to no image any longer: of other parameters, or under another's name.
+
+    To be called when every image of the plan is finished.
+
+    Returns
+    -------
+    int
+        How many outputs were removed. An image with one that holds something else than was written stays stale.
+    """
+    others = [(other.name, other.settings, dict(other.outputs)) for other in journal.others()]
+    if not others:
+        return 0
+    records = (journal.get(job.index) for job in plan.jobs)
+    owned = {path for record in records if record is not None for path in record.outputs}
+    removed = 0
+    for name, made_with, outputs in others:
+        if made_with != settings or not owned.isdisjoint(outputs):
+            retired = {path: digest for path, (digest, _) in outputs.items() if path not in owned}
+            count, left = retire(plan.out, retired)
+            removed += count
+            if not left:
+                journal.drop(name)
+    return removed
+
+
+def _order(entry: tuple[str, int | str]) -> tuple[str, str]:
+    return entry[0], str(entry[1])
+
+
+def _others(records: Iterable[Record], plan: Plan, settings: str, found: Standing) -> Iterator[Record]:
+    for record in records:
+        reason = standing(record, plan.out, settings)
+        if reason:
+            found._miss(record, reason)
+        else:
+            found._note(record)
+            yield record

@@ -1,0 +1,45 @@
+"""Files of any length written piece by piece, whole or absent like those of `ffseg.formats.files`."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+from collections.abc import Iterable, Iterator
+from typing import BinaryIO
+
+from ffseg.errors import OutputError
+from ffseg.formats.files import printable, temporary_path
+
+_BUFFER = 1 << 20
+
+
+@contextlib.contextmanager
+def atomic_stream(path: str) -> Iterator[BinaryIO]:
+    """Open a file for writing that gets its name when the block ends, and leaves nothing when the block fails.
+
+    Raises
+    ------
+    OutputError
+        Naming the path and the system's reason, when something cannot be written.
+    """
+    temporary = temporary_path(path)
+    try:
+        with open(temporary, "xb", buffering=_BUFFER) as file:  # noqa: PTH123 - like its sibling
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        remedy = "free some space" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "check the folder"
+        raise OutputError(f"{printable(path)} cannot be written ({os.strerror(error.errno or 0)}); {remedy}") from error
+    finally:
+        with contextlib.suppress(OSError):  # it has got its name, or was never made
+            os.unlink(temporary)
+
+
+def write_stream(path: str, pieces: Iterable[bytes]) -> None:
+    """Write pieces to a file, whole or not at all; as `atomic_stream`."""
+    with atomic_stream(path) as file:
+        for piece in pieces:
+            file.write(piece)

@@ -1,0 +1,154 @@
+"""The tables of an output folder, written from the records that stand."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ffseg.batch.outputs.table import OUTPUTS, Output, resolve
+from ffseg.batch.record.standing import Standing
+from ffseg.batch.record.streams import write_stream
+from ffseg.batch.record.values import Record
+from ffseg.errors import OutputError
+from ffseg.formats.files import printable, write_all_atomic
+from ffseg.formats.tables import csv_lines
+
+TIMING_COLUMNS = (
+    "image", "status", "error", "width", "height", "method", "initial_points", "final_points", "patches", "iterations",
+    "splits", "flips", "components", "holes", "area_px", "decode_ms", "edges_ms", "evolve_ms", "obstacles_ms",
+    "write_ms", "total_ms",
+)  # fmt: skip
+START_COLUMNS = ("start_x", "start_y", "start_radius")
+"""With ``--starts``: the start circle of the image, in pixels."""
+OBSTACLE_COLUMNS = (
+    "image", "component", "area_px", "centroid_x", "centroid_y", "matched_points", "max_altitude_m", "verdict",
+    "against", "ground_x_m", "ground_y_m", "track",
+)  # fmt: skip
+TIMINGS, RUN, OBSTACLES = "timings.csv", "run.json", "obstacles.csv"
+TOGETHER = 10_000
+"""Rows up to which the tables are made in memory and written together, so that the disk is waited for once."""
+
+Pieces = Iterator[bytes]
+
+
+@dataclass(frozen=True, slots=True)
+class Tables:
+    """What is written at the end of a run, besides each image's own outputs.
+
+    Attributes
+    ----------
+    out : str
+        Folder of the images' outputs.
+    folder : str
+        Folder of the tables: the same, or a shard's.
+    standing : Standing
+    camera : bool
+        Whether components were tested.
+    asked : set of str
+        Columns and output folders that are written even if no image has them.
+    """
+
+    out: str
+    folder: str
+    standing: Standing
+    camera: bool = False
+    asked: frozenset[str] = field(default_factory=frozenset)
+
+    def columns(self) -> tuple[str, ...]:
+        """Columns of ``timings.csv``."""
+        there = self.standing.columns | self.asked
+        iou = ("iou",) if "iou" in there else ()
+        starts = START_COLUMNS if "start_x" in there else ()
+        return (*TIMING_COLUMNS, *iou, "stop_reason", "note", *(("pair",) if self.camera else ()), *starts)
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Rows of ``timings.csv``."""
+        for record in self.standing.records():
+            yield {"image": printable(record.name), **record.row}
+
+    def pieces(self) -> dict[str, Pieces]:
+        """Every table by name, as pieces of its bytes."""
+        columns = self.columns()
+        made = {TIMINGS: csv_lines(columns, ([row.get(column) for column in columns] for row in self.rows()))}
+        if self.camera:
+            made[OBSTACLES] = csv_lines(OBSTACLE_COLUMNS, self._obstacles())
+        there = self.standing.with_outputs | self.asked
+        for output in OUTPUTS:
+            if output.merge and output.folder in there:
+                made[output.merged] = resolve(output.merge)(self._contents(output))
+        return made
+
+    def _obstacles(self) -> Iterator[list[Any]]:
+        from ffseg.batch.sightings import numbered
+
+        lines = {printable(record.name): record.extra for record in self.standing.records()}
+        found = numbered(map(printable, in_time(self.standing.records())), lines)
+        for name in lines:
+            yield from ([name, *(line.get(column) for column in OBSTACLE_COLUMNS[1:])] for line in found[name])
+
+    def _contents(self, output: Output) -> Callable[[], Iterable[bytes]]:
+        """Gives the contents of all outputs of a kind, in the order of the tables."""
+
+        def contents() -> Iterator[bytes]:
+            for record in self.standing.records():
+                for path in record.outputs:
+                    if path.startswith(f"{output.folder}/") and path.endswith(output.suffix):
+                        with contextlib.suppress(OSError):  # removed in this very moment
+                            yield Path(self.out, path).read_bytes()
+
+        return contents
+
+    def write(self, run: Mapping[str, Any], tell: Callable[[str], None]) -> list[str]:
+        """Write every table and ``run.json``; `tell` hears of each that cannot be written. Gives their names."""
+        tables = {**self.pieces(), RUN: iter([json_bytes(run)])}
+        if len(self.standing.entries) > TOGETHER:
+            self._write_each(tables.items(), tell)
+            return list(tables)
+        whole = [(os.path.join(self.folder, name), b"".join(pieces)) for name, pieces in tables.items()]
+        try:
+            write_all_atomic(whole)
+        except OutputError:
+            self._write_each([(os.path.basename(path), [data]) for path, data in whole], tell)
+        return list(tables)
+
+    def _write_each(self, tables: Iterable[tuple[str, Iterable[bytes]]], tell: Callable[[str], None]) -> None:
+        for name, pieces in tables:
+            try:
+                write_stream(os.path.join(self.folder, name), pieces)
+            except OutputError as error:
+                tell(str(error))
+
+
+def in_time(records: Iterable[Record]) -> list[str]:
+    """Names of images in an order in which each comes after those it was judged against."""
+    chains = {
+        record.files["image"][0]: (record.name, _earlier(record)) for record in records if "image" in record.files
+    }
+    ordered: dict[str, None] = {}
+    for name, earlier in chains.values():
+        ordered |= dict.fromkeys((*(chains[path][0] for path in reversed(earlier) if path in chains), name))
+    return list(ordered)
+
+
+def _earlier(record: Record) -> list[str]:
+    """Paths of the images before an image, the nearest first."""
+    roles = (f"earlier {number}" for number in range(len(record.files)))
+    return [record.files[role][0] for role in roles if role in record.files]
+
+
+def json_bytes(value: Mapping[str, Any]) -> bytes:
+    """A value as a JSON file."""
+    return (json.dumps(value, indent=2, default=str) + "\n").encode("utf-8")
+
+
+def remove_old(folder: str, before: Sequence[str], now: Sequence[str]) -> None:
+    """Remove tables that an earlier run wrote and this one has nothing for."""
+    for name in set(before) - set(now):
+        if name == os.path.basename(name):
+            with contextlib.suppress(OSError):
+                os.unlink(os.path.join(folder, name))

@@ -1,0 +1,139 @@
+"""What is remembered of one image, and how it is read back: a record of another shape is unknown, never fatal."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ffseg.batch.workers.messages import Known, Mark
+
+File = tuple[str, str, Mark]
+"""Path, digest and mark."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One finished image.
+
+    Attributes
+    ----------
+    name : str
+        Of the source.
+    status : str
+        ``ok`` or ``failed``.
+    version : str
+        Of ffseg when it was made.
+    settings : str
+        Digest of the parameters, and of the files they name, that it was made with.
+    content : str
+        Digest of everything else that went in; empty when it was not made.
+    outputs : mapping of str to (str, Mark)
+        Path below the output folder to the digest of its content and its mark. Of a failed image: what is left of an
+        earlier run because it could not be replaced.
+    row : mapping
+        Its line of ``timings.csv`` by column.
+    extra : sequence of mappings
+        Its lines of ``obstacles.csv``.
+    truth : str
+        Digest of the true mask its IoU was measured with.
+    files : mapping of str to File
+        What it was made from, by what each file is for (`Evidence.files`).
+    left : sequence of str
+        Paths below the output folder where it had an output that now holds something else: not ours to remove, but named.
+    order : str
+        Sorts records as their images were found (`ffseg.batch.record.order`).
+    """
+
+    name: str
+    status: str
+    version: str
+    settings: str
+    content: str
+    outputs: Mapping[str, tuple[str, Mark]]
+    row: Mapping[str, Any]
+    extra: Sequence[Mapping[str, Any]] = field(default_factory=list)
+    truth: str = ""
+    files: Mapping[str, File] = field(default_factory=dict)
+    left: Sequence[str] = ()
+    order: str = ""
+
+    @property
+    def made(self) -> bool:
+        """Whether there is a result: of a failed image when only its true mask was wrong."""
+        return bool(self.content)
+
+    @property
+    def known(self) -> Known:
+        """What a worker is told of it."""
+        return Known(self.content, self.truth, {path: digest for path, (digest, _) in self.outputs.items()})
+
+
+_TEXTS = ("name", "status", "version", "settings", "content", "truth", "order")
+_FIELDS = (*_TEXTS, "outputs", "row", "extra", "files", "left")
+
+
+def record_line(record: Record) -> bytes:
+    """A record as one line."""
+    return json_line({name: getattr(record, name) for name in _FIELDS})  # asdict would copy every cell first
+
+
+def json_line(value: Mapping[str, Any]) -> bytes:
+    """A value as one line of ASCII JSON."""
+    return json.dumps(value, separators=(",", ":")).encode("ascii") + b"\n"
+
+
+def parsed_line(line: bytes) -> dict[str, Any] | None:
+    """Content of a whole line; None for one that a killed run or a full disk left unfinished."""
+    if not line.endswith(b"\n"):
+        return None
+    try:
+        value = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return value if isinstance(value, dict) else None
+
+
+def parsed_record(line: bytes) -> Record | None:
+    """Record of a line; None when it is none, or one of another shape."""
+    value = parsed_line(line)
+    if value is None or set(value) != set(_FIELDS) or not all(isinstance(value[name], str) for name in _TEXTS):
+        return None
+    try:
+        outputs = {_text(path): (_text(digest), _mark(mark)) for path, (digest, mark) in value["outputs"].items()}
+        files = {
+            _text(role): (_text(path), _text(digest), _mark(mark))
+            for role, (path, digest, mark) in value["files"].items()
+        }
+        row, extra = _cells(value["row"]), [dict(_pairs(cells)) for cells in value["extra"]]
+        left = tuple(_text(path) for path in value["left"])
+    except (TypeError, ValueError, AttributeError):
+        return None
+    if row.get("status") != value["status"] or not isinstance(row.get("error"), str):
+        return None
+    return Record(**{**value, "outputs": outputs, "files": files, "row": row, "extra": extra, "left": left})
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(type(value).__name__)
+    return value
+
+
+def _mark(value: object) -> Mark:
+    if not isinstance(value, list) or [type(part) for part in value] != [int, int]:
+        raise TypeError(type(value).__name__)
+    return value[0], value[1]
+
+
+def _pairs(value: object) -> Iterable[tuple[str, Any]]:
+    if not isinstance(value, dict):
+        raise TypeError(type(value).__name__)
+    return value.items()
+
+
+def _cells(value: object) -> dict[str, Any]:
+    if not isinstance(value, dict) or not all(isinstance(cell, str | int | float | None) for cell in value.values()):
+        raise TypeError(type(value).__name__)
+    return value

@@ -1,0 +1,145 @@
+"""What an image's result depends on, and whether an earlier one is still right; loads neither NumPy nor OpenCV."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ffseg.batch.workers.messages import Evidence, Known, Mark, Setup, Task
+from ffseg.errors import ImageReadError
+from ffseg.formats.files import printable, read_bytes
+
+if TYPE_CHECKING:
+    from ffseg.batch.views import Views
+
+_MOST_BYTES = 1 << 40
+"""Of an output that is compared with what was written."""
+
+File = tuple[str, str, Mark]
+
+
+def digest(data: bytes) -> str:
+    """Digest that stands for content in the journal."""
+    return hashlib.blake2b(data, digest_size=16).hexdigest()
+
+
+def mark_of(path: str) -> Mark:
+    """Size and time of change of a file; (-1, -1) when it is not there."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return (-1, -1)
+    return status.st_size, status.st_mtime_ns
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """The files of a task, read once.
+
+    Attributes
+    ----------
+    data : bytes
+        The image.
+    before : list of bytes
+        The images before, the nearest first; empty, which no decoder takes, when one cannot be read.
+    evidence : Evidence
+    truth_problem : str
+        Why the true mask cannot be used.
+    """
+
+    data: bytes
+    before: list[bytes]
+    evidence: Evidence
+    truth_problem: str = ""
+
+
+def read_task(task: Task, setup: Setup) -> Read:
+    """Read the files of a task and digest them.
+
+    Raises
+    ------
+    ImageReadError
+        When the image cannot be read.
+    """
+    mark = mark_of(task.path)  # before the content: a change in between makes the mark stale, not the digest
+    data = read_bytes(task.path, setup.max_bytes)
+    files: dict[str, File] = {"image": (os.path.abspath(task.path), digest(data), mark)}
+    content = [files["image"][1]]
+    before = []
+    for number, path in enumerate(task.earlier):
+        earlier, files[f"earlier {number}"] = _optional(path, setup.max_bytes)
+        before.append(earlier)
+    if setup.views is not None:
+        seen = digest("".join(map(digest, before)).encode("ascii"))
+        content.append(seen + _pair_digest(setup.views, task.name))
+    if task.start is not None:
+        content.append(f"start {digest(task.start.text().encode('ascii'))}")
+    for number, path in enumerate(task.depends):
+        _, files[f"depends {number}"] = _optional(path, setup.max_bytes)
+        content.append(f"depends {files[f'depends {number}'][1]}")
+    truth, problem = "", ""
+    if task.truth:
+        try:
+            truth = _truth(task.truth, setup, files)
+        except ImageReadError as error:
+            truth, problem = f"unreadable {error.reason}", f"truth: {error}"
+    return Read(data, before, Evidence(" ".join(content), truth, files), problem)
+
+
+def _optional(path: str, max_bytes: int) -> tuple[bytes, File]:
+    """Content and entry of a file that may be absent."""
+    mark = mark_of(path)
+    try:
+        data = read_bytes(path, max_bytes)
+    except ImageReadError:
+        data = b""
+    return data, (os.path.abspath(path), digest(data), mark)
+
+
+def _truth(path: str, setup: Setup, files: dict[str, File]) -> str:
+    mark = mark_of(path)
+    try:
+        found = digest(read_bytes(path, setup.max_bytes))
+    except ImageReadError as error:
+        text = f"the true mask {printable(path)} cannot be used: {error.reason}: {error}"
+        raise ImageReadError("truth", text) from error
+    files["truth"] = (os.path.abspath(path), found, mark)
+    return found + ("" if setup.truth_label is None else f" label {setup.truth_label}")
+
+
+def _pair_digest(views: Views, name: str) -> str:
+    return digest(views.pair_text(name).encode("utf-8"))
+
+
+def kept_outputs(out: str, known: Known) -> Iterator[str]:
+    """Known outputs that are there with the content they were given."""
+    for path, wanted in known.outputs.items():
+        if content_digest(os.path.join(out, path)) == wanted:
+            yield path
+
+
+def content_digest(path: str) -> str:
+    """Digest of a regular file; empty when it cannot be read."""
+    try:
+        return digest(read_bytes(path, _MOST_BYTES))
+    except ImageReadError:
+        return ""
+
+
+def still_true(files: Mapping[str, File]) -> str:
+    """Which of the files something was made from has changed or gone since, without its true mask; else empty.
+
+    A file whose size and time of change are what they were is not read again.
+    """
+    return next((file[0] for role, file in files.items() if role != "truth" and not unchanged(*file)), "")
+
+
+def unchanged(path: str, wanted: str, mark: Mark) -> bool:
+    """Whether a file has the content it had: told by its mark, else by reading it."""
+    now = mark_of(path)
+    if now == (-1, -1):
+        return mark == now
+    return now == mark or content_digest(path) == wanted

@@ -1,0 +1,250 @@
+"""Any sequence of runs, changes, damage and kills: what is in the output folder is what its tables say, and is right."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from batches import make_images, run_batch
+from hypothesis import HealthCheck, Phase, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
+
+from ffseg.batch.executors.choice import Choice
+from ffseg.batch.outputs.table import OUTPUTS, Wanted
+from ffseg.errors import UsageError
+from ffseg.formats.files import printable
+from ffseg.formats.masks import encode_mask
+from ffseg.parameters import Parameters, load_params
+
+NAMES = ("a.png", "b.png", "s/d.png", "s/c.jpg")
+INPROCESS = Choice("inprocess")
+EVERYTHING = Wanted(True, ("coco", "geojson"))
+TIMES = ("decode_ms", "edges_ms", "evolve_ms", "write_ms", "total_ms")
+
+names = st.sampled_from(NAMES)
+wanteds = st.builds(Wanted, st.booleans(), st.sampled_from([(), ("coco",), ("geojson",), ("coco", "geojson")]))
+
+
+class Killed(BaseException):
+    """The process is gone: nothing more reaches the disk."""
+
+
+class DeadDisk:
+    """Every call that changes the disk fails from the n-th on, as if the process had been killed before it."""
+
+    CALLS = ("replace", "write", "unlink", "ftruncate")
+
+    def __init__(self, after: int) -> None:
+        self.left = after
+
+    def __enter__(self) -> None:
+        self.patch = pytest.MonkeyPatch()
+        for name in self.CALLS:
+            self.patch.setattr(os, name, self._dying(getattr(os, name)))
+
+    def __exit__(self, *_: object) -> None:
+        self.patch.undo()
+
+    def _dying(self, real: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: object, **options: object) -> object:
+            self.left -= 1
+            if self.left < 0:
+                raise Killed
+            return real(*arguments, **options)
+
+        return call
+
+
+class Runs(RuleBasedStateMachine):
+    """An input folder, a folder of true masks and an output folder, changed in every way there is."""
+
+    @initialize()
+    def begin(self) -> None:
+        self.root = Path(tempfile.mkdtemp(prefix="ffseg-states-"))
+        self.images, self.truth, self.out = self.root / "in", self.root / "truth", self.root / "out"
+        self.images.mkdir()
+        self.degree = 3
+        self.patch = pytest.MonkeyPatch()
+        self.patch.setattr(os, "fsync", lambda _: None)  # the order of what is done is tested, not the disk
+        self.versions = 0
+        self.paint("a.png", 1)
+        for name in NAMES:
+            path = self.truth / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.with_suffix(".png").write_bytes(encode_mask(_noise(name)))
+
+    def teardown(self) -> None:
+        self.patch.undo()
+        shutil.rmtree(self.root, ignore_errors=True)
+
+    @rule(name=names, level=st.sampled_from([0, 0, 0, 254]))
+    def paint(self, name: str, level: int) -> None:
+        """A new or another image; the level 254 is one that cannot be segmented."""
+        self.versions += 1
+        folder = self.root / f"made{self.versions}"
+        make_images(folder, [f"{index}.png" for index in range(self.versions)] + [name], {name: level})
+        (self.images / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(folder / name, self.images / name)
+
+    @rule(name=names)
+    def remove_image(self, name: str) -> None:
+        (self.images / name).unlink(missing_ok=True)
+
+    @rule(name=names)
+    def damage_image(self, name: str) -> None:
+        if (self.images / name).exists():
+            (self.images / name).write_bytes(b"no longer an image")
+
+    @rule(pick=st.integers(0, 99), gone=st.booleans())
+    def damage_output(self, pick: int, gone: bool) -> None:
+        files = sorted(self.outputs())
+        if files:
+            path = self.out / files[pick % len(files)]
+            path.unlink() if gone else path.write_bytes(b"somebody else's %d" % self.versions)
+
+    @rule(wanted=wanteds, truth=st.booleans(), overwrite=st.booleans(), part=st.none() | names)
+    def run(self, wanted: Wanted, truth: bool, overwrite: bool, part: str | None) -> None:
+        self.attempt(wanted, truth, overwrite=overwrite, part=part)
+
+    @rule(wanted=wanteds, overwrite=st.booleans(), degree=st.sampled_from([2, 3, 4]), part=st.none() | names)
+    def run_with_other_parameters(self, wanted: Wanted, overwrite: bool, degree: int, part: str | None) -> None:
+        before, self.degree = self.degree, degree
+        if not self.attempt(wanted, False, overwrite=overwrite, part=part):
+            self.degree = before
+
+    @precondition(lambda self: self.inputs(None))
+    @rule(wanted=wanteds, truth=st.booleans(), overwrite=st.booleans(), after=st.integers(0, 40))
+    def killed_run(self, wanted: Wanted, truth: bool, overwrite: bool, after: int) -> None:
+        try:
+            with DeadDisk(after):
+                self.batch(wanted, truth, overwrite=overwrite)
+        except (Killed, UsageError):
+            pass
+        self.attempt(wanted, truth, overwrite=overwrite, part=None)
+
+    def attempt(self, wanted: Wanted, truth: bool, *, overwrite: bool, part: str | None) -> bool:
+        if not self.inputs(part):
+            return True
+        before = self.listing()
+        try:
+            self.batch(wanted, truth, overwrite=overwrite, part=part)
+        except UsageError as error:
+            assert "other parameters" in str(error)
+            assert not overwrite
+            assert self.listing() == before
+            return False
+        self.check(wanted, truth, part)
+        return True
+
+    def inputs(self, part: str | None) -> list[str]:
+        present = [name for name in NAMES if (self.images / name).exists()]
+        return [name for name in present if part in (None, name)]
+
+    def batch(self, wanted: Wanted, truth: bool, *, overwrite: bool, part: str | None = None) -> None:
+        exclude = [name for name in NAMES if part not in (None, name)]
+        options = {"truth": str(self.truth)} if truth else {}
+        run_batch(
+            self.images, self.out, params=self.params(), wanted=wanted, overwrite=overwrite, exclude=exclude,
+            executor=INPROCESS, **options,
+        )  # fmt: skip
+
+    def params(self) -> Parameters:
+        return load_params(None, {"contour.degree": self.degree})
+
+    def outputs(self) -> set[str]:
+        folders = [output.folder for output in OUTPUTS]
+        return {
+            str(path.relative_to(self.out))
+            for folder in folders
+            for path in (self.out / folder).rglob("*")
+            if path.is_file()
+        }
+
+    def listing(self) -> dict[str, bytes]:
+        return {path: (self.out / path).read_bytes() for path in self.outputs()}
+
+    def check(self, wanted: Wanted, truth: bool, part: str | None) -> None:
+        """Compare the output folder with its tables, and both with a fresh run of the same images."""
+        fresh = self.root / "fresh"
+        shutil.rmtree(fresh, ignore_errors=True)
+        options = {"truth": str(self.truth)}
+        run_batch(self.images, fresh, params=self.params(), wanted=EVERYTHING, executor=INPROCESS, **options)
+        expected = {row["image"]: row for row in rows_of(fresh)}
+        rows = rows_of(self.out)
+        assert [row["image"] for row in rows] == [name for name in expected if name in {row["image"] for row in rows}]
+        assert {printable(name) for name in self.inputs(part)} <= {row["image"] for row in rows}
+        run = json.loads((self.out / "run.json").read_text())
+        stale_images = {entry["image"] for entry in run["stale"] if "image" in entry}
+        stale_outputs = {entry["output"] for entry in run["stale"] if "output" in entry}
+        assert not stale_images & {row["image"] for row in rows}
+        owned = set()
+        for row in rows:
+            assert cells(row) == {
+                column: cell for column, cell in cells(expected[row["image"]]).items() if column in row
+            }
+            assert row.get("iou", "") in ("", expected[row["image"]]["iou"])
+            if row["status"] == "ok":
+                owned |= self.check_outputs(row["image"], fresh, wanted if part in (None, row["image"]) else Wanted())
+                assert row.get("iou") or not truth or part not in (None, row["image"])
+        stale_stems = {os.path.splitext(name)[0] for name in stale_images}
+        for path in self.outputs() - owned - stale_outputs:
+            assert os.path.splitext(path.split("/", 1)[1])[0] in stale_stems, f"{path} belongs to nothing"
+        self.check_coco(rows)
+
+    def check_outputs(self, name: str, fresh: Path, wanted: Wanted) -> set[str]:
+        stem = os.path.splitext(name)[0]
+        paths = {output.path(stem) for output in OUTPUTS}
+        there = paths & self.outputs()
+        assert {kind.path(stem) for kind in wanted.kinds} <= there
+        run = json.loads((self.out / "run.json").read_text())
+        for path in there - {entry.get("output") for entry in run["stale"]}:
+            assert (self.out / path).read_bytes() == (fresh / path).read_bytes(), path
+        return there
+
+    def check_coco(self, rows: list[dict[str, str]]) -> None:
+        stems = [os.path.splitext(row["image"])[0] for row in rows if row["status"] == "ok"]
+        run = json.loads((self.out / "run.json").read_text())
+        stale = {entry.get("output") for entry in run["stale"]}
+        made = [
+            stem for stem in stems if (self.out / f"coco/{stem}.json").exists() and f"coco/{stem}.json" not in stale
+        ]
+        if (self.out / "coco.json").exists():
+            document = json.loads((self.out / "coco.json").read_text())
+            assert [os.path.splitext(image["file_name"])[0] for image in document["images"]] == made
+        else:
+            assert made == []
+
+
+def rows_of(out: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO((out / "timings.csv").read_text(encoding="utf-8"), newline="")))
+
+
+def cells(row: dict[str, str]) -> dict[str, str]:
+    return {column: cell for column, cell in row.items() if column not in (*TIMES, "iou")}
+
+
+def _noise(name: str) -> Any:
+    import numpy as np
+
+    return np.random.default_rng(list(name.encode())).random((12, 16)) < 0.5
+
+
+TestRuns = Runs.TestCase
+TestRuns.settings = settings(
+    max_examples=40,
+    stateful_step_count=14,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+    derandomize=True,
+    phases=[Phase.generate],
+    report_multiple_bugs=False,
+)

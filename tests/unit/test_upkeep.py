@@ -1,0 +1,279 @@
+"""The record of an output folder cannot go stale: part of the images, other outputs, other parameters, gone images."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import stand_in
+from batches import Silent, make_images, run_batch, snapshot, table
+from PIL import Image
+
+from ffseg.batch.executors.choice import Choice
+from ffseg.batch.jobs import make_plan
+from ffseg.batch.outputs.table import Wanted
+from ffseg.batch.preview import preview
+from ffseg.batch.record.lock import OutputLock
+from ffseg.batch.workers.messages import Setup
+from ffseg.errors import UsageError
+from ffseg.parameters import load_params
+
+NAMES = [f"{name}.png" for name in "abcdef"]
+ALL = Wanted(True, ("coco", "geojson"))
+
+
+@pytest.fixture
+def images(tmp_path: Path) -> Path:
+    make_images(tmp_path / "in", NAMES)
+    return tmp_path / "in"
+
+
+def run_in(images: Path | list[Path], out: Path, **options: object):
+    return run_batch(images, out, executor=Choice("inprocess"), **options)
+
+
+def rows(out: Path) -> list[str]:
+    return [row["image"] for row in table(out / "timings.csv")]
+
+
+def truths(images: Path, folder: Path) -> str:
+    folder.mkdir()
+    for name in NAMES:
+        Image.fromarray(np.eye(12, 16, dtype=np.uint8) * 255).save(folder / name)
+    return str(folder)
+
+
+def test_a_run_over_part_of_the_images_keeps_the_rest(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_in(images, out, wanted=ALL)
+    coco = (out / "coco.json").read_bytes()
+    before = table(out / "timings.csv")
+    assert run_in(images / "c.png", out, wanted=ALL).unchanged == 1
+    assert table(out / "timings.csv") == before
+    assert (out / "coco.json").read_bytes() == coco
+    shutil.copy(images / "d.png", images / "c.png")
+    assert run_in(images / "c.png", out, wanted=ALL).done == 1
+    assert rows(out) == NAMES
+    assert run_in(images, out, wanted=ALL).unchanged == 6
+
+
+def test_other_outputs_make_only_what_is_asked_for_and_missing(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_in(images, out, wanted=ALL)
+    assert run_in(images, out).unchanged == 6, "nothing is asked for that is not there"
+    assert (out / "coco.json").exists()
+    (out / "overlays" / "b.png").unlink()
+    assert run_in(images, out).unchanged == 6
+    masks = {path: path.stat().st_mtime_ns for path in (out / "masks").iterdir()}
+    summary = run_in(images, out, wanted=ALL)
+    assert (summary.unchanged, summary.done) == (5, 1)
+    assert (out / "overlays" / "b.png").exists()
+    assert masks == {path: path.stat().st_mtime_ns for path in (out / "masks").iterdir()}
+
+
+def test_a_truth_is_measured_on_the_mask_that_is_there(
+    images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    truth = truths(images, tmp_path / "truth")
+    run_in(images, tmp_path / "straight", truth=truth)
+    expected = [row["iou"] for row in table(tmp_path / "straight" / "timings.csv")]
+    run_in(images, out)
+    with monkeypatch.context() as patch:
+        patch.setattr(stand_in, "segment", None)  # nothing is segmented from here on
+        assert run_in(images, out, truth=truth).unchanged == 6
+        assert [row["iou"] for row in table(out / "timings.csv")] == expected
+        assert run_in(images, out).unchanged == 6
+        assert [row["iou"] for row in table(out / "timings.csv")] == expected, "the IoU is as true as before"
+        Image.fromarray(np.eye(12, 16, 1, dtype=np.uint8) * 255).save(Path(truth) / "b.png")
+        assert run_in(images, out).unchanged == 6
+        assert [row["iou"] for row in table(out / "timings.csv")] == [expected[0], "", *expected[2:]]
+        Image.fromarray(np.zeros((5, 5), np.uint8)).save(Path(truth) / "c.png")
+        summary = run_in(images, out, truth=truth)
+        assert (summary.unchanged, summary.failed) == (5, 1)
+        assert (out / "masks" / "c.png").exists(), "only its truth is wrong"
+        assert run_in(images, out).failed == 0
+
+
+def test_overwriting_removes_what_belongs_to_no_image_any_longer(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_in(images, out, wanted=ALL)
+    (out / "overlays" / "a.png").write_bytes(b"drawn by hand")
+    other = load_params(None, {"contour.degree": 2})
+    shutil.copy(images / "b.png", tmp_path / "b.png")
+    make_images(images, ["b.png"], {"b.png": stand_in.FAIL})
+    (images / "f.png").unlink()
+    summary = run_in(images, out, params=other, overwrite=True)
+    assert (summary.done, summary.failed) == (4, 1)
+    left = {str(path.relative_to(out)) for path in out.rglob("*.*") if path.is_file() and ".ffseg" not in str(path)}
+    masks = {f"masks/{name}" for name in NAMES if name not in ("b.png", "f.png")}
+    contours = {mask.replace("masks", "contours").replace(".png", ".svg") for mask in masks}
+    assert left == {*masks, *contours, "overlays/a.png", "timings.csv", "run.json"}
+    assert json.loads((out / "run.json").read_text())["stale"] == [
+        {"output": "overlays/a.png", "reason": "not what was written"}
+    ]
+
+
+def test_images_that_changed_or_are_gone_leave_the_tables_and_are_named(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_in(images, out, wanted=ALL)
+    shutil.copy(images / "a.png", images / "b.png")
+    (images / "c.png").unlink()
+    (out / "masks" / "d.png").unlink()
+    summary = run_in(images / "f.png", out, wanted=ALL)
+    assert rows(out) == ["a.png", "e.png", "f.png"]
+    stale = json.loads((out / "run.json").read_text())["stale"]
+    assert [entry["image"] for entry in stale] == ["b.png", "c.png", "d.png"]
+    assert summary.stale == 3
+    assert (out / "masks" / "b.png").exists(), "what could come back is not removed"
+    images_in_coco = [image["file_name"] for image in json.loads((out / "coco.json").read_text())["images"]]
+    assert images_in_coco == ["a.png", "e.png", "f.png"]
+
+
+def test_an_image_that_takes_over_an_output_takes_its_row(tmp_path: Path) -> None:
+    make_images(tmp_path / "one", ["x.png", "y.png"])
+    make_images(tmp_path / "two", ["x.jpg"])
+    out = tmp_path / "out"
+    run_in(tmp_path / "one", out, wanted=ALL)
+    run_in(tmp_path / "two", out)
+    assert rows(out) == ["x.jpg", "y.png"]
+    assert not (out / "overlays" / "x.png").exists()
+    assert run_in(tmp_path / "two", out).unchanged == 1
+    assert rows(out) == ["x.jpg", "y.png"]
+
+
+def test_a_run_in_which_every_image_failed_stands_in_nobodys_way(tmp_path: Path) -> None:
+    make_images(tmp_path / "in", ["a.png", "b.png"], {"a.png": stand_in.FAIL, "b.png": stand_in.FAIL})
+    assert run_in(tmp_path / "in", tmp_path / "out").failed == 2
+    make_images(tmp_path / "in", ["a.png", "b.png"])
+    assert run_in(tmp_path / "in", tmp_path / "out", params=load_params(None, {"contour.degree": 2})).done == 2
+    with pytest.raises(UsageError, match="other parameters"):
+        run_in(tmp_path / "in", tmp_path / "out")
+
+
+def test_every_file_a_job_depends_on_makes_it_stale(images: Path, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    from ffseg.batch.runner import Options, Run
+
+    plan = make_plan([str(images)], str(tmp_path / "out"))
+    evidence = [tmp_path / f"{job.index}.map" for job in plan.jobs]
+    plan = replace(plan, jobs=tuple(replace(job, depends=(str(evidence[job.index]),)) for job in plan.jobs))
+    setup = Setup(params=load_params(), segmenter=stand_in.NAME, files={"model": str(tmp_path / "model")})
+
+    def again():
+        observer = Silent()
+        with Run(plan, setup, Options(executor=Choice("inprocess")), observer, observer) as run:
+            return run.execute()
+
+    (tmp_path / "model").write_bytes(b"trees")
+    for path in evidence[1:]:
+        path.write_bytes(b"map")
+    assert (again().done, again().unchanged) == (6, 6)
+    evidence[2].write_bytes(b"another")
+    evidence[0].write_bytes(b"there now")
+    evidence[1].unlink()
+    summary = again()
+    assert (summary.unchanged, summary.done) == (3, 3)
+    (tmp_path / "model").write_bytes(b"other trees")
+    with pytest.raises(UsageError, match="the file of model has changed"):
+        again()
+
+
+def test_a_preview_says_what_the_run_does(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    setup = Setup(params=load_params(), segmenter=stand_in.NAME, wanted=ALL)
+
+    def seen(params=setup.params, overwrite: bool = False) -> list[str]:
+        plan = make_plan([str(images)], str(out), wanted=ALL)
+        return [one.status for one in preview(plan, Setup(params=params, wanted=ALL), overwrite=overwrite)]
+
+    assert seen() == ["to do"] * 6
+    assert not out.exists()
+    run_in(images, out, wanted=ALL)
+    (out / "overlays" / "b.png").write_bytes(b"")
+    (images / "c.png").write_bytes(b"")
+    assert seen() == ["unchanged", "to do", "failed", "unchanged", "unchanged", "unchanged"]
+    other = load_params(None, {"contour.degree": 2})
+    with pytest.raises(UsageError, match=r"contour\.degree was 3, is 2"):
+        seen(other)
+    assert seen(other, overwrite=True)[0] == "to do"
+    pid = os.fork()  # locks belong to processes
+    if pid == 0:
+        with OutputLock(str(out)):
+            os.kill(os.getppid(), 0)
+            while os.path.exists(tmp_path / "in"):
+                (tmp_path / "held").touch()
+        os._exit(0)
+    while not (tmp_path / "held").exists():
+        pass
+    with pytest.raises(UsageError, match="another ffseg run"):
+        seen()
+    shutil.move(images, tmp_path / "moved")
+    os.waitpid(pid, 0)
+
+
+def test_pipes_in_the_place_of_outputs_are_not_replaced(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_in(images, out)
+    for name in ("masks/a.png", "contours/b.svg"):
+        (out / name).unlink()
+        os.mkfifo(out / name)
+    summary = run_in(images, out)
+    assert (summary.unchanged, summary.failed) == (4, 2)
+    assert "not a regular file" in table(out / "timings.csv")[0]["error"]
+
+
+def test_duplicate_names_are_all_named_and_suffixes_can_be_kept(tmp_path: Path) -> None:
+    make_images(tmp_path / "in", ["a.png", "a.jpg", "b.png", "b.jpg", "b.bmp", "c.png"])
+    with pytest.raises(UsageError) as caught:
+        run_in(tmp_path / "in", tmp_path / "out")
+    assert all(f"in/{name}" in str(caught.value) for name in ("a.png", "a.jpg", "b.png", "b.jpg", "b.bmp"))
+    assert "--keep-suffix" in str(caught.value)
+    assert run_in(tmp_path / "in", tmp_path / "out", keep_suffix=True).done == 6
+    assert "masks/b.bmp.png" in snapshot(tmp_path / "out")
+    assert run_in(tmp_path / "in", tmp_path / "other", exclude=["*.jpg", "b.b*"]).done == 3
+
+
+def test_fewer_processes_than_asked_for_do_the_work(
+    images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from ffseg.batch.executors import processes
+
+    left, real = [1], processes.launch
+
+    def scarce():
+        if left[0] == 0:
+            raise OSError(24, "Too many open files")
+        left[0] -= 1
+        return real()
+
+    monkeypatch.setattr(processes, "launch", scarce)
+    observer = Silent()
+    assert run_batch(images, tmp_path / "out", observer=observer, num_workers=4).done == 6
+    assert [note for note in observer.notes if "only 1 worker" in note] == observer.notes
+    with pytest.raises(UsageError, match="no worker process can be started"):
+        run_batch(images, tmp_path / "none", num_workers=4)
+
+
+def test_names_that_are_no_utf8_are_readable_in_coco(tmp_path: Path) -> None:
+    name = os.fsdecode(b"b\xff.png")
+    make_images(tmp_path / "in", ["a\\b.png", name])
+    run_in(tmp_path / "in", tmp_path / "out", wanted=Wanted(exports=("coco", "geojson")))
+    document = (tmp_path / "out" / "coco.json").read_bytes()
+    assert [image["file_name"] for image in json.loads(document)["images"]] == ["a\\b.png", "b\\xff.png"]
+    document.decode("utf-8")
+    assert b"\\ud" not in document
+
+
+def test_long_names_are_refused_where_an_export_does_not_fit(tmp_path: Path) -> None:
+    make_images(tmp_path / "in", ["n" * 247 + ".png", "m" * 249 + ".png"])
+    run_in(tmp_path / "in", tmp_path / "out", wanted=Wanted(exports=("geojson",)))
+    errors = {row["image"][0]: row["error"][:8] for row in table(tmp_path / "out" / "timings.csv")}
+    assert errors == {"n": "", "m": "bad-name"}
+    run_in(tmp_path / "in", tmp_path / "plain")
+    assert [row["error"] for row in table(tmp_path / "plain" / "timings.csv")] == ["", ""]
