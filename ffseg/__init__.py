@@ -31,9 +31,12 @@ if TYPE_CHECKING:
     from ffseg.errors import UsageError as UsageError
     from ffseg.formats.images import Limits as Limits
     from ffseg.formats.images import read_image as read_image
+    from ffseg.freespace.motion.ground import Doubt as Doubt
+    from ffseg.freespace.motion.ground import GroundFit as GroundFit
     from ffseg.freespace.sequence import Frame as Frame
     from ffseg.freespace.sequence import Sequence as Sequence
     from ffseg.freespace.structural import ComponentVerdict as ComponentVerdict
+    from ffseg.freespace.window import Link as Link
     from ffseg.geometry.freeform import FreeForm as FreeForm
     from ffseg.image.edges import EdgeMap as EdgeMap
     from ffseg.image.edges import Scene as Scene
@@ -44,6 +47,7 @@ if TYPE_CHECKING:
     from ffseg.parameters import Init as Init
     from ffseg.parameters import LevelSet as LevelSet
     from ffseg.parameters import Obstacles as Obstacles
+    from ffseg.parameters import Paper as Paper
     from ffseg.parameters import Parameters as Parameters
     from ffseg.parameters import Snake as Snake
     from ffseg.parameters import load_params as load_params
@@ -101,6 +105,10 @@ _HOMES = {
     "LevelSet": "ffseg.parameters",
     "Limits": "ffseg.formats.images",
     "Projection": "ffseg.camera.projections",
+    "Paper": "ffseg.parameters",
+    "Link": "ffseg.freespace.window",
+    "GroundFit": "ffseg.freespace.motion.ground",
+    "Doubt": "ffseg.freespace.motion.ground",
 }
 
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - the names are strings, in one place

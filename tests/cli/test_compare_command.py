@@ -74,3 +74,14 @@ def test_usage_errors_are_exit_2_and_write_nothing(tmp_path: Path) -> None:
         assert done.returncode == 2, (sentence, done.stderr)
         assert sentence in done.stderr
         assert not (tmp_path / "out").exists()
+
+
+def test_the_terminal_gets_a_summary_of_each_method(tmp_path: Path) -> None:
+    samples = Path(__file__).resolve().parents[2] / "samples"
+    methods = ("--methods", "freeform,cv_edges")
+    done = ffseg(samples, "--out", tmp_path / "out", *methods, "--truth", samples / "truth")
+    head, first, second, where = done.stdout.splitlines()
+    assert " ".join(head.split()) == "method images median evolution ms median total ms mean IoU lowest IoU"
+    assert (first.split()[:3], second.split()[:2]) == (["freeform", "(FF)", "3"], ["cv_edges", "3"])
+    assert where == f"every image: {tmp_path / 'out' / 'compare.md'}"
+    assert "IoU" not in ffseg(samples / "toy.png", "--out", tmp_path / "alone", *methods).stdout

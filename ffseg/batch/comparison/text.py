@@ -57,9 +57,17 @@ def _cells(row: Row) -> list[str]:
     return [_name(row.method), *counts, *times, _number(row.iou, 4), *distances, _number(row.holes, 0)]
 
 
+SUMMARY = ("method", "images", "median evolution ms", "median total ms", "mean IoU", "lowest IoU")
+"""Columns of the summary over all images."""
+
+
 def _summary(task: Comparison, rows: Sequence[Row]) -> list[str]:
-    head = ("method", "images", "median evolution ms", "median total ms", "mean IoU", "lowest IoU")
-    lines = [_line(head), _line(["---"] * len(head))]
+    return [_line(SUMMARY), _line(["---"] * len(SUMMARY)), *map(_line, summary_cells(task, rows))]
+
+
+def summary_cells(task: Comparison, rows: Sequence[Row]) -> list[list[str]]:
+    """One row of `SUMMARY` for each method; empty cells where nothing was measured."""
+    lines = []
     for method in task.methods:
         done = [row for row in rows if row.method == method and row.status == "ok"]
         ious = [row.iou for row in done if row.iou is not None]
@@ -67,7 +75,7 @@ def _summary(task: Comparison, rows: Sequence[Row]) -> list[str]:
         total = [row.total_ms for row in done if row.total_ms is not None]
         times = [_number(median(evolve) if evolve else None, 1), _number(median(total) if total else None, 1)]
         overlaps = [_number(mean(ious) if ious else None, 4), _number(min(ious, default=None), 4)]
-        lines.append(_line([_name(method), str(len(done)), *times, *overlaps]))
+        lines.append([_name(method), str(len(done)), *times, *overlaps])
     return lines
 
 

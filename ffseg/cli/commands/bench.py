@@ -75,7 +75,10 @@ def bench(  # noqa: PLR0913 - the options of the command
     for name, content in (plots.plots(outcome.figures) if plots.available() else {}).items():
         write_bytes_atomic(os.path.join(out, name), content)
     report = _write(out, outcome)
-    console.data(report["bench.json" if as_json else "bench.md"].decode("utf-8").rstrip("\n"))
+    if as_json:
+        console.data(report["bench.json"].decode("utf-8").rstrip("\n"))
+    else:
+        console.markdown(report["bench.md"].decode("utf-8").rstrip("\n"))
     for item in outcome.slower:
         console.error(str(item))
     if outcome.slower:

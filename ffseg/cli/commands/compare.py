@@ -59,6 +59,7 @@ def compare(  # noqa: PLR0913 - the options of the command
     gate was missed. Peers that are not installed are named and skipped.
     """
     from ffseg.batch import compare as work
+    from ffseg.batch.comparison.text import SUMMARY, summary_cells
     from ffseg.batch.comparison.values import Comparison
     from ffseg.cli.running.interruption import Interruption
     from ffseg.peer_parameters import load_peer_parameters
@@ -75,7 +76,10 @@ def compare(  # noqa: PLR0913 - the options of the command
     if as_json:
         console.data(json.dumps({"out": folder, "missed": missed, "rows": [_plain(row) for row in rows]}, indent=2))
     elif not quiet:
-        console.data((out / "compare.md").read_text(encoding="utf-8").rstrip("\n"))
+        cells = summary_cells(task, rows)
+        shown = [place for place in range(len(SUMMARY)) if any(line[place] for line in cells)]  # no IoU without truth
+        console.table([SUMMARY[place] for place in shown], [[line[place] for place in shown] for line in cells])
+        console.data(f"every image: {console.escape(os.path.join(folder, 'compare.md'))}")
     for sentence in missed:
         console.error(sentence)
     if any(row.status == "failed" for row in rows):

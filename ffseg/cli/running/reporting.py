@@ -126,10 +126,7 @@ def show_result(run: Run, out: str, *, as_json: bool) -> None:
         rows = list(run.rows())
         console.data(json.dumps({**value, **_figures(rows), "images": rows}, indent=2))
         return
-    width = max(len(label) for label, _ in _lines(run, summary))
-    for label, text in _lines(run, summary):
-        console.data(f"{label:{width}}  {text}")
-    console.data(f"{'output':{width}}  {printable(out)}")
+    console.summary([*_lines(run, summary), ("output", printable(out))])
 
 
 def _figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
