@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from ffseg.parameters import Obstacles as Obstacles
     from ffseg.parameters import Paper as Paper
     from ffseg.parameters import Parameters as Parameters
+    from ffseg.parameters import Region as Region
     from ffseg.parameters import Snake as Snake
     from ffseg.parameters import load_params as load_params
     from ffseg.parameters import presets as presets
@@ -109,6 +110,7 @@ _HOMES = {
     "Link": "ffseg.freespace.window",
     "GroundFit": "ffseg.freespace.motion.ground",
     "Doubt": "ffseg.freespace.motion.ground",
+    "Region": "ffseg.parameters",
 }
 
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - the names are strings, in one place
