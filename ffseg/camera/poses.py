@@ -16,6 +16,7 @@ from ffseg.schema.strict_csv import finite, rows_of
 from ffseg.schema.strict_yaml import read_text
 
 POSE_HEADER = ["image", "x", "y", "theta"]
+SIGMA_HEADER = [*POSE_HEADER, "sigma_xy", "sigma_theta"]
 PAIR_HEADER = ["previous", "current"]
 MAX_METRES = 1e7
 """Positions beyond this (UTM coordinates stay below) are a slip of units and would cost the last digits."""
@@ -29,7 +30,8 @@ def load_poses(path: str | os.PathLike[str], images: Sequence[str], camera: Came
     Parameters
     ----------
     path : path
-        CSV with the header ``image,x,y,theta`` (rows in any order, found by name), or a TUM trajectory
+        CSV with the header ``image,x,y,theta`` (rows in any order, found by name), which may end with
+        ``sigma_xy,sigma_theta`` (standard deviations, metres per axis and radians), or a TUM trajectory
         (``timestamp tx ty tz qx qy qz qw``) with one line per image in image order.
     images : sequence of str
         Relative names of the images, in order, with ``/``.
@@ -51,10 +53,10 @@ def load_poses(path: str | os.PathLike[str], images: Sequence[str], camera: Came
     text = read_text(name, problems)
     problems.raise_as(CalibrationError)
     head = text.lstrip("\ufeff \t\r\n").partition("\n")[0]
-    if [cell.strip() for cell in head.split(",")] == POSE_HEADER:
+    if [cell.strip() for cell in head.split(",")] in (POSE_HEADER, SIGMA_HEADER):
         poses = _csv_poses(text, name, camera, problems)
     elif "," in head:
-        raise CalibrationError(f"{name}:1: the header must be {','.join(POSE_HEADER)}, it is {head[:60]!r}")
+        raise CalibrationError(f"{name}:1: the header must be image,x,y,theta[,sigma_xy,sigma_theta], it is {head[:60]!r}")
     else:
         poses = _tum_poses(text, name, images, problems)
     problems.raise_as(CalibrationError)
@@ -101,12 +103,16 @@ def load_pairs(path: str | os.PathLike[str], images: Sequence[str]) -> Mapping[s
 
 def _csv_poses(text: str, name: str, camera: Camera, problems: Problems) -> dict[str, Pose]:
     poses: dict[str, Pose] = {}
-    for line, (image, *words) in rows_of(text, name, [POSE_HEADER], problems):
-        values = _floats(words, f"{name}:{line}", POSE_HEADER[1:], problems)
+    for line, (image, *words) in rows_of(text, name, [POSE_HEADER, SIGMA_HEADER], problems):
+        values = _floats(words, f"{name}:{line}", SIGMA_HEADER[1 : 1 + len(words)], problems)
         if image in poses:
             problems.add(f"{name}:{line}", f"{image!r} has a pose already; keep one row")
-        if values is not None:
-            poses[image] = planar_pose(camera, values[0], values[1], values[2])
+        if values is None:
+            continue
+        sigmas = (values[3], values[4]) if len(values) > 3 else None
+        if sigmas and min(sigmas) <= 0.0:
+            problems.add(f"{name}:{line}", "sigma_xy and sigma_theta must be above 0; leave the columns out if unknown")
+        poses[image] = planar_pose(camera, values[0], values[1], values[2], sigmas)
     return poses
 
 

@@ -166,6 +166,7 @@ def structural_test(
     match neither merges a box nor keeps a mark.
     """
     doubt = shared_doubt(pair.motion, len(components)) if fit is None else fit.without(len(components))
+    large = np.array([component.area >= LEAST_AREA for component in components], np.bool_)
     matches = match_corners(pair, components, epsilon, doubt)
     corners = _corner_votes(matches, len(components), epsilon)
     flat, raised = np.zeros((2, len(components)), np.intp)
@@ -174,15 +175,15 @@ def structural_test(
     spoken = (flat >= LEAST_FLAT) | (
         (flat >= 2) & (raised == 0) & (corners.high == 0) & (flat + corners.low >= LEAST_BOTH)
     )
-    merged = corners.on_ground & doubt.known & spoken & (raised <= MOST_RAISED * (flat + raised))
-    told = doubt.known & (corners.matched > 0)
+    merged = large & corners.on_ground & doubt.known & spoken & (raised <= MOST_RAISED * (flat + raised))
+    told = large & doubt.known & (corners.matched > 0)
     stands = told & ((corners.high >= 2) | (raised > np.maximum(LEAST_FLAT, MOST_RAISED * (flat + raised))))
     return tuple(
         ComponentVerdict(
             component.index, component.area, *component.centroid,
             int(corners.matched[place]), float(corners.highest[place]),
             "false_obstacle" if merged[place] else "obstacle" if told[place] else "untested",
-            int(flat[place]), int(raised[place]), bool(merged[place] | stands[place]),
+            int(flat[place]), int(raised[place]), bool(merged[place] | stands[place] | ~large[place]),
         )
         for place, component in enumerate(components)
     )  # fmt: skip
@@ -305,6 +306,8 @@ MISS_GATE = 16.0
 
 MOST_NOISE = 0.08
 """Part of a sample's contrast that may be noise: with twice as much right matches fall short of ``LEAST_SCORE``."""
+LEAST_AREA = 30
+"""Pixels; of a smaller component a corner's patch of 9x9 pixels shows more of what is round it than of itself."""
 LEAST_FLAT = 4
 """Samples that must speak for the ground before anything is merged."""
 LEAST_BOTH = 6

@@ -176,3 +176,26 @@ def test_a_run_in_which_nothing_could_be_tested_says_why_and_how_much(ffseg_comm
 
 def test_a_run_in_which_something_was_tested_says_nothing(ffseg_command: Command, views: Path) -> None:
     assert "nothing was tested" not in run(ffseg_command, views, *with_camera(views)).stderr
+
+
+def test_wrong_units_are_named_on_stderr(ffseg_command: Command, views: Path) -> None:
+    lines = (views / "poses.csv").read_text().splitlines()
+    cells = [line.split(",") for line in lines[1:]]
+    wrong = [f"{name},{x},{y},{float(np.rad2deg(float(theta)))!r}" for name, x, y, theta in cells]
+    (views / "poses.csv").write_text("\n".join([lines[0], *wrong, ""]))
+    result = run(ffseg_command, views, *with_camera(views), "-v")
+    assert result.returncode == 0
+    said = [line for line in result.stderr.splitlines() if "theta looks like degrees" in line]
+    assert [line.partition(": no motion: ")[0] for line in said] == ["ffseg: 2.png", "ffseg:   1 image"]
+    assert "ffseg: 1.png: first image" in result.stderr
+    assert {row["verdict"] for row in rows(views / "out" / "obstacles.csv")} == {"untested"}
+    assert [row["pair"] for row in rows(views / "out" / "timings.csv")] == ["first", "untested"]
+
+
+def test_pairs_that_could_not_be_tested_are_counted(ffseg_command: Command, views: Path) -> None:
+    shutil.copyfile(views / "views" / "1.png", views / "views" / "0.png")
+    result = run(ffseg_command, views, "--camera", views / "camera.yaml")
+    assert "ffseg: 1 of 2 pairs untested:" in result.stderr.splitlines()
+    assert "ffseg:   1 pair: degenerate pair: " in result.stderr
+    quiet = run(ffseg_command, views, "--camera", views / "camera.yaml", "--overwrite", "-q")
+    assert "untested" not in quiet.stderr

@@ -134,7 +134,7 @@ def run(  # noqa: PLR0913 - the options of the command
         summary = work.execute(early)
         progress.close()
         if as_json or not quiet:
-            show_result(work, plan.out, as_json=as_json)
+            show_result(work, plan.out, as_json=as_json, verbose=verbose)
         if summary.signal:
             raise typer.Exit(interruption.exit_code)
     if summary.failed or summary.problems:

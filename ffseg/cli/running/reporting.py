@@ -13,7 +13,7 @@ from ffseg.batch.jobs import Job, Plan
 from ffseg.batch.preview import Preview
 from ffseg.batch.runner import Run, Summary
 from ffseg.cli import console
-from ffseg.cli.running.untested import nothing_tested
+from ffseg.cli.running.untested import motions, nothing_tested, untested_pairs
 from ffseg.formats.files import printable
 
 _MOST_TOLD = 100
@@ -111,10 +111,14 @@ def _radius(job: Job) -> str:
     return "" if radius is None else f", radius {radius:g}"
 
 
-def show_result(run: Run, out: str, *, as_json: bool) -> None:
-    """Print how a run ended: the summary table, or one JSON document with every row."""
-    summary = run.summary
-    for line in nothing_tested(list(run.rows()), out):
+def show_result(run: Run, out: str, *, as_json: bool, verbose: bool = False) -> None:
+    """Print how a run ended: the summary table, or one JSON document with every row.
+
+    Pairs that could not be tested are said on stderr; with `verbose` what came of every pair.
+    """
+    summary, finished = run.summary, list(run.rows())
+    lines = [*(motions(finished) if verbose else ()), *(nothing_tested(finished, out) or untested_pairs(finished))]
+    for line in lines:
         console.message(f"ffseg: {line}")
     if as_json:
         value = {

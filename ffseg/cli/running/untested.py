@@ -1,4 +1,4 @@
-"""What a run over pairs says when not one enclosed component could be tested."""
+"""What a run over pairs says of those that could not be tested."""
 
 from __future__ import annotations
 
@@ -30,17 +30,30 @@ def nothing_tested(rows: Sequence[Mapping[str, Any]], out: str) -> list[str]:
     if not verdicts or set(verdicts) != {"untested"}:
         return []
     notes = [row["note"] for row in rows if row.get("note") and row["image"] in images]
+    said = f"nothing was tested: {_count(verdicts.total(), 'enclosed component')} of {_count(len(images), 'image')} stay untested"
+    return [said, *_reasons(notes, "image")]
+
+
+def untested_pairs(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Lines for people: how many of the pairs could not be tested and why; none when all were."""
+    pairs = [row for row in rows if row.get("pair") in ("tested", "untested")]
+    notes = [row["note"] for row in pairs if row["pair"] == "untested"]
+    return [f"{len(notes)} of {_count(len(pairs), 'pair')} untested:", *_reasons(notes, "pair")] if notes else []
+
+
+def motions(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Lines for people: what came of comparing each image with those before."""
+    return [f"{row['image']}: {row['note']}" for row in rows if row.get("pair") and row.get("note")]
+
+
+def _reasons(notes: Sequence[str], what: str) -> list[str]:
+    """Why, by number: notes that differ in their figures only are one reason, said as the first has it."""
     examples: dict[str, str] = {}
     for note in notes:
         examples.setdefault(_alike(note), note)
     counts = Counter(map(_alike, notes)).most_common()
-    lines = [
-        f"nothing was tested: {_count(verdicts.total(), 'enclosed component')} of {_count(len(images), 'image')} stay untested"
-    ]
-    lines += [f"  {_count(count, 'image')}: {examples[key]}" for key, count in counts[:_MOST_REASONS]]
-    if len(counts) > _MOST_REASONS:
-        lines.append("  further reasons are in the column note of timings.csv")
-    return lines
+    lines = [f"  {_count(count, what)}: {examples[key]}" for key, count in counts[:_MOST_REASONS]]
+    return [*lines, "  further reasons are in the column note of timings.csv"] if len(counts) > _MOST_REASONS else lines
 
 
 def _verdicts(path: str) -> tuple[Counter[str], set[str]]:
