@@ -1,0 +1,335 @@
+"""Single steps of the free form on edge maps and contours made for them: what each step must do can be worked out."""
+
+from __future__ import annotations
+
+from math import cos, hypot, pi, sin
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.polygon import self_intersections
+from ffseg.geometry.ragged import packed, unpacked
+from ffseg.image.raster import rasterize
+from ffseg.native import _core
+
+SHAPE = (140, 180)
+Edges = NDArray[np.uint8]
+
+
+def evolution(
+    starts: list[FreeForm], edges: Edges | None = None, domain: Edges | None = None, **more: object
+) -> _core.Evolution:
+    """An evolution in open ground with fixed patches, unless said otherwise."""
+    options = _core.EvolutionOptions()
+    options.degree, options.split_threshold, options.balloon = starts[0].degree, 40.0, 2.0
+    options.refine, options.topology, options.max_iterations = False, True, 1000
+    options.clearance, options.settle, options.ridge_low = 0.0, 4.0, 32.0
+    for name, value in more.items():
+        setattr(options, name, value)
+    return _core.Evolution(*packed(starts), np.zeros(SHAPE, np.uint8) if edges is None else edges, domain, options)
+
+
+def contours(made: _core.Evolution, degree: int = 3) -> tuple[FreeForm, ...]:
+    return unpacked(*made.contours(), degree)
+
+
+def region(made: _core.Evolution, degree: int = 3, shape: tuple[int, int] = SHAPE) -> NDArray[np.bool_]:
+    return rasterize(contours(made, degree), shape)
+
+
+def ring(radius: float, center: tuple[float, float] = (90.0, 70.0), shape: tuple[int, int] = SHAPE) -> Edges:
+    """A thin circle of edge pixels, 8-connected as Canny's are."""
+    edges = np.zeros(shape, np.uint8)
+    for i in range(int(16 * radius)):
+        a = 2 * pi * i / int(16 * radius)
+        edges[round(center[1] + radius * sin(a)), round(center[0] + radius * cos(a))] = 255
+    return edges
+
+
+def dilated(mask: NDArray[np.bool_], by: int) -> NDArray[np.bool_]:
+    """The mask grown by a square of so many pixels to every side."""
+    grown = mask.copy()
+    for _ in range(by):
+        padded = np.pad(grown, 1)
+        rows = padded[:-2] | padded[1:-1] | padded[2:]
+        grown = rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]
+    return grown
+
+
+def distances(
+    made: _core.Evolution, center: tuple[float, float] = (90.0, 70.0), degree: int = 3
+) -> NDArray[np.float64]:
+    points = np.concatenate([contour.flatten(0.01) for contour in contours(made, degree)])
+    return np.hypot(*(points - center).T)
+
+
+@pytest.mark.parametrize("degree", range(1, 7))
+@pytest.mark.parametrize("balloon", [1.0, 2.0, 5.0])
+def test_a_circle_in_open_ground_grows_by_the_balloon(degree: int, balloon: float) -> None:
+    made = evolution([FreeForm.circle((90, 70), 20, 48 // degree, degree)], balloon=balloon)
+    made.advance(6)
+    samples = np.concatenate([c.evaluate(np.arange(48) / 48) for c in contours(made, degree)])
+    np.testing.assert_allclose(np.hypot(*(samples - (90, 70)).T), 20 + 6 * balloon, atol=0.02 * balloon)
+
+
+def test_uneven_samples_are_evened_out_along_the_tangent() -> None:
+    angles = np.cumsum(np.tile([0.5, 1.5], 18)) * 2 * pi / 36
+    start = FreeForm.from_samples(np.stack([90 + 20 * np.cos(angles), 70 + 20 * np.sin(angles)], axis=1), 3)
+    made = evolution([start], balloon=0.5)
+
+    def ratio(contour: FreeForm) -> float:
+        samples = contour.evaluate(np.arange(37) / 36)
+        steps = np.hypot(*np.diff(samples, axis=0).T)
+        return float(steps.max() / steps.min())
+
+    assert ratio(start) == pytest.approx(3.0, rel=0.02)
+    made.advance(12)
+    assert ratio(contours(made)[0]) < 1.2
+    assert np.median(distances(made)) == pytest.approx(26.0, abs=0.5)  # and the shape keeps to first order
+
+
+@pytest.mark.parametrize("degree", range(1, 7))
+@pytest.mark.parametrize("threshold", [10.0, 24.0, 40.0])
+def test_a_contour_stops_before_the_band_of_a_thin_ring(degree: int, threshold: float) -> None:
+    """The band is the edge pixel and one more to either side; a sample stops at most a march step before it."""
+    made = evolution(
+        [FreeForm.circle((90, 70), 8, 13, degree)], ring(50), refine=True, split_threshold=threshold, balloon=8.0
+    )
+    made.advance(500)
+    assert made.stop_reason == "converged"
+    found = distances(made, degree=degree)
+    assert found.max() < 50 - 1.2  # between two samples the curve may run through the band, but not meet the edge
+    assert np.percentile(found, 2) > 50 - 1.5 - 2.0  # a staircase of pixels holds samples a pixel or two apart
+    assert found.mean() > 50 - 1.5 - 1.0
+    assert len(contours(made, degree)) == 1
+
+
+@pytest.mark.parametrize("slope", [0, 1, 2, 3, 5])
+@pytest.mark.parametrize("balloon", [2.0, 8.0])
+def test_no_thin_line_is_jumped(slope: int, balloon: float) -> None:
+    """Lines one pixel wide in several directions, diagonal ones too: what lies behind them stays outside."""
+    edges = np.zeros(SHAPE, np.uint8)
+    columns = np.arange(SHAPE[1])
+    for column in columns:
+        row = 110 - (column * slope) // 8
+        if 0 <= row < SHAPE[0]:
+            edges[row, column] = 255
+    made = evolution([FreeForm.circle((60, 40), 10, 13, 3)], edges, refine=True, balloon=balloon)
+    made.advance(500)
+    mask = region(made)
+    behind = np.arange(SHAPE[0])[:, None] > 110 - (columns * slope) // 8
+    assert not (mask & behind).any()
+    assert (mask & ~behind).sum() > 0.93 * (~behind).sum()
+
+
+def test_an_obstacle_becomes_a_hole_and_a_speck_between_samples_is_seen() -> None:
+    for radius in (0.0, 2.0, 6.0, 14.0):
+        edges = ring(radius, (120.0, 70.0)) if radius else np.zeros(SHAPE, np.uint8)
+        edges[70, 120] = 255
+        made = evolution([FreeForm.circle((60, 70), 10, 13, 3)], edges, refine=True, balloon=8.0)
+        made.advance(500)
+        assert made.stop_reason == "converged"
+        holes = [contour for contour in contours(made) if contour.signed_area < 0]
+        assert len(holes) == 1, radius
+        assert holes[0].winding([[120.0, 70.0]]).tolist() == [-1]
+        assert not region(made)[70, 120]
+        assert region(made).sum() > SHAPE[0] * SHAPE[1] - pi * (radius + 4) ** 2 - 60  # the image's corners are rounded
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4])
+@pytest.mark.parametrize("gap", [20.0, 32.0, 38.0])
+def test_two_circles_that_overlap_become_one(degree: int, gap: float) -> None:
+    """No area is won or lost where they join, but for the corners a flip cuts (less than a patch)."""
+    patches = 36 // degree
+    starts = [FreeForm.circle((70, 70), 20, patches, degree), FreeForm.circle((70 + gap, 70), 20, patches, degree)]
+    made = evolution(starts, balloon=0.3)
+    made.advance(3)
+    (outline,) = contours(made, degree)
+    grown = [FreeForm.circle((70 + step, 70), 20.9, patches, degree) for step in (0.0, gap)]
+    union = rasterize(grown, SHAPE)
+    assert made.counts()["merges"] >= 1
+    assert (region(made, degree) ^ union).sum() < 0.05 * union.sum()
+    assert outline.signed_area == pytest.approx(union.sum(), rel=0.05)
+
+
+def test_two_circles_that_do_not_meet_stay_two() -> None:
+    made = evolution([FreeForm.circle((60, 70), 20, 12, 3), FreeForm.circle((110, 70), 20, 12, 3)], balloon=0.3)
+    made.advance(3)
+    assert len(contours(made)) == 2
+    assert made.counts()["flips"] == made.counts()["merges"] == 0
+
+
+def test_a_circle_within_another_is_dropped_at_the_end() -> None:
+    """The front never re-enters what it has filled."""
+    edges = ring(50)
+    made = evolution([FreeForm.circle((90, 70), 30, 20, 3), FreeForm.circle((90, 70), 10, 12, 3)], edges, refine=True)
+    made.advance(500)
+    assert [contour.signed_area > 0 for contour in contours(made)] == [True]
+
+
+def horseshoe(gap: float) -> FreeForm:
+    """A ring that is not closed, on the right: its two ends stand `gap` apart."""
+    half = gap / 2 / 35
+    out = [half + (2 * pi - 2 * half) * i / 47 for i in range(48)]
+    outer = [(80 + 45 * cos(a), 70 + 45 * sin(a)) for a in out]
+    inner = [(80 + 25 * cos(a), 70 + 25 * sin(a)) for a in reversed(out)]
+    return FreeForm.from_samples(np.array(outer + inner), 3)
+
+
+@pytest.mark.parametrize("edge", [True, False])
+def test_a_front_that_closes_on_itself_leaves_a_hole_round_an_obstacle(edge: bool) -> None:
+    edges = ring(12, (80.0, 70.0)) if edge else None
+    made = evolution([horseshoe(8.0)], edges, refine=True, balloon=1.0)
+    made.advance(8)
+    areas = sorted(contour.signed_area for contour in contours(made))
+    assert len(areas) == 2
+    assert areas[0] < 0 < areas[1]
+    assert made.counts()["flips"] >= 1
+    made.advance(100)
+    holes = [contour for contour in contours(made) if contour.signed_area < 0]
+    assert len(holes) == int(edge)  # round nothing it closes and is dropped
+
+
+@pytest.mark.parametrize("row", [20, 150, 290, 400, 560])
+def test_fronts_meet_wherever_they_are_in_a_large_image(row: int) -> None:
+    """Enough patches for several strips of the filter: a pair is found in each of them."""
+    shape = (600, 1200)
+    starts = [FreeForm.circle((40 + 36 * i, row), 12, 24, 3) for i in range(32)]
+    options = {"balloon": 2.0, "split_threshold": 1000.0}
+    made = evolution(starts, np.zeros(shape, np.uint8), **options)
+    made.advance(5)
+    assert made.counts()["merges"] == 31
+    assert len(contours(made)) == 1
+    apart = [FreeForm.circle((40 + 36 * i, row + (i % 2) * 2), 12, 24, 3) for i in range(0, 32, 2)]
+    still = evolution(apart, np.zeros(shape, np.uint8), **options)
+    still.advance(5)
+    assert still.counts()["flips"] == 0
+    assert len(contours(still)) == 16
+
+
+def test_adjacent_patches_that_cross_cut_their_loop_off() -> None:
+    """Two adjacent straight patches cannot cross; two curved ones can, away from their joint."""
+    knot = [(60.0, 90.0), (110.0, 40.0), (110.0, 110.0), (90.0, 60.0), (70.0, 110.0), (70.0, 40.0), (120.0, 90.0)]
+    back = [(140.0, 95.0), (140.0, 120.0), (120.0, 120.0), (100.0, 121.0), (80.0, 121.0), (60.0, 120.0)]
+    back += [(40.0, 120.0), (40.0, 95.0)]
+    start = FreeForm(np.array(knot + back), 3)
+    made = evolution([start], balloon=0.3)
+    made.advance(2)
+    assert self_intersections(contours(made)) == []
+    assert made.counts()["flips"] >= 1
+    assert len(contours(made)) == 1
+    assert contours(made)[0].num_patches < start.num_patches
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_split_keeps_the_curve_and_ends_below_the_threshold(seed: int) -> None:
+    rng = np.random.default_rng([seed, 5])
+    angles = np.arange(12) * 2 * pi / 12
+    radii = 45 + rng.uniform(3, 8) * np.sin(2 * angles + rng.uniform(0, 6))
+    start = FreeForm.from_samples(np.stack([90 + radii * np.cos(angles), 70 + radii * np.sin(angles)], axis=1), 3)
+    made = evolution([start], refine=True, topology=False, split_threshold=30.0, balloon=0.3)
+    for _ in range(4):
+        made.advance(1)
+    (after,) = contours(made)
+
+    def spread(patch: NDArray[np.float64]) -> float:
+        return float(np.hypot(*(patch[:, None] - patch[None]).transpose(2, 0, 1)).max())
+
+    assert max(map(spread, after.patches)) <= 30.0
+    assert min(map(spread, after.patches)) > 7.0
+    assert made.counts()["splits"] >= after.num_patches - start.num_patches
+    before, now = rasterize((start,), SHAPE), region(made)
+    assert (before & ~now).sum() < 0.01 * before.sum()
+    assert (now & ~dilated(before, 3)).sum() < 0.01 * before.sum()  # it has grown by 1.2 px
+    calm = evolution([start], refine=True, topology=False, split_threshold=200.0, balloon=0.3)
+    calm.advance(1)
+    assert calm.counts()["splits"] == 0
+    assert contours(calm)[0].num_patches <= start.num_patches
+
+
+@pytest.mark.parametrize(("short", "prunes"), [(4.5, 1), (9.5, 0)])
+def test_a_short_patch_is_pruned_in_open_ground(short: float, prunes: int) -> None:
+    """Below a fifth of the threshold, here 8 px: its neighbours meet in its middle."""
+    angles = np.concatenate([np.arange(3) * short / 90, np.linspace(short / 30, 2 * pi, 31)[:-1]])
+    start = FreeForm.from_samples(np.stack([90 + 30 * np.cos(angles), 70 + 30 * np.sin(angles)], axis=1), 3)
+    made = evolution([start], refine=True, balloon=0.3, split_threshold=40.0)
+    made.advance(1)
+    (after,) = contours(made)
+    assert made.counts()["prunes"] == prunes
+    assert after.num_patches == start.num_patches - prunes
+    assert after.signed_area == pytest.approx(pi * 30.3**2, rel=0.01)
+    joints = after.patches[:, 0]
+    middle = (90 + 30.3 * cos(short / 60), 70 + 30.3 * sin(short / 60))
+    assert (np.hypot(*(joints - middle).T).min() < 1.0) == bool(prunes)
+
+
+def gradient_ring(
+    radius: float, height: float = 20.0, center: tuple[float, float] = (90.0, 70.0)
+) -> NDArray[np.uint16]:
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    return np.rint(32 * height * np.exp(-0.5 * ((np.hypot(x - center[0], y - center[1]) - radius) / 1.5) ** 2)).astype(
+        np.uint16
+    )
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+@pytest.mark.parametrize("offset", [-2.5, -1.0, 0.0, 0.7])
+def test_a_contour_settles_on_the_ridge(degree: int, offset: float) -> None:
+    made = evolution([FreeForm.circle((90, 70), 50 + offset, 60 // degree, degree)], refine=True, split_threshold=24.0)
+    made.settle(gradient_ring(50.0))
+    found = distances(made, degree=degree)
+    assert abs(found - 50.0).max() < 0.3
+    assert abs(found.mean() - 50.0) < 0.03
+
+
+def test_what_is_no_ridge_or_out_of_reach_leaves_the_contour_where_it_is() -> None:
+    start = FreeForm.circle((90, 70), 40, 20, 3)
+    for gradient, settle in (
+        (gradient_ring(50.0), 4.0),
+        (gradient_ring(42.0, height=0.9), 4.0),
+        (gradient_ring(43.0), 0.0),
+    ):
+        made = evolution([start], refine=True, settle=settle)
+        made.settle(gradient)
+        assert distances(made) == pytest.approx(40.0, abs=0.1)
+    made = evolution([start], refine=True, settle=4.0)
+    made.settle(gradient_ring(43.0))
+    assert distances(made) == pytest.approx(43.0, abs=0.1)
+
+
+def test_gaps_of_a_ridge_take_what_their_neighbours_found() -> None:
+    gradient = gradient_ring(52.0)
+    gradient[68:72, 130:] = 0  # four pixels of it have faded
+    made = evolution([FreeForm.circle((90, 70), 50, 40, 3)], refine=True)
+    made.settle(gradient)
+    assert distances(made).min() > 51.3
+    assert distances(made).max() < 52.4
+
+
+def test_a_settled_contour_does_not_cross_itself() -> None:
+    """Two ridges closer together than the contour's own arms: samples of one arm are drawn to the other's ridge."""
+    for width in (3.0, 4.0, 6.0):
+        y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+        lines = np.minimum(abs(y - 70 + width / 2), abs(y - 70 - width / 2))
+        gradient = np.rint(640 * np.exp(-0.5 * (lines / 1.2) ** 2) * (abs(x - 90) < 60)).astype(np.uint16)
+        samples = [(40 + 2.5 * i, 70 - width / 2 + 2.0) for i in range(40)]
+        samples += [(140 - 2.5 * i, 70 + width / 2 - 2.0) for i in range(41)]
+        made = evolution([FreeForm.from_samples(np.array(samples), 3)], refine=True, split_threshold=12.0)
+        made.settle(gradient)
+        assert self_intersections(contours(made)) == [], width
+
+
+def test_samples_the_domain_has_stopped_settle_at_its_limit() -> None:
+    domain = np.zeros(SHAPE, np.uint8)
+    domain[30:110, 40:140] = 255
+    made = evolution([FreeForm.circle((90, 70), 20, 20, 3)], domain=domain, refine=True, balloon=4.0)
+    made.advance(500)
+    made.settle(np.zeros(SHAPE, np.uint16))
+    mask = region(made)
+    assert not mask[domain == 0].any()
+    assert mask[31:109, 41:139].mean() > 0.98
+    box = np.concatenate([contour.bounding_box for contour in contours(made)])
+    assert hypot(*(box[0] - (39.5, 29.5))) < 0.6
+    assert hypot(*(box[1] - (139.5, 109.5))) < 0.6
