@@ -87,9 +87,20 @@
     return image;
   };
 
-  const furnish = async (entry, place) => {
-    place.append(picture(entry, entry.thumbnail ? [] : ["overlay", "panel", "image", "mask"]));
-    if (!entry.pictures.overlay && entry.pictures.image) place.append(layer(entry, await partsOf(entry)));
+  const furnish = async (entry) => {
+    if (entry.furnished) return;
+    entry.furnished = true;
+    const place = entry.card.querySelector(".picture");
+    place.replaceChildren(picture(entry, entry.thumbnail ? [] : ["overlay", "panel", "image", "mask"]));
+    if (entry.pictures.overlay || !entry.pictures.image) return;
+    const parts = await partsOf(entry);
+    if (entry.furnished) place.append(layer(entry, parts)); // not scrolled away meanwhile
+  };
+  let printing = false;
+  const bare = (entry) => {
+    if (printing) return;
+    entry.furnished = false;
+    entry.card.querySelector(".picture").replaceChildren();
   };
 
   const summaryOf = (entry) => {
@@ -105,52 +116,32 @@
   const cardOf = (entry) => {
     if (!entry.card) {
       const place = make("span", { class: "picture" });
-      const parts = [place, make("span", { class: "name" }, entry.name), make("span", { class: "numbers" })];
-      entry.card = make("button", { type: "button", class: entry.failed ? "card failed" : "card", "data-index": entry.index }, ...parts);
-      furnish(entry, place);
+      const parts = [place, make("span", { class: "name", title: entry.name }, entry.name), make("span", { class: "numbers" })];
+      const classes = ["card", entry.failed ? "failed" : "", entry.failed && !kinds(entry).length ? "wordy" : ""].filter(Boolean).join(" ");
+      entry.card = make("button", { type: "button", class: classes, "data-index": entry.index }, ...parts);
+      sight.observe(entry.card);
     }
     entry.card.querySelector(".numbers").textContent = summaryOf(entry);
     return entry.card;
   };
 
-  // --- the sheet: only the rows in sight are in the document, so ten thousand images scroll like ten ----------------
+  // --- the sheet: every card is in the document, to be found and printed; pictures are there while they are in sight ---
 
-  const MARGIN = 3; // rows kept ready above and below
-  let columns = 1, pitch = 1;
-  const measure = () => {
-    const style = getComputedStyle($("sheet"));
-    columns = style.gridTemplateColumns.split(" ").length;
-    pitch = parseFloat(style.gridAutoRows) + parseFloat(style.rowGap);
-  };
-  const fillSheet = () => {
-    const sheet = $("sheet"), rows = Math.ceil(shown.length / columns), top = sheet.getBoundingClientRect().top;
-    const first = Math.max(0, Math.min(rows, Math.floor(-top / pitch) - MARGIN));
-    const last = Math.max(first, Math.min(rows, Math.ceil((innerHeight - top) / pitch) + MARGIN));
-    const wanted = shown.slice(first * columns, last * columns).map(cardOf), kept = new Set(wanted);
-    for (const card of [...sheet.children]) {
-      if (kept.has(card)) continue;
-      card.remove();
-      entries[Number(card.dataset.index)].card = null; // and with it its picture
-    }
-    let place = sheet.firstChild; // what stays is not moved: it would lose the focus
-    for (const card of wanted) {
-      if (card === place) place = place.nextSibling;
-      else sheet.insertBefore(card, place);
-    }
-    sheet.style.paddingTop = `${first * pitch}px`;
-    sheet.style.paddingBottom = `${(rows - last) * pitch}px`;
-  };
-  let filling = 0;
-  const fillSoon = () => {
-    cancelAnimationFrame(filling);
-    filling = requestAnimationFrame(fillSheet);
-  };
+  let columns = 1;
+  const sight = new IntersectionObserver((changes) => {
+    for (const { target, isIntersecting } of changes) (isIntersecting ? furnish : bare)(entries[Number(target.dataset.index)]);
+  }, { rootMargin: "600px" });
+  const measure = () => { columns = getComputedStyle($("sheet")).gridTemplateColumns.split(" ").length; };
+  const fillSheet = () => $("sheet").replaceChildren(...shown.map(cardOf));
   const focusOn = (at) => {
-    const top = $("sheet").getBoundingClientRect().top + Math.floor(at / columns) * pitch, head = $("filters").offsetHeight;
-    if (top < head || top + pitch > innerHeight) scrollBy(0, top < head ? top - head - 8 : top + pitch - innerHeight);
-    fillSheet();
-    shown[at].card?.focus({ preventScroll: true });
+    $("sheet").style.setProperty("--head", `${getComputedStyle($("filters")).position === "sticky" ? $("filters").offsetHeight : 0}px`);
+    shown[at].card.focus();
   };
+  addEventListener("beforeprint", () => {
+    printing = true; // what is out of sight keeps its picture
+    entries.filter((entry) => entry.card?.isConnected).forEach(furnish);
+  });
+  addEventListener("afterprint", () => { printing = false; });
 
   // --- sorting and filtering -----------------------------------------------------------------------------------
 
@@ -475,7 +466,6 @@
     fromHash();
   };
   addEventListener("hashchange", fromHash);
-  addEventListener("scroll", fillSoon, { passive: true });
-  addEventListener("resize", () => { measure(); fillSoon(); });
+  addEventListener("resize", measure);
   start();
 })();
