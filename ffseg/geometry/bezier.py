@@ -125,10 +125,22 @@ def differentiation_matrix(degree: int) -> Points:
     return _rounded([[Fraction(value) for value in row] for row in product])
 
 
+def combined(matrix: Points, points: Points) -> Points:
+    """``matrix @ points``, shape (..., m, 2), with the same bits on every processor.
+
+    A product by a linear algebra library rounds as the processor lets it, with or without fused operations; one last
+    bit in a start contour is enough to lead an evolution elsewhere. Here every product and every sum is rounded.
+    """
+    columns = matrix.T[..., None]
+    total: Points = columns[0] * points[..., :1, :]
+    for k in range(1, points.shape[-2]):
+        total = total + columns[k] * points[..., k : k + 1, :]
+    return total
+
+
 def sample(patch: Points) -> Points:
     """Points M_i of the patch at t_i = i/d, shape (..., d + 1, 2) (Eq. 4)."""
-    points: Points = interpolation_matrix(patch.shape[-2] - 1) @ patch
-    return points
+    return combined(interpolation_matrix(patch.shape[-2] - 1), patch)
 
 
 def interpolate(samples: Points) -> Points:
@@ -147,7 +159,7 @@ def interpolate(samples: Points) -> Points:
     -----
     Eq. 6. The first and last points are kept bit for bit.
     """
-    patch: Points = interpolation_inverse(samples.shape[-2] - 1) @ samples
+    patch = combined(interpolation_inverse(samples.shape[-2] - 1), samples)
     patch[..., 0, :] = samples[..., 0, :]
     patch[..., -1, :] = samples[..., -1, :]
     return patch
@@ -229,7 +241,7 @@ def split_resampled(patch: Points) -> tuple[Points, Points]:
     """
     degree = patch.shape[-2] - 1
     basis = bernstein(degree, np.arange(2 * degree + 1) / (2 * degree))
-    points: Points = basis @ patch
+    points = combined(basis, patch)
     points[..., 0, :], points[..., -1, :] = patch[..., 0, :], patch[..., -1, :]
     return interpolate(points[..., : degree + 1, :]), interpolate(points[..., degree:, :])
 

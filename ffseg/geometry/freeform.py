@@ -152,7 +152,8 @@ class FreeForm:
         opposite turn cancel. The first point is subtracted first, so a small contour far away loses no digits.
         """
         local = self.patches - self.control_points[0]
-        return float(np.vdot(local[..., 0] @ _area_matrix(self.degree), local[..., 1]))
+        moments = bezier.combined(_area_matrix(self.degree).T, local[..., :1])
+        return float(np.sum(moments[..., 0] * local[..., 1]))
 
     @property
     def control_box(self) -> Points:

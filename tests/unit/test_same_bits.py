@@ -1,0 +1,54 @@
+"""A segmentation has the same bits whatever the processor lets a linear algebra library or NumPy do."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+CODE = """
+import hashlib
+import numpy as np
+import ffseg
+from ffseg.formats.svg import svg_document
+from ffseg.geometry import bezier
+from ffseg.samples.scenes import SCENES
+
+digest = hashlib.blake2b()
+for degree in range(1, 7):
+    for number in range(40):
+        circle = ffseg.FreeForm.circle((400.3 + number, 299.7), 11.7 * (number + 1), 13, degree)
+        digest.update(circle.control_points.tobytes() + np.float64(circle.signed_area).tobytes())
+        digest.update(bezier.sample(circle.patches).tobytes())
+for draw in SCENES.values():
+    image = np.ascontiguousarray(draw().image[..., ::-1]) if draw().image.ndim == 3 else draw().image
+    result = ffseg.segment(image)
+    digest.update(svg_document(result.contours, 800, 600).encode() + result.mask.tobytes())
+print(digest.hexdigest())
+"""
+
+
+def digest(**environment: str) -> str:
+    command = [sys.executable, "-W", "ignore", "-c", CODE]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env={**os.environ, **environment})
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def here() -> str:
+    return digest()
+
+
+OTHERS = {
+    "linear algebra without fused operations": {"OPENBLAS_CORETYPE": "Sandybridge"},
+    "linear algebra of an old processor": {"OPENBLAS_CORETYPE": "Prescott"},
+    "C library without fused operations": {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA4,-AVX512F"},
+    "NumPy without wide registers": {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL"},
+}
+
+
+@pytest.mark.parametrize("environment", OTHERS.values(), ids=OTHERS)
+def test_other_processors_give_the_same_bits(environment: dict[str, str], here: str) -> None:
+    assert digest(**environment) == here
