@@ -31,6 +31,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     domain: NDArray[np.uint8] | None = None,
     start_mask: NDArray[np.uint8] | None = None,
     background: NDArray[np.uint8] | None = None,
+    evidence: NDArray[np.float32] | None = None,
     center: tuple[float, float] | None = None,
     altitudes: NDArray[np.float64] | None = None,
     options: object = None,
@@ -56,6 +57,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         Nonzero inside the start regions; without it the file ``init.mask`` names.
     background : ndarray of uint8 or bool, shape (H, W), optional
         Nonzero at what lies outside the region; without it the file ``init.background_mask`` names.
+    evidence : ndarray of float32, shape (H, W), optional
+        From 0 to 1: probability of inside, or edge strength, as ``edges.evidence`` says.
     center : tuple of float, optional
         What ``init.center: auto`` stands for, (x, y) in pixels; without it the image centre.
     altitudes : ndarray of float64, shape (K, 4), optional
@@ -92,11 +95,22 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         domain=_mask("domain", domain, "domain.mask", chosen.domain.mask),
         start_mask=_mask("start_mask", start_mask, "init.mask", chosen.init.mask),
         background=_mask("background", background, "init.background_mask", chosen.init.background_mask),
+        evidence=_evidence(evidence),
         center=center,
         altitudes=altitudes,
         options=options,
         callback=callback,
     )
+
+
+def _evidence(values: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
+    """A map of evidence as the segmenters take it."""
+    if values is None:
+        return None
+    found = np.ascontiguousarray(values, np.float32)
+    if found.ndim != 2 or not (np.isfinite(found).all() and found.min() >= 0 and found.max() <= 1):
+        raise SegmentationError("evidence must be an array of shape (H, W) with values from 0 to 1")
+    return found
 
 
 def parameter_set(params: ParametersLike) -> Parameters:

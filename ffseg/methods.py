@@ -71,6 +71,8 @@ METHODS: dict[str, Method] = {**SEGMENTERS, **PEERS}
 
 EDGE_SOURCES: dict[str, str] = {
     "gradient": "ffseg.image.edges:gradient_edges",
+    "model": "ffseg.evidence.source:model_edges",
+    "evidence": "ffseg.evidence.source:map_edges",
 }
 """Edge sources by the name they have in ``edges.source``: ``source(scene) -> EdgeMap`` (`ffseg.image.edges.Scene`)."""
 

@@ -57,6 +57,10 @@ class Edges(Section):
     canny: tuple[float, float] | Literal["auto"] = declared(
         "auto", OrWord("auto", _THRESHOLDS), "Canny thresholds on the gradient magnitude of 8-bit grey"
     )
+    model: str | None = declared(
+        None, FilePath(), "what tells inside: a file of ffseg learn (.ffmodel), or a network (.onnx)"
+    )
+    evidence: str = declared("inside", Text(("inside", "edges")), "what maps and networks give: inside or edges")
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +144,23 @@ class Paper(Section):
 
 
 @dataclass(frozen=True, slots=True)
+class Network(Section):
+    """How a network of edges.model is fed and read."""
+
+    size: tuple[float, float] | Literal["auto"] = declared(
+        "auto", OrWord("auto", Row(("width", "height"), (Number(1, 8192),) * 2)), "px, of its input; auto = the image's"
+    )
+    scale: float = declared(1 / 255, Number(0, 1000, above=True), "factor on levels from 0 to 255, after the mean")
+    mean: tuple[float, float, float] = declared(
+        (0.0, 0.0, 0.0), Row(("red", "green", "blue"), (Number(0, 255),) * 3), "levels taken off red, green, blue"
+    )
+    rgb: bool = declared(True, Flag(), "its channels are red, green, blue; false = blue, green, red")
+    output: str = declared("last", Text(), "name of its output; last = the last one")
+    channel: int = declared(0, Integer(0, 10_000), "of its output, the map that is taken")
+    activation: str = declared("none", Text(("none", "logistic", "softmax")), "what makes its output a probability")
+
+
+@dataclass(frozen=True, slots=True)
 class Parameters(Section):
     """Everything that decides a segmentation."""
 
@@ -157,6 +178,7 @@ class Parameters(Section):
     snake: Snake = subsection(Snake)
     levelset: LevelSet = subsection(LevelSet)
     paper: Paper = subsection(Paper)
+    network: Network = subsection(Network)
 
 
 def load_params(source: str | os.PathLike[str] | None = None, overrides: Overrides | None = None) -> Parameters:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ffseg.batch.comparison.text import markdown
 from ffseg.batch.comparison.values import COLUMNS, Comparison, Row
-from ffseg.batch.jobs import Job, make_plan, with_starts
+from ffseg.batch.inputs.maps import read_evidence
+from ffseg.batch.jobs import Job, make_plan, with_evidence, with_starts
 from ffseg.batch.workers.truth import read_truth
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
@@ -53,8 +54,10 @@ def choose_methods(text: str) -> tuple[str, ...]:
     return tuple(names)
 
 
-def plan_comparison(inputs: Sequence[str], out: str, truth: str = "", starts: str = "") -> tuple[Job, ...]:
-    """Images to compare on, each with its truth and, from a starts file, its start circle.
+def plan_comparison(
+    inputs: Sequence[str], out: str, truth: str = "", starts: str = "", evidence: str = ""
+) -> tuple[Job, ...]:
+    """Images to compare on, each with its truth, its start circle from a starts file, and its map of evidence.
 
     Raises
     ------
@@ -64,7 +67,8 @@ def plan_comparison(inputs: Sequence[str], out: str, truth: str = "", starts: st
         If the starts file is wrong, or has no row for an image.
     """
     plan = make_plan(inputs, out, truth=truth)
-    jobs = (with_starts(plan, starts) if starts else plan).jobs
+    plan = with_starts(plan, starts) if starts else plan
+    jobs = (with_evidence(plan, evidence) if evidence else plan).jobs
     taken = {os.path.realpath(path) for job in jobs for path in (job.source.path, job.truth) if path}
     for job in jobs:
         panel = os.path.join(out, "panels", f"{job.stem}.png")
@@ -143,6 +147,7 @@ class _Masks:
     domain: NDArray[np.uint8] | None
     start: NDArray[np.uint8] | None
     background: NDArray[np.uint8] | None
+    evidence: NDArray[np.float32] | None = None
 
 
 def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Row], None]) -> list[Row]:
@@ -152,6 +157,7 @@ def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Ro
         image = read_image(job.source.path)
         height, width = image.shape[:2]
         truth = read_truth(job.truth, (height, width), task.truth_label) if job.truth else None
+        masks = replace(masks, evidence=read_evidence(job.evidence) if job.evidence else None)
     except ImageReadError as error:
         rows = [Row(name, method, status="failed", error=f"{error.reason}: {error}") for method in task.methods]
         for row in rows:
@@ -215,6 +221,7 @@ def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: _Ma
         domain=masks.domain,
         start_mask=masks.start,
         background=masks.background,
+        evidence=masks.evidence,
         options=options,
     )
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 from ffseg.batch.discover import STATE_FOLDER, Source, discover
+from ffseg.batch.inputs.maps import find_evidence
 from ffseg.batch.inputs.truths import find_truths
 from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, OUTPUT_FOLDERS, Wanted
 from ffseg.errors import OutputError, UsageError
@@ -38,6 +39,8 @@ class Job:
     depends : tuple of str
         Paths of further files that its result depends on, such as its own domain or evidence map. Whatever is added to a
         job and read from a file belongs here: with another content the image is done again.
+    evidence : str
+        Path of its map of evidence, or empty; also one of `depends`.
     """
 
     index: int
@@ -47,6 +50,7 @@ class Job:
     earlier: tuple[str, ...] = ()
     start: Start | None = None
     depends: tuple[str, ...] = ()
+    evidence: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +148,23 @@ def with_starts(plan: Plan, path: str) -> Plan:
     return replace(plan, jobs=tuple(replace(job, start=starts.get(job.source.name)) for job in plan.jobs))
 
 
+def with_evidence(plan: Plan, folder: str) -> Plan:
+    """The plan with each image's map of evidence; images that cannot even be tried need none.
+
+    Raises
+    ------
+    UsageError
+        If there is no such folder, or an image has no map in it.
+    """
+    maps = find_evidence([job.source for job in plan.jobs if not job.source.problem], folder)
+
+    def shown(job: Job) -> Job:
+        path = maps.get(job.source.name, "")
+        return replace(job, evidence=path, depends=(*job.depends, path)) if path else job
+
+    return replace(plan, jobs=tuple(map(shown, plan.jobs)))
+
+
 def _whole_name(source: Source) -> str:
     return source.name
 
@@ -233,7 +254,7 @@ def _ignores_case(folder: str) -> bool:
 def _refuse_outputs_over_inputs(plan: Plan) -> None:
     inputs = {}
     for job in plan.jobs:
-        for path in (job.source.path, job.truth):
+        for path in (job.source.path, job.truth, job.evidence):
             inputs[_identity(path) if path else None] = path
     inputs.pop(None, None)
     for job in plan.jobs:

@@ -33,6 +33,7 @@ JOB_REASONS = {
     "parameters": "the parameters do not suit this image",
     "calibration": "the image does not fit the camera file",
     "truth": "the true mask has another size",
+    "evidence": "the map of evidence cannot be used",
     "output": "an output could not be written",
     "crash": "the worker process died",
     "timeout": "it took longer than --timeout allows",
@@ -268,7 +269,7 @@ class Run:
         known = record.known if record is not None and fits and record.settings == self._keeper.settings else None
         outputs = self._plan.outputs(job)
         files = (job.source.path, job.truth, self._plan.out, outputs)
-        return Task(job.index, *files, known, job.source.name, job.earlier, job.start, job.depends)
+        return Task(job.index, *files, known, job.source.name, job.earlier, job.start, job.depends, job.evidence)
 
     def take(self, replies: Sequence[Reply]) -> None:
         """Write what replies bring and remember it: never more images at once than there are workers."""

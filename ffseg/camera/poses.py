@@ -56,7 +56,9 @@ def load_poses(path: str | os.PathLike[str], images: Sequence[str], camera: Came
     if [cell.strip() for cell in head.split(",")] in (POSE_HEADER, SIGMA_HEADER):
         poses = _csv_poses(text, name, camera, problems)
     elif "," in head:
-        raise CalibrationError(f"{name}:1: the header must be image,x,y,theta[,sigma_xy,sigma_theta], it is {head[:60]!r}")
+        raise CalibrationError(
+            f"{name}:1: the header must be image,x,y,theta[,sigma_xy,sigma_theta], it is {head[:60]!r}"
+        )
     else:
         poses = _tum_poses(text, name, images, problems)
     problems.raise_as(CalibrationError)

@@ -49,6 +49,7 @@ def checked_params(config: str | None, settings: Sequence[str] | None = None) ->
         "domain.mask": params.domain.mask,
         "init.mask": params.init.mask,
         "init.background_mask": params.init.background_mask,
+        "edges.model": params.edges.model,
     }
     missing = [
         f"{printable(config) + ': ' if config else ''}{key}: {_complaint(path)}"
@@ -57,6 +58,10 @@ def checked_params(config: str | None, settings: Sequence[str] | None = None) ->
     ]
     if missing:
         raise ParameterError("\n".join(missing))
+    if params.edges.model is not None:
+        from ffseg.evidence.source import check_model
+
+        check_model(params.edges.model)
     return params
 
 

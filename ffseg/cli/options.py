@@ -35,6 +35,10 @@ Settings = Annotated[
 Starts = Annotated[
     Path | None, typer.Option("--starts", metavar="FILE", help="CSV image,x,y[,radius]: each image's start circle.")
 ]
+Evidence = Annotated[
+    Path | None,
+    typer.Option("--evidence", metavar="DIR", help="Maps of what is inside (NAME.png, .tiff, .npy), one an image."),
+]
 TruthLabel = Annotated[
     int | None,
     typer.Option("--truth-label", metavar="K", min=0, max=65535, help="Class number that is inside in true masks."),

@@ -38,6 +38,7 @@ ARRAYS = (
     ("value", "<f4", "leaves"),
 )
 """Name, type and count of each array, in the order of the file. A child below zero is the leaf ``-1 - child``."""
+Plane = NDArray[np.float32]
 REMEDY = "make it again with ffseg learn"
 
 
@@ -53,17 +54,11 @@ class Forest:
         Names of the features that ``feature`` counts, of those in ``NAMES``.
     bias : float
         Added to the sum of the leaves; the logistic function of that is the probability of inside.
-    size : int
-        Pixels a side that features were computed at.
-    about : dict
-        What it was learned from and how well it did, for people.
     """
 
     arrays: dict[str, NDArray[Any]]
     features: tuple[str, ...] = NAMES
     bias: float = 0.0
-    size: int = WORKING_SIZE
-    about: dict[str, Any] = field(default_factory=dict)
 
     def compiled(self) -> _core.EvidenceForest:
         """The forest in the native core.
@@ -76,12 +71,13 @@ class Forest:
         arrays = {name: np.ascontiguousarray(self.arrays[name], kind[1:]) for name, kind, _ in ARRAYS}
         return _core.EvidenceForest(**arrays, features=len(self.features))
 
-    def probability(self, seen: Features, native: _core.EvidenceForest | None = None) -> NDArray[np.float32]:
+    def probability(self, planes: NDArray[np.float32], native: _core.EvidenceForest | None = None) -> Plane:
         """Probability of inside for each reduced pixel.
 
         Parameters
         ----------
-        seen : Features
+        planes : ndarray of float32, shape (F, h, w)
+            All features, in the order of ``NAMES``.
         native : EvidenceForest, optional
             What ``compiled`` returned, to be used for many images.
 
@@ -89,32 +85,67 @@ class Forest:
         -------
         ndarray of float32, shape (h, w)
         """
-        planes = seen.planes
         if self.features != NAMES:
             planes = np.ascontiguousarray(planes[[NAMES.index(name) for name in self.features]])
         score = np.empty(planes.shape[1:], np.float32)
         (native or self.compiled()).score(planes, score)
-        found: NDArray[np.float32] = 1 / (1 + np.exp(-(score + np.float32(self.bias))))
+        # beyond 60 the probability is 0 or 1 in single precision
+        found: Plane = 1 / (1 + np.exp(-np.clip(score + np.float32(self.bias), -60, 60)))
         return found
 
-    def map(self, seen: Features, native: _core.EvidenceForest | None = None) -> NDArray[np.float32]:
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """What a model file holds.
+
+    Attributes
+    ----------
+    inside : Forest
+        Tells what lies inside, seen from the start.
+    start : Forest or None
+        Tells the same without a start, so that one can be found.
+    size : int
+        Pixels a side that features are computed at.
+    about : dict
+        What it was learned from and how well it did, for people.
+    """
+
+    inside: Forest
+    start: Forest | None = None
+    size: int = WORKING_SIZE
+    about: dict[str, Any] = field(default_factory=dict)
+
+    def map(self, seen: Features, native: _core.EvidenceForest | None = None) -> Plane:
         """Probability of inside for each pixel of the image, shape (H, W)."""
-        return enlarged(self.probability(seen, native), seen.factor, seen.shape)
+        return enlarged(self.inside.probability(seen.planes, native), seen.factor, seen.shape)
 
 
-def to_bytes(forest: Forest) -> bytes:
-    """The model file of a forest."""
-    counts = {count: len(forest.arrays[name]) for name, _, count in ARRAYS}
-    header = {"features": forest.features, "bias": forest.bias, "size": forest.size, **counts, "about": forest.about}
-    text = json.dumps(header, sort_keys=True, allow_nan=False).encode()
+def to_bytes(model: Model) -> bytes:
+    """The model file."""
+    forests = {"inside": model.inside, "start": model.start}
+    header = {
+        "size": model.size,
+        "about": model.about,
+        "forests": {name: _described(forest) for name, forest in forests.items() if forest is not None},
+    }
+    text = json.dumps(header, allow_nan=False).encode()
     if len(text) > MAX_HEADER:
         raise ParameterError(f"what is said about the model takes {len(text)} bytes, more than {MAX_HEADER}; say less")
-    body = b"".join(np.asarray(forest.arrays[name], kind).tobytes() for name, kind, _ in ARRAYS)
+    body = b"".join(_body(forest) for forest in forests.values() if forest is not None)
     data = MAGIC + struct.pack("<I", len(text)) + text + body
     return data + hashlib.sha256(data).digest()
 
 
-def load_forest(path: str | os.PathLike[str]) -> Forest:
+def _described(forest: Forest) -> dict[str, Any]:
+    counts = {count: len(forest.arrays[name]) for name, _, count in ARRAYS}
+    return {"features": forest.features, "bias": forest.bias, **counts}
+
+
+def _body(forest: Forest) -> bytes:
+    return b"".join(np.asarray(forest.arrays[name], kind).tobytes() for name, kind, _ in ARRAYS)
+
+
+def load_model(path: str | os.PathLike[str]) -> Model:
     """Read a model file.
 
     Raises
@@ -133,8 +164,8 @@ def load_forest(path: str | os.PathLike[str]) -> Forest:
         raise ParameterError(f"model {name}: {error}; {REMEDY}") from error
 
 
-def from_bytes(data: bytes) -> Forest:
-    """The forest in a model file.
+def from_bytes(data: bytes) -> Model:
+    """The model in a file.
 
     Raises
     ------
@@ -151,40 +182,59 @@ def from_bytes(data: bytes) -> Forest:
         raise ValueError("its header is longer than it may be")
     header = _header(data[head : head + length])
     body = data[head + length : -32]
-    sizes = [header[count] * np.dtype(kind).itemsize for _, kind, count in ARRAYS]
+    described = header["forests"]
+    sizes = [one[count] * np.dtype(kind).itemsize for one in described.values() for _, kind, count in ARRAYS]
     if sum(sizes) != len(body):
         raise ValueError("its arrays are longer or shorter than its header says")
-    ends = np.cumsum([0, *sizes])
-    arrays = {
-        name: np.frombuffer(body[a:b], kind) for (name, kind, _), (a, b) in zip(ARRAYS, pairwise(ends), strict=True)
-    }
-    forest = Forest(arrays, tuple(header["features"]), float(header["bias"]), header["size"], header["about"])
-    forest.compiled()
-    return forest
+    pieces = [body[a:b] for a, b in pairwise(np.cumsum([0, *sizes]).tolist())]
+    forests = {}
+    for place, (name, one) in enumerate(described.items()):
+        own = pieces[place * len(ARRAYS) : (place + 1) * len(ARRAYS)]
+        arrays = {key: np.frombuffer(piece, kind) for (key, kind, _), piece in zip(ARRAYS, own, strict=True)}
+        forests[name] = Forest(arrays, tuple(one["features"]), float(one["bias"]))
+        forests[name].compiled()
+    return Model(forests["inside"], forests.get("start"), header["size"], header["about"])
 
 
 def _header(text: bytes) -> dict[str, Any]:
     """The header, with values of the types and ranges that they may have."""
     try:
-        header = json.loads(text)
+        header: dict[str, Any] = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise ValueError("its header is not JSON") from error
-    keys = {"features", "bias", "size", "about", *(count for _, _, count in ARRAYS)}
-    if not isinstance(header, dict) or set(header) != keys:
-        raise ValueError(f"its header does not have the keys {', '.join(sorted(keys))}")
-    for key, least, most in (("nodes", 0, MAX_BYTES), ("trees", 1, MAX_BYTES), ("leaves", 1, MAX_BYTES),
-                             ("size", 16, MAX_SIZE)):  # fmt: skip
-        if type(header[key]) is not int or not least <= header[key] <= most:
-            raise ValueError(f"{key} in its header is not a whole number from {least} to {most}")
-    bias = header["bias"]
+    _require_keys(header, {"size", "about", "forests"}, "its header")
+    _require_whole(header, "size", 16, MAX_SIZE)
+    if not isinstance(header["about"], dict):
+        raise ValueError("about in its header is not a table")
+    forests = header["forests"]
+    if not isinstance(forests, dict) or not {"inside"} <= set(forests) <= {"inside", "start"}:
+        raise ValueError("forests in its header does not name 'inside', or names more than 'inside' and 'start'")
+    for one in forests.values():
+        _check_forest(one)
+    return header
+
+
+def _check_forest(one: Any) -> None:  # noqa: ANN401 - what JSON held
+    counts = ("nodes", "trees", "leaves")
+    _require_keys(one, {"features", "bias", *counts}, "a forest in its header")
+    for count in counts:
+        _require_whole(one, count, 0 if count == "nodes" else 1, MAX_BYTES)
+    bias = one["bias"]
     if type(bias) not in (int, float) or not math.isfinite(bias) or abs(bias) > 1e6:
         raise ValueError("bias in its header is not a finite number up to 1e6")
-    names = header["features"]
+    names = one["features"]
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise ValueError("features in its header is not a list of names")
     unknown = [name for name in names if name not in NAMES]
     if unknown:
         raise ValueError(f"it asks for a feature that this version does not have, {unknown[0][:40]!r}")
-    if not isinstance(header["about"], dict):
-        raise ValueError("about in its header is not a table")
-    return header
+
+
+def _require_keys(table: Any, keys: set[str], what: str) -> None:  # noqa: ANN401 - what JSON held
+    if not isinstance(table, dict) or set(table) != keys:
+        raise ValueError(f"{what} does not have the keys {', '.join(sorted(keys))}")
+
+
+def _require_whole(table: dict[str, Any], key: str, least: int, most: int) -> None:
+    if type(table[key]) is not int or not least <= table[key] <= most:
+        raise ValueError(f"{key} in its header is not a whole number from {least} to {most}")

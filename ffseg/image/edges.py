@@ -59,19 +59,27 @@ class Scene:
     params : Parameters
     domain : ndarray of uint8, shape (H, W), or None
         Nonzero where the contour may go.
+    evidence : ndarray of float32, shape (H, W), or None
+        From 0 to 1: probability of inside, or edge strength, as ``edges.evidence`` says.
     """
 
     image: NDArray[np.uint8]
     starts: NDArray[np.bool_] | None
     params: Parameters
     domain: NDArray[np.uint8] | None = None
+    evidence: NDArray[np.float32] | None = None
 
 
 def edges_from_source(scene: Scene) -> EdgeMap:
-    """Edge map from the source that ``edges.source`` names."""
-    name = scene.params.edges.source
+    """Edge map from the map that came with the image, else from ``edges.model``, else from ``edges.source``."""
+    name = "evidence" if scene.evidence is not None else source_of(scene.params)
     found: EdgeMap = load(EDGE_SOURCES.get(name, name))(scene)
     return found
+
+
+def source_of(params: Parameters) -> str:
+    """Name of the edge source that the parameters ask for; a model is one."""
+    return "model" if params.edges.model is not None else params.edges.source
 
 
 def gradient_edges(scene: Scene) -> EdgeMap:

@@ -52,6 +52,11 @@ def evidence_geodesic(heights: Annotated[NDArray[numpy.float32], dict(shape=(Non
     Length of the cheapest way from inside, where a pixel costs its height + least, in steps.
     """
 
+def evidence_level(above: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], undecided: float, snap: float, width: float, height: float, gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu')], edges: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    Edges where a map crosses zero, in place: a ridge in the gradient, and the image's own where it is undecided.
+    """
+
 class EvidenceForest:
     """A boosted forest of trees with at most 32 leaves each."""
 

@@ -13,7 +13,7 @@ from ffseg.errors import ParameterError, SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import unpacked
 from ffseg.image.bounds.disc import valid_disc
-from ffseg.image.edges import EdgeMap, Scene, edges_from_source
+from ffseg.image.edges import EdgeMap, Scene, edges_from_source, source_of
 from ffseg.image.raster import rasterize
 from ffseg.methods import METHODS, Method, load
 from ffseg.native import _core
@@ -64,6 +64,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     domain: NDArray[np.uint8] | None = None,
     start_mask: NDArray[np.uint8] | None = None,
     background: NDArray[np.uint8] | None = None,
+    evidence: NDArray[np.float32] | None = None,
     center: tuple[float, float] | None = None,
     altitudes: NDArray[np.float64] | None = None,
     options: object = None,
@@ -87,6 +88,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         Nonzero inside the start regions.
     background : ndarray of uint8, shape (H, W), optional
         Nonzero at what lies outside the region, beside ``init.background``.
+    evidence : ndarray of float32, shape (H, W), optional
+        From 0 to 1: probability of inside, or edge strength, as ``edges.evidence`` says.
     center : tuple of float, optional
         What ``init.center: auto`` stands for; without it the image centre.
     altitudes : ndarray of float64, shape (K, 4), optional
@@ -115,11 +118,15 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
 
         params, options = configured(params, str(name))
     run = segmenter(name) if isinstance(name, str) else name
+    if params.edges.model is not None and start_mask is None and center is None:
+        from ffseg.evidence.source import with_model_start
+
+        params = with_model_start(image, params)
     starts = start_contours(shape, params, start_mask, center)
     begin = perf_counter()
     if edges is None:
-        region = rasterize(starts, shape) if params.edges.source != "gradient" else None
-        edges = edges_from_source(Scene(image, region, params, domain))
+        region = rasterize(starts, shape) if source_of(params) != "gradient" else None
+        edges = edges_from_source(Scene(image, region, params, domain, evidence))
         if edges.domain is None:  # bounds the contour only: thresholds stay those of the image
             edges = replace(edges, domain=_disc(image, starts, params))
     edges = _bounded(edges, starts, params, background)

@@ -71,9 +71,7 @@ def frames(drive: FloorSequence, params: Parameters, poses: list[Pose | None], *
             for k, before in ((k, poses[k]) for k in window)
         ]
         segmentation = segment_view(view.image, camera, params)
-        found.append(
-            free_space(view.image, segmentation, None, camera, params.obstacles.altitude, earlier=earlier)
-        )
+        found.append(free_space(view.image, segmentation, None, camera, params.obstacles.altitude, earlier=earlier))
     return found
 
 
@@ -93,7 +91,9 @@ def outcome(drive: FloorSequence, found: list[Frame]) -> Outcome:
             if mark.sum() > LARGE and np.all((labels[ring(mark)] >= GROUND) & (labels[ring(mark)] <= last)):
                 story = result.stories.setdefault(label, Story())
                 story.merged.append(bool(frame.mask[mark].mean() >= MARK_FREE))
-                story.numbers |= {row.track for row in frame.components if mark[round(row.centroid_y), round(row.centroid_x)]}
+                story.numbers |= {
+                    row.track for row in frame.components if mark[round(row.centroid_y), round(row.centroid_x)]
+                }
     return result
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.evidence.features import NAMES, enlarged, features, reduced_mean, reduction
-from ffseg.evidence.forest import MAGIC, Forest, load_forest, to_bytes
+from ffseg.evidence.forest import MAGIC, Forest, Model, load_model, to_bytes
 
 SHAPE = (90, 130)
 
@@ -28,12 +28,12 @@ def photograph() -> np.ndarray:
     return image
 
 
-def stump(name: str, threshold: float) -> Forest:
+def stump(name: str, threshold: float) -> Model:
     """A forest that calls inside what is at most the threshold."""
     kinds = {"feature": [NAMES.index(name)], "left": [-1], "right": [-2], "root": [0]}
     arrays = {key: np.array(value, np.int32) for key, value in kinds.items()}
     arrays |= {"threshold": np.array([threshold], np.float32), "value": np.array([3, -3], np.float32)}
-    return Forest(arrays, about={"masks": 1})
+    return Model(Forest(arrays), about={"masks": 1})
 
 
 def test_all_features_are_finite_and_named_once() -> None:
@@ -83,7 +83,7 @@ def test_reduction_is_a_whole_factor() -> None:
 def test_a_forest_survives_its_file(tmp_path: Path) -> None:
     forest, seen = stump("barrier@1.5", 1.0), features(photograph(), disc(30, 40, 8), size=65)
     (tmp_path / "a.ffmodel").write_bytes(to_bytes(forest))
-    again = load_forest(tmp_path / "a.ffmodel")
+    again = load_model(tmp_path / "a.ffmodel")
     assert again.about == {"masks": 1}
     assert to_bytes(again) == to_bytes(forest)
     np.testing.assert_array_equal(again.map(seen), forest.map(seen))
@@ -92,8 +92,18 @@ def test_a_forest_survives_its_file(tmp_path: Path) -> None:
 
 def test_a_forest_of_few_features_asks_for_those_only() -> None:
     full, seen = stump("barrier@1.5", 1.0), features(photograph(), disc(30, 40, 8), size=65)
-    few = Forest({**full.arrays, "feature": np.zeros(1, np.int32)}, features=("barrier@1.5",))
-    np.testing.assert_array_equal(few.probability(seen), full.probability(seen))
+    few = Forest({**full.inside.arrays, "feature": np.zeros(1, np.int32)}, features=("barrier@1.5",))
+    np.testing.assert_array_equal(few.probability(seen.planes), full.inside.probability(seen.planes))
+
+
+def test_a_model_may_hold_a_second_forest(tmp_path: Path) -> None:
+    both = Model(stump("x", 0.5).inside, stump("y", 0.25).inside, size=100)
+    (tmp_path / "a.ffmodel").write_bytes(to_bytes(both))
+    again = load_model(tmp_path / "a.ffmodel")
+    assert again.size == 100
+    assert again.start is not None
+    assert again.start.arrays["threshold"].tolist() == [0.25]
+    assert again.inside.arrays["threshold"].tolist() == [0.5]
 
 
 def sealed(header: object, body: bytes, length: int | None = None) -> bytes:
@@ -110,6 +120,13 @@ def parts() -> tuple[dict[str, object], bytes]:
 
 
 HEADER, BODY = parts()
+
+
+def header(**changes: object) -> dict[str, object]:
+    """The header with some values of its forest changed."""
+    return {**HEADER, "forests": {"inside": {**HEADER["forests"]["inside"], **changes}}}  # type: ignore[index]
+
+
 HOSTILE = {
     "empty": (b"", "empty"),
     "text": (b"hello", "not a model file"),
@@ -120,19 +137,20 @@ HOSTILE = {
     "deep": (sealed(b"[" * 60000, BODY), "not JSON"),
     "list": (sealed([1], BODY), "does not have the keys"),
     "missing": (sealed({"nodes": 1}, BODY), "does not have the keys"),
-    "huge": (sealed({**HEADER, "nodes": 1 << 40}, BODY), "nodes in its header"),
-    "bool": (sealed({**HEADER, "trees": True}, BODY), "trees in its header"),
-    "negative": (sealed({**HEADER, "leaves": -1}, BODY), "leaves in its header"),
-    "more": (sealed({**HEADER, "leaves": 3}, BODY), "longer or shorter"),
+    "size": (sealed({**HEADER, "size": 1 << 20}, BODY), "size in its header"),
+    "no-forest": (sealed({**HEADER, "forests": {}}, BODY), "does not name 'inside'"),
+    "more-forests": (sealed({**HEADER, "forests": {**HEADER["forests"], "x": {}}}, BODY), "names more than"),
+    "forest": (sealed({**HEADER, "forests": {"inside": 3}}, BODY), "a forest in its header"),
+    "huge": (sealed(header(nodes=1 << 40), BODY), "nodes in its header"),
+    "bool": (sealed(header(trees=True), BODY), "trees in its header"),
+    "negative": (sealed(header(leaves=-1), BODY), "leaves in its header"),
+    "more": (sealed(header(leaves=3), BODY), "longer or shorter"),
     "tail": (sealed(HEADER, BODY + b"x"), "longer or shorter"),
-    "nan-bias": (sealed(json.dumps({**HEADER, "bias": float("nan")}).encode(), BODY), "bias in its header"),
-    "names": (sealed({**HEADER, "features": [1]}, BODY), "not a list of names"),
-    "unknown": (sealed({**HEADER, "features": ["smell"]}, BODY), "'smell'"),
-    "few": (sealed({**HEADER, "features": []}, BODY), "not a list of names"),
-    "out-of-range": (
-        sealed({**HEADER, "features": ["y"]}, BODY.replace(BODY[:4], b"\x09\0\0\0", 1)),
-        "feature that there",
-    ),
+    "nan-bias": (sealed(json.dumps(header(bias=float("nan"))).encode(), BODY), "bias in its header"),
+    "names": (sealed(header(features=[1]), BODY), "not a list of names"),
+    "unknown": (sealed(header(features=["smell"]), BODY), "'smell'"),
+    "few": (sealed(header(features=[]), BODY), "not a list of names"),
+    "out-of-range": (sealed(header(features=["y"]), BODY.replace(BODY[:4], b"\x09\0\0\0", 1)), "feature that there"),
     "loop": (sealed(HEADER, BODY.replace(b"\xff\xff\xff\xff", b"\0\0\0\0", 1)), "two places"),
     "nan": (sealed(HEADER, BODY.replace(struct.pack("<f", 0.5), struct.pack("<f", np.nan))), "threshold is not finite"),
     "about": (sealed({**HEADER, "about": 1}, BODY), "about"),
@@ -145,7 +163,7 @@ def test_a_hostile_model_file_gets_one_sentence(tmp_path: Path, kind: str) -> No
     path = tmp_path / "bad.ffmodel"
     path.write_bytes(data)
     with pytest.raises(ParameterError) as caught:
-        load_forest(path)
+        load_model(path)
     text = str(caught.value)
     assert "bad.ffmodel" in text
     assert why in text
@@ -155,4 +173,4 @@ def test_a_hostile_model_file_gets_one_sentence(tmp_path: Path, kind: str) -> No
 
 def test_a_model_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="no.ffmodel"):
-        load_forest(tmp_path / "no.ffmodel")
+        load_model(tmp_path / "no.ffmodel")

@@ -95,6 +95,8 @@ class Task:
         Its own start circle.
     depends : tuple of str
         Paths of further files the result depends on; their content is part of what makes an image unchanged.
+    evidence : str
+        Path of its map of evidence, or empty.
     """
 
     index: int
@@ -107,6 +109,7 @@ class Task:
     earlier: tuple[str, ...] = ()
     start: Start | None = None
     depends: tuple[str, ...] = ()
+    evidence: str = ""
 
 
 @dataclass(frozen=True, slots=True)

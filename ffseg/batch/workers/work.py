@@ -126,6 +126,8 @@ class Workbench:
         overlay = self._setup.wanted.overlay
         if self._frames is None:
             segment = self._segment if film is None else partial(self._segment, callback=film)
+            if task.evidence:
+                segment = partial(segment, evidence=self._evidence(task.evidence))
             result = segment(
                 image, params, domain=self._domain, start_mask=self._start_mask, background=self._background
             )
@@ -141,6 +143,11 @@ class Workbench:
         lines = overlay_lines(frame, _FLATNESS) if overlay else []
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note, "pair": pair_state(frame)}
         return _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame))
+
+    def _evidence(self, path: str) -> NDArray[np.float32]:
+        from ffseg.batch.inputs.maps import read_evidence
+
+        return read_evidence(path, self._limits)
 
     def _params(self, task: Task) -> Parameters:
         """Parameters of one image."""

@@ -13,7 +13,7 @@ import typer
 
 from ffseg.cli import completion, console
 from ffseg.cli.checks import checked_params
-from ffseg.cli.options import Config, Inputs, Out, Settings, Starts, TruthLabel, starts_file
+from ffseg.cli.options import Config, Evidence, Inputs, Out, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def compare(  # noqa: PLR0913 - the options of the command
     config: Config = None,
     settings: Settings = None,
     starts: Starts = None,
+    evidence: Evidence = None,
     peers: Annotated[
         Path | None, typer.Option("--peers", metavar="FILE", help="Parameters of the peers, like configs/peers.yaml.")
     ] = None,
@@ -68,7 +69,8 @@ def compare(  # noqa: PLR0913 - the options of the command
     gates = _gates(min_iou or [], chosen, with_truth=truth is not None)
     params, peer_params = checked_params(config, settings), load_peer_parameters(peers)
     folder = os.fspath(out)
-    jobs = work.plan_comparison(inputs, folder, os.fspath(truth) if truth else "", starts_file(starts, params))
+    folders = (os.fspath(path) if path else "" for path in (truth, evidence))
+    jobs = work.plan_comparison(inputs, folder, next(folders), starts_file(starts, params), next(folders))
     task = Comparison(jobs, folder, chosen, params, peer_params, repeat, truth_label)
     with Interruption("a comparison begins anew"):
         rows = work.compare(task, _silent if quiet else _tell)

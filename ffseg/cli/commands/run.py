@@ -14,7 +14,18 @@ import typer
 from ffseg.batch.workers.launch import Process, launch, take
 from ffseg.cli import completion
 from ffseg.cli.checks import MOST_MEGABYTES, MOST_SECONDS, checked_params, number
-from ffseg.cli.options import Config, Inputs, Out, Outside, Settings, Starts, TruthLabel, starts_file, with_background
+from ffseg.cli.options import (
+    Config,
+    Evidence,
+    Inputs,
+    Out,
+    Outside,
+    Settings,
+    Starts,
+    TruthLabel,
+    starts_file,
+    with_background,
+)
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
@@ -36,6 +47,7 @@ def run(  # noqa: PLR0913 - the options of the command
     config: Config = None,
     settings: Settings = None,
     starts: Starts = None,
+    evidence: Evidence = None,
     outside: Outside = None,
     camera: Annotated[
         Path | None, typer.Option("--camera", metavar="FILE", help="Camera file: tests enclosed components on pairs.")
@@ -114,7 +126,7 @@ def run(  # noqa: PLR0913 - the options of the command
         params = checked_params(config, with_background(settings, outside))
         wanted = read_wanted(export or (), overlay=overlay, animate=animate)
         choice = Chosen(tuple(inputs), tuple(exclude or ()), keep_suffix=keep_suffix)
-        plan = read_plan(choice, out, wanted, truth, starts_file(starts, params))
+        plan = with_maps(read_plan(choice, out, wanted, truth, starts_file(starts, params)), evidence, camera)
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan))
         setup = Setup(
             params=params,
@@ -186,6 +198,23 @@ def read_plan(choice: Chosen, out: Path, wanted: Wanted, truth: Path | None, sta
         keep_suffix=choice.keep_suffix,
     )
     return with_starts(plan, starts) if starts else plan
+
+
+def with_maps(plan: Plan, evidence: Path | None, camera: Path | None) -> Plan:
+    """The plan with each image's map of evidence, if there are any.
+
+    Raises
+    ------
+    UsageError
+        With a camera, whose frames take none.
+    """
+    if evidence is None:
+        return plan
+    if camera is not None:
+        raise UsageError("--evidence and --camera do not go together; leave out one of them")
+    from ffseg.batch.jobs import with_evidence
+
+    return with_evidence(plan, os.fspath(evidence))
 
 
 def in_sequence(plan: Plan, views: Views | None) -> tuple[Plan, Views | None]:

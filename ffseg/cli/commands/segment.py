@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -25,7 +26,7 @@ KINDS = ("mask", "svg", "geojson", "coco", "labelme", "overlay")
 PIPE = "-"
 
 
-def segment(
+def segment(  # noqa: PLR0913 - the options of the command
     image: Annotated[str, typer.Argument(metavar="IN", help="Image file, or - for stdin.")],
     outputs: Annotated[
         list[str], typer.Argument(metavar="OUT...", help="Files to write; their suffix says what. - is stdout.")
@@ -42,6 +43,9 @@ def segment(
     config: Config = None,
     settings: Settings = None,
     outside: Outside = None,
+    evidence: Annotated[
+        Path | None, typer.Option("--evidence", metavar="FILE", help="Map of what is inside: grey image, or .npy.")
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No word of how it went; errors only.")] = False,
 ) -> None:
     """Segment one image and write what the suffix of OUT asks for.
@@ -61,7 +65,7 @@ def segment(
 
     try:
         pixels = _read(image)
-        result = segment_pixels(pixels, params)
+        result = segment_pixels(pixels, params, evidence=_evidence(evidence))
         source = Source("" if image == PIPE else os.path.basename(image), pixels)
         for path, output in wanted:
             suffix = ".png" if path == PIPE else os.path.splitext(path)[1].lower()
@@ -73,6 +77,14 @@ def segment(
         for text in result.messages:
             console.message(f"ffseg: {text}")
         console.message(_told(result))
+
+
+def _evidence(path: Path | None) -> NDArray[np.float32] | None:
+    if path is None:
+        return None
+    from ffseg.batch.inputs.maps import read_evidence
+
+    return read_evidence(os.fspath(path))
 
 
 def _kind(path: str, named: str | None) -> str:

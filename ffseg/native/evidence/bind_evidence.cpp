@@ -7,6 +7,7 @@
 #include "evidence/flood.hpp"
 #include "evidence/forest.hpp"
 #include "evidence/lab.hpp"
+#include "evidence/level.hpp"
 #include "evidence/relative.hpp"
 #include "evidence/texture.hpp"
 
@@ -24,6 +25,8 @@ using InPlane = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::
 using InPlanes = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using OutPlane = nb::ndarray<float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using OutPlanes = nb::ndarray<float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using OutWhole = nb::ndarray<std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using OutBytes = nb::ndarray<std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Whole = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Real = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
@@ -73,7 +76,9 @@ void py_lab(const Bytes& image, int factor, OutPlanes out) {
 }
 
 void py_blur(const InPlane& plane, double sigma, OutPlane out) {
-    const Size size = size_of(plane);
+    require(plane.shape(0) > 0 && plane.shape(1) > 0, "the plane is empty");
+    require(plane.shape(0) <= 65535 && plane.shape(1) <= 65535, "the plane is larger than 65535 pixels a side");
+    const Size size{static_cast<int>(plane.shape(0)), static_cast<int>(plane.shape(1))};
     check_same(out, size);
     require(sigma > 0 && sigma <= evidence::kWidestBlur, "sigma is out of range");
     nb::gil_scoped_release release;
@@ -130,6 +135,20 @@ void py_geodesic(const InPlane& heights, const Region& inside, double step, int 
     evidence::geodesic(heights.data(), inside.data(), size, step, least, out.data());
 }
 
+void py_level(const InPlane& above, float undecided, float snap, float width, float height, OutWhole gradient,
+              OutBytes edges) {
+    require(above.shape(0) > 0 && above.shape(1) > 0, "the plane is empty");
+    require(above.shape(0) <= 65535 && above.shape(1) <= 65535, "the plane is larger than 65535 pixels a side");
+    const Size size{static_cast<int>(above.shape(0)), static_cast<int>(above.shape(1))};
+    check_same(gradient, size);
+    check_same(edges, size);
+    check_finite(above.data(), size.count());
+    require(snap > 0 && width > 0 && snap < 1e6F && width < 1e6F, "a width is out of range");
+    require(height >= 0 && height <= 65535, "the height is out of range");
+    nb::gil_scoped_release release;
+    evidence::level_edges(above.data(), size, {undecided, snap, width, height}, gradient.data(), edges.data());
+}
+
 void make_forest(evidence::Forest* self, const Whole& feature, const Real& threshold, const Whole& left,
                  const Whole& right, const Whole& root, const Real& value, int features) {
     const std::size_t nodes = feature.shape(0);
@@ -166,6 +185,10 @@ void bind_evidence(nb::module_& m) {
           "below it, at it, and about at it.");
     m.def("evidence_geodesic", &py_geodesic, "heights"_a, "inside"_a, "step"_a, "least"_a, "out"_a,
           "Length of the cheapest way from inside, where a pixel costs its height + least, in steps.");
+    m.def("evidence_level", &py_level, "above"_a, "undecided"_a, "snap"_a, "width"_a, "height"_a, "gradient"_a,
+          "edges"_a,
+          "Edges where a map crosses zero, in place: a ridge in the gradient, and the image's own where it is "
+          "undecided.");
     nb::class_<evidence::Forest>(m, "EvidenceForest", "A boosted forest of trees with at most 32 leaves each.")
         .def("__init__", &make_forest, "feature"_a, "threshold"_a, "left"_a, "right"_a, "root"_a, "value"_a,
              "features"_a)

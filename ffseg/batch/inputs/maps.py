@@ -1,0 +1,108 @@
+"""Maps of evidence by the names of their images: probability of inside or edge strength, from 0 to 1."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.discover import SUFFIXES, Source
+from ffseg.errors import ImageReadError, UsageError
+from ffseg.formats.files import printable, read_bytes
+from ffseg.formats.images import Limits
+
+REASON = "evidence"
+"""Of a failed row: the map of an image cannot be used."""
+
+ARRAY_SUFFIX = ".npy"
+
+_WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
+"""What stands for one in whole numbers."""
+
+
+def find_evidence(sources: Iterable[Source], folder: str) -> dict[str, str]:
+    """Map of each image: the same relative name with the suffix of an image or ``.npy``.
+
+    Raises
+    ------
+    UsageError
+        If the folder does not exist, or an image has no map in it.
+    """
+    if not os.path.isdir(folder):
+        raise UsageError(f"--evidence: there is no folder {printable(folder)}; check the name")
+    found, listings = {}, dict[str, dict[str, str]]()
+    for source in sources:
+        place, name = os.path.split(source.name)
+        if place not in listings:
+            listings[place] = _by_stem(os.path.join(folder, place))
+        path = listings[place].get(os.path.splitext(name)[0], "")
+        if not path or os.path.realpath(path) == os.path.realpath(source.path):
+            raise UsageError(
+                f"--evidence: {printable(source.name)} has no map of its name in {printable(folder)} (NAME.png, "
+                "NAME.tiff or NAME.npy)"
+            )
+        found[source.name] = path
+    return found
+
+
+def _by_stem(folder: str) -> dict[str, str]:
+    try:
+        names = sorted(os.listdir(folder), reverse=True)
+    except OSError:
+        return {}
+    parts = (os.path.splitext(name) for name in names)
+    return {stem: os.path.join(folder, stem + end) for stem, end in parts if end.lower() in {*SUFFIXES, ARRAY_SUFFIX}}
+
+
+def read_evidence(path: str, limits: Limits | None = None) -> NDArray[np.float32]:
+    """Map of an image.
+
+    Parameters
+    ----------
+    path : str
+        Grey image of 8 or 16 bits, or a NumPy file of these or of numbers from 0 to 1.
+    limits : Limits, optional
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W)
+        From 0 to 1.
+
+    Raises
+    ------
+    ImageReadError
+        With the reason ``evidence``, naming the file.
+    """
+    limits = limits or Limits()
+    try:
+        values = _array(path, limits) if path.lower().endswith(ARRAY_SUFFIX) else _levels(path, limits)
+    except (ImageReadError, ValueError) as error:
+        raise ImageReadError(REASON, f"the map {printable(path)} cannot be used: {error}") from error
+    return values
+
+
+def _levels(path: str, limits: Limits) -> NDArray[np.float32]:
+    from ffseg.formats.masks import read_labels
+
+    levels = read_labels(path, limits)
+    if levels.ndim != 2:
+        raise ValueError("it is in colour; save it in grey")
+    return (levels / np.float32(_WHITE[levels.dtype])).astype(np.float32)
+
+
+def _array(path: str, limits: Limits) -> NDArray[np.float32]:
+    data = read_bytes(path, limits.max_bytes)
+    try:
+        values = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+    except (ValueError, EOFError, OSError, TypeError, SyntaxError, MemoryError) as error:
+        raise ValueError("it is no NumPy array file (.npy) of numbers") from error
+    if not isinstance(values, np.ndarray) or values.ndim != 2 or values.size == 0:
+        raise ValueError("it does not hold one value for each pixel, shape (H, W)")
+    if values.dtype in _WHITE:
+        return (values / np.float32(_WHITE[values.dtype])).astype(np.float32)
+    if values.dtype.kind != "f" or not (np.isfinite(values).all() and values.min() >= 0 and values.max() <= 1):
+        raise ValueError(f"its {values.dtype} values are not all from 0 to 1")
+    return np.ascontiguousarray(values, np.float32)

@@ -1,0 +1,214 @@
+"""Learning what lies inside from images with masks: samples of pixels, and a boosted forest grown on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import UsageError
+from ffseg.evidence.features import NAMES, PLACE, TEXTURE, WORKING_SIZE, Features, features, reduced_mean
+from ffseg.evidence.forest import Forest, Model
+from ffseg.metrics import IGNORED, INSIDE
+
+STARTS = 5
+"""Starts from which each training image is seen: its own, and others drawn inside its mask, so that the forest learns
+what holds from any start."""
+
+PIXELS = 6000
+"""Pixels taken of an image; neighbours say nearly the same."""
+
+MIXED = 0.2
+"""A reduced pixel of which between this share and the rest lies inside is no sample of either."""
+
+SETTINGS = {
+    "objective": "binary",
+    "learning_rate": 0.1,
+    "num_leaves": 15,
+    "min_data_in_leaf": 40,
+    "feature_fraction": 0.4,
+    "bagging_fraction": 0.6,
+    "bagging_freq": 1,
+    "lambda_l2": 5.0,
+    "max_bin": 63,
+    "use_missing": False,
+    "deterministic": True,
+    "force_row_wise": True,
+    "num_threads": 1,
+    "verbose": -1,
+    "seed": 0,
+}
+"""Of LightGBM; one thread, so that the same masks give the same model."""
+
+TREES = 100
+
+WITHOUT_START = tuple(
+    name for name in NAMES if name.partition("@")[0] in TEXTURE or name in PLACE[:2]
+)  # fmt: skip
+"""Features that need no start."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Example:
+    """An image of which some pixels are known.
+
+    Attributes
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    truth : ndarray of uint8, shape (H, W)
+        255 inside, 128 unknown, 0 outside.
+    start : ndarray of bool, shape (H, W), or None
+        The start region; without one, starts are drawn.
+    radius : float
+        px; of the starts that are drawn.
+    """
+
+    image: NDArray[np.uint8]
+    truth: NDArray[np.uint8]
+    start: NDArray[np.bool_] | None
+    radius: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Pixels of one image.
+
+    Attributes
+    ----------
+    rows : ndarray of float32, shape (N, F)
+        Features in the order of ``NAMES``.
+    inside : ndarray of bool, shape (N,)
+    """
+
+    rows: NDArray[np.float32]
+    inside: NDArray[np.bool_]
+
+
+def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Samples:
+    """Known pixels of an image, seen from several starts, each also as in a mirror.
+
+    Raises
+    ------
+    UsageError
+        If the mask knows no pixel inside, or none outside.
+    """
+    rng = np.random.default_rng(seed)
+    rows, labels = [], []
+    for start in starts_in(example, rng):
+        seen = features(example.image, start, size)
+        known = known_pixels(example.truth, seen.factor)
+        chosen = rng.permutation(np.flatnonzero(known >= 0))[: PIXELS // STARTS]
+        found = np.ascontiguousarray(seen.planes.reshape(len(NAMES), -1)[:, chosen].T)
+        rows += [found, mirrored(found)]
+        labels += [known.ravel()[chosen] > 0] * 2
+    inside = np.concatenate(labels)
+    if inside.all() or not inside.any():
+        side = "outside" if inside.all() else "inside"
+        raise UsageError(f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both")
+    return Samples(np.concatenate(rows), inside)
+
+
+def starts_in(example: Example, rng: np.random.Generator) -> list[NDArray[np.bool_]]:
+    """The start of an image and others drawn where they lie inside its mask."""
+    own = [] if example.start is None else [example.start]
+    inside = example.truth == INSIDE
+    radius = example.radius
+    places = np.argwhere(_windows_inside(inside, radius))
+    while not len(places) and radius > 1:
+        radius /= 2
+        places = np.argwhere(_windows_inside(inside, radius))
+    if not len(places):
+        return own
+    rows, columns = np.indices(inside.shape, sparse=True)
+    drawn = places[rng.integers(0, len(places), STARTS - len(own))]
+    return own + [(rows - y) ** 2 + (columns - x) ** 2 <= radius**2 for y, x in drawn]
+
+
+def _windows_inside(inside: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
+    """Pixels whose window of ``radius`` to all sides lies inside and in the image."""
+    reach = int(radius)
+    sums = np.pad(inside, ((1, 0), (1, 0))).astype(np.int64).cumsum(0).cumsum(1)
+    side = 2 * reach + 1
+    found = np.zeros_like(inside)
+    if min(inside.shape) >= side:
+        full = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
+        found[reach : inside.shape[0] - reach, reach : inside.shape[1] - reach] = full == side * side
+    return found
+
+
+def known_pixels(truth: NDArray[np.uint8], factor: int) -> NDArray[np.int8]:
+    """Reduced pixels: 1 inside, 0 outside, -1 unknown or of both."""
+    share = reduced_mean((truth == INSIDE).astype(np.float32), factor)
+    unknown = reduced_mean((truth == IGNORED).astype(np.float32), factor)
+    known = (share >= 0.5).astype(np.int8)
+    known[(unknown > MIXED) | ((share > MIXED) & (share < 1 - MIXED))] = -1
+    return known
+
+
+def mirrored(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The same pixels of the image in a mirror: what changes is their place."""
+    found = rows.copy()
+    found[:, NAMES.index("x")] = 1 - rows[:, NAMES.index("x")]
+    found[:, NAMES.index("across")] = -rows[:, NAMES.index("across")]
+    return found
+
+
+def grow(chosen: Sequence[Samples], names: tuple[str, ...] = NAMES, trees: int = TREES) -> Forest:
+    """Grow a forest; every image counts alike.
+
+    Raises
+    ------
+    UsageError
+        If LightGBM is not installed.
+    """
+    try:
+        import lightgbm
+    except ImportError as error:
+        raise UsageError("learning needs the package lightgbm; install ffseg[learn]") from error
+    columns = [NAMES.index(name) for name in names]
+    rows = np.concatenate([one.rows[:, columns] for one in chosen])
+    labels = np.concatenate([one.inside for one in chosen])
+    weights = np.concatenate([np.full(len(one.inside), 1 / len(one.inside)) for one in chosen])
+    data = lightgbm.Dataset(rows, labels.astype(np.float32), weight=weights / weights.mean())
+    booster = lightgbm.train(dict(SETTINGS), data, trees)
+    return converted(booster.dump_model()["tree_info"], names)
+
+
+def learn(chosen: Sequence[Samples], size: int = WORKING_SIZE, about: dict[str, Any] | None = None) -> Model:
+    """A model of what lies inside, and of where to start."""
+    return Model(grow(chosen), grow(chosen, WITHOUT_START), size, about or {})
+
+
+def converted(trees: Sequence[dict[str, Any]], names: tuple[str, ...]) -> Forest:
+    """LightGBM's trees as arrays; a threshold becomes the largest single below it, which parts singles alike."""
+    lists: dict[str, list[Any]] = {name: [] for name in ("feature", "threshold", "left", "right", "root", "value")}
+    for tree in trees:
+        lists["root"].append(_added(tree["tree_structure"], lists))
+    kinds = {"threshold": np.float32, "value": np.float32}
+    return Forest({name: np.array(values, kinds.get(name, np.int32)) for name, values in lists.items()}, names)
+
+
+def _added(node: dict[str, Any], lists: dict[str, list[Any]]) -> int:
+    if "leaf_value" in node and "split_feature" not in node:
+        lists["value"].append(node["leaf_value"])
+        return -len(lists["value"])
+    place = len(lists["feature"])
+    threshold = np.float32(node["threshold"])
+    if float(threshold) > node["threshold"]:
+        threshold = np.nextafter(threshold, np.float32(-np.inf))
+    lists["feature"].append(node["split_feature"])
+    lists["threshold"].append(threshold)
+    lists["left"].append(0)
+    lists["right"].append(0)
+    lists["left"][place] = _added(node["left_child"], lists)
+    lists["right"][place] = _added(node["right_child"], lists)
+    return place
+
+
+def uncertainty(model: Model, seen: Features) -> float:
+    """Mean of how undecided the model is on an image: 0 where all is sure, 1 where all is even."""
+    probability = model.inside.probability(seen.planes)
+    return float(np.mean(1 - np.abs(2 * probability - 1)))

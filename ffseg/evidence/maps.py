@@ -1,0 +1,90 @@
+"""Maps of evidence: the probability of inside, or the strength of edges, as what stops a contour."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
+from ffseg.native import _core
+
+LEVEL = 0.5
+"""Probability at which the region ends."""
+
+SMOOTHING = 1.0
+"""px; a map of zeros and ones has steps of pixels, which this turns into a level between them."""
+
+UNDECIDED = 0.15
+"""Edges of the image count where the probability is nearer to ``LEVEL`` than this; elsewhere the map has decided."""
+
+RIDGE_WIDTH = 1.2
+"""px; standard deviation of the ridge along the level, on which a contour settles."""
+
+SNAP = 3.0
+"""px; standard deviation of the window round the level in which the image's own gradient moves the ridge."""
+
+RIDGE_HEIGHT = 2.0
+"""Height of the ridge in high thresholds: it stops every method, and a clear edge of the image outweighs it."""
+
+TALLEST = 65535.0
+"""The largest gradient that is stored."""
+
+STRENGTH = 128.0
+"""Grey levels per pixel that an edge strength of one stands for."""
+
+
+def evidence_edges(probability: NDArray[np.float32], image_edges: EdgeMap) -> EdgeMap:
+    """An edge map whose edges run where the probability of inside falls to one half.
+
+    Parameters
+    ----------
+    probability : ndarray of float32, shape (H, W)
+        From 0 to 1, finite.
+    image_edges : EdgeMap
+        Of the image itself. Its edges are kept where the map is undecided, and move the level near them.
+
+    Returns
+    -------
+    EdgeMap
+        `image_edges` itself if the map says nothing: where it is even, or never falls to one half.
+    """
+    if not _crosses(probability, LEVEL):
+        return image_edges
+    above = _smoothed(probability) - np.float32(LEVEL)
+    gradient, edges = image_edges.gradient.copy(), image_edges.edges.copy()
+    height = min(RIDGE_HEIGHT * image_edges.thresholds[1] * GRADIENT_SCALE, TALLEST)
+    _core.evidence_level(above, UNDECIDED, SNAP, RIDGE_WIDTH, height, gradient, edges)
+    return EdgeMap(gradient, edges, image_edges.domain, image_edges.thresholds)
+
+
+def strength_edges(strength: NDArray[np.float32], image_edges: EdgeMap) -> EdgeMap:
+    """An edge map whose edges are where a map of edge strength reaches one half.
+
+    Parameters
+    ----------
+    strength : ndarray of float32, shape (H, W)
+        From 0 to 1, finite; takes the place of the image's gradient.
+    image_edges : EdgeMap
+        What is returned if the map is even.
+    """
+    if not _crosses(strength, LEVEL):
+        return image_edges
+    edges = np.where(strength >= LEVEL, np.uint8(255), np.uint8(0))
+    gradient = _smoothed(strength) * np.float32(STRENGTH * GRADIENT_SCALE)
+    low = STRENGTH * LEVEL / 2
+    return EdgeMap(_stored(gradient), edges, image_edges.domain, (low, 2 * low))
+
+
+def _crosses(values: NDArray[np.float32], level: float) -> bool:
+    return bool(values.min() < level <= values.max())
+
+
+def _smoothed(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+    out = np.empty_like(plane)
+    _core.evidence_blur(np.ascontiguousarray(plane), SMOOTHING, out)
+    return out
+
+
+def _stored(gradient: NDArray[np.float32]) -> NDArray[np.uint16]:
+    stored: NDArray[np.uint16] = np.minimum(gradient + np.float32(0.5), np.float32(TALLEST)).astype(np.uint16)
+    return stored

@@ -1,0 +1,194 @@
+"""Edge sources that ask evidence: a model file (``edges.model``), or the map of an image (``--evidence``)."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import ImageReadError, ParameterError, SegmentationError
+from ffseg.evidence.features import Features, features, reduction
+from ffseg.evidence.forest import Model, load_model
+from ffseg.evidence.maps import LEVEL, evidence_edges, strength_edges
+from ffseg.formats.files import printable, read_bytes
+from ffseg.image.edges import EdgeMap, Scene, edge_map
+from ffseg.native import _core
+from ffseg.parameters import Parameters
+
+FOREST_SUFFIX, NETWORK_SUFFIX = ".ffmodel", ".onnx"
+
+MAX_NETWORK_BYTES = 1 << 30
+
+WHOLE_START = 2.0
+"""Pixels of the reduced image: a start that a model finds is not smaller."""
+
+START_SHARE = 0.6
+"""Part of the largest disc in the sure region that becomes the start: off its borders, which are less sure."""
+
+
+def model_edges(scene: Scene) -> EdgeMap:
+    """Edges where the model of ``edges.model`` says that inside ends: the source ``model``.
+
+    Raises
+    ------
+    ParameterError
+        If the model cannot be used.
+    SegmentationError
+        If the start holds no pixel.
+    """
+    path = scene.params.edges.model
+    if path is None:
+        raise ParameterError("edges.source: model needs a model; set edges.model to a file")
+    own = edge_map(scene.image, scene.params.edges, scene.domain)
+    if path.endswith(NETWORK_SUFFIX):
+        probability = _network_map(scene, path)
+    else:
+        if scene.starts is None:
+            raise SegmentationError("a model needs a start region; set init")
+        model = ready(path)
+        probability = model[0].map(features(scene.image, scene.starts, model[0].size), model[1])
+    return _edges(probability, own, scene.params)
+
+
+def _network_map(scene: Scene, path: str) -> NDArray[np.float32]:
+    from ffseg.image.nets.onnx import map_of  # loads OpenCV's networks
+
+    try:
+        return map_of(scene.image, _net(path, _mark(path)), scene.params.network)
+    except ValueError as error:
+        raise SegmentationError(f"the network {printable(path)}: {error}") from error
+
+
+def map_edges(scene: Scene) -> EdgeMap:
+    """Edges of the map that came with the image: the source ``evidence``.
+
+    Raises
+    ------
+    SegmentationError
+        If there is none, or it has another size than the image.
+    """
+    if scene.evidence is None:
+        raise SegmentationError("edges.source: evidence needs a map of each image; name their folder with --evidence")
+    shape = scene.image.shape[:2]
+    if scene.evidence.shape != shape:
+        sizes = f"{scene.evidence.shape[1]} x {scene.evidence.shape[0]} pixels, the image {shape[1]} x {shape[0]}"
+        raise SegmentationError(f"the map of evidence has {sizes}; it must have the image's size")
+    return _edges(scene.evidence, edge_map(scene.image, scene.params.edges, scene.domain), scene.params)
+
+
+def _edges(values: NDArray[np.float32], own: EdgeMap, params: Parameters) -> EdgeMap:
+    if params.edges.evidence == "edges":
+        return strength_edges(values, own)
+    return evidence_edges(values, own)
+
+
+def with_model_start(image: NDArray[np.uint8], params: Parameters) -> Parameters:
+    """The parameters with the start that a model finds, if it can and they name none.
+
+    Notes
+    -----
+    The start is a disc in the largest region of which the model is sure without a start.
+    """
+    path, init = params.edges.model, params.init
+    named = init.center != "auto" or init.circles or init.boxes or init.mask
+    if path is None or named or not path.endswith(FOREST_SUFFIX):
+        return params
+    circle = model_start(image, ready(path)[0], init.radius)
+    return params if circle is None else replace(params, init=replace(init, circles=(circle,)))
+
+
+def model_start(image: NDArray[np.uint8], model: Model, most: float) -> tuple[float, float, float] | None:
+    """Centre and radius (px, at most `most`) of a disc in the largest sure region; None where nothing is sure."""
+    if model.start is None:
+        return None
+    factor = reduction(image.shape, model.size)
+    anywhere = np.zeros(image.shape[:2], np.bool_)
+    anywhere[image.shape[0] // 2, image.shape[1] // 2] = True  # these features say nothing of a start
+    seen: Features = features(image, anywhere, model.size)
+    sure = model.start.probability(seen.planes) >= LEVEL
+    if not sure.any():
+        return None
+    depth = _depths(_largest(sure))
+    y, x = np.unravel_index(int(depth.argmax()), depth.shape)
+    radius = min(most, max(START_SHARE * float(depth[y, x]), WHOLE_START) * factor)
+    return (float(x) + 0.5) * factor - 0.5, (float(y) + 0.5) * factor - 0.5, radius
+
+
+def _largest(region: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The largest part of a region that hangs together."""
+    best, left = np.zeros_like(region), region.copy()
+    walls = np.where(region, np.float32(0), np.float32(1))
+    while np.count_nonzero(left) > np.count_nonzero(best):
+        seed = np.zeros(region.shape, np.uint8)
+        seed.flat[int(left.argmax())] = 1
+        planes = np.empty((5, *region.shape), np.float32)
+        _core.evidence_barrier(walls, seed, 1.0, planes)
+        part = (planes[0] == 0) & region
+        if np.count_nonzero(part) > np.count_nonzero(best):
+            best = part
+        left &= ~part
+    return best
+
+
+def _depths(region: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Distance of each pixel to what lies outside the region, the border of the image included."""
+    outside = np.pad(~region, 1, constant_values=True).astype(np.uint8)
+    depth = np.empty(outside.shape, np.float32)
+    _core.evidence_geodesic(np.zeros(outside.shape, np.float32), outside, 1.0, 1, depth)
+    return depth[1:-1, 1:-1]
+
+
+def ready(path: str) -> tuple[Model, _core.EvidenceForest]:
+    """A model and its first forest in the native core, read once while the file stays as it is.
+
+    Raises
+    ------
+    ParameterError
+        If it cannot be used.
+    """
+    return _model(path, _mark(path))
+
+
+def check_model(path: str) -> None:
+    """Refuse a model that cannot be used before anything is run.
+
+    Raises
+    ------
+    ParameterError
+        Naming the file.
+    """
+    if path.endswith(FOREST_SUFFIX):
+        ready(path)
+    elif path.endswith(NETWORK_SUFFIX):
+        _net(path, _mark(path))
+    else:
+        raise ParameterError(f"edges.model {printable(path)}: it is neither a .ffmodel nor an .onnx file")
+
+
+def _mark(path: str) -> tuple[int, int, int]:
+    """What changes when a file does."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return (0, 0, 0)
+    return status.st_mtime_ns, status.st_size, status.st_ino
+
+
+@lru_cache(maxsize=4)
+def _model(path: str, mark: tuple[int, int, int]) -> tuple[Model, _core.EvidenceForest]:  # noqa: ARG001 - part of the key
+    model = load_model(path)
+    return model, model.inside.compiled()
+
+
+@lru_cache(maxsize=2)
+def _net(path: str, mark: tuple[int, int, int]) -> Any:  # noqa: ANN401, ARG001 - OpenCV's; part of the key
+    from ffseg.image.nets.onnx import load_net
+
+    try:
+        return load_net(read_bytes(path, MAX_NETWORK_BYTES))
+    except (ImageReadError, ValueError) as error:
+        raise ParameterError(f"edges.model {printable(path)}: {error}") from error

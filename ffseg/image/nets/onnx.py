@@ -1,0 +1,83 @@
+"""Networks in ONNX files, run by OpenCV: an image to a map of probability or edge strength."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.parameters import Network
+
+Net = Any
+"""OpenCV's class has no type."""
+
+
+def load_net(data: bytes) -> Net:
+    """The network in an ONNX file.
+
+    Raises
+    ------
+    ValueError
+        If OpenCV cannot load it.
+    """
+    try:
+        return cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
+    except cv2.error as error:
+        raise ValueError(f"it is no network that OpenCV {cv2.__version__} can load; export it as ONNX") from error
+
+
+def map_of(image: NDArray[np.uint8], net: Net, params: Network) -> NDArray[np.float32]:
+    """What a network says of each pixel of an image.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    net : Net
+        Its input is (1, 3, h, w).
+    params : Network
+        How the input is made, and what of the output is taken.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W)
+        From 0 to 1.
+
+    Raises
+    ------
+    ValueError
+        If the network does not take such an input, or gives no map.
+    """
+    colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    height, width = image.shape[:2]
+    size = (width, height) if params.size == "auto" else (round(params.size[0]), round(params.size[1]))
+    mean = params.mean if params.rgb else params.mean[::-1]
+    try:
+        net.setInput(cv2.dnn.blobFromImage(colour, params.scale, size, mean, swapRB=params.rgb))
+        found = np.asarray(net.forward() if params.output == "last" else net.forward(params.output), np.float32)
+    except cv2.error as error:
+        said = " ".join(str(error).split())[:160]
+        raise ValueError(f"it cannot be run on this image ({said}); check network.size and network.output") from error
+    plane = _plane(found, params)
+    scaled = cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR)
+    return np.ascontiguousarray(np.clip(scaled, 0, 1), np.float32)
+
+
+def _plane(found: NDArray[np.float32], params: Network) -> NDArray[np.float32]:
+    """The map of one channel of the output, as probability."""
+    channels = found[0] if found.ndim == 4 and found.shape[0] == 1 else found
+    channels = channels[None] if channels.ndim == 2 else channels
+    if channels.ndim != 3 or params.channel >= len(channels) or not np.isfinite(channels).all():
+        raise ValueError(
+            f"its output of shape {found.shape} holds no finite map number {params.channel}; check network.output and "
+            "network.channel"
+        )
+    if params.activation == "softmax":
+        powers = np.exp(channels - channels.max(axis=0))
+        channels = powers / powers.sum(axis=0)
+    plane = np.ascontiguousarray(channels[params.channel])
+    if params.activation == "logistic":
+        plane = 1 / (1 + np.exp(-np.clip(plane, -60, 60)))
+    return np.asarray(plane, np.float32)

@@ -1,0 +1,137 @@
+"""Maps beside images: how they are found, read, refused, and known when a run goes on."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from ffseg.batch.discover import discover
+from ffseg.batch.inputs.maps import find_evidence, read_evidence
+from ffseg.errors import ImageReadError, UsageError
+
+SHAPE = (60, 80)
+
+
+def ffseg(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "ffseg", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False, timeout=120)
+
+
+def picture(folder: Path) -> np.ndarray:
+    """Two even images, whose truth only a map can tell; returns the truth."""
+    folder.mkdir()
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    for name in ("a", "b"):
+        cv2.imwrite(str(folder / f"{name}.png"), np.full((*SHAPE, 3), 120, np.uint8))
+    return (columns - 40) ** 2 + (rows - 30) ** 2 <= 20**2
+
+
+def written(folder: Path, inside: np.ndarray, kind: str) -> Path:
+    folder.mkdir(exist_ok=True)
+    for name in ("a", "b"):
+        if kind == "npy":
+            np.save(folder / f"{name}.npy", inside.astype(np.float64))
+        elif kind == "tiff16":
+            cv2.imwrite(str(folder / f"{name}.tiff"), inside.astype(np.uint16) * np.uint16(65535))
+        else:
+            cv2.imwrite(str(folder / f"{name}.png"), inside.astype(np.uint8) * np.uint8(255))
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["png", "tiff16", "npy"])
+def test_run_takes_maps_and_knows_when_they_change(tmp_path: Path, kind: str) -> None:
+    inside = picture(tmp_path / "in")
+    maps = written(tmp_path / "maps", inside, kind)
+    command = ["run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps), "--json"]
+    command += ["--set", "init.radius=8"]
+    first = ffseg(*command)
+    assert first.returncode == 0, first.stderr
+    mask = cv2.imread(str(tmp_path / "out" / "masks" / "a.png"), cv2.IMREAD_GRAYSCALE) > 0
+    assert np.count_nonzero(mask ^ inside) <= 0.03 * np.count_nonzero(inside)
+    assert json.loads(ffseg(*command).stdout)["counts"]["unchanged"] == 2
+    written(maps, np.roll(inside, 3, axis=1), kind)
+    again = json.loads(ffseg(*command).stdout)["counts"]
+    assert (again["done"], again["unchanged"]) == (2, 0)
+
+
+def test_compare_and_segment_take_maps(tmp_path: Path) -> None:
+    inside = picture(tmp_path / "in")
+    maps = written(tmp_path / "maps", inside, "png")
+    shown = ["--set", "init.radius=8"]
+    done = ffseg("compare", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps),
+                 "--truth", str(maps), "--methods", "freeform,levelset", "--min-iou", "0.95", *shown)  # fmt: skip
+    assert done.returncode == 0, done.stderr + done.stdout
+    done = ffseg("segment", str(tmp_path / "in" / "a.png"), str(tmp_path / "a-mask.png"),
+                 "--evidence", str(maps / "a.png"), *shown)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    mask = cv2.imread(str(tmp_path / "a-mask.png"), cv2.IMREAD_GRAYSCALE) > 0
+    assert np.count_nonzero(mask ^ inside) <= 0.03 * np.count_nonzero(inside)
+
+
+def test_a_map_of_another_size_fails_its_image(tmp_path: Path) -> None:
+    inside = picture(tmp_path / "in")
+    maps = written(tmp_path / "maps", inside, "png")
+    cv2.imwrite(str(maps / "b.png"), np.zeros((5, 5), np.uint8))
+    done = ffseg("run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps))
+    assert done.returncode == 3
+    table = (tmp_path / "out" / "timings.csv").read_text()
+    assert "the map of evidence has 5 x 5 pixels, the image 80 x 60" in table
+
+
+def test_an_image_without_a_map_is_refused_before_the_first(tmp_path: Path) -> None:
+    maps = written(tmp_path / "maps", picture(tmp_path / "in"), "png")
+    (maps / "b.png").unlink()
+    done = ffseg("run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps))
+    assert done.returncode == 2
+    assert "b.png has no map of its name" in done.stderr
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(UsageError, match="there is no folder"):
+        find_evidence(discover([str(tmp_path / "in")]), str(tmp_path / "none"))
+
+
+def test_levels_become_shares(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), np.array([[0, 51, 255]], np.uint8))
+    cv2.imwrite(str(tmp_path / "b.png"), np.array([[0, 13107, 65535]], np.uint16))
+    np.save(tmp_path / "c.npy", np.array([[0, 0.2, 1]], np.float16))
+    for name in ("a.png", "b.png", "c.npy"):
+        np.testing.assert_allclose(read_evidence(str(tmp_path / name)), [[0, 0.2, 1]], atol=1e-4)  # half precision
+
+
+@pytest.mark.parametrize(
+    ("values", "why"),
+    [
+        (np.array([[np.nan]]), "from 0 to 1"),
+        (np.array([[2.0]]), "from 0 to 1"),
+        (np.array([[-0.1]]), "from 0 to 1"),
+        (np.array([0.5]), "one value for each pixel"),
+        (np.zeros((0, 3)), "one value for each pixel"),
+        (np.array([["x"]]), "from 0 to 1"),
+        (np.array([[1]], np.int64), "from 0 to 1"),
+        (np.array([[object()]]), "no NumPy array file"),
+    ],
+)
+def test_arrays_that_are_no_maps_are_refused(tmp_path: Path, values: np.ndarray, why: str) -> None:
+    np.save(tmp_path / "a.npy", values, allow_pickle=True)
+    with pytest.raises(ImageReadError, match=why) as caught:
+        read_evidence(str(tmp_path / "a.npy"))
+    assert "a.npy" in str(caught.value)
+    assert caught.value.reason == "evidence"
+
+
+@pytest.mark.parametrize("data", [b"", b"\x93NUMPY", b"\x93NUMPY\x01\x00\x76\x00{'descr'", b"PK\x03\x04"])
+def test_broken_arrays_are_refused(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "a.npy").write_bytes(data)
+    with pytest.raises(ImageReadError, match=r"a\.npy"):
+        read_evidence(str(tmp_path / "a.npy"))
+
+
+def test_a_coloured_map_is_refused(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), np.array([[[1, 2, 3]]], np.uint8))
+    with pytest.raises(ImageReadError, match="save it in grey"):
+        read_evidence(str(tmp_path / "a.png"))

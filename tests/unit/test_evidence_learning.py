@@ -1,0 +1,135 @@
+"""Learning from masks: samples, trees as LightGBM grows them, models that find what they were shown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ffseg.errors import UsageError
+from ffseg.evidence.features import NAMES, features
+from ffseg.evidence.learning import (
+    PIXELS,
+    WITHOUT_START,
+    Example,
+    converted,
+    grow,
+    known_pixels,
+    learn,
+    mirrored,
+    samples,
+    starts_in,
+    uncertainty,
+)
+from ffseg.metrics import iou
+
+lightgbm = pytest.importorskip("lightgbm")
+SHAPE = (80, 120)
+
+
+def disc(x: float, y: float, radius: float) -> np.ndarray:
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    return (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
+
+
+def example(seed: int, *, start: bool = True) -> Example:
+    """A greenish disc among bluish ones of the same brightness, on noise."""
+    rng = np.random.default_rng(seed)
+    image = rng.normal(110, 6, (*SHAPE, 3))
+    x, y = rng.uniform(35, 85), rng.uniform(30, 50)
+    inside = disc(x, y, 24)
+    image[disc(x + 40, y, 14)] += (40, 0, -20)
+    image[inside] += (-30, 20, 0)
+    truth = np.where(inside, np.uint8(255), np.uint8(0))
+    return Example(np.clip(image, 0, 255).astype(np.uint8), truth, disc(x, y, 6) if start else None, 6.0)
+
+
+def test_two_masks_teach_what_is_inside() -> None:
+    model = learn([samples(example(seed)) for seed in (1, 2)])
+    for seed in (3, 4, 5):
+        one = example(seed)
+        found = model.map(features(one.image, one.start))
+        assert iou(found > 0.5, one.truth) > 0.9
+
+
+def test_the_second_forest_needs_no_start() -> None:
+    model = learn([samples(example(seed)) for seed in (1, 2)])
+    assert model.start is not None
+    one = example(3)
+    anywhere = features(one.image, disc(5, 5, 3))
+    assert iou(model.start.probability(anywhere.planes) > 0.5, one.truth) > 0.8
+    assert not [name for name in WITHOUT_START if name.startswith(("from_", "barrier", "way", "across", "likeness"))]
+
+
+def test_scribbles_are_enough() -> None:
+    """All but two strips of the masks is unknown."""
+    partial = []
+    for seed in (1, 2, 3):
+        one = example(seed)
+        truth = np.full(SHAPE, 128, np.uint8)
+        rows = np.flatnonzero((one.truth == 255).any(1))
+        for row in rows[len(rows) // 3 :: len(rows) // 3][:2]:
+            truth[row - 1 : row + 2] = one.truth[row - 1 : row + 2]
+        partial.append(samples(Example(one.image, truth, one.start, 3.0)))
+    one = example(4)
+    assert iou(learn(partial).map(features(one.image, one.start)) > 0.5, one.truth) > 0.8
+
+
+def test_converted_trees_say_what_lightgbm_says() -> None:
+    one = samples(example(1))
+    data = lightgbm.Dataset(one.rows, one.inside.astype(np.float32))
+    settings = {"objective": "binary", "num_leaves": 31, "verbose": -1, "use_missing": False, "num_threads": 1}
+    booster = lightgbm.train(settings, data, 20)
+    forest = converted(booster.dump_model()["tree_info"], NAMES)
+    seen = features(example(2).image, example(2).start)
+    rows = seen.planes.reshape(len(NAMES), -1).T
+    # sums of 20 leaves in single precision
+    np.testing.assert_allclose(forest.probability(seen.planes).ravel(), booster.predict(rows), atol=2e-6)
+
+
+def test_the_same_masks_give_the_same_forest() -> None:
+    chosen = [samples(example(seed)) for seed in (1, 2)]
+    one, two = grow(chosen, trees=5), grow(chosen, trees=5)
+    for name, array in one.arrays.items():
+        np.testing.assert_array_equal(array, two.arrays[name])
+
+
+def test_samples_are_known_pixels_seen_twice() -> None:
+    one = samples(example(1))
+    assert one.rows.shape == (2 * PIXELS, len(NAMES))
+    assert 0.02 < one.inside.mean() < 0.5
+    half = PIXELS // 5
+    np.testing.assert_array_equal(mirrored(one.rows[:half]), one.rows[half : 2 * half])
+    np.testing.assert_allclose(mirrored(mirrored(one.rows)), one.rows, atol=1e-6)
+
+
+def test_drawn_starts_lie_inside_the_mask() -> None:
+    one = example(1, start=False)
+    drawn = starts_in(one, np.random.default_rng(0))
+    assert len(drawn) == 5
+    assert all((one.truth[start] == 255).all() and start.any() for start in drawn)
+
+
+def test_a_start_larger_than_the_mask_is_drawn_smaller() -> None:
+    one = example(1, start=False)
+    drawn = starts_in(Example(one.image, one.truth, None, 60.0), np.random.default_rng(0))
+    assert all((one.truth[start] == 255).all() and start.any() for start in drawn)
+
+
+def test_mixed_and_unknown_pixels_are_no_samples() -> None:
+    truth = np.zeros((4, 6), np.uint8)
+    truth[:, :3], truth[0, 5] = 255, 128
+    assert known_pixels(truth, 2).tolist() == [[1, -1, -1], [1, -1, 0]]
+
+
+@pytest.mark.parametrize(("level", "side"), [(255, "outside"), (0, "inside")])
+def test_a_mask_of_one_side_is_refused(level: int, side: str) -> None:
+    one = example(1)
+    with pytest.raises(UsageError, match=f"knows no pixel {side}"):
+        samples(Example(one.image, np.full(SHAPE, level, np.uint8), one.start, 6.0))
+
+
+def test_uncertainty_is_higher_on_what_was_never_seen() -> None:
+    model = learn([samples(example(seed)) for seed in (1, 2)])
+    one = example(3)
+    odd = np.random.default_rng(0).integers(0, 255, one.image.shape, np.uint8)
+    assert uncertainty(model, features(odd, one.start)) > uncertainty(model, features(one.image, one.start))

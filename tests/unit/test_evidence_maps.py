@@ -1,0 +1,125 @@
+"""Maps of evidence as edges: perfect, even, soft and wrong ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ffseg
+from ffseg.evidence.maps import evidence_edges, strength_edges
+from ffseg.image.edges import EdgeMap, edge_map
+from ffseg.metrics import iou
+from ffseg.native import _core
+from ffseg.parameters import Edges
+from ffseg.samples.scenes import SCENES
+
+START = {"init.center": [400, 300], "init.radius": 40}
+
+
+def flat(truth: np.ndarray) -> np.ndarray:
+    """An image that says nothing."""
+    return np.full(truth.shape, 100, np.uint8)
+
+
+def segmented(image: np.ndarray, edges: EdgeMap) -> ffseg.Segmentation:
+    return ffseg.segment(image, ffseg.load_params(None, START), edges=edges)
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("seen", [True, False], ids=["image", "flat"])
+def test_a_perfect_map_gives_the_truth(name: str, seen: bool) -> None:
+    scene = SCENES[name]()
+    inside = scene.truth == 255
+    image = scene.image if seen else flat(scene.truth)
+    result = segmented(image, evidence_edges(inside.astype(np.float32), edge_map(image, Edges())))
+    assert iou(result.mask, scene.truth) >= 0.999
+
+
+@pytest.mark.parametrize("value", [0.0, 0.3, 0.5, 0.9, 1.0])
+def test_an_even_map_adds_nothing(value: float) -> None:
+    image = SCENES["simple"]().image
+    edges = edge_map(image, Edges())
+    even = np.full(edges.edges.shape, value, np.float32)
+    assert evidence_edges(even, edges) is edges
+    assert strength_edges(even, edges) is edges
+
+
+@pytest.mark.parametrize("softness", [0.5, 2.0, 6.0])
+def test_the_contour_settles_where_the_probability_is_one_half(softness: float) -> None:
+    """A slope of probability: the level lies at 120.3, wherever the slope is steepest."""
+    x = np.arange(200, dtype=np.float32)
+    row = 0.5 - 0.5 * np.tanh((x - 120.3) / softness / 2)
+    image = np.full((150, 200), 100, np.uint8)
+    edges = evidence_edges(np.repeat(row[None], 150, axis=0).astype(np.float32), edge_map(image, Edges()))
+    params = ffseg.load_params(None, {"init.center": [60, 75], "init.radius": 20})
+    result = ffseg.segment(image, params, edges=edges)
+    points = result.contours[0].flatten(0.01)
+    right = points[(points[:, 0] > 100) & (np.abs(points[:, 1] - 75) < 50)][:, 0]
+    assert len(right) > 3
+    np.testing.assert_allclose(right, 120.3, atol=0.2)  # a fraction of a pixel
+
+
+def test_an_edge_of_the_image_near_the_level_moves_it() -> None:
+    """The map ends at 120, the image has a step at 122.5."""
+    image = np.full((150, 200), 100, np.uint8)
+    image[:, 123:] = 200
+    inside = np.zeros((150, 200), np.float32)
+    inside[:, :120] = 1
+    edges = evidence_edges(inside, edge_map(image, Edges()))
+    result = ffseg.segment(image, ffseg.load_params(None, {"init.center": [60, 75], "init.radius": 20}), edges=edges)
+    points = result.contours[0].flatten(0.01)
+    right = points[(points[:, 0] > 100) & (np.abs(points[:, 1] - 75) < 40)][:, 0]
+    assert 121 < np.median(right) < 122.6  # towards the step, as far as the map allows
+
+
+def test_edges_of_the_image_count_only_where_the_map_is_undecided() -> None:
+    image = np.full((100, 200), 100, np.uint8)
+    image[:, 50], image[:, 150] = 220, 220
+    probability = np.full((100, 200), 0.95, np.float32)
+    probability[:, 100:] = 0.55
+    probability[0] = 0.0  # it must say something
+    own = edge_map(image, Edges())
+    assert own.edges[50, 40:60].any()
+    assert own.edges[50, 140:160].any()
+    found = evidence_edges(probability, own)
+    assert not found.edges[50, 40:60].any()
+    assert found.edges[50, 140:160].any()
+    assert own.edges[50, 40:60].any(), "the image's own edge map stays as it was"
+
+
+def test_edge_strength_stops_the_contour_on_its_ridge() -> None:
+    x = np.arange(200, dtype=np.float32)
+    row = np.exp(-0.5 * ((x - 120.4) / 1.5) ** 2)
+    image = np.full((150, 200), 100, np.uint8)
+    edges = strength_edges(np.repeat(row[None], 150, axis=0).astype(np.float32), edge_map(image, Edges()))
+    result = ffseg.segment(image, ffseg.load_params(None, {"init.center": [60, 75], "init.radius": 20}), edges=edges)
+    points = result.contours[0].flatten(0.01)
+    right = points[(points[:, 0] > 100) & (np.abs(points[:, 1] - 75) < 50)][:, 0]
+    np.testing.assert_allclose(right, 120.4, atol=0.2)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (7, 1), (2, 2)])
+def test_maps_of_a_few_pixels(shape: tuple[int, int]) -> None:
+    image = np.zeros(shape, np.uint8)
+    probability = np.linspace(0, 1, shape[0] * shape[1], dtype=np.float32).reshape(shape)
+    found = evidence_edges(probability, edge_map(image, Edges()))
+    assert found.edges.shape == shape
+
+
+def test_the_native_level_refuses_what_is_not_finite() -> None:
+    above = np.array([[np.nan, 1]], np.float32)
+    with pytest.raises(ValueError, match="not finite"):
+        _core.evidence_level(above, 0.1, 2, 1, 100, np.zeros((1, 2), np.uint16), np.zeros((1, 2), np.uint8))
+
+
+def test_pixels_below_the_level_beside_it_are_edges() -> None:
+    above = np.array([[1, 1, -1, -1], [1, -1, -1, -1], [-1, -1, -1, 1]], np.float32)
+    gradient, edges = np.zeros((3, 4), np.uint16), np.zeros((3, 4), np.uint8)
+    _core.evidence_level(above, 0.1, 2, 1, 100, gradient, edges)
+    assert (edges > 0).tolist() == [
+        [False, False, True, False],
+        [False, True, False, True],
+        [True, False, True, False],
+    ]
+    # value over slope: 1 over |(1 - -1) / 2| = 1 px from the level, where the bell is exp(-1/2)
+    assert gradient[0, 2] == round(100 * np.exp(-0.5))

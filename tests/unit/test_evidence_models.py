@@ -1,0 +1,149 @@
+"""``edges.model``: forests and networks as what tells a contour where to stop, and forests as what finds a start."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny_onnx import pointwise
+
+import ffseg
+from ffseg.errors import ParameterError, SegmentationError
+from ffseg.evidence.features import NAMES
+from ffseg.evidence.forest import Forest, Model, to_bytes
+from ffseg.evidence.source import check_model, model_start
+from ffseg.metrics import iou
+from ffseg.parameters import load_params
+
+SHAPE = (90, 130)
+
+
+def disc(x: float, y: float, radius: float) -> np.ndarray:
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    return (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
+
+
+def red_disc() -> tuple[np.ndarray, np.ndarray]:
+    """A red disc with a dark line across it, among blue; and its truth."""
+    inside = disc(50, 45, 30)
+    image = np.full((*SHAPE, 3), (160, 90, 70), np.uint8)
+    image[inside] = (60, 70, 170)
+    image[44:46, 20:80] //= 2
+    return image, np.where(inside, np.uint8(255), np.uint8(0))
+
+
+def stump(name: str, threshold: float, *, below: bool) -> Forest:
+    """A forest of one node: inside is what is at most (or above) the threshold."""
+    kinds = {"feature": [NAMES.index(name)], "left": [-1], "right": [-2], "root": [0]}
+    arrays = {key: np.array(value, np.int32) for key, value in kinds.items()}
+    sign = 4.0 if below else -4.0
+    return Forest(
+        arrays | {"threshold": np.array([threshold], np.float32), "value": np.array([sign, -sign], np.float32)}
+    )
+
+
+@pytest.fixture
+def forest(tmp_path: Path) -> str:
+    """Red is inside."""
+    red = stump("red@1.5", 20.0, below=False)
+    path = tmp_path / "red.ffmodel"
+    path.write_bytes(to_bytes(Model(red, red)))
+    return str(path)
+
+
+def test_a_forest_stops_the_contour_where_it_says(forest: str) -> None:
+    image, truth = red_disc()
+    own = ffseg.segment(image, {"init.center": [50, 28], "init.radius": 8})
+    assert iou(own.mask, truth) < 0.8, "the line across stops what knows only edges"
+    learned = ffseg.segment(image, {"init.center": [50, 28], "init.radius": 8, "edges.model": forest})
+    assert iou(learned.mask, truth) > 0.97
+
+
+def test_a_forest_finds_the_start(forest: str) -> None:
+    image, truth = red_disc()
+    found = ffseg.segment(image, {"edges.model": forest})
+    assert iou(found.mask, truth) > 0.97
+    elsewhere = np.roll(image, 40, axis=1)
+    assert iou(ffseg.segment(elsewhere, {"edges.model": forest}).mask, np.roll(truth, 40, axis=1)) > 0.97
+
+
+def test_the_start_lies_in_the_largest_sure_region(forest: str) -> None:
+    image = np.full((*SHAPE, 3), (160, 90, 70), np.uint8)
+    image[disc(25, 30, 12)] = image[disc(90, 50, 25)] = (60, 70, 170)
+    model = Model(stump("red@1.5", 20.0, below=False), stump("red@1.5", 20.0, below=False))
+    x, y, radius = model_start(image, model, 40.0) or (0, 0, 0)
+    assert np.hypot(x - 90, y - 50) < 4
+    assert 10 < radius < 20
+    assert model_start(image, model, 5.0)[2] == 5.0  # type: ignore[index]
+    nowhere = Model(model.inside, stump("x", -1.0, below=True))
+    assert model_start(image, nowhere, 5.0) is None
+    assert model_start(image, Model(model.inside), 5.0) is None
+
+
+def test_a_start_that_is_named_is_kept(forest: str) -> None:
+    image = np.full((*SHAPE, 3), (160, 90, 70), np.uint8)
+    image[disc(25, 30, 12)] = image[disc(90, 50, 25)] = (60, 70, 170)
+    found = ffseg.segment(image, {"edges.model": forest, "init.center": [25, 30], "init.radius": 4})
+    assert iou(found.mask, np.where(disc(25, 30, 12), np.uint8(255), np.uint8(0))) > 0.9
+
+
+@pytest.mark.parametrize("activation", ["none", "logistic", "softmax"])
+def test_a_network_stops_the_contour_where_it_says(tmp_path: Path, activation: str) -> None:
+    image, truth = red_disc()
+    weights, bias = ([[0, 0, 0], [20, 0, -20]], [0, 0]) if activation == "softmax" else ([[20, 0, -20]], [0])
+    path = tmp_path / "red.onnx"
+    path.write_bytes(pointwise(weights, bias, squash=activation == "none"))
+    settings = {"edges.model": str(path), "network.activation": activation, "network.channel": len(weights) - 1}
+    found = ffseg.segment(image, {"init.center": [50, 28], "init.radius": 8, **settings})
+    assert iou(found.mask, truth) > 0.97
+
+
+def test_the_input_of_a_network_is_made_as_asked(tmp_path: Path) -> None:
+    image, truth = red_disc()
+    path = tmp_path / "red.onnx"
+    path.write_bytes(pointwise([[-20, 0, 20]], [0]))  # blue, green, red
+    keys = {"network.rgb": False, "network.size": [65, 45], "network.mean": [10, 10, 10], "network.output": "out"}
+    found = ffseg.segment(image, {"init.center": [50, 28], "init.radius": 8, "edges.model": str(path), **keys})
+    assert iou(found.mask, truth) > 0.95  # at half its size
+
+
+@pytest.mark.parametrize(("key", "value"), [("network.output", "nothing"), ("network.channel", 5)])
+def test_a_network_asked_for_what_it_has_not_fails_in_one_sentence(tmp_path: Path, key: str, value: object) -> None:
+    path = tmp_path / "red.onnx"
+    path.write_bytes(pointwise([[20, 0, -20]], [0]))
+    with pytest.raises(SegmentationError, match="red.onnx") as caught:
+        ffseg.segment(red_disc()[0], {"edges.model": str(path), key: value})
+    assert "\n" not in str(caught.value)
+    assert "network.output" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["a.onnx", "a.ffmodel", "a.txt"])
+def test_what_is_no_model_is_refused(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"hello")
+    with pytest.raises(ParameterError, match=name):
+        check_model(str(path))
+    with pytest.raises(ParameterError, match=name):
+        check_model(str(tmp_path / f"none-{name}"))
+
+
+def test_a_model_that_changes_is_read_anew(forest: str) -> None:
+    image, truth = red_disc()
+    settings = load_params(None, {"init.center": [50, 28], "init.radius": 8, "edges.model": forest})
+    assert iou(ffseg.segment(image, settings).mask, truth) > 0.97
+    anything = stump("x", 2.0, below=True)
+    Path(forest).write_bytes(to_bytes(Model(anything)))
+    assert iou(ffseg.segment(image, settings).mask, truth) < 0.9
+
+
+def test_sources_without_what_they_need_say_so() -> None:
+    image, _ = red_disc()
+    with pytest.raises(ParameterError, match="set edges.model"):
+        ffseg.segment(image, {"edges.source": "model"})
+    with pytest.raises(SegmentationError, match="--evidence"):
+        ffseg.segment(image, {"edges.source": "evidence"})
+    with pytest.raises(SegmentationError, match="size"):
+        ffseg.segment(image, evidence=np.zeros((3, 3), np.float32))
+    with pytest.raises(SegmentationError, match="from 0 to 1"):
+        ffseg.segment(image, evidence=np.full(SHAPE, 7, np.float32))
