@@ -44,7 +44,7 @@ def methods(incomplete: str) -> list[str]:
 
 def exports(incomplete: str) -> list[str]:
     """Lists of export formats."""
-    return _listed(("coco", "labelme", "geojson"), incomplete)
+    return _listed(("coco", "labelme", "geojson", "svg"), incomplete)
 
 
 def suites(incomplete: str) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -92,3 +93,19 @@ def encode_overlay(
         raise OutputError(f"the picture cannot be written as {suffix}; write it as .png")
     data: bytes = encoded.tobytes()
     return data
+
+
+def jpeg_address(image: NDArray[np.uint8], quality: int) -> str:
+    """``data:`` address of an image as a JPEG picture, to stand in a document.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    quality : int
+        0 to 100.
+    """
+    done, data = cv2.imencode(".jpg", np.ascontiguousarray(image), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not done:  # reached only when memory is gone: every uint8 image of positive size encodes
+        raise MemoryError("the JPEG encoder failed")
+    return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode("ascii")

@@ -80,7 +80,7 @@ COMPLETED = {
     "ffseg run --set contour.deg": ["contour.degree="],
     "ffseg run --set contour.ref": ["contour.refine="],
     "ffseg compare --methods freeform,sn": ["freeform,snake"],
-    "ffseg run --export coco,": ["coco,labelme", "coco,geojson"],
+    "ffseg run --export coco,": ["coco,labelme", "coco,geojson", "coco,svg"],
     "ffseg bench --suite pa": ["patches"],
     "ffseg segment --as ge": ["geojson"],
 }

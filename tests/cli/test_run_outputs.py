@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import shutil
@@ -154,3 +155,21 @@ def test_films_without_pillow_are_refused_by_name(images: Path, tmp_path: Path) 
     assert result.returncode == 2
     assert "ffseg[film]" in result.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_svg_export_has_the_image_behind_the_contours(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
+    result = ffseg_command("run", images, "--out", tmp_path / "out", *START, "--export", "svg")
+    assert result.returncode == 0, result.stderr
+    namespace = "{http://www.w3.org/2000/svg}"
+    drawing, plain = (
+        ElementTree.fromstring((tmp_path / "out" / folder / "sub" / "b.svg").read_text())  # noqa: S314 - our own file
+        for folder in ("svg", "contours")
+    )
+    title, picture, *paths = drawing
+    assert title.text == "sub/b.png"
+    assert (picture.tag, picture.get("width"), picture.get("height")) == (f"{namespace}image", "128", "96")
+    head, _, data = (picture.get("href") or "").partition(",")
+    assert head == "data:image/jpeg;base64"
+    stored = np.asarray(Image.open(images / "sub" / "b.png")).astype(int)
+    assert np.abs(np.asarray(Image.open(io.BytesIO(base64.b64decode(data)))) - stored).mean() < 2  # levels 60 and 180
+    assert [path.get("d") for path in paths] == [path.get("d") for path in plain.iter(f"{namespace}path")]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ffseg.batch.outputs.table import Output, resolve
 from ffseg.formats.files import printable
 from ffseg.formats.masks import encode_mask
-from ffseg.formats.overlays import Polyline, encode_overlay
+from ffseg.formats.overlays import Polyline, encode_overlay, jpeg_address
 from ffseg.formats.svg import svg_document
 from ffseg.image.raster import rasterize
 from ffseg.segmenters.base import Progress, Segmentation
@@ -142,6 +142,17 @@ def geojson(made: Made, _: str) -> bytes:
     from ffseg.formats.exports import geojson_document, json_text
 
     return json_text(geojson_document(made.annotated)).encode("ascii")
+
+
+_QUALITY = 90
+"""Of the picture behind a drawing: a tenth of what PNG takes, and no difference to be seen at twice its size."""
+
+
+def drawing(made: Made, _: str) -> bytes:
+    """The contours over the image as an SVG file that needs no other."""
+    height, width = made.image.shape[:2]
+    behind = jpeg_address(made.image, _QUALITY)
+    return svg_document(made.result.contours, width, height, made.name, behind).encode("utf-8")
 
 
 def film(made: Made, _: str) -> bytes:

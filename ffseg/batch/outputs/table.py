@@ -50,12 +50,13 @@ OVERLAY = Output("overlay", "overlays", ".png", f"{_HERE}.encoding:overlay")
 COCO = Output("coco", "coco", ".json", f"{_HERE}.encoding:coco", f"{_HERE}.encoding:coco_of_all", "coco.json")
 LABELME = Output("labelme", "labelme", ".json", f"{_HERE}.encoding:labelme")
 GEOJSON = Output("geojson", "geojson", ".geojson", f"{_HERE}.encoding:geojson")
+SVG = Output("svg", "svg", ".svg", f"{_HERE}.encoding:drawing")
 FILM = Output("animation", "animations", ".webp", f"{_HERE}.encoding:film")
 STRIP = Output("animation", "animations", ".svg", f"{_HERE}.encoding:strip")
 
-OUTPUTS = (MASK, CONTOURS, OVERLAY, COCO, LABELME, GEOJSON, FILM, STRIP)
+OUTPUTS = (MASK, CONTOURS, OVERLAY, COCO, LABELME, GEOJSON, SVG, FILM, STRIP)
 """Every kind, in the order in which they are written. A new one is a row here and an encoder."""
-EXPORTS = {output.name: output for output in (COCO, LABELME, GEOJSON)}
+EXPORTS = {output.name: output for output in (COCO, LABELME, GEOJSON, SVG)}
 """Those that ``--export`` asks for by name."""
 OUTPUT_FOLDERS = (*dict.fromkeys(output.folder for output in OUTPUTS), "panels")
 """Folders below an output folder whose images are no inputs; ``panels`` is written by ``compare``."""

@@ -75,7 +75,7 @@ def run(  # noqa: PLR0913 - the options of the command
             "--export",
             metavar="LIST",
             autocompletion=completion.exports,
-            help="Also write coco, labelme, geojson files.",
+            help="Also write coco, labelme, geojson files, or svg: the contours over the image.",
         ),
     ] = None,
     animate: Annotated[bool, typer.Option("--animate", help="Write a film and a film strip of each image.")] = False,

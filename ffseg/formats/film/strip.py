@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterator, Sequence
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.formats.film.snapshots import Snapshot, scaled_down, spread
+from ffseg.formats.overlays import jpeg_address
 from ffseg.formats.svg import escape, number, path_data
 
 PANELS = 6
 _WIDTH = 400
 """px of the picture that stands under all panels; the contours over it are exact."""
+_QUALITY = 80
 _GAP, _CAPTION = 12, 34
 _COLOURS = {True: "#3cdc50", False: "#f03c3c"}
 """Outer contours and holes, as the overlays have them."""
@@ -73,7 +73,4 @@ def _paths(snapshot: Snapshot, stroke: float) -> Iterator[str]:
 
 def _embedded(image: NDArray[np.uint8]) -> str:
     small, _ = scaled_down(image, _WIDTH)
-    done, data = cv2.imencode(".jpg", np.ascontiguousarray(small), [cv2.IMWRITE_JPEG_QUALITY, 80])
-    if not done:
-        raise RuntimeError("OpenCV could not encode a picture of its own making")
-    return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode("ascii")
+    return jpeg_address(small, _QUALITY)
