@@ -145,6 +145,22 @@ def inspect(data: bytes, limits: Limits) -> Header:
     return header
 
 
+def frames_note(data: bytes, limits: Limits | None = None) -> str:
+    """What to say of a file that holds more than the image that is read of it; empty for others.
+
+    Raises
+    ------
+    ImageReadError
+        As `inspect`.
+    """
+    header = inspect(data, limits or Limits())
+    if not header.several:
+        return ""
+    return (
+        f"only the first {'page' if header.format == 'TIFF' else 'frame'} was read; the {header.format} file has more"
+    )
+
+
 _PARSERS: tuple[tuple[bytes, Callable[[bytes], Header]], ...] = (
     (rb"\x89PNG\r\n\x1a\n", png),
     (rb"\xff\xd8\xff", jpeg),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import csv
 import io
 import json
 import shutil
@@ -173,3 +174,21 @@ def test_svg_export_has_the_image_behind_the_contours(ffseg_command: Command, im
     stored = np.asarray(Image.open(images / "sub" / "b.png")).astype(int)
     assert np.abs(np.asarray(Image.open(io.BytesIO(base64.b64decode(data)))) - stored).mean() < 2  # levels 60 and 180
     assert [path.get("d") for path in paths] == [path.get("d") for path in plain.iter(f"{namespace}path")]
+
+
+def test_the_row_of_a_stack_says_that_only_its_first_page_was_read(
+    ffseg_command: Command, images: Path, tmp_path: Path
+) -> None:
+    page = Image.open(images / "a.png")
+    page.save(images / "stack.tif", save_all=True, append_images=[page])
+    page.convert("P").save(images / "film.gif", save_all=True, append_images=[Image.new("P", page.size)])
+    result = ffseg_command("run", images, "--out", tmp_path / "out", *START)
+    assert result.returncode == 0, result.stderr
+    with (tmp_path / "out" / "timings.csv").open(newline="") as file:
+        notes = {row["image"]: row["note"] for row in csv.DictReader(file)}
+    assert notes == {
+        "a.png": "",
+        "sub/b.png": "",
+        "stack.tif": "only the first page was read; the TIFF file has more",
+        "film.gif": "only the first frame was read; the GIF file has more",
+    }

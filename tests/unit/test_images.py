@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from ffseg.errors import ImageReadError
-from ffseg.formats.images import REASONS, Limits, decode_image, inspect, read_image
+from ffseg.formats.images import REASONS, Limits, decode_image, frames_note, inspect, read_image
 
 CASES = bad_images.all_cases()
 
@@ -202,6 +202,12 @@ def test_first_of_several_frames_is_read(kind: str, options: dict[str, object]) 
     reading = readings.pillow(data)
     assert reading is not None
     np.testing.assert_array_equal(decode_image(data), reading)
+
+
+def test_the_note_on_several_frames_names_what_was_read() -> None:
+    assert frames_note(_frames("GIF")) == "only the first frame was read; the GIF file has more"
+    assert frames_note(_frames("TIFF")) == "only the first page was read; the TIFF file has more"
+    assert frames_note(bad_images.plain_files()["tif"]) == ""
 
 
 def test_single_frames_are_not_called_several() -> None:

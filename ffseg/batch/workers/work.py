@@ -19,7 +19,7 @@ from ffseg.batch.outputs.table import Output, resolve
 from ffseg.batch.workers.freshness import Read, digest, kept_outputs, read_task
 from ffseg.batch.workers.messages import Done, Encoded, Failed, Known, Reply, Setup, Task, Unchanged
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError
-from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, single_thread
+from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, frames_note, single_thread
 from ffseg.formats.masks import load_mask, read_mask
 from ffseg.formats.overlays import Polyline
 from ffseg.parameters import Parameters
@@ -105,7 +105,7 @@ class Workbench:
         outputs = tuple(self._outputs(image, found, task, missing))
         result = found.result
         row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, task)
-        row["note"] = "; ".join(filter(None, (*result.messages, row.get("note"))))
+        row["note"] = "; ".join(filter(None, (frames_note(read.data, self._limits), *result.messages, row.get("note"))))
         overlap, problem = self._iou(result.mask, task, read)
         row |= {"iou": overlap} if task.truth else {}
         end = perf_counter()
