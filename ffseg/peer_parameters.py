@@ -56,9 +56,10 @@ class Watershed(Section):
 
 @dataclass(frozen=True, slots=True)
 class GrabCut(Section):
-    """OpenCV grabCut; the start is sure, the border excluded, the rest probably outside."""
+    """OpenCV grabCut; the start is sure, the border excluded, what is near the start probably inside, the rest outside."""
 
     iterations: int = declared(5, Integer(1, 100), "iterations")
+    probable: float = declared(4.0, Number(1, 1000), "radii of the start within which a pixel is probably inside")
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,8 @@ beyond calling the library as its documentation asks.
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -60,15 +62,28 @@ _WATERSHED_BORDER = 3
 
 
 def grabcut(image: Image, seeds: Mask, params: GrabCut) -> Mask:
-    """``cv2.grabCut`` told the start and the border; the part connected to the start."""
+    """``cv2.grabCut`` told the start and the border; the part connected to the start.
+
+    What lies within `params.probable` radii of the start's centre is probably inside, the rest probably outside: told
+    that all but the start is outside, it learns the object's colours from the start alone and gives the start back.
+    """
     colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     labels = np.full(seeds.shape, cv2.GC_BGD, np.uint8)
-    labels[1:-1, 1:-1] = cv2.GC_PR_BGD
+    labels[1:-1, 1:-1] = np.where(near(seeds, params.probable), cv2.GC_PR_FGD, cv2.GC_PR_BGD)[1:-1, 1:-1]
     labels[seeds] = cv2.GC_FGD
     cv2.setRNGSeed(0)
     background, foreground = np.zeros((1, 65)), np.zeros((1, 65))
     cv2.grabCut(colour, labels, None, background, foreground, params.iterations, cv2.GC_INIT_WITH_MASK)  # type: ignore[call-overload]
     return connected((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD), seeds)
+
+
+def near(seeds: Mask, radii: float) -> Mask:
+    """Pixels within so many radii of a start's centre, where the start is a disc; of several discs, the mean radius."""
+    count = cv2.connectedComponents(seeds.astype(np.uint8))[0] - 1
+    radius = math.sqrt(np.count_nonzero(seeds) / (math.pi * count))
+    distance = cv2.distanceTransform((~seeds).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    found: Mask = distance <= (radii - 1) * radius
+    return found
 
 
 def smooth(image: Image, sigma: float) -> Image:

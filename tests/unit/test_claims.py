@@ -1,0 +1,87 @@
+"""What the pages say of the samples and of the peers, measured."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ffseg
+from ffseg.formats.masks import read_mask
+from ffseg.image.opencv_peers import near
+from ffseg.image.raster import rasterize
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+
+
+@lru_cache(maxsize=8)
+def overlap(name: str, **settings: object) -> float:
+    """IoU of a sample with its truth; keys have ``__`` for the point."""
+    image = ffseg.read_image(ROOT / "samples" / f"{name}.png")
+    truth = read_mask(ROOT / "samples" / "truth" / f"{name}.png")
+    mask = ffseg.segment(image, {key.replace("__", "."): value for key, value in settings.items()}).mask
+    return float((mask & truth).sum() / (mask | truth).sum())
+
+
+def said(page: str, pattern: str) -> str:
+    found = re.search(pattern, " ".join((DOCS / page).read_text("utf-8").split()))
+    assert found, f"{page} no longer says {pattern}"
+    return found[1]
+
+
+def test_smoothing_of_8_px_rounds_and_of_12_px_loses_the_bounds() -> None:
+    claim = float(said("choosing-parameters.md", r"with rounded corners \(IoU ([\d.]+)\); at 12 px"))
+    assert overlap("complex", edges__sigma=8) == pytest.approx(claim, abs=0.0005)  # three digits are printed
+    assert overlap("complex", edges__sigma=12) < 0.6
+
+
+def test_the_pair_of_the_tutorial() -> None:
+    pair = ROOT / "samples" / "pair"
+    names = ["0001.png", "0002.png"]
+    camera = ffseg.load_camera(pair / "camera.yaml")
+    poses = ffseg.load_poses(pair / "poses.csv", names, camera)
+    sequence = ffseg.Sequence(camera, ffseg.load_params())
+    frames = [sequence.feed(ffseg.read_image(pair / name), poses[name]) for name in names]
+    verdicts = sorted(component.verdict for component in frames[1].components)
+    assert verdicts == ["false_obstacle"] * 3 + ["obstacle"] * 2
+    assert {component.verdict for component in frames[0].components} == {"untested"}
+    truth = read_mask(pair / "truth" / "0002.png")
+    claim = float(said("tutorial.md", r"given back \(IoU ([\d.]+)\)"))
+    found = float((frames[1].mask & truth).sum() / (frames[1].mask | truth).sum())
+    assert found == pytest.approx(claim, abs=0.0005)
+
+
+def test_grabcut_is_told_that_four_radii_round_the_start_are_probably_inside() -> None:
+    radii = float(said("compare.md", r"`iterations=5 probable=(\d+)`"))
+    disc = rasterize((ffseg.FreeForm.circle((150, 120), 20, 24, 3),), (240, 300))
+    yy, xx = np.mgrid[:240, :300]
+    distance = np.hypot(xx - 150, yy - 120)
+    told = near(disc, radii)
+    assert told[distance < 20 * radii - 1.5].all()
+    assert not told[distance > 20 * radii + 1.5].any()  # a pixel for the disc's own steps, half for the centre
+
+
+def test_the_title_of_an_svg_file_is_the_images_name(tmp_path: Path, ffseg_command) -> None:
+    said("formats.md", "(The title is the image's name)")
+    assert ffseg_command("run", ROOT / "samples" / "toy.png", "--out", tmp_path).returncode == 0
+    assert "<title>toy.png</title>" in (tmp_path / "contours" / "toy.svg").read_text("utf-8")
+
+
+def test_the_python_page_has_every_public_name() -> None:
+    page = (DOCS / "python.md").read_text("utf-8")
+    assert [name for name in ffseg.__all__ if name != "__version__" and f"\n## ffseg.{name}\n" not in page] == []
+
+
+def test_true_masks_are_left_out_with_truth_only(tmp_path: Path, ffseg_command) -> None:
+    said("batch.md", "(without `--truth` a mask is an image like any other)")
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    for name, source in (("toy.png", "toy.png"), ("toy_truth.png", "truth/toy.png")):
+        (folder / name).write_bytes((ROOT / "samples" / source).read_bytes())
+    with_truth = ffseg_command("run", folder, "--out", tmp_path / "a", "--truth", folder, "--dry-run").stdout
+    without = ffseg_command("run", folder, "--out", tmp_path / "b", "--dry-run").stdout
+    assert (with_truth.count(" -> "), without.count(" -> ")) == (1, 2)
