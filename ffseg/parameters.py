@@ -61,6 +61,14 @@ class Edges(Section):
         None, FilePath(), "what tells inside: a file of ffseg learn (.ffmodel), or a network (.onnx)"
     )
     evidence: str = declared("inside", Text(("inside", "edges")), "what maps and networks give: inside or edges")
+    levels: str = declared(
+        "linear",
+        Text(("linear", "root", "log")),
+        "grey levels of which the gradient is taken; root, log even out shade",
+    )
+    highlights: float = declared(
+        0.0, Number(0, 200), "px; bright grey streaks (gloss, paint) narrower than this are taken out; 0 = keep them"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.image.light.evening import evened
 from ffseg.methods import EDGE_SOURCES, load
 from ffseg.native import _core
 from ffseg.parameters import Edges, Parameters
@@ -111,7 +112,8 @@ def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] 
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
         Colour images contribute their strongest channel at each pixel.
     params : Edges
-        ``sigma`` in pixels, ``canny`` thresholds in grey levels per pixel of the smoothed image, or ``auto``.
+        ``levels`` and ``highlights`` prepare the image; ``sigma`` in pixels, ``canny`` thresholds in grey levels per pixel
+        of the smoothed image, or ``auto``.
     domain : ndarray of uint8, shape (H, W), optional
         Nonzero where the contour may go; ``auto`` thresholds are measured inside it.
 
@@ -123,7 +125,7 @@ def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] 
     """
     shape = (image.shape[0], image.shape[1])
     gradient, edges = np.empty(shape, np.uint16), np.empty(shape, np.uint8)
-    _core.gradient_and_ridges(np.ascontiguousarray(image), params.sigma, gradient, edges)
+    _core.gradient_and_ridges(np.ascontiguousarray(evened(image, params)), params.sigma, gradient, edges)
     thresholds = _canny(gradient, params, domain, edges)
     return EdgeMap(gradient, edges, domain, thresholds)
 

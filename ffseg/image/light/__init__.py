@@ -1,0 +1,1 @@
+"""What light does to an image, undone as far as it can be before edges are looked for."""
