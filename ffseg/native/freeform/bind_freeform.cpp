@@ -97,6 +97,7 @@ struct PyEvolution {
             case ffseg::StopReason::kMaxPatches: return "max_patches";
             case ffseg::StopReason::kVanished: return "vanished";
             case ffseg::StopReason::kBlocked: return "blocked";
+            case ffseg::StopReason::kStalled: return "stalled";
             default: return "running";
         }
     }

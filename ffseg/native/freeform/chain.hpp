@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <limits>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -13,6 +14,9 @@
 
 namespace ffseg {
 
+// A step is at most this part of the split threshold: where patches are shorter than a step, fronts pass over each other
+// before they are seen to cross.
+constexpr double kLongestStep = 0.5;
 // Marching along a normal looks at the edge map every half pixel.
 constexpr double kMarchStep = 0.5;
 // Near edges a sample moves at most this far in one iteration: the edge band is three pixels wide, so neither the
@@ -28,6 +32,16 @@ constexpr float kLookEvery = 0.7f, kLookAfar = 1.75f;
 constexpr double kSteady = 0.25;
 // A resting stretch that could still advance this far between its samples is split instead.
 constexpr double kUncovered = 2.0;
+// A sample put back with more room ahead of it than this is moved on with more samples beside it.
+constexpr double kHeldBack = 1.0;
+// Before the contour counts as converged, places so many pixels apart are looked at for this: a gap that is open lets two
+// by two pixels through.
+constexpr double kCloseLook = 1.0;
+// Where the front squeezes through a passage of a few pixels its samples lie no farther apart, or it turns by more than the
+// angle with this cosine (45 degrees).
+constexpr double kTipChord = 4.0, kTipTurn = 0.7;
+// Pixels across an edge with the band on its two sides.
+constexpr int kBandWidth = 3;
 // Patches are not split below this distance between samples.
 constexpr double kMinSpacing = 0.5;
 // Patches shorter than this per sample are pruned.
@@ -107,6 +121,7 @@ private:
     void move_patch(int i, const Motion& motion);
     double reach(Vec2 from, Vec2 normal, double wanted, double known) const;
     void guard();
+    void reward_progress();
     bool guard_patch(int i);
     template <bool kMaySwing>
     int first_hit(int i) const;
@@ -115,7 +130,13 @@ private:
     bool interval_hits(const Points& points, int k) const;
     bool meets_edge(int i) const { return first_hit<true>(i) >= 0; }  // of a curve just made
     bool put_back(int i, int k);
+    template <bool kClosely>
     bool uncovered(int i) const;
+    bool held_back(int i) const;
+    bool wake_open();
+    bool all_held() const;
+    bool slide(int i);
+    template <bool kClosely>
     bool open_ahead(const Points& points, int k) const;
 
     // refine.hpp
@@ -131,6 +152,7 @@ private:
     void even_out(int i, const Chords& chords);
     bool swings(int i, double size) const;
     void calm(int i);
+    bool passed_itself(int i) const;
 
     // flip.hpp
     void flip_crossings();
@@ -172,6 +194,9 @@ private:
     std::vector<std::pair<double, int>> keys_;
     std::vector<Strip> strips_;
     std::vector<std::uint8_t> moving_, own_;
+    std::unordered_set<std::size_t> retried_;  // pixels
+    int num_stray_ = 0;  // patches at rest with a sample in the open, when last looked at closely
+    std::vector<std::uint8_t> reached_;  // tiles in which a sample has been
     std::vector<std::vector<Vec2>> settled_;  // the samples of each component once it has settled
     EvolutionCounts counts_;
     StopReason reason_ = StopReason::kRunning;

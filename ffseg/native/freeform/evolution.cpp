@@ -1,5 +1,6 @@
 #include "freeform/evolution.hpp"
 
+#include <cassert>
 #include <stdexcept>
 
 #include "freeform/chain.hpp"
@@ -18,7 +19,9 @@ Chain<D>::Chain(const ContourSet& starts, const std::uint8_t* edges, const std::
                 const EvolutionOptions& options)
     : options_(options),
       field_(edges, domain, height, width),
+      reached_(field_.num_tiles()),
       most_patches_(kMostPatches + height * (width / 16) + static_cast<int>(starts.points.size())) {
+    options_.balloon = std::min(options_.balloon, kLongestStep * options_.split_threshold);
     for (std::size_t c = 0; c + 1 < starts.offsets.size(); ++c) {
         add_contour(starts.points.data() + starts.offsets[c], starts.offsets[c + 1] - starts.offsets[c]);
     }
@@ -61,6 +64,7 @@ template <int D>
 void Chain<D>::wake(int i) {
     if (pool_[i].active || !pool_[i].alive) return;
     pool_[i].active = true;
+    pool_[i].examined = false;
     active_.push_back(i);
 }
 
@@ -120,7 +124,8 @@ void Chain<D>::rest() {
         if (!patch.alive || patch.steady != kAllSteady) continue;
         const Patch<D>& next = pool_[patch.next];
         if (next.active && (next.steady & 1u) == 0) continue;
-        if (options_.refine && splittable(i) && pool_[i].budget > 0 && uncovered(i)) {
+        pool_[i].starved = options_.refine && splittable(i) && uncovered<false>(i);
+        if (pool_[i].starved && pool_[i].budget > 0) {
             --pool_[i].budget;
             pool_[i].steady = 0;
             const int fresh = split(i);
@@ -137,6 +142,7 @@ bool Chain<D>::step() {
     move();
     guard();
     if (options_.refine) {
+        reward_progress();
         refine();
     } else {
         for (int i : active_) pool_.refresh(i);
@@ -170,6 +176,7 @@ std::vector<std::uint8_t> Chain<D>::region() const {
 // The contour has stopped; with a clearance this is where the second part begins. False when nothing is left to do.
 template <int D>
 bool Chain<D>::finish() {
+    if (options_.refine && wake_open()) return true;
     if (open_field_ == nullptr || sorted_.empty()) return false;
     open_field_->close_passages(region(), field_, 0.5 * options_.clearance);
     field_ = *open_field_;
@@ -188,7 +195,8 @@ bool Chain<D>::advance(int iterations) {
         } else if (!step() && !finish()) {
             if (options_.topology) drop_nested();
             forget_freed();
-            reason_ = sorted_.empty() ? StopReason::kVanished : StopReason::kConverged;
+            reason_ = sorted_.empty() ? StopReason::kVanished : num_stray_ > 0 ? StopReason::kStalled : StopReason::kConverged;
+            assert(reason_ != StopReason::kConverged || !options_.refine || all_held());
         }
     }
     return reason_ == StopReason::kRunning;

@@ -26,7 +26,7 @@ struct EvolutionCounts {
     int iterations = 0, splits = 0, prunes = 0, flips = 0, merges = 0, drops = 0;
 };
 
-enum class StopReason { kRunning, kConverged, kMaxIterations, kMaxPatches, kVanished, kBlocked };
+enum class StopReason { kRunning, kConverged, kMaxIterations, kMaxPatches, kVanished, kBlocked, kStalled };
 
 // Closed contours as runs of control points: contour c owns points[offsets[c] .. offsets[c + 1]).
 struct ContourSet {

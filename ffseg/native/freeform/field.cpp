@@ -88,6 +88,32 @@ void add_where_zero(const std::uint8_t* marks, std::uint8_t gained, std::uint8_t
     }
 }
 
+// Looks at kGroup pixels of a row together where one of their tiles (kGroupTiles) is not known to be free: those free
+// ones that no square of two by two free pixels covers become 1 in `slits`. Says for each group whether it holds any.
+constexpr int kGroup = 32, kGroupTiles = kGroup >> Field::kTileShift;
+FFSEG_CLONES
+void slit_pixels(const std::uint8_t* mid, std::ptrdiff_t stride, const std::uint8_t* reach, std::size_t groups,
+                 std::uint8_t* __restrict slits, std::uint8_t* __restrict found) {
+    for (std::size_t group = 0; group < groups; ++group) {
+        found[group] = 0;
+        Eight tiles = eight(reach + group * kGroupTiles);
+        if (((tiles - kOnes) & ~tiles & (kOnes << 7)) == 0) continue;  // none is zero
+        const std::uint8_t* const row = mid + group * kGroup;
+        const std::uint8_t *const up = row - stride, *const down = row + stride;
+        std::uint8_t* const out = slits + group * kGroup;
+        std::uint8_t any = 0;
+        for (int x = 0; x < kGroup; ++x) {
+            const auto above = static_cast<std::uint8_t>(up[x] | row[x]), below = static_cast<std::uint8_t>(down[x] | row[x]);
+            const auto left = static_cast<std::uint8_t>(row[x - 1]), right = static_cast<std::uint8_t>(row[x + 1]);
+            const bool shut = ((above | left | up[x - 1]) != 0) & ((above | right | up[x + 1]) != 0) &
+                              ((below | left | down[x - 1]) != 0) & ((below | right | down[x + 1]) != 0);
+            out[x] = static_cast<std::uint8_t>(shut & (row[x] == 0));
+            any |= out[x];
+        }
+        found[group] = any;
+    }
+}
+
 }  // namespace
 
 Field::Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, int width)
@@ -96,11 +122,12 @@ Field::Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, 
       stride_(static_cast<std::size_t>(width) + 2),
       tiles_x_(static_cast<std::size_t>((width - 1) >> kTileShift) + 1),
       tiles_y_(static_cast<std::size_t>((height - 1) >> kTileShift) + 1),
-      blocked_((static_cast<std::size_t>(height) + 2) * stride_ + 1) {
+      blocked_((static_cast<std::size_t>(height) + 2) * stride_ + kGroup + 1) {
     std::vector<std::uint8_t> occupied(tiles_x_ * tiles_y_);
     mark_edges(edges, occupied);
     mark_outside(domain, occupied);
     measure_reach(occupied);
+    shut_slits();
 }
 
 void Field::mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occupied) {
@@ -219,6 +246,30 @@ void Field::measure_reach(std::vector<std::uint8_t>& occupied) {
         const std::uint8_t gained = level == 0 ? (1 << kTileShift) - 1 : 1 << kTileShift;
         add_where_zero(occupied.data(), gained, reach_.data(), reach_.size());
     }
+}
+
+// Free ground is opened by a square of two by two pixels. A slit lies between edges on either side, so no farther than
+// the band reaches beyond both: what is known of free tiles stays true.
+void Field::shut_slits() {
+    static_assert(kGroupTiles == kEight, "eight tiles are read together");
+    const std::size_t groups = (static_cast<std::size_t>(width_) + kGroup - 1) / kGroup;
+    std::vector<std::uint8_t> reach(groups * kGroupTiles, 1), slits(groups * kGroup), found(groups);
+    std::vector<std::size_t> shut;
+    for (int y = 0; y < height_; ++y) {
+        const auto tiles = reach_.begin() + static_cast<std::ptrdiff_t>((y >> kTileShift) * tiles_x_);
+        std::copy_n(tiles, tiles_x_, reach.begin());
+        slit_pixels(&blocked_[cell(0, y)], static_cast<std::ptrdiff_t>(stride_), reach.data(), groups, slits.data(), found.data());
+        for (std::size_t group = 0; group < groups; ++group) {
+            if (found[group] == 0) continue;
+            for (std::size_t x = group * kGroup; x < (group + 1) * kGroup; x += kEight) {
+                if (eight(&slits[x]) == 0) continue;
+                for (std::size_t at = x; at < std::min(x + kEight, static_cast<std::size_t>(width_)); ++at) {
+                    if (slits[at] != 0) shut.push_back(cell(0, y) + at);
+                }
+            }
+        }
+    }
+    for (const std::size_t at : shut) blocked_[at] |= kBand;
 }
 
 std::vector<float> Field::squared_distance(const std::vector<std::uint8_t>& zero) const {

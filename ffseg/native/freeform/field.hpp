@@ -16,8 +16,9 @@ public:
     static constexpr int kLevels = 4;
 
     // Edges are solid; the pixels round them are a band that stops samples, while the curve between two samples may
-    // run through it.
-    // `domain` may be null. `clearance` > 0 also blocks every pixel nearer than clearance / 2 to an edge.
+    // run through it. So do slits, which no two by two free pixels fit into: whether a front gets through a gap is
+    // settled here and not by where its samples lie. Passages drawn 6 px wide stay open at every angle.
+    // `domain` may be null.
     Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, int width);
 
     // Blocks all that lies nearer than `radius` to a blocked pixel (for contour.clearance).
@@ -81,6 +82,17 @@ public:
         return reach_[static_cast<std::size_t>(row >> kTileShift) * tiles_x_ + (column >> kTileShift)];
     }
 
+    // The place of a pixel in the image, row by row.
+    std::size_t pixel(Vec2 p) const {
+        return static_cast<std::size_t>(p.y + 0.5) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(p.x + 0.5);
+    }
+    // Where tiles are named, row by row, for points clamped to the image.
+    std::size_t num_tiles() const { return reach_.size(); }
+    std::size_t tile(Vec2 p) const {
+        const auto column = static_cast<std::size_t>(p.x + 0.5), row = static_cast<std::size_t>(p.y + 0.5);
+        return (row >> kTileShift) * tiles_x_ + (column >> kTileShift);
+    }
+
 private:
     static constexpr std::uint8_t kBand = 1, kEdge = 2, kOutside = 4;  // an edge pixel is kBand | kEdge
     std::uint8_t at(Vec2 p) const {
@@ -97,6 +109,7 @@ private:
                   std::vector<std::uint8_t>& occupied) const;
     void mark_outside(const std::uint8_t* domain, std::vector<std::uint8_t>& occupied);
     void build_tiles();
+    void shut_slits();
     void measure_reach(std::vector<std::uint8_t>& occupied);
 
     int height_, width_;

@@ -9,7 +9,8 @@
 
 namespace ffseg {
 
-// A stretch held by edges is halved, straightened or laid out anew at most this often, so that it comes to rest.
+// A stretch held by edges is halved, straightened or laid out anew at most this often before one of its samples reaches
+// ground where none has been, so that it comes to rest.
 constexpr std::uint8_t kSplitBudget = 24;
 // One that swings about near edges is calmed so often, then split or held.
 constexpr std::uint8_t kMostCalmed = 5;
@@ -26,6 +27,8 @@ struct Patch {
     std::uint8_t calmed = 0;             // times it was calmed near edges
     std::uint8_t steady = 0;    // bit k: sample k did not move in this iteration
     std::uint8_t reverted = 0;  // bit k: sample k was put back because the curve met an edge
+    bool examined = false;      // at rest, and looked at closely since
+    bool starved = false;       // could advance between its samples, but had no repairs left
     bool alive = false, active = false, crowded = false, wants_split = false, touched = false;
 };
 

@@ -131,6 +131,16 @@ void Chain<D>::calm(int i) {
     pool_.refresh(i);
 }
 
+// Has a loop of three patches, too few to cross itself, run over itself in this move? A hole that closes passes through
+// its middle then, and would go on to do so for ever.
+template <int D>
+bool Chain<D>::passed_itself(int i) const {
+    if (pool_[pool_[i].next].next != pool_[i].prev || !folded(i) || loop_area(i) > 0) return false;
+    std::vector<Vec2> polygon;
+    each_in_loop(i, [&](int at) { polygon.insert(polygon.end(), pool_[at].m.begin(), pool_[at].m.end()); });
+    return !field_.encloses_solid(polygon.data(), polygon.size());
+}
+
 template <int D>
 void Chain<D>::refine() {
     const std::size_t count = active_.size();  // patches made here were just measured
@@ -138,6 +148,10 @@ void Chain<D>::refine() {
         const int i = active_[at];
         Patch<D>& patch = pool_[i];
         if (!patch.alive) continue;
+        if (passed_itself(i)) {
+            drop(i);
+            continue;
+        }
         const Chords found = chords(i);
         const double size = found.total;
         const double shortest = patch.crowded ? D * kPruneSpacing : kPruneRatio * options_.split_threshold;
@@ -160,8 +174,8 @@ void Chain<D>::refine() {
                 patch.steady |= static_cast<std::uint8_t>(kAllSteady & ~1u);
             }
         }
-        if (too_long(i)) {
-            pool_[i].budget = kSplitBudget;
+        if (too_long(i) && (!pool_[i].crowded || pool_[i].budget > 0)) {
+            if (pool_[i].crowded) --pool_[i].budget;
             split(i);
         } else if (pool_[i].wants_split && pool_[i].budget > 0 && splittable(i)) {
             --pool_[i].budget;

@@ -1,0 +1,62 @@
+"""The front reaches all ground the edge map leaves open, and no other, wherever its samples lie."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ffseg
+from tests import labyrinths
+from tests.campaigns import corridors
+
+PASSAGES = [seed for seed in range(400, 460) if seed % 12]
+GAPS = [12, 588, 1464, 2928]
+"""Walls that were found to leak through 5 px and hold at 6, or to lose the contour."""
+
+
+def test_passages_are_filled() -> None:
+    faults = [case for case in (corridors.passage(seed) for seed in PASSAGES) if case.faults]
+    assert faults == []
+
+
+@pytest.mark.parametrize("seed", GAPS)
+def test_gaps_leak_from_one_width_on(seed: int) -> None:
+    assert corridors.gap(seed).faults == ()
+
+
+@pytest.mark.parametrize("width", [8.0, 10.0, 14.0])
+@pytest.mark.parametrize("kind", ["spiral", "maze", "comb"])
+def test_defaults_go_to_the_end(kind: str, width: float) -> None:
+    scene = labyrinths.Plan(kind, 3, 17.0, width + 12.0).drawn(width)
+    result = corridors.segmented(scene, {"contour.max_iterations": 4000})  # 2 px each, along 3400 px
+    assert result.stats.stop_reason == "converged"
+    assert corridors.iou_off_border(result.mask, scene.truth) >= corridors.LEAST_IOU
+
+
+@pytest.mark.parametrize("angle", range(0, 91, 10))
+def test_passages_of_seven_pixels_are_entered_at_every_angle(angle: int) -> None:
+    scene = labyrinths.Plan("straight", 0, float(angle), 30.0).drawn(7.0)
+    assert corridors.iou_off_border(corridors.segmented(scene, {}).mask, scene.truth) >= corridors.LEAST_IOU
+
+
+@pytest.mark.parametrize("angle", [0.0, 27.0, 45.0])
+@pytest.mark.parametrize("width", [2.0, 3.0, 4.0, 7.0])
+def test_sampling_does_not_decide_what_leaks(width: float, angle: float) -> None:
+    scene = labyrinths.gap(width, angle, 7.0)
+    for threshold in (6.0, 14.0, 40.0, 80.0):
+        for patches in (8, 13, 40):
+            settings = {"contour.split_threshold": threshold, "contour.patches": patches}
+            leaks = corridors.segmented(scene, settings).mask.sum() > corridors.LEAK * scene.truth.sum()
+            assert leaks == (width > 5.0), settings
+
+
+def test_bays_are_filled_when_closing_in() -> None:
+    image = np.full((160, 200), 60, np.uint8)
+    image[30:130, 40:160] = 200
+    image[40:120, 60:72] = 60  # two bays of 12 px, open upwards and downwards
+    image[30:50, 60:72] = 60
+    image[60:130, 110:122] = 60
+    params = ffseg.load_params(None, {"init.boxes": [[4, 4, 195, 155]], "contour.balloon": -6.0})
+    result = ffseg.segment(image, params)
+    assert result.stats.stop_reason == "converged"
+    assert corridors.iou_off_border(result.mask, image == 200) >= corridors.LEAST_IOU
