@@ -110,6 +110,38 @@ def perturbed(camera: Camera, motion: Motion, parameters: Array) -> tuple[Array,
     return rotations, motion.translation + moves @ motion.rotation.T, ups
 
 
+def point_slopes(camera: Camera, motion: Motion, points: Array, *, on_ground: bool) -> Array:
+    """d(point in the previous frame)/d(parameters), shape (n, 3, 8), of points, shape (n, 3), of the current one.
+
+    With ``on_ground`` the points are where rays meet the ground, which a leaning camera moves along the rays; else they
+    stay where they are.
+    """
+    level = camera.level()
+    axes = level @ motion.rotation.T  # level x, y and down as the previous frame has them
+    turned = points @ motion.rotation.T
+    slopes = np.zeros((len(points), 3, PARAMETERS))
+    slopes[:, :, [0, 1, 3]] = axes.T
+    for place, axis in ((4, axes[0]), (5, axes[1]), (2, axes[2])):
+        slopes[:, 0, place] = axis[1] * turned[:, 2] - axis[2] * turned[:, 1]
+        slopes[:, 1, place] = axis[2] * turned[:, 0] - axis[0] * turned[:, 2]
+        slopes[:, 2, place] = axis[0] * turned[:, 1] - axis[1] * turned[:, 0]
+    if on_ground:
+        along = -(points @ level[:2].T) / (points @ camera.up)[:, None]
+        slopes[:, :, 6:] = turned[:, :, None] * along[:, None]
+    return slopes
+
+
+def projection_slopes(camera: Camera, points: Array) -> tuple[Array, Array]:
+    """Pixels of points, shape (n, 3), and d(pixel)/d(point), shape (n, 2, 3), by differences."""
+    steps = POINT_PROBE * np.eye(4, 3, -1)
+    base, *moved = camera.project(points + steps[:, None])
+    return base, np.stack([(one - base) / POINT_PROBE for one in moved], axis=2)
+
+
+POINT_PROBE = 1e-6
+"""Metres; far above rounding, far below the curvature of any lens."""
+
+
 def rotation_matrices(vectors: Array) -> Array:
     """Rodrigues: rotation matrices, shape (v, 3, 3), of rotation vectors, shape (v, 3)."""
     angle = np.sqrt(np.sum(vectors**2, axis=1))

@@ -40,10 +40,12 @@ class Component:
     @property
     def centroid(self) -> tuple[float, float]:
         """(x, y) of the mean pixel centre; NaN when empty."""
-        rows, columns = np.nonzero(self.mask)
-        if not len(rows):
+        across, down = self.mask.sum(axis=0), self.mask.sum(axis=1)
+        count = int(across.sum())
+        if not count:
             return float("nan"), float("nan")
-        return float(columns.mean() + self.origin[0]), float(rows.mean() + self.origin[1])
+        x, y = float(across @ np.arange(len(across))), float(down @ np.arange(len(down)))
+        return x / count + self.origin[0], y / count + self.origin[1]
 
     def window(self) -> tuple[slice, slice]:
         """Rows and columns of the image that ``mask`` covers."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import PARAMETERS, Motion, Origin, perturbed
+from ffseg.camera.motion import PARAMETERS, Motion, Origin, perturbed, point_slopes, projection_slopes
 from ffseg.freespace.motion.evidence import FREE, Evidence
 from ffseg.freespace.motion.tracking import Look, Tracks, tracked
 from ffseg.image.keypoints import Array, Grey
@@ -33,8 +33,6 @@ STILL = 1e-5
 """Metres and radians; a tenth of what the ground resolves at best."""
 SETTLED = 0.3
 """Pixels a motion may have changed its predictions by for the placements made from them to stand."""
-PROBE = 1e-5
-"""Metres and radians; far above rounding, far below curvature."""
 MIN_INLIERS = 8
 """Points that must agree: the motion has five parameters that no prior holds."""
 MIN_OWNERS = 3
@@ -58,6 +56,12 @@ class GroundFit:
     inliers : ndarray of bool, shape (n,)
     residual : ndarray of float64, shape (n, 2)
         Found less predicted, pixels.
+    slopes : ndarray of float64, shape (n, 2, 8)
+        d(previous pixel)/d(parameters).
+    levers, white : ndarray of float64, shape (n, 2, 8) and (n, 2)
+        Slopes and residuals in standard deviations.
+    hold : ndarray of float64, shape (8, 8)
+        What the prior knows: the inverse of its covariance.
     """
 
     camera: Camera
@@ -66,6 +70,7 @@ class GroundFit:
     tracks: Tracks
     inliers: NDArray[np.bool_]
     residual: Array
+    slopes: Array
     levers: Array
     white: Array
     hold: Array
@@ -102,6 +107,12 @@ class GroundFit:
         known |= self.motion.origin != "ground points"  # the poses hold what the others leave open
         steps = -(inverses @ pulls[..., None])[..., 0]
         return Doubt(steps, inverses * np.maximum(scatter, 1.0)[:, None, None], known)
+
+    def slopes_near(self, places: Array) -> Array:
+        """Slopes of the points nearest to places, shape (m, 2), of the current image: shape (m, 2, 8)."""
+        x, y = (self.tracks.current[:, axis] - places[:, axis, None] for axis in (0, 1))
+        near: Array = self.slopes[np.argmin(x * x + y * y, axis=1)]
+        return near
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,7 +193,8 @@ def _fitted(
     if len(tracks.current) < MIN_INLIERS:
         return None
     root = np.linalg.cholesky(tracks.information)
-    levers = np.swapaxes(root, 1, 2) @ _jacobian(camera, motion, tracks)
+    slopes = position_slopes(camera, motion, tracks.current)
+    levers = np.swapaxes(root, 1, 2) @ slopes
     miss = np.einsum("nji,nj->ni", root, tracks.previous - tracks.start)
     total = _consensus(levers, miss, offset, sigmas) if first else offset
     for _ in range(ROUNDS):
@@ -204,7 +216,7 @@ def _fitted(
     covariance = np.asarray(np.linalg.inv(normal) * _scatter(white[inliers]), np.float64)
     fixed = _moved(camera, motion, total - offset, covariance, int(inliers.sum()))
     residual = tracks.previous - _predicted(*fixed, tracks.current)
-    return GroundFit(*fixed, total, tracks, inliers, residual, levers, white, hold)
+    return GroundFit(*fixed, total, tracks, inliers, residual, slopes, levers, white, hold)
 
 
 def _enough(owners: NDArray[np.intp], origin: Origin) -> bool:
@@ -272,10 +284,11 @@ def _moved(camera: Camera, motion: Motion, step: Array, covariance: Array, inlie
     return replace(camera, up=ups[0]), fixed
 
 
-def _jacobian(camera: Camera, motion: Motion, tracks: Tracks) -> Array:
-    """d(previous pixel)/d(parameters), shape (n, 2, 8), by differences."""
-    moved = predictions(camera, motion, tracks.current, PROBE * np.eye(PARAMETERS))
-    slopes: Array = np.nan_to_num(np.moveaxis((moved - tracks.start) / PROBE, 0, 2))
+def position_slopes(camera: Camera, motion: Motion, current: Array) -> Array:
+    """d(previous pixel)/d(parameters), shape (n, 2, 8), of ground seen at current pixels."""
+    points = camera.meet_plane(camera.lift(current))
+    _, pixels = projection_slopes(camera, motion.apply(points))
+    slopes: Array = np.nan_to_num(pixels @ point_slopes(camera, motion, points, on_ground=True))
     return slopes
 
 
