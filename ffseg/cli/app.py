@@ -19,6 +19,7 @@ COMMANDS = {
     "run": "ffseg.cli.commands.run",
     "segment": "ffseg.cli.commands.segment",
     "compare": "ffseg.cli.commands.compare",
+    "learn": "ffseg.cli.commands.learn",
     "bench": "ffseg.cli.commands.bench",
     "config": "ffseg.cli.commands.config",
     "samples": "ffseg.cli.commands.samples",

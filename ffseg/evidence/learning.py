@@ -104,9 +104,9 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
         found = np.ascontiguousarray(seen.planes.reshape(len(NAMES), -1)[:, chosen].T)
         rows += [found, mirrored(found)]
         labels += [known.ravel()[chosen] > 0] * 2
-    inside = np.concatenate(labels)
+    inside = np.concatenate(labels) if labels else np.zeros(0, np.bool_)
     if inside.all() or not inside.any():
-        side = "outside" if inside.all() else "inside"
+        side = "outside" if inside.any() else "inside"
         raise UsageError(f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both")
     return Samples(np.concatenate(rows), inside)
 

@@ -54,7 +54,7 @@ def evidence_edges(probability: NDArray[np.float32], image_edges: EdgeMap) -> Ed
     gradient, edges = image_edges.gradient.copy(), image_edges.edges.copy()
     height = min(RIDGE_HEIGHT * image_edges.thresholds[1] * GRADIENT_SCALE, TALLEST)
     _core.evidence_level(above, UNDECIDED, SNAP, RIDGE_WIDTH, height, gradient, edges)
-    return EdgeMap(gradient, edges, image_edges.domain, image_edges.thresholds)
+    return EdgeMap(gradient, edges, image_edges.domain, image_edges.thresholds, walled=True)
 
 
 def strength_edges(strength: NDArray[np.float32], image_edges: EdgeMap) -> EdgeMap:

@@ -30,12 +30,16 @@ class EdgeMap:
         255 where the contour may go, 0 elsewhere; None means the whole image.
     thresholds : tuple of float
         The (low, high) Canny thresholds in grey levels per pixel; for ``auto`` those of the quieter windows.
+    walled : bool
+        Whether the edges wall in a region that somebody has told: all that hangs together in it belongs together, also
+        through places too narrow for a contour.
     """
 
     gradient: NDArray[np.uint16]
     edges: NDArray[np.uint8]
     domain: NDArray[np.uint8] | None
     thresholds: tuple[float, float]
+    walled: bool = False
 
     def magnitude(self) -> NDArray[np.float64]:
         """Gradient magnitude in grey levels per pixel, shape (H, W)."""

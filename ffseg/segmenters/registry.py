@@ -30,6 +30,9 @@ from ffseg.segmenters.base import (
 )  # fmt: skip
 from ffseg.segmenters.starts import start_contours
 
+GROWING = ("freeform", "levelset")
+"""Methods that take several starts and merge what grows from them."""
+
 
 def segmenter(name: str) -> Segmenter:
     """The method of that name, or the function that ``module:function`` names.
@@ -129,6 +132,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         edges = edges_from_source(Scene(image, region, params, domain, evidence))
         if edges.domain is None:  # bounds the contour only: thresholds stay those of the image
             edges = replace(edges, domain=_disc(image, starts, params))
+        if name in GROWING and edges.walled:
+            starts = (*starts, *_parts(edges, starts, params))
     edges = _bounded(edges, starts, params, background)
     edges_done = perf_counter()
     view = View(image, edges, starts, params, options, _rows(altitudes), callback)
@@ -151,6 +156,20 @@ def _disc(image: NDArray[np.uint8], starts: tuple[FreeForm, ...], params: Parame
     if found is None or not all(found.holds(start.control_points.mean(axis=0)) for start in starts):
         return None
     return found.mask((image.shape[0], image.shape[1]))
+
+
+def _parts(edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters) -> tuple[FreeForm, ...]:
+    """Starts in the parts of what a map of evidence walls in that the contour cannot reach through narrow places."""
+    if params.contour.clearance > 0 or params.contour.balloon < 0 or not params.contour.topology:
+        return ()
+    from ffseg.image.nets.pockets import starts_beyond
+
+    shape = edges.edges.shape
+    walls = edges.edges if edges.domain is None else edges.edges | np.where(edges.domain > 0, np.uint8(0), np.uint8(1))
+    circles = starts_beyond(walls, rasterize(starts, shape), params.init.radius)
+    if not circles:
+        return ()
+    return start_contours(shape, replace(params, init=replace(params.init, circles=circles, boxes=(), mask=None)))
 
 
 def _bounded(

@@ -1,0 +1,208 @@
+"""A model from masks: grown, measured on images left out, with what more masks would bring and which to draw next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from statistics import mean, pstdev
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg import __version__
+from ffseg.batch.discover import Source
+from ffseg.batch.learning.gather import Gathered, Labelled, start_region
+from ffseg.errors import ImageReadError, SegmentationError, UsageError
+from ffseg.evidence.features import Features, features
+from ffseg.evidence.forest import Forest, Model
+from ffseg.evidence.learning import Example, Samples, grow, known_pixels, learn, samples, uncertainty
+from ffseg.evidence.source import model_start
+from ffseg.formats.images import read_image
+from ffseg.metrics import iou
+from ffseg.native import _core
+from ffseg.parameters import Parameters
+from ffseg.segmenters.registry import segment
+
+FOLDS = 10
+"""Parts the images are left out in; with fewer images, each is left out alone."""
+
+CURVE_TREES = 40
+"""Trees of the forests that only show how figures rise with the number of masks."""
+
+DRAWS = 3
+"""Random choices of masks at each number."""
+
+WORTH = 0.005
+"""A mask that raises the mean IoU by less is not worth drawing."""
+
+NOISE = 2.0
+"""Standard errors that a model's figure must be above the figure without it to be called better."""
+
+MOST_LOOKED_AT = 200
+"""Images without a mask that are looked at to name the next."""
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """How well a model does on images that it was not learned from.
+
+    Attributes
+    ----------
+    masks : int
+    iou, spread : float
+        Mean and standard deviation of the IoU over the images left out; NaN from one mask.
+    without, without_spread : float
+        The same without the model, on the same images.
+    helps : bool
+        Whether the mean of the differences is above zero by more than its noise.
+    curve : tuple of (int, float)
+        Number of masks and mean IoU on the others, of small forests.
+    more : int
+        How many more masks may each still raise the mean by ``WORTH``.
+    following : str
+        The image to draw a mask of next; empty where all have one.
+    """
+
+    masks: int
+    iou: float
+    spread: float
+    without: float
+    without_spread: float
+    helps: bool
+    curve: tuple[tuple[int, float], ...] = ()
+    more: int = 0
+    following: str = ""
+
+
+def learned(gathered: Gathered, params: Parameters, tell: Tell) -> tuple[Model, Figures]:
+    """Learn a model and measure it.
+
+    Raises
+    ------
+    UsageError
+        If a mask shows one side only, or LightGBM is not installed.
+    """
+    chosen = []
+    for one in gathered.labelled:
+        tell(f"looking at {one.name}")
+        chosen.append(_samples(one, params))
+    model = learn(chosen)
+    tell(f"grown from {len(chosen)} masks")
+    figures = _figures(gathered.labelled, chosen, tell)
+    figures = replace(figures, following=_next(gathered, model, params, tell))
+    about = {"ffseg": __version__, "images": [one.name for one in gathered.labelled][:100], **_told(figures)}
+    return replace(model, about=about), figures
+
+
+def _told(figures: Figures) -> dict[str, object]:
+    """Figures as JSON holds them: no NaN."""
+    return {key: None if value != value else value for key, value in asdict(figures).items()}
+
+
+def _samples(one: Labelled, params: Parameters) -> Samples:
+    try:
+        return samples(Example(one.image, one.truth, one.start, params.init.radius))
+    except UsageError as error:
+        raise UsageError(f"{one.name}: {error}") from error
+
+
+def _figures(labelled: Sequence[Labelled], chosen: Sequence[Samples], tell: Tell) -> Figures:
+    count = len(labelled)
+    if count < 2:
+        return Figures(count, float("nan"), float("nan"), float("nan"), float("nan"), helps=True)
+    own, other = [0.0] * count, [0.0] * count
+    folds = [range(part, count, min(FOLDS, count)) for part in range(min(FOLDS, count))]
+    for number, fold in enumerate(folds):
+        model = learn([chosen[i] for i in range(count) if i not in fold])
+        for i in fold:
+            own[i] = _overlap(labelled[i], model)
+            other[i] = _overlap(labelled[i], None)
+        tell(f"left out part {number + 1} of {len(folds)}: IoU {mean(own[i] for i in fold):.3f}")
+    gains = [a - b for a, b in zip(own, other, strict=True)]
+    helps = mean(gains) > NOISE * pstdev(gains) / len(gains) ** 0.5
+    curve = _curve(labelled, chosen)
+    more = _worth_drawing(curve, count)
+    return Figures(count, mean(own), pstdev(own), mean(other), pstdev(other), helps, curve, more)
+
+
+def _overlap(one: Labelled, model: Model | None) -> float:
+    """IoU of the contour on an image, with what a model says or without."""
+    params, start = one.params, one.start
+    if start is None and model is not None:
+        circle = model_start(one.image, model, params.init.radius)
+        params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
+        start = start_region(one.image.shape[:2], params)
+    try:
+        evidence = None if model is None or start is None else model.map(features(one.image, start, model.size))
+        return iou(segment(one.image, params, evidence=evidence).mask, one.truth)
+    except SegmentationError:
+        return 0.0
+
+
+def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tuple[int, float], ...]:
+    """Mean overlap of small forests of 1, 2, 4, ... masks with the masks of the others, at the reduced size."""
+    count, rng = len(chosen), np.random.default_rng(0)
+    if any(one.start is None for one in labelled):
+        return ()
+    seen = [features(one.image, one.start) for one in labelled if one.start is not None]
+    points = []
+    for number in sorted({*(2**power for power in range(count.bit_length()) if 2**power < count), count - 1}):
+        found = []
+        for _ in range(DRAWS):
+            drawn = rng.permutation(count)
+            forest = grow([chosen[i] for i in drawn[:number]], trees=CURVE_TREES)
+            found += [_reduced_overlap(forest, seen[i], labelled[i].truth) for i in drawn[number:]]
+        points.append((number, round(mean(found), 4)))
+    return tuple(points)
+
+
+def _reduced_overlap(forest: Forest, seen: Features, truth: NDArray[np.uint8]) -> float:
+    inside = forest.probability(seen.planes) >= 0.5
+    planes = np.empty((5, *inside.shape), np.float32)
+    _core.evidence_barrier(np.where(inside, np.float32(0), np.float32(1)), seen.inside, 1.0, planes)
+    known = known_pixels(truth, seen.factor)
+    levels = np.where(known < 0, np.uint8(128), np.where(known > 0, np.uint8(255), np.uint8(0)))
+    return iou((planes[0] == 0) & inside, levels)
+
+
+def _worth_drawing(curve: Sequence[tuple[int, float]], count: int) -> int:
+    """How many more masks each raise the mean by ``WORTH``, from a line through IoU over 1 / masks."""
+    if len(curve) < 2:
+        return 0
+    inverse, height = np.array([1 / number for number, _ in curve]), np.array([value for _, value in curve])
+    slope = -float(np.polyfit(inverse, height, 1)[0])
+    last = count
+    while slope / (last * (last + 1)) >= WORTH:
+        last += 1
+    return last - count
+
+
+def _next(gathered: Gathered, model: Model, params: Parameters, tell: Tell) -> str:
+    """The image without a mask of which the model is least sure."""
+    best, following = -1.0, ""
+    for source in gathered.others[:MOST_LOOKED_AT]:
+        doubt = _doubt(source, gathered, model, params)
+        if doubt > best:
+            best, following = doubt, source.name
+    if following:
+        tell(f"least sure of {following}")
+    return following
+
+
+def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters) -> float:
+    try:
+        image = read_image(source.path)
+    except ImageReadError:
+        return -1.0
+    own = gathered.starts[source.name].placed(params) if source.name in gathered.starts else params
+    start = start_region(image.shape[:2], own)
+    if start is None:
+        circle = model_start(image, model, params.init.radius)
+        if circle is None:
+            return 1.0
+        start = start_region(image.shape[:2], replace(params, init=replace(params.init, circles=(circle,))))
+    if start is None or not start.any():
+        return 1.0
+    return uncertainty(model, features(image, start, model.size))

@@ -1,0 +1,88 @@
+"""``ffseg learn``: a model of what is inside, from a few masks."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ffseg.cli import console
+from ffseg.cli.checks import checked_params
+from ffseg.cli.options import Config, Inputs, Settings, Starts, TruthLabel, starts_file
+from ffseg.errors import UsageError
+
+if TYPE_CHECKING:
+    from ffseg.batch.learning.learn import Figures
+
+SUFFIX = ".ffmodel"
+
+
+def learn(  # noqa: PLR0913 - the options of the command
+    inputs: Inputs,
+    truth: Annotated[
+        Path, typer.Option("--truth", metavar="DIR", help="Masks (NAME.png): 255 inside, 0 outside, 128 unknown.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Model to write, a .ffmodel file.")],
+    truth_label: TruthLabel = None,
+    starts: Starts = None,
+    config: Config = None,
+    settings: Settings = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of sentences.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; the figures only.")] = False,
+) -> None:
+    """Learn from a few masks what is inside, for --set edges.model=FILE of the other commands.
+
+    Each image that has a mask is learned from; masks may be scribbles on 128. Measures the model on images left out,
+    says what more masks would bring, and names the image to draw a mask of next. Needs ffseg[learn]. Exit code: 0
+    done; 2 nothing was written.
+    """
+    if out.suffix != SUFFIX:
+        raise UsageError(f"--out {out}: a model is a {SUFFIX} file; name it so")
+    params = checked_params(config, settings)
+    from ffseg.batch.learning.gather import gather
+    from ffseg.batch.learning.learn import learned
+    from ffseg.evidence.forest import to_bytes
+    from ffseg.formats.files import write_bytes_atomic
+
+    found = gather(inputs, os.fspath(truth), params, starts_file(starts, params), truth_label)
+    model, figures = learned(found, params, _silent if quiet else _tell)
+    write_bytes_atomic(os.fspath(out), to_bytes(model))
+    if as_json:
+        plain = {key: None if value != value else value for key, value in asdict(figures).items()}
+        console.data(json.dumps({"out": os.fspath(out), **plain}, indent=2))
+    else:
+        console.data("\n".join(sentences(figures, os.fspath(out))))
+
+
+def sentences(figures: Figures, out: str) -> list[str]:
+    """What there is to say of a model."""
+    lines = [f"{out}: learned from {figures.masks} mask{'s' if figures.masks > 1 else ''}"]
+    if figures.masks < 2:
+        lines.append("not measured: that takes a second mask")
+    else:
+        lines.append(f"IoU on images left out: {figures.iou:.3f} (spread {figures.spread:.3f})")
+        lines.append(f"without the model:       {figures.without:.3f} (spread {figures.without_spread:.3f})")
+        if not figures.helps:
+            lines.append("this is no better than without the model beyond the noise; draw more masks, or do without it")
+    if figures.curve:
+        lines.append("by number of masks: " + ", ".join(f"{number}: {value:.3f}" for number, value in figures.curve))
+        if figures.more:
+            lines.append(f"about {figures.more} more masks may each still raise it by .005 or more")
+        else:
+            lines.append("more masks of this kind will hardly raise it")
+    if figures.following:
+        lines.append(f"most useful to draw next: {figures.following}")
+    lines.append(f"use it with --set edges.model={out}")
+    return lines
+
+
+def _tell(text: str) -> None:
+    console.message(f"ffseg: {text}")
+
+
+def _silent(text: str) -> None:
+    """Say nothing."""

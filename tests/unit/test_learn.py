@@ -1,0 +1,137 @@
+"""``ffseg learn``: from folders of images and masks to a model that `run` uses, and what it says of itself."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from ffseg.batch.learning.gather import gather
+from ffseg.batch.learning.learn import Figures, _worth_drawing, learned
+from ffseg.cli.commands.learn import sentences
+from ffseg.errors import UsageError
+from ffseg.evidence.forest import load_model
+from ffseg.image.nets.pockets import starts_beyond
+from ffseg.parameters import load_params
+
+pytest.importorskip("lightgbm")
+SHAPE = (80, 120)
+
+
+def ffseg(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "ffseg", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False, timeout=300)
+
+
+def disc(x: float, y: float, radius: float) -> np.ndarray:
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    return (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Five images of a green disc on noise with bright bars through it, masks of three of them, all starts."""
+    (tmp_path / "in").mkdir()
+    (tmp_path / "truth").mkdir()
+    starts = ["image,x,y,radius"]
+    for number in range(5):
+        rng = np.random.default_rng(number)
+        x, y = rng.uniform(35, 85), rng.uniform(30, 50)
+        image, inside = rng.normal(110, 4, (*SHAPE, 3)), disc(x, y, 24)
+        image[inside] += (-30, 25, 0)
+        image[int(y) - 8 : int(y) - 6] += 50
+        cv2.imwrite(str(tmp_path / "in" / f"{number}.png"), np.clip(image, 0, 255).astype(np.uint8))
+        if number < 3:
+            cv2.imwrite(str(tmp_path / "truth" / f"{number}.png"), inside.astype(np.uint8) * np.uint8(255))
+        starts.append(f"{number}.png,{x:.1f},{y:.1f},5")
+    (tmp_path / "starts.csv").write_text("\n".join(starts) + "\n")
+    return tmp_path
+
+
+def test_learn_then_run(folder: Path) -> None:
+    model, starts = folder / "green.ffmodel", ["--starts", str(folder / "starts.csv")]
+    done = ffseg(
+        "learn", str(folder / "in"), "--truth", str(folder / "truth"), "--out", str(model), *starts, "--json", "-q"
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["masks"] == 3
+    assert told["iou"] > 0.9
+    assert told["iou"] > told["without"]
+    assert told["helps"] is True
+    assert told["following"] in {"3.png", "4.png"}
+    assert [number for number, _ in told["curve"]] == [1, 2]
+    assert load_model(model).about["images"] == ["0.png", "1.png", "2.png"]
+    arguments = [
+        "--out",
+        str(folder / "out"),
+        "--truth",
+        str(folder / "truth"),
+        "--set",
+        f"edges.model={model}",
+        "--json",
+    ]
+    run = json.loads(ffseg("run", str(folder / "in"), *arguments, *starts).stdout)
+    assert run["mean_iou"] > 0.9
+    again = json.loads(ffseg("run", str(folder / "in"), *arguments, *starts).stdout)
+    assert again["counts"]["unchanged"] == 5
+    model.write_bytes(b"not a model")
+    refused = ffseg("run", str(folder / "in"), *arguments, *starts)
+    assert refused.returncode == 2
+    assert "green.ffmodel" in refused.stderr
+
+
+def test_without_starts_the_model_finds_them(folder: Path) -> None:
+    params = load_params(None, {"init.radius": 5})
+    model, figures = learned(gather([str(folder / "in")], str(folder / "truth"), params), params, lambda _: None)
+    assert model.start is not None
+    assert figures.iou > 0.85
+    assert figures.curve == ()
+
+
+def test_a_name_without_the_suffix_is_refused_first(folder: Path) -> None:
+    done = ffseg("learn", str(folder / "in"), "--truth", str(folder / "truth"), "--out", str(folder / "a.bin"))
+    assert done.returncode == 2
+    assert ".ffmodel" in done.stderr
+
+
+def test_a_mask_of_one_side_names_its_image(folder: Path) -> None:
+    cv2.imwrite(str(folder / "truth" / "1.png"), np.zeros(SHAPE, np.uint8))
+    params = load_params()
+    with pytest.raises(UsageError, match=r"1\.png: the mask knows no pixel inside"):
+        learned(gather([str(folder / "in")], str(folder / "truth"), params), params, lambda _: None)
+
+
+def test_what_is_said() -> None:
+    one = sentences(Figures(1, float("nan"), float("nan"), float("nan"), float("nan"), helps=True), "a.ffmodel")
+    assert "not measured: that takes a second mask" in one
+    worse = sentences(Figures(4, 0.6, 0.1, 0.61, 0.1, False, ((1, 0.5), (3, 0.58)), 3, "b.png"), "a.ffmodel")
+    assert any("no better than without" in line for line in worse)
+    assert any("3 more masks" in line for line in worse)
+    assert "most useful to draw next: b.png" in worse
+
+
+def test_masks_are_worth_drawing_while_the_curve_rises() -> None:
+    flat = _worth_drawing([(1, 0.8), (2, 0.8), (4, 0.8)], 5)
+    rising = _worth_drawing([(1, 0.5), (2, 0.7), (4, 0.8)], 5)  # .9 - .4 / n: the n-th is worth .4 / n / (n + 1)
+    assert flat == 0
+    assert rising == 4  # .4 / 72 = .0056 from 8 to 9 masks, .4 / 90 = .0044 from 9 to 10
+
+
+def test_parts_behind_narrow_places_get_a_start() -> None:
+    walls = np.zeros((60, 100), np.uint8)
+    walls[:, 48:52] = 255
+    walls[29:32, 48:52] = 0  # three pixels wide
+    starts = np.zeros((60, 100), bool)
+    starts[28:33, 20:25] = True
+    ((x, y, radius),) = starts_beyond(walls, starts, 10.0)
+    assert 60 < x < 90
+    assert 20 < y < 40
+    assert radius == 10.0
+    walls[29:32, 48:52] = 255
+    assert starts_beyond(walls, starts, 10.0) == ()
