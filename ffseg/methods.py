@@ -70,7 +70,9 @@ METHODS: dict[str, Method] = {**SEGMENTERS, **PEERS}
 """Every method by its name."""
 
 EDGE_SOURCES: dict[str, str] = {
+    "auto": "ffseg.image.edges:gradient_edges",
     "gradient": "ffseg.image.edges:gradient_edges",
+    "prior": "ffseg.evidence.prior:prior_edges",
     "model": "ffseg.evidence.source:model_edges",
     "evidence": "ffseg.evidence.source:map_edges",
 }

@@ -50,7 +50,9 @@ class Edges(Section):
     """The edge map."""
 
     source: str = declared(
-        "gradient", Name(tuple(EDGE_SOURCES)), "edge source: gradient, or module:function of your own"
+        "auto",
+        Name(tuple(EDGE_SOURCES)),
+        "auto = gradient where its edges are clear, else prior (learned); or module:function of your own",
     )
     sigma: float = declared(1.5, Number(0, 20, above=True), "px, standard deviation of the smoothing Gaussian")
     exponent: float = declared(2.0, Number(1, 8), "p of the edge force |grad|^p (Eq. 8)")

@@ -85,7 +85,12 @@ class Frame:
 
 
 def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters:
-    """Parameters with a start circle that keeps clear of the robot's own disc."""
+    """Parameters with a start circle that keeps clear of the robot's own disc, on the image's own edges.
+
+    What lies under the start circle is the robot's image in part, which is no sample of the ground for the prior.
+    """
+    if params.edges.source == "auto":
+        params = replace(params, edges=replace(params.edges, source="gradient"))
     least = camera.robot_radius + START_MARGIN if camera.robot_radius else 0.0
     if params.init.radius >= least:
         return params

@@ -63,6 +63,13 @@ class Segmentation(Savable):
     timings : Timings
     messages : tuple of str
         What was done otherwise than asked, such as a start that had to be moved.
+    source : str
+        The edge source that decided: for ``auto`` either ``gradient`` or ``prior``; ``given`` for edges of the caller's.
+    score : float
+        How sure the result is, from 0 to 1: the IoU that the prior lets expect, else the share of the boundary on
+        clear edges.
+    thresholds : tuple of float
+        The (low, high) Canny thresholds that were used, in grey levels per pixel.
     """
 
     mask: NDArray[np.bool_]
@@ -70,6 +77,9 @@ class Segmentation(Savable):
     stats: Stats
     timings: Timings
     messages: tuple[str, ...] = ()
+    source: str = ""
+    score: float = 0.0
+    thresholds: tuple[float, float] = (0.0, 0.0)
 
     @property
     def num_holes(self) -> int:

@@ -227,4 +227,7 @@ def configured(params: Parameters, name: str, peers: PeerParameters | None = Non
     if name not in PEERS:
         return params, None
     peers = peers or PeerParameters()
-    return replace(params, edges=edge_parameters(name, params.edges, peers)), getattr(peers, name)
+    own = edge_parameters(name, params.edges, peers)
+    if own.source == "auto":
+        own = replace(own, source="gradient")
+    return replace(params, edges=own), getattr(peers, name)

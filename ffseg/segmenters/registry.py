@@ -28,6 +28,7 @@ from ffseg.segmenters.base import (
     View,
     check_sides,
 )  # fmt: skip
+from ffseg.segmenters.deciding import Decision, decide, trusted
 from ffseg.segmenters.starts import start_contours
 
 GROWING = ("freeform", "levelset")
@@ -127,25 +128,35 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         params = with_model_start(image, params)
     starts = start_contours(shape, params, start_mask, center)
     begin = perf_counter()
+    source = _source(params, edges, evidence)
     if edges is None:
-        region = rasterize(starts, shape) if source_of(params) != "gradient" else None
+        region = None if source in ("auto", "gradient") else rasterize(starts, shape)
         edges = edges_from_source(Scene(image, region, params, domain, evidence))
         if edges.domain is None:  # bounds the contour only: thresholds stay those of the image
             edges = replace(edges, domain=_disc(image, starts, params))
         if name in GROWING and edges.walled:
             starts = (*starts, *_parts(edges, starts, params))
     edges = _bounded(edges, starts, params, background)
-    edges_done = perf_counter()
+    edges_ms = (perf_counter() - begin) * 1e3
     view = View(image, edges, starts, params, options, _rows(altitudes), callback)
-    outcome, messages = _run(run, view)
-    evolved = perf_counter()
-    found = outcome.mask if outcome.mask is not None else rasterize(outcome.contours or (), shape)
-    end = perf_counter()
-    contours, mask = _both(outcome, found, edges.domain)
+    found, messages = _freed(decide if source == "auto" else trusted, run, view)
+    begin = perf_counter()
+    outcome = found.outcome
+    mask = outcome.mask if outcome.mask is not None else rasterize(outcome.contours or (), shape)
+    rasterized_ms = (perf_counter() - begin) * 1e3
+    contours, mask = _both(outcome, mask, edges.domain)
     counted = name not in METHODS or METHODS[str(name)].uses_edges
-    edges_ms = (edges_done - begin) * 1e3 if counted else 0.0
-    timings = Timings(edges_ms, (evolved - edges_done) * 1e3, edges_ms + (end - edges_done) * 1e3)
-    return Segmentation(mask, contours, outcome.stats, timings, messages)
+    edges_ms = edges_ms + found.edges_ms if counted else 0.0
+    timings = Timings(edges_ms, found.evolve_ms, edges_ms + found.evolve_ms + rasterized_ms)
+    used, thresholds = found.source or source, found.edges.thresholds
+    return Segmentation(mask, contours, outcome.stats, timings, messages, used, found.score, thresholds)
+
+
+def _source(params: Parameters, edges: EdgeMap | None, evidence: NDArray[np.float32] | None) -> str:
+    """Where edges come from: the caller's own, else the map that came with the image, else what is asked for."""
+    if edges is not None:
+        return "given"
+    return source_of(params) if evidence is None else "evidence"
 
 
 def _disc(image: NDArray[np.uint8], starts: tuple[FreeForm, ...], params: Parameters) -> NDArray[np.uint8] | None:
@@ -183,16 +194,18 @@ def _bounded(
     return bounded(edges, rasterize(starts, edges.gradient.shape), params, background)
 
 
-def _run(run: Segmenter, view: View) -> tuple[Outcome, tuple[str, ...]]:
+def _freed(
+    deciding: Callable[[Segmenter, View], Decision], run: Segmenter, view: View
+) -> tuple[Decision, tuple[str, ...]]:
     """What a method finds, from starts that are moved if none of them can."""
     try:
-        return run(view), ()
+        return deciding(run, view), ()
     except BlockedStartError as blocked:
         remedy = str(blocked)
     from ffseg.segmenters.starting.freed import freed  # loads what only this needs
 
     moved, told = freed(view, remedy)
-    return run(moved), (told,)
+    return deciding(run, moved), (told,)
 
 
 def outlines_of(mask: NDArray[np.bool_]) -> tuple[FreeForm, ...]:

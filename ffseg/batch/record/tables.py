@@ -23,6 +23,8 @@ TIMING_COLUMNS = (
     "splits", "flips", "components", "holes", "area_px", "decode_ms", "edges_ms", "evolve_ms", "obstacles_ms",
     "write_ms", "total_ms",
 )  # fmt: skip
+EDGES = ("source", "score", "canny_low", "canny_high")
+"""What decided where edges are, how sure the result is (0 to 1), and the thresholds in grey levels per pixel."""
 START_COLUMNS = ("start_x", "start_y", "start_radius")
 """With ``--starts``: the start circle of the image, in pixels."""
 OBSTACLE_COLUMNS = (
@@ -64,7 +66,7 @@ class Tables:
         there = self.standing.columns | self.asked
         iou = ("iou",) if "iou" in there else ()
         starts = START_COLUMNS if "start_x" in there else ()
-        return (*TIMING_COLUMNS, *iou, "stop_reason", "note", *(("pair",) if self.camera else ()), *starts)
+        return (*TIMING_COLUMNS, *iou, "stop_reason", "note", *EDGES, *(("pair",) if self.camera else ()), *starts)
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of ``timings.csv``."""

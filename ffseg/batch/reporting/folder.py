@@ -32,7 +32,7 @@ MAX_NAME = 16_384
 """Characters of a name: a path has 4096 bytes, each shown by four at most."""
 MAX_COLUMNS = 200
 MAX_INPUTS = 100_000
-_TEXTS = frozenset({"image", "status", "error", "method", "verdict", "stop_reason", "note"})
+_TEXTS = frozenset({"image", "status", "error", "method", "verdict", "stop_reason", "note", "source"})
 _OUTPUTS = {"overlays": ".png", "panels": ".png", "masks": ".png", "contours": ".svg"}
 
 Row = dict[str, Any]

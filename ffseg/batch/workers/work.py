@@ -212,4 +212,8 @@ def _row(image: NDArray[np.uint8], result: Segmentation, method: str) -> dict[st
         "edges_ms": result.timings.edges_ms,
         "evolve_ms": result.timings.evolve_ms,
         "stop_reason": stats.stop_reason,
+        "source": result.source,
+        "score": result.score,
+        "canny_low": result.thresholds[0],
+        "canny_high": result.thresholds[1],
     }

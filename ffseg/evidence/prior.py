@@ -1,0 +1,103 @@
+"""What a forest learned from other pictures says of a new one: which pixels belong to what the start lies on.
+
+The forest sees no place in the image and no absolute position, only how a pixel looks, how it differs from the start
+region, and what stands on the best way there. It is part of the package; ``tests/campaigns/learn_prior.py`` makes it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.evidence.features import enlarged, features
+from ffseg.evidence.forest import Model, load_model
+from ffseg.evidence.maps import evidence_edges
+from ffseg.image.edges import EdgeMap, Scene, gradient_edges
+from ffseg.native import _core
+
+MODEL = Path(__file__).with_name("prior.ffmodel")
+
+SMOOTHING = 3.0
+"""Reduced pixels; neighbours vote, so that the seams of tiles and specks of light do not make islands."""
+
+CERTAIN = 7.0
+"""Log odds up to which a pixel votes, and which the start region is given: inside by definition."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """The evidence for one image.
+
+    Attributes
+    ----------
+    odds : ndarray of float32, shape (H, W)
+        Logarithm of the odds of belonging to what the start lies on, at most ``CERTAIN`` either way.
+    """
+
+    odds: NDArray[np.float32]
+
+    def map(self) -> NDArray[np.float32]:
+        """The probability's tangent at one half, between 0 and 1: the same level, without a rounded exponential."""
+        found: NDArray[np.float32] = np.clip(np.float32(0.5) + np.float32(0.25) * self.odds, 0, 1)
+        return found
+
+    def expected_overlap(self, mask: NDArray[np.bool_]) -> float:
+        """The IoU to be expected of a region if the probabilities are true: their sum in it over that of its union.
+
+        Parameters
+        ----------
+        mask : ndarray of bool, shape (H, W)
+        """
+        every = 1 / (1 + np.exp(-self.odds[::STRIDE, ::STRIDE]))
+        inside = mask[::STRIDE, ::STRIDE]
+        both = float(every[inside].sum(dtype=np.float64))
+        either = float(np.count_nonzero(inside)) + float(every.sum(dtype=np.float64)) - both
+        return both / either if either > 0 else 0.0
+
+
+STRIDE = 2
+"""Every second pixel each way is enough for a sum of smooth probabilities."""
+
+
+@lru_cache(maxsize=1)
+def _model() -> tuple[Model, _core.EvidenceForest]:
+    model = load_model(MODEL)
+    return model, model.inside.compiled()
+
+
+def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
+    """Evidence of what belongs to the start.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    starts : ndarray of bool, shape (H, W)
+        Pixels of the start region, at least one.
+    """
+    model, native = _model()
+    seen = features(image, starts, model.size)
+    found = model.inside.probability(seen.planes, native)
+    odds = np.clip(np.log(found) - np.log1p(-found), -CERTAIN, CERTAIN)
+    votes = np.empty_like(odds)
+    _core.evidence_blur(odds, SMOOTHING, votes)
+    whole = enlarged(votes, seen.factor, seen.shape)
+    whole[starts] = CERTAIN
+    return Prior(whole)
+
+
+def prior_edges(scene: Scene) -> EdgeMap:
+    """Edges where the evidence falls to one half: the source ``prior``."""
+    return with_prior(scene, gradient_edges(scene))[0]
+
+
+def with_prior(scene: Scene, image_edges: EdgeMap) -> tuple[EdgeMap, Prior | None]:
+    """Edges where the evidence falls to one half, and the evidence; the image's own edges if the start covers nothing."""
+    if scene.starts is None or not scene.starts.any():
+        return image_edges, None
+    found = prior(scene.image, scene.starts)
+    return evidence_edges(found.map(), image_edges), found

@@ -1,0 +1,95 @@
+"""Which evidence decides: clear edges alone, else the learned prior; and how sure the result is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ffseg.evidence.prior import CERTAIN, Prior, prior
+from ffseg.image.edges import Scene, gradient_edges
+from ffseg.metrics import iou
+from ffseg.parameters import load_params
+from ffseg.segmenters import deciding
+from ffseg.segmenters.registry import segment
+from tests.scenes import START, START_RADIUS, scene
+
+PARAMS = load_params(None, {"init.center": list(START), "init.radius": START_RADIUS})
+
+
+def faint(contrast: float, texture: float) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """A disc of another colour, whose brightness hardly differs, on a ground of coarse texture."""
+    rows, columns = np.indices((200, 240))
+    inside = np.hypot(columns - 120, rows - 100) < 60
+    coarse = np.kron(np.random.default_rng(5).normal(0, texture, (25, 30)), np.ones((8, 8)))
+    image = np.stack([110 + coarse - contrast * inside, 110 + coarse, 110 + coarse + contrast * inside], axis=2)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8), np.where(inside, np.uint8(255), np.uint8(0))
+
+
+@pytest.mark.parametrize("number", range(8))
+def test_clear_edges_decide_alone(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ffseg.evidence.prior.prior", pytest.fail)
+    drawn = scene(number)
+    found = segment(drawn.image, PARAMS)
+    plain = segment(drawn.image, load_params(None, {**_start(), "edges.source": "gradient"}))
+    assert found.source == "gradient"
+    assert np.array_equal(found.mask, plain.mask)
+    assert found.score > 0.9
+
+
+def test_texture_is_left_to_the_prior() -> None:
+    image, truth = faint(25, 12)
+    start = {"init.center": [120, 100], "init.radius": 20}
+    found = segment(image, load_params(None, start))
+    plain = segment(image, load_params(None, {**start, "edges.source": "gradient"}))
+    assert (found.source, plain.source) == ("prior", "gradient")
+    assert iou(found.mask, truth) > iou(plain.mask, truth) + 0.1
+    assert 0 < found.score < 1
+
+
+def test_given_thresholds_are_trusted() -> None:
+    image, _ = faint(25, 12)
+    found = segment(image, load_params(None, {"init.center": [120, 100], "init.radius": 20, "edges.canny": [5, 10]}))
+    assert found.source == "gradient"
+    assert found.thresholds == (5.0, 10.0)
+
+
+def test_a_turned_or_mirrored_image_gives_the_turned_or_mirrored_odds() -> None:
+    image, _ = faint(25, 12)
+    start = np.hypot(*(np.indices(image.shape[:2]) - np.array([90, 130])[:, None, None])) < 18
+    plain = prior(image, start).odds
+    for turn in (np.flipud, np.fliplr, np.rot90):
+        turned = turn(prior(np.ascontiguousarray(turn(image)), np.ascontiguousarray(turn(start))).odds.copy())
+        back = {np.rot90: lambda plane: np.rot90(plane, 2)}.get(turn, lambda plane: plane)(turned)
+        # a threshold of a tree may fall between two roundings of a sum: rarely, and for few of its pixels
+        assert np.mean((plain > 0) != (back > 0)) < 0.005
+
+
+def test_the_start_is_inside_whatever_it_looks_like() -> None:
+    rng = np.random.default_rng(3)
+    image = rng.integers(0, 256, (90, 120, 3)).astype(np.uint8)
+    start = np.zeros((90, 120), np.bool_)
+    start[40:50, 50:70] = True
+    assert (prior(image, start).odds[start] == CERTAIN).all()
+
+
+def test_expected_overlap_against_its_definition() -> None:
+    odds = np.full((40, 60), -2.0, np.float32)
+    odds[:, :30] = 2.0
+    mask = np.zeros((40, 60), np.bool_)
+    mask[:, :20] = True
+    high, low = 1 / (1 + np.exp(-2.0)), 1 / (1 + np.exp(2.0))
+    expected = 20 * high / (20 + 10 * high + 30 * low)
+    assert Prior(odds).expected_overlap(mask) == pytest.approx(expected, rel=1e-6)  # single precision
+
+
+def test_nothing_to_doubt_where_no_boundary_is() -> None:
+    even = np.full((80, 100), 90, np.uint8)
+    params = load_params(None, {"init.radius": 12})
+    edges = gradient_edges(Scene(even, None, params))
+    assert deciding.edges_are_clear((), edges)
+    assert segment(even, params).source == "gradient"
+
+
+def _start() -> dict[str, object]:
+    return {"init.center": list(START), "init.radius": START_RADIUS}
