@@ -75,6 +75,8 @@ def _clean_install() -> bool:
         print(f"test packages in the clean install: {present.strip()}")
         tried = [_timed(" ".join(use), use, folder) for use in _uses(scripts / "ffseg")]
         tried.append(_timed("python in the sources", [python, "-c", IN_SOURCES]))
+        quick = [str(scripts / "ffseg"), "bench", "--quick", "--suite", "startup", "--out", str(folder / "bench")]
+        tried.append(_timed("bench in the sources", quick))
         return present.strip() == "[]" and all(tried) and _documented(scripts, folder)
 
 

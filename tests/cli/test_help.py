@@ -53,6 +53,7 @@ MISTYPED = {
     "option": (["run", "--ovrelay"], "--overlay"),
     "method": (["compare", "samples", "--out", "x", "--methods", "snak"], "did you mean 'snake'?"),
     "suite": (["bench", "--out", "x", "--suite", "pach"], "did you mean 'patches'?"),
+    "export": (["run", "samples", "--out", "x", "--export", "cocoo"], "did you mean 'coco'?"),
     "preset": (["config", "show", "toy-ful"], "did you mean 'toy-full'?"),
     "key": (["config", "show", "--set", "contour.degre=2"], "did you mean 'contour.degree'?"),
 }

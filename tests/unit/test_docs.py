@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import types
 import unicodedata
 from collections.abc import Callable
 from importlib import import_module
@@ -106,6 +107,8 @@ def test_python_page(golden: Callable[[Path, str], None]) -> None:
 
 def section(name: str, item: object) -> str:
     """Signature and docstring of one public name, and of its public methods and properties."""
+    if isinstance(item, types.UnionType):
+        return f"## ffseg.{name}\n\n```text\n{str(item).replace('ffseg.parameters.', '')}\n```"
     assert item.__doc__, f"ffseg.{name} has no docstring"
     parts = [f"## ffseg.{name}\n\n{block(name, item)}"]
     if inspect.isclass(item) and not issubclass(item, Exception):

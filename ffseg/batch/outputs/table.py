@@ -106,5 +106,8 @@ def read_exports(texts: Sequence[str]) -> tuple[str, ...]:
     names = [name.strip().lower() for text in texts for name in text.split(",")]
     unknown = next((name for name in names if name not in EXPORTS), None)
     if unknown is not None:
-        raise UsageError(f"--export: there is no format '{unknown}'; choose from {', '.join(EXPORTS)}")
+        from ffseg.schema.kinds import nearest_word
+
+        near = nearest_word(unknown, tuple(EXPORTS)) or f"; choose from {', '.join(EXPORTS)}"
+        raise UsageError(f"--export: there is no format '{unknown}'{near}")
     return tuple(dict.fromkeys(names))
