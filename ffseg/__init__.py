@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from ffseg.parameters import Edges as Edges
     from ffseg.parameters import Init as Init
     from ffseg.parameters import LevelSet as LevelSet
+    from ffseg.parameters import Network as Network
     from ffseg.parameters import Obstacles as Obstacles
     from ffseg.parameters import Paper as Paper
     from ffseg.parameters import Parameters as Parameters
@@ -111,6 +112,7 @@ _HOMES = {
     "GroundFit": "ffseg.freespace.motion.ground",
     "Doubt": "ffseg.freespace.motion.ground",
     "Region": "ffseg.parameters",
+    "Network": "ffseg.parameters",
 }
 
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - the names are strings, in one place

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -30,7 +31,9 @@ def test_suffixes_say_what_is_written(mask: np.ndarray, tmp_path: Path, ffseg_co
     names = ("a.png", "a.svg", "a.geojson", "a.json", "a.jpg", "a.webp")
     done = ffseg_command("segment", TOY, *names, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (0, "")
-    assert done.stderr == f"ffseg: {mask.sum()} px inside, 1 region, 4 holes; converged after 61 iterations\n"
+    assert re.fullmatch(
+        rf"ffseg: {mask.sum()} px inside, 1 region, 4 holes; converged after \d+ iterations\n", done.stderr
+    )
     assert sorted(os.listdir(tmp_path)) == sorted(names)
     assert np.array_equal(read_mask(tmp_path / "a.png"), mask)
     assert "<title>toy.png</title>" in (tmp_path / "a.svg").read_text("utf-8")
