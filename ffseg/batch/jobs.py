@@ -67,6 +67,8 @@ class Plan:
         What was asked for, as absolute paths and patterns: how the images are found again.
     shard : str
         Name of the shard this is, as ``3-of-8``; empty when it is the whole.
+    whole : int
+        Images of all shards together.
     """
 
     out: str
@@ -75,6 +77,7 @@ class Plan:
     with_truth: bool = False
     inputs: tuple[str, ...] = ()
     shard: str = ""
+    whole: int = 0
 
     def outputs(self, job: Job) -> tuple[str, ...]:
         """Outputs of a job, relative to `out`."""

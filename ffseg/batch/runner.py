@@ -13,14 +13,15 @@ from typing import Any, Protocol
 
 from ffseg import __version__
 from ffseg.batch.executors.base import Executor
-from ffseg.batch.executors.choice import Choice, start
+from ffseg.batch.executors.choice import Choice, Start, start
+from ffseg.batch.executors.chunks import left_over, numbered
 from ffseg.batch.jobs import Job, Plan, foreign_outputs, output_folders, prepare_output
 from ffseg.batch.record.header import refuse_other_parameters, run_header
 from ffseg.batch.record.journal import Journal, read_header, state_folder
 from ffseg.batch.record.keeper import Keeper, Settled
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.record.standing import Standing, survey, tidy
-from ffseg.batch.record.tables import START_COLUMNS, TIMING_COLUMNS, Tables, remove_old
+from ffseg.batch.record.tables import OBSTACLES, PARQUET, RUN, START_COLUMNS, TIMING_COLUMNS, Tables, remove_old
 from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Failed, Note, Ready, Reply, Setup, Task
 from ffseg.errors import FfsegError, UsageError
@@ -92,6 +93,8 @@ class Options:
         Write the report page at the end.
     executor : Choice
         Who works on the images.
+    parquet : bool
+        Write ``timings.parquet``, too.
     """
 
     num_workers: int = 1
@@ -99,6 +102,7 @@ class Options:
     overwrite: bool = False
     report: bool = False
     executor: Choice = field(default_factory=Choice)
+    parquet: bool = False
 
 
 @dataclass(slots=True)
@@ -201,11 +205,19 @@ class Run:
         old = read_header(self._state) or {}
         self._tables_before = [name for name in old.get("tables", ()) if isinstance(name, str)]
         merged = {kind.merged for kind in self._plan.wanted.kinds if kind.merge}
-        tables = {*self._tables_before, *merged, *(("obstacles.csv",) if self._setup.views else ())}
+        others = {OBSTACLES: self._setup.views is not None, PARQUET: self._options.parquet}
+        tables = {*self._tables_before, *merged, *(name for name, asked in others.items() if asked)}
         names = [job.source.name for job in self._plan.jobs]
         journal = Journal(self._state, {**header, "tables": sorted(tables)}, names)
         self._held.callback(journal.close)
         self._keeper = Keeper(self._plan, journal, header["settings"], self._setup.params.method, self._problem)
+        index = {name: number for number, name in enumerate(names)}
+        for name, reply in left_over(self._state, header["settings"]):
+            if name in index:
+                self._keeper.adopt(numbered(reply, index[name]))
+        if self._plan.shard:  # until it has finished, it has not
+            with contextlib.suppress(OSError):
+                os.unlink(os.path.join(self._state, RUN))
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of ``timings.csv`` of the images of the plan that are finished, in input order."""
@@ -216,11 +228,14 @@ class Run:
 
     def _tables(self) -> Tables:
         folder = self._state if self._plan.shard else self._plan.out
+        camera = self._setup.views is not None
+        return Tables(self._plan.out, folder, self._standing, camera, frozenset(self._asked()), self._options.parquet)
+
+    def _asked(self) -> set[str]:
+        """Columns and folders of outputs that were asked for."""
         asked = {kind.folder for kind in self._plan.wanted.kinds if kind.merge}
         asked |= {"iou"} if self._plan.with_truth else set()
-        asked |= {START_COLUMNS[0]} if any(job.start for job in self._plan.jobs) else set()
-        camera = self._setup.views is not None
-        return Tables(self._plan.out, folder, self._standing, camera, frozenset(asked))
+        return asked | ({START_COLUMNS[0]} if any(job.start for job in self._plan.jobs) else set())
 
     def _sweep(self) -> None:
         """Remove the temporaries of a run that was killed; under the lock nobody else can be writing one.
@@ -238,7 +253,8 @@ class Run:
     def _work(self, started: Sequence[Process]) -> None:
         """Feed the executor and write what it replies, one reply of each worker together: the disk is waited for less."""
         options = self._options
-        executor = start(options.executor, self._setup, options, started, self._stop.descriptor)
+        places = (len(self._plan.jobs), self._state, self._keeper.settings)
+        executor = start(Start(options.executor, self._setup, options, started, self._stop.descriptor, *places))
         try:
             feed(self, executor)
         finally:
@@ -336,7 +352,13 @@ class Run:
             "versions": dict(self._versions),
             "problems": summary.problems,
             "stale": [*stale, *left],
+            **self._part(),
         }
+
+    def _part(self) -> dict[str, Any]:
+        """What a merge has to know of a shard."""
+        plan = self._plan
+        return {"shard": plan.shard, "whole": plan.whole, "asked": sorted(self._asked())} if plan.shard else {}
 
 
 def refuse_foreign(plan: Plan) -> None:

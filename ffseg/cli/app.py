@@ -24,6 +24,7 @@ COMMANDS = {
     "config": "ffseg.cli.commands.config",
     "samples": "ffseg.cli.commands.samples",
     "report": "ffseg.cli.commands.report",
+    "merge": "ffseg.cli.commands.merge",
 }
 """Module of each subcommand; it holds a function of the command's name, or a Typer ``app`` with commands of its own."""
 

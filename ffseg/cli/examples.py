@@ -28,6 +28,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "config schema": ("ffseg config schema > schema.json",),
     "samples": ("ffseg samples pictures", "ffseg samples more --pairs 2"),
     "report": ("ffseg report out", "ffseg report out --images photos"),
+    "merge": ("for i in 1 2 3; do ffseg run photos --out parts --shard $i/3; done; ffseg merge parts",),
 }
 """By the words of the command; they use a folder ``photos`` and the samples in ``pictures``."""
 

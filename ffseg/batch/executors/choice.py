@@ -57,6 +57,12 @@ class Start:
         Worker processes that are there already; whoever does not use them leaves them to the command.
     stop : int
         A file descriptor that ends all waiting when it becomes readable; -1 for none.
+    num_tasks : int
+        How many there will be.
+    state : str
+        Folder of the run's state, for executors that leave something there.
+    settings : str
+        Digest of the parameters.
     """
 
     choice: Choice
@@ -64,11 +70,15 @@ class Start:
     amount: Amount
     started: Sequence[Process] = ()
     stop: int = -1
+    num_tasks: int = 1
+    state: str = ""
+    settings: str = ""
 
 
 EXECUTORS = {
     "processes": "ffseg.batch.executors.choice:processes",
     "inprocess": "ffseg.batch.executors.choice:inprocess",
+    "dask": "ffseg.batch.executors.dask:dask",
 }
 """``module:function`` of each executor, called with a `Start`. A new one is a row here and a class with four verbs."""
 
@@ -87,7 +97,7 @@ def inprocess(start: Start) -> Executor:
     return InProcess(start.setup)
 
 
-def start(choice: Choice, setup: Setup, amount: Amount, started: Sequence[Process], stop: int) -> Executor:
+def start(order: Start) -> Executor:
     """Start the executor that was chosen.
 
     Raises
@@ -95,7 +105,8 @@ def start(choice: Choice, setup: Setup, amount: Amount, started: Sequence[Proces
     UsageError
         For a name that is none of `EXECUTORS`.
     """
-    if choice.name not in EXECUTORS:
-        raise UsageError(f"--executor: there is no '{choice.name}'; choose from {', '.join(EXECUTORS)}")
-    make: Callable[[Start], Executor] = resolve(EXECUTORS[choice.name])
-    return make(Start(choice, setup, amount, started, stop))
+    name = order.choice.name
+    if name not in EXECUTORS:
+        raise UsageError(f"--executor: there is no '{name}'; choose from {', '.join(EXECUTORS)}")
+    make: Callable[[Start], Executor] = resolve(EXECUTORS[name])
+    return make(order)

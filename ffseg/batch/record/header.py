@@ -67,12 +67,16 @@ def refuse_other_parameters(out: str, folder: str, header: Mapping[str, Any]) ->
         return
     if not any(record.made for record in read_records(folder)):
         return
-    changes = [*_differences(old.get("parameters", {}), header["parameters"]), *_changed_files(old, header)]
-    shown = "; ".join(changes[:_SHOWN]) + ("; ..." if len(changes) > _SHOWN else "")
     raise UsageError(
-        f"{printable(out)} holds results with other parameters ({shown or 'of an unknown kind'}); "
+        f"{printable(out)} holds results with other parameters ({changes(old, header)}); "
         "use --overwrite to do them again, or another output folder"
     )
+
+
+def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+    """What differs between two headers, for a message."""
+    found = [*_differences(old.get("parameters", {}), new["parameters"]), *_changed_files(old, new)]
+    return "; ".join(found[:_SHOWN]) + ("; ..." if len(found) > _SHOWN else "") or "of an unknown kind"
 
 
 def _differences(old: Any, new: Any, key: str = "") -> list[str]:  # noqa: ANN401 - JSON values

@@ -170,9 +170,10 @@ class Journal:
 
     def drop(self, name: str) -> None:
         """Forget an image that is not in the plan, in the file as well; a full disk only puts that off."""
-        if self._others.pop(name, None) is not None:
+        record = self.other(name)
+        if self._others.pop(name, None) is not None and record is not None:
             with contextlib.suppress(OSError):
-                self._append(json_line({"name": name, "gone": True}))
+                self._append(json_line({"name": name, "order": record.order, "gone": True}))
 
     def _at(self, place: int) -> Record | None:
         line = b""

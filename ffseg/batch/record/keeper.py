@@ -18,9 +18,11 @@ from ffseg.batch.record.journal import Journal, state_folder
 from ffseg.batch.record.order import order_key
 from ffseg.batch.record.values import Record
 from ffseg.batch.workers.freshness import content_digest, mark_of
-from ffseg.batch.workers.messages import Done, Failed, Reply, Unchanged
+from ffseg.batch.workers.messages import Done, Failed, Mark, Reply, Unchanged
 from ffseg.errors import OutputError
 from ffseg.formats.files import printable, write_all_atomic
+
+Outputs = Mapping[str, tuple[str, Mark]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,15 @@ class Keeper:
     settings: str
     method: str
     tell: Callable[[str], None]
+
+    def adopt(self, reply: Reply) -> None:
+        """Remember what a run had made that did not live to do so; whether it is right is found out as for any record."""
+        if isinstance(reply, Done):
+            before = self.journal.get(reply.index)
+            record = self._done(reply, before, 0.0)
+            if before is not None:
+                record = replace(record, left=self._left(before, record))
+            self._remember(reply.index, record)
 
     def settle(self, replies: Sequence[Reply]) -> list[Settled]:
         """Write the outputs of replies together, then remember each."""
@@ -111,7 +122,8 @@ class Keeper:
         row["total_ms"] += spent
         row = {column: round(cell, 3) if column.endswith("_ms") else cell for column, cell in row.items()}
         written = {one.path: (one.digest, mark_of(self._path(one.path))) for one in reply.outputs}
-        kept = {path: before.outputs[path] for path in reply.kept} if before is not None else {}
+        known: Outputs = {} if before is None else before.outputs
+        kept = {path: known[path] for path in reply.kept if path in known}
         record = Record(
             name=job.source.name,
             status="ok",

@@ -67,6 +67,11 @@ class Standing:
     num_stale: int = 0
     left: list[str] = field(default_factory=list)
 
+    @property
+    def count(self) -> int:
+        """Records that stand in the tables."""
+        return len(self.entries)
+
     def records(self) -> Iterator[Record]:
         """Records in the order of the tables."""
         for entry in self.entries:

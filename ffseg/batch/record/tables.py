@@ -8,10 +8,9 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from ffseg.batch.outputs.table import OUTPUTS, Output, resolve
-from ffseg.batch.record.standing import Standing
 from ffseg.batch.record.streams import write_stream
 from ffseg.batch.record.values import Record
 from ffseg.errors import OutputError
@@ -31,11 +30,30 @@ OBSTACLE_COLUMNS = (
     "image", "component", "area_px", "centroid_x", "centroid_y", "matched_points", "max_altitude_m", "verdict",
     "against", "ground_x_m", "ground_y_m", "track",
 )  # fmt: skip
-TIMINGS, RUN, OBSTACLES = "timings.csv", "run.json", "obstacles.csv"
+TIMINGS, RUN, OBSTACLES, PARQUET = "timings.csv", "run.json", "obstacles.csv", "timings.parquet"
 TOGETHER = 10_000
 """Rows up to which the tables are made in memory and written together, so that the disk is waited for once."""
 
 Pieces = Iterator[bytes]
+
+
+class Records(Protocol):
+    """The records that stand in the tables; see `Standing`."""
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+
+    @property
+    def columns(self) -> set[str]:
+        """Of all rows together."""
+
+    @property
+    def with_outputs(self) -> set[str]:
+        """Folders of outputs that any record has."""
+
+    def records(self) -> Iterator[Record]:
+        """Records in the order of the tables, anew at every call."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,18 +66,21 @@ class Tables:
         Folder of the images' outputs.
     folder : str
         Folder of the tables: the same, or a shard's.
-    standing : Standing
+    standing : Records
     camera : bool
         Whether components were tested.
     asked : set of str
         Columns and output folders that are written even if no image has them.
+    parquet : bool
+        Write ``timings.parquet``, too.
     """
 
     out: str
     folder: str
-    standing: Standing
+    standing: Records
     camera: bool = False
     asked: frozenset[str] = field(default_factory=frozenset)
+    parquet: bool = False
 
     def columns(self) -> tuple[str, ...]:
         """Columns of ``timings.csv``."""
@@ -108,15 +129,26 @@ class Tables:
     def write(self, run: Mapping[str, Any], tell: Callable[[str], None]) -> list[str]:
         """Write every table and ``run.json``; `tell` hears of each that cannot be written. Gives their names."""
         tables = {**self.pieces(), RUN: iter([json_bytes(run)])}
-        if len(self.standing.entries) > TOGETHER:
+        names = [*tables, *((PARQUET,) if self.parquet else ())]
+        if self.parquet:
+            self._write_parquet(tell)
+        if self.standing.count > TOGETHER:
             self._write_each(tables.items(), tell)
-            return list(tables)
+            return names
         whole = [(os.path.join(self.folder, name), b"".join(pieces)) for name, pieces in tables.items()]
         try:
             write_all_atomic(whole)
         except OutputError:
             self._write_each([(os.path.basename(path), [data]) for path, data in whole], tell)
-        return list(tables)
+        return names
+
+    def _write_parquet(self, tell: Callable[[str], None]) -> None:
+        from ffseg.batch.outputs.parquet import write_parquet
+
+        try:
+            write_parquet(os.path.join(self.folder, PARQUET), self.columns(), self.rows())
+        except OutputError as error:
+            tell(str(error))
 
     def _write_each(self, tables: Iterable[tuple[str, Iterable[bytes]]], tell: Callable[[str], None]) -> None:
         for name, pieces in tables:

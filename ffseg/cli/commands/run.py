@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -64,8 +64,19 @@ def run(  # noqa: PLR0913 - the options of the command
     truth_label: TruthLabel = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Worker processes; 0 = one for each core.")] = 0,
     executor: Annotated[
-        str, typer.Option("--executor", metavar="NAME", help="Who works: processes, or inprocess for a debugger.")
+        str, typer.Option("--executor", metavar="NAME", help="Who works: processes, dask, or inprocess to debug.")
     ] = "processes",
+    dask: Annotated[
+        str, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster; else one is started here.")
+    ] = "",
+    chunk: Annotated[int, typer.Option("--chunk", min=1, max=10_000, help="Images a Dask worker gets at once.")] = 500,
+    shard: Annotated[
+        str, typer.Option("--shard", metavar="i/n", help="Only this part of the images; 'ffseg merge' joins them.")
+    ] = "",
+    table: Annotated[
+        str,
+        typer.Option("--table", metavar="LIST", help="Tables to write: csv, or csv,parquet for timings.parquet too."),
+    ] = "csv",
     overlay: Annotated[
         bool, typer.Option("--overlay/--no-overlay", help="Write images with the contours drawn.")
     ] = False,
@@ -112,7 +123,7 @@ def run(  # noqa: PLR0913 - the options of the command
     A second run into the same folder does only what is missing or stale. Exit code: 0 every image done; 2 nothing was
     run; 3 at least one image failed, the others are written.
     """
-    early = early_workers(inputs, jobs or cores()) if executor == "processes" and not dry_run else []
+    early = early_workers(inputs, jobs or cores()) if not dry_run else []
     from ffseg.batch.executors.choice import Choice
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
@@ -127,20 +138,14 @@ def run(  # noqa: PLR0913 - the options of the command
         wanted = read_wanted(export or (), overlay=overlay, animate=animate)
         choice = Chosen(tuple(inputs), tuple(exclude or ()), keep_suffix=keep_suffix)
         plan = with_maps(read_plan(choice, out, wanted, truth, starts_file(starts, params)), evidence, camera)
-        plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan))
-        setup = Setup(
-            params=params,
-            views=views,
-            wanted=wanted,
-            max_pixels=max_pixels,
-            memory_bytes=memory * _MEGABYTE,
-            truth_label=truth_label,
-        )
+        plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan), shard)
+        setup = limited(Setup(params=params, views=views, wanted=wanted, truth_label=truth_label), max_pixels, memory)
         if dry_run:
             raise typer.Exit(show_preview(plan, setup, overwrite=overwrite, as_json=as_json))
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet)
         cleanup.callback(progress.close)
-        options = Options(jobs or cores(), timeout, overwrite, report, Choice(executor))
+        who = Choice("dask" if dask else executor, dask, chunk)
+        options = Options(jobs or cores(), timeout, overwrite, report, who, read_tables(table))
         work = cleanup.enter_context(Run(plan, setup, options, interruption, progress))
         interruption.defer()
         summary = work.execute(early)
@@ -153,12 +158,42 @@ def run(  # noqa: PLR0913 - the options of the command
         raise typer.Exit(FAILED_IMAGES)
 
 
+def limited(setup: Setup, max_pixels: int, megabytes: int) -> Setup:
+    """A setup with limits of an image and of a worker."""
+    return replace(setup, max_pixels=max_pixels, memory_bytes=megabytes * _MEGABYTE)
+
+
 def show_preview(plan: Plan, setup: Setup, *, overwrite: bool, as_json: bool) -> int:
     """Show what a run would do; its exit code as far as that is known."""
     from ffseg.batch.preview import preview
     from ffseg.cli.running.reporting import show_plan
 
     return 0 if show_plan(preview(plan, setup, overwrite=overwrite), plan, as_json=as_json) else FAILED_IMAGES
+
+
+def read_tables(text: str) -> bool:
+    """Whether a Parquet table is asked for.
+
+    Raises
+    ------
+    UsageError
+        For a format that does not exist, or cannot be written.
+    """
+    names = {name.strip().lower() for name in text.split(",")}
+    if not names <= {"csv", "parquet"}:
+        raise UsageError(f"--table {text!r}: there is no such table; choose from csv, parquet")
+    if "parquet" in names:
+        from ffseg.batch.outputs.parquet import require_parquet
+
+        require_parquet()
+    return "parquet" in names
+
+
+def part_of(plan: Plan, shard: str) -> Plan:
+    """The part of a plan that a shard does; all of it without one."""
+    from ffseg.batch.shards.assign import only, read_shard
+
+    return only(plan, read_shard(shard)) if shard else plan
 
 
 def read_wanted(export: Sequence[str], *, overlay: bool, animate: bool) -> Wanted:
@@ -217,11 +252,11 @@ def with_maps(plan: Plan, evidence: Path | None, camera: Path | None) -> Plan:
     return with_evidence(plan, os.fspath(evidence))
 
 
-def in_sequence(plan: Plan, views: Views | None) -> tuple[Plan, Views | None]:
+def in_sequence(plan: Plan, views: Views | None, shard: str) -> tuple[Plan, Views | None]:
     """The plan with the images before each image, if there is a camera, and what they came from."""
     from ffseg.batch.jobs import with_earlier
 
-    return (with_earlier(plan, views.chain) if views else plan), views
+    return part_of(with_earlier(plan, views.chain) if views else plan, shard), views
 
 
 def read_views(camera: Path | None, poses: Path | None, pairs: Path | None, plan: Plan) -> Views | None:

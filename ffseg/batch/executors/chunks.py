@@ -1,0 +1,122 @@
+"""What is left of a chunk of images while a machine works on it: a line for each image that is done.
+
+A machine that dies costs the images of its chunk that have no line; a run that dies finds the lines when it is resumed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import uuid
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ffseg.batch.record.values import json_line, parsed_line
+from ffseg.batch.workers.messages import Done, Encoded, Evidence, Failed, Reply, Unchanged
+from ffseg.formats.files import make_folder
+
+CHUNKS = "chunks"
+_GOING = ".going"
+
+
+@dataclass(frozen=True, slots=True)
+class Chunks:
+    """Files of the chunks of one run.
+
+    Attributes
+    ----------
+    folder : str
+    run : str
+        Different for every run.
+    """
+
+    folder: str
+    run: str
+
+    @classmethod
+    def begin(cls, state: str) -> Chunks:
+        """Make the folder below a state folder; chunks of earlier runs that are still worked on stop."""
+        folder = os.path.join(state, CHUNKS)
+        make_folder(folder)
+        chunks = cls(folder, uuid.uuid4().hex[:12])
+        for name in os.listdir(folder):
+            if name.endswith(_GOING):
+                _remove(os.path.join(folder, name))
+        Path(chunks.going).touch()
+        return chunks
+
+    @property
+    def going(self) -> str:
+        """File that is there as long as the run wants its chunks done."""
+        return os.path.join(self.folder, self.run + _GOING)
+
+    def path(self, number: int) -> str:
+        """File of a chunk."""
+        return os.path.join(self.folder, f"{self.run}-{number}.jsonl")
+
+    def end(self) -> None:
+        """Let whoever still works on a chunk stop."""
+        _remove(self.going)
+
+
+def _remove(path: str) -> None:
+    with contextlib.suppress(OSError):
+        os.unlink(path)
+
+
+def reply_line(name: str, settings: str, reply: Reply) -> bytes:
+    """A reply as a line; the outputs are written already."""
+    return json_line({"name": name, "settings": settings, "kind": type(reply).__name__, "reply": _plain(reply)})
+
+
+def _plain(reply: Reply) -> dict[str, Any]:
+    parts = {name: getattr(reply, name) for name in reply.__slots__ if name != "index"}
+    if isinstance(reply, Done):
+        parts["outputs"] = [[one.path, one.digest] for one in reply.outputs]
+    if not isinstance(reply, Failed):
+        evidence = reply.evidence
+        parts["evidence"] = [evidence.content, evidence.truth, dict(evidence.files)]
+    return parts
+
+
+def replies(path: str, settings: str) -> Iterator[tuple[str, Reply]]:
+    """Names and replies of the lines of a chunk's file that were made with these parameters."""
+    if not os.path.isfile(path):
+        return
+    with Path(path).open("rb") as file:
+        for line in file:
+            value = parsed_line(line)
+            if value is not None and value.get("settings") == settings:
+                with contextlib.suppress(TypeError, ValueError, KeyError, AttributeError):
+                    yield str(value["name"]), _reply(value["kind"], value["reply"])
+
+
+def _reply(kind: str, parts: Mapping[str, Any]) -> Reply:
+    parts = dict(parts)
+    if kind == "Failed":
+        return Failed(-1, **{name: str(text) for name, text in parts.items()})
+    content, truth, files = parts.pop("evidence")
+    seen = {role: (path, digest, (int(mark[0]), int(mark[1]))) for role, (path, digest, mark) in files.items()}
+    evidence = Evidence(content, truth, seen)
+    kept = tuple(parts.pop("kept"))
+    if kind == "Unchanged":
+        return Unchanged(-1, evidence, kept, **parts)
+    outputs = tuple(Encoded(path, None, digest) for path, digest in parts.pop("outputs"))
+    return Done(-1, evidence=evidence, outputs=outputs, kept=kept, **parts)
+
+
+def left_over(state: str, settings: str) -> Iterator[tuple[str, Reply]]:
+    """Names and replies that runs left which did not live to write them down; the files go once all are given."""
+    folder = os.path.join(state, CHUNKS)
+    names = sorted(name for name in (os.listdir(folder) if os.path.isdir(folder) else ()) if name.endswith(".jsonl"))
+    for name in names:
+        yield from replies(os.path.join(folder, name), settings)
+    for name in names:
+        _remove(os.path.join(folder, name))
+
+
+def numbered(reply: Reply, index: int) -> Reply:
+    """The reply for the image that has this index now."""
+    return replace(reply, index=index)

@@ -1,0 +1,285 @@
+"""Workers of a Dask cluster: chunks of images, which they read and write on storage that all machines share."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import select
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from time import monotonic
+from typing import Any
+
+from ffseg.batch.executors.choice import Start
+from ffseg.batch.executors.chunks import Chunks, numbered, replies, reply_line
+from ffseg.batch.executors.processes import AHEAD as IN_HAND
+from ffseg.batch.executors.processes import Processes, WorkerLostError
+from ffseg.batch.workers.messages import Done, Event, Failed, Note, Ready, Reply, Setup, Task
+from ffseg.errors import OutputError, UsageError
+from ffseg.formats.files import printable, write_all_atomic
+
+CHUNKS_EACH = 4
+"""Chunks a worker gets in a short run at least, so that all end at about the same time."""
+AHEAD = 2
+"""Chunks of each worker that are on their way at once."""
+_TICK_MS = 100
+_PATIENCE_S = 20
+"""Seconds a scheduler may take to answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What a machine is told of a chunk.
+
+    Attributes
+    ----------
+    setup : Setup
+    timeout : float
+        Seconds an image may take.
+    settings : str
+        Digest of the parameters.
+    path : str
+        File of the chunk.
+    going : str
+        File that is there as long as the chunk is wanted.
+    tasks : tuple of Task
+    """
+
+    setup: Setup
+    timeout: float
+    settings: str
+    path: str
+    going: str
+    tasks: tuple[Task, ...]
+
+
+class Dask:
+    """An executor that hands chunks to the workers of a Dask cluster.
+
+    Parameters
+    ----------
+    start : Start
+        Its choice names a scheduler; without one, a cluster of this machine is started.
+
+    Raises
+    ------
+    UsageError
+        If Dask is not installed, or the scheduler does not answer.
+    """
+
+    def __init__(self, start: Start) -> None:
+        if find_spec("distributed") is None:
+            raise UsageError("--executor dask needs distributed; install it with: pip install 'ffseg[dask]'")
+        self._start = start
+        self._client, self._cluster = _connect(start)
+        workers = max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]), start.amount.num_workers)
+        self._size = max(1, min(start.choice.chunk, -(-start.num_tasks // (workers * CHUNKS_EACH))))
+        self._most = self._size * workers * AHEAD
+        self._chunks = Chunks.begin(start.state)
+        self._chunk: list[Task] = []
+        self._waiting: dict[Any, tuple[tuple[Task, ...], int]] = {}
+        self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._number = 0
+        self._greeted = False
+        self._poll = select.poll()
+        if start.stop >= 0:
+            self._poll.register(start.stop, select.POLLIN)
+
+    def room(self) -> int:
+        """As `Executor.room`."""
+        return self._most - len(self._chunk) - sum(len(tasks) for tasks, _ in self._waiting.values())
+
+    def put(self, task: Task) -> None:
+        """As `Executor.put`."""
+        self._chunk.append(task)
+        if len(self._chunk) == self._size:
+            self._submit()
+
+    def _submit(self) -> None:
+        tasks, self._chunk = tuple(self._chunk), []
+        start, self._number = self._start, self._number + 1
+        path = self._chunks.path(self._number)
+        order = Order(start.setup, start.amount.timeout, start.settings, path, self._chunks.going, tasks)
+        future = self._client.submit(do_chunk, order, pure=False)
+        self._waiting[future] = (tasks, self._number)
+        future.add_done_callback(self._ended.put)
+
+    def replies(self, most: int | None = None) -> Iterator[Event]:
+        """As `Executor.replies`; of a whole chunk at once.
+
+        Raises
+        ------
+        WorkerLostError
+            If the scheduler is gone.
+        """
+        if self._chunk and self.room() > 0:  # there is nothing more to come
+            self._submit()
+        future = self._next(most)
+        if future is not None:
+            yield from self._finished(future)
+
+    def _next(self, most: int | None) -> Any:  # noqa: ANN401 - Dask's future
+        """A future that has ended; None when there is none in time, or the run is to end."""
+        until = None if most is None else monotonic() + most / 1000
+        while True:
+            with contextlib.suppress(queue.Empty):
+                return self._ended.get(timeout=_TICK_MS / 1000)
+            if self._poll.poll(0) or (until is not None and monotonic() > until):
+                return None
+            if self._client.status not in ("running", "connecting") and self._ended.empty():
+                raise WorkerLostError("the Dask scheduler is gone; run again to go on")
+
+    def _finished(self, future: Any) -> Iterator[Event]:  # noqa: ANN401 - Dask's future
+        tasks, number = self._waiting.pop(future)
+        if future.status == "cancelled":
+            raise WorkerLostError("the Dask scheduler is gone or has lost its tasks; run again to go on")
+        error = future.exception()
+        if isinstance(error, UsageError):
+            raise error
+        found: dict[str, Reply] = {}
+        if error is None:
+            versions = future.result()
+            if versions and not self._greeted:
+                self._greeted = True
+                yield Ready(versions)
+        else:
+            yield Note(f"a chunk of {len(tasks)} images was lost: {type(error).__name__}: {error}"[:300])
+        found = dict(replies(self._chunks.path(number), self._start.settings))
+        for task in tasks:
+            lost = Failed(
+                task.index, "crash", "the workers that had it ended before it was done; run again to try it again"
+            )
+            yield numbered(found[task.name], task.index) if task.name in found else lost
+        with contextlib.suppress(OSError):
+            os.unlink(self._chunks.path(number))
+
+    def close(self) -> None:
+        """As `Executor.close`; what workers have written down of unfinished chunks is found by the next run."""
+        self._chunks.end()
+        with contextlib.suppress(Exception):  # a scheduler that is gone cannot be told
+            self._client.cancel(list(self._waiting), force=True)
+        with contextlib.suppress(Exception):
+            self._client.close(timeout=2)
+        if self._cluster is not None:
+            with contextlib.suppress(Exception):
+                self._cluster.close(timeout=5)
+
+
+def _connect(start: Start) -> tuple[Any, Any]:
+    """Client, and the cluster of this machine when there is no other."""
+    import logging
+
+    config: Any = import_module("dask").config
+    distributed: Any = import_module("distributed")
+    for name in (
+        "distributed",
+        "distributed.nanny",
+        "distributed.scheduler",
+        "distributed.worker",
+        "tornado.application",
+    ):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is told by the run
+    config.set({"distributed.comm.timeouts.connect": _PATIENCE_S, "distributed.scheduler.worker-saturation": 1.0})
+    address = start.choice.address
+    cluster = None
+    if not address:
+        cluster = distributed.LocalCluster(
+            n_workers=start.amount.num_workers, threads_per_worker=1, dashboard_address=None
+        )
+    try:
+        return distributed.Client(cluster or address, timeout=_PATIENCE_S, set_as_default=False), cluster
+    except (OSError, ValueError) as error:
+        raise UsageError(
+            f"--dask: no scheduler answers at {printable(address)} ({error}); check the address"
+        ) from error
+
+
+def do_chunk(order: Order) -> dict[str, str]:
+    """Do the images of a chunk that are not done yet; runs on a worker of the cluster.
+
+    Returns
+    -------
+    dict
+        Versions a result can depend on.
+
+    Raises
+    ------
+    UsageError
+        If the setup does not work.
+    """
+    done = {name for name, _ in replies(order.path, order.settings)}
+    left = [task for task in order.tasks if task.name not in done]
+    with _processes(order) as executor, open(order.path, "ab", buffering=0) as file:  # noqa: PTH123 - append
+        file.write(b"\n")  # after a line that a dead worker has not finished
+        names = {task.index: task.name for task in left}
+        versions: dict[str, str] = {}
+        tasks = iter(left)
+        waiting = 0
+        while os.path.exists(order.going):
+            while executor.room() > 0 and (task := next(tasks, None)) is not None:
+                executor.put(task)
+                waiting += 1
+            if not waiting:
+                return versions
+            for event in executor.replies():
+                if isinstance(event, Ready):
+                    versions = event.versions
+                elif not isinstance(event, Note):
+                    waiting -= 1
+                    file.write(reply_line(names[event.index], order.settings, _written(event, order)))
+    return {}
+
+
+def _written(reply: Reply, order: Order) -> Reply:
+    """A reply whose outputs are on the disk."""
+    if not isinstance(reply, Done):
+        return reply
+    out = order.tasks[0].out
+    try:
+        write_all_atomic([(os.path.join(out, one.path), one.data) for one in reply.outputs if one.data is not None])
+    except OutputError as error:
+        return Failed(reply.index, "output", str(error))
+    return reply
+
+
+_idle: dict[bytes, list[Processes]] = {}
+"""Worker processes between chunks, by what they are set up for: starting them takes as long as forty images."""
+_lock = threading.Lock()
+
+
+@contextlib.contextmanager
+def _processes(order: Order) -> Iterator[Processes]:
+    """One worker process of this machine, kept for the next chunk unless something went wrong."""
+    import pickle
+
+    key = pickle.dumps((order.setup, order.timeout))
+    with _lock:
+        held = _idle.setdefault(key, [])
+        executor = held.pop() if held else Processes(order.setup, 1, order.timeout)
+        _forget(key)
+    try:
+        yield executor
+    except BaseException:
+        executor.close()
+        raise
+    if executor.room() < IN_HAND:  # it has something to do still: the chunk is no longer wanted
+        executor.close()
+        return
+    with _lock:
+        _idle.setdefault(key, []).append(executor)
+
+
+def _forget(key: bytes) -> None:
+    """End the processes of other setups: those of a run that is over."""
+    for other in [other for other in _idle if other != key]:
+        for executor in _idle.pop(other):
+            executor.close()
+
+
+def dask(start: Start) -> Dask:
+    """Workers of a Dask cluster."""
+    return Dask(start)

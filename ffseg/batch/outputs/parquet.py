@@ -1,0 +1,65 @@
+"""``timings.csv`` once more as a Parquet file, written in pieces so that its length costs no memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.util import find_spec
+from itertools import islice
+from typing import Any
+
+from ffseg.errors import OutputError, UsageError
+from ffseg.formats.files import printable, temporary_path
+
+_BATCH = 20_000
+_TEXTS = frozenset({"image", "status", "error", "method", "stop_reason", "note", "pair"})
+_REALS = frozenset({"iou", "start_x", "start_y", "start_radius"})
+
+
+def require_parquet() -> None:
+    """See that Parquet can be written.
+
+    Raises
+    ------
+    UsageError
+        If pyarrow is not installed.
+    """
+    if find_spec("pyarrow") is None:
+        raise UsageError("--table parquet needs pyarrow; install it with: pip install 'ffseg[parquet]'")
+
+
+def write_parquet(path: str, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
+    """Write rows, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        Naming the path.
+    """
+    import pyarrow
+    from pyarrow import parquet
+
+    schema = pyarrow.schema([(column, _type(pyarrow, column)) for column in columns])
+    temporary = temporary_path(path)
+    rows = iter(rows)
+    try:
+        with parquet.ParquetWriter(temporary, schema) as writer:
+            while batch := list(islice(rows, _BATCH)):
+                cells = [[_cell(row.get(column), column) for row in batch] for column in columns]
+                writer.write_batch(pyarrow.record_batch(cells, schema=schema))
+        os.replace(temporary, path)
+    except OSError as error:
+        raise OutputError(f"{printable(path)} cannot be written ({error}); free some space") from error
+    finally:
+        if os.path.exists(temporary):
+            os.unlink(temporary)
+
+
+def _type(pyarrow: Any, column: str) -> Any:  # noqa: ANN401 - a module without types
+    if column in _TEXTS:
+        return pyarrow.string()
+    return pyarrow.float64() if column in _REALS or column.endswith("_ms") else pyarrow.int64()
+
+
+def _cell(value: Any, column: str) -> Any:  # noqa: ANN401 - a cell
+    return float(value) if isinstance(value, int) and (column in _REALS or column.endswith("_ms")) else value

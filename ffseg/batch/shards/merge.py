@@ -1,0 +1,274 @@
+"""The tables of one run out of the journals of its shards, whatever their number, in memory that does not grow."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ffseg import __version__
+from ffseg.batch.discover import STATE_FOLDER
+from ffseg.batch.record.header import changes
+from ffseg.batch.record.journal import FORMAT, JOURNAL, read_header
+from ffseg.batch.record.lock import OutputLock
+from ffseg.batch.record.standing import standing, without_old_truth
+from ffseg.batch.record.streams import atomic_stream
+from ffseg.batch.record.tables import RUN, Tables, remove_old
+from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record
+from ffseg.batch.shards.assign import Shard, shard_of_folder
+from ffseg.batch.shards.sort import Keyed, sorted_lines
+from ffseg.errors import UsageError
+from ffseg.formats.files import is_temporary, printable
+
+SHARDS = "shards"
+
+
+@dataclass(slots=True)
+class Part:
+    """What a shard left.
+
+    Attributes
+    ----------
+    shard : Shard
+    folder : str
+    header : mapping or None
+        Of its journal.
+    run : mapping
+        Its ``run.json``; empty when it did not come to its end.
+    problem : str
+        Why the merged tables lack images because of it.
+    """
+
+    shard: Shard
+    folder: str
+    header: Mapping[str, Any] | None
+    run: Mapping[str, Any]
+    problem: str = ""
+
+
+@dataclass(slots=True)
+class Merge:
+    """How a merge ended.
+
+    Attributes
+    ----------
+    out : str
+    counts : dict of int
+        Images by status.
+    problems : list of str
+        Shards that never ran or did not finish, and tables that cannot be written.
+    """
+
+    out: str
+    counts: dict[str, int] = field(default_factory=lambda: {"total": 0, "ok": 0, "failed": 0})
+    problems: list[str] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class MergedRecords:
+    """Records in the order of the tables, in a file: as `Standing`, for any number of them."""
+
+    path: str
+    count: int = 0
+    columns: set[str] = field(default_factory=set)
+    with_outputs: set[str] = field(default_factory=set)
+    left: list[str] = field(default_factory=list)
+
+    def records(self) -> Iterator[Record]:
+        """Records in the order of the tables."""
+        with Path(self.path).open("rb") as file:
+            file.readline()
+            for line in file:
+                record = parsed_record(line)
+                if record is not None:
+                    yield without_old_truth(record)
+
+    def note(self, record: Record) -> None:
+        """Take a record into account."""
+        self.count += 1
+        self.columns |= record.row.keys()
+        self.with_outputs |= {path.split("/", 1)[0] for path in record.outputs}
+        self.left += record.left
+
+
+def merge_shards(out: str, *, parquet: bool = False) -> Merge:
+    """Write the tables of an output folder as one run over all its shards would have.
+
+    Parameters
+    ----------
+    out : str
+    parquet : bool
+        Write ``timings.parquet`` too.
+
+    Raises
+    ------
+    UsageError
+        If there are no shards, or shards of runs that do not belong together.
+    OutputError
+        If the journal cannot be written.
+    """
+    parts = find_parts(out)
+    state = os.path.join(out, STATE_FOLDER)
+    with OutputLock(out):
+        _refuse_mixture(out, parts)
+        merge = Merge(out, problems=[part.problem for part in parts if part.problem])
+        there = [part for part in parts if part.header is not None]
+        merge.problems += _different_inputs(there)
+        _sweep(out)
+        header = dict(there[0].header or {})
+        before = [name for name in (read_header(state) or {}).get("tables", ()) if isinstance(name, str)]
+        tables_known = sorted({*before, *(name for part in there for name in (part.header or {}).get("tables", ()))})
+        records = MergedRecords(os.path.join(state, JOURNAL))
+        lines = sorted_lines(_all_lines(state, there), state)
+        with atomic_stream(records.path) as file:
+            file.write(json_line({**header, "format": FORMAT, "tables": tables_known}))
+            for record, line in chosen(lines, out, header["settings"]):
+                file.write(line)
+                records.note(record)
+                merge.counts["total"] += 1
+                merge.counts[record.status] += 1
+        _write(merge, records, there, before, parquet=parquet)
+    return merge
+
+
+def _write(merge: Merge, records: MergedRecords, parts: list[Part], before: list[str], *, parquet: bool) -> None:
+    asked = {folder for part in parts for folder in part.run.get("asked", ())}
+    camera = any((part.header or {}).get("files", {}).get("camera") for part in parts)
+    tables = Tables(merge.out, merge.out, records, camera, frozenset(asked), parquet)
+    written = tables.write(_run_json(merge, parts), merge.problems.append)
+    remove_old(merge.out, before, written)
+
+
+def find_parts(out: str) -> list[Part]:
+    """Every shard of an output folder, those that never ran among them.
+
+    Raises
+    ------
+    UsageError
+        If there is none, or there are shards of different numbers.
+    """
+    root = os.path.join(out, STATE_FOLDER, SHARDS)
+    names = os.listdir(root) if os.path.isdir(root) else []
+    found = [shard for shard in map(shard_of_folder, names) if shard is not None]
+    counts = sorted({shard.count for shard in found})
+    if not counts:
+        raise UsageError(f"{printable(out)} holds no shards; make them with: ffseg run ... --out DIR --shard 1/8")
+    if len(counts) > 1:
+        shown = " and ".join(f"{count}" for count in counts)
+        raise UsageError(
+            f"{printable(out)} holds shards of runs in {shown} parts; remove the folders of {STATE_FOLDER}/{SHARDS} "
+            "that are not to be merged"
+        )
+    shards = (Shard(number, counts[0]) for number in range(1, counts[0] + 1))
+    return [_part(os.path.join(root, shard.name), shard) for shard in shards]
+
+
+def _part(folder: str, shard: Shard) -> Part:
+    header = read_header(folder) if os.path.isdir(folder) else None
+    try:
+        run = json.loads(Path(folder, RUN).read_bytes())
+    except (OSError, ValueError):
+        run = {}
+    part = Part(shard, folder, header, run if isinstance(run, dict) else {})
+    if header is None:
+        part.problem = f"shard {shard} never ran; run it with --shard {shard}"
+    elif part.run.get("status") != "finished":
+        part.problem = f"shard {shard} did not finish; run it again with --shard {shard}"
+    return part
+
+
+def _refuse_mixture(out: str, parts: list[Part]) -> None:
+    """Refuse shards that are being written, were made with different parameters, or none that ran at all."""
+    there = [part for part in parts if part.header is not None]
+    if not there:
+        raise UsageError(f"{printable(out)} holds shards of which none has begun; run them first")
+    for part in there:
+        with OutputLock(out, part.folder):  # nobody is writing it
+            pass
+    first = there[0]
+    for part in there[1:]:
+        if first.header is not None and part.header is not None and part.header["settings"] != first.header["settings"]:
+            raise UsageError(
+                f"{printable(out)}: shard {part.shard} was run with other parameters than shard {first.shard} "
+                f"({changes(first.header, part.header)}); run one of them again with --overwrite"
+            )
+
+
+def _different_inputs(parts: list[Part]) -> list[str]:
+    """A sentence when shards that have finished saw different numbers of images in all."""
+    seen = {part.run.get("whole"): part.shard for part in parts if part.run.get("status") == "finished"}
+    if len(seen) < 2:
+        return []
+    shown = ", ".join(f"{whole} by shard {shard}" for whole, shard in seen.items())
+    return [f"the shards found different numbers of images ({shown}); run them all again over the same inputs"]
+
+
+def _sweep(out: str) -> None:
+    """Remove temporaries that killed shards left among the outputs; nobody is writing any."""
+    for folder, _, files in os.walk(out):
+        for name in filter(is_temporary, files):
+            os.unlink(os.path.join(folder, name))
+
+
+def _all_lines(state: str, parts: list[Part]) -> Iterator[Keyed]:
+    """Lines of the journal of earlier merges and runs, then of all shards, with keys in the order of the tables."""
+    for rank, folder in enumerate([state, *(part.folder for part in parts)]):
+        if read_header(folder) is None:
+            continue
+        with Path(folder, JOURNAL).open("rb") as file:
+            file.readline()
+            for line in file:
+                value = parsed_line(line)
+                if value is not None and isinstance(value.get("order"), str) and isinstance(value.get("name"), str):
+                    key = f"{value['order']}\0{value['name']}".encode("utf-8", "surrogatepass")
+                    yield key, bytes([min(rank, 1)]) + line
+
+
+def chosen(lines: Iterator[Keyed], out: str, settings: str) -> Iterator[tuple[Record, bytes]]:
+    """The last line of each image, of a shard rather than of the folder's own journal, if it is a record.
+
+    A record of the folder's own journal stays only where no shard knows the image and it is still true.
+    """
+    last: tuple[bytes, bytes] | None = None
+    for key, line in lines:
+        if last is not None and last[0] != key:
+            yield from _record(last[1], out, settings)
+        last = (key, line)
+    if last is not None:
+        yield from _record(last[1], out, settings)
+
+
+def _record(line: bytes, out: str, settings: str) -> Iterator[tuple[Record, bytes]]:
+    own, text = line[0] == 0, line[1:]
+    record = parsed_record(text)
+    if record is not None and record.settings == settings and not (own and standing(record, out, settings)):
+        yield record, text
+
+
+def _run_json(merge: Merge, parts: list[Part]) -> dict[str, Any]:
+    runs = [part.run for part in parts if part.run]
+    first: Mapping[str, Any] = runs[0] if runs else {}
+    counts = {
+        "total": merge.counts["total"],
+        "done": merge.counts["ok"],
+        "unchanged": 0,
+        "failed": merge.counts["failed"],
+    }
+    stale = [entry for run in runs for entry in run.get("stale", ())]
+    return {
+        "ffseg": __version__,
+        "status": "incomplete" if merge.problems else "finished",
+        "started": min((run["started"] for run in runs if "started" in run), default=""),
+        "ended": datetime.now(UTC).isoformat(timespec="seconds"),
+        "seconds": round(sum(run.get("seconds", 0.0) for run in runs), 3),
+        "counts": {**counts, "stale": len(stale)},
+        "inputs": first.get("inputs", []),
+        "parameters": first.get("parameters", {}),
+        "versions": first.get("versions", {}),
+        "problems": [*merge.problems, *(text for run in runs for text in run.get("problems", ()))],
+        "stale": stale,
+    }

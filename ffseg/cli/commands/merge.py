@@ -1,0 +1,47 @@
+"""``ffseg merge``: the tables of one run out of those of its shards."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ffseg.cli import console
+from ffseg.cli.checks import folder as named
+
+INCOMPLETE = 3
+"""Exit code when an image failed or a shard is missing."""
+
+
+def merge(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", parser=named, help="Output folder of runs with --shard.")],
+    table: Annotated[
+        str,
+        typer.Option("--table", metavar="LIST", help="Tables to write: csv, or csv,parquet for timings.parquet too."),
+    ] = "csv",
+    report: Annotated[bool, typer.Option("--report", help="Write report.html, a page to look at it all.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of the table.")] = False,
+) -> None:
+    """Write the tables of DIR as one run over all its shards would have.
+
+    Exit code: 0 every image done; 2 nothing was written; 3 an image failed, or a shard never ran or did not finish: it is
+    named, and the tables hold what is there.
+    """
+    from ffseg.batch.report import write_report
+    from ffseg.batch.shards.merge import merge_shards
+    from ffseg.cli.commands.run import read_tables
+
+    done = merge_shards(str(folder), parquet=read_tables(table))
+    if report:
+        write_report(folder)
+    for problem in done.problems:
+        console.message(f"ffseg: {problem}")
+    if as_json:
+        console.data(json.dumps({"out": done.out, "counts": done.counts, "problems": done.problems}, indent=2))
+    else:
+        for label, count in (("images", "total"), ("done", "ok"), ("failed", "failed")):
+            console.data(f"{label:6}  {done.counts[count]}")
+    if done.problems or done.counts["failed"]:
+        raise typer.Exit(INCOMPLETE)

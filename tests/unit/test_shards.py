@@ -1,0 +1,265 @@
+"""Shards: even and stable parts, merged byte for byte into what one run writes, and everything that is amiss named."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import tracemalloc
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import stand_in
+from batches import Silent, make_images, run_batch, table
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ffseg.batch.executors.choice import Choice
+from ffseg.batch.jobs import make_plan
+from ffseg.batch.outputs.table import Wanted
+from ffseg.batch.record.order import order_key
+from ffseg.batch.record.values import Record, record_line
+from ffseg.batch.runner import Options, Run
+from ffseg.batch.shards.assign import Shard, number_of, only, read_shard
+from ffseg.batch.shards.merge import merge_shards
+from ffseg.batch.shards.sort import sorted_lines
+from ffseg.batch.workers.messages import Setup
+from ffseg.errors import UsageError
+from ffseg.parameters import Parameters, load_params
+
+NAMES = [f"{index % 7}/i{index}.png" for index in range(40)]
+ALL = Wanted(True, ("coco", "geojson"))
+TIMES = ("decode_ms", "edges_ms", "evolve_ms", "write_ms", "total_ms")
+
+
+@pytest.fixture
+def images(tmp_path: Path) -> Path:
+    make_images(tmp_path / "in", NAMES, {NAMES[3]: stand_in.FAIL, NAMES[8]: stand_in.DEFECT})
+    return tmp_path / "in"
+
+
+def run_shard(
+    images: Path,
+    out: Path,
+    shard: str,
+    params: Parameters | None = None,
+    executor: str = "inprocess",
+    **options: object,
+) -> None:
+    plan = only(make_plan([str(images)], str(out), wanted=ALL), read_shard(shard))
+    setup = Setup(params=params or load_params(), segmenter=stand_in.NAME, wanted=ALL)
+    observer = Silent()
+    with Run(plan, setup, Options(executor=Choice(executor), **options), observer, observer) as run:
+        run.execute()
+
+
+def tree(out: Path) -> dict[str, bytes]:
+    """Every file but the state, with times and the words about the run itself left out."""
+    found = {}
+    for path in out.rglob("*"):
+        name = str(path.relative_to(out))
+        if path.is_file() and not name.startswith(".ffseg/"):
+            found[name] = path.read_bytes()
+    rows = table(out / "timings.csv")
+    found["timings.csv"] = repr([{key: row[key] for key in row if key not in TIMES} for row in rows]).encode()
+    run = json.loads(found["run.json"])
+    found["run.json"] = repr(
+        [run[key] for key in ("status", "counts", "inputs", "parameters", "versions", "stale")]
+    ).encode()
+    return found
+
+
+@pytest.mark.parametrize(
+    ("count", "executor"), [(1, "inprocess"), (2, "inprocess"), (8, "inprocess"), (3, "processes")]
+)
+def test_the_merged_tree_is_that_of_one_run(count: int, executor: str, images: Path, tmp_path: Path) -> None:
+    run_batch(images, tmp_path / "one", wanted=ALL, executor=Choice("inprocess"))
+    for number in sorted(range(1, count + 1), key=lambda number: number * 5 % 8):
+        run_shard(images, tmp_path / "parts", f"{number}/{count}", executor=executor)
+    merged = merge_shards(str(tmp_path / "parts"))
+    assert merged.problems == []
+    assert merged.counts == {"total": 40, "ok": 38, "failed": 2}
+    one, parts = tree(tmp_path / "one"), tree(tmp_path / "parts")
+    defect = {name: content.replace(f".ffseg/shards/{number_of(NAMES[8], count)}-of-{count}".encode(), b".ffseg")
+              for name, content in parts.items()}  # fmt: skip
+    assert defect == one
+    again = run_batch(images, tmp_path / "parts", wanted=ALL, executor=Choice("inprocess"))
+    assert (again.unchanged, again.failed) == (38, 2), "the folder goes on as if one run had made it"
+
+
+def test_merging_twice_and_after_more_changes_nothing_else(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_shard(images, out, "1/2")
+    first = merge_shards(str(out))
+    assert first.problems == ["shard 2/2 never ran; run it with --shard 2/2"]
+    assert json.loads((out / "run.json").read_text())["status"] == "incomplete"
+    assert len(table(out / "timings.csv")) == first.counts["total"] < 40
+    run_shard(images, out, "2/2")
+    run_shard(images, out, "2/2")
+    assert merge_shards(str(out)).counts["total"] == 40
+    before = tree(out)
+    assert merge_shards(str(out)).counts["total"] == 40
+    assert tree(out) == before
+
+
+KILLED = """
+import sys
+import tempfile
+sys.path[:0] = {path!r}
+import os
+from pathlib import Path
+from test_shards import run_shard
+import ffseg.batch.record.journal as journal
+real, left = journal.Journal.add, [4]
+def add(self, index, record):
+    real(self, index, record)
+    left[0] -= 1
+    if not left[0]:
+        os.kill(os.getpid(), 9)
+journal.Journal.add = add
+run_shard(Path(sys.argv[1]), Path(sys.argv[2]), "2/3")
+"""
+
+
+def test_a_killed_shard_is_named_and_resumed(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    for shard in ("1/3", "3/3"):
+        run_shard(images, out, shard)
+    code = KILLED.format(path=[str(Path(__file__).parent), str(Path(__file__).parents[1])])
+    killed = subprocess.run([sys.executable, "-c", code, images, out], check=False, capture_output=True)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr
+    assert merge_shards(str(out)).problems == ["shard 2/3 did not finish; run it again with --shard 2/3"]
+    run_shard(images, out, "2/3")
+    assert merge_shards(str(out)).problems == []
+    run_batch(images, tmp_path / "one", wanted=ALL, executor=Choice("inprocess"))
+    assert tree(out)["coco.json"] == tree(tmp_path / "one")["coco.json"]
+
+
+def test_shards_that_do_not_belong_together_are_refused_by_name(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(UsageError, match="holds no shards"):
+        merge_shards(str(out))
+    run_shard(images, out, "1/2")
+    run_shard(images, out, "2/2", load_params(None, {"contour.degree": 2}))
+    with pytest.raises(
+        UsageError, match=r"shard 2/2 .*other parameters than shard 1/2 \(contour\.degree was 3, is 2\)"
+    ):
+        merge_shards(str(out))
+    run_shard(images, out, "2/2", overwrite=True)
+    assert merge_shards(str(out)).problems == []
+    make_images(images, ["new.png"])
+    run_shard(images, out, f"{number_of('new.png', 2)}/2")
+    (problem,) = merge_shards(str(out)).problems
+    assert "different numbers of images" in problem
+    run_shard(images, out, "1/3")
+    with pytest.raises(UsageError, match="in 2 and 3 parts"):
+        merge_shards(str(out))
+
+
+def test_one_shard_leaves_the_others_alone(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_shard(images, out, "1/2")
+    mine = out / "masks" / "0" / ".ffseg-1-abc-1.tmp"
+    mine.parent.mkdir(parents=True, exist_ok=True)
+    mine.write_bytes(b"another shard is writing this")
+    run_shard(images, out, "2/2")
+    assert mine.exists()
+    merge_shards(str(out))
+    assert not mine.exists()
+
+
+@pytest.mark.parametrize("text", ["0/2", "3/2", "1", "/", "1/0", "a/b", "1/2/3", "-1/2", "1/100001", " 1/2"])
+def test_parts_that_are_none_are_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="--shard"):
+        read_shard(text)
+
+
+def test_every_image_belongs_to_one_shard_and_stays_there() -> None:
+    names = [f"{index}.png" for index in range(20_000)]
+    for count in (1, 2, 7):
+        parts = Counter(number_of(name, count) for name in names)
+        assert set(parts) == set(range(1, count + 1))
+        # 20,000 draws: a share leaves its mean by five standard deviations less than once in a million
+        assert max(abs(part - 20_000 / count) for part in parts.values()) <= 5 * (20_000 / count) ** 0.5
+    plan = make_plan([str(Path(__file__))], "out")
+    job = plan.jobs[0]
+    jobs = tuple(replace(job, index=k, source=replace(job.source, name=name)) for k, name in enumerate(names[:100]))
+    parts = [only(replace(plan, jobs=jobs), Shard(number, 3)).jobs for number in (1, 2, 3)]
+    assert sorted(job.source.name for part in parts for job in part) == sorted(names[:100])
+    assert all([job.index for job in part] == list(range(len(part))) for part in parts)
+
+
+@given(st.lists(st.tuples(st.binary(max_size=6), st.binary(max_size=30))), st.sampled_from([1, 300, 1 << 20]))
+def test_lines_are_sorted_whatever_memory_there_is(lines: list[tuple[bytes, bytes]], most: int) -> None:
+    assert list(sorted_lines(iter(lines), tempfile.gettempdir(), most)) == sorted(lines, key=lambda line: line[0])
+
+
+def journal_of(out: Path, count: int, shards: int = 2) -> None:
+    """Journals of so many made-up images."""
+    for number in range(1, shards + 1):
+        folder = out / ".ffseg" / "shards" / f"{number}-of-{shards}"
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / "journal.jsonl").open("wb") as file:
+            file.write(
+                json.dumps({"format": 2, "settings": "s", "files": {"camera": ""}, "parameters": {}}).encode() + b"\n"
+            )
+            for index in range(number, count + 1, shards):
+                name = f"{index % 100}/{index}.png"
+                row = {
+                    "status": "ok",
+                    "error": "",
+                    "width": 800,
+                    "area_px": index,
+                    "total_ms": 12.5,
+                    "method": "freeform",
+                }
+                record = Record(name, "ok", "0.1", "s", "c", {}, row, order=order_key(0, name))
+                file.write(record_line(record))
+        (folder / "run.json").write_text(json.dumps({"status": "finished", "whole": count}))
+
+
+def test_the_memory_of_a_merge_does_not_grow_with_its_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sorted_lines, "__defaults__", (1 << 20,))
+    peaks = []
+    for count in (10_000, 40_000):
+        out = tmp_path / str(count)
+        journal_of(out, count)
+        tracemalloc.start()
+        assert merge_shards(str(out)).counts["total"] == count
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        rows = [row["image"] for row in table(out / "timings.csv")]
+        assert rows == sorted(rows, key=lambda name: order_key(0, name))
+    # the file of 40,000 rows has 4 MB; only the heap of the merged runs, a few lines each, may grow
+    assert peaks[1] < peaks[0] + 500_000
+
+
+def test_a_table_can_be_parquet_too(images: Path, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    run_batch(images, tmp_path / "out", parquet=True, executor=Choice("inprocess"))
+    found = parquet.read_table(tmp_path / "out" / "timings.parquet").to_pylist()
+    rows = table(tmp_path / "out" / "timings.csv")
+    assert [{key: "" if cell is None else str(cell) for key, cell in row.items()} for row in found] == rows
+    run_batch(images, tmp_path / "out", executor=Choice("inprocess"))
+    assert not os.path.exists(tmp_path / "out" / "timings.parquet"), "an old table beside a new one would be stale"
+
+
+def test_the_recipe_in_the_shell(images: Path, tmp_path: Path, ffseg_command) -> None:
+    shutil.copytree(Path(__file__).parents[2] / "samples", tmp_path / "photos")
+    for number in (1, 2, 3):
+        done = ffseg_command("run", "photos", "--out", "parts", "--shard", f"{number}/3", "--jobs", "1", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    done = ffseg_command("merge", "parts", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    names = [row["image"] for row in table(tmp_path / "parts" / "timings.csv")]
+    assert json.loads(done.stdout)["counts"]["total"] == len(names) > 2
+    shutil.rmtree(tmp_path / "parts" / ".ffseg" / "shards" / "2-of-3")
+    left_out = ffseg_command("merge", "parts", cwd=tmp_path)
+    assert left_out.returncode == 3
+    assert "shard 2/3 never ran" in left_out.stderr
