@@ -37,12 +37,15 @@ class Source:
         Why it cannot even be tried (``reason: text``), else empty.
     place : int
         Number of the INPUT it was found under: images stand in the order of these, then of their names.
+    span : tuple of (int, int) or None
+        Offset and length in the archive that `path` names.
     """
 
     path: str
     name: str
     problem: str = ""
     place: int = 0
+    span: tuple[int, int] | None = None
 
 
 def natural_key(name: str) -> tuple[tuple[tuple[bool, int, str], ...], ...]:
@@ -77,13 +80,24 @@ def discover(inputs: Sequence[str]) -> list[Source]:
                 f"{SKIP_FILE} are left out, and images in a folder need one of the suffixes {_READ}"
             )
         for source in sources:
-            found.setdefault((os.path.realpath(source.path), source.name), replace(source, place=place))
+            found.setdefault((_identity_of(source), source.name), replace(source, place=place))
     return list(found.values())
 
 
+def _identity_of(source: Source) -> str:
+    return source.path if "://" in source.path else os.path.realpath(source.path)
+
+
 def _expand(text: str) -> list[Source]:
+    from ffseg.batch.inputs.archives import is_archive, members
+    from ffseg.batch.inputs.remote import is_remote, remote_sources
+
+    if is_remote(text):
+        return remote_sources(text)
     if os.path.isdir(text):
         return sorted(_walk(text), key=_source_key)
+    if is_archive(text) and os.path.isfile(text):
+        return sorted(members(text), key=_source_key)
     if os.path.lexists(text):
         return [Source(text, os.path.basename(text))]
     if not glob.has_magic(text):

@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 
 from ffseg.batch.discover import STATE_FOLDER, Source, discover
 from ffseg.batch.inputs.maps import find_evidence
+from ffseg.batch.inputs.reading import place_of
 from ffseg.batch.inputs.truths import find_truths
 from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, OUTPUT_FOLDERS, Wanted
 from ffseg.errors import OutputError, UsageError
@@ -92,6 +93,7 @@ def make_plan(
     truth: str = "",
     exclude: Sequence[str] = (),
     keep_suffix: bool = False,
+    listed: Sequence[Source] = (),
 ) -> Plan:
     """Find the inputs, pair them with their outputs and truths, and refuse what cannot work.
 
@@ -108,13 +110,15 @@ def make_plan(
         Patterns of relative names, or of folders or files in them, that are left out.
     keep_suffix : bool
         Outputs keep the suffix of their image before their own, so that ``a.jpg`` and ``a.png`` do not collide.
+    listed : sequence of Source
+        Images named one by one, before those of the inputs.
 
     Raises
     ------
     UsageError
         If an input is missing, two inputs share an output, or an output would replace an input.
     """
-    sources = without(discover(inputs), exclude)
+    sources = without([*listed, *discover(inputs)], exclude)
     truths: dict[str, str] = {}
     if truth:
         truths = find_truths(sources, truth)
@@ -125,7 +129,7 @@ def make_plan(
         Job(index, _checked_name(source, stem(source), wanted), stem(source), truths.get(source.name, ""))
         for index, source in enumerate(sources)
     )
-    asked = tuple(map(os.path.abspath, inputs))
+    asked = tuple(map(place_of, inputs))
     plan = Plan(out, jobs, wanted, with_truth=bool(truth), inputs=asked)
     _refuse_collisions(plan)
     _refuse_outputs_over_inputs(plan)

@@ -73,7 +73,7 @@ def _preview(plan: Plan, job: Job, setup: Setup, record: Record | None) -> Previ
         return Preview(job, "failed", job.source.problem)
     outputs = plan.outputs(job)
     files = (job.source.path, job.truth, plan.out, outputs)
-    task = Task(job.index, *files, None, job.source.name, job.earlier, job.start, job.depends)
+    task = Task(job.index, *files, None, job.source.name, job.earlier, job.start, job.depends, span=job.source.span)
     try:
         read = read_task(task, setup)
     except ImageReadError as error:

@@ -284,8 +284,20 @@ class Run:
         fits = record is not None and record.made and record.version == __version__
         known = record.known if record is not None and fits and record.settings == self._keeper.settings else None
         outputs = self._plan.outputs(job)
-        files = (job.source.path, job.truth, self._plan.out, outputs)
-        return Task(job.index, *files, known, job.source.name, job.earlier, job.start, job.depends, job.evidence)
+        return Task(
+            index=job.index,
+            path=job.source.path,
+            truth=job.truth,
+            out=self._plan.out,
+            outputs=outputs,
+            known=known,
+            name=job.source.name,
+            earlier=job.earlier,
+            start=job.start,
+            depends=job.depends,
+            evidence=job.evidence,
+            span=job.source.span,
+        )
 
     def take(self, replies: Sequence[Reply]) -> None:
         """Write what replies bring and remember it: never more images at once than there are workers."""
@@ -316,6 +328,7 @@ class Run:
         """Bring the output folder in step with the journal and write the tables."""
         journal = self._keeper.journal
         if all(self._finished):
+            self._sweep()  # workers of other machines may have died
             self.summary.removed = tidy(journal, self._plan, settings)
         self._standing = survey(journal, self._plan, settings, self._finished)
         self.summary.stale = self._standing.num_stale + len(self._standing.left)

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 Inputs = Annotated[
     list[str], typer.Argument(metavar="INPUT...", help="Image files, folders (searched to any depth) or patterns.")
 ]
+SomeInputs = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="INPUT...", help="Image files, folders (any depth), patterns, .tar files or s3:// URLs."),
+]
 Out = Annotated[
     Path, typer.Option("--out", metavar="DIR", parser=folder, help="Folder for the outputs; made if absent.")
 ]

@@ -13,6 +13,7 @@ from time import perf_counter
 from typing import Any
 
 from ffseg import __version__
+from ffseg.batch.inputs.reading import place_of
 from ffseg.batch.jobs import Job, Plan
 from ffseg.batch.record.journal import Journal, state_folder
 from ffseg.batch.record.order import order_key
@@ -165,7 +166,7 @@ class Keeper:
         else:
             reason, message = "output", problem
         row = {"status": "failed", "error": f"{reason}: {message}", "method": self.method}
-        path = os.path.abspath(job.source.path)
+        path = place_of(job.source.path)
         left = before.outputs if before is not None and reason == "output" else {}
         return Record(
             name=job.source.name,

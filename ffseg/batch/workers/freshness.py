@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ffseg.batch.inputs.reading import place_of, read_input
 from ffseg.batch.workers.messages import Evidence, Known, Mark, Setup, Task
 from ffseg.errors import ImageReadError
 from ffseg.formats.files import printable, read_bytes
@@ -65,8 +66,8 @@ def read_task(task: Task, setup: Setup) -> Read:
         When the image cannot be read.
     """
     mark = mark_of(task.path)  # before the content: a change in between makes the mark stale, not the digest
-    data = read_bytes(task.path, setup.max_bytes)
-    files: dict[str, File] = {"image": (os.path.abspath(task.path), digest(data), mark)}
+    data = read_input(task.path, setup.max_bytes, task.span)
+    files: dict[str, File] = {"image": (place_of(task.path), digest(data), mark)}
     content = [files["image"][1]]
     before = []
     for number, path in enumerate(task.earlier):
@@ -93,10 +94,10 @@ def _optional(path: str, max_bytes: int) -> tuple[bytes, File]:
     """Content and entry of a file that may be absent."""
     mark = mark_of(path)
     try:
-        data = read_bytes(path, max_bytes)
+        data = read_input(path, max_bytes)
     except ImageReadError:
         data = b""
-    return data, (os.path.abspath(path), digest(data), mark)
+    return data, (place_of(path), digest(data), mark)
 
 
 def _truth(path: str, setup: Setup, files: dict[str, File]) -> str:

@@ -95,6 +95,8 @@ class Task:
         Its own start circle.
     depends : tuple of str
         Paths of further files the result depends on; their content is part of what makes an image unchanged.
+    span : tuple of (int, int) or None
+        Offset and length of the image in the archive that `path` names.
     evidence : str
         Path of its map of evidence, or empty.
     """
@@ -110,6 +112,7 @@ class Task:
     start: Start | None = None
     depends: tuple[str, ...] = ()
     evidence: str = ""
+    span: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,10 +17,10 @@ from ffseg.cli.checks import MOST_MEGABYTES, MOST_SECONDS, checked_params, numbe
 from ffseg.cli.options import (
     Config,
     Evidence,
-    Inputs,
     Out,
     Outside,
     Settings,
+    SomeInputs,
     Starts,
     TruthLabel,
     starts_file,
@@ -42,8 +42,8 @@ _MEGABYTE = 1 << 20
 
 
 def run(  # noqa: PLR0913 - the options of the command
-    inputs: Inputs,
     out: Out,
+    inputs: SomeInputs = None,
     config: Config = None,
     settings: Settings = None,
     starts: Starts = None,
@@ -94,6 +94,10 @@ def run(  # noqa: PLR0913 - the options of the command
     exclude: Annotated[
         list[str] | None, typer.Option("--exclude", metavar="PATTERN", help="Leave out what matches; may be repeated.")
     ] = None,
+    listed: Annotated[
+        str, typer.Option("--list", metavar="FILE", help="File with one image path a line; - for stdin.")
+    ] = "",
+    nul: Annotated[bool, typer.Option("-0", help="Paths of --list end with NUL, as of find -print0.")] = False,
     keep_suffix: Annotated[
         bool, typer.Option("--keep-suffix", help="Outputs of a.jpg are called a.jpg.png, ... instead of a.png.")
     ] = False,
@@ -123,7 +127,7 @@ def run(  # noqa: PLR0913 - the options of the command
     A second run into the same folder does only what is missing or stale. Exit code: 0 every image done; 2 nothing was
     run; 3 at least one image failed, the others are written.
     """
-    early = early_workers(inputs, jobs or cores()) if not dry_run else []
+    early = early_workers(inputs or (), jobs or cores()) if not dry_run else []
     from ffseg.batch.executors.choice import Choice
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
@@ -136,7 +140,7 @@ def run(  # noqa: PLR0913 - the options of the command
         interruption = cleanup.enter_context(Interruption("run it again to go on"))
         params = checked_params(config, with_background(settings, outside))
         wanted = read_wanted(export or (), overlay=overlay, animate=animate)
-        choice = Chosen(tuple(inputs), tuple(exclude or ()), keep_suffix=keep_suffix)
+        choice = Chosen(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul)
         plan = with_maps(read_plan(choice, out, wanted, truth, starts_file(starts, params)), evidence, camera)
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan), shard)
         setup = limited(Setup(params=params, views=views, wanted=wanted, truth_label=truth_label), max_pixels, memory)
@@ -218,12 +222,17 @@ class Chosen:
     inputs: tuple[str, ...]
     exclude: tuple[str, ...]
     keep_suffix: bool
+    listed: str = ""
+    nul: bool = False
 
 
 def read_plan(choice: Chosen, out: Path, wanted: Wanted, truth: Path | None, starts: str) -> Plan:
     """Images of a run with their outputs, truths and starts."""
+    from ffseg.batch.inputs.listing import listed
     from ffseg.batch.jobs import make_plan, with_starts
 
+    if not choice.inputs and not choice.listed:
+        raise UsageError("there is no input; name image files, folders or patterns, or a list with --list FILE")
     plan = make_plan(
         choice.inputs,
         os.fspath(out),
@@ -231,6 +240,7 @@ def read_plan(choice: Chosen, out: Path, wanted: Wanted, truth: Path | None, sta
         truth=os.fspath(truth) if truth else "",
         exclude=choice.exclude,
         keep_suffix=choice.keep_suffix,
+        listed=listed(choice.listed, nul=choice.nul) if choice.listed else (),
     )
     return with_starts(plan, starts) if starts else plan
 
@@ -283,7 +293,7 @@ def read_views(camera: Path | None, poses: Path | None, pairs: Path | None, plan
 
 def early_workers(inputs: Sequence[str], jobs: int) -> list[Process]:
     """Workers that load OpenCV while this process loads the rest, reads parameters and plans; two if there may be work."""
-    several = jobs > 1 and (len(inputs) > 1 or os.path.isdir(inputs[0]))
+    several = jobs > 1 and (len(inputs) != 1 or os.path.isdir(inputs[0]))
     early: list[Process] = []
     with contextlib.suppress(OSError):  # no more descriptors or processes: the run says so itself
         early.append(take())

@@ -1,0 +1,51 @@
+"""Images inside tar files, indexed once and then read in place."""
+
+from __future__ import annotations
+
+import tarfile
+from collections.abc import Iterator
+from typing import Any
+
+from ffseg.batch.discover import SUFFIXES, Source
+from ffseg.errors import UsageError
+from ffseg.formats.files import printable
+
+_PACKED = (".tar.gz", ".tgz", ".tar.bz2", ".tbz", ".tar.xz", ".txz", ".tar.zst")
+_MOST_MEMBERS = 100_000_000
+
+
+def is_archive(path: str) -> bool:
+    """Whether a file is named as a tar file."""
+    return path.lower().endswith((".tar", *_PACKED))
+
+
+def members(path: str) -> list[Source]:
+    """Images in a tar file, in the order they are stored in; a later one of the same name replaces the earlier.
+
+    Raises
+    ------
+    UsageError
+        If it is compressed, so that nothing in it can be read in place, or no tar file.
+    """
+    if path.lower().endswith(_PACKED):
+        raise UsageError(f"{printable(path)} is compressed; unpack it to a .tar first, images do not get smaller by it")
+    try:
+        with tarfile.open(path, "r:") as archive:
+            found = {source.name: source for source in _images(path, archive)}
+    except (tarfile.TarError, OSError, ValueError) as error:
+        raise UsageError(f"{printable(path)} cannot be read as a tar file ({error})") from error
+    return list(found.values())
+
+
+def _images(path: str, archive: tarfile.TarFile) -> Iterator[Source]:
+    kept: Any = archive
+    for count, member in enumerate(archive):
+        if count >= _MOST_MEMBERS:
+            raise ValueError(f"more than {_MOST_MEMBERS} members")
+        kept.members = []  # it would keep them all
+        name = member.name.removeprefix("./")
+        last = name.rsplit("/", 1)[-1]
+        if not member.isreg() or member.issparse() or last.startswith("."):
+            continue
+        if last[last.rfind(".") :].lower() in SUFFIXES:
+            yield Source(path, name, span=(member.offset_data, member.size))

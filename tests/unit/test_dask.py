@@ -1,0 +1,129 @@
+"""The Dask executor: the same tree as with processes, and what is left when a worker, the scheduler or the run dies."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import stand_in
+from batches import Silent, make_images, run_batch, snapshot, table
+
+from ffseg.batch.executors.choice import Choice
+from ffseg.batch.executors.processes import WorkerLostError
+from ffseg.batch.outputs.table import Wanted
+from ffseg.errors import UsageError
+
+pytest.importorskip("distributed")
+pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's own, of every kind
+
+NAMES = [f"i{index}.png" for index in range(60)]
+ALL = Wanted(True, ("coco",))
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A scheduler with two workers, each a process of its own that can be killed."""
+    file = tmp_path_factory.mktemp("dask") / "scheduler.json"
+    paths = os.pathsep.join(sys.path)
+    environment = {**os.environ, "PYTHONPATH": paths}
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard"]
+    processes = [subprocess.Popen([*command, "--scheduler-file", file], env=environment, stderr=subprocess.DEVNULL)]
+    worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", file, "--nthreads", "1",
+              "--no-nanny", "--no-dashboard"]  # fmt: skip
+    processes += [subprocess.Popen(worker, env=environment, stderr=subprocess.DEVNULL) for _ in range(2)]
+    until = time.monotonic() + 60
+    while not file.exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    import json
+
+    yield json.loads(file.read_text())["address"], processes
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+def by_dask(address: str, chunk: int = 10) -> dict[str, object]:
+    return {"executor": Choice("dask", address, chunk), "num_workers": 2}
+
+
+def tree(out: Path) -> dict[str, bytes]:
+    return {**snapshot(out), "coco.json": (out / "coco.json").read_bytes()}
+
+
+def test_the_tree_is_that_of_processes(scheduler, tmp_path: Path) -> None:
+    make_images(tmp_path / "in", NAMES, {NAMES[5]: stand_in.FAIL, NAMES[7]: stand_in.CRASH, NAMES[9]: stand_in.DEFECT})
+    run_batch(tmp_path / "in", tmp_path / "one", wanted=ALL, num_workers=2)
+    summary = run_batch(tmp_path / "in", tmp_path / "dask", wanted=ALL, **by_dask(scheduler[0]))
+    assert (summary.done, summary.failed) == (57, 3), "a crash costs its image alone"
+    assert tree(tmp_path / "dask") == tree(tmp_path / "one")
+    errors = [{row["image"]: row["error"] for row in table(tmp_path / out / "timings.csv")} for out in ("one", "dask")]
+    assert errors[0] == errors[1]
+    assert run_batch(tmp_path / "in", tmp_path / "dask", wanted=ALL, **by_dask(scheduler[0])).unchanged == 57
+    assert not list((tmp_path / "dask" / ".ffseg" / "chunks").iterdir())
+
+
+def test_a_stopped_run_goes_on_where_it_was(scheduler, tmp_path: Path) -> None:
+    make_images(tmp_path / "in", NAMES)
+    first = run_batch(tmp_path / "in", tmp_path / "out", observer=Silent(last=10), **by_dask(scheduler[0]))
+    assert first.signal == 15
+    assert 10 <= first.done < 60
+    second = run_batch(tmp_path / "in", tmp_path / "out", **by_dask(scheduler[0]))
+    assert second.done + second.unchanged == 60
+    assert second.unchanged >= first.done
+    run_batch(tmp_path / "in", tmp_path / "one", num_workers=2)
+    assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
+
+
+def test_a_setup_that_does_not_work_and_a_scheduler_that_is_not_there_are_refused(scheduler, tmp_path: Path) -> None:
+    make_images(tmp_path / "in", NAMES[:2])
+    with pytest.raises(UsageError, match="no scheduler answers"):
+        run_batch(tmp_path / "in", tmp_path / "out", **by_dask("nowhere:not-a-port"))
+
+
+def test_a_worker_that_dies_costs_nothing(scheduler, tmp_path: Path) -> None:
+    make_images(tmp_path / "in", NAMES)
+    address, processes = scheduler
+
+    class Killing(Silent):
+        def finished(self, job, status: str, error: str) -> None:
+            super().finished(job, status, error)
+            if len(self.heard) == 5:
+                processes[1].kill()
+
+    summary = run_batch(tmp_path / "in", tmp_path / "out", observer=Killing(), **by_dask(address, 5))
+    assert (summary.done, summary.failed) == (60, 0)
+    run_batch(tmp_path / "in", tmp_path / "one", num_workers=2)
+    assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
+
+
+def test_a_scheduler_that_dies_ends_the_run_and_the_next_one_goes_on(scheduler, tmp_path: Path) -> None:
+    make_images(tmp_path / "in", NAMES)
+    address, processes = scheduler
+    out = tmp_path / "out"
+
+    def kill() -> None:
+        chunks = out / ".ffseg" / "chunks"
+        while not (chunks.is_dir() and any(path.stat().st_size > 500 for path in chunks.glob("*.jsonl"))):
+            time.sleep(0.002)
+        processes[0].kill()
+
+    killer = threading.Thread(target=kill, daemon=True)
+    killer.start()
+    with pytest.raises(WorkerLostError, match="scheduler"):
+        run_batch(tmp_path / "in", out, **by_dask(address, 60))
+    rest = run_batch(tmp_path / "in", out, num_workers=2)
+    assert rest.done + rest.unchanged == 60
+    assert rest.unchanged > 0, "what was written down of the chunk is not done again"
+    run_batch(tmp_path / "in", tmp_path / "one", num_workers=2)
+    assert snapshot(out) == snapshot(tmp_path / "one")
+
+
+def test_a_cluster_of_this_machine_is_started_where_none_is_named(tmp_path: Path) -> None:
+    make_images(tmp_path / "in", NAMES[:8])
+    assert run_batch(tmp_path / "in", tmp_path / "out", executor=Choice("dask"), num_workers=2).done == 8

@@ -1,0 +1,171 @@
+"""Inputs beyond a folder: lists, tar files, URLs; what they cannot be is named, and their names stay inside DIR."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+import tarfile
+from pathlib import Path
+
+import pytest
+from batches import make_images, run_batch, snapshot, table
+
+from ffseg.batch.discover import discover
+from ffseg.batch.executors.choice import Choice
+from ffseg.batch.inputs.listing import listed
+from ffseg.batch.inputs.reading import read_input
+from ffseg.batch.jobs import make_plan
+from ffseg.batch.runner import Options
+from ffseg.errors import ImageReadError, UsageError
+
+INPROCESS = Choice("inprocess")
+NAMES = ["a.png", "b/a10.png", "b/a9.png"]
+
+
+@pytest.fixture
+def images(tmp_path: Path) -> Path:
+    make_images(tmp_path / "in", NAMES)
+    return tmp_path / "in"
+
+
+def packed(images: Path, path: Path, names: list[str] = NAMES, mode: str = "w") -> Path:
+    with tarfile.open(path, mode) as archive:
+        for name in names:
+            archive.add(images / name, f"./{name}")
+    return path
+
+
+def test_a_tar_file_is_run_like_the_folder_it_was_made_of(images: Path, tmp_path: Path) -> None:
+    run_batch(images, tmp_path / "one", executor=INPROCESS)
+    archive = packed(images, tmp_path / "all.tar")
+    assert run_batch(archive, tmp_path / "tar", executor=INPROCESS).done == 3
+    assert snapshot(tmp_path / "tar") == snapshot(tmp_path / "one")
+    assert run_batch(archive, tmp_path / "tar", executor=INPROCESS).unchanged == 3
+    make_images(images, ["c.png"], {"c.png": 7})
+    with tarfile.open(archive, "a") as more:
+        more.add(images / "c.png", "b/a9.png")  # a later member of a name replaces the earlier
+        more.add(images / "c.png", "c.png")
+    again = run_batch(archive, tmp_path / "tar", num_workers=2)
+    assert (again.unchanged, again.done) == (2, 2)
+    made = snapshot(tmp_path / "tar")
+    assert made["masks/b/a9.png"] == made["masks/c.png"]
+
+
+def test_members_stay_inside_the_output_folder(images: Path, tmp_path: Path) -> None:
+    data = (images / "a.png").read_bytes()
+    with tarfile.open(tmp_path / "bad.tar", "w") as archive:
+        for name in ("../out.png", "/etc/out.png", "a/../../out.png", "plain.png", "notes.txt", ".hidden.png"):
+            member = tarfile.TarInfo(name)
+            member.size = len(data)
+            archive.addfile(member, io.BytesIO(data))
+        link = tarfile.TarInfo("link.png")
+        link.type, link.linkname = tarfile.SYMTYPE, "/etc/passwd"
+        archive.addfile(link)
+    run_batch(tmp_path / "bad.tar", tmp_path / "deep" / "out", executor=INPROCESS)
+    rows = {row["image"]: row["error"][:8] for row in table(tmp_path / "deep" / "out" / "timings.csv")}
+    assert sorted(rows.values()) == ["", "bad-name", "bad-name", "bad-name"]
+    assert rows["plain.png"] == ""
+    assert not list(tmp_path.rglob("out.png"))
+    assert not list(tmp_path.glob("deep/*.png"))
+
+
+def test_archives_that_cannot_be_read_in_place_are_refused(images: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="is compressed"):
+        discover([str(packed(images, tmp_path / "all.tar.gz", mode="w:gz"))])
+    (tmp_path / "text.tar").write_text("no archive" * 100)
+    with pytest.raises(UsageError, match="cannot be read as a tar file"):
+        discover([str(tmp_path / "text.tar")])
+    archive = packed(images, tmp_path / "cut.tar")
+    (source,) = [source for source in discover([str(archive)]) if source.name == "b/a9.png"]
+    os.truncate(archive, source.span[0] + 10)
+    with pytest.raises(ImageReadError, match="ends before") as caught:
+        read_input(source.path, 1 << 20, source.span)
+    assert caught.value.reason == "truncated"
+    with pytest.raises(ImageReadError, match="limit"):
+        read_input(source.path, 10, source.span)
+
+
+@pytest.mark.parametrize("nul", [False, True])
+def test_a_list_names_images_one_by_one(
+    nul: bool, images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(images)
+    end = b"\0" if nul else b"\n"
+    (tmp_path / "list").write_bytes(end.join([b"b/a9.png", b"a.png", b"a.png", b"b/none.png"]) + end)
+    sources = listed(str(tmp_path / "list"), nul=nul)
+    assert [source.name for source in sources] == ["b/a9.png", "a.png", "b/none.png"]
+    plan = make_plan([], str(tmp_path / "out"), listed=sources)
+    assert [job.source.name for job in plan.jobs] == ["b/a9.png", "a.png", "b/none.png"]
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO((tmp_path / "list").read_bytes())))
+    assert listed("-", nul=nul) == sources
+    absolute = end.join(os.fsencode(images / name) for name in NAMES)
+    (tmp_path / "list").write_bytes(absolute)
+    assert [source.name for source in listed(str(tmp_path / "list"), nul=nul)] == NAMES
+    (tmp_path / "list").write_bytes(end)
+    with pytest.raises(UsageError, match="names no image"):
+        listed(str(tmp_path / "list"), nul=nul)
+
+
+def test_the_command_takes_a_list_from_stdin(images: Path, tmp_path: Path, ffseg_command) -> None:
+    names = "".join(f"{name}\n" for name in NAMES)
+    done = ffseg_command("run", "--list", "-", "--out", tmp_path / "out", "--dry-run", cwd=images, input=names)
+    assert done.returncode == 0, done.stderr
+    assert [line.split(" -> ")[0] for line in done.stdout.splitlines()] == NAMES
+    nothing = ffseg_command("run", "--out", tmp_path / "out")
+    assert nothing.returncode == 2
+    assert "there is no input" in nothing.stderr
+
+
+@pytest.fixture
+def store(images: Path):
+    fsspec = pytest.importorskip("fsspec")
+    system = fsspec.filesystem("memory")
+    for name in NAMES:
+        system.pipe(f"/bucket/set/{name}", (images / name).read_bytes())
+    system.pipe("/bucket/set/notes.txt", b"text")
+    yield system
+    system.rm("/bucket", recursive=True)
+
+
+def test_images_behind_a_url_are_run_like_files(store, images: Path, tmp_path: Path) -> None:
+    run_batch(images, tmp_path / "one", executor=INPROCESS)
+    plan = make_plan(["memory://bucket/set"], str(tmp_path / "out"))
+    assert [job.source.name for job in plan.jobs] == ["a.png", "b/a9.png", "b/a10.png"]
+    assert [source.name for source in discover(["memory://bucket/set/b/*.png"])] == ["a9.png", "a10.png"]
+    assert [source.name for source in discover(["memory://bucket/set/a.png"])] == ["a.png"]
+    from batches import Silent
+    from stand_in import NAME
+
+    from ffseg.batch.runner import Run
+    from ffseg.batch.workers.messages import Setup
+    from ffseg.parameters import load_params
+
+    def again():
+        observer = Silent()
+        setup = Setup(params=load_params(), segmenter=NAME)
+        with Run(plan, setup, Options(executor=INPROCESS), observer, observer) as run:
+            return run.execute()
+
+    assert again().done == 3
+    assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
+    assert again().unchanged == 3
+    store.pipe("/bucket/set/a.png", (images / "b" / "a9.png").read_bytes())
+    store.rm("/bucket/set/b/a9.png")
+    summary = again()
+    assert (summary.done, summary.unchanged, summary.failed) == (1, 1, 1)
+
+
+def test_urls_keep_the_limits_of_files(store) -> None:
+    with pytest.raises(ImageReadError) as caught:
+        read_input("memory://bucket/set/a.png", 10)
+    assert caught.value.reason == "too-many-bytes"
+    with pytest.raises(ImageReadError) as caught:
+        read_input("memory://bucket/set/none.png", 1 << 20)
+    assert caught.value.reason == "missing"
+    store.pipe("/bucket/set/empty.png", b"")
+    with pytest.raises(ImageReadError) as caught:
+        read_input("memory://bucket/set/empty.png", 1 << 20)
+    assert caught.value.reason == "empty"
+    with pytest.raises(UsageError, match="no file or folder ftp"):
+        discover(["ftp://somewhere/a.png"])
