@@ -1,4 +1,4 @@
-"""Motion between two images: values, poses to motion, and the planar motion that ground points agree on."""
+"""Motion between two images: values, poses to motion, and how points answer its corrections."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
 from ffseg.camera.projections import Array
@@ -210,97 +209,6 @@ def ground_points(camera: Camera, pixels: Array) -> Array:
     return points
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlanarFit:
-    """A planar rigid motion fitted to point pairs.
-
-    Attributes
-    ----------
-    parameters : ndarray of float64, shape (3,)
-        (x, y, theta): ``previous = R(theta) @ current + (x, y)``.
-    inliers : ndarray of bool, shape (n,)
-    """
-
-    parameters: Array
-    inliers: NDArray[np.bool_]
-
-
-def fit_planar(current: Array, previous: Array, sigma: Array, seed: int = 0) -> PlanarFit | None:
-    """Planar rigid motion between ground points by RANSAC over point pairs, then weighted least squares.
-
-    Parameters
-    ----------
-    current, previous : ndarray of float64, shape (n, 2)
-        The same points on the ground plane of either camera, metres.
-    sigma : ndarray of float64, shape (n,)
-        Standard deviation of the difference of a pair per axis, metres: grows with the distance of the point.
-    seed : int
-        Of the sampling: the same points give the same motion.
-
-    Returns
-    -------
-    PlanarFit or None
-        None with fewer than ``MIN_INLIERS`` pairs agreeing.
-    """
-    if len(current) < MIN_INLIERS:
-        return None
-    best = _consensus(current, previous, sigma, np.random.default_rng(seed))
-    parameters = None
-    for _ in range(REFITS):
-        if np.count_nonzero(best) < MIN_INLIERS:
-            return None
-        parameters = _weighted_fit(current[best], previous[best], sigma[best])
-        best = _errors(parameters, current, previous, sigma) < GATE
-    if parameters is None or np.count_nonzero(best) < MIN_INLIERS:
-        return None
-    return PlanarFit(parameters, best)
-
-
-MIN_INLIERS = 8
-"""Two pairs fix the motion; six more that agree by chance within the gate are out of the question."""
-TRIALS = 128
-"""With 40 % inliers (fewer are refused) all trials miss a pair of inliers once in 10**9."""
-GATE = 3.0
-"""Standard deviations within which a pair agrees with a motion."""
-REFITS = 3
-
-
 def _turn(theta: float) -> Array:
     c, s = np.cos(theta), np.sin(theta)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _consensus(current: Array, previous: Array, sigma: Array, random: np.random.Generator) -> NDArray[np.bool_]:
-    """Inliers of the best of ``TRIALS`` motions through two pairs; all trials at once in complex numbers."""
-    a, b = current @ [1, 1j], previous @ [1, 1j]
-    first = random.integers(0, len(a), TRIALS)
-    second = (first + random.integers(1, len(a), TRIALS)) % len(a)
-    span, seen = a[second] - a[first], b[second] - b[first]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        turn = seen * span.conj()
-        turn /= np.abs(turn)
-    shift = 0.5 * (b[first] + b[second]) - turn * 0.5 * (a[first] + a[second])
-    misses = (turn[:, None] * a + shift[:, None] - b) / sigma
-    squares = misses.real**2 + misses.imag**2
-    # Truncated squares: among motions with equal counts the tighter one wins.
-    cost = np.minimum(squares, GATE**2).sum(axis=1)
-    cost[np.isnan(cost)] = np.inf  # both pairs of the sample at one point
-    chosen: NDArray[np.bool_] = squares[np.argmin(cost)] < GATE**2
-    return chosen
-
-
-def _errors(parameters: Array, current: Array, previous: Array, sigma: Array) -> Array:
-    moved = current @ _turn(parameters[2])[:2, :2].T + parameters[:2]
-    distance: Array = np.hypot(*(moved - previous).T) / sigma
-    return distance
-
-
-def _weighted_fit(current: Array, previous: Array, sigma: Array) -> Array:
-    """Weighted Procrustes without scale: (x, y, theta)."""
-    weight = 1.0 / sigma**2
-    weight /= weight.sum()
-    a, b = current @ [1, 1j], previous @ [1, 1j]
-    mean_a, mean_b = (weight * a).sum(), (weight * b).sum()
-    theta = np.angle((weight * (b - mean_b) * (a - mean_a).conj()).sum())
-    shift = mean_b - np.exp(1j * theta) * mean_a
-    return np.array([shift.real, shift.imag, theta])

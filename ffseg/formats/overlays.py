@@ -14,14 +14,18 @@ from numpy.typing import NDArray
 from ffseg.errors import OutputError
 from ffseg.formats.masks import encode_png
 
-Kind = Literal["outer", "obstacle", "false", "untested"]
+Kind = Literal["outer", "obstacle", "false", "untested", "agrees", "differs", "silent"]
 COLOURS: dict[Kind, tuple[int, int, int]] = {
     "outer": (80, 220, 60),
     "obstacle": (60, 60, 240),
     "false": (240, 180, 40),
     "untested": (40, 200, 250),
+    "agrees": (255, 255, 120),
+    "differs": (160, 60, 255),
+    "silent": (170, 170, 170),
 }
-"""BGR: green free space, red obstacles, blue ground given back, yellow what no point tested."""
+"""BGR: green free space, red obstacles, blue ground given back, yellow what no point tested; of points drawn on demand:
+cyan agrees with the ground, magenta differs, grey says nothing."""
 
 _TINT_SHARE = 0.25
 """Of the green in what is inside: the picture stays readable below."""
@@ -41,7 +45,7 @@ class Polyline:
     ----------
     points : ndarray of float64, shape (n, 2)
         Pixels, (x, y), integer values at pixel centres; the last point joins the first.
-    kind : {"outer", "obstacle", "false", "untested"}
+    kind : {"outer", "obstacle", "false", "untested", "agrees", "differs", "silent"}
     """
 
     points: NDArray[np.float64]

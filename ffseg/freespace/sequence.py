@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
 
@@ -21,7 +21,7 @@ from ffseg.freespace.motion.evidence import Scenery, outer_joints
 from ffseg.freespace.motion.ground import GroundFit
 from ffseg.freespace.structural import ComponentVerdict, ImagePair
 from ffseg.freespace.tracks import Tracks
-from ffseg.freespace.window import WINDOW, Earlier, Link, judged
+from ffseg.freespace.window import NO_SAMPLES, WINDOW, Earlier, Link, judged
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.components import Component, contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
@@ -67,6 +67,8 @@ class Frame:
         How the ground moved since those images.
     contradicted : bool
         Whether the ground says that the poses are wrong.
+    samples : ndarray of float64, shape (n, 3)
+        x, y of samples of the components' outlines; 1: speaks for the ground, -1: against it, 0: says nothing.
     """
 
     mask: NDArray[np.bool_]
@@ -82,6 +84,7 @@ class Frame:
     tested: bool = False
     links: tuple[Link, ...] = ()
     contradicted: bool = False
+    samples: NDArray[np.float64] = field(default_factory=lambda: NO_SAMPLES)
 
 
 def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters:
@@ -263,7 +266,7 @@ def free_space(
     found = judged(grey_image(current), scenery, itertools.chain(nearest, earlier), camera, epsilon)
     bare = Frame(
         segmentation.mask, segmentation.contours, (), found.rows, segmentation, found.pair.motion, found.pair.note, 0.0,
-        found.pair.camera, found.pair.fit, found.tested, found.links, found.pair.contradicted,
+        found.pair.camera, found.pair.fit, found.tested, found.links, found.pair.contradicted, found.samples,
     )  # fmt: skip
     frame = _assembled(bare, found.rows, inner, components)
     return replace(frame, obstacles_ms=(perf_counter() - begin) * 1e3)

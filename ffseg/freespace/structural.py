@@ -143,7 +143,11 @@ class Matches:
 
 
 def structural_test(
-    pair: ImagePair, components: Sequence[Component], epsilon: float, fit: GroundFit | None = None
+    pair: ImagePair,
+    components: Sequence[Component],
+    epsilon: float,
+    fit: GroundFit | None = None,
+    samples: list[Array] | None = None,
 ) -> tuple[ComponentVerdict, ...]:
     """Verdict on every component.
 
@@ -157,6 +161,9 @@ def structural_test(
     fit : GroundFit, optional
         How the motion was read off the ground: a component that had much to say in it is judged by the motion that the
         others give, so that no thing makes itself the ground.
+    samples : list, optional
+        Takes an array of shape (n, 3): x, y of each sample of an outline, and 1 where it speaks for the ground, -1
+        against it, 0 where it says nothing.
 
     Notes
     -----
@@ -172,7 +179,8 @@ def structural_test(
     corners = _corner_votes(matches, len(components), epsilon)
     flat, raised = np.zeros((2, len(components)), np.intp)
     asked = np.flatnonzero(corners.on_ground).tolist()
-    flat[asked], raised[asked] = outline_votes(pair, [components[place] for place in asked], epsilon, sway.of(asked))
+    own = [components[place] for place in asked]
+    flat[asked], raised[asked] = outline_votes(pair, own, epsilon, sway.of(asked), samples)
     spoken = (flat >= LEAST_FLAT) | (
         (flat >= 2) & (raised == 0) & (corners.high == 0) & (flat + corners.low >= LEAST_BOTH)
     )
@@ -318,7 +326,11 @@ def _sweep(pair: ImagePair, points: Array, epsilon: float) -> tuple[Candidates, 
 
 
 def outline_votes(
-    pair: ImagePair, components: Sequence[Component], epsilon: float, sway: Sway
+    pair: ImagePair,
+    components: Sequence[Component],
+    epsilon: float,
+    sway: Sway,
+    samples: list[Array] | None = None,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Samples of each component's edges that lie on the ground, and those that do not.
 
@@ -333,6 +345,8 @@ def outline_votes(
     flat, raised = _judge(aligned, ground, shift, covariance)
     tells = pair.noise**2 < MOST_NOISE * _contrast(pair.current, found.pixels)
     flat, raised, count = flat & tells, raised & tells, len(components)
+    if samples is not None:
+        samples.append(np.column_stack([found.pixels, flat.astype(np.float64) - raised]))
     return np.bincount(found.owner[flat], minlength=count), np.bincount(found.owner[raised], minlength=count)
 
 

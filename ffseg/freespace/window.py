@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,13 +13,15 @@ from ffseg.camera.motion import Motion, Pose, ground_points, planar_parameters
 from ffseg.freespace.motion.egomotion import PairMotion, pair_motion
 from ffseg.freespace.motion.evidence import Scenery
 from ffseg.freespace.structural import ComponentVerdict, ImagePair, structural_test, untested
-from ffseg.image.keypoints import Grey, grey_image
+from ffseg.image.keypoints import Array, Grey, grey_image
 from ffseg.image.planes import pixel_noise
 
 WINDOW = 8
 """Earlier images that are kept: at a step of 5 cm the farthest lies 0.4 m back."""
 MOST_ASKED = 3
 """Pairs with a motion that are asked of one image; the others would cost more than they settle."""
+
+NO_SAMPLES = np.empty((0, 3))
 
 FIRST_IMAGE = "first image: nothing to compare with; its components stay untested"
 NOTHING_ENCLOSED = "no enclosed component to test"
@@ -72,12 +74,15 @@ class Judged:
         Whether any pair had a motion.
     links : tuple of Link
         One for each pair with a motion, the nearest image first.
+    samples : ndarray of float64, shape (n, 3)
+        Of the components' outlines, as `structural_test` hands them out; of all pairs with a motion.
     """
 
     rows: tuple[ComponentVerdict, ...]
     pair: PairMotion
     tested: bool = False
     links: tuple[Link, ...] = ()
+    samples: Array = field(default_factory=lambda: NO_SAMPLES)
 
 
 def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: Camera, epsilon: float) -> Judged:
@@ -102,6 +107,7 @@ def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: 
     rows = _placed(untested(components), camera)
     first: PairMotion | None = None
     links: list[Link] = []
+    samples: list[Array] = [NO_SAMPLES]
     noise = pixel_noise(current, scenery.free)
     views = iter(earlier)
     nearest = next(views, None)
@@ -119,12 +125,12 @@ def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: 
             continue
         own = chosen.camera or camera
         seen = ImagePair(current, before, own, chosen.motion, noise)
-        found = _placed(structural_test(seen, components, epsilon, chosen.fit), own, view.name)
+        found = _placed(structural_test(seen, components, epsilon, chosen.fit, samples), own, view.name)
         rows = tuple(map(_better, rows, found))
         links.append(Link(view.name, _planar(own, chosen.motion)))
         if len(links) == MOST_ASKED or all(row.decided for row in rows):
             break
-    return Judged(rows, first or PairMotion(None, NOTHING_ENCLOSED), bool(links), tuple(links))
+    return Judged(rows, first or PairMotion(None, NOTHING_ENCLOSED), bool(links), tuple(links), np.concatenate(samples))
 
 
 def _better(old: ComponentVerdict, new: ComponentVerdict) -> ComponentVerdict:

@@ -199,3 +199,13 @@ def test_pairs_that_could_not_be_tested_are_counted(ffseg_command: Command, view
     assert "ffseg:   1 pair: degenerate pair: " in result.stderr
     quiet = run(ffseg_command, views, "--camera", views / "camera.yaml", "--overwrite", "-q")
     assert "untested" not in quiet.stderr
+
+
+def test_overlays_show_what_verdicts_rest_on(ffseg_command: Command, views: Path) -> None:
+    drawn = {}
+    for out, more in (("plain", ()), ("drawn", ("--set", "obstacles.draw=true"))):
+        assert run(ffseg_command, views, *with_camera(views), "--overlay", *more, out=out).returncode == 0
+        overlay = cv2.imread(str(views / out / "overlays" / "2.png")).astype(int)
+        drawn[out] = (np.abs(overlay - [255, 255, 120]).max(axis=2) < 40).sum()
+    assert drawn["drawn"] > drawn["plain"] + 500
+    assert (views / "plain/masks/2.png").read_bytes() == (views / "drawn/masks/2.png").read_bytes()

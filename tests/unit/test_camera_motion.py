@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import naive_camera
@@ -13,12 +14,15 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import (
     Motion,
     Pose,
-    fit_planar,
     ground_points,
+    perturbed,
     planar_motion,
     planar_parameters,
     planar_pose,
+    point_slopes,
+    projection_slopes,
     relative_motion,
+    rotation_matrices,
 )
 from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.camera.triangulation import triangulate
@@ -59,24 +63,64 @@ def test_contracts_pose_convention() -> None:
     assert (pose.rotation @ [dx, dy, 0.0])[:2] == pytest.approx([c * dx - s * dy, s * dx + c * dy])
 
 
-def test_ransac_finds_the_motion_under_half_outliers() -> None:
-    random = np.random.default_rng(2)
-    current = random.uniform(-2, 2, (120, 2))
-    turn = np.array([[np.cos(0.2), -np.sin(0.2)], [np.sin(0.2), np.cos(0.2)]])
-    previous = current @ turn.T + [0.3, -0.1] + random.normal(0, 0.002, (120, 2))
-    previous[:60] = random.uniform(-2, 2, (60, 2))
-    fit = fit_planar(current, previous, np.full(120, 0.004))
-    assert fit is not None
-    assert fit.parameters == pytest.approx([0.3, -0.1, 0.2], abs=0.002)
-    assert fit.inliers[60:].all()
-    assert fit.inliers[:60].sum() <= 2
+def matrix_exponential(vector: np.ndarray) -> np.ndarray:
+    """By its series: the twin of Rodrigues' formula."""
+    x, y, z = vector
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    term, total = np.eye(3), np.eye(3)
+    for order in range(1, 40):
+        term = term @ cross / order
+        total = total + term
+    return total
 
 
-def test_ransac_refuses_what_does_not_agree() -> None:
-    random = np.random.default_rng(3)
-    current, previous = random.uniform(-2, 2, (2, 60, 2))
-    assert fit_planar(current, previous, np.full(60, 0.004)) is None
-    assert fit_planar(current[:4], current[:4], np.full(4, 0.1)) is None
+def test_rotations_are_the_exponentials_of_their_vectors() -> None:
+    random = np.random.default_rng(11)
+    vectors = np.concatenate([random.normal(size=(20, 3)), 1e-7 * random.normal(size=(5, 3)), np.zeros((1, 3))])
+    for vector, turned in zip(vectors, rotation_matrices(vectors), strict=True):
+        assert turned == pytest.approx(matrix_exponential(vector), abs=1e-13)
+
+
+def test_corrections_come_before_the_motion_and_ups_lean() -> None:
+    camera = tilted()
+    motion = planar_motion(camera, np.array([0.3, 0.1, 0.4]), "poses", 0, (0.0, 0.0))
+    one = np.array([0.02, -0.03, 0.05, 0.01, 0.004, -0.006, 0.01, -0.02])
+    (rotation,), (translation,), (up,) = perturbed(camera, motion, one[None])
+    level = camera.level()
+    turn = level.T @ matrix_exponential(np.array([0.004, -0.006, 0.05])) @ level
+    point = np.array([0.4, -0.8, 0.7])
+    expected = motion.apply(turn @ point + level.T @ [0.02, -0.03, 0.01])
+    assert rotation @ point + translation == pytest.approx(expected, abs=1e-12)
+    leaning = camera.up + level.T @ [0.01, -0.02, 0.0]
+    assert up == pytest.approx(leaning / np.linalg.norm(leaning), abs=1e-12)
+
+
+@pytest.mark.parametrize("on_ground", [False, True])
+def test_slopes_of_points_are_those_of_the_corrections(on_ground: bool) -> None:
+    camera = tilted()
+    motion = planar_motion(camera, np.array([0.3, 0.1, 0.4]), "poses", 0, (0.0, 0.0))
+    points = camera.meet_plane(camera.lift(np.array([[300.0, 250.0], [520.0, 420.0], [410.0, 90.0]])))
+    slopes = point_slopes(camera, motion, points, on_ground=on_ground)
+    step = 1e-6
+    rotations, translations, ups = perturbed(camera, motion, step * np.eye(8))
+    for place in range(8):
+        met = replace(camera, up=ups[place]).meet_plane(points) if on_ground else points  # points as their own rays
+        moved = met @ rotations[place].T + translations[place]
+        assert (moved - motion.apply(points)) / step == pytest.approx(slopes[:, :, place], abs=1e-4)
+
+
+def test_slopes_of_pixels_are_differences() -> None:
+    camera = tilted()
+    points = np.array([[0.5, 0.6, 0.7], [-0.8, 0.3, 0.9]])
+    pixels, slopes = projection_slopes(camera, points)
+    assert pixels == pytest.approx(camera.project(points), abs=1e-12)
+    aside = np.array([1e-4, -2e-4, 3e-4])
+    assert camera.project(points + aside) - pixels == pytest.approx(slopes @ aside, abs=1e-4)
+
+
+def test_a_motion_without_a_spread_has_its_planar_errors() -> None:
+    motion = Motion(np.eye(3), np.zeros(3), "poses", 0, 0.01, 0.02)
+    assert motion.errors().T @ motion.errors() == pytest.approx(np.diag([1e-4, 1e-4, 4e-4, 0, 0, 0, 0, 0]))
 
 
 def test_triangulation_is_exact_without_noise() -> None:

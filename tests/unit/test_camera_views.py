@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 from ffseg.batch.views import Views, load_views, neighbours
-from ffseg.batch.workers.frames import FrameBench, Masks, merged_segmentation, obstacle_rows, overlay_lines
+from ffseg.batch.workers.frames import (
+    FrameBench,
+    Masks,
+    evidence_lines,
+    merged_segmentation,
+    obstacle_rows,
+    overlay_lines,
+)
 from ffseg.errors import CalibrationError
 from ffseg.freespace.window import Earlier
 from ffseg.parameters import load_params
@@ -50,6 +57,14 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     assert (merged.mask & pair.current.truth).sum() / (merged.mask | pair.current.truth).sum() > 0.985
     lines = overlay_lines(frame, 0.1)
     assert {line.kind for line in lines} == {"outer", "obstacle", "false"}
+    drawn = evidence_lines(frame)
+    assert {line.kind for line in drawn} >= {"agrees", "differs"}
+    assert len(frame.samples) > 0
+    # A dot and a residual for each point that agrees, a dot for each that differs, two strokes for each sample.
+    assert frame.fit is not None
+    assert len(drawn) == len(frame.fit.inliers) + frame.fit.count + 2 * len(frame.samples)
+    places = [line.points.mean(axis=0) for line in drawn if len(line.points) == 4]
+    assert np.array(places) == pytest.approx(frame.fit.tracks.current)
     first = FrameBench(views, load_params(), Masks()).frame(pair.previous.image, (), "0.png")
     assert {row["verdict"] for row in obstacle_rows(first)} == {"untested"}
     assert {row["max_altitude_m"] for row in obstacle_rows(first)} == {""}

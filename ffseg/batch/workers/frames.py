@@ -164,6 +164,27 @@ def pair_state(frame: Frame) -> str:
     return {FIRST_IMAGE: "first", NOTHING_ENCLOSED: "empty"}.get(frame.note, "untested")
 
 
+RESIDUAL_SCALE = 10.0
+"""Times its length that a residual is drawn with: it is a part of a pixel."""
+_DOT = np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+_CROSS = np.array([[-2.0, -2.0], [2.0, 2.0]])
+
+
+def evidence_lines(frame: Frame) -> list[Polyline]:
+    """Points that the ground was asked at, with their residuals, and samples of the components' outlines as crosses."""
+    lines: list[Polyline] = []
+    if frame.fit is not None:
+        kinds: list[Kind] = ["agrees" if one else "differs" for one in frame.fit.inliers.tolist()]
+        for place, residual, kind in zip(frame.fit.tracks.current, frame.fit.residual, kinds, strict=True):
+            lines.append(Polyline(place + _DOT, kind))
+            if kind == "agrees":
+                lines.append(Polyline(np.stack([place, place + RESIDUAL_SCALE * residual]), kind))
+    votes: dict[int, Kind] = {1: "agrees", -1: "differs", 0: "silent"}
+    for x, y, vote in frame.samples.tolist():
+        lines += [Polyline(np.array([x, y]) + arm, votes[int(vote)]) for arm in (_CROSS, _CROSS * [1.0, -1.0])]
+    return lines
+
+
 def overlay_lines(frame: Frame, flatness: float) -> list[Polyline]:
     """Contours of the segmentation, each drawn as what it was found to be."""
     verdicts = iter(frame.components)

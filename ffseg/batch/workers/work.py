@@ -136,11 +136,19 @@ class Workbench:
                 for contour in (result.contours if overlay else ())
             ]
             return _Found(result, lines, film)
-        from ffseg.batch.workers.frames import merged_segmentation, obstacle_rows, overlay_lines, pair_state
+        from ffseg.batch.workers.frames import (
+            evidence_lines,
+            merged_segmentation,
+            obstacle_rows,
+            overlay_lines,
+            pair_state,
+        )
 
         frames = replace(self._frames, params=params)
         frame = frames.frame_of(image, before, task.name, self._limits, film)
         lines = overlay_lines(frame, _FLATNESS) if overlay else []
+        if overlay and params.obstacles.draw:
+            lines += evidence_lines(frame)
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note, "pair": pair_state(frame)}
         return _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame))
 

@@ -1,0 +1,173 @@
+"""The rules of the structural test at their edges: votes, two standard deviations, shares, the window's pose."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from ffseg.camera.motion import Motion, planar_parameters, planar_pose, relative_motion
+from ffseg.freespace import structural
+from ffseg.freespace.sequence import Sequence
+from ffseg.freespace.structural import ImagePair, Matches, structural_test
+from ffseg.image.components import Component
+from ffseg.image.keypoints import Alignments, Candidates
+from ffseg.parameters import load_params
+from ffseg.rendering import RenderedPair, floor_pair, sample_camera
+
+EPSILON = 0.08
+
+
+def matches(altitudes: list[float], sigmas: list[float]) -> Matches:
+    count = len(altitudes)
+    places = np.zeros((count, 2))
+    return Matches(
+        np.zeros(count, np.intp), places, places, np.array(altitudes), np.array(sigmas), np.ones(count, np.bool_)
+    )
+
+
+def verdict(
+    monkeypatch: pytest.MonkeyPatch, low: int, high: int, flat: int, raised: int, area: int = 400
+) -> tuple[str, bool]:
+    """Verdict on one component with so many corners and samples, and whether that decides it."""
+    found = matches([0.0] * low + [0.3] * high, [0.005] * (low + high))
+    monkeypatch.setattr(structural, "match_corners", lambda *_: found)
+    monkeypatch.setattr(structural, "outline_votes", lambda *_: (np.array([flat]), np.array([raised])))
+    blank = np.zeros((600, 800), np.uint8)
+    pair = ImagePair(blank, blank, sample_camera(), Motion(np.eye(3), np.array([0.2, 0.0, 0.0]), "poses", 0, 0.0, 0.0))
+    side = round(area**0.5)
+    (row,) = structural_test(pair, [Component(0, (500, 300), np.ones((side, side), np.bool_))], EPSILON)
+    return row.verdict, row.decided
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "flat", "raised", "expected", "decided"),
+    [
+        (1, 0, 4, 0, "false_obstacle", True),
+        (1, 0, 3, 0, "obstacle", False),  # three samples are too few
+        (4, 0, 2, 0, "false_obstacle", True),  # unless corners make up for them
+        (3, 0, 2, 0, "obstacle", False),
+        (5, 0, 1, 0, "obstacle", False),  # but one sample is too few in any case
+        (4, 0, 3, 1, "obstacle", False),  # or where one contradicts
+        (1, 0, 8, 2, "false_obstacle", True),  # a fifth may contradict
+        (1, 0, 7, 2, "obstacle", False),
+        (1, 0, 7, 5, "obstacle", True),  # many contradict: something stands there
+        (5, 1, 9, 0, "false_obstacle", True),  # one corner in six may be a wrong match
+        (4, 1, 9, 0, "obstacle", False),
+        (9, 2, 9, 0, "obstacle", True),  # two are none
+        (0, 1, 9, 0, "obstacle", False),
+        (0, 0, 9, 0, "untested", False),
+    ],
+)
+def test_votes_and_verdicts(
+    monkeypatch: pytest.MonkeyPatch, low: int, high: int, flat: int, raised: int, expected: str, decided: bool
+) -> None:
+    assert verdict(monkeypatch, low, high, flat, raised) == (expected, decided)
+
+
+def test_small_components_are_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert verdict(monkeypatch, 4, 0, 9, 0, area=25) == ("untested", True)
+    assert verdict(monkeypatch, 4, 0, 9, 0, area=36) == ("false_obstacle", True)
+
+
+@pytest.mark.parametrize(
+    ("altitude", "sigma", "low", "high"),
+    [
+        (0.04, 0.0199, 1, 0),
+        (0.04, 0.0201, 0, 0),  # two standard deviations reach the threshold
+        (0.0799, 0.001, 0, 0),  # below it, and not surely
+        (0.08, 0.001, 0, 1),  # at it, as in Eq. 9
+        (0.09, 0.05, 0, 1),
+    ],
+)
+def test_corners_speak_beyond_two_standard_deviations(altitude: float, sigma: float, low: int, high: int) -> None:
+    votes = structural._corner_votes(matches([altitude], [sigma]), 1, EPSILON)
+    assert (votes.low[0], votes.high[0], votes.matched[0]) == (low, high, 1)
+    assert votes.highest[0] == altitude
+
+
+@pytest.mark.parametrize(
+    ("altitude", "across", "score", "expected"),
+    [
+        # A sample is placed to 0.2 px and the threshold moves it by 2 px: one standard deviation is a tenth of it.
+        (0.79, 0.0, 0.9, "flat"),
+        (0.81, 0.0, 0.9, "silent"),
+        (1.19, 0.0, 0.9, "silent"),
+        (1.21, 0.0, 0.9, "raised"),
+        (-0.79, 0.0, 0.9, "flat"),
+        (-1.21, 0.0, 0.9, "raised"),  # a hole is no paint
+        (0.0, 0.79, 0.9, "flat"),
+        (0.0, 0.81, 0.9, "raised"),  # four standard deviations across the epipolar curve
+        (0.0, 0.0, 0.84, "raised"),  # does not look alike
+        (0.0, 0.0, np.nan, "silent"),
+    ],
+)
+def test_samples_speak_beyond_two_standard_deviations(
+    altitude: float, across: float, score: float, expected: str
+) -> None:
+    ground = Candidates(np.array([[[100.0, 50.0], [102.0, 50.0]]]), np.zeros((1, 2, 4)))
+    place = np.array([[100.0 + 2.0 * altitude, 50.0 + across]])
+    aligned = Alignments(place, np.array([score]), 1e12 * np.eye(2)[None], np.ones(1))
+    flat, raised = structural._judge(aligned, ground, np.zeros((1, 2)), np.zeros((1, 2, 2)))
+    assert {(True, False): "flat", (False, True): "raised", (False, False): "silent"}[bool(flat[0]), bool(raised[0])] == expected
+
+
+def test_doubt_about_the_motion_silences_samples_and_what_the_others_say_moves_them() -> None:
+    ground = Candidates(np.array([[[100.0, 50.0], [102.0, 50.0]]]), np.zeros((1, 2, 4)))
+    aligned = Alignments(np.array([[101.0, 50.0]]), np.ones(1), 1e12 * np.eye(2)[None], np.ones(1))
+    nothing, half = np.zeros((1, 2)), np.array([[0.5**2, 0.0], [0.0, 0.0]])[None]
+    # Halfway up: 0.2 px and 0.45 px make 0.49 px, so that two standard deviations reach to 0.99 of the threshold.
+    for doubt, expected in ((0.45, True), (0.47, False)):
+        covariance = half * (doubt / 0.5) ** 2
+        assert structural._judge(aligned, ground, nothing, covariance)[0][0] == expected
+    moved = np.array([[-1.5, 0.0]])
+    assert structural._judge(aligned, ground, moved, 0.0 * half)[1][0], "2.5 px above where the others put the ground"
+
+
+@lru_cache(maxsize=1)
+def pair() -> RenderedPair:
+    return floor_pair(100_003, "plain", 1.0, 1.0)
+
+
+def test_a_sequence_takes_the_pose_of_the_image_before() -> None:
+    rendered = pair()
+    camera = rendered.camera
+    there, here = (planar_pose(camera, *pose) for pose in rendered.poses)
+    sequence = Sequence(camera, load_params())
+    views = [(rendered.previous, there), (rendered.current, here), (rendered.previous, there)]
+    frames = [sequence.feed(view.image, pose) for view, pose in views]
+    for frame, (before, now) in zip(frames[1:], ((there, here), (here, there)), strict=True):
+        assert frame.motion is not None
+        assert frame.motion.origin == "poses, refined on the ground"
+        true = planar_parameters(camera, relative_motion(before, now))
+        # A millimetre and a tenth of a degree: ten of the deviations that the ground leaves.
+        assert planar_parameters(camera, frame.motion) == pytest.approx(true, abs=2e-3)
+
+
+def test_components_are_judged_without_their_own_points() -> None:
+    from ffseg.freespace.motion.evidence import Scenery, gathered, outer_joints
+    from ffseg.freespace.motion.ground import fit_ground, prior_sigmas
+    from ffseg.freespace.sequence import segment_view
+    from ffseg.image.components import contour_components
+
+    rendered = pair()
+    camera, image = rendered.camera, rendered.current.image
+    found = segment_view(image, camera, load_params())
+    _, components = contour_components(found.contours, found.mask.shape)
+    evidence = gathered(camera, image, Scenery(found.mask, components, outer_joints(found.contours)))
+    there, here = (planar_pose(camera, *pose) for pose in rendered.poses)
+    sigmas = prior_sigmas(0.01, 0.01)
+    images = image, rendered.previous.image
+    fit = fit_ground(camera, relative_motion(there, here), sigmas, images, evidence, ("full", "full"))
+    assert fit is not None
+    doubt = fit.without(len(components))
+    for place in range(len(components)):
+        others = fit.inliers & (fit.tracks.owner != place)
+        levers, white = fit.levers[others].reshape(-1, 8), fit.white[others].ravel()
+        # All others at once: the least squares that the components' own points never entered.
+        normal = levers.T @ levers + fit.hold
+        step = np.linalg.solve(normal, levers.T @ white - fit.hold @ fit.offset)
+        assert doubt.steps[place] == pytest.approx(step, abs=1e-6)
+        scatter = max(1.0, float(white @ white) / (2 * others.sum() - 5))
+        assert doubt.covariances[place] == pytest.approx(np.linalg.inv(normal) * scatter, rel=1e-6, abs=1e-15)
