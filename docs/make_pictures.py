@@ -161,6 +161,19 @@ def toy() -> None:
         write(f"{preset}.svg", film_strip_svg(image, seen, 5, preset).encode("utf-8"))
 
 
+def toy_paper() -> None:
+    """The same by the printed method; refinement alone is stopped while it loops round the holes."""
+    panels, truth = [], SCENES["toy"]().truth > 0
+    for label, preset in (("fixed", "toy-fixed"), ("refined", "toy-refined"), ("flips", "toy-full")):
+        params = ffseg.load_params(
+            preset, {"method": "paper", "contour.max_iterations": 250 if label != "refined" else 110}
+        )
+        found = ffseg.segment(sample("toy"), params)
+        caption = f"{label}: IoU {iou(found.mask, truth):.3f}, {found.stats.iterations} iterations"
+        panels.append(captioned(drawn(sample("toy"), found), caption))
+    side_by_side("toy-paper", panels)
+
+
 def report() -> None:
     """The report page of a run over the samples, photographed."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
@@ -203,6 +216,7 @@ def photograph(tab: Any, name: str) -> None:  # noqa: ANN401 - the tests' browse
 PICTURES: dict[str, Callable[[], None]] = {
     "result": result,
     "toy": toy,
+    "toy-paper": toy_paper,
     "report": report,
     "canny": lambda: with_settings(
         "canny",

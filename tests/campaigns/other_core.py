@@ -1,4 +1,7 @@
-"""A pytest plugin that puts the native module named by ``FFSEG_OTHER_CORE`` in the place of the installed one."""
+"""A pytest plugin that puts another native module, or another copy of the package, in the place of the installed one.
+
+``FFSEG_OTHER_CORE`` names a module, ``FFSEG_OTHER_TREE`` a folder with a package ``ffseg`` without one.
+"""
 
 from __future__ import annotations
 
@@ -24,5 +27,21 @@ def put_in_place(path: str) -> None:
     ffseg.native._core = module
 
 
-if "FFSEG_OTHER_CORE" in os.environ:
+def take_tree(folder: str) -> None:
+    """Import the package from a folder, with the installed native module, which cannot be loaded twice."""
+    from ffseg.native import _core
+
+    for name in [name for name in sys.modules if name.partition(".")[0] == "ffseg"]:
+        del sys.modules[name]
+    sys.meta_path[:] = [finder for finder in sys.meta_path if "ScikitBuild" not in type(finder).__name__]
+    sys.path.insert(0, folder)
+    import ffseg.native
+
+    assert str(ffseg.__file__).startswith(folder)
+    sys.modules[NAME] = ffseg.native._core = _core
+
+
+if "FFSEG_OTHER_TREE" in os.environ:
+    take_tree(os.environ["FFSEG_OTHER_TREE"])
+elif "FFSEG_OTHER_CORE" in os.environ:
     put_in_place(os.environ["FFSEG_OTHER_CORE"])

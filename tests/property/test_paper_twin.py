@@ -240,3 +240,13 @@ def test_options_and_contours_out_of_range_are_refused() -> None:
         core([ring[:1]])
     with pytest.raises(ValueError, match="differ in size"):
         core([ring], edges=np.zeros((3, 3), np.uint8))
+
+
+@pytest.mark.parametrize("patches", [50, 200, 800])
+def test_sorting_takes_n_log_n_comparisons(patches: int) -> None:
+    """Lemma 4, at the initialisation: no more than merging sorted halves takes."""
+    evolution = core([circle((60, 45), 30, patches, 3)], threshold=1e3)
+    evolution.flip()
+    counts = evolution.counts()
+    assert 0 < counts["comparisons"] <= patches * np.log2(patches)
+    assert counts["flips"] == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import cos, hypot, pi, sin
 
+import naive_freeform as naive
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -336,3 +337,59 @@ def test_samples_the_domain_has_stopped_settle_at_its_limit() -> None:
     box = np.concatenate([contour.bounding_box for contour in contours(made)])
     assert hypot(*(box[0] - (39.5, 29.5))) < 0.6
     assert hypot(*(box[1] - (139.5, 109.5))) < 0.6
+
+
+def facing(degree: int) -> list[FreeForm]:
+    """Two circles of five patches; the middle of one patch of each lies where they overlap."""
+    angles = np.arange(5 * degree) * 2 * pi / (5 * degree)
+    circles = []
+    for center, first in ((70.0, -pi / 5), (107.0, 0.0)):
+        turned = angles + first
+        circles.append(FreeForm(np.stack([center + 21 * np.cos(turned), 70 + 21 * np.sin(turned)], axis=1), degree))
+    return circles
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4, 5, 6])
+def test_a_flip_exchanges_the_halves_that_the_twin_exchanges(degree: int) -> None:
+    """Algorithm 3 with k = floor(d / 2): the control points of both new patches, and the components they join."""
+    apart = evolution(facing(degree), balloon=0.3, topology=False)
+    joined = evolution(facing(degree), balloon=0.3)
+    apart.advance(1)
+    joined.advance(1)
+    moved: list[naive.Component] = [contour.patches.tolist() for contour in contours(apart, degree)]
+    components = [[[(x, y) for x, y in patch] for patch in component] for component in moved]
+    assert naive.flip(components, []) == 1
+    ((expected,), (found,)) = components, contours(joined, degree)
+    assert (joined.counts()["flips"], joined.counts()["merges"]) == (1, 1)
+    at = min(range(len(expected)), key=lambda i: hypot(*(np.array(expected[i][0]) - found.control_points[0])))
+    np.testing.assert_allclose(found.patches, np.array(expected[at:] + expected[:at]), rtol=0, atol=1e-9)
+
+
+def waist(degree: int) -> FreeForm:
+    """Four patches: the upper and the lower one bulge through each other, lobes to the left and right of them."""
+
+    def patch(a: tuple[float, float], b: tuple[float, float], across: tuple[float, float]) -> list[tuple[float, float]]:
+        inner = [k / degree for k in range(1, degree)]
+        return [a, *((across[0] or a[0] + t * (b[0] - a[0]), across[1] or a[1] + t * (b[1] - a[1])) for t in inner)]
+
+    corners = [(70.0, 50.0), (110.0, 50.0), (110.0, 90.0), (70.0, 90.0)]
+    across = [(0.0, 76.0), (150.0, 0.0), (0.0, 64.0), (30.0, 0.0)]
+    sides = [patch(corners[i], corners[(i + 1) % 4], across[i]) for i in range(4)]
+    return FreeForm(np.array([point for side in sides for point in side]), degree)
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4, 5])
+def test_a_flip_separates_what_the_twin_separates(degree: int) -> None:
+    apart = evolution([waist(degree)], balloon=0.3, topology=False)
+    parted = evolution([waist(degree)], balloon=0.3)
+    apart.advance(1)
+    parted.advance(1)
+    components = [[[(x, y) for x, y in patch] for patch in contours(apart, degree)[0].patches.tolist()]]
+    inner: list[naive.Component] = []
+    assert naive.flip(components, inner) == 1
+    assert (parted.counts()["flips"], parted.counts()["merges"]) == (1, 0)
+    ours = sorted((contour.patches for contour in contours(parted, degree)), key=lambda patches: patches[:, 0, 0].min())
+    twins = sorted(components + inner, key=lambda patches: min(patch[0][0] for patch in patches))
+    for one, other in zip(ours, twins, strict=True):
+        at = min(range(len(other)), key=lambda i: hypot(*(np.array(other[i][0]) - one[0, 0])))
+        np.testing.assert_allclose(one, np.array(other[at:] + other[:at]), rtol=0, atol=1e-9)

@@ -1,0 +1,185 @@
+"""Small faults to be put into the code, one at a time: a sign, an index, a comparison, a condition left out, a constant.
+
+Each names its file, the text it takes the place of (which the file holds once) and what stands there instead: an expression
+for an expression, a statement for a statement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One fault."""
+
+    file: str  # below ffseg/
+    old: str
+    new: str
+    effect: str = ""  # why nothing can notice it, where that is so
+
+    @property
+    def name(self) -> str:
+        """Where it is and what it does, in one line."""
+        old, new = (" ".join(text.split()) for text in (self.old, self.new))
+        return f"{self.file.rpartition('/')[2]}: {old[:60]} -> {new[:60] or 'left out'}"
+
+
+def _of(file: str, *changes: tuple[str, str] | tuple[str, str, str]) -> list[Mutant]:
+    return [Mutant(file, *change) for change in changes]
+
+
+FREEFORM = "native/freeform/"
+NATIVE = [
+    *_of(
+        FREEFORM + "flip.hpp",
+        (
+            "for (int a = D / 2 + 1; a <= D; ++a) std::swap(p[a], q[a]);",
+            "for (int a = D / 2 + 2; a <= D; ++a) std::swap(p[a], q[a]);",
+        ),
+        ("if (visit_crossings(p, q, [](int, int) { return true; })) return false;", ""),
+        ("for (std::size_t at = 0; at < count; ++at) flip_adjacent(active_[at]);", ""),
+        ("pool_.link(i, after_j);\n        pool_.link(j, after_i);", "pool_.link(i, after_i);\n        pool_.link(j, after_j);"),
+        ("cross(p[a + 1] - p[a], q[b + 1] - q[b]) > 0 ? i : j", "cross(p[a + 1] - p[a], q[b + 1] - q[b]) > 0 ? j : i"),
+        ("crossings == 1 ? inner : -1", "inner"),
+        ("pool_[changed].touched = pool_[changed].crowded = true;", "pool_[changed].crowded = true;"),
+        ("round < kFlipRounds && crossing", "round < 1 && crossing"),
+        ("along.length() * k / D", "along.length() * k / (D + 1)"),
+        ("(from / (from - to))", "(to / (from - to))"),
+        ("std::max(length(i), length(j)) > kFlipLength", "false"),
+        ("field_.encloses_solid(both.data(), both.size())", "false"),
+        ("for (int a = D / 2 + 1; a <= D; ++a) joined[a] = q[a];", "for (int a = D / 2 + 2; a <= D; ++a) joined[a] = q[a];"),
+        ("num_hits(i) + num_hits(j) <= before", "true"),
+        ("strip_of(box.y1)", "strip_of(box.y0)"),
+    ),
+    *_of(
+        FREEFORM + "components.hpp",
+        ("std::abs(area) < kVoidArea", "false"),
+        ("(area < 0)", "(area > 0)"),
+        ("beside > 0 && std::isfinite(beside) && nested(large)", "false"),
+        ("if ((real && small == inner) || nested(small)) drop(small);", ""),
+        ("beside < -kFoldArea", "beside < kFoldArea"),
+        ("if (loop_contains(outer, pool_[within].m[0])) drop_or_wait(within);", ""),
+        ("area < beside ? small : large", "area < beside ? large : small"),
+        ("!simple && loop_encloses_solid(loop)", "false"),
+        ("winding == (loop.area > 0 ? 0 : 1)", "true"),
+        ("winding >= 1", "winding >= 2"),
+        ("points[k + 1].y > points[k].y ? 1 : -1", "points[k + 1].y > points[k].y ? -1 : 1"),
+    ),
+    *_of(
+        FREEFORM + "refine.hpp",
+        ("norm2(p[b] - p[a]) > limit", "norm2(p[b] - p[a]) > 1.44 * limit"),
+        ("size < shortest && remove(i)", "false"),
+        ("0.5 * (start + end)", "0.8 * start + 0.2 * end"),
+        ("dot(after, before) < 0", "false"),
+        ("chords.longest <= kUneven * chords.shortest", "true"),
+        ("pool_[i].wants_split && pool_[i].budget > 0 && splittable(i)", "false"),
+        ("polygon > kSwing * size", "false"),
+        ("kPruneRatio * options_.split_threshold", "1.2 * kPruneRatio * options_.split_threshold"),
+    ),
+    *_of(
+        FREEFORM + "pool.hpp",
+        (
+            "second.m[k] = apply<D>(kBasis<D>.halves[D + k], points);",
+            "second.m[k] = apply<D>(kBasis<D>.halves[D + k - 1], points);",
+        ),
+        (
+            "for (int k = 1; k < D; ++k) patch.control[k] = apply<D>(kBasis<D>.inverse[k], points);",
+            "for (int k = 1; k < D; ++k) patch.control[k] = points[k];",
+        ),
+    ),
+    *_of(
+        FREEFORM + "move.hpp",
+        (
+            "reach(motion.points[k], normal, options_.balloon, free)",
+            "0.8 * reach(motion.points[k], normal, options_.balloon, free)",
+        ),
+        ("k > 0 ? motion.tangent[k] : unit(motion.tangent[0] + prev.end_tangent)", "motion.tangent[k]"),
+        ("0.25 * (motion.chord[k] - back)", "-0.25 * (motion.chord[k] - back)"),
+        ("if (field_.blocked(from + ahead * normal)) break;", ""),
+        ("std::max(kCautiousStep, known)", "std::max(5.0, known)"),
+        ("s < kSteady", "s < 8 * kSteady"),
+        ("free + ahead < kBulge * motion.chord[k] + 2 * options_.balloon", "false"),
+        ("patch.m[at] = patch.before[at];", ""),
+    ),
+    *_of(
+        FREEFORM + "strips.hpp",
+        ("static_cast<int>(top_[on] <= sides.bottom)", "static_cast<int>(top_[on] <= sides.top)"),
+        ("!(left_[first] <= right_[at])", "!(left_[first] <= left_[at])"),
+        ("moving ? at + 1 : next_moving_[at + 1]", "moving ? at + 2 : next_moving_[at + 1]"),
+        ("left_[block] <= sides.right;", "left_[block] <= sides.left;"),
+    ),
+    *_of(
+        FREEFORM + "field.cpp",
+        ("here | (above & ((left & (up_left ^ kOnes)) | (right & (up_right ^ kOnes))))", "here"),
+        ("if (left <= right && holds_solid(left, right, y, y)) return true;", ""),
+    ),
+    *_of(
+        FREEFORM + "settle.hpp",
+        ("at_[i] + offset_[i] * normal_[i]", "at_[i] - offset_[i] * normal_[i]"),
+        ("std::isnan(here) || std::abs(here - median) > kRidgeOutlier", "false"),
+        ("std::abs(off) > kRidgeMiss", "false"),
+        ("unfold();", ""),
+        ("project(kRidgeAhead, -kRidgeBack, reach_);", "project(kRidgeAhead, -kRidgeBack, 0.5 * reach_);"),
+        ("return ahead - kFine;", "return 0.0;"),
+        ("lay_out(std::min(spacing, kSettledSpacing));", "lay_out(std::min(spacing, 4 * kSettledSpacing));"),
+    ),
+    *_of(
+        FREEFORM + "ridge.hpp",
+        ("s + kRidgeStep * 0.5 * (a - c) / bend", "s - kRidgeStep * 0.5 * (a - c) / bend"),
+        ("if (b < low_) return std::numeric_limits<double>::quiet_NaN();", ""),
+        ("if (s > most) return std::numeric_limits<double>::quiet_NaN();", ""),
+    ),
+    *_of(
+        FREEFORM + "untangle.hpp",
+        ("for (const Place& place : crossing_) ease(place);", ""),
+        ("if (round == kDivideRound) divide();", ""),
+        ("(kDrawBack / size)", "(-kDrawBack / size)"),
+    ),
+    *_of(
+        FREEFORM + "evolution.cpp",
+        ("if (options_.topology) Untangle<D>(settled_).run();", ""),
+        ("if (options_.topology) drop_nested();", ""),
+    ),
+]  # fmt: skip
+
+STRUCTURAL = _of(
+    "freespace/structural.py",
+    (" & (raised <= MOST_RAISED * (flat + raised))", ""),
+    (" & (flat >= LEAST_FLAT)", ""),
+    ("merged = corners.on_ground & doubt.known", "merged = doubt.known"),
+    ("told = doubt.known & (corners.matched > 0)", "told = doubt.known"),
+    ("sure = altitude + CONFIDENT * matches", "sure = altitude - CONFIDENT * matches"),
+    ("owner[altitude >= epsilon]", "owner[altitude >= 1.2 * epsilon]"),
+    ("high * LOW_PER_HIGH <= low", "high <= low"),
+    ("(low > 0) & ", ""),
+    ("good = unique & stayed & ", "good = unique & "),
+    ("good = unique & stayed", "good = stayed"),
+    (" & (aligned.score > LEAST_SCORE)", ""),
+    (" & (placed.reprojection < REPROJECTION_GATE)", ""),
+    ("flat & tells, raised & tells", "flat, raised"),
+    (" | (miss > MISS_GATE)", ""),
+    ("(np.abs(altitude) - CONFIDENT * sigma > 1.0)", "(np.abs(altitude) - CONFIDENT * sigma > 1.2)"),
+    ("(np.abs(altitude) + CONFIDENT * sigma < 1.0)", "(np.abs(altitude) < 1.0)"),
+    ("LEAST_FLAT = 4", "LEAST_FLAT = 5"),
+    ("MOST_RAISED = 0.2", "MOST_RAISED = 0.24"),
+    ("placed.altitude + np.sum(placed.slopes", "placed.altitude - np.sum(placed.slopes"),
+    ("ground.pixels[:, 0] - moved", "ground.pixels[:, 0] + moved"),
+)
+MOTION = _of(
+    "camera/motion.py",
+    ("previous.rotation.T @ current.rotation", "current.rotation.T @ previous.rotation"),
+    ("(current.position - previous.position)", "(previous.position - current.position)"),
+    ("_turn(theta) @ camera.level(), np", "_turn(-theta) @ camera.level(), np"),
+    ("rotation[1, 0] - rotation[0, 1]", "rotation[0, 1] - rotation[1, 0]"),
+    ("rotation = level.T @ _turn(planar[2]) @ level", "rotation = level.T @ _turn(-planar[2]) @ level"),
+    ("weight = 1.0 / sigma**2", "weight = 1.0 / sigma"),
+    ("moved - previous).T) / sigma", "moved - previous).T)"),
+    ("motion.translation + moves @", "motion.translation - moves @"),
+    (" + bend[:, None, None] * (cross @ cross)", ""),
+    ("np.minimum(squares, GATE**2)", "squares"),
+    ("GATE = 3.0", "GATE = 3.6"),
+    ("MIN_INLIERS = 8", "MIN_INLIERS = 10"),
+    ("np.random.default_rng(seed)", "np.random.default_rng()"),
+    ("(camera.lift(pixels)) @ camera.level().T", "(camera.lift(pixels)) @ camera.level()"),
+)
