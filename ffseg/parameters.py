@@ -95,6 +95,9 @@ class Domain(Section):
     """Where the contour may go."""
 
     mask: str | None = declared(None, FilePath(), "image that is 0 where the contour may not go")
+    masks: str | None = declared(
+        None, FilePath(), "folder of such images, one for each image (NAME.png) or folder of images (FOLDER.png)"
+    )
     disc: str = declared(
         "auto",
         Text(("auto", "off")),

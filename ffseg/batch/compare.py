@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ffseg.batch.comparison.text import markdown
 from ffseg.batch.comparison.values import COLUMNS, Comparison, Row
 from ffseg.batch.inputs.maps import read_evidence
-from ffseg.batch.jobs import Job, make_plan, with_evidence, with_starts
+from ffseg.batch.jobs import Job, make_plan, with_domains, with_evidence, with_starts
 from ffseg.batch.workers.truth import read_truth
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
@@ -55,9 +55,9 @@ def choose_methods(text: str) -> tuple[str, ...]:
 
 
 def plan_comparison(
-    inputs: Sequence[str], out: str, truth: str = "", starts: str = "", evidence: str = ""
+    inputs: Sequence[str], out: str, truth: str = "", starts: str = "", evidence: str = "", domains: str = ""
 ) -> tuple[Job, ...]:
-    """Images to compare on, each with its truth, its start circle from a starts file, and its map of evidence.
+    """Images to compare on, each with its truth, start circle, map of evidence and domain out of files and folders.
 
     Raises
     ------
@@ -68,6 +68,7 @@ def plan_comparison(
     """
     plan = make_plan(inputs, out, truth=truth)
     plan = with_starts(plan, starts) if starts else plan
+    plan = with_domains(plan, domains) if domains else plan
     jobs = (with_evidence(plan, evidence) if evidence else plan).jobs
     taken = {os.path.realpath(path) for job in jobs for path in (job.source.path, job.truth) if path}
     for job in jobs:
@@ -158,6 +159,7 @@ def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Ro
         height, width = image.shape[:2]
         truth = read_truth(job.truth, (height, width), task.truth_label) if job.truth else None
         masks = replace(masks, evidence=read_evidence(job.evidence) if job.evidence else None)
+        masks = replace(masks, domain=load_mask("domain.masks", job.domain)) if job.domain else masks
     except ImageReadError as error:
         rows = [Row(name, method, status="failed", error=f"{error.reason}: {error}") for method in task.methods]
         for row in rows:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 from ffseg.batch.discover import STATE_FOLDER, Source, discover
+from ffseg.batch.inputs.domains import find_domains
 from ffseg.batch.inputs.maps import find_evidence
 from ffseg.batch.inputs.reading import place_of
 from ffseg.batch.inputs.truths import find_truths
@@ -42,6 +43,8 @@ class Job:
         job and read from a file belongs here: with another content the image is done again.
     evidence : str
         Path of its map of evidence, or empty; also one of `depends`.
+    domain : str
+        Path of its own domain, or empty; also one of `depends`.
     """
 
     index: int
@@ -52,6 +55,7 @@ class Job:
     start: Start | None = None
     depends: tuple[str, ...] = ()
     evidence: str = ""
+    domain: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +176,23 @@ def with_evidence(plan: Plan, folder: str) -> Plan:
     return replace(plan, jobs=tuple(map(shown, plan.jobs)))
 
 
+def with_domains(plan: Plan, folder: str) -> Plan:
+    """The plan with each image's own domain; images that cannot even be tried need none.
+
+    Raises
+    ------
+    UsageError
+        If there is no such folder, or an image has no mask in it.
+    """
+    masks = find_domains([job.source for job in plan.jobs if not job.source.problem], folder)
+
+    def bounded(job: Job) -> Job:
+        path = masks.get(job.source.name, "")
+        return replace(job, domain=path, depends=(*job.depends, path)) if path else job
+
+    return replace(plan, jobs=tuple(map(bounded, plan.jobs)))
+
+
 def _whole_name(source: Source) -> str:
     return source.name
 
@@ -261,7 +282,7 @@ def _ignores_case(folder: str) -> bool:
 def _refuse_outputs_over_inputs(plan: Plan) -> None:
     inputs = {}
     for job in plan.jobs:
-        for path in (job.source.path, job.truth, job.evidence):
+        for path in (job.source.path, job.truth, job.evidence, job.domain):
             inputs[_identity(path) if path else None] = path
     inputs.pop(None, None)
     for job in plan.jobs:

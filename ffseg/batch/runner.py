@@ -296,6 +296,7 @@ class Run:
             start=job.start,
             depends=job.depends,
             evidence=job.evidence,
+            domain=job.domain,
             span=job.source.span,
         )
 

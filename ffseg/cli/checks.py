@@ -56,6 +56,8 @@ def checked_params(config: str | None, settings: Sequence[str] | None = None) ->
         for key, path in masks.items()
         if path is not None and not os.path.isfile(path)
     ]
+    if params.domain.mask is not None and params.domain.masks is not None:
+        missing.append("domain.mask and domain.masks do not go together; leave out one of them")
     if missing:
         raise ParameterError("\n".join(missing))
     if params.edges.model is not None:

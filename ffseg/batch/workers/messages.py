@@ -99,6 +99,8 @@ class Task:
         Offset and length of the image in the archive that `path` names.
     evidence : str
         Path of its map of evidence, or empty.
+    domain : str
+        Path of its own domain, or empty.
     """
 
     index: int
@@ -113,6 +115,7 @@ class Task:
     depends: tuple[str, ...] = ()
     evidence: str = ""
     span: tuple[int, int] | None = None
+    domain: str = ""
 
 
 @dataclass(frozen=True, slots=True)

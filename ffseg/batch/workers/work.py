@@ -128,9 +128,8 @@ class Workbench:
             segment = self._segment if film is None else partial(self._segment, callback=film)
             if task.evidence:
                 segment = partial(segment, evidence=self._evidence(task.evidence))
-            result = segment(
-                image, params, domain=self._domain, start_mask=self._start_mask, background=self._background
-            )
+            domain = self._domain_of(task)
+            result = segment(image, params, domain=domain, start_mask=self._start_mask, background=self._background)
             lines = [
                 Polyline(contour.flatten(_FLATNESS), "outer" if contour.signed_area > 0 else "obstacle")
                 for contour in (result.contours if overlay else ())
@@ -144,13 +143,17 @@ class Workbench:
             pair_state,
         )
 
-        frames = replace(self._frames, params=params)
+        masks = replace(self._frames.masks, domain=self._domain_of(task))
+        frames = replace(self._frames, params=params, masks=masks)
         frame = frames.frame_of(image, before, task.name, self._limits, film)
         lines = overlay_lines(frame, _FLATNESS) if overlay else []
         if overlay and params.obstacles.draw:
             lines += evidence_lines(frame)
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note, "pair": pair_state(frame)}
         return _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame))
+
+    def _domain_of(self, task: Task) -> NDArray[np.uint8] | None:
+        return load_mask("domain.masks", task.domain, self._limits) if task.domain else self._domain
 
     def _evidence(self, path: str) -> NDArray[np.float32]:
         from ffseg.batch.inputs.maps import read_evidence

@@ -70,7 +70,8 @@ def compare(  # noqa: PLR0913 - the options of the command
     params, peer_params = checked_params(config, settings), load_peer_parameters(peers)
     folder = os.fspath(out)
     folders = (os.fspath(path) if path else "" for path in (truth, evidence))
-    jobs = work.plan_comparison(inputs, folder, next(folders), starts_file(starts, params), next(folders))
+    starting = starts_file(starts, params)
+    jobs = work.plan_comparison(inputs, folder, next(folders), starting, next(folders), params.domain.masks or "")
     task = Comparison(jobs, folder, chosen, params, peer_params, repeat, truth_label)
     with Interruption("a comparison begins anew"):
         rows = work.compare(task, _silent if quiet else _tell)

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from ffseg.batch.outputs.table import Wanted
     from ffseg.batch.views import Views
     from ffseg.batch.workers.messages import Setup
+    from ffseg.parameters import Parameters
 
 FAILED_IMAGES = 3
 """Exit code when at least one image failed."""
@@ -141,7 +142,7 @@ def run(  # noqa: PLR0913 - the options of the command
         params = checked_params(config, with_background(settings, outside))
         wanted = read_wanted(export or (), overlay=overlay, animate=animate)
         choice = Chosen(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul)
-        plan = with_maps(read_plan(choice, out, wanted, truth, starts_file(starts, params)), evidence, camera)
+        plan = with_maps(read_plan(choice, out, wanted, truth, starts, params), evidence, camera)
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan), shard)
         setup = limited(Setup(params=params, views=views, wanted=wanted, truth_label=truth_label), max_pixels, memory)
         if dry_run:
@@ -226,10 +227,14 @@ class Chosen:
     nul: bool = False
 
 
-def read_plan(choice: Chosen, out: Path, wanted: Wanted, truth: Path | None, starts: str) -> Plan:
-    """Images of a run with their outputs, truths and starts."""
+def read_plan(
+    choice: Chosen, out: Path, wanted: Wanted, truth: Path | None, starts: Path | None, params: Parameters
+) -> Plan:
+    """Images of a run with their outputs, truths, starts and domains."""
     from ffseg.batch.inputs.listing import listed
-    from ffseg.batch.jobs import make_plan, with_starts
+    from ffseg.batch.jobs import make_plan, with_domains, with_starts
+
+    starting, domains = starts_file(starts, params), params.domain.masks
 
     if not choice.inputs and not choice.listed:
         raise UsageError("there is no input; name image files, folders or patterns, or a list with --list FILE")
@@ -242,7 +247,8 @@ def read_plan(choice: Chosen, out: Path, wanted: Wanted, truth: Path | None, sta
         keep_suffix=choice.keep_suffix,
         listed=listed(choice.listed, nul=choice.nul) if choice.listed else (),
     )
-    return with_starts(plan, starts) if starts else plan
+    plan = with_starts(plan, starting) if starting else plan
+    return with_domains(plan, domains) if domains else plan
 
 
 def with_maps(plan: Plan, evidence: Path | None, camera: Path | None) -> Plan:
