@@ -52,6 +52,11 @@ class Polyline:
     kind: Kind
 
 
+def as_colour(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The image in BGR, contiguous: itself if it is so."""
+    return np.ascontiguousarray(image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2))
+
+
 def draw_overlay(
     image: NDArray[np.uint8], polylines: Sequence[Polyline], mask: NDArray[np.bool_] | None = None
 ) -> NDArray[np.uint8]:
@@ -68,9 +73,7 @@ def draw_overlay(
     -------
     ndarray of uint8, shape (H, W, 3), BGR
     """
-    canvas: NDArray[np.uint8] = np.ascontiguousarray(
-        image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
-    )
+    canvas = as_colour(image)
     canvas = canvas.copy() if canvas is image else canvas
     if mask is not None:
         inside = np.ascontiguousarray(mask).view(np.uint8)

@@ -14,6 +14,8 @@ from ffseg.formats.overlays import Polyline, draw_overlay
 
 TILE_WIDTH = 400
 """Pixels: four tiles fit a screen, and a boundary two pixels off shows in an 800x600 image."""
+TILE_HEIGHT = 4 * TILE_WIDTH
+"""Pixels; what is taller is shown as narrow as it is, or a strip of pixels would fill the memory."""
 COLUMNS = 4
 STRIP = 24
 """Pixels of the strip the name stands in."""
@@ -58,9 +60,11 @@ def encode_panel(image: NDArray[np.uint8], tiles: Sequence[Tile]) -> bytes:
 
 def _drawn(image: NDArray[np.uint8], tile: Tile) -> NDArray[np.uint8]:
     picture = draw_overlay(image, tile.polylines, tile.mask)
-    scale = TILE_WIDTH / image.shape[1]
-    size = (TILE_WIDTH, max(1, round(image.shape[0] * scale)))
+    height, width = image.shape[:2]
+    scale = min(TILE_WIDTH / width, TILE_HEIGHT / height)
+    size = (max(1, round(width * scale)), max(1, round(height * scale)))
     small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
-    strip = np.full((STRIP, TILE_WIDTH, 3), _DARK, np.uint8)
-    cv2.putText(strip, tile.label, (6, STRIP - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _WHITE, 1, cv2.LINE_AA)
-    return np.vstack([strip, np.asarray(small, np.uint8)])
+    drawn = np.full((STRIP + size[1], TILE_WIDTH, 3), _DARK, np.uint8)
+    cv2.putText(drawn[:STRIP], tile.label, (6, STRIP - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _WHITE, 1, cv2.LINE_AA)
+    drawn[STRIP:, : size[0]] = small
+    return drawn

@@ -206,7 +206,19 @@ def lists(core: ModuleType, draws: Draws) -> None:
     core.path_text(draws.rows(6 * int(draws.rng.integers(3)) + int(draws.once(draws.spoil)), 2), degree)
 
 
-TARGETS = (evolve, rasterize, edge_maps, level_sets, snakes, pairs, interest, lists)
+def packed(core: ModuleType, draws: Draws) -> None:
+    """Lengths of packed bytes, whatever they are."""
+    size = int(draws.rng.integers(200))
+    usual = draws.rng.choice(
+        np.array([0, 0x80, 0xFF, draws.rng.integers(256)], np.uint8), size
+    )  # long runs, clear codes
+    data = usual.tobytes() if draws.rng.integers(2) else draws.rng.bytes(size)
+    core.lzw_size(data)
+    core.packbits_size(data)
+    core.fax_is_whole(data, draws.count([1, 9, 60_000]), draws.count([1, 30]), draws.count([2, 3, 4]), bool(size % 2))
+
+
+TARGETS = (evolve, rasterize, edge_maps, level_sets, snakes, pairs, interest, lists, packed)
 
 
 def load(path: str) -> ModuleType:

@@ -197,3 +197,9 @@ def test_the_error_of_a_method_is_a_row(tmp_path: Path) -> None:
     assert row.status == "failed"
     assert row.error.startswith(SegmentationError.__name__)
     assert "2 starts" in row.error
+
+
+def test_panel_of_a_tall_image_stays_small() -> None:
+    image = np.full((30_000, 10), 90, np.uint8)
+    panel = cv2.imdecode(np.frombuffer(encode_panel(image, [Tile("a", None, ())]), np.uint8), cv2.IMREAD_COLOR)
+    assert panel.shape == (24 + 1600, 400, 3)

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.formats.overlays import as_colour
 from ffseg.geometry.freeform import FreeForm
 
 
@@ -42,8 +43,7 @@ def scaled_down(image: NDArray[np.uint8], width: int) -> tuple[NDArray[np.uint8]
     scale = min(1.0, width / full, TALLEST / height)
     size = (max(1, round(full * scale)), max(1, round(height * scale)))
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA) if scale < 1 else image
-    colour = small if small.ndim == 3 else np.repeat(small[..., None], 3, axis=2)
-    return np.ascontiguousarray(colour, dtype=np.uint8), scale
+    return as_colour(np.asarray(small, np.uint8)), scale
 
 
 def scaled_contour(contour: FreeForm, scale: float) -> FreeForm:
