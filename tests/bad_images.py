@@ -312,8 +312,10 @@ def odd_cases() -> list[Case]:
         ("one.png", encoded(Image.fromarray(rgb[:1, :1]), "PNG"), bgr[:1, :1]),
         ("thin.png", encoded(Image.fromarray(np.tile(rgb[:1], (1, 70, 1))), "PNG"), np.tile(bgr[:1], (1, 70, 1))),
     ]
-    bomb = png_chunk(b"zTXt", b"k\0\0" + zlib.compress(bytes(20_000_000), 9))
-    pieces.append(("text_bomb.png", png_file((WIDTH, HEIGHT), 8, 2, png_rows(rgb), bomb), bgr))
+    packed = zlib.compress(bytes(7_900_000), 9)
+    for name, head in ((b"zTXt", b"k\0\0"), (b"iTXt", b"k\0\1\0\0\0"), (b"iCCP", b"k\0\0")):
+        bomb = png_chunk(name, head + packed) * 40
+        pieces.append((f"{name.decode()}_bomb.png", png_file((WIDTH, HEIGHT), 8, 2, png_rows(rgb), bomb), bgr))
     black = rgb.copy()
     black[HEIGHT // 2 :] = 0
     pieces.append(("black_half.bmp", encoded(Image.fromarray(black), "BMP"), black[..., ::-1]))

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from ffseg.errors import ImageReadError
-from ffseg.formats.images import Limits, decode_image
+from ffseg.formats.images import Limits, decode_image, inspect
 from ffseg.native import _core
 
 SOURCES = damage.sources()
@@ -106,6 +106,16 @@ def test_trailing_data_of_a_jpeg_is_no_part_of_it() -> None:
 def test_scans_are_counted(scans: tuple[int, bool]) -> None:
     with pytest.raises(ImageReadError, match="scans, made to waste time"):
         decode_image(bad_images.many_scans(*scans))
+
+
+@pytest.mark.parametrize("name", ["zTXt", "iTXt", "iCCP"])
+def test_no_decoder_sees_texts_it_would_unpack(name: str) -> None:
+    data = next(case.data for case in bad_images.odd_cases() if case.name == f"odd_{name}_bomb.png")
+    still = inspect(data, Limits()).still
+    assert still is not None
+    assert data.count(name.encode()) == 40
+    assert name.encode() not in still
+    assert len(still) < 20_000
 
 
 def test_usual_scans_are_read() -> None:

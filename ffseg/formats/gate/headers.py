@@ -30,13 +30,18 @@ def png(data: bytes) -> Header:
     channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}[kind]
     if height * (1 + width * depth * channels // 8) > packed * DEFLATE_RATIO + DEFLATE_RATIO:
         raise truncated(f"the PNG header claims {width}x{height} pixels, {packed} bytes of data cannot hold them")
-    animated = any(name in _FRAMES for name, *_ in chunks)
-    still = data[:8] + b"".join(data[at:end] for name, at, end in chunks if name not in _FRAMES) if animated else None
-    return Header("PNG", width, height, grey=kind in (0, 4), several=animated, still=still)
+    names = {name for name, *_ in chunks}
+    still = None
+    if names & (_FRAMES | _PACKED_TEXTS):
+        left_out = _FRAMES | _PACKED_TEXTS
+        still = data[:8] + b"".join(data[at:end] for name, at, end in chunks if name not in left_out)
+    return Header("PNG", width, height, grey=kind in (0, 4), several=bool(names & _FRAMES), still=still)
 
 
-_FRAMES = (b"acTL", b"fcTL", b"fdAT")
+_FRAMES = {b"acTL", b"fcTL", b"fdAT"}
 """Chunks of an animation; the image is what programs show that know nothing of them."""
+_PACKED_TEXTS = {b"zTXt", b"iTXt", b"iCCP"}
+"""Chunks that say nothing of the pixels, but are unpacked by decoders: each small one to 8 MB, and there may be many."""
 
 
 def _png_chunks(data: bytes) -> list[tuple[bytes, int, int]]:
