@@ -183,6 +183,22 @@ def _jp2_claim(width: int, height: int, tile: int = 0) -> bytes:
     return bytes(data)
 
 
+def _jp2_coding(layers: int, precinct: int, block: int = 4) -> bytes:
+    """A JPEG 2000 file of 1990x1990 pixels with other numbers of layers, precincts and code blocks than it holds."""
+    data = bytearray(_jp2_claim(1_990, 1_990))
+    at = data.find(b"\xff\x52")
+    length = int.from_bytes(data[at + 2 : at + 4], "big")
+    segment = data[at + 4 : at + 2 + length]
+    segment[0] |= 1
+    segment[2:4] = struct.pack(">H", layers)
+    segment[6:8] = bytes([block, block])
+    segment += bytes([precinct | precinct << 4]) * (segment[5] + 1)
+    data[at + 2 : at + 2 + length] = struct.pack(">H", 2 + len(segment)) + segment
+    box = data.find(b"jp2c")
+    data[box - 4 : box] = bytes(4)  # to the end of the file
+    return bytes(data)
+
+
 def avif_claim(width: int, height: int) -> bytes:
     """An AVIF file whose container claims another size than its frame has."""
     data = encoded(Image.fromarray(picture()), "AVIF")
@@ -254,6 +270,9 @@ def bombs() -> list[Case]:
         "flat.webp": _flat_webp(9_000, 9_000),
         "claim.jp2": _jp2_claim(9_000, 9_000),
         "tiles.jp2": _jp2_claim(1_900, 1_900, tile=1),
+        "layers.jp2": _jp2_coding(layers=65_535, precinct=6),
+        "precincts.jp2": _jp2_coding(layers=1, precinct=1),
+        "blocks.jp2": _jp2_coding(layers=1, precinct=15, block=0),
     }
     if features.check("avif"):
         files["claim.avif"] = avif_claim(9_000, 9_000)

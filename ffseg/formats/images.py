@@ -54,10 +54,11 @@ REASONS = {
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How large a file and an image may be before it is refused unread."""
+    """How large a file and an image may be before it is refused unread; no method takes a longer side."""
 
     max_bytes: int = 1 << 30
     max_pixels: int = 100_000_000
+    max_side: int = 65_535
 
 
 def read_image(path: str | os.PathLike[str], limits: Limits | None = None) -> NDArray[np.uint8]:
@@ -142,6 +143,9 @@ def inspect(data: bytes, limits: Limits) -> Header:
     if header.width * header.height > limits.max_pixels:
         claim = f"{header.width}x{header.height} pixels are more than the limit of {limits.max_pixels}"
         raise ImageReadError("too-many-pixels", f"{claim}; raise the limit or scale the image down")
+    if max(header.width, header.height) > limits.max_side:
+        claim = f"{header.width}x{header.height} pixels: no side may be longer than {limits.max_side}"
+        raise ImageReadError("too-many-pixels", f"{claim}; scale the image down or cut it into pieces")
     return header
 
 

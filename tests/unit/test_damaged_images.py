@@ -123,6 +123,38 @@ def test_usual_scans_are_read() -> None:
     assert decode_image(data).shape == (48, 64, 3)
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"tile_size": (60, 50)}, {"precinct_size": (64, 64)}, {"codeblock_size": (16, 16)}, {"num_resolutions": 1},
+        {"quality_mode": "rates", "quality_layers": [40, 20, 10, 1]}, {"progression": "RPCL", "irreversible": True},
+        {"tile_size": (60, 50), "precinct_size": (32, 32), "quality_mode": "rates", "quality_layers": [30, 1]},
+        {"num_resolutions": 8},
+    ],
+)  # fmt: skip
+def test_whole_jpeg_2000_files_hold_the_packets_they_claim(options: dict[str, object]) -> None:
+    data = bad_images.encoded(Image.fromarray(damage.picture()), "JPEG2000", **options)
+    reading = readings.pillow(data)
+    assert reading is not None
+    np.testing.assert_array_equal(decode_image(data), reading)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("layers", "packets"), ("precincts", "packets"), ("blocks", "code blocks"), ("tiles", "tiles")]
+)
+def test_jpeg_2000_files_that_claim_more_than_they_hold_are_named(name: str, words: str) -> None:
+    data = next(case.data for case in bad_images.bombs() if case.name == f"bomb_{name}.jp2")
+    with pytest.raises(ImageReadError, match=words):
+        decode_image(data)
+
+
+def test_a_side_that_no_method_takes_is_refused() -> None:
+    data = b"P5\n1 70000\n255\n" + bytes(70_000)
+    with pytest.raises(ImageReadError, match="1x70000 pixels: no side may be longer than 65535") as caught:
+        decode_image(data)
+    assert caught.value.reason == "too-many-pixels"
+
+
 def test_frame_of_another_size_is_named() -> None:
     with pytest.raises(ImageReadError, match="claims 90x70 pixels, its frame is 64x48"):
         decode_image(bad_images.avif_claim(90, 70))

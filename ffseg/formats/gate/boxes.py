@@ -6,7 +6,6 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from ffseg.formats.gate.av1 import frame_size
 from ffseg.formats.gate.base import (
     FLAT_PIXELS_PER_BYTE,
     FREE_PIXELS,
@@ -16,6 +15,7 @@ from ffseg.formats.gate.base import (
     truncated,
     unsupported,
 )  # fmt: skip
+from ffseg.formats.gate.streams import frame_size, jpeg2000_stream
 
 MAX_BOXES = 1000
 """Boxes of one level; a still picture has about ten."""
@@ -40,7 +40,6 @@ def _boxes(data: bytes, at: int, end: int) -> Iterator[tuple[bytes, int, int]]:
 
 
 _GREY, _SRGB = 17, 16
-_START, _SIZE = b"\xff\x4f\xff\x51", 38
 
 
 def jpeg2000(data: bytes) -> Header:
@@ -74,19 +73,12 @@ def _refuse_colours(data: bytes, parts: dict[bytes, tuple[int, int]]) -> None:
 
 
 def _check_stream(stream: bytes, size: tuple[int, int], channels: int) -> None:
-    if stream[:4] != _START or len(stream) < 4 + _SIZE + 3 * channels:
-        raise damaged("the JPEG 2000 code stream does not begin with its size")
-    right, bottom, left, top, tile_width, tile_height = struct.unpack(">6I", stream[8:32])
-    count = int.from_bytes(stream[40:42], "big")
-    if (right - left, bottom - top) != size or count != channels or 0 in (tile_width, tile_height):
-        raise damaged("the JPEG 2000 code stream has not the size its header claims")
-    parts = stream[42 : 42 + 3 * count]
-    if parts != b"\x07\x01\x01" * count:
-        raise unsupported("the JPEG 2000 channels are not of 8 bits and full size")
     refuse_claim("JPEG 2000", size, len(stream), FLAT_PIXELS_PER_BYTE, FREE_PIXELS)
-    tiles = -(-right // tile_width) * -(-bottom // tile_height)
-    if tiles * 14 > len(stream):  # each has a header of 14 bytes
-        raise truncated(f"the JPEG 2000 code stream claims {tiles} tiles, {len(stream)} bytes cannot hold them")
+    found = jpeg2000_stream(stream)
+    if (found.width, found.height) != size or len(found.channels) != 3 * channels:
+        raise damaged("the JPEG 2000 code stream has not the size its header claims")
+    if found.channels != b"\x07\x01\x01" * channels:
+        raise unsupported("the JPEG 2000 channels are not of 8 bits and full size")
     if stream[-2:] != b"\xff\xd9":
         raise truncated("the JPEG 2000 file does not end with its end marker")
 
