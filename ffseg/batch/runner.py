@@ -229,7 +229,8 @@ class Run:
     def _tables(self) -> Tables:
         folder = self._state if self._plan.shard else self._plan.out
         camera = self._setup.views is not None
-        return Tables(self._plan.out, folder, self._standing, camera, frozenset(self._asked()), self._options.parquet)
+        asked, more = frozenset(self._asked()), self._plan.wanted.more
+        return Tables(self._plan.out, folder, self._standing, camera, asked, self._options.parquet, more)
 
     def _asked(self) -> set[str]:
         """Columns and folders of outputs that were asked for."""

@@ -112,7 +112,7 @@ def test_a_geodesic_contour_gets_the_iterations_it_needs() -> None:
     assert iou(reached > 0, final) >= pictures.SAME > iou(before, final)
 
 
-@pytest.mark.parametrize("suite", ["startup", "batch", "memory"])
+@pytest.mark.parametrize("suite", ["startup", "batch", "memory", "shards"])
 def test_suites_on_processes(suite: str) -> None:
     outcome = quick(suite)
     assert {figure.suite for figure in outcome.figures} == {suite}

@@ -27,6 +27,7 @@ SUITES = {
     "batch": "processes",
     "startup": "processes",
     "memory": "processes",
+    "shards": "shards",
 }
 """Name of each suite and the module under ``suites`` that holds its function."""
 QUICK_ROUNDS = 1

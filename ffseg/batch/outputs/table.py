@@ -78,18 +78,21 @@ class Wanted:
     exports : tuple of str
         Names of `EXPORTS`.
     animation : bool
+    more : tuple of Output
+        Kinds that are not ffseg's own: the workers import what their rows name.
     """
 
     overlay: bool = False
     exports: tuple[str, ...] = ()
     animation: bool = False
+    more: tuple[Output, ...] = ()
 
     @property
     def kinds(self) -> tuple[Output, ...]:
         """All outputs of an image."""
         overlay = (OVERLAY,) if self.overlay else ()
         films = (FILM, STRIP) if self.animation else ()
-        return (MASK, CONTOURS, *overlay, *(EXPORTS[name] for name in self.exports), *films)
+        return (MASK, CONTOURS, *overlay, *(EXPORTS[name] for name in self.exports), *films, *self.more)
 
 
 MASKS_AND_CONTOURS = Wanted()

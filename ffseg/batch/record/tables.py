@@ -73,6 +73,8 @@ class Tables:
         Columns and output folders that are written even if no image has them.
     parquet : bool
         Write ``timings.parquet``, too.
+    more : tuple of Output
+        Kinds of outputs beside `OUTPUTS` that may have to be merged.
     """
 
     out: str
@@ -81,6 +83,7 @@ class Tables:
     camera: bool = False
     asked: frozenset[str] = field(default_factory=frozenset)
     parquet: bool = False
+    more: tuple[Output, ...] = ()
 
     def columns(self) -> tuple[str, ...]:
         """Columns of ``timings.csv``."""
@@ -101,7 +104,7 @@ class Tables:
         if self.camera:
             made[OBSTACLES] = csv_lines(OBSTACLE_COLUMNS, self._obstacles())
         there = self.standing.with_outputs | self.asked
-        for output in OUTPUTS:
+        for output in (*OUTPUTS, *self.more):
             if output.merge and output.folder in there:
                 made[output.merged] = resolve(output.merge)(self._contents(output))
         return made

@@ -43,7 +43,7 @@ def startup(settings: Settings) -> Iterator[Group | Skipped]:
     """Start of the command line beside an empty Typer program and the imports any such program has."""
     empty, image = settings.work / "empty.py", settings.work / "one" / "0000.png"
     empty.write_text(EMPTY_PROGRAM, encoding="utf-8")
-    _write_images(image.parent, 1, settings)
+    write_images(image.parent, 1, settings)
     folders = FreshFolders(settings.work)
     commands: dict[str, Callable[[], tuple[str, ...]]] = {
         "empty Typer program": lambda: (str(empty),),
@@ -65,7 +65,7 @@ def batch(settings: Settings) -> Iterator[Group | Skipped]:
     """Milliseconds an image of ``ffseg run`` with durable writes, beside the bare pipeline."""
     images = settings.work / "images"
     count = QUICK_IMAGES if settings.quick else NUM_IMAGES
-    masks = _write_images(images, count, settings)
+    masks = write_images(images, count, settings)
     folders = FreshFolders(settings.work, keep=True)
     bare = ("-m", "ffseg.batch.bench.suites.bare", str(images), str(masks))
     tasks = [Task("bare", "image", timed_child(lambda: (*bare, str(folders())), count))]
@@ -106,7 +106,7 @@ def _batches(settings: Settings) -> Group:
     lengths = QUICK_LENGTHS if settings.quick else LENGTHS
     for length in lengths:
         images = settings.work / f"batch-{length}"
-        _write_images(images, length, settings)
+        write_images(images, length, settings)
         timer = measured_child(_run_command(images, folders, 1))
         tasks.append(Task(f"batch, {length}", "peak", timer, x=length, unit="MB"))
     longest = Comparison(f"memory of {lengths[-1]} images over {lengths[0]}", tasks[-1].case, tasks[0].case)
@@ -130,7 +130,7 @@ def _above_image(path: Path, drawing: Drawing) -> Timer:
     return sample
 
 
-def _write_images(folder: Path, count: int, settings: Settings) -> Path:
+def write_images(folder: Path, count: int, settings: Settings) -> Path:
     """Write `count` drawn images and the ``.npy`` file of their grounds, whose path is returned."""
     folder.mkdir()
     width, height = (160, 120) if settings.quick else (800, 600)
