@@ -75,6 +75,19 @@ def gap(width: float, angle: float, wall: float) -> Labyrinth:
     return Labyrinth(_grey(coverage), within, (center, center), "gap")
 
 
+def passage(width: float, angle: float, room: float = 40.0) -> Labyrinth:
+    """Draw a straight passage between two rooms of radius ``room`` with exact sides; the truth is all three."""
+    along = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    yy, xx = np.mgrid[:SIZE, :SIZE] - SIZE / 2.0
+    on, off = xx * along[0] + yy * along[1], np.abs(yy * along[0] - xx * along[1])
+    depth = np.where(np.abs(on) <= 110, width / 2 - off, -1.0)
+    for end in (-110 * along, 110 * along):
+        depth = np.maximum(depth, room - np.hypot(xx - end[0], yy - end[1]))
+    coverage = np.round(255 * np.clip(depth + 0.5, 0, 1)).astype(np.uint8)
+    x, y = SIZE / 2 - 110 * along
+    return Labyrinth(_grey(coverage), depth >= 0, (float(x), float(y)), "passage")
+
+
 def _straight(pitch: float, rng: np.random.Generator) -> tuple[Lines, NDArray[np.float64]]:
     return [np.array([[-130.0, 0.0], [130.0, 0.0]])], np.array([-130.0, 0.0])
 
@@ -154,7 +167,7 @@ def _draw(lines: Lines, start: NDArray[np.float64], width: float, angle: float, 
     fine = _canvas(0)
     for line in lines:
         for a, b in _pieces(_fine(line @ rotation + SIZE / 2)):
-            cv2.line(fine, a, b, 255, round(width * SUPERSAMPLE))
+            cv2.line(fine, a, b, 255, round(width * SUPERSAMPLE))  # up to a quarter of a pixel wider
     center = start @ rotation + SIZE / 2
     cv2.circle(fine, _fine(center[None])[0], round(max(ROOM, 0.5 * width) * SUPERSAMPLE), 255, -1)
     coverage = cv2.resize(fine, (SIZE, SIZE), interpolation=cv2.INTER_AREA)

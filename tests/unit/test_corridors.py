@@ -60,3 +60,21 @@ def test_bays_are_filled_when_closing_in() -> None:
     result = ffseg.segment(image, params)
     assert result.stats.stop_reason == "converged"
     assert corridors.iou_off_border(result.mask, image == 200) >= corridors.LEAST_IOU
+
+
+@pytest.mark.parametrize("clearance", [8.0, 11.0, 14.0, 20.0, 36.0])
+def test_clearance_means_the_width_of_a_passage(clearance: float) -> None:
+    """Open a pixel above it; shut a pixel below, but two where both edges lie along rows of pixels or their diagonals."""
+    for angle in range(0, 91, 5):
+        below = clearance - (2 if angle % 45 == 0 else 1)
+        for width, is_open in ((below, False), (clearance + 1, True)):
+            scene = labyrinths.passage(width, float(angle))
+            found = corridors.segmented(scene, {"contour.clearance": clearance}).mask
+            column, row = (round(labyrinths.SIZE - v) for v in scene.start)  # the middle of the other room
+            assert found[row, column] == is_open, (angle, width)
+
+
+def test_a_bay_narrower_than_the_clearance_stays_open() -> None:
+    scene = labyrinths.Plan("straight", 0, 20.0, 30.0).drawn(9.0)  # nothing lies beyond it
+    found = corridors.segmented(scene, {"contour.clearance": 14.0}).mask
+    assert corridors.iou_off_border(found, scene.truth) >= corridors.LEAST_IOU

@@ -101,8 +101,6 @@ private:
     void release(int i);
     void rest();
     void forget_freed();
-    bool finish();
-    std::vector<std::uint8_t> region() const;
     std::vector<int> loops() const;
     std::vector<std::vector<Vec2>> sampled() const;
     double length(int i) const { return chords(i).total; }
@@ -200,9 +198,6 @@ private:
     std::vector<std::vector<Vec2>> settled_;  // the samples of each component once it has settled
     EvolutionCounts counts_;
     StopReason reason_ = StopReason::kRunning;
-    // With a clearance the contour first stops before every passage narrower than it (`field_` is grown), then moves
-    // the rest of the way to the edges in the field without growth, where the passages it stopped at are closed.
-    std::unique_ptr<Field> open_field_;
     bool outside_filled_ = false;
     mutable std::size_t walked_ = 0;  // patches and pairs in this iteration
     std::size_t most_walked_ = 0;

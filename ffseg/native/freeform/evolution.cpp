@@ -10,7 +10,6 @@
 #include "freeform/refine.hpp"
 #include "freeform/settle.hpp"
 #include "freeform/untangle.hpp"
-#include "raster/raster.hpp"
 
 namespace ffseg {
 
@@ -28,15 +27,14 @@ Chain<D>::Chain(const ContourSet& starts, const std::uint8_t* edges, const std::
     double area = 0.0;
     for (int loop : loops()) area += loop_area(loop);
     outside_filled_ = area < 0;
-    if (options_.clearance > 0) {
-        open_field_ = std::make_unique<Field>(field_);
-        field_.grow(0.5 * options_.clearance);
+    std::vector<Vec2> samples;
+    for (int i : active_) {
+        for (const Vec2 sample : pool_[i].m) {
+            if (!field_.blocked(sample)) samples.push_back(sample);
+        }
     }
-    const auto free = [this](int i) {
-        const auto& m = pool_[i].m;
-        return std::any_of(m.begin(), m.end(), [this](Vec2 p) { return !field_.blocked(p); });
-    };
-    if (std::none_of(active_.begin(), active_.end(), free)) reason_ = StopReason::kBlocked;
+    const bool fits = options_.clearance <= 0 || field_.close_passages(edges, samples, options_.clearance);
+    if (samples.empty() || !fits) reason_ = StopReason::kBlocked;
 }
 
 template <int D>
@@ -153,38 +151,6 @@ bool Chain<D>::step() {
     return !active_.empty();
 }
 
-// The pixels inside the contours so far (a start that closes in from outside has the filled side outside).
-template <int D>
-std::vector<std::uint8_t> Chain<D>::region() const {
-    const ContourSet set = contours();
-    const raster::PixelGrid grid{field_.width() - 1.0, field_.height() - 1.0, 0.1};
-    std::vector<raster::Edge> pieces;
-    for (std::size_t c = 0; c + 1 < set.offsets.size(); ++c) {
-        raster::append_contour(set.points.data() + set.offsets[c], set.offsets[c + 1] - set.offsets[c], D, grid, pieces);
-    }
-    std::vector<std::uint8_t> mask(static_cast<std::size_t>(field_.width()) * static_cast<std::size_t>(field_.height()));
-    if (outside_filled_) {
-        for (raster::Edge& piece : pieces) piece.sign = -piece.sign;
-    }
-    raster::fill_mask(pieces, {mask.data(), field_.height(), field_.width()});
-    if (outside_filled_) {
-        for (std::uint8_t& pixel : mask) pixel ^= 1;
-    }
-    return mask;
-}
-
-// The contour has stopped; with a clearance this is where the second part begins. False when nothing is left to do.
-template <int D>
-bool Chain<D>::finish() {
-    if (options_.refine && wake_open()) return true;
-    if (open_field_ == nullptr || sorted_.empty()) return false;
-    open_field_->close_passages(region(), field_, 0.5 * options_.clearance);
-    field_ = *open_field_;
-    open_field_.reset();
-    for (int i : sorted_) wake(i);
-    return true;
-}
-
 template <int D>
 bool Chain<D>::advance(int iterations) {
     for (int done = 0; done < iterations && reason_ == StopReason::kRunning; ++done) {
@@ -192,7 +158,7 @@ bool Chain<D>::advance(int iterations) {
             reason_ = StopReason::kMaxIterations;
         } else if (pool_.num_alive() > most_patches_) {
             reason_ = StopReason::kMaxPatches;
-        } else if (!step() && !finish()) {
+        } else if (!step() && !(options_.refine && wake_open())) {
             if (options_.topology) drop_nested();
             forget_freed();
             reason_ = sorted_.empty() ? StopReason::kVanished : num_stray_ > 0 ? StopReason::kStalled : StopReason::kConverged;

@@ -11,33 +11,6 @@
 namespace ffseg {
 namespace {
 
-// Squared distance transform of one line (lower envelope of parabolas; Felzenszwalb and Huttenlocher 2012).
-void distance_line(const std::vector<double>& f, std::vector<double>& out, std::vector<int>& apex,
-                   std::vector<double>& bound) {
-    const int n = static_cast<int>(f.size());
-    int k = 0;
-    apex[0] = 0;
-    bound[0] = -1e18;
-    bound[1] = 1e18;
-    for (int q = 1; q < n; ++q) {
-        double s = 0.0;
-        do {
-            const int v = apex[k];
-            s = ((f[q] + static_cast<double>(q) * q) - (f[v] + static_cast<double>(v) * v)) / (2.0 * (q - v));
-        } while (s <= bound[k] && --k >= 0);
-        ++k;
-        apex[k] = q;
-        bound[k] = s;
-        bound[k + 1] = 1e18;
-    }
-    k = 0;
-    for (int q = 0; q < n; ++q) {
-        while (bound[k + 1] < q) ++k;
-        const double d = q - apex[k];
-        out[q] = d * d + f[apex[k]];
-    }
-}
-
 // Pixels looked at together.
 constexpr int kRun = 64;
 
@@ -209,11 +182,19 @@ void Field::mark_outside(const std::uint8_t* domain, std::vector<std::uint8_t>& 
 
 // Which tiles hold something blocked, from the pixels.
 void Field::build_tiles() {
+    constexpr int kTile = 1 << kTileShift;
     std::vector<std::uint8_t> occupied(tiles_x_ * tiles_y_);
     for (int y = 0; y < height_; ++y) {
-        for (int x = 0; x < width_; ++x) {
-            if (blocked_[cell(x, y)] == 0) continue;
-            occupied[static_cast<std::size_t>(y >> kTileShift) * tiles_x_ + static_cast<std::size_t>(x >> kTileShift)] = 1;
+        std::uint8_t* const tiles = occupied.data() + static_cast<std::size_t>(y >> kTileShift) * tiles_x_;
+        const std::uint8_t* const row = &blocked_[cell(0, y)];
+        for (int x = 0; x < width_; x += kTile) {
+            std::uint32_t word = 0;
+            if (x + kTile <= width_) {
+                std::memcpy(&word, row + x, sizeof word);
+            } else {
+                std::memcpy(&word, row + x, static_cast<std::size_t>(width_ - x));
+            }
+            tiles[x >> kTileShift] |= word != 0 ? 1 : 0;
         }
     }
     measure_reach(occupied);
@@ -272,38 +253,6 @@ void Field::shut_slits() {
     for (const std::size_t at : shut) blocked_[at] |= kBand;
 }
 
-std::vector<float> Field::squared_distance(const std::vector<std::uint8_t>& zero) const {
-    constexpr double kFar = 1e9;
-    const std::size_t columns = stride_, rows = static_cast<std::size_t>(height_) + 2;
-    std::vector<float> squared(zero.size());
-    const std::size_t longest = std::max(rows, columns);
-    std::vector<double> line(columns), out(columns), bound(longest + 1);
-    std::vector<int> apex(longest);
-    for (std::size_t y = 0; y < rows; ++y) {
-        for (std::size_t x = 0; x < columns; ++x) line[x] = zero[y * columns + x] != 0 ? 0.0 : kFar;
-        distance_line(line, out, apex, bound);
-        for (std::size_t x = 0; x < columns; ++x) squared[y * columns + x] = static_cast<float>(out[x]);
-    }
-    line.resize(rows);
-    out.resize(rows);
-    for (std::size_t x = 0; x < columns; ++x) {
-        for (std::size_t y = 0; y < rows; ++y) line[y] = squared[y * columns + x];
-        distance_line(line, out, apex, bound);
-        for (std::size_t y = 0; y < rows; ++y) squared[y * columns + x] = static_cast<float>(out[y]);
-    }
-    return squared;
-}
-
-void Field::grow(double radius) {
-    std::vector<std::uint8_t> edges(blocked_.size());
-    for (std::size_t at = 0; at < edges.size(); ++at) edges[at] = blocked_[at] >= kEdge && blocked_[at] < kOutside;
-    const std::vector<float> squared = squared_distance(edges);
-    for (std::size_t at = 0; at < edges.size(); ++at) {
-        if (blocked_[at] <= kBand && squared[at] < radius * radius) blocked_[at] = kEdge;
-    }
-    build_tiles();
-}
-
 // Is there a solid pixel in these columns and rows, both ends included?
 bool Field::holds_solid(int left, int right, int top, int bottom) const {
     for (int tile_y = top >> kTileShift; tile_y <= bottom >> kTileShift; ++tile_y) {
@@ -342,37 +291,6 @@ bool Field::encloses_solid(const Vec2* polygon, std::size_t count) const {
         if (left <= right && holds_solid(left, right, y, y)) return true;
     }
     return false;
-}
-
-void Field::close_passages(const std::vector<std::uint8_t>& reached, const Field& grown, double radius) {
-    std::vector<std::uint8_t> region(blocked_.size());
-    for (int y = 0; y < height_; ++y) {
-        for (int x = 0; x < width_; ++x) region[cell(x, y)] = reached[static_cast<std::size_t>(y) * width_ + x];
-    }
-    // Samples stop up to a pixel before what is blocked, so the region falls short of all that has clearance by as much.
-    const double near = radius + 1.0;
-    const std::vector<float> squared = squared_distance(region);
-    std::vector<std::uint8_t> seen(blocked_.size());
-    for (std::size_t at = 0; at < seen.size(); ++at) seen[at] = blocked_[at] != 0 || squared[at] <= near * near;
-    std::vector<std::size_t> pocket;
-    for (std::size_t first = stride_; first + stride_ < seen.size(); ++first) {
-        if (seen[first] != 0) continue;
-        pocket.assign(1, first);
-        seen[first] = 1;
-        bool open = false;
-        for (std::size_t at = 0; at < pocket.size(); ++at) {
-            const std::size_t here = pocket[at];
-            open = open || grown.blocked_[here] == 0;
-            for (const std::size_t next : {here - 1, here + 1, here - stride_, here + stride_}) {
-                if (seen[next] != 0) continue;
-                seen[next] = 1;
-                pocket.push_back(next);
-            }
-        }
-        if (!open) continue;
-        for (const std::size_t at : pocket) blocked_[at] = kEdge;
-    }
-    build_tiles();
 }
 
 }  // namespace ffseg

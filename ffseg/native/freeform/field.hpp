@@ -6,6 +6,7 @@
 
 #include "common/lanes.hpp"
 #include "common/vec.hpp"
+#include "freeform/bitmap.hpp"
 
 namespace ffseg {
 
@@ -21,14 +22,10 @@ public:
     // `domain` may be null.
     Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, int width);
 
-    // Blocks all that lies nearer than `radius` to a blocked pixel (for contour.clearance).
-    void grow(double radius);
-
-    // For the end of an evolution with a clearance. `reached` (H x W) is 1 in the region so far, `grown` the field it
-    // stopped in. Free pixels farther than `radius` from the region form pockets. One that holds no place with clearance
-    // is a dead end or a narrow passage between reached places and stays free; any other lies beyond a narrow passage
-    // and is blocked.
-    void close_passages(const std::vector<std::uint8_t>& reached, const Field& grown, double radius);
+    // For contour.clearance: blocks the ground that can be reached from `starts` only through passages no disc of this
+    // diameter fits through. Where it fits but cannot get to is blocked, with the passages that lead there; dead ends and
+    // narrow passages between places it reaches stay free. False, with nothing changed, if it fits at none of the starts.
+    bool close_passages(const std::uint8_t* edges, const std::vector<Vec2>& starts, double clearance);
 
     int width() const { return width_; }
     int height() const { return height_; }
@@ -102,8 +99,6 @@ private:
     }
     bool holds_solid(int left, int right, int top, int bottom) const;
     std::size_t cell(int x, int y) const { return (static_cast<std::size_t>(y) + 1) * stride_ + x + 1; }
-    // Squared distances of all cells to the nearest one that is nonzero.
-    std::vector<float> squared_distance(const std::vector<std::uint8_t>& zero) const;
     void mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occupied);
     bool read_row(const std::uint8_t* edges, int y, std::uint8_t* row, std::uint8_t* flags,
                   std::vector<std::uint8_t>& occupied) const;
