@@ -49,7 +49,9 @@ def exports(incomplete: str) -> list[str]:
 
 def suites(incomplete: str) -> list[str]:
     """Suites of the bench."""
-    return _starting(("patches", "size", "method", "scenes", "peers", "batch", "startup", "memory"), incomplete)
+    return _starting(
+        ("patches", "size", "method", "scenes", "peers", "batch", "startup", "memory", "shards"), incomplete
+    )
 
 
 def kinds(incomplete: str) -> list[str]:
