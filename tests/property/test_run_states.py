@@ -195,6 +195,11 @@ class Runs(RuleBasedStateMachine):
             if row["status"] == "ok":
                 owned |= self.check_outputs(row["image"], fresh, wanted if part in (None, row["image"]) else Wanted())
                 assert row.get("iou") or not truth or part not in (None, row["image"])
+        for entry in run["stale"]:
+            if entry["reason"] == "made with other parameters":  # these are removed, unless they are somebody else's
+                stem = os.path.splitext(entry["image"])[0]
+                there = [self.out / path for path in {output.path(stem) for output in OUTPUTS} & self.outputs()]
+                assert any(path.read_bytes().startswith(b"somebody else's") for path in there)
         stale_stems = {os.path.splitext(name)[0] for name in stale_images}
         for path in self.outputs() - owned - stale_outputs:
             assert os.path.splitext(path.split("/", 1)[1])[0] in stale_stems, f"{path} belongs to nothing"

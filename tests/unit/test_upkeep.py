@@ -99,6 +99,13 @@ def test_a_truth_is_measured_on_the_mask_that_is_there(
         assert run_in(images, out).failed == 0
 
 
+def test_an_iou_is_not_taken_over_from_other_parameters(images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run_in(images, out, truth=truths(images, tmp_path / "truth"))
+    run_in(images, out, params=load_params(None, {"contour.degree": 4}), overwrite=True)
+    assert "iou" not in table(out / "timings.csv")[0]
+
+
 def test_overwriting_removes_what_belongs_to_no_image_any_longer(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     run_in(images, out, wanted=ALL)
