@@ -119,7 +119,9 @@ class Obstacles(Section):
     """The structural test on enclosed components (Eq. 9)."""
 
     altitude: float = declared(0.08, _POSITIVE, "m; a point at or above this altitude makes an obstacle")
-    draw: bool = declared(False, Flag(), "overlays show the points of the ground, their residuals and the outlines' samples")
+    draw: bool = declared(
+        False, Flag(), "overlays show the points of the ground, their residuals and the outlines' samples"
+    )
 
 
 @dataclass(frozen=True, slots=True)

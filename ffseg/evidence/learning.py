@@ -28,7 +28,6 @@ SETTINGS = {
     "objective": "binary",
     "learning_rate": 0.1,
     "num_leaves": 15,
-    "min_data_in_leaf": 40,
     "feature_fraction": 0.4,
     "bagging_fraction": 0.6,
     "bagging_freq": 1,
@@ -45,8 +44,16 @@ SETTINGS = {
 
 TREES = 100
 
+LEAVES_OF_AN_IMAGE, LEAST_IN_LEAF = 24, 20
+"""A leaf holds as many pixels as this part of an image: smaller ones learn what only one image has. On unseen road frames
+a twelfth as many gave an IoU lower by .02 from three and from five masks."""
+
+TAUGHT = tuple(name for name in NAMES if not name.startswith("bend"))
+"""Features that forests are grown on: without the bends of the light, which teach the grain of the few images, unseen
+road frames and floors come out better by .01 to .03."""
+
 WITHOUT_START = tuple(
-    name for name in NAMES if name.partition("@")[0] in TEXTURE or name in PLACE[:2]
+    name for name in TAUGHT if name.partition("@")[0] in TEXTURE or name in PLACE[:2]
 )  # fmt: skip
 """Features that need no start."""
 
@@ -156,7 +163,7 @@ def mirrored(rows: NDArray[np.float32]) -> NDArray[np.float32]:
     return found
 
 
-def grow(chosen: Sequence[Samples], names: tuple[str, ...] = NAMES, trees: int = TREES) -> Forest:
+def grow(chosen: Sequence[Samples], names: tuple[str, ...] = TAUGHT, trees: int = TREES) -> Forest:
     """Grow a forest; every image counts alike.
 
     Raises
@@ -173,7 +180,8 @@ def grow(chosen: Sequence[Samples], names: tuple[str, ...] = NAMES, trees: int =
     labels = np.concatenate([one.inside for one in chosen])
     weights = np.concatenate([np.full(len(one.inside), 1 / len(one.inside)) for one in chosen])
     data = lightgbm.Dataset(rows, labels.astype(np.float32), weight=weights / weights.mean())
-    booster = lightgbm.train(dict(SETTINGS), data, trees)
+    least = max(LEAST_IN_LEAF, len(rows) // len(chosen) // LEAVES_OF_AN_IMAGE)
+    booster = lightgbm.train({**SETTINGS, "min_data_in_leaf": least}, data, trees)
     return converted(booster.dump_model()["tree_info"], names)
 
 

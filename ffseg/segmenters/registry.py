@@ -130,10 +130,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     begin = perf_counter()
     source = _source(params, edges, evidence)
     if edges is None:
-        region = None if source in ("auto", "gradient") else rasterize(starts, shape)
-        edges = edges_from_source(Scene(image, region, params, domain, evidence))
-        if edges.domain is None:  # bounds the contour only: thresholds stay those of the image
-            edges = replace(edges, domain=_disc(image, starts, params))
+        edges = edges_of(image, starts, params, domain, evidence)
         if name in GROWING and edges.walled:
             starts = (*starts, *_parts(edges, starts, params))
     edges = _bounded(edges, starts, params, background)
@@ -157,6 +154,22 @@ def _source(params: Parameters, edges: EdgeMap | None, evidence: NDArray[np.floa
     if edges is not None:
         return "given"
     return source_of(params) if evidence is None else "evidence"
+
+
+def edges_of(
+    image: NDArray[np.uint8],
+    starts: tuple[FreeForm, ...],
+    params: Parameters,
+    domain: NDArray[np.uint8] | None = None,
+    evidence: NDArray[np.float32] | None = None,
+) -> EdgeMap:
+    """The edge map that `segment` makes; what else is given to it has the same names."""
+    shape = (image.shape[0], image.shape[1])
+    region = None if _source(params, None, evidence) in ("auto", "gradient") else rasterize(starts, shape)
+    edges = edges_from_source(Scene(image, region, params, domain, evidence))
+    if edges.domain is None:  # bounds the contour only: thresholds stay those of the image
+        edges = replace(edges, domain=_disc(image, starts, params))
+    return edges
 
 
 def _disc(image: NDArray[np.uint8], starts: tuple[FreeForm, ...], params: Parameters) -> NDArray[np.uint8] | None:

@@ -13,6 +13,7 @@ import pytest
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.evidence.features import NAMES, enlarged, features, reduced_mean, reduction
 from ffseg.evidence.forest import MAGIC, Forest, Model, load_model, to_bytes
+from tests.campaigns.fuzz_models import campaign
 
 SHAPE = (90, 130)
 
@@ -174,3 +175,10 @@ def test_a_hostile_model_file_gets_one_sentence(tmp_path: Path, kind: str) -> No
 def test_a_model_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="no.ffmodel"):
         load_model(tmp_path / "no.ffmodel")
+
+
+def test_spoiled_model_files_are_read_or_refused() -> None:
+    """Short form of the campaign; anything but a refusal ends it."""
+    counts = campaign(400)
+    assert sum(counts.values()) == 400
+    assert len(counts) > 6

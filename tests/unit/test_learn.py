@@ -13,7 +13,7 @@ import pytest
 
 from ffseg.batch.learning.gather import gather
 from ffseg.batch.learning.learn import Figures, _worth_drawing, learned
-from ffseg.cli.commands.learn import sentences
+from ffseg.cli.commands.learning.learn import sentences
 from ffseg.errors import UsageError
 from ffseg.evidence.forest import load_model
 from ffseg.image.nets.pockets import starts_beyond

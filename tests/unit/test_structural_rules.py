@@ -110,7 +110,9 @@ def test_samples_speak_beyond_two_standard_deviations(
     place = np.array([[100.0 + 2.0 * altitude, 50.0 + across]])
     aligned = Alignments(place, np.array([score]), 1e12 * np.eye(2)[None], np.ones(1))
     flat, raised = structural._judge(aligned, ground, np.zeros((1, 2)), np.zeros((1, 2, 2)))
-    assert {(True, False): "flat", (False, True): "raised", (False, False): "silent"}[bool(flat[0]), bool(raised[0])] == expected
+    assert {(True, False): "flat", (False, True): "raised", (False, False): "silent"}[
+        bool(flat[0]), bool(raised[0])
+    ] == expected
 
 
 def test_doubt_about_the_motion_silences_samples_and_what_the_others_say_moves_them() -> None:

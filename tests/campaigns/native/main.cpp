@@ -30,7 +30,7 @@ struct Target {
     int share;  // of 100 cases
 };
 
-constexpr std::array<Target, 13> kTargets{{{"evolve", fuzz::evolve, 40},
+constexpr std::array<Target, 16> kTargets{{{"evolve", fuzz::evolve, 34},
                                            {"rasterize", fuzz::rasterize, 12},
                                            {"edges", fuzz::edges, 10},
                                            {"march", fuzz::march, 5},
@@ -42,6 +42,9 @@ constexpr std::array<Target, 13> kTargets{{{"evolve", fuzz::evolve, 40},
                                            {"scores", fuzz::scores, 4},
                                            {"alignment", fuzz::alignment, 3},
                                            {"interest", fuzz::interest, 2},
+                                           {"features", fuzz::features, 2},
+                                           {"ways", fuzz::ways, 2},
+                                           {"forest", fuzz::forest, 2},
                                            {"path_text", fuzz::path_text, 2}}};
 
 struct Options {

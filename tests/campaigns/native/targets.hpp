@@ -17,6 +17,9 @@ void nearest(Random& random);       // baselines/measures
 void scores(Random& random);        // pairs
 void alignment(Random& random);     // pairs
 void interest(Random& random);      // pairs
+void features(Random& random);      // evidence
+void ways(Random& random);          // evidence
+void forest(Random& random);        // evidence
 void path_text(Random& random);     // text
 
 }  // namespace fuzz

@@ -1,0 +1,225 @@
+"""Settings from masks: many tried on few images, the better half on more, and figures on images left out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from statistics import mean, pstdev
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.learning.gather import Labelled
+from ffseg.batch.learning.space import SHARED, Setting, applied, settings
+from ffseg.errors import SegmentationError
+from ffseg.image.edges import EdgeMap
+from ffseg.metrics import iou
+from ffseg.parameters import Parameters
+from ffseg.segmenters.registry import edges_of, segment
+from ffseg.segmenters.starts import start_contours
+
+BRACKET = 24
+"""Settings that set out together; half of them go on to the next images."""
+
+FIRST_IMAGES = 2
+"""Images that every setting is tried on."""
+
+LEAST_GAIN = 0.01
+"""A mean IoU that is higher by less is not worth other parameters."""
+
+PRIOR_SPREAD = 0.3
+"""How far apart gains on images of one kind lie, where a few images do not show it: their mean is known to no better than
+this over the root of their number."""
+
+MOST_CACHED = 256 << 20
+"""Bytes of edge maps that are kept to be shared."""
+
+Tell = Callable[[str], None]
+
+
+@dataclass(slots=True)
+class Trial:
+    """A setting and its IoU on the images it was tried on, by their number."""
+
+    setting: Setting
+    found: dict[int, float] = field(default_factory=dict)
+
+    @property
+    def mean(self) -> float:
+        """Mean IoU on the images so far."""
+        return mean(self.found.values())
+
+
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """What tuning came to.
+
+    Attributes
+    ----------
+    setting : dict
+        Overrides by key; empty where the parameters are kept.
+    best : dict
+        The setting with the highest mean, whether it is taken or not.
+    before, after : tuple of float
+        IoU of each image with the parameters as they are, and with `best`.
+    left_out : tuple of float
+        IoU of each image with what is best on the others.
+    sensitivity : tuple of (str, float)
+        For each key, how far the mean IoU of its best and worst value lie apart.
+    tried : int
+        Settings that were tried.
+    seconds : float
+    """
+
+    setting: Setting
+    best: Setting
+    before: tuple[float, ...]
+    after: tuple[float, ...]
+    left_out: tuple[float, ...]
+    sensitivity: tuple[tuple[str, float], ...]
+    tried: int
+    seconds: float
+
+
+class Bench:
+    """Images on which settings are tried; edge maps are shared by the settings that ask for the same."""
+
+    def __init__(self, labelled: Sequence[Labelled]) -> None:
+        self._labelled = labelled
+        self._maps: dict[tuple[object, ...], EdgeMap] = {}
+        self._bytes = 0
+
+    def overlap(self, number: int, setting: Setting) -> float:
+        """IoU on one image; 0 where it cannot be segmented."""
+        mask = self.mask(number, setting)
+        return 0.0 if mask is None else iou(mask, self._labelled[number].truth)
+
+    def mask(self, number: int, setting: Setting) -> NDArray[np.bool_] | None:
+        """The region on one image; None where it cannot be segmented."""
+        one = self._labelled[number]
+        params = applied(one.params, setting)
+        try:
+            shared = params.edges.source == SHARED and params.edges.model is None
+            return segment(one.image, params, edges=self._edges(number, params) if shared else None).mask
+        except SegmentationError:
+            return None
+
+    def _edges(self, number: int, params: Parameters) -> EdgeMap:
+        key = (number, params.edges)
+        if key not in self._maps:
+            one = self._labelled[number]
+            starts = start_contours((one.image.shape[0], one.image.shape[1]), params)
+            made = edges_of(one.image, starts, params)
+            self._bytes += made.gradient.nbytes + made.edges.nbytes
+            while self._bytes > MOST_CACHED and self._maps:
+                old = self._maps.pop(next(iter(self._maps)))
+                self._bytes -= old.gradient.nbytes + old.edges.nbytes
+            self._maps[key] = made
+        return self._maps[key]
+
+
+def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
+    """Try settings for about `budget` seconds.
+
+    Notes
+    -----
+    The parameters as they are stay unless the setting that is best on the other images beats them on the image left out:
+    by at least ``LEAST_GAIN`` in the mean, and by more than one standard error, which is not taken for small because a
+    few images agree (``PRIOR_SPREAD``).
+    """
+    begin = time.monotonic()
+    bench, count = Bench(labelled), len(labelled)
+    plain = Trial({}, {number: bench.overlap(number, {}) for number in range(count)})
+    trials, source = [plain], settings()
+    while time.monotonic() - begin < budget:
+        bracket = [Trial(setting) for setting in islice(source, BRACKET)]
+        if not bracket:
+            break
+        _halve(bracket, bench, count, begin + budget)
+        trials += bracket
+        tell(f"{len(trials) - 1} settings tried, best {max(_whole(trials, count), key=_worth).mean:.3f}")
+    whole = _whole(trials, count)
+    best = max(whole, key=_worth)
+    left_out = _left_out(whole, count)
+    kept = not _better(left_out, plain, best)
+    found = Tuned(
+        setting={} if kept else best.setting,
+        best=best.setting,
+        before=tuple(plain.found[number] for number in range(count)),
+        after=tuple(best.found[number] for number in range(count)),
+        left_out=left_out,
+        sensitivity=_sensitivity(trials),
+        tried=len(trials) - 1,
+        seconds=0.0,
+    )
+    return replace(found, seconds=time.monotonic() - begin)
+
+
+def before_and_after(labelled: Sequence[Labelled], tuned: Tuned) -> list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+    """The region on each image with the parameters as they were, and with the best setting; empty where there is none."""
+    bench = Bench(labelled)
+    pairs = []
+    for number, one in enumerate(labelled):
+        found = [bench.mask(number, setting) for setting in ({}, tuned.best)]
+        before, after = (np.zeros(one.truth.shape, np.bool_) if mask is None else mask for mask in found)
+        pairs.append((before, after))
+    return pairs
+
+
+def _halve(bracket: list[Trial], bench: Bench, count: int, end: float) -> None:
+    """Try all on the first images, the better half on as many more, and so on until all images are seen."""
+    left, seen = bracket, 0
+    while left and seen < count:
+        upto = min(count, max(FIRST_IMAGES, 2 * seen))
+        for trial in left:
+            for number in range(seen, upto):
+                trial.found[number] = bench.overlap(number, trial.setting)
+            if time.monotonic() > end and seen == 0:
+                break
+        seen = upto
+        left = sorted((trial for trial in left if len(trial.found) == seen), key=_worth, reverse=True)
+        left = left[: max(1, len(left) // 2)]
+
+
+def _whole(trials: Sequence[Trial], count: int) -> list[Trial]:
+    return [trial for trial in trials if len(trial.found) == count]
+
+
+def _worth(trial: Trial) -> float:
+    return trial.mean
+
+
+def _left_out(whole: Sequence[Trial], count: int) -> tuple[float, ...]:
+    """IoU of each image with the setting that is best on the others; from one image, with the first."""
+    if count < 2:
+        return tuple(whole[0].found.values())
+    found = []
+    for number in range(count):
+        best = max(whole, key=lambda one, number=number: mean(v for at, v in one.found.items() if at != number))  # type: ignore[misc]
+        found.append(best.found[number])
+    return tuple(found)
+
+
+def _better(left_out: Sequence[float], plain: Trial, best: Trial) -> bool:
+    gains = [after - plain.found[number] for number, after in enumerate(left_out)]
+    if best is plain or len(gains) < 2:
+        return False
+    noise = max(PRIOR_SPREAD / len(gains) ** 0.5, pstdev(gains) / (len(gains) - 1) ** 0.5)
+    return bool(mean(gains) > max(LEAST_GAIN, noise))
+
+
+def _sensitivity(trials: Sequence[Trial]) -> tuple[tuple[str, float], ...]:
+    """How far the means of the values of each key lie apart, on the images that all settings were tried on."""
+    figures = []
+    keys = dict.fromkeys(key for trial in trials for key in trial.setting)
+    for key in keys:
+        groups: dict[str, list[float]] = {}
+        for trial in trials:
+            if key in trial.setting and len(trial.found) >= FIRST_IMAGES:
+                first = [trial.found[number] for number in range(FIRST_IMAGES)]
+                groups.setdefault(str(trial.setting[key]), []).append(mean(first))
+        means = [mean(group) for group in groups.values()]
+        figures.append((key, max(means) - min(means) if means else 0.0))
+    return tuple(sorted(figures, key=lambda one: -one[1]))

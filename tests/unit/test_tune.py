@@ -1,0 +1,129 @@
+"""``ffseg tune``: finds what masks ask for, keeps what is at hand where nothing is better, and says which."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from itertools import islice
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from ffseg.batch.learning.gather import gather
+from ffseg.batch.learning.page import to_html, to_yaml, told
+from ffseg.batch.learning.space import applied, halton, settings
+from ffseg.batch.learning.tune import Trial, Tuned, _better, _left_out, _sensitivity, before_and_after, tune
+from ffseg.parameters import load_params
+
+SHAPE = (90, 130)
+
+
+def disc(x: float, y: float, radius: float) -> np.ndarray:
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    return (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
+
+
+def written(folder: Path, *, lined: bool) -> Path:
+    """Four bright discs; with `lined`, the masks go on beyond weak lines that the defaults stop at."""
+    (folder / "in").mkdir()
+    (folder / "truth").mkdir()
+    for number in range(4):
+        rng = np.random.default_rng(number)
+        image, inside = rng.normal(60, 1, SHAPE), disc(60 + number, 45, 32)
+        image[inside] += 120
+        if lined:
+            image[disc(60 + number, 45, 16) ^ disc(60 + number, 45, 14)] += 12
+        cv2.imwrite(str(folder / "in" / f"{number}.png"), np.clip(image, 0, 255).astype(np.uint8))
+        cv2.imwrite(str(folder / "truth" / f"{number}.png"), inside.astype(np.uint8) * np.uint8(255))
+    return folder
+
+
+SET = {"init.center": [60, 45], "init.radius": 6}
+
+
+def test_tuning_passes_the_lines_that_masks_pass(tmp_path: Path) -> None:
+    folder = written(tmp_path, lined=True)
+    command = [sys.executable, "-m", "ffseg", "tune", str(folder / "in"), "--truth", str(folder / "truth")]
+    command += [
+        "--out",
+        str(folder / "mine.yaml"),
+        "--page",
+        str(folder / "tune.html"),
+        "--budget",
+        "2",
+        "--json",
+        "-q",
+    ]
+    command += ["--set", "init.center=[60,45]", "--set", "init.radius=6", "--set", "edges.source=gradient"]
+    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert max(found["before"]) < 0.5
+    assert min(found["left_out"]) > 0.9
+    assert found["setting"]
+    params = load_params(str(folder / "mine.yaml"), SET)
+    assert params.edges.canny == tuple(found["setting"]["edges.canny"])
+    text = (folder / "mine.yaml").read_text()
+    assert "best on the others" in text
+    page = (folder / "tune.html").read_text()
+    assert page.count("<img") == 8
+    assert "before" in page
+
+
+def test_where_nothing_is_better_the_parameters_are_kept(tmp_path: Path) -> None:
+    folder = written(tmp_path, lined=False)
+    params = load_params(None, SET)
+    labelled = gather([str(folder / "in")], str(folder / "truth"), params).labelled
+    found = tune(labelled, 1.0, lambda _: None)
+    assert min(found.before) > 0.95
+    assert found.setting == {}
+    assert "they are kept" in to_yaml(found)
+    path = tmp_path / "kept.yaml"
+    path.write_text(to_yaml(found))
+    assert load_params(str(path)) == load_params()
+    masks = before_and_after(labelled, found)
+    assert to_html(found, labelled, masks).count("<section>") == 4
+
+
+def test_settings_are_spread_and_differ() -> None:
+    drawn = list(islice(settings(), 100))
+    assert len({str(one) for one in drawn}) == 100
+    assert len({str(one["edges.canny"]) for one in drawn}) == 10
+    assert [halton(index, 2) for index in (1, 2, 3, 4)] == [0.5, 0.25, 0.75, 0.125]
+    params = applied(load_params(), drawn[0])
+    assert params.edges.sigma == drawn[0]["edges.sigma"]
+    assert load_params(None, {key: list(v) if isinstance(v, tuple) else v for key, v in drawn[0].items()}) == params
+
+
+def test_an_image_is_measured_with_what_is_best_on_the_others() -> None:
+    one, two = Trial({"a": 1}, {0: 0.9, 1: 0.2, 2: 0.2}), Trial({"a": 2}, {0: 0.1, 1: 0.8, 2: 0.7})
+    assert _left_out([one, two], 3) == (
+        0.1,
+        0.2,
+        0.2,
+    )  # the others of 0 speak for the second, those of 1 and 2 for the first
+
+
+@pytest.mark.parametrize(
+    ("gains", "better"),
+    [((0.3, 0.3, 0.3), True), ((0.1, 0.1, 0.1), False), ((0.9, -0.1, -0.1), False), ((0.3, 0.2, 0.05), True)],
+)
+def test_a_gain_must_be_above_the_noise(gains: tuple[float, ...], better: bool) -> None:
+    plain = Trial({}, dict.fromkeys(range(3), 0.5))
+    best = Trial({"a": 1}, dict(enumerate(0.5 + gain for gain in gains)))
+    assert _better([0.5 + gain for gain in gains], plain, best) is better
+    assert not _better([0.9, 0.9, 0.9], plain, plain)
+
+
+def test_sensitivity_is_the_span_of_the_means() -> None:
+    trials = [Trial({}, {0: 1.0, 1: 1.0}), Trial({"a": 1, "b": 1}, {0: 0.2, 1: 0.4}),
+              Trial({"a": 2, "b": 1}, {0: 0.8, 1: 0.8}), Trial({"a": 2, "b": 2}, {0: 0.6})]  # fmt: skip
+    assert dict(_sensitivity(trials)) == pytest.approx({"a": 0.5, "b": 0.0})
+
+
+def test_one_image_says_nothing_of_others() -> None:
+    found = Tuned({}, {"edges.sigma": 2.0}, (0.5,), (0.9,), (0.5,), (), 3, 1.0)
+    assert not any("others" in line for line in told(found))
