@@ -82,7 +82,7 @@ def test_a_mask_larger_than_any_image_is_refused_unread(tmp_path: Path, ffseg_co
         file.truncate(1 << 40)
     done = ffseg_command("run", SAMPLES, "--out", tmp_path / "out", "--set", f"domain.mask={tmp_path / 'large.png'}")
     assert done.returncode == 2
-    assert "large.png: the file has 1099511627776 bytes, the limit is" in done.stderr
+    assert "large.png cannot be used: the file has 1099511627776 bytes, the limit is" in done.stderr
 
 
 def test_a_pipe_for_a_truth_is_not_waited_for(tmp_path: Path, ffseg_command: Run) -> None:
