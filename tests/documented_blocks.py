@@ -16,24 +16,30 @@ OWN_SAMPLES = ("README.md", "tutorial.md")
 SHELLS = {"bash": ["bash", "-e", "-c"], "zsh": ["zsh", "-f", "-e", "-i", "-c"]}
 """An interactive zsh takes no comments and refuses patterns that match nothing, as when a line is pasted."""
 _BLOCK = re.compile(
-    r"(<!-- not run: [^\n]+ -->\n)?^```(sh|python)\n(.*?)^```$(?:\n+```output\n(.*?)^```$)?", re.DOTALL | re.MULTILINE
+    r"(?:<!-- (not run|run with): ([^\n]+) -->\n)?^```(sh|python)\n(.*?)^```$(?:\n+```output\n(.*?)^```$)?",
+    re.DOTALL | re.MULTILINE,
 )
-"""A block, the mark that it cannot be run here, and what it prints."""
+"""A mark that a block cannot be run here or needs a module, the block, and what it prints."""
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A piece of code of a page: language, code, and what it prints where the page shows it."""
+    """A piece of code of a page: language, code, what it prints where the page shows it, a module of an extra it needs."""
 
     language: str
     code: str
     output: str | None
+    needs: str = ""
 
 
 def blocks(page: Path) -> list[Block]:
     """Blocks of a page that are to be run."""
     found = _BLOCK.findall(page.read_text("utf-8"))
-    return [Block(language, code, output or None) for mark, language, code, output in found if not mark]
+    return [
+        Block(language, code, output or None, reason if mark else "")
+        for mark, reason, language, code, output in found
+        if mark != "not run"
+    ]
 
 
 def pages() -> list[Path]:
@@ -42,11 +48,15 @@ def pages() -> list[Path]:
 
 
 def prepare(folder: Path, page: Path, scripts: Path) -> dict[str, str]:
-    """Give a reader's folder two photographs, and the samples where the page supposes them; the environment to use."""
+    """Give a reader's folder photographs and masks, and the samples where the page supposes them; the environment."""
     photos = folder / "photos"
     photos.mkdir(parents=True)
     for name in ("simple.png", "complex.png"):
         shutil.copyfile(ROOT / "samples" / name, photos / name)
+    shutil.copytree(ROOT / "samples" / "truth", folder / "masks")
+    (folder / "own").mkdir()
+    for mask in (folder / "masks").glob("*.png"):
+        shutil.copyfile(ROOT / "samples" / mask.name, folder / "own" / mask.name)
     environment = {**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}", "HOME": str(folder)}
     if page.name not in OWN_SAMPLES:
         subprocess.run(
@@ -56,7 +66,9 @@ def prepare(folder: Path, page: Path, scripts: Path) -> dict[str, str]:
 
 
 def run(block: Block, shell: str, folder: Path, environment: dict[str, str]) -> str:
-    """Run a block; what is wrong, or empty."""
+    """Run a block; what is wrong, or empty, also where what it needs is not installed."""
+    if block.needs and _without(block.needs, environment):
+        return ""
     command = [*SHELLS[shell], block.code] if block.language == "sh" else ["python", "-c", block.code]
     done = subprocess.run(
         command, cwd=folder, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=600,
@@ -67,6 +79,11 @@ def run(block: Block, shell: str, folder: Path, environment: dict[str, str]) -> 
     if block.output is not None and _words(done.stdout) != _words(block.output):
         return f"printed something else\n{block.code}\n{done.stdout}"
     return ""
+
+
+def _without(module: str, environment: dict[str, str]) -> bool:
+    command = ["python", "-c", f"import importlib.util as u; raise SystemExit(u.find_spec({module!r}) is None)"]
+    return subprocess.run(command, env=environment, check=False).returncode != 0
 
 
 def _words(text: str) -> list[str]:

@@ -13,6 +13,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "ffseg segment photos/simple.png simple.svg simple.png",
         "ffseg segment - - --as geojson < photos/simple.png > simple.geojson",
     ),
+    "learn": (
+        "ffseg learn own --truth masks --out own.ffmodel",
+        "ffseg run own --out learned --set edges.model=own.ffmodel --truth masks",
+    ),
     "compare": (
         "ffseg compare pictures --out table --truth pictures/truth",
         "ffseg compare photos --out peers --methods freeform,cv_edges_opened --truth pictures/truth --min-iou freeform=0.99",
@@ -30,7 +34,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "report": ("ffseg report out", "ffseg report out --images photos"),
     "merge": ("for i in 1 2 3; do ffseg run photos --out parts --shard $i/3; done; ffseg merge parts",),
 }
-"""By the words of the command; they use a folder ``photos`` and the samples in ``pictures``."""
+"""By the words of the command; they use folders ``photos``, ``own`` with its ``masks``, and the samples in ``pictures``."""
 
 
 def epilog(command: str) -> str | None:
