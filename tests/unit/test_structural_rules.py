@@ -173,3 +173,20 @@ def test_components_are_judged_without_their_own_points() -> None:
         assert doubt.steps[place] == pytest.approx(step, abs=1e-6)
         scatter = max(1.0, float(white @ white) / (2 * others.sum() - 5))
         assert doubt.covariances[place] == pytest.approx(np.linalg.inv(normal) * scatter, rel=1e-6, abs=1e-15)
+
+
+def test_placements_keep_what_stands_above_noise() -> None:
+    from ffseg.freespace.motion.tracking import NOISE_SLOPES, placed
+    from ffseg.image.keypoints import limited
+
+    random = np.random.default_rng(3)
+    root = random.normal(0, 8, (40, 2, 2))
+    information = np.concatenate([root @ np.swapaxes(root, 1, 2), np.zeros((1, 2, 2)), 90.0 * np.eye(2)[None]])
+    noise = np.concatenate([random.uniform(0.1, 1.0, 41), [1.0]])
+    found = placed(Alignments(np.zeros((42, 2)), np.ones(42), information, noise), 6, 0.15)
+    values, vectors = np.linalg.eigh(information)
+    values = np.maximum(values - (NOISE_SLOPES * 169 * noise)[:, None], 0.0)
+    expected = limited((vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2), 0.15)
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert (found[values[:, 1] == 0.0] == 0.0).all()
+    assert (values[:, 1] == 0.0).any()

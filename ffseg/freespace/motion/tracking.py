@@ -41,6 +41,8 @@ FAR_STEPS = 8
 """Pixels at half the resolution that a far look reaches to either side."""
 FAR_SCORE = 0.6
 """Correlation of the best place of a far look; with 289 places noise alone reaches 0.45."""
+TINY = 1e-12
+"""1/px^2; keeps directions of a placement that knows none from being 0/0."""
 FAINT = 1e-9
 """1/px^2; keeps a placement along an edge from being singular."""
 
@@ -89,7 +91,8 @@ def tracked(camera: Camera, motion: Motion, pair: tuple[Grey, Grey], evidence: E
         information = placed(found, PATCH_RADIUS, FINEST_SIGMA)
     else:
         found, information = _halved(pair, points, expected, look)
-    sure = np.linalg.eigvalsh(information)[:, 1] > WORST_SIGMA**-2 * (1.0 if look == "full" else 0.25)
+    half, skew, both = _symmetric(information)
+    sure = half + np.hypot(skew, both) > WORST_SIGMA**-2 * (1.0 if look == "full" else 0.25)
     good = (found.score > LEAST_SCORE) & sure & np.isfinite(found.pixels).all(axis=1)
     asked = int(np.count_nonzero(good | (owner != FREE)))
     information = information[good] + FAINT * np.eye(2)
@@ -99,9 +102,19 @@ def tracked(camera: Camera, motion: Motion, pair: tuple[Grey, Grey], evidence: E
 def placed(found: Alignments, radius: int, finest: float) -> Array:
     """Information of placements above what noise alone pretends to, and no finer than `finest` pixels."""
     pretended = NOISE_SLOPES * (2 * radius + 1) ** 2 * found.noise
-    values, vectors = np.linalg.eigh(np.nan_to_num(found.information))
-    values = np.maximum(values - np.nan_to_num(pretended)[:, None], 0.0)
-    return limited((vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2), finest)
+    information, pretended = np.nan_to_num(found.information), np.nan_to_num(pretended)
+    half, skew, both = _symmetric(information)
+    length = np.hypot(skew, both)
+    large, small = (np.maximum(half + sign * length - pretended, 0.0) for sign in (1.0, -1.0))
+    mean, bend = 0.5 * (large + small), 0.5 * (large - small) / np.maximum(length, TINY)
+    rows = [mean + bend * skew, bend * both, bend * both, mean - bend * skew]
+    return limited(np.stack(rows, axis=1).reshape(-1, 2, 2), finest)
+
+
+def _symmetric(information: Array) -> tuple[Array, Array, Array]:
+    """Mean and half the difference of the diagonal, and the corner, of matrices of shape (n, 2, 2)."""
+    a, b, _, d = information.reshape(-1, 4).T
+    return 0.5 * (a + d), 0.5 * (a - d), b
 
 
 def _halved(pair: tuple[Grey, Grey], points: Array, expected: Candidates, look: Look) -> tuple[Alignments, Array]:
