@@ -21,7 +21,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import harness
-from mutants import FREEFORM, Mutant
+from mutants import NATIVE
 from mutations import ROOT, native_core
 
 MARK = "figures: "
@@ -32,62 +32,46 @@ class Departure:
     """What the paper does not have, and how to do without it."""
 
     name: str
-    faults: tuple[Mutant, ...] = ()
+    faults: tuple[int, ...] = ()  # numbers in the list of the mutation campaign
     settings: Mapping[str, object] = field(default_factory=dict)
 
 
-def _without(name: str, *changes: tuple[str, str, str]) -> Departure:
-    return Departure(name, tuple(Mutant(FREEFORM + file, old, new) for file, old, new in changes))
+def _without(name: str, *olds: str) -> Departure:
+    """A departure that faults of the mutation campaign switch off."""
+    return Departure(name, tuple(next(n for n, fault in enumerate(NATIVE, 1) if fault.old == old) for old in olds))
 
 
 DEPARTURES = (
     Departure("none: the method as it is"),
     Departure("attraction after the contour has stopped (`contour.settle`)", settings={"contour.settle": 0}),
+    _without("settled contours untangled", "if (options_.topology) Untangle<D>(settled_).run();"),
+    _without("settled contours laid out every 3 px (but 12)", "lay_out(std::min(spacing, kSettledSpacing));"),
+    _without("steps near edges of at most 2 px (but 5)", "std::max(kCautiousStep, known)"),
     _without(
-        "settled contours are untangled", ("evolution.cpp", "if (options_.topology) Untangle<D>(settled_).run();", "")
+        "the curve between samples kept off edges", "free + ahead < kBulge * motion.chord[k] + 2 * options_.balloon"
     ),
+    _without("patches that meet an edge split", "pool_[i].wants_split && pool_[i].budget > 0 && splittable(i)"),
+    _without("short patches pruned while it grows", "size < shortest && remove(i)"),
+    _without("folds straightened", "dot(after, before) < 0"),
+    _without("curves that swing made of a lower degree", "polygon > kSwing * size"),
     _without(
-        "a settled contour is laid out anew every 3 px",
-        ("settle.hpp", "lay_out(std::min(spacing, kSettledSpacing));", "lay_out(spacing);"),
+        "adjacent patches flipped as well", "for (std::size_t at = 0; at < count; ++at) flip_adjacent(active_[at]);"
     ),
-    _without("short steps near edges", ("move.hpp", "std::max(kCautiousStep, known)", "wanted")),
+    _without("patches that may hold an edge halved before they flip", "std::max(length(i), length(j)) > kFlipLength"),
     _without(
-        "the curve between samples is kept off edges",
-        ("move.hpp", "free + ahead < kBulge * motion.chord[k] + 2 * options_.balloon", "false"),
+        "curves joined at their crossing where swapped halves cross",
+        "if (visit_crossings(p, q, [](int, int) { return true; })) return false;",
     ),
+    _without("components of negligible area dropped", "std::abs(area) < kVoidArea"),
     _without(
-        "patches that meet an edge are split",
-        ("refine.hpp", "pool_[i].wants_split && pool_[i].budget > 0 && splittable(i)", "false"),
+        "what lies in ground covered already dropped",
+        "beside > 0 && std::isfinite(beside) && nested(large)",
+        "if ((real && small == inner) || nested(small)) drop(small);",
+        "if (loop_contains(outer, pool_[within].m[0])) drop_or_wait(within);",
+        "if (options_.topology) drop_nested();",
     ),
-    _without("samples are spaced evenly along the tangent", ("move.hpp", "0.25 * (motion.chord[k] - back)", "0.0")),
-    _without("short patches are pruned while it grows", ("refine.hpp", "size < shortest && remove(i)", "false")),
-    _without("folds are straightened", ("refine.hpp", "dot(after, before) < 0", "false")),
-    _without("curves that swing take a lower degree", ("refine.hpp", "polygon > kSwing * size", "false")),
-    _without(
-        "adjacent patches flip as well",
-        ("flip.hpp", "for (std::size_t at = 0; at < count; ++at) flip_adjacent(active_[at]);", ""),
-    ),
-    _without(
-        "patches that may hold an edge are halved before they flip",
-        ("flip.hpp", "std::max(length(i), length(j)) > kFlipLength", "false"),
-    ),
-    _without(
-        "where swapped halves cross, curves are joined at their crossing",
-        ("flip.hpp", "if (visit_crossings(p, q, [](int, int) { return true; })) return false;", ""),
-    ),
-    _without("components of negligible area are dropped", ("components.hpp", "std::abs(area) < kVoidArea", "false")),
-    _without(
-        "what lies in ground covered already is dropped",
-        ("components.hpp", "beside > 0 && std::isfinite(beside) && nested(large)", "false"),
-        ("components.hpp", "if ((real && small == inner) || nested(small)) drop(small);", ""),
-        ("components.hpp", "if (loop_contains(outer, pool_[within].m[0])) drop_or_wait(within);", ""),
-    ),
-    _without(
-        "edges are made 4-connected",
-        ("field.cpp", "here | (above & ((left & (up_left ^ kOnes)) | (right & (up_right ^ kOnes))))", "here"),
-    ),
+    _without("edges 4-connected", "here | (above & ((left & (up_left ^ kOnes)) | (right & (up_right ^ kOnes))))"),
 )
-SWITCHES = tuple(dict.fromkeys(fault for departure in DEPARTURES for fault in departure.faults))
 
 
 def measure(settings: Mapping[str, object], scenes: int, method: str) -> dict[str, float]:
@@ -117,7 +101,7 @@ def measure(settings: Mapping[str, object], scenes: int, method: str) -> dict[st
 
 def row(core: Path, departure: Departure, scenes: int, method: str = "freeform") -> dict[str, float] | None:
     """Figures with some switches on; None when the process does not end within minutes or crashes."""
-    numbers = ",".join(str(1 + SWITCHES.index(fault)) for fault in departure.faults)
+    numbers = ",".join(map(str, departure.faults))
     env = {**os.environ, "FFSEG_OTHER_CORE": str(core), "FFSEG_MUTANT": numbers}
     what = json.dumps({"settings": dict(departure.settings), "scenes": scenes, "method": method})
     command = [sys.executable, "-m", "tests.campaigns.ablation", "--measure", what]
@@ -134,7 +118,7 @@ def main() -> int:
     arguments = harness.parser(__doc__)
     arguments.add_argument("--scenes", type=int, default=100)
     given = arguments.parse_args()
-    core = native_core(given.work, SWITCHES)
+    core = native_core(given.work)
     print("| without | faulty scenes | least IoU | mean IoU | evolution ms |\n| --- | --- | --- | --- | --- |")
     begin = time.monotonic()
     for departure in (*DEPARTURES, Departure("`method: paper`")):

@@ -94,16 +94,21 @@ def native_core(work: Path, mutants: Sequence[Mutant] = tuple(NATIVE)) -> Path:
         compiling.CORE = original
 
 
-def python_tree(work: Path, mutant: Mutant | None) -> Path:
-    """A copy of the package with one fault."""
+def python_tree(work: Path, mutants: Sequence[Mutant]) -> Path:
+    """A copy of the package, the files of these faults as they are."""
     tree = work / "tree"
-    shutil.rmtree(tree, ignore_errors=True)
-    shutil.copytree(ROOT / "ffseg", tree / "ffseg", ignore=shutil.ignore_patterns("*.so", "__pycache__"))
-    shutil.copytree(ROOT / "configs", tree / "configs")
-    if mutant is not None:
-        path = tree / "ffseg" / mutant.file
-        path.write_text(path.read_text("utf-8").replace(mutant.old, mutant.new), "utf-8")
+    if not tree.is_dir():
+        shutil.copytree(ROOT / "ffseg", tree / "ffseg", ignore=shutil.ignore_patterns("*.so", "__pycache__"))
+        shutil.copytree(ROOT / "configs", tree / "configs")
+    for file in {mutant.file for mutant in mutants}:
+        shutil.copyfile(ROOT / "ffseg" / file, tree / "ffseg" / file)
     return tree
+
+
+def put_in(tree: Path, mutant: Mutant) -> None:
+    """Write the file of a fault with the fault."""
+    text = (ROOT / "ffseg" / mutant.file).read_text("utf-8")
+    (tree / "ffseg" / mutant.file).write_text(text.replace(mutant.old, mutant.new), "utf-8")
 
 
 def tested(group: str, env: dict[str, str], limit: float | None) -> tuple[str, float]:
@@ -114,7 +119,7 @@ def tested(group: str, env: dict[str, str], limit: float | None) -> tuple[str, f
     try:
         done = subprocess.run(
             [*command, *NEAREST[group]], cwd=ROOT, capture_output=True, text=True, timeout=limit, check=False,
-            env={**os.environ, **env, "PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"},
+            env={**os.environ, **env, "PYTHONPATH": paths},
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return "takes for ever", time.monotonic() - begin
@@ -132,7 +137,8 @@ def campaign(work: Path, group: str, first: int = 1) -> Iterator[tuple[Mutant, s
     if group == "native":
         env = {"FFSEG_OTHER_CORE": str(native_core(work)), "FFSEG_MUTANT": "0"}
     else:
-        env = {"FFSEG_OTHER_TREE": str(python_tree(work, None))}
+        shutil.rmtree(work / "tree", ignore_errors=True)
+        env = {"FFSEG_OTHER_TREE": str(python_tree(work, mutants))}
     failed, seconds = tested(group, env, None)
     assert failed == "", f"without a fault {failed} fails"
     for number, mutant in list(enumerate(mutants, 1))[first - 1 :]:
@@ -142,7 +148,7 @@ def campaign(work: Path, group: str, first: int = 1) -> Iterator[tuple[Mutant, s
             env["FFSEG_MUTANT"] = str(number)
             yield mutant, tested(group, env, 2 * seconds + LIMIT)[0]
         else:
-            python_tree(work, mutant)
+            put_in(python_tree(work, mutants), mutant)
             yield mutant, tested(group, env, 2 * seconds + LIMIT)[0]
 
 

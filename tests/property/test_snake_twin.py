@@ -69,6 +69,7 @@ def options_of(rng: np.random.Generator, shrinking: bool) -> _core.SnakeOptions:
     options.balloon = rng.uniform(0.4, 3.0) * (-1 if shrinking else 1)
     options.attraction = rng.uniform(0, 4)
     options.spacing = rng.uniform(3, 9)
+    options.tolerance, options.refine, options.max_iterations = 0.05, True, 2000
     return options
 
 

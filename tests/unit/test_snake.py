@@ -159,7 +159,7 @@ def test_callbacks_do_not_change_the_result() -> None:
 
 def test_stiff_forces_move_far_points_step_by_step() -> None:
     shape, options = (400, 500), _core.SnakeOptions()
-    options.tension, options.rigidity, options.refine = 1000.0, 0.0, False
+    options.tension, options.spacing, options.max_iterations = 1000.0, 6.0, 10
     start = np.array([[20.0, 20.0], [480, 20], [480, 380], [250, 200], [20, 380]])
     nothing = np.zeros(shape, np.uint16)
     free = _core.Snake(start, nothing, nothing.astype(np.uint8), None, np.empty((0, 4)), 0.1, options)
@@ -178,6 +178,7 @@ def test_two_starts_are_refused() -> None:
 def test_the_core_refuses_what_it_cannot_run_on() -> None:
     gradient, edges = np.zeros((8, 8), np.uint16), np.zeros((8, 8), np.uint8)
     none, options = np.empty((0, 4)), _core.SnakeOptions()
+    options.spacing = 6.0
     with pytest.raises(ValueError, match="not finite"):
         _core.Snake(np.full((6, 2), np.nan), gradient, edges, None, none, 0.1, options)
     with pytest.raises(ValueError, match="size"):

@@ -129,7 +129,7 @@ nb::tuple py_start_band(const Plane8& inside, const Points& points, const Offset
 }
 
 struct LevelSetOptions {
-    int stop = 1, reach = 4;
+    int stop = 0, reach = 0;  // defaults live with the parameters
     bool closing_in = false;
     double min_area = 0.0;
 };

@@ -8,14 +8,15 @@
 
 namespace ffseg::snake {
 
+// Defaults live with the parameters.
 struct SnakeOptions {
-    double tension = 0.02, rigidity = 0.02;  // weights of first and second differences
-    double balloon = 2.0;                    // px per iteration; negative closes in
-    double attraction = 2.5;  // px^2; the edge force is attraction * grad ln |grad I| along the normal
-    double spacing = 6.0;  // px; longer stretches get a point, a third of it loses one
-    double tolerance = 0.05;  // px; points that move less have stopped
-    bool refine = true;
-    int max_iterations = 2000;
+    double tension = 0.0, rigidity = 0.0;  // weights of first and second differences
+    double balloon = 0.0;                  // px per iteration; negative closes in
+    double attraction = 0.0;  // px^2; the edge force is attraction * grad ln |grad I| along the normal
+    double spacing = 0.0;     // px; longer stretches get a point, a third of it loses one
+    double tolerance = 0.0;   // px; points that move less have stopped
+    bool refine = false;
+    int max_iterations = 0;
 };
 
 // A matched interest point of a camera pair: points of low altitude switch off the edges within `radius` px, points
