@@ -1,7 +1,7 @@
 """Which small faults the tests nearest to them notice: the flip, pruning, splitting, the filter, movement and settling of the
 free form, the structural test and motion.
 
-``python -m tests.campaigns.mutations --work DIR [--only native|structural|motion] [--first N]``
+``python -m tests.campaigns.mutations --work DIR [--only native|structural|motion] [--numbers 1,2,...]``
 
 Faults of the core are compiled together, each behind a switch, so that one build serves all; those of Python go into a
 copy of the package, one after the other. A fault is noticed when a test fails, or takes longer than a minute.
@@ -130,8 +130,8 @@ def tested(group: str, env: dict[str, str], limit: float | None) -> tuple[str, f
     return (lines[0].split(" - ")[0].split("::")[-1] if lines else f"exit code {done.returncode}"), seconds
 
 
-def campaign(work: Path, group: str, first: int = 1) -> Iterator[tuple[Mutant, str]]:
-    """Each fault of a group with the test that noticed it, or nothing."""
+def campaign(work: Path, group: str, numbers: Sequence[int] = ()) -> Iterator[tuple[int, Mutant, str]]:
+    """Each fault of a group, or those of these numbers, with the test that noticed it, or nothing."""
     work.mkdir(parents=True, exist_ok=True)
     mutants = {"native": NATIVE, "structural": STRUCTURAL, "motion": MOTION}[group]
     if group == "native":
@@ -141,26 +141,29 @@ def campaign(work: Path, group: str, first: int = 1) -> Iterator[tuple[Mutant, s
         env = {"FFSEG_OTHER_TREE": str(python_tree(work, mutants))}
     failed, seconds = tested(group, env, None)
     assert failed == "", f"without a fault {failed} fails"
-    for number, mutant in list(enumerate(mutants, 1))[first - 1 :]:
+    for number, mutant in enumerate(mutants, 1):
+        if numbers and number not in numbers:
+            continue
         if is_stale(mutant):
-            yield mutant, STALE
+            yield number, mutant, STALE
         elif group == "native":
             env["FFSEG_MUTANT"] = str(number)
-            yield mutant, tested(group, env, 2 * seconds + LIMIT)[0]
+            yield number, mutant, tested(group, env, 2 * seconds + LIMIT)[0]
         else:
             put_in(python_tree(work, mutants), mutant)
-            yield mutant, tested(group, env, 2 * seconds + LIMIT)[0]
+            yield number, mutant, tested(group, env, 2 * seconds + LIMIT)[0]
 
 
 def main() -> int:
     """Run the campaign; 1 when a fault that can be noticed was not, or the code has left one behind."""
     arguments = harness.parser(__doc__)
     arguments.add_argument("--only", choices=tuple(NEAREST))
-    arguments.add_argument("--first", type=int, default=1, help="number of the first fault of the group")
+    arguments.add_argument("--numbers", default="", help="of faults in their group, with commas; all without")
     given = arguments.parse_args()
+    numbers = [int(number) for number in given.numbers.split(",") if number]
     counts = {"noticed": 0, "survived": 0, "without effect": 0, "stale": 0}
     for group in [given.only] if given.only else NEAREST:
-        for number, (mutant, test) in enumerate(campaign(given.work, group, given.first), given.first):
+        for number, mutant, test in campaign(given.work, group, numbers):
             word = (
                 "stale" if test == STALE else "noticed" if test else "without effect" if mutant.effect else "survived"
             )
