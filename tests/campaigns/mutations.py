@@ -48,7 +48,7 @@ NEAREST = {
         "tests/unit/test_freeform_steps.py", "tests/unit/test_samples_segmented.py",
         "tests/unit/test_freeform_components.py", "tests/unit/test_core_regressions.py",
     ),
-    "structural": ("tests/unit/test_structural_votes.py", "tests/unit/test_camera_pairs.py"),
+    "structural": ("tests/unit/test_structural_votes.py",),
     "motion": ("tests/unit/test_motion_parts.py", "tests/unit/test_camera_motion.py"),
 }  # fmt: skip
 """Tests of each group, quickest first."""
