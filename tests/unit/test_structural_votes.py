@@ -69,8 +69,8 @@ def test_verdicts(
 
 def test_without_a_motion_or_enough_pixels_nothing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert verdict(monkeypatch, [LOW] * 6, 10, 0, known=False) == "untested"
-    assert verdict(monkeypatch, [LOW] * 6, 10, 0, area=structural.LEAST_AREA - 1) == "untested"
-    assert verdict(monkeypatch, [LOW] * 6, 10, 0, area=structural.LEAST_AREA) == "false_obstacle"
+    assert verdict(monkeypatch, [LOW] * 6, 10, 0, area=29) == "untested"
+    assert verdict(monkeypatch, [LOW] * 6, 10, 0, area=30) == "false_obstacle"
 
 
 def judged(
