@@ -145,8 +145,8 @@ def _body(forest: Forest) -> bytes:
     return b"".join(np.asarray(forest.arrays[name], kind).tobytes() for name, kind, _ in ARRAYS)
 
 
-def load_model(path: str | os.PathLike[str]) -> Model:
-    """Read a model file.
+def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = NAMES) -> Model:
+    """Read a model file; `known` are the features that its forests may ask for.
 
     Raises
     ------
@@ -159,12 +159,12 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     except ImageReadError as error:
         raise ParameterError(f"model {name}: {error}; name a file that ffseg learn has written") from error
     try:
-        return from_bytes(data)
+        return from_bytes(data, known)
     except ValueError as error:
         raise ParameterError(f"model {name}: {error}; {REMEDY}") from error
 
 
-def from_bytes(data: bytes) -> Model:
+def from_bytes(data: bytes, known: tuple[str, ...] = NAMES) -> Model:
     """The model in a file.
 
     Raises
@@ -180,7 +180,7 @@ def from_bytes(data: bytes) -> Model:
     length = struct.unpack("<I", data[len(MAGIC) : head])[0]
     if length > min(MAX_HEADER, len(data) - head - 32):
         raise ValueError("its header is longer than it may be")
-    header = _header(data[head : head + length])
+    header = _header(data[head : head + length], known)
     body = data[head + length : -32]
     described = header["forests"]
     sizes = [one[count] * np.dtype(kind).itemsize for one in described.values() for _, kind, count in ARRAYS]
@@ -196,7 +196,7 @@ def from_bytes(data: bytes) -> Model:
     return Model(forests["inside"], forests.get("start"), header["size"], header["about"])
 
 
-def _header(text: bytes) -> dict[str, Any]:
+def _header(text: bytes, known: tuple[str, ...]) -> dict[str, Any]:
     """The header, with values of the types and ranges that they may have."""
     try:
         header: dict[str, Any] = json.loads(text)
@@ -210,11 +210,11 @@ def _header(text: bytes) -> dict[str, Any]:
     if not isinstance(forests, dict) or not {"inside"} <= set(forests) <= {"inside", "start"}:
         raise ValueError("forests in its header does not name 'inside', or names more than 'inside' and 'start'")
     for one in forests.values():
-        _check_forest(one)
+        _check_forest(one, known)
     return header
 
 
-def _check_forest(one: Any) -> None:  # noqa: ANN401 - what JSON held
+def _check_forest(one: Any, known: tuple[str, ...]) -> None:  # noqa: ANN401 - what JSON held
     counts = ("nodes", "trees", "leaves")
     _require_keys(one, {"features", "bias", *counts}, "a forest in its header")
     for count in counts:
@@ -225,7 +225,7 @@ def _check_forest(one: Any) -> None:  # noqa: ANN401 - what JSON held
     names = one["features"]
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise ValueError("features in its header is not a list of names")
-    unknown = [name for name in names if name not in NAMES]
+    unknown = [name for name in names if name not in known]
     if unknown:
         raise ValueError(f"it asks for a feature that this version does not have, {unknown[0][:40]!r}")
 

@@ -13,13 +13,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence.features import enlarged, features
+from ffseg.evidence.features import NAMES, PLACE, Features, enlarged, features
 from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.maps import evidence_edges
+from ffseg.evidence.surroundings import SURROUNDINGS, surroundings
 from ffseg.image.edges import EdgeMap, Scene, gradient_edges
 from ffseg.native import _core
 
 MODEL = Path(__file__).with_name("prior.ffmodel")
+
+SEEN = tuple(name for name in NAMES if name not in PLACE[:4])
+"""Features the forest sees: all but the place in the image and the direction from the start; the distance it sees."""
+
+TAKEN = (*SEEN, *SURROUNDINGS)
 
 SMOOTHING = 3.0
 """Reduced pixels; neighbours vote, so that the seams of tiles and specks of light do not make islands."""
@@ -60,12 +66,12 @@ class Prior:
 
 
 STRIDE = 2
-"""Every second pixel each way is enough for a sum of smooth probabilities."""
+"""Every second pixel each way is asked, and enough for a sum: neighbours say nearly the same."""
 
 
 @lru_cache(maxsize=1)
 def _model() -> tuple[Model, _core.EvidenceForest]:
-    model = load_model(MODEL)
+    model = load_model(MODEL, TAKEN)
     return model, model.inside.compiled()
 
 
@@ -81,13 +87,30 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
     """
     model, native = _model()
     seen = features(image, starts, model.size)
-    found = model.inside.probability(seen.planes, native)
-    odds = np.clip(np.log(found) - np.log1p(-found), -CERTAIN, CERTAIN)
-    votes = np.empty_like(odds)
-    _core.evidence_blur(odds, SMOOTHING, votes)
+    planes = all_planes(seen)[:, ::STRIDE, ::STRIDE]
+    score = np.empty(planes.shape[1:], np.float32)
+    native.score(np.ascontiguousarray(planes), score)
+    odds = np.clip(score + np.float32(model.inside.bias), -CERTAIN, CERTAIN)
+    votes = np.empty(seen.inside.shape, np.float32)
+    _core.evidence_blur(_between(odds, seen.inside.shape), SMOOTHING, votes)
     whole = enlarged(votes, seen.factor, seen.shape)
     whole[starts] = CERTAIN
     return Prior(whole)
+
+
+def all_planes(seen: Features) -> NDArray[np.float32]:
+    """The planes that the forest takes, in its order, shape (F, h, w): those of ``SEEN``, then the surroundings."""
+    return np.concatenate([seen.planes[[NAMES.index(name) for name in SEEN]], surroundings(seen)])
+
+
+def _between(odds: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """The odds of every `STRIDE`-th pixel, and between them their means, shape (h, w)."""
+    rows, columns = (np.arange(length) / STRIDE for length in shape)
+    below, right = (
+        np.minimum(np.ceil(at).astype(np.intp), n - 1) for at, n in zip((rows, columns), odds.shape, strict=True)
+    )
+    tall = np.float32(0.5) * (odds[rows.astype(np.intp)] + odds[below])
+    return np.ascontiguousarray(np.float32(0.5) * (tall[:, columns.astype(np.intp)] + tall[:, right]))
 
 
 def prior_edges(scene: Scene) -> EdgeMap:

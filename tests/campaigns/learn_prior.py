@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence import prior
-from ffseg.evidence.features import NAMES, PLACE, WORKING_SIZE, features
+from ffseg.evidence.features import WORKING_SIZE, features
 from ffseg.evidence.forest import Model, to_bytes
 from ffseg.evidence.learning import SETTINGS, converted, known_pixels
 from ffseg.formats.files import write_bytes_atomic
@@ -34,8 +34,6 @@ from ffseg.parameters import load_params
 from tests.campaigns.real_images import SETS, Outcome, Photograph, evaluate, load
 from tests.campaigns.real_sets import spearman
 
-SEEN = tuple(name for name in NAMES if name not in PLACE[:4])
-"""All but the place in the image and the direction from the start: only the distance."""
 VIEWS = {"road": 6, "seeded_objects": 12, "real_floors/indoor": 9, "real_floors/omni": 18}
 """Starts and lights each image of a set is seen in; sets of few images more often."""
 HALVES = ("even", "odd")
@@ -139,8 +137,7 @@ def samples(seen: Sight, rng: np.random.Generator) -> Samples:
         for one, part in zip(chosen, (1 - share, share), strict=True)
     ]
     at = np.concatenate(chosen)
-    columns_of = [NAMES.index(name) for name in SEEN]
-    planes = found.planes[columns_of].reshape(len(SEEN), -1)
+    planes = prior.all_planes(found).reshape(len(prior.TAKEN), -1)
     return Samples(np.ascontiguousarray(planes[:, at].T), known[at] > 0, np.concatenate(weights))
 
 
@@ -161,7 +158,7 @@ def grow(photographs: Sequence[Photograph], about: str) -> Model:
         weight=weights / weights.mean(),
     )
     booster = lightgbm.train(OTHERS, data, TREES)
-    forest = converted(booster.dump_model()["tree_info"], SEEN)
+    forest = converted(booster.dump_model()["tree_info"], prior.TAKEN)
     return Model(forest, None, WORKING_SIZE, {"images": len(photographs), "part": about})
 
 

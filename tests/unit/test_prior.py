@@ -93,3 +93,25 @@ def test_nothing_to_doubt_where_no_boundary_is() -> None:
 
 def _start() -> dict[str, object]:
     return {"init.center": list(START), "init.radius": START_RADIUS}
+
+
+@pytest.mark.parametrize("contrast", [60, 80, 100])
+def test_faint_edges_of_a_plain_region_in_noise_are_clear_enough(contrast: int) -> None:
+    rows, columns = np.indices((200, 240))
+    inside = np.hypot(columns - 120, rows - 100) < 60
+    noise = np.random.default_rng(1).normal(0, 25, inside.shape)
+    image = np.clip(np.rint(60 + contrast * inside + noise), 0, 255).astype(np.uint8)
+    found = segment(image, load_params(None, {"init.center": [120, 100], "init.radius": 20}))
+    assert found.source == "gradient"
+    assert found.score > 0.9
+    assert iou(found.mask, np.where(inside, np.uint8(255), np.uint8(0))) > 0.99
+
+
+def test_a_clear_thing_among_faint_clutter_keeps_its_own_edges() -> None:
+    rows, columns = np.indices((200, 300))
+    inside = np.hypot(columns - 90, rows - 100) < 45
+    clutter = np.kron(np.random.default_rng(2).normal(0, 9, (25, 38)), np.ones((8, 8)))[:, :300] * (columns > 150)
+    image = np.clip(np.rint(100 + 90 * inside + clutter), 0, 255).astype(np.uint8)
+    found = segment(image, load_params(None, {"init.center": [90, 100], "init.radius": 15}))
+    assert found.source == "gradient"
+    assert iou(found.mask, np.where(inside, np.uint8(255), np.uint8(0))) > 0.995
