@@ -50,8 +50,8 @@ NATIVE = [
         ("field_.encloses_solid(both.data(), both.size())", "false"),
         ("for (int a = D / 2 + 1; a <= D; ++a) joined[a] = q[a];", "for (int a = D / 2 + 2; a <= D; ++a) joined[a] = q[a];"),
         ("num_hits(i) + num_hits(j) <= before", "true"),
-        ("strip_of(box.y1)", "strip_of(box.y0)"),
     ),
+    *_of(FREEFORM + "filter.hpp", ("strip_of(box.y1)", "strip_of(box.y0)")),
     *_of(
         FREEFORM + "components.hpp",
         ("std::abs(area) < kVoidArea", "false"),

@@ -7,7 +7,7 @@
 #include "common/lanes.hpp"
 #include "common/vec.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 
 // A patch of degree D is known by its D + 1 samples M_k = B(k / D); every matrix below acts on them.
 template <int D>
@@ -180,4 +180,4 @@ struct Places {
     }
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

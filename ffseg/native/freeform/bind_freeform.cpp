@@ -16,8 +16,8 @@ using Offsets = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::d
 using Plane8 = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Plane16 = nb::ndarray<const std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
-ffseg::ContourSet contour_set(const Points& points, const Offsets& offsets, int degree) {
-    ffseg::ContourSet set;
+ffseg::freeform::ContourSet contour_set(const Points& points, const Offsets& offsets, int degree) {
+    ffseg::freeform::ContourSet set;
     const std::size_t count = points.shape(0);
     for (std::size_t i = 0; i < count; ++i) {
         const double x = points.data()[2 * i], y = points.data()[2 * i + 1];
@@ -35,7 +35,7 @@ ffseg::ContourSet contour_set(const Points& points, const Offsets& offsets, int 
     return set;
 }
 
-void check(const ffseg::EvolutionOptions& o) {
+void check(const ffseg::freeform::EvolutionOptions& o) {
     const bool sane = o.degree >= 1 && o.degree <= 6 && o.split_threshold >= 1 && o.split_threshold <= 1e6 &&
                       o.balloon > 0 && o.balloon <= 1e3 && o.max_iterations >= 0 && o.clearance >= 0 &&
                       o.clearance <= 1e4 && o.settle >= 0 && o.settle <= 16 && o.ridge_low >= 0;
@@ -44,11 +44,11 @@ void check(const ffseg::EvolutionOptions& o) {
 
 // Holds the evolution only: edge map and domain are read while it is made.
 struct PyEvolution {
-    std::unique_ptr<ffseg::Evolution> evolution;
+    std::unique_ptr<ffseg::freeform::Evolution> evolution;
     std::size_t height, width;
 
     PyEvolution(const Points& points, const Offsets& offsets, const Plane8& edges, std::optional<Plane8> domain,
-                const ffseg::EvolutionOptions& options)
+                const ffseg::freeform::EvolutionOptions& options)
         : height(edges.shape(0)), width(edges.shape(1)) {
         check(options);
         if (height == 0 || width == 0 || height > 65535 || width > 65535) {
@@ -57,10 +57,10 @@ struct PyEvolution {
         if (domain && (domain->shape(0) != height || domain->shape(1) != width)) {
             throw std::invalid_argument("the domain differs in size from the edge map");
         }
-        const ffseg::ContourSet starts = contour_set(points, offsets, options.degree);
+        const ffseg::freeform::ContourSet starts = contour_set(points, offsets, options.degree);
         const std::uint8_t* limits = domain ? domain->data() : nullptr;
         nb::gil_scoped_release release;
-        evolution = ffseg::make_evolution(starts, edges.data(), limits, static_cast<int>(height),
+        evolution = ffseg::freeform::make_evolution(starts, edges.data(), limits, static_cast<int>(height),
                                           static_cast<int>(width), options);
     }
 
@@ -78,7 +78,7 @@ struct PyEvolution {
     }
 
     nb::tuple contours() const {
-        const ffseg::ContourSet set = evolution->contours();
+        const ffseg::freeform::ContourSet set = evolution->contours();
         auto* points = new double[2 * set.points.size() + 1];
         nb::capsule owner(points, [](void* p) noexcept { delete[] static_cast<double*>(p); });
         for (std::size_t i = 0; i < set.points.size(); ++i) {
@@ -92,18 +92,18 @@ struct PyEvolution {
 
     const char* stop_reason() const {
         switch (evolution->stop_reason()) {
-            case ffseg::StopReason::kConverged: return "converged";
-            case ffseg::StopReason::kMaxIterations: return "max_iterations";
-            case ffseg::StopReason::kMaxPatches: return "max_patches";
-            case ffseg::StopReason::kVanished: return "vanished";
-            case ffseg::StopReason::kBlocked: return "blocked";
-            case ffseg::StopReason::kStalled: return "stalled";
+            case ffseg::freeform::StopReason::kConverged: return "converged";
+            case ffseg::freeform::StopReason::kMaxIterations: return "max_iterations";
+            case ffseg::freeform::StopReason::kMaxPatches: return "max_patches";
+            case ffseg::freeform::StopReason::kVanished: return "vanished";
+            case ffseg::freeform::StopReason::kBlocked: return "blocked";
+            case ffseg::freeform::StopReason::kStalled: return "stalled";
             default: return "running";
         }
     }
 
     nb::dict counts() const {
-        const ffseg::EvolutionCounts& c = evolution->counts();
+        const ffseg::freeform::EvolutionCounts& c = evolution->counts();
         nb::dict out;
         out["iterations"] = c.iterations;
         out["splits"] = c.splits;
@@ -118,7 +118,7 @@ struct PyEvolution {
 }  // namespace
 
 void bind_freeform(nb::module_& m) {
-    using Options = ffseg::EvolutionOptions;
+    using Options = ffseg::freeform::EvolutionOptions;
     nb::class_<Options>(m, "EvolutionOptions")
         .def(nb::init<>())
         .def_rw("degree", &Options::degree)

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace ffseg {
+namespace ffseg::freeform {
 namespace {
 
 using Word = Bitmap::Word;
@@ -129,4 +129,4 @@ Bitmap Bitmap::flooded(const Bitmap& ground) const {
     return out;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

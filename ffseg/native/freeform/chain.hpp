@@ -1,5 +1,5 @@
-// The evolving contour: its state and the steps of one iteration, defined in move.hpp, refine.hpp, flip.hpp (with
-// components.hpp).
+// The evolving contour: its state and the steps of one iteration, defined in move.hpp, refine.hpp, filter.hpp, flip.hpp
+// (with components.hpp) and rest.hpp.
 #pragma once
 #include <cstdint>
 #include <limits>
@@ -12,7 +12,7 @@
 #include "freeform/settle.hpp"
 #include "freeform/strips.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 
 // A step is at most this part of the split threshold: where patches are shorter than a step, fronts pass over each other
 // before they are seen to cross.
@@ -94,12 +94,11 @@ private:
     using Points = std::array<Vec2, D + 1>;
     static constexpr std::uint8_t kAllSteady = static_cast<std::uint8_t>((1u << D) - 1u);
 
-    // chain.hpp / chain_impl.hpp
+    // evolution.cpp
     void add_contour(const Vec2* points, std::size_t count);
     bool step();
     void wake(int i);
     void release(int i);
-    void rest();
     void forget_freed();
     std::vector<int> loops() const;
     std::vector<std::vector<Vec2>> sampled() const;
@@ -128,14 +127,6 @@ private:
     bool interval_hits(const Points& points, int k) const;
     bool meets_edge(int i) const { return first_hit<true>(i) >= 0; }  // of a curve just made
     bool put_back(int i, int k);
-    template <bool kClosely>
-    bool uncovered(int i) const;
-    bool held_back(int i) const;
-    bool wake_open();
-    bool all_held() const;
-    bool slide(int i);
-    template <bool kClosely>
-    bool open_ahead(const Points& points, int k) const;
 
     // refine.hpp
     void refine();
@@ -152,7 +143,18 @@ private:
     void calm(int i);
     bool passed_itself(int i) const;
 
-    // flip.hpp
+    // rest.hpp
+    void rest();
+    template <bool kClosely>
+    bool uncovered(int i) const;
+    bool held_back(int i) const;
+    bool wake_open();
+    bool all_held() const;
+    bool slide(int i);
+    template <bool kClosely>
+    bool open_ahead(const Points& points, int k) const;
+
+    // filter.hpp, flip.hpp
     void flip_crossings();
     bool flip_round(bool only_touched);
     bool sweep(bool only_touched);
@@ -205,4 +207,4 @@ private:
     int most_patches_;
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

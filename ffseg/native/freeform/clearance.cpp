@@ -4,7 +4,7 @@
 
 #include "freeform/field.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 namespace {
 
 // The edges of a drawn passage lie up to half a pixel beside its sides, and the disc stands on pixel centres: with so many
@@ -67,4 +67,4 @@ bool Field::close_passages(const std::uint8_t* edges, const std::vector<Vec2>& s
     return true;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

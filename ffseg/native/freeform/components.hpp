@@ -2,7 +2,7 @@
 #pragma once
 #include "freeform/chain.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 
 // Calls visit(patch) for those of a loop in order.
 template <int D>
@@ -181,4 +181,4 @@ void Chain<D>::drop_nested() {
     }
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

@@ -5,13 +5,15 @@
 
 #include "freeform/chain.hpp"
 #include "freeform/components.hpp"
+#include "freeform/filter.hpp"
 #include "freeform/flip.hpp"
 #include "freeform/move.hpp"
 #include "freeform/refine.hpp"
+#include "freeform/rest.hpp"
 #include "freeform/settle.hpp"
 #include "freeform/untangle.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 
 template <int D>
 Chain<D>::Chain(const ContourSet& starts, const std::uint8_t* edges, const std::uint8_t* domain, int height, int width,
@@ -110,28 +112,6 @@ void Chain<D>::forget_freed() {
                   active_.end());
     for (int i : freed_) pool_.release(i);
     freed_.clear();
-}
-
-// Patches whose samples are all steady leave the loop, unless the edge map between their samples is still open.
-template <int D>
-void Chain<D>::rest() {
-    const std::size_t count = active_.size();
-    for (std::size_t at = 0; at < count; ++at) {
-        const int i = active_[at];
-        const Patch<D>& patch = pool_[i];
-        if (!patch.alive || patch.steady != kAllSteady) continue;
-        const Patch<D>& next = pool_[patch.next];
-        if (next.active && (next.steady & 1u) == 0) continue;
-        pool_[i].starved = options_.refine && splittable(i) && uncovered<false>(i);
-        if (pool_[i].starved && pool_[i].budget > 0) {
-            --pool_[i].budget;
-            pool_[i].steady = 0;
-            const int fresh = split(i);
-            pool_[fresh].steady = 0;
-            continue;
-        }
-        pool_[i].active = false;
-    }
 }
 
 template <int D>
@@ -234,4 +214,4 @@ std::unique_ptr<Evolution> make_evolution(const ContourSet& starts, const std::u
     }
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

@@ -8,7 +8,7 @@
 #include "common/vec.hpp"
 #include "freeform/field.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 
 struct EvolutionOptions {
     int degree = 3;
@@ -57,4 +57,4 @@ std::unique_ptr<Evolution> make_evolution(const ContourSet& starts, const std::u
                                           const std::uint8_t* domain, int height, int width,
                                           const EvolutionOptions& options);
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

@@ -8,7 +8,7 @@
 
 #include "common/lanes.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 namespace {
 
 // Pixels looked at together.
@@ -293,4 +293,4 @@ bool Field::encloses_solid(const Vec2* polygon, std::size_t count) const {
     return false;
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

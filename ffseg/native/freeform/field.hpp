@@ -8,7 +8,7 @@
 #include "common/vec.hpp"
 #include "freeform/bitmap.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 
 class Field {
 public:
@@ -113,4 +113,4 @@ private:
     std::vector<std::uint8_t> reach_;    // one for every tile, in pixels
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

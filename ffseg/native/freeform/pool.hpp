@@ -7,7 +7,7 @@
 #include "common/vec.hpp"
 #include "freeform/basis.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 
 // A stretch held by edges is halved, straightened or laid out anew at most this often before one of its samples reaches
 // ground where none has been, so that it comes to rest.
@@ -122,4 +122,4 @@ private:
     int alive_ = 0;
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

@@ -5,7 +5,7 @@
 #include "freeform/along.hpp"
 #include "freeform/chain.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 
 // The paper's test: the largest distance between two control points of the patch.
 template <int D>
@@ -189,4 +189,4 @@ void Chain<D>::refine() {
     }
 }
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

@@ -11,7 +11,7 @@
 #include "common/vec.hpp"
 #include "freeform/evolution.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 
 // The search looks at the gradient every half pixel and refines the peak by a parabola.
 constexpr double kRidgeStep = 0.5;
@@ -117,4 +117,4 @@ private:
     std::ptrdiff_t width_, right_, down_;
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

@@ -9,7 +9,7 @@
 #include "freeform/field.hpp"
 #include "freeform/ridge.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 
 // The search also looks this far back: the band was entered by rounding, never by more than a pixel.
 constexpr double kRidgeBack = 1.0;
@@ -281,4 +281,4 @@ private:
     std::vector<std::size_t> chords_;  // the samples before the chords that move
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

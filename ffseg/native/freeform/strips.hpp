@@ -8,7 +8,7 @@
 
 #include "common/vec.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 
 // One horizontal strip of the image with the boxes that reach into it, from left to right. Coordinates are in single
 // precision and a little larger, so that what does not meet here does not meet.
@@ -83,4 +83,4 @@ private:
     std::vector<std::size_t> next_moving_;
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

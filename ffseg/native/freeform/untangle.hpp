@@ -8,7 +8,7 @@
 #include "freeform/settle.hpp"
 #include "freeform/strips.hpp"
 
-namespace ffseg {
+namespace ffseg::freeform {
 
 // Rounds of smoothing; a crossing of two contours on one ridge needs one or two.
 constexpr int kUntangleRounds = 24;
@@ -413,4 +413,4 @@ private:
     std::vector<Place> crossing_;
 };
 
-}  // namespace ffseg
+}  // namespace ffseg::freeform

@@ -19,8 +19,8 @@ constexpr int kLongestSettled = 2048;
 
 // The binding's limits: degree 1..6, 1 <= split_threshold <= 1e6, 0 < balloon <= 1e3, max_iterations >= 0,
 // 0 <= clearance <= 1e4, 0 <= settle <= 16, ridge_low >= 0.
-ffseg::EvolutionOptions draw_options(Random& random) {
-    ffseg::EvolutionOptions options;
+ffseg::freeform::EvolutionOptions draw_options(Random& random) {
+    ffseg::freeform::EvolutionOptions options;
     options.degree = random.among(1, 6);
     options.split_threshold = random.pick({4.0, 6.0, 14.0, 14.0, 24.0, 1e3, 1e6, random.between(3, 40)});
     if (random.once_in(20)) options.split_threshold = random.pick({1.0, 2.0, 2.0, 2.0});  // thousands of patches
@@ -35,8 +35,8 @@ ffseg::EvolutionOptions draw_options(Random& random) {
 }
 
 // Closed contours of two patches or more, finite.
-ffseg::ContourSet draw_starts(Random& random, Size size, int degree) {
-    ffseg::ContourSet starts;
+ffseg::freeform::ContourSet draw_starts(Random& random, Size size, int degree) {
+    ffseg::freeform::ContourSet starts;
     for (int c = random.pick({1, 1, 1, 2, 3}); c > 0; --c) {
         const int patches = random.once_in(200) ? random.among(2, 300) : random.among(2, 12);
         const std::vector<ffseg::Vec2> points = draw_points(random, size, patches * degree, kLargest);
@@ -50,7 +50,7 @@ void check_mask(const std::vector<std::uint8_t>& mask) {
     expect(std::all_of(mask.begin(), mask.end(), [](std::uint8_t pixel) { return pixel <= 1; }), "a mask pixel");
 }
 
-void draw_mask(const ffseg::ContourSet& set, int degree, Size size) {
+void draw_mask(const ffseg::freeform::ContourSet& set, int degree, Size size) {
     const ffseg::raster::PixelGrid grid{size.width - 1.0, size.height - 1.0, 0.01};
     std::vector<ffseg::raster::Edge> pieces;
     for (std::size_t c = 0; c + 1 < set.offsets.size(); ++c) {
@@ -66,12 +66,12 @@ void draw_mask(const ffseg::ContourSet& set, int degree, Size size) {
 
 void evolve(Random& random) {
     const Size size = draw_size(random, 1, kLongestMap);
-    const ffseg::EvolutionOptions options = draw_options(random);
-    std::unique_ptr<ffseg::Evolution> evolution;
+    const ffseg::freeform::EvolutionOptions options = draw_options(random);
+    std::unique_ptr<ffseg::freeform::Evolution> evolution;
     {
         const std::vector<std::uint8_t> edge_map = draw_marks(random, size), domain = draw_domain(random, size);
-        const ffseg::ContourSet starts = draw_starts(random, size, options.degree);
-        evolution = ffseg::make_evolution(starts, edge_map.data(), or_null(domain), size.height, size.width, options);
+        const ffseg::freeform::ContourSet starts = draw_starts(random, size, options.degree);
+        evolution = ffseg::freeform::make_evolution(starts, edge_map.data(), or_null(domain), size.height, size.width, options);
     }  // nothing of the input is read after this
     const int most = size.count() > 4000 ? 4 : 40;
     for (int rounds = random.pick({0, 1, 2, 3, 4}); rounds > 0; --rounds) {
@@ -83,7 +83,7 @@ void evolve(Random& random) {
     for (int i = settles; i > 0; --i) evolution->settle({gradient.data(), size.height, size.width});
     if (random.once_in(50)) evolution->advance(random.among(-1, 2));
     if (settled && random.once_in(50)) evolution->settle({gradient.data(), size.height, size.width});
-    const ffseg::ContourSet found = evolution->contours();
+    const ffseg::freeform::ContourSet found = evolution->contours();
     const auto finite = [](ffseg::Vec2 p) { return std::isfinite(p.x) && std::isfinite(p.y); };
     expect(std::all_of(found.points.begin(), found.points.end(), finite), "a control point is not finite");
     expect(found.points.size() == found.offsets.back(), "the offsets end elsewhere than the points");
