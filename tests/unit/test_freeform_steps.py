@@ -292,6 +292,7 @@ def test_what_is_no_ridge_or_out_of_reach_leaves_the_contour_where_it_is() -> No
     start = FreeForm.circle((90, 70), 40, 20, 3)
     for gradient, settle in (
         (gradient_ring(50.0), 4.0),
+        (gradient_ring(45.5), 4.0),  # its slope is in reach, its ridge is not
         (gradient_ring(42.0, height=0.9), 4.0),
         (gradient_ring(43.0), 0.0),
     ):
@@ -334,6 +335,9 @@ def test_samples_the_domain_has_stopped_settle_at_its_limit() -> None:
     mask = region(made)
     assert not mask[domain == 0].any()
     assert mask[31:109, 41:139].mean() > 0.98
+    points = contours(made)[0].flatten(0.01)
+    upper = points[(points[:, 1] < 50) & (abs(points[:, 0] - 90) < 30)]
+    assert upper[:, 1].mean() == pytest.approx(29.5, abs=0.1)
     box = np.concatenate([contour.bounding_box for contour in contours(made)])
     assert hypot(*(box[0] - (39.5, 29.5))) < 0.6
     assert hypot(*(box[1] - (139.5, 109.5))) < 0.6
