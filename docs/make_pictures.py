@@ -228,7 +228,9 @@ PICTURES: dict[str, Callable[[], None]] = {
         },
     ),
     "sigma": lambda: with_settings(
-        "sigma", "complex", {f"sigma: {sigma}": {"edges.sigma": sigma} for sigma in (1.5, 4.0, 8.0)}
+        "sigma",
+        "complex",
+        {f"sigma: {sigma}": {"edges.sigma": sigma, "edges.source": "gradient"} for sigma in (1.5, 4.0, 8.0)},
     ),
     "rooms": rooms,
     "ground": ground,
