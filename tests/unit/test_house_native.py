@@ -23,7 +23,7 @@ OLD_FOLDER = "freeform"
 def room_of(path: Path) -> str:
     """Namespace that the files of a folder open."""
     folder = path.parent.relative_to(CORE)
-    return "ffseg" if folder.name in ("common", OLD_FOLDER) else f"ffseg::{folder.name}"
+    return "ffseg" if folder.name == "common" else f"ffseg::{folder.name}"
 
 
 def is_new(path: Path) -> bool:
