@@ -30,6 +30,9 @@ TAKEN = (*SEEN, *SURROUNDINGS)
 SMOOTHING = 3.0
 """Reduced pixels; neighbours vote, so that the seams of tiles and specks of light do not make islands."""
 
+MIDDLE, MOST_GAIN, EVERY = 100.0, 4.0, 4
+"""Grey level that the mean of an image is brought to, the most it is multiplied or divided by, and which pixels count."""
+
 CERTAIN = 7.0
 """Log odds up to which a pixel votes, and which the start region is given: inside by definition."""
 
@@ -86,7 +89,7 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
         Pixels of the start region, at least one.
     """
     model, native = _model()
-    seen = features(image, starts, model.size)
+    seen = features(exposed(image), starts, model.size)
     planes = all_planes(seen)[:, ::STRIDE, ::STRIDE]
     score = np.empty(planes.shape[1:], np.float32)
     native.score(np.ascontiguousarray(planes), score)
@@ -96,6 +99,14 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
     whole = enlarged(votes, seen.factor, seen.shape)
     whole[starts] = CERTAIN
     return Prior(whole)
+
+
+def exposed(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The image with its mean level brought to `MIDDLE`, as another exposure would have given it."""
+    gain = min(max(MIDDLE / max(float(image[::EVERY, ::EVERY].mean()), 1.0), 1 / MOST_GAIN), MOST_GAIN)
+    levels = np.minimum(np.rint(np.arange(256) * gain), 255).astype(np.uint8)
+    found: NDArray[np.uint8] = levels[image]
+    return found
 
 
 def all_planes(seen: Features) -> NDArray[np.float32]:

@@ -127,7 +127,7 @@ def samples(seen: Sight, rng: np.random.Generator) -> Samples:
     """Some pixels that are known, half of them inside."""
     x, y, radius = seen.start
     rows, columns = np.indices(seen.truth.shape, sparse=True)
-    found = features(seen.image, (rows - y) ** 2 + (columns - x) ** 2 <= radius**2)
+    found = features(prior.exposed(seen.image), (rows - y) ** 2 + (columns - x) ** 2 <= radius**2)
     known = known_pixels(seen.truth, found.factor).ravel()
     sides = [np.flatnonzero(known == side) for side in (0, 1)]
     chosen = [rng.permutation(side)[: PIXELS // 2] for side in sides]

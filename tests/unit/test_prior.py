@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ffseg.evidence.prior import CERTAIN, Prior, prior
+from ffseg.evidence.prior import CERTAIN, MIDDLE, Prior, exposed, prior
 from ffseg.image.edges import Scene, gradient_edges
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
@@ -115,3 +115,18 @@ def test_a_clear_thing_among_faint_clutter_keeps_its_own_edges() -> None:
     found = segment(image, load_params(None, {"init.center": [90, 100], "init.radius": 15}))
     assert found.source == "gradient"
     assert iou(found.mask, np.where(inside, np.uint8(255), np.uint8(0))) > 0.995
+
+
+def test_another_exposure_gives_nearly_the_same_odds() -> None:
+    image, _ = faint(20, 10)
+    start = np.hypot(*(np.indices(image.shape[:2]) - np.array([100, 120])[:, None, None])) < 18
+    plain = prior(image, start).odds > 0
+    dark = prior(np.rint(image * 0.5).astype(np.uint8), start).odds > 0
+    # half the levels leave rounding of a level more, which moves a border in texture by pixels
+    assert np.mean(plain != dark) < 0.02
+
+
+def test_the_mean_level_is_brought_to_the_middle() -> None:
+    image = np.random.default_rng(4).integers(20, 61, (80, 120, 3)).astype(np.uint8)
+    assert exposed(image).mean() == pytest.approx(MIDDLE, abs=1.0)  # sampled mean, and rounding to levels
+    assert exposed(np.zeros((8, 8), np.uint8)).max() == 0
