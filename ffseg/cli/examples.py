@@ -17,6 +17,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "ffseg learn own --truth masks --out own.ffmodel",
         "ffseg run own --out learned --set edges.model=own.ffmodel --truth masks",
     ),
+    "tune": ("ffseg tune own --truth masks --out tuned.yaml --budget 3",),
     "compare": (
         "ffseg compare pictures --out table --truth pictures/truth",
         "ffseg compare photos --out peers --methods freeform,cv_edges_opened --truth pictures/truth --min-iou freeform=0.99",

@@ -83,7 +83,8 @@ def decide(run: Segmenter, view: View) -> Decision:
         return replace(trusted(run, view), source="gradient")
     begin = perf_counter()
     first = _first(run, replace(view, callback=None)) if _is_promising(run, view) else None
-    if first is not None and edges_are_clear(first.contours, view.edges):
+    across = MET if view.params.contour.clearance > 0 else 0.0  # a passage that is shut ends in open ground
+    if first is not None and edges_are_clear(first.contours, view.edges, across):
         if view.callback is not None:
             first = run(view)
         evolve_ms = (perf_counter() - begin) * 1e3

@@ -90,7 +90,8 @@ def test_compare_gives_every_method_the_start_of_the_image(
 def test_a_start_that_had_to_move_is_told_and_noted(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     """The start of b.png is a circle along the edge of the right disc."""
     path, out = starts(tmp_path, "a.png,30,40,6", "b.png,90,40,20"), tmp_path / "out"
-    done = ffseg_command("run", images, "--out", out, "--starts", path, "--jobs", "1")
+    on_edges = ("--set", "edges.source=gradient")
+    done = ffseg_command("run", images, "--out", out, "--starts", path, "--jobs", "1", *on_edges)
     assert done.returncode == 0, done.stderr
     told = [line for line in done.stderr.splitlines() if "lay on an edge" in line]
     assert len(told) == 1

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ffseg.errors import ParameterError
 from ffseg.parameter_text import json_schema, to_yaml
 from ffseg.parameters import Parameters, load_params
-from ffseg.schema.kinds import FilePath, Flag, Integer, Kind, Many, Number, OrWord, Row, Text
+from ffseg.schema.kinds import FilePath, Flag, Integer, Kind, Many, Name, Number, OrWord, Row, Text
 from ffseg.schema.nodes import Problems, Source
 from ffseg.schema.sections import Leaf, collect, flat, leaves
 from ffseg.schema.strict_yaml import parse
@@ -31,6 +31,8 @@ def allowed(kind: Kind) -> st.SearchStrategy[object]:
             return st.integers(low, high)
         case Number(low, high, above):
             return st.floats(max(low, -1e6), min(high, 1e6), exclude_min=above)
+        case Name(choices):
+            return st.sampled_from(choices) | st.just("own.module:function")
         case Text(choices):
             return st.sampled_from(choices) if choices else WORDS
         case FilePath():
@@ -92,4 +94,6 @@ def test_editors_and_reader_agree(leaf: Leaf, value: object) -> None:
     except ParameterError:
         accepted = False
     descending = leaf.key == "edges.canny" and isinstance(value, list) and len(value) == 2 and not accepted
-    assert accepted == SCHEMA.is_valid(document) or descending  # JSON Schema cannot say "ascending"
+    whole = isinstance(leaf.kind, Integer) and isinstance(value, float) and not accepted
+    # JSON Schema cannot say "ascending", and takes 2.0 for an integer
+    assert accepted == SCHEMA.is_valid(document) or descending or whole

@@ -10,7 +10,6 @@ import pytest
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import (
     Motion,
-    fit_planar,
     ground_points,
     perturbed,
     planar_motion,
@@ -53,53 +52,6 @@ def test_a_lean_tilts_up_toward_level_x(camera: Camera) -> None:
     level = camera.level()
     assert (level @ ups[0])[0] - (level @ camera.up)[0] == pytest.approx(0.02, rel=1e-3)
     assert np.linalg.norm(ups[0]) == pytest.approx(1.0)
-
-
-def test_a_fit_weighs_by_the_inverse_variance() -> None:
-    """Pairs at the same places say two things: the mean of both, each by its 1 / sigma^2, and no turn."""
-    angles = np.arange(8) * pi / 4
-    places = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    current = np.concatenate([places, places])
-    shift, sure, vague = 0.02, 0.01, 0.02
-    previous = current + np.repeat([[0.0, 0.0], [shift, 0.0]], 8, axis=0)
-    fit = fit_planar(current, previous, np.repeat([sure, vague], 8))
-    assert fit is not None
-    assert fit.inliers.all()
-    assert fit.parameters == pytest.approx([shift * vague**-2 / (sure**-2 + vague**-2), 0.0, 0.0], abs=1e-12)
-
-
-def test_a_pair_agrees_within_three_standard_deviations() -> None:
-    angles = np.arange(40) * pi / 20
-    current = 2 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    for off, inside in ((2.8, True), (3.3, False)):
-        previous = current.copy()
-        previous[0] += [off * 0.01 * 40 / 39, 0.0]  # the fit follows it by about a fortieth
-        fit = fit_planar(current, previous, np.full(40, 0.01))
-        assert fit is not None
-        assert bool(fit.inliers[0]) == inside
-        assert fit.inliers[1:].all()
-
-
-@pytest.mark.parametrize("count", [7, 8, 9])
-def test_a_fit_needs_eight_pairs_that_agree(count: int) -> None:
-    angles = np.arange(count) * 2 * pi / count
-    current = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    rng = np.random.default_rng(2)
-    wrong = rng.uniform(-1, 1, (6, 2))
-    everyone = np.concatenate([current, wrong])
-    fit = fit_planar(
-        everyone, np.concatenate([current + 0.5, wrong + rng.uniform(1, 2, (6, 2))]), np.full(count + 6, 0.01)
-    )
-    assert (fit is not None) == (count >= 8)
-
-
-def test_the_same_pairs_give_the_same_fit() -> None:
-    rng = np.random.default_rng(9)
-    current = rng.uniform(-2, 2, (60, 2))
-    previous = current + [0.1, 0.2] + rng.normal(0, 0.02, (60, 2))
-    previous[::3] += rng.uniform(-1, 1, (20, 2))
-    fits = [fit_planar(current, previous, np.full(60, 0.01)) for _ in range(5)]
-    assert len({None if fit is None else fit.parameters.tobytes() for fit in fits}) == 1
 
 
 def test_ground_points_are_levelled(camera: Camera) -> None:

@@ -56,7 +56,7 @@ def test_tables_and_overlays(data: Path, tmp_path: Path, monkeypatch: pytest.Mon
     assert run(monkeypatch, "--data", data, "--out", out, "--overlays", 1) == 0
     said = capsys.readouterr().out
     assert "left out: seeded_objects" in said
-    assert "score: none" in said
+    assert "Spearman" in said
     table = rows(out / "images.csv")
     assert [(row["set"], row["image"], row["half"]) for row in table] == [
         ("road", "0.png", "even"), ("road", "1.png", "odd"),

@@ -12,8 +12,8 @@ from ffseg.errors import OutputError, UsageError
 from ffseg.formats.files import printable, temporary_path
 
 _BATCH = 20_000
-_TEXTS = frozenset({"image", "status", "error", "method", "stop_reason", "note", "pair"})
-_REALS = frozenset({"iou", "start_x", "start_y", "start_radius"})
+_TEXTS = frozenset({"image", "status", "error", "method", "stop_reason", "note", "source", "pair"})
+_REALS = frozenset({"iou", "start_x", "start_y", "start_radius", "score", "canny_low", "canny_high"})
 
 
 def require_parquet() -> None:
