@@ -22,7 +22,7 @@ WORDS = st.text(string.ascii_letters + string.digits + " ./-_:#'\"é\n", min_siz
 SCHEMA = jsonschema.Draft7Validator(json_schema())
 
 
-def allowed(kind: Kind) -> st.SearchStrategy[object]:
+def allowed(kind: Kind) -> st.SearchStrategy[object]:  # noqa: PLR0911 - one for each kind
     """Values of a kind, its limits among them."""
     match kind:
         case Flag():
