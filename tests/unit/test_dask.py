@@ -26,13 +26,14 @@ NAMES = [f"i{index}.png" for index in range(60)]
 ALL = Wanted(True, ("coco",))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A scheduler with two workers, each a process of its own that can be killed."""
+    """A scheduler with two workers, each a process of its own that can be killed; another for every test."""
     file = tmp_path_factory.mktemp("dask") / "scheduler.json"
     paths = os.pathsep.join(sys.path)
     environment = {**os.environ, "PYTHONPATH": paths}
-    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard"]
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+    command += ["--no-dashboard"]
     processes = [subprocess.Popen([*command, "--scheduler-file", file], env=environment, stderr=subprocess.DEVNULL)]
     worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", file, "--nthreads", "1",
               "--no-nanny", "--no-dashboard"]  # fmt: skip
