@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, Scene
+from ffseg.image.raster import rasterize
 from ffseg.segmenters.base import BlockedStartError, Outcome, Segmenter, View
 
 CLEAR_SHARE = 0.1
@@ -98,8 +99,13 @@ def decide(run: Segmenter, view: View) -> Decision:
     known = perf_counter()
     outcome = run(replace(view, edges=edges))
     end = perf_counter()
-    mask = outcome.mask if outcome.mask is not None else None
-    score = 0.0 if evidence is None else evidence.expected_overlap(_mask(outcome, mask, view))
+    if evidence is None:
+        return Decision(outcome, edges, "prior", 0.0, (known - begin) * 1e3, (end - known) * 1e3)
+    mask = outcome.mask
+    if mask is None:
+        mask = rasterize(outcome.contours or (), edges.gradient.shape)
+        outcome = replace(outcome, mask=mask)  # the caller needs it as well
+    score = evidence.expected_overlap(mask)
     return Decision(outcome, edges, "prior", score, (known - begin) * 1e3, (end - known) * 1e3)
 
 
@@ -109,12 +115,6 @@ def trusted(run: Segmenter, view: View) -> Decision:
     outcome = run(view)
     evolve_ms = (perf_counter() - begin) * 1e3
     return Decision(outcome, view.edges, "", clear_share(outcome.contours, view.edges), 0.0, evolve_ms)
-
-
-def _mask(outcome: Outcome, mask: NDArray[np.bool_] | None, view: View) -> NDArray[np.bool_]:
-    from ffseg.image.raster import rasterize
-
-    return mask if mask is not None else rasterize(outcome.contours or (), view.edges.gradient.shape)
 
 
 def _first(run: Segmenter, view: View) -> Outcome | None:
@@ -172,8 +172,6 @@ def clear_share(contours: tuple[FreeForm, ...] | None, edges: EdgeMap) -> float:
 
 
 def _is_plain(contours: tuple[FreeForm, ...], edges: EdgeMap) -> bool:
-    from ffseg.image.raster import rasterize
-
     inside = rasterize(contours, edges.gradient.shape)[::SAMPLE, ::SAMPLE]
     levels = edges.gradient[::SAMPLE, ::SAMPLE][inside]
     return len(levels) > 0 and float(np.quantile(levels, 0.9)) <= PLAIN * _needed(edges)
