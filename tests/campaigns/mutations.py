@@ -45,8 +45,9 @@ inline bool is_on(int number) { return kMutants.on[static_cast<unsigned>(number)
 STALE = "stale: its text no longer stands in the code once"
 NEAREST = {
     "native": (
-        "tests/unit/test_freeform_steps.py", "tests/unit/test_samples_segmented.py",
-        "tests/unit/test_freeform_components.py", "tests/unit/test_core_regressions.py",
+        "tests/unit/test_freeform_flips.py", "tests/unit/test_freeform_repairs.py", "tests/unit/test_freeform_steps.py",
+        "tests/unit/test_samples_segmented.py", "tests/unit/test_freeform_components.py",
+        "tests/unit/test_core_regressions.py",
     ),
     "structural": ("tests/unit/test_structural_votes.py",),
     "motion": ("tests/unit/test_motion_parts.py", "tests/unit/test_camera_motion.py"),

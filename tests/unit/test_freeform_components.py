@@ -2,39 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import ffseg
 from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.ragged import packed, unpacked
 from ffseg.image.raster import rasterize
-from ffseg.native import _core
-from tests import scenes
+from tests import evolutions, scenes
+from tests.evolutions import SHAPE, Edges, areas, box, contours
 
-SHAPE = (140, 180)
-Edges = NDArray[np.uint8]
-
-
-def evolution(starts: list[FreeForm], edges: Edges | None = None, **more: object) -> _core.Evolution:
-    options = _core.EvolutionOptions()
-    options.degree, options.split_threshold, options.balloon = starts[0].degree, 40.0, 2.0
-    options.refine, options.topology, options.max_iterations = True, True, 1000
-    options.clearance, options.settle, options.ridge_low = 0.0, 4.0, 32.0
-    for name, value in more.items():
-        setattr(options, name, value)
-    return _core.Evolution(*packed(starts), np.zeros(SHAPE, np.uint8) if edges is None else edges, None, options)
-
-
-def contours(made: _core.Evolution, degree: int = 3) -> tuple[FreeForm, ...]:
-    return unpacked(*made.contours(), degree)
-
-
-def areas(made: _core.Evolution, degree: int = 3) -> list[float]:
-    return sorted(contour.signed_area for contour in contours(made, degree))
+evolution = partial(evolutions.evolution, refine=True)
 
 
 def blocks(places: list[tuple[int, int]], half: int = 2) -> Edges:
@@ -80,15 +60,6 @@ def test_a_single_front_never_covers_ground_twice(seed: int) -> None:
         positive = [contour.signed_area for contour in progress.contours if contour.signed_area > 0]
         assert len(positive) == 1, progress.iteration
         assert min(abs(contour.signed_area) for contour in progress.contours) >= 4.0, progress.iteration
-
-
-def box(left: float, top: float, right: float, bottom: float, patches: int) -> FreeForm:
-    """A box whose corners are joints, with straight cubic patches."""
-    corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
-    side = np.linspace(0, 1, 3 * patches + 1)[:-1, None]
-    return FreeForm(
-        np.concatenate([a + side * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]), 3
-    )
 
 
 @pytest.mark.parametrize("offset", [0.0, 1.5, 3.0, 4.5, 6.0, 7.5, 9.0])

@@ -11,33 +11,9 @@ from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.polygon import self_intersections
-from ffseg.geometry.ragged import packed, unpacked
 from ffseg.image.raster import rasterize
 from ffseg.native import _core
-
-SHAPE = (140, 180)
-Edges = NDArray[np.uint8]
-
-
-def evolution(
-    starts: list[FreeForm], edges: Edges | None = None, domain: Edges | None = None, **more: object
-) -> _core.Evolution:
-    """An evolution in open ground with fixed patches, unless said otherwise."""
-    options = _core.EvolutionOptions()
-    options.degree, options.split_threshold, options.balloon = starts[0].degree, 40.0, 2.0
-    options.refine, options.topology, options.max_iterations = False, True, 1000
-    options.clearance, options.settle, options.ridge_low = 0.0, 4.0, 32.0
-    for name, value in more.items():
-        setattr(options, name, value)
-    return _core.Evolution(*packed(starts), np.zeros(SHAPE, np.uint8) if edges is None else edges, domain, options)
-
-
-def contours(made: _core.Evolution, degree: int = 3) -> tuple[FreeForm, ...]:
-    return unpacked(*made.contours(), degree)
-
-
-def region(made: _core.Evolution, degree: int = 3, shape: tuple[int, int] = SHAPE) -> NDArray[np.bool_]:
-    return rasterize(contours(made, degree), shape)
+from tests.evolutions import SHAPE, Edges, contours, evolution, region
 
 
 def ring(radius: float, center: tuple[float, float] = (90.0, 70.0), shape: tuple[int, int] = SHAPE) -> Edges:
