@@ -12,6 +12,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, Scene
 from ffseg.image.raster import rasterize
 from ffseg.segmenters.base import BlockedStartError, Outcome, Segmenter, View
+from ffseg.segmenters.starting.sides import on_one_side
 
 CLEAR_SHARE = 0.1
 """So much of a boundary may be fainter: corners and crossings, where no gradient has one direction."""
@@ -52,6 +53,8 @@ class Decision:
     score : float
         How sure it is, from 0 to 1: the share of the boundary on clear edges, or the expected overlap.
     edges_ms, evolve_ms : float
+    messages : tuple of str
+        About start circles that lay across one of these edges.
     """
 
     outcome: Outcome
@@ -60,6 +63,7 @@ class Decision:
     score: float
     edges_ms: float
     evolve_ms: float
+    messages: tuple[str, ...] = ()
 
 
 def decide(run: Segmenter, view: View) -> Decision:
@@ -83,13 +87,14 @@ def decide(run: Segmenter, view: View) -> Decision:
     if view.params.edges.canny != "auto":
         return replace(trusted(run, view), source="gradient")
     begin = perf_counter()
-    first = _first(run, replace(view, callback=None)) if _is_promising(run, view) else None
+    own, told = on_one_side(view)  # the prior holds the start to be inside, whatever the image's own edges are
+    first = _first(run, replace(own, callback=None)) if _is_promising(run, own) else None
     across = MET if view.params.contour.clearance > 0 else 0.0  # a passage that is shut ends in open ground
     if first is not None and edges_are_clear(first.contours, view.edges, across):
         if view.callback is not None:
-            first = run(view)
+            first = run(own)
         evolve_ms = (perf_counter() - begin) * 1e3
-        return Decision(first, view.edges, "gradient", clear_share(first.contours, view.edges), 0.0, evolve_ms)
+        return Decision(first, view.edges, "gradient", clear_share(first.contours, view.edges), 0.0, evolve_ms, told)
     from ffseg.evidence.prior import with_prior  # loads the forest, which clear edges do not need
 
     starts = view.start_region()
@@ -112,9 +117,10 @@ def decide(run: Segmenter, view: View) -> Decision:
 def trusted(run: Segmenter, view: View) -> Decision:
     """What a method finds on edges that are not doubted."""
     begin = perf_counter()
-    outcome = run(view)
+    own, told = on_one_side(view)
+    outcome = run(own)
     evolve_ms = (perf_counter() - begin) * 1e3
-    return Decision(outcome, view.edges, "", clear_share(outcome.contours, view.edges), 0.0, evolve_ms)
+    return Decision(outcome, view.edges, "", clear_share(outcome.contours, view.edges), 0.0, evolve_ms, told)
 
 
 def _first(run: Segmenter, view: View) -> Outcome | None:

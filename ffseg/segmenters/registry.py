@@ -212,13 +212,15 @@ def _freed(
 ) -> tuple[Decision, tuple[str, ...]]:
     """What a method finds, from starts that are moved if none of them can."""
     try:
-        return deciding(run, view), ()
+        found = deciding(run, view)
+        return found, found.messages
     except BlockedStartError as blocked:
         remedy = str(blocked)
     from ffseg.segmenters.starting.freed import freed  # loads what only this needs
 
     moved, told = freed(view, remedy)
-    return deciding(run, moved), (told,)
+    found = deciding(run, moved)
+    return found, (told, *found.messages)
 
 
 def outlines_of(mask: NDArray[np.bool_]) -> tuple[FreeForm, ...]:

@@ -40,6 +40,24 @@ def ground_under(free: Mask, region: Mask) -> Mask | None:
     return None if not len(counts) else np.asarray(labels == int(counts.argmax()), np.bool_)
 
 
+def open_sides(free: Mask, least: int) -> NDArray[np.int32]:
+    """Number of the connected free ground that a pixel belongs to; 0 where none is, or it is narrower than two pixels.
+
+    Parameters
+    ----------
+    free : ndarray of bool, shape (H, W)
+    least : int
+        Pixels: smaller ground is none.
+    """
+    square = np.ones((2, 2), np.uint8)
+    fits = cv2.erode(free.astype(np.uint8), square, anchor=(0, 0))  # squares by their upper left pixels
+    opened = cv2.dilate(fits, square, anchor=(1, 1))
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=4)
+    number = np.arange(len(stats), dtype=np.int32)
+    number[stats[:, cv2.CC_STAT_AREA] < least] = 0
+    return np.asarray(number[labels], np.int32)
+
+
 def _distance(free: Mask) -> NDArray[np.float32]:
     found = cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return np.asarray(found, np.float32)

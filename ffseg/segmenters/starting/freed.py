@@ -27,7 +27,9 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class _Circle:
+class Circle:
+    """A start as it is told: centre and radius in pixels."""
+
     x: float
     y: float
     radius: float
@@ -62,17 +64,17 @@ def freed(view: View, remedy: str) -> tuple[View, str]:
     if float(room.max(initial=0.0)) < SMALLEST:
         raise SegmentationError(f"the start contour lies {cause} at every sample, and there is no free place; {remedy}")
     open_ground = free_pixels(view.edges.edges, view.domain)
-    pairs = [_placed(start, room, open_ground) for start in view.starts]
+    pairs = [placed(start, room, open_ground) for start in view.starts]
     moved = tuple(FreeForm.circle((new.x, new.y), new.radius, contour.patches, contour.degree) for _, new in pairs)
     others = f", and {len(pairs) - 1} more" if len(pairs) > 1 else ""
     told = f"the start at {pairs[0][0]} lay {cause} and was moved to {pairs[0][1]}{others}"
     return replace(view, starts=moved), told
 
 
-def _placed(start: FreeForm, room: NDArray[np.float32], open_ground: Mask) -> tuple[_Circle, _Circle]:
-    """A start as a circle of its area, and the free one nearest to it."""
+def placed(start: FreeForm, room: NDArray[np.float32], open_ground: Mask) -> tuple[Circle, Circle]:
+    """A start as a circle of its area, and the free one nearest to it, where ``room`` allows a radius."""
     middle = start.control_points.mean(axis=0)
-    old = _Circle(float(middle[0]), float(middle[1]), sqrt(abs(start.signed_area) / pi))
+    old = Circle(float(middle[0]), float(middle[1]), sqrt(abs(start.signed_area) / pi))
     y, x = np.ogrid[: room.shape[0], : room.shape[1]]
     kept = np.minimum(room, old.radius)
     cost = np.hypot(x - old.x, y - old.y) + SIZE_WEIGHT * (old.radius - kept)
@@ -82,7 +84,7 @@ def _placed(start: FreeForm, room: NDArray[np.float32], open_ground: Mask) -> tu
         possible &= own
     cost[~possible] = np.inf
     row, column = np.unravel_index(int(np.argmin(cost)), cost.shape)
-    return old, _Circle(float(column), float(row), float(max(SMALLEST, kept[row, column])))
+    return old, Circle(float(column), float(row), float(max(SMALLEST, kept[row, column])))
 
 
 def _cause(view: View) -> str:

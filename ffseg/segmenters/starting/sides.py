@@ -1,0 +1,93 @@
+"""A start circle that an edge crosses: put on the side where most of it lies, and said so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import hypot
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.bounds.free import free_pixels, open_sides, room_round
+from ffseg.segmenters.base import View
+from ffseg.segmenters.starting.freed import SPARE, placed
+
+HOLLOW = 64
+"""Pixels: free ground that is smaller is no side of an edge but a hollow in one, as noise leaves."""
+
+LEAST_KEPT = 0.5
+"""A start over a boundary keeps this part of its radius, and its centre moves by no more than its radius. Where it
+could not, edges run all over it: it stays, and that is said."""
+
+ROUND = 2.5
+"""Joints at one distance r from their middle are those of a circle if they enclose this times r squared: a square's
+enclose 2, a hexagon's 2.6."""
+
+FLAT = 0.05
+"""Pixels between the rim of a start and the polygon that is looked at."""
+
+
+def on_one_side(view: View) -> tuple[View, tuple[str, ...]]:
+    """The view with every start circle on one side of all edges, and sentences about those that were not.
+
+    Parameters
+    ----------
+    view : View
+
+    Returns
+    -------
+    View
+        The same if no start can be moved.
+    tuple of str
+
+    Notes
+    -----
+    Starts that close in may hold anything, and boxes and masks are drawn as they are wanted: only circles that grow
+    are looked at. A mark that lies in a circle whole has no side on its rim.
+    """
+    crossed = [at for at, start in enumerate(view.starts) if _is_circle(start) and _holds_edge(start, view)]
+    if not crossed or view.params.contour.balloon < 0:
+        return view, ()
+    sides = open_sides(free_pixels(view.edges.edges, view.domain), HOLLOW)
+    crossed = [at for at in crossed if _num_sides(view.starts[at], sides) > 1]
+    if not crossed:
+        return view, ()
+    contour, starts, told = view.params.contour, list(view.starts), []
+    room = room_round(free_pixels(view.edges.edges, view.domain, contour.clearance)) - SPARE
+    for at in crossed:
+        old, new = placed(view.starts[at], room, sides > 0)
+        if new.radius < LEAST_KEPT * old.radius or hypot(new.x - old.x, new.y - old.y) > old.radius:
+            told.append(f"the start at {old} lies across an edge; the contour grows on both sides of it")
+            continue
+        starts[at] = FreeForm.circle((new.x, new.y), new.radius, contour.patches, contour.degree)
+        told.append(f"the start at {old} lay across an edge and was moved to {new}")
+    kept = all(start is old for start, old in zip(starts, view.starts, strict=True))
+    return (view if kept else replace(view, starts=tuple(starts))), tuple(told)
+
+
+def _is_circle(start: FreeForm) -> bool:
+    joints = start.control_points[:: start.degree]
+    distance = np.hypot(*(joints - joints.mean(axis=0)).T)
+    radius = float(distance.mean())
+    return bool(np.ptp(distance) <= 1e-6 * radius) and start.signed_area >= ROUND * radius**2
+
+
+def _holds_edge(start: FreeForm, view: View) -> bool:
+    """Whether an edge lies in the box round a start: mostly none does, and that is known at once."""
+    left, top = np.floor(np.maximum(start.control_points.min(axis=0) - 1, 0)).astype(int)
+    right, bottom = np.ceil(np.maximum(start.control_points.max(axis=0) + 2, 0)).astype(int)
+    return bool(view.edges.edges[top:bottom, left:right].any())
+
+
+def _num_sides(start: FreeForm, sides: NDArray[np.int32]) -> int:
+    """Sides that the rim of a start lies on, or on the last pixel before: a sample there goes on to that side."""
+    points = start.flatten(FLAT)
+    points = np.vstack([points, points[:1]])
+    passed = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    steps = np.arange(0.0, passed[-1], 0.5)
+    x, y = (np.rint(np.interp(steps, passed, points[:, axis])).astype(np.intp) + 1 for axis in (0, 1))
+    around = np.pad(sides, 2)
+    inside = (x >= 0) & (y >= 0) & (x < sides.shape[1] + 2) & (y < sides.shape[0] + 2)
+    offsets = np.mgrid[0:3, 0:3].reshape(2, 9, 1)
+    return int(np.count_nonzero(np.unique(around[y[inside] + offsets[0], x[inside] + offsets[1]])))

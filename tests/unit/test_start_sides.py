@@ -1,0 +1,103 @@
+"""Start circles over a boundary: on one side of it, and said so, where the image's own edges decide."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import ffseg
+from ffseg.image.bounds.free import open_sides
+
+CENTER, RADIUS, START = (110.0, 100.0), 60.0, 14.0
+
+
+def iou(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
+    return float(np.sum(mask & truth) / np.sum(mask | truth))
+
+
+def disc(inside: int = 200, outside: int = 50) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    y, x = np.mgrid[:200, :220]
+    depth = RADIUS - np.hypot(x - CENTER[0], y - CENTER[1])
+    image = outside + (inside - outside) * np.clip(depth + 0.5, 0, 1)
+    return np.round(image).astype(np.uint8), depth >= 0
+
+
+def start(over: float, angle: float) -> dict[str, object]:
+    """A start circle that reaches so far over the boundary."""
+    along = RADIUS + over - START
+    center = [CENTER[0] + along * np.cos(angle), CENTER[1] + along * np.sin(angle)]
+    return {"init.center": center, "init.radius": START}
+
+
+@pytest.mark.parametrize("over", [1.0, 2.0, 4.0, 6.0, 10.0])
+@pytest.mark.parametrize("angle", [0.0, 0.6, 2.4, 4.0])
+def test_a_start_over_the_boundary_keeps_to_the_side_of_most_of_it(over: float, angle: float) -> None:
+    image, truth = disc()
+    found = ffseg.segment(image, ffseg.load_params(None, start(over, angle)))
+    assert iou(found.mask, truth) > 0.99
+    assert len(found.messages) == 1
+    assert "lay across an edge and was moved to (" in found.messages[0]
+    assert found.stats.stop_reason == "converged"
+
+
+def test_the_other_side_is_taken_where_most_of_the_start_lies_there() -> None:
+    image, truth = disc()
+    found = ffseg.segment(image, ffseg.load_params(None, start(2 * START - 4, 1.0)))
+    assert iou(found.mask, ~truth) > 0.99
+    assert "was moved to" in found.messages[0]
+
+
+@pytest.mark.parametrize("method", ["snake", "levelset"])
+def test_other_methods_are_given_the_same_start(method: str) -> None:
+    image, truth = disc()
+    found = ffseg.segment(image, ffseg.load_params(None, {**start(5.0, 0.3), "method": method}))
+    assert not found.mask[~cv2.dilate(truth.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)].any()
+    assert "lay across an edge" in found.messages[0]
+
+
+def test_one_of_several_starts_is_moved() -> None:
+    image, truth = disc()
+    over, radius = start(5.0, 0.3), START
+    circles = [[*over["init.center"], radius], [CENTER[0] - 20, CENTER[1], 9.0]]  # type: ignore[misc]
+    found = ffseg.segment(image, ffseg.load_params(None, {"init.circles": circles}))
+    assert iou(found.mask, truth) > 0.99
+    assert len(found.messages) == 1
+
+
+def test_a_mark_within_the_start_is_no_boundary() -> None:
+    image, truth = disc()
+    cv2.circle(image, (110, 100), 4, 60, -1)
+    found = ffseg.segment(image, ffseg.load_params(None, {"init.center": list(CENTER), "init.radius": START}))
+    assert found.messages == ()
+    assert iou(found.mask, truth) > 0.98
+
+
+def test_a_start_that_would_lose_most_of_itself_stays_and_is_told() -> None:
+    """A circle across five strips is no circle a little over a boundary."""
+    image = np.where(np.arange(160) // 11 % 2 == 0, 60, 190).astype(np.uint8)[None].repeat(140, axis=0)
+    given = {"init.center": [80, 70], "init.radius": 25, "edges.source": "gradient"}
+    found = ffseg.segment(image, ffseg.load_params(None, given))
+    assert len(found.messages) == 1
+    assert "the start at (80, 70), radius 25 lies across an edge" in found.messages[0]
+
+
+def test_boxes_and_what_closes_in_may_lie_across_edges() -> None:
+    image, _ = disc()
+    box = ffseg.segment(image, ffseg.load_params(None, {"init.boxes": [[140, 80, 180, 120]]}))
+    closing = {"init.circles": [[110, 100, 65]], "contour.balloon": -6.0}
+    assert box.messages == ffseg.segment(image, ffseg.load_params(None, closing)).messages == ()
+
+
+def test_slits_and_hollows_join_and_make_no_sides() -> None:
+    free = np.ones((40, 60), np.bool_)
+    free[:, 30] = False
+    free[20, 30] = True  # a slit of one pixel
+    free[3:14, 3:14] = False
+    free[6:11, 6:11] = True  # a hollow of 25
+    sides = open_sides(free, 26)
+    assert sides[30, 10] != sides[30, 50]
+    assert min(sides[30, 10], sides[30, 50]) > 0
+    assert sides[20, 30] == sides[8, 8] == 0
+    assert open_sides(free, 25)[8, 8] > 0
