@@ -177,20 +177,25 @@ STRUCTURAL = _of(
     ("MOST_RAISED = 0.2\n", "MOST_RAISED = 0.24\n"),
     ("ground.pixels[:, 0] - moved", "ground.pixels[:, 0] + moved"),
 )
-MOTION = _of(
-    "camera/motion.py",
-    ("previous.rotation.T @ current.rotation", "current.rotation.T @ previous.rotation"),
-    ("(current.position - previous.position)", "(previous.position - current.position)"),
-    ("_turn(theta) @ camera.level(), np", "_turn(-theta) @ camera.level(), np"),
-    ("rotation[1, 0] - rotation[0, 1]", "rotation[0, 1] - rotation[1, 0]"),
-    ("rotation = level.T @ _turn(planar[2]) @ level", "rotation = level.T @ _turn(-planar[2]) @ level"),
-    ("weight = 1.0 / sigma**2", "weight = 1.0 / sigma"),
-    ("moved - previous).T) / sigma", "moved - previous).T)"),
-    ("motion.translation + moves @", "motion.translation - moves @"),
-    (" + bend[:, None, None] * (cross @ cross)", ""),
-    ("np.minimum(squares, GATE**2)", "squares"),
-    ("GATE = 3.0", "GATE = 3.6"),
-    ("MIN_INLIERS = 8", "MIN_INLIERS = 10"),
-    ("np.random.default_rng(seed)", "np.random.default_rng()"),
-    ("(camera.lift(pixels)) @ camera.level().T", "(camera.lift(pixels)) @ camera.level()"),
-)
+MOTION = [
+    *_of(
+        "camera/motion.py",
+        ("previous.rotation.T @ current.rotation", "current.rotation.T @ previous.rotation"),
+        ("(current.position - previous.position)", "(previous.position - current.position)"),
+        ("_turn(theta) @ camera.level(), np", "_turn(-theta) @ camera.level(), np"),
+        ("rotation[1, 0] - rotation[0, 1]", "rotation[0, 1] - rotation[1, 0]"),
+        ("rotation = level.T @ _turn(planar[2]) @ level", "rotation = level.T @ _turn(-planar[2]) @ level"),
+        ("motion.translation + moves @", "motion.translation - moves @"),
+        (" + bend[:, None, None] * (cross @ cross)", ""),
+        ("(camera.lift(pixels)) @ camera.level().T", "(camera.lift(pixels)) @ camera.level()"),
+    ),
+    *_of(
+        "freespace/motion/ground.py",
+        ("np.swapaxes(root, 1, 2) @ slopes", "slopes"),
+        ('np.einsum("nji,nj->ni", root, tracks.previous', 'np.einsum("nij,nj->ni", root, tracks.previous'),
+        ("np.minimum(square, GATE**2)", "square"),
+        ("\nGATE = 3.5", "\nGATE = 4.2"),
+        ("\nMIN_INLIERS = 8", "\nMIN_INLIERS = 10"),
+        ("np.random.default_rng(0)", "np.random.default_rng()"),
+    ),
+]

@@ -50,7 +50,9 @@ NEAREST = {
         "tests/unit/test_core_regressions.py",
     ),
     "structural": ("tests/unit/test_structural_votes.py",),
-    "motion": ("tests/unit/test_motion_parts.py", "tests/unit/test_camera_motion.py"),
+    "motion": (
+        "tests/unit/test_motion_parts.py", "tests/unit/test_camera_motion.py", "tests/unit/test_ground_fit.py",
+    ),
 }  # fmt: skip
 """Tests of each group, quickest first."""
 
