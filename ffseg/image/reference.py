@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import cv2
 import numpy as np
@@ -37,14 +36,6 @@ def reference_kernel(grey: NDArray[np.uint8]) -> int:
 def reference_read(path: str) -> bool:
     """Read an image file as a script of one line would, without a look at it first; whether OpenCV gave an image."""
     return cv2.imread(path, cv2.IMREAD_ANYCOLOR) is not None
-
-
-def to_grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Grey version of a grey or BGR image."""
-    if image.ndim == 2:
-        return image
-    grey: NDArray[Any] = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    return grey
 
 
 @contextmanager

@@ -128,6 +128,20 @@ def test_guarded_reading_is_compared_with_the_bare_decoder_in_images_of_a_batch(
     assert share.ratio < 0.10  # the promise; of tiny images it is less, as starting takes most of their time
 
 
+def test_the_truth_of_an_image_must_say_what_is_inside(tmp_path: Path) -> None:
+    """As it does for every other command: levels of no known meaning and other sizes are refused."""
+    scene = drawing.draw(5, 160, 120)
+    (tmp_path / "one.png").write_bytes(cv2.imencode(".png", scene.image)[1].tobytes())
+    levels = np.where(scene.ground, np.uint8(200), np.uint8(0))
+    for truth, said in (
+        (levels, "holds the levels 0, 200"),
+        (np.zeros((60, 80), np.uint8), "has 80x60, the image 160x120"),
+    ):
+        (tmp_path / "one_truth.png").write_bytes(cv2.imencode(".png", truth)[1].tobytes())
+        with pytest.raises(FfsegError, match=said):
+            quick("scenes", images=tmp_path)
+
+
 def test_scenes_of_a_folder_are_scored_by_their_truth(tmp_path: Path) -> None:
     scene = drawing.draw(2, 240, 180)
     cv2.imwrite(str(tmp_path / "one.png"), scene.image)

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from ffseg.batch.bench.measure import Comparison, Fact, Group, Skipped, Task, timed
 from ffseg.batch.bench.suites.drawing import Drawing, draw
 from ffseg.batch.bench.suites.settings import Settings
+from ffseg.batch.workers.truth import read_truth
 from ffseg.errors import UsageError
 from ffseg.formats.files import printable
 from ffseg.formats.images import read_image
-from ffseg.formats.masks import read_levels
 from ffseg.image.edges import EdgeMap, edge_map
+from ffseg.image.keypoints import grey_image
 from ffseg.image.raster import rasterize
-from ffseg.image.reference import to_grey
 from ffseg.methods import PEERS, SEGMENTERS
+from ffseg.metrics import iou
 from ffseg.parameters import Parameters, load_params
 from ffseg.peer_parameters import SkimageGac
 from ffseg.samples.scenes import SCENES
@@ -31,8 +32,6 @@ from ffseg.segmenters.starts import start_contours
 Image = NDArray[np.uint8]
 
 SUFFIXES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm"}
-IGNORED = 128
-"""Level of a truth image whose pixels count neither way."""
 NUM_DRAWN = 4
 WIDTHS = (400, 800, 1600, 3200, 6400)
 QUICK_WIDTHS = (100, 150, 200)
@@ -45,7 +44,7 @@ LONG = 1_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """An image to measure on, its truth (255, 128 to ignore, 0) if known, and parameters."""
+    """An image to measure on, its truth (255 inside, 128 ignored, 0 outside) if known, and parameters."""
 
     name: str
     image: Image
@@ -118,10 +117,10 @@ def _beside(picture: Picture, name: str, *, quick: bool) -> Group:
         works = (lambda: run(View(image, edges, starts, params))), lambda: peer(view)
     view = View(image, seen, starts, theirs, section)
     if picture.truth is not None:
-        facts["iou"] = round(_iou(segment(image, params).mask, picture.truth), 5)
-        facts["peer iou"] = round(_iou(segment(image, theirs, name, options=section).mask, picture.truth), 5)
+        facts["iou"] = round(iou(segment(image, params).mask, picture.truth), 5)
+        facts["peer iou"] = round(iou(segment(image, theirs, name, options=section).mask, picture.truth), 5)
     tasks = [Task(case, stage, timed(work)) for case, work in zip(cases, works, strict=True)]
-    return Group("peers", f"{picture.name}, {name}", to_grey(image), tasks, facts, [ratio])
+    return Group("peers", f"{picture.name}, {name}", grey_image(image), tasks, facts, [ratio])
 
 
 def enough(edges: EdgeMap, seeds: NDArray[np.bool_], section: SkimageGac) -> SkimageGac:
@@ -151,7 +150,7 @@ def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: flo
         Task(case, "segment", timed(lambda: segment(image, params, method_name)), x),
     )
     facts = _facts(segment(image, params, method_name), picture.truth)
-    return Group(suite, case, to_grey(image), tasks, {"size": f"{shape[1]}x{shape[0]}", **facts})
+    return Group(suite, case, grey_image(image), tasks, {"size": f"{shape[1]}x{shape[0]}", **facts})
 
 
 def _facts(result: Segmentation, truth: Image | None) -> dict[str, Fact]:
@@ -163,16 +162,9 @@ def _facts(result: Segmentation, truth: Image | None) -> dict[str, Fact]:
         "holes": sum(contour.signed_area < 0 for contour in result.contours),
         "stopped": stats.stop_reason,
     }
-    if truth is not None and truth.shape == result.mask.shape:
-        facts["iou"] = round(_iou(result.mask, truth), 5)
+    if truth is not None:
+        facts["iou"] = round(iou(result.mask, truth), 5)
     return facts
-
-
-def _iou(mask: NDArray[np.bool_], truth: Image) -> float:
-    counted = truth != IGNORED
-    inside, found = truth > IGNORED, mask & counted
-    either = int(np.count_nonzero(found | inside))
-    return int(np.count_nonzero(found & inside)) / either if either else 1.0
 
 
 def _own(settings: Settings) -> Iterator[Picture]:
@@ -203,9 +195,11 @@ def _folder(folder: Path) -> Iterator[Picture]:
     if not paths:
         raise UsageError(f"--images: {printable(folder)} holds no image; give a folder of images")
     for path in paths:
-        yield Picture(printable(path.stem), read_image(path), _truth_of(path), Parameters())
+        image = read_image(path)
+        truth = _truth_of(path, (image.shape[0], image.shape[1]))
+        yield Picture(printable(path.stem), image, truth, Parameters())
 
 
-def _truth_of(path: Path) -> Image | None:
+def _truth_of(path: Path, shape: tuple[int, int]) -> Image | None:
     places = (path.with_name(f"{path.stem}_truth.png"), path.parent / "truth" / f"{path.stem}.png")
-    return next((read_levels(place) for place in places if place.is_file()), None)
+    return next((read_truth(str(place), shape) for place in places if place.is_file()), None)
