@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from statistics import median
 
 import numpy as np
@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from ffseg.batch.comparison.text import markdown
 from ffseg.batch.comparison.values import COLUMNS, Comparison, Row
 from ffseg.batch.inputs.maps import read_evidence
+from ffseg.batch.inputs.masks import Masks, named_masks
 from ffseg.batch.jobs import Job, make_plan, with_domains, with_evidence, with_starts
 from ffseg.batch.workers.truth import read_truth
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
 from ffseg.formats.images import read_image, single_thread
-from ffseg.formats.masks import load_mask
-from ffseg.formats.overlays import Polyline
+from ffseg.formats.overlays import polylines
 from ffseg.formats.panels import Tile, encode_panel
 from ffseg.formats.tables import csv_table
 from ffseg.methods import METHODS, PEERS, SEGMENTERS
@@ -29,8 +29,6 @@ from ffseg.segmenters.base import Segmentation
 from ffseg.segmenters.peers import configured
 from ffseg.segmenters.registry import segment
 
-_FLATNESS = 0.1
-"""Tolerance of the lines drawn in panels, px: a tenth of the line's width."""
 _LONGEST_ERROR = 300
 
 
@@ -101,11 +99,7 @@ def compare(task: Comparison, tell: Callable[[Row], None]) -> list[Row]:
     """
     single_thread()
     make_folder(task.out)
-    masks = _Masks(
-        load_mask("domain.mask", task.params.domain.mask),
-        load_mask("init.mask", task.params.init.mask),
-        load_mask("init.background_mask", task.params.init.background_mask),
-    )
+    masks = named_masks(task.params)
     rows: list[Row] = []
     for job in task.jobs:
         made = _compare_image(task, job, masks, tell)
@@ -141,17 +135,7 @@ def missed_gates(rows: Sequence[Row], gates: dict[str, float]) -> list[str]:
     return missed
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Masks:
-    """Masks that the parameters name, 255 or 0."""
-
-    domain: NDArray[np.uint8] | None
-    start: NDArray[np.uint8] | None
-    background: NDArray[np.uint8] | None
-    evidence: NDArray[np.float32] | None = None
-
-
-def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Row], None]) -> list[Row]:
+def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row], None]) -> list[Row]:
     """Rows of one image; its panel is written."""
     name = printable(job.source.name)
     try:
@@ -159,7 +143,7 @@ def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Ro
         height, width = image.shape[:2]
         truth = read_truth(job.truth, (height, width), task.truth_label) if job.truth else None
         masks = replace(masks, evidence=read_evidence(job.evidence) if job.evidence else None)
-        masks = replace(masks, domain=load_mask("domain.masks", job.domain)) if job.domain else masks
+        masks = masks.within(job.domain)
     except ImageReadError as error:
         rows = [Row(name, method, status="failed", error=f"{error.reason}: {error}") for method in task.methods]
         for row in rows:
@@ -185,7 +169,7 @@ def _compare_image(task: Comparison, job: Job, masks: _Masks, tell: Callable[[Ro
 _Run = tuple[Row, Segmentation | None]
 
 
-def _run(task: Comparison, image: NDArray[np.uint8], row: Row, masks: _Masks) -> _Run:
+def _run(task: Comparison, image: NDArray[np.uint8], row: Row, masks: Masks) -> _Run:
     """Run a method once: its row without scores, and its result if it has one."""
     chosen = METHODS[row.method]
     if not chosen.installed:
@@ -214,7 +198,7 @@ def _middle(runs: Sequence[_Run]) -> _Run:
     return replace(row, **times), result
 
 
-def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: _Masks) -> Segmentation:
+def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: Masks) -> Segmentation:
     params, options = configured(task.params, method, task.peers)
     return segment(
         image,
@@ -245,9 +229,6 @@ def _scored(row: Row, result: Segmentation, truth: NDArray[np.uint8] | None) -> 
 def _tile(row: Row, result: Segmentation | None) -> Tile:
     if result is None:
         return Tile(f"{row.method}: {row.status}", None, ())
-    lines = [
-        Polyline(contour.flatten(_FLATNESS), "outer" if contour.signed_area >= 0 else "obstacle")
-        for contour in result.contours
-    ]
+    lines = polylines(result.contours)
     label = f"{row.method}  {row.evolve_ms:.1f} ms" + ("" if row.iou is None else f"  IoU {row.iou:.4f}")
     return Tile(label, result.mask, lines)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ffseg.errors import OutputError
 from ffseg.formats.masks import encode_png
+from ffseg.geometry.freeform import FreeForm
 
 Kind = Literal["outer", "obstacle", "false", "untested", "agrees", "differs", "silent"]
 COLOURS: dict[Kind, tuple[int, int, int]] = {
@@ -33,6 +34,8 @@ _TINTED = np.rint((1 - _TINT_SHARE) * np.arange(256)[:, None] + _TINT_SHARE * np
     np.uint8
 )[:, None, :]
 """What each level of each channel becomes inside, shape (256, 1, 3)."""
+FLATNESS = 0.1
+"""Tolerance of the lines drawn on pictures, px: a tenth of a line's width."""
 _SHIFT = 4  # bits of a pixel fraction OpenCV draws with: 1/16 px, below what a line of one pixel can show
 _FAR = 1 << 14  # px: fixed-point coordinates overflow 32 bits beyond 2**27; 2**14 is outside every image that is read
 
@@ -50,6 +53,11 @@ class Polyline:
 
     points: NDArray[np.float64]
     kind: Kind
+
+
+def polylines(contours: Iterable[FreeForm], tolerance: float = FLATNESS) -> list[Polyline]:
+    """Contours within `tolerance` pixels, as lines to draw: those of positive area as outer ones, holes as obstacles."""
+    return [Polyline(one.flatten(tolerance), "outer" if one.signed_area > 0 else "obstacle") for one in contours]
 
 
 def as_colour(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -8,13 +8,19 @@ from itertools import accumulate, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.geometry.bezier import Points
 from ffseg.geometry.freeform import FreeForm
 
 
 def packed(contours: Iterable[FreeForm]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Control points of all contours, shape (M, 2), and where each begins, shape (N + 1,), ending with M."""
-    points = [c.control_points for c in contours]
-    offsets = np.array([0, *accumulate(len(p) for p in points)], dtype=np.int64)
+    return packed_points(contour.control_points for contour in contours)
+
+
+def packed_points(polygons: Iterable[Points]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The same of polygons, each of shape (m, 2)."""
+    points = list(polygons)
+    offsets = np.array([0, *accumulate(len(polygon) for polygon in points)], dtype=np.int64)
     return np.concatenate([np.empty((0, 2)), *points]), offsets
 
 

@@ -53,20 +53,24 @@ def geodesic(edges: EdgeMap, seeds: Mask, params: SkimageGac, callback: Callable
     return found
 
 
+def _levels(image: Image, sigma: float) -> NDArray[np.float64]:
+    """The mean of the channels, smoothed, from 0 to 1."""
+    grey = image if image.ndim == 2 else image.mean(axis=2).astype(np.uint8)
+    return opencv_peers.smooth(grey, sigma) / 255.0
+
+
 def _skimage_chan_vese(image: Image, seeds: Mask, params: SkimageChanVese) -> Mask:
     skimage: Any = import_module("skimage.segmentation")
-    grey = image if image.ndim == 2 else image.mean(axis=2).astype(np.uint8)
-    levels = opencv_peers.smooth(grey, params.sigma) / 255.0
+    levels = _levels(image, params.sigma)
     phase = skimage.morphological_chan_vese(levels, params.iterations, "checkerboard", smoothing=params.smoothing) > 0
     return opencv_peers.connected(phase if 2 * phase[seeds].sum() >= seeds.sum() else ~phase, seeds)
 
 
 def _skimage_snake(image: Image, params: SkimageSnake) -> Mask:
     skimage: Any = import_module("skimage.segmentation")
-    grey = image if image.ndim == 2 else image.mean(axis=2).astype(np.uint8)
-    levels = opencv_peers.smooth(grey, params.sigma) / 255.0
+    levels = _levels(image, params.sigma)
     angle = np.arange(params.points) * (2 * np.pi / params.points)
-    middle = (np.array(grey.shape) - 1) / 2  # row, column
+    middle = (np.array(levels.shape) - 1) / 2  # row, column
     ellipse = middle + (middle - _MARGIN) * np.stack([np.sin(angle), np.cos(angle)], axis=1)
     found = skimage.active_contour(
         levels,
@@ -78,7 +82,7 @@ def _skimage_snake(image: Image, params: SkimageSnake) -> Mask:
         w_edge=1,
         max_num_iter=params.iterations,
     )
-    return rasterize([FreeForm.polygon(found[:, ::-1])], grey.shape)
+    return rasterize([FreeForm.polygon(found[:, ::-1])], levels.shape)
 
 
 _MARGIN = 2.0

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.ragged import packed
 from ffseg.image.raster import TOLERANCE
 from ffseg.native import _core
 
@@ -110,8 +111,7 @@ class ColourSums:
         degrees = {contour.degree for contour in contours} or {1}
         if len(degrees) > 1:
             raise ValueError(f"the contours have degrees {sorted(degrees)}; elevate them to one")
-        points = np.concatenate([np.empty((0, 2)), *(c.control_points for c in contours)])
-        offsets = np.cumsum([0, *(len(c.control_points) for c in contours)], dtype=np.int64)
+        points, offsets = packed(contours)
         table = np.zeros((3, self._sums.length), np.int64)
         self._sums.measure(points, offsets, degrees.pop(), TOLERANCE, band, table)
         inside, inner, outer = (self._colours(row) for row in table)

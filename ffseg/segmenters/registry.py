@@ -76,37 +76,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
 ) -> Segmentation:
     """Segment one image: edge map, start contours, evolution, mask.
 
-    Parameters
-    ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
-        Grey or BGR.
-    params : Parameters
-    method : str or Segmenter, optional
-        Takes the place of ``params.method``: a name, or a function ``run(view) -> outcome``. A peer runs with the
-        parameters of ``configs/peers.yaml`` and its own sigma.
-    edges : EdgeMap, optional
-        Takes the place of the edge source that ``edges.source`` names.
-    domain : ndarray of uint8, shape (H, W), optional
-        Nonzero where the contour may go.
-    start_mask : ndarray of uint8, shape (H, W), optional
-        Nonzero inside the start regions.
-    background : ndarray of uint8, shape (H, W), optional
-        Nonzero at what lies outside the region, beside ``init.background``.
-    evidence : ndarray of float32, shape (H, W), optional
-        From 0 to 1: probability of inside, or edge strength, as ``edges.evidence`` says.
-    center : tuple of float, optional
-        What ``init.center: auto`` stands for; without it the image centre.
-    altitudes : ndarray of float64, shape (K, 4), optional
-        Interest points of a camera pair for the snake's altitude term (Eq. 11).
-    options : object, optional
-        The method's own section of parameters, where it has one outside `params`; what a peer needs is then all in
-        `params` and `options`.
-    callback : callable, optional
-        Called with snapshots of the evolution.
-
-    Returns
-    -------
-    Segmentation
+    As `ffseg.segment`, whose parameters these are, of a parameter set and of arrays that need no check: masks of uint8,
+    evidence from 0 to 1. It reads no file: without a domain the contour may go everywhere, and so on.
 
     Raises
     ------

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.batch.inputs.masks import Masks
 from ffseg.batch.views import Views
 from ffseg.errors import ImageReadError
 from ffseg.formats.files import printable
@@ -25,20 +26,6 @@ from ffseg.segmenters.base import Progress, Segmentation
 Callback = Callable[[Progress], None] | None
 
 _KINDS: dict[str, Kind] = {"obstacle": "obstacle", "false_obstacle": "false", "untested": "untested"}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Masks:
-    """Masks that the parameters name.
-
-    Attributes
-    ----------
-    domain, start, background : ndarray of uint8, shape (H, W), or None
-    """
-
-    domain: NDArray[np.uint8] | None = None
-    start: NDArray[np.uint8] | None = None
-    background: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,22 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg import __version__
+from ffseg.batch.inputs.masks import named_masks
 from ffseg.batch.outputs.encoding import Film, Made
 from ffseg.batch.outputs.table import Output, resolve
 from ffseg.batch.workers.freshness import Read, digest, kept_outputs, read_task
 from ffseg.batch.workers.messages import Done, Encoded, Failed, Known, Reply, Setup, Task, Unchanged
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError
 from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, frames_note, single_thread
-from ffseg.formats.masks import load_mask, read_mask
-from ffseg.formats.overlays import Polyline
+from ffseg.formats.masks import read_mask
+from ffseg.formats.overlays import FLATNESS, Polyline, polylines
 from ffseg.parameters import Parameters
 from ffseg.segmenters.base import Segmentation
 
 if TYPE_CHECKING:
     from ffseg.batch.workers.frames import FrameBench
-
-_FLATNESS = 0.1
-"""Tolerance of the lines drawn in overlays, px: a tenth of the line's width."""
 
 
 class Workbench:
@@ -46,16 +44,12 @@ class Workbench:
         self._segment = resolve(setup.segmenter)
         self._setup = setup
         self._limits = Limits(setup.max_bytes, setup.max_pixels)
-        self._domain = load_mask("domain.mask", setup.params.domain.mask, self._limits)
-        self._start_mask = load_mask("init.mask", setup.params.init.mask, self._limits)
-        self._background = load_mask("init.background_mask", setup.params.init.background_mask, self._limits)
+        self._masks = named_masks(setup.params, self._limits)
         self._frames: FrameBench | None = None
         if setup.views is not None:
-            from ffseg.batch.workers.frames import FrameBench, Masks  # loads what only cameras need
+            from ffseg.batch.workers.frames import FrameBench  # loads what only cameras need
 
-            self._frames = FrameBench(
-                setup.views, setup.params, Masks(self._domain, self._start_mask, self._background)
-            )
+            self._frames = FrameBench(setup.views, setup.params, self._masks)
 
     def versions(self) -> dict[str, str]:
         """Versions that a result can depend on."""
@@ -124,16 +118,13 @@ class Workbench:
     def _found(self, image: NDArray[np.uint8], before: list[bytes], task: Task, params: Parameters) -> _Found:
         film = Film() if self._setup.wanted.animation else None
         overlay = self._setup.wanted.overlay
+        masks = self._masks.within(task.domain, self._limits)
         if self._frames is None:
             segment = self._segment if film is None else partial(self._segment, callback=film)
             if task.evidence:
                 segment = partial(segment, evidence=self._evidence(task.evidence))
-            domain = self._domain_of(task)
-            result = segment(image, params, domain=domain, start_mask=self._start_mask, background=self._background)
-            lines = [
-                Polyline(contour.flatten(_FLATNESS), "outer" if contour.signed_area > 0 else "obstacle")
-                for contour in (result.contours if overlay else ())
-            ]
+            result = segment(image, params, domain=masks.domain, start_mask=masks.start, background=masks.background)
+            lines = polylines(result.contours) if overlay else []
             return _Found(result, lines, film)
         from ffseg.batch.workers.frames import (
             evidence_lines,
@@ -143,17 +134,13 @@ class Workbench:
             pair_state,
         )
 
-        masks = replace(self._frames.masks, domain=self._domain_of(task))
         frames = replace(self._frames, params=params, masks=masks)
         frame = frames.frame_of(image, before, task.name, self._limits, film)
-        lines = overlay_lines(frame, _FLATNESS) if overlay else []
+        lines = overlay_lines(frame, FLATNESS) if overlay else []
         if overlay and params.obstacles.draw:
             lines += evidence_lines(frame)
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note, "pair": pair_state(frame)}
         return _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame))
-
-    def _domain_of(self, task: Task) -> NDArray[np.uint8] | None:
-        return load_mask("domain.masks", task.domain, self._limits) if task.domain else self._domain
 
     def _evidence(self, path: str) -> NDArray[np.float32]:
         from ffseg.batch.inputs.maps import read_evidence

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ffseg.formats.film.snapshots import Snapshot, scaled_contour, scaled_down
-from ffseg.formats.overlays import Polyline, draw_overlay
+from ffseg.formats.overlays import draw_overlay, polylines
 
 FRAME_MS = 90
 """A snapshot every ten iterations at this pace crosses an 800-pixel image in two seconds."""
 LAST_MS = 2000
 """How long the result stands before the film begins again."""
-_FLATNESS = 0.1
 _QUALITY = 80
 
 
@@ -60,8 +59,5 @@ def animation_bytes(
 
 def _frame(small: NDArray[np.uint8], snapshot: Snapshot, scale: float) -> NDArray[np.uint8]:
     """One frame as RGB."""
-    lines = [
-        Polyline(scaled_contour(contour, scale).flatten(_FLATNESS), "outer" if contour.signed_area > 0 else "obstacle")
-        for contour in snapshot.contours
-    ]
+    lines = polylines(scaled_contour(contour, scale) for contour in snapshot.contours)
     return np.ascontiguousarray(draw_overlay(small, lines)[..., ::-1])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.ragged import unpacked
+from ffseg.geometry.ragged import packed_points, unpacked
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
 from ffseg.parameters import Parameters
@@ -54,7 +54,7 @@ def run(view: View) -> Outcome:
     options = _options(edge_map, params)
     inside = view.start_region()
     seeds = ~inside if options.closing_in else inside
-    points, offsets = _polygons(starts)
+    points, offsets = packed_points(start.flatten(START_TOLERANCE) for start in starts)
     flat, ends, counts = _core.level_set(
         edge_map.gradient,
         _slowness(params.edges.exponent, options.stop),
@@ -92,11 +92,6 @@ def _slowness(exponent: float, stop: int) -> NDArray[np.float64]:
     slowness = np.full(LEVELS, np.inf)
     slowness[:stop] = 1.0 + (np.arange(stop) / GRADIENT_SCALE) ** exponent
     return slowness
-
-
-def _polygons(contours: tuple[FreeForm, ...]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    flat = [c.flatten(START_TOLERANCE) for c in contours]
-    return np.concatenate(flat), np.cumsum([0, *(len(p) for p in flat)], dtype=np.int64)
 
 
 def _stats(counts: dict[str, int], contours: tuple[FreeForm, ...]) -> Stats:

@@ -6,20 +6,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ffseg.errors import OutputError
-from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.regions import group_regions
 from ffseg.image.raster import rasterize
 from ffseg.segmenters.saving.source import Source
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from ffseg.formats.exports import AnnotatedImage, Document
-    from ffseg.formats.overlays import Polyline
     from ffseg.segmenters.base import Segmentation
-
-FLATNESS = 0.1
-"""Tolerance of the lines drawn on pictures, px: a tenth of a line's width."""
 
 
 def encoded(result: Segmentation, kind: str, source: Source, suffix: str = ".png") -> bytes:
@@ -48,13 +41,6 @@ def annotated(result: Segmentation, name: str) -> AnnotatedImage:
     return AnnotatedImage(name, width, height, painted)
 
 
-def polylines(contours: Sequence[FreeForm]) -> list[Polyline]:
-    """Contours as lines to draw: outer ones, and holes as obstacles."""
-    from ffseg.formats.overlays import Polyline
-
-    return [Polyline(c.flatten(FLATNESS), "outer" if c.signed_area > 0 else "obstacle") for c in contours]
-
-
 def documents(result: Segmentation, kind: str, name: str) -> Document:
     """A result as a COCO, LabelMe or GeoJSON document."""
     from ffseg.formats import exports
@@ -64,7 +50,7 @@ def documents(result: Segmentation, kind: str, name: str) -> Document:
 
 
 def _overlay(result: Segmentation, source: Source, suffix: str) -> bytes:
-    from ffseg.formats.overlays import encode_overlay
+    from ffseg.formats.overlays import encode_overlay, polylines
 
     if source.image is None or source.image.shape[:2] != result.mask.shape:
         raise OutputError("an overlay needs the image that was segmented")

@@ -88,8 +88,7 @@ class Savable:
 
     def _repr_png_(self) -> bytes:
         """What a notebook shows: the region light on dark, with its contours."""
-        from ffseg.formats.overlays import Polyline, encode_overlay
-        from ffseg.segmenters.saving.kinds import polylines
+        from ffseg.formats.overlays import Polyline, encode_overlay, polylines
 
         result = self._result()
         step = -(-max(result.mask.shape) // _PICTURE_SIDE)
