@@ -108,23 +108,6 @@ def interpolation_inverse(degree: int) -> Points:
     return _rounded(_inverse(_bernstein_table(degree)))
 
 
-@cache
-def differentiation_matrix(degree: int) -> Points:
-    """V' V^-1: takes the samples M_i of a patch to its derivatives with respect to t at the same t_i.
-
-    Returns
-    -------
-    ndarray of float64, shape (d + 1, d + 1), read-only
-        Each entry is the exact rational, rounded once. Rows sum to zero up to rounding.
-    """
-    check_degree(degree)
-    inverse = _inverse(_bernstein_table(degree))
-    slopes = [[inverse[j + 1][k] - inverse[j][k] for k in range(degree + 1)] for j in range(degree)]
-    lower = [[_bernstein_exact(degree - 1, j, Fraction(i, degree)) for j in range(degree)] for i in range(degree + 1)]
-    product = [[degree * sum(row[j] * slopes[j][k] for j in range(degree)) for k in range(degree + 1)] for row in lower]
-    return _rounded([[Fraction(value) for value in row] for row in product])
-
-
 def combined(matrix: Points, points: Points) -> Points:
     """``matrix @ points``, shape (..., m, 2), with the same bits on every processor.
 
@@ -165,46 +148,10 @@ def interpolate(samples: Points) -> Points:
     return patch
 
 
-def deform(patch: Points, displacements: Points) -> Points:
-    """Patch whose points at t_i = i/d are moved by `displacements` (Eq. 7).
-
-    Parameters
-    ----------
-    patch, displacements : ndarray of float64, shape (..., d + 1, 2)
-
-    Returns
-    -------
-    ndarray of float64, shape (..., d + 1, 2)
-    """
-    return patch + interpolate(displacements)
-
-
 def derivative(patch: Points) -> Points:
     """Control points, shape (..., d, 2), of the derivative with respect to t: a patch of degree d - 1."""
     slope: Points = (patch.shape[-2] - 1) * np.diff(patch, axis=-2)
     return slope
-
-
-def normals(patch: Points, t: ArrayLike) -> Points:
-    """Unit normals at `t`, pointing away from the region the contour encloses.
-
-    Parameters
-    ----------
-    patch : ndarray of float64, shape (..., d + 1, 2)
-    t : array_like of float
-        Broadcasts as in `evaluate`.
-
-    Returns
-    -------
-    ndarray of float64, shape broadcast(..., t) + (2,)
-        (T_y, -T_x) / |T| with T the derivative: outward on a component of positive area, into the hole on a
-        negative one. (0, 0) where the derivative vanishes: a cusp has no normal.
-    """
-    tangent = evaluate(derivative(patch), t)
-    length = np.hypot(tangent[..., 0], tangent[..., 1])
-    inverse = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
-    unit: Points = np.stack([tangent[..., 1] * inverse, -tangent[..., 0] * inverse], axis=-1)
-    return unit
 
 
 def split(patch: Points, t: float = 0.5) -> tuple[Points, Points]:
@@ -229,21 +176,6 @@ def split(patch: Points, t: float = 0.5) -> tuple[Points, Points]:
         left.append(column[0])
         right.append(column[-1])
     return np.stack(left, axis=-2), np.stack(right[::-1], axis=-2)
-
-
-def split_resampled(patch: Points) -> tuple[Points, Points]:
-    """The two halves of the patch by resampling 2d + 1 points and two interpolations.
-
-    Notes
-    -----
-    Algorithm 2. The same curves as ``split(patch)`` up to rounding, since a patch of degree d is determined by d + 1
-    of its points; the joint is shared bit for bit.
-    """
-    degree = patch.shape[-2] - 1
-    basis = bernstein(degree, np.arange(2 * degree + 1) / (2 * degree))
-    points = combined(basis, patch)
-    points[..., 0, :], points[..., -1, :] = patch[..., 0, :], patch[..., -1, :]
-    return interpolate(points[..., : degree + 1, :]), interpolate(points[..., degree:, :])
 
 
 def elevate(patch: Points) -> Points:

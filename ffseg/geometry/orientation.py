@@ -1,8 +1,4 @@
-"""Exact orientation of point triples, with ties broken as if no three points were ever in line.
-
-Shewchuk's expansions decide what float64 cannot; Edelsbrunner and Muecke's simulation of simplicity breaks exact ties:
-every vertex, known by its index, counts as moved by its own infinitesimal amount, consistently over all calls.
-"""
+"""Exact orientation of point triples: Shewchuk's expansions decide what float64 cannot."""
 
 from __future__ import annotations
 
@@ -11,7 +7,6 @@ from numpy.typing import NDArray
 
 from ffseg.geometry.bezier import Points
 
-Indices = NDArray[np.int64]
 Signs = NDArray[np.int8]
 Array = NDArray[np.float64]
 
@@ -20,29 +15,6 @@ _FILTER = 4.0 * np.finfo(float).eps
 
 _SPLITTER = 2.0**27 + 1.0
 """Cuts a float64 into two halves of at most 26 bits each."""
-
-
-def orientation(vertices: Points, i: Indices, j: Indices, k: Indices) -> Signs:
-    """Turning sense of the triples of vertices i, j, k; never 0.
-
-    Parameters
-    ----------
-    vertices : ndarray of float64, shape (M, 2)
-        Within about 1e-140 to 1e140 in size, or zero.
-    i, j, k : ndarray of int64, shape (n,)
-        Three different indices each.
-
-    Returns
-    -------
-    ndarray of int8, shape (n,)
-        Sign of (p_j - p_i) x (p_k - p_i): +1 turns from x toward y. Triples exactly in line, and points that coincide,
-        get the sign of the simulated perturbation.
-    """
-    a, b, c = vertices[i], vertices[j], vertices[k]
-    signs = signs_of_turns(a, b, c)
-    tied = np.flatnonzero(signs == 0)
-    signs[tied] = _perturbed_signs(vertices, np.stack([i[tied], j[tied], k[tied]], axis=-1))
-    return signs
 
 
 def signs_of_turns(a: Points, b: Points, c: Points) -> Signs:
@@ -92,19 +64,3 @@ def _grow(parts: list[Array], term: Array) -> None:
         parts[index] = (term - (total - virtual)) + (part - virtual)
         term = total
     parts.append(term)
-
-
-def _perturbed_signs(vertices: Points, triples: Indices) -> Signs:
-    """Signs of triples exactly in line: the first term of the perturbed determinant that is not zero.
-
-    With indices sorted, i moves most, along x before y; the terms in order are
-    y_j - y_k, x_k - x_j, y_k - y_i and -1.
-    """
-    order = np.argsort(triples, axis=1)
-    odd = ((order[:, 0] > order[:, 1]) ^ (order[:, 0] > order[:, 2]) ^ (order[:, 1] > order[:, 2])).astype(bool)
-    first, second, third = (vertices[column] for column in np.sort(triples, axis=1).T)
-    sign = np.sign(second[:, 1] - third[:, 1])
-    for term in (third[:, 0] - second[:, 0], third[:, 1] - first[:, 1], np.full(len(triples), -1.0)):
-        sign = np.where(sign == 0, np.sign(term), sign)
-    turned: Signs = np.where(odd, -sign, sign).astype(np.int8)
-    return turned

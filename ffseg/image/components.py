@@ -53,15 +53,6 @@ class Component:
         return slice(y, y + self.mask.shape[0]), slice(x, x + self.mask.shape[1])
 
 
-def component_of(index: int, mask: Mask) -> Component:
-    """A component from a mask of the whole image."""
-    rows, columns = np.nonzero(mask.any(axis=1))[0], np.nonzero(mask.any(axis=0))[0]
-    if not len(rows):
-        return Component(index, (0, 0), np.zeros((0, 0), np.bool_))
-    window = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    return Component(index, (int(columns[0]), int(rows[0])), window.copy())
-
-
 def contour_components(contours: Sequence[FreeForm], shape: tuple[int, int]) -> tuple[list[int], list[Component]]:
     """Components enclosed by the inner contours (those of negative area).
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -112,8 +111,3 @@ def _floor(random: np.random.Generator, kind: FloorKind, texture: float, noise: 
 def _tilt(random: np.random.Generator) -> Tilt:
     size, bearing = random.uniform(0, NOD), random.uniform(0, 2 * np.pi)
     return float(size * np.cos(bearing)), float(size * np.sin(bearing))
-
-
-def varied(seeds: Sequence[int]) -> list[tuple[int, float, float]]:
-    """Seeds with textures and noises in turn, so that every fifteen meet each combination once."""
-    return [(seed, TEXTURES[index % 5], NOISES[index // 5 % 3]) for index, seed in enumerate(seeds)]

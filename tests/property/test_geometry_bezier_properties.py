@@ -42,26 +42,9 @@ def test_evaluation_is_exact_at_dyadic_parameters(patch: own.Points, k: int) -> 
 
 
 @given(own.dyadic_patch())
-def test_resampled_split_is_the_same_curve(patch: own.Points) -> None:
-    # each control point is a sum of d + 1 samples weighted by at most 30 (V^-1 at degree 6)
-    for ours, other in zip(bezier.split_resampled(patch), bezier.split(patch), strict=True):
-        np.testing.assert_allclose(ours, other, rtol=0, atol=100 * 2e-16 * size(patch))
-    left, right = bezier.split_resampled(patch)
-    np.testing.assert_array_equal(left[-1], right[0])
-    np.testing.assert_array_equal([left[0], right[-1]], [patch[0], patch[-1]])
-
-
-@given(own.dyadic_patch())
 def test_interpolation_agrees_with_lagrange(samples: own.Points) -> None:
     expected = [[float(x), float(y)] for x, y in naive.interpolate(naive.exact(samples))]
     np.testing.assert_allclose(bezier.interpolate(samples), expected, rtol=0, atol=100 * 2e-16 * size(samples))
-
-
-@given(own.dyadic_patch(), st.integers(0, 2**32 - 1))
-def test_deformation_moves_the_samples_and_nothing_else(patch: own.Points, seed: int) -> None:
-    shift = np.random.default_rng(seed).normal(size=patch.shape)
-    moved = bezier.sample(bezier.deform(patch, shift))
-    np.testing.assert_allclose(moved, bezier.sample(patch) + shift, rtol=0, atol=200 * 2e-16 * (size(patch) + 5))
 
 
 @given(own.dyadic_patch(), st.floats(0, 1))
@@ -85,14 +68,6 @@ def test_the_curve_lies_in_the_box_of_its_control_points(patch: own.Points, t: f
     point = bezier.evaluate(patch, t)
     assert (point >= patch.min(axis=0) - slack).all()
     assert (point <= patch.max(axis=0) + slack).all()
-
-
-@given(own.dyadic_patch())
-def test_differentiation_matrix_gives_the_derivative_at_the_samples(patch: own.Points) -> None:
-    degree = len(patch) - 1
-    slopes = bezier.differentiation_matrix(degree) @ bezier.sample(patch)
-    expected = bezier.evaluate(bezier.derivative(patch), np.arange(degree + 1) / degree)
-    np.testing.assert_allclose(slopes, expected, rtol=0, atol=1000 * 2e-16 * size(patch))
 
 
 @given(own.troubled_contour())

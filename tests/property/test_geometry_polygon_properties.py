@@ -10,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.orientation import orientation
-from ffseg.geometry.polygon import self_intersections, signed_area
 from tests import naive
 from tests import strategies as own
+from tests.crossings import orientation, self_intersections, signed_area
 
 FINE = 1e-6
 """Below the depth of any crossing of a polygon on the half grid (1/400 px and more)."""

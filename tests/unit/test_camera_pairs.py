@@ -18,7 +18,7 @@ from ffseg.freespace.motion.evidence import Scenery, gathered
 from ffseg.freespace.motion.ground import fit_ground, prior_sigmas
 from ffseg.freespace.sequence import Sequence, free_space, segment_view
 from ffseg.freespace.structural import ImagePair, structural_test
-from ffseg.image.components import Component, component_of
+from ffseg.image.components import Component
 from ffseg.image.interest import harris_points
 from ffseg.image.keypoints import Candidates, align_patches, limited, patch_scores, plane_candidates
 from ffseg.image.planes import search_ground_motions
@@ -26,6 +26,7 @@ from ffseg.native import _core
 from ffseg.parameters import load_params
 from ffseg.rendering import RenderedPair, render_pair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL
+from tests.components import component_of
 
 EPSILON = 0.08
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.polygon import self_intersections
+from tests.crossings import self_intersections
 from tests.evolutions import SHAPE, areas, contours, evolution
 
 

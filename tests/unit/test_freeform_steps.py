@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.polygon import self_intersections
 from ffseg.image.raster import rasterize
 from ffseg.native import _core
+from tests.crossings import self_intersections
 from tests.evolutions import SHAPE, Edges, contours, evolution, region
 
 

@@ -18,10 +18,6 @@ def test_cubic_matrices_are_the_textbook_ones() -> None:
     np.testing.assert_array_equal(bezier.interpolation_inverse(3), inverse)
 
 
-def test_quadratic_differentiation_is_the_three_point_formula() -> None:
-    np.testing.assert_array_equal(bezier.differentiation_matrix(2), [[-3, 4, -1], [-1, 0, 1], [1, -4, 3]])
-
-
 @pytest.mark.parametrize("degree", DEGREES)
 def test_inverse_entries_are_rounded_once(degree: int) -> None:
     expected = [[float(value) for value in row] for row in naive.interpolation_inverse(degree)]
@@ -45,18 +41,6 @@ def test_bernstein_sums_to_one_and_is_exact_at_the_ends(degree: int) -> None:
 def test_refuses_other_degrees(bad: object) -> None:
     with pytest.raises(ValueError, match="whole number from 1 to 6"):
         bezier.check_degree(bad)
-
-
-def test_normal_points_out_of_a_positive_contour() -> None:
-    top_edge = np.array([[0.0, 0.0], [10.0, 0.0]])
-    np.testing.assert_array_equal(bezier.normals(top_edge, 0.5), [0.0, -1.0])
-
-
-def test_normal_at_a_cusp_is_zero() -> None:
-    cusp = np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 1.0], [1.0, 0.0]])
-    np.testing.assert_array_equal(bezier.normals(cusp, 0.5), [0.0, 0.0])
-    point = np.ones((4, 2))
-    np.testing.assert_array_equal(bezier.normals(point, [0.0, 0.3]), np.zeros((2, 2)))
 
 
 def test_chord_count_of_a_parabola_is_tight() -> None:

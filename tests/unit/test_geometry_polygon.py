@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.polygon import Crossing, self_intersections, signed_area
+from tests.crossings import Crossing, self_intersections, signed_area
 
 SQUARE = FreeForm.box(0, 0, 10, 10)
 

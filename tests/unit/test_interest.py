@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.components import Component, component_of, contour_components
+from ffseg.image.components import Component, contour_components
 from ffseg.image.interest import harris_points, outline_points
 from ffseg.native import _core
+from tests.components import component_of
 
 SHAPE = (40, 52)
 ALL = 10_000

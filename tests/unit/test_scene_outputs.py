@@ -13,12 +13,12 @@ import shapely
 
 from ffseg.formats.exports import AnnotatedImage, PaintedRegion, coco_document, geojson_document
 from ffseg.formats.svg import svg_document
-from ffseg.geometry.polygon import self_intersections
 from ffseg.geometry.regions import group_regions
 from ffseg.image.raster import rasterize
 from ffseg.parameters import load_params
 from ffseg.segmenters.base import Segmentation
 from ffseg.segmenters.registry import segment
+from tests.crossings import self_intersections
 
 DATA = Path(os.environ.get("FFSEG_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
 SCENES = DATA / "scenes"

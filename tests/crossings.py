@@ -1,4 +1,8 @@
-"""Closed polygons: area, and crossings of one result's contours with themselves and each other."""
+"""Where the contours of one result cross themselves or each other, decided exactly: what no result may do.
+
+Ties are broken by Edelsbrunner and Muecke's simulation of simplicity: every vertex, known by its index, counts as moved by
+its own infinitesimal amount, consistently over all calls.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,9 @@ from numpy.typing import NDArray
 
 from ffseg.geometry.bezier import Points
 from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.orientation import Indices, orientation
+from ffseg.geometry.orientation import Signs, signs_of_turns
+
+Indices = NDArray[np.int64]
 
 CROSSING_TOLERANCE = 0.01
 """Pixels: a hundredth of a pixel shows neither in a mask nor in a picture."""
@@ -282,3 +288,42 @@ def _farthest(points: Points, chain: Points) -> float:
     t = np.clip((to_point * along).sum(axis=-1) / size, 0.0, 1.0)
     gap = to_point - t[..., None] * along
     return float(np.hypot(gap[..., 0], gap[..., 1]).min(axis=1).max())
+
+
+def orientation(vertices: Points, i: Indices, j: Indices, k: Indices) -> Signs:
+    """Turning sense of the triples of vertices i, j, k; never 0.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (M, 2)
+        Within about 1e-140 to 1e140 in size, or zero.
+    i, j, k : ndarray of int64, shape (n,)
+        Three different indices each.
+
+    Returns
+    -------
+    ndarray of int8, shape (n,)
+        Sign of (p_j - p_i) x (p_k - p_i): +1 turns from x toward y. Triples exactly in line, and points that coincide,
+        get the sign of the simulated perturbation.
+    """
+    a, b, c = vertices[i], vertices[j], vertices[k]
+    signs = signs_of_turns(a, b, c)
+    tied = np.flatnonzero(signs == 0)
+    signs[tied] = _perturbed_signs(vertices, np.stack([i[tied], j[tied], k[tied]], axis=-1))
+    return signs
+
+
+def _perturbed_signs(vertices: Points, triples: Indices) -> Signs:
+    """Signs of triples exactly in line: the first term of the perturbed determinant that is not zero.
+
+    With indices sorted, i moves most, along x before y; the terms in order are
+    y_j - y_k, x_k - x_j, y_k - y_i and -1.
+    """
+    order = np.argsort(triples, axis=1)
+    odd = ((order[:, 0] > order[:, 1]) ^ (order[:, 0] > order[:, 2]) ^ (order[:, 1] > order[:, 2])).astype(bool)
+    first, second, third = (vertices[column] for column in np.sort(triples, axis=1).T)
+    sign = np.sign(second[:, 1] - third[:, 1])
+    for term in (third[:, 0] - second[:, 0], third[:, 1] - first[:, 1], np.full(len(triples), -1.0)):
+        sign = np.where(sign == 0, np.sign(term), sign)
+    turned: Signs = np.where(odd, -sign, sign).astype(np.int8)
+    return turned
