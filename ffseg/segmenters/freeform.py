@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed, unpacked
-from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
+from ffseg.image.edges import GRADIENT_SCALE
 from ffseg.native import _core
 from ffseg.parameters import Parameters
 from ffseg.segmenters.base import BlockedStartError, Outcome, Progress, Stats, View
@@ -38,7 +38,9 @@ def run(view: View) -> Outcome:
     edge_map, starts, params, callback = view.edges, view.starts, view.params, view.callback
     shrinking = params.contour.balloon < 0
     oriented = tuple(c.reversed() for c in starts) if shrinking else starts
-    evolution = _core.Evolution(*packed(oriented), edge_map.edges, edge_map.domain, _options(edge_map, params))
+    evolution = _core.Evolution(
+        *packed(oriented), edge_map.edges, edge_map.domain, native_options(params, edge_map.thresholds[0])
+    )
     if evolution.stop_reason == "blocked":
         raise BlockedStartError("move init.center, change init.radius or raise edges.canny")
 
@@ -60,7 +62,8 @@ def run(view: View) -> Outcome:
     return Outcome(contours, _stats(evolution, starts, contours))
 
 
-def _options(edge_map: EdgeMap, params: Parameters) -> _core.EvolutionOptions:
+def native_options(params: Parameters, low: float) -> _core.EvolutionOptions:
+    """Options of the core, which has no defaults of its own; `low` is the low Canny threshold, grey levels per pixel."""
     contour, options = params.contour, _core.EvolutionOptions()
     options.degree = contour.degree
     options.split_threshold = contour.split_threshold
@@ -70,7 +73,7 @@ def _options(edge_map: EdgeMap, params: Parameters) -> _core.EvolutionOptions:
     options.max_iterations = contour.max_iterations
     options.clearance = contour.clearance
     options.settle = contour.settle
-    options.ridge_low = RIDGE_SHARE * edge_map.thresholds[0] * GRADIENT_SCALE
+    options.ridge_low = RIDGE_SHARE * low * GRADIENT_SCALE
     return options
 
 

@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from ffseg.errors import ParameterError
+from ffseg.image.edges import GRADIENT_SCALE
+from ffseg.native import _core
 from ffseg.parameters import Contour, Edges, Init, Parameters, load_params, presets
 from ffseg.schema.sections import leaves
+from ffseg.segmenters.freeform import native_options
 
 
 def file_with(text: str, folder: Path) -> Path:
@@ -147,3 +150,22 @@ def test_every_key_has_a_description_and_a_default_that_is_allowed() -> None:
 def test_section_fields_are_all_declared() -> None:
     undeclared = [field.name for field in fields(Parameters) if not field.metadata]
     assert undeclared == []
+
+
+@pytest.mark.parametrize("name", ["EvolutionOptions", "SnakeOptions", "LevelSetOptions", "PaperOptions"])
+def test_the_core_has_no_defaults_of_its_own(name: str) -> None:
+    """Whoever forgets to hand a parameter on sees it at once, instead of a value that once was the default."""
+    options = getattr(_core, name)()
+    values = {key: getattr(options, key) for key in dir(options) if not key.startswith("_")}
+    assert len(values) >= 4
+    assert not any(values.values())
+
+
+def test_every_option_of_the_evolution_comes_from_the_parameters() -> None:
+    contour = Contour(2, 8, 31.0, -3.0, max_iterations=7, clearance=9.0, settle=2.5)
+    options = native_options(Parameters(contour=contour), 20.0)
+    found = {key: getattr(options, key) for key in dir(options) if not key.startswith("_")}
+    assert found == {
+        "degree": 2, "split_threshold": 31.0, "balloon": 3.0, "refine": True, "topology": True, "max_iterations": 7,
+        "clearance": 9.0, "settle": 2.5, "ridge_low": 10 * GRADIENT_SCALE,
+    }  # fmt: skip

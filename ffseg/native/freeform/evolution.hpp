@@ -10,16 +10,16 @@
 
 namespace ffseg::freeform {
 
-struct EvolutionOptions {
-    int degree = 3;
-    double split_threshold = 40.0;  // px, largest distance between control points of one patch
-    double balloon = 8.0;           // px per iteration, > 0
-    bool refine = true;
-    bool topology = true;
-    int max_iterations = 2000;
+struct EvolutionOptions {  // defaults live with the parameters
+    int degree = 0;
+    double split_threshold = 0.0;  // px, largest distance between control points of one patch
+    double balloon = 0.0;          // px per iteration, > 0
+    bool refine = false;
+    bool topology = false;
+    int max_iterations = 0;
     double clearance = 0.0;  // px
-    double settle = 4.0;     // px, reach of the attraction to the ridge; 0 switches it off
-    double ridge_low = 1.0;  // stored units: gradients below it are no ridge
+    double settle = 0.0;     // px, reach of the attraction to the ridge; 0 switches it off
+    double ridge_low = 0.0;  // stored units: gradients below it are no ridge
 };
 
 struct EvolutionCounts {

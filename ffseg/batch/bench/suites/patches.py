@@ -13,6 +13,7 @@ from ffseg.batch.bench.suites.settings import Settings
 from ffseg.geometry.freeform import FreeForm
 from ffseg.native import _core
 from ffseg.parameters import Parameters
+from ffseg.segmenters.freeform import native_options
 
 COUNTS = (10, 30, 100, 300, 1000, 3000, 10_000, 20_000)
 QUICK_COUNTS = (10, 30, 100)
@@ -60,10 +61,7 @@ def _advance(evolutions: list[_core.Evolution]) -> None:
 
 def evolution_options(params: Parameters, *, topology: bool) -> _core.EvolutionOptions:
     """The options of the native evolution as the parameters say, but for `topology`."""
-    options = _core.EvolutionOptions()
-    options.degree = params.contour.degree
-    options.split_threshold = params.contour.split_threshold
-    options.balloon = params.contour.balloon
+    options = native_options(params, 0.0)
     options.topology = topology
     return options
 
