@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -85,3 +86,22 @@ def snapshot(out: Path) -> dict[str, bytes]:
     """Content of the masks, contours and overlays under an output folder."""
     files = (path for kind in ("masks", "contours", "overlays") for path in (out / kind).rglob("*") if path.is_file())
     return {str(path.relative_to(out)): path.read_bytes() for path in files}
+
+
+TIMES = ("decode_ms", "edges_ms", "evolve_ms", "write_ms", "total_ms")
+
+
+def tree(out: Path) -> dict[str, bytes]:
+    """Every file but the state, with times and the words about the run itself left out."""
+    found = {}
+    for path in out.rglob("*"):
+        name = str(path.relative_to(out))
+        if path.is_file() and not name.startswith(".ffseg/"):
+            found[name] = path.read_bytes()
+    rows = table(out / "timings.csv")
+    found["timings.csv"] = repr([{key: row[key] for key in row if key not in TIMES} for row in rows]).encode()
+    run = json.loads(found["run.json"])
+    found["run.json"] = repr(
+        [run[key] for key in ("status", "counts", "inputs", "parameters", "versions", "stale")]
+    ).encode()
+    return found

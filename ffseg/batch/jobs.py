@@ -13,6 +13,7 @@ from ffseg.batch.inputs.maps import find_evidence
 from ffseg.batch.inputs.reading import place_of
 from ffseg.batch.inputs.truths import find_truths
 from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, OUTPUT_FOLDERS, Wanted
+from ffseg.batch.packing.members import PACKS, tar_name
 from ffseg.errors import OutputError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
 from ffseg.formats.starts import Start, load_starts
@@ -87,6 +88,16 @@ class Plan:
     def outputs(self, job: Job) -> tuple[str, ...]:
         """Outputs of a job, relative to `out`."""
         return tuple(kind.path(job.stem) for kind in self.wanted.kinds)
+
+    @property
+    def tars(self) -> tuple[str, ...]:
+        """Tar files of the outputs, relative to `out`; none where each is a file of its own."""
+        folders = dict.fromkeys(kind.folder for kind in self.wanted.kinds if self.wanted.pack)
+        return tuple(map(tar_name, folders))
+
+    def written(self, job: Job) -> tuple[str, ...]:
+        """Files that a job's outputs are written to, relative to `out`."""
+        return self.tars or self.outputs(job)
 
 
 def make_plan(
@@ -285,8 +296,8 @@ def _refuse_outputs_over_inputs(plan: Plan) -> None:
         for path in (job.source.path, job.truth, job.evidence, job.domain):
             inputs[_identity(path) if path else None] = path
     inputs.pop(None, None)
-    for job in plan.jobs:
-        for output in plan.outputs(job):
+    for job in plan.jobs[:1] if plan.tars else plan.jobs:
+        for output in plan.written(job):
             path = os.path.join(plan.out, output)
             if _identity(path) in inputs:
                 raise UsageError(
@@ -306,14 +317,17 @@ def foreign_outputs(plan: Plan) -> str:
     """First planned output that exists although no run has left its state in the output folder; else empty."""
     if os.path.isdir(os.path.join(plan.out, STATE_FOLDER)):
         return ""
-    if not any(os.path.isdir(os.path.join(plan.out, folder)) for folder in OUTPUT_FOLDERS):
+    if not plan.tars and not any(os.path.isdir(os.path.join(plan.out, folder)) for folder in OUTPUT_FOLDERS):
         return ""
-    paths = (os.path.join(plan.out, output) for job in plan.jobs for output in plan.outputs(job))
+    jobs = plan.jobs[:1] if plan.tars else plan.jobs
+    paths = (os.path.join(plan.out, output) for job in jobs for output in plan.written(job))
     return next((path for path in paths if os.path.lexists(path)), "")
 
 
 def output_folders(plan: Plan) -> list[str]:
-    """Folders of all outputs of a plan; what cannot even be tried has none."""
+    """Folders of all outputs of a plan that are files; what cannot even be tried has none."""
+    if plan.tars:
+        return []
     jobs = (job for job in plan.jobs if not job.source.problem)
     folders = {os.path.dirname(output) for job in jobs for output in plan.outputs(job)}
     return [os.path.join(plan.out, folder) for folder in sorted(folders)]
@@ -327,7 +341,8 @@ def prepare_output(plan: Plan, state: str) -> None:
     OutputError
         Naming the folder and the system's reason.
     """
-    for folder in (state, *output_folders(plan)):
+    packs = [os.path.join(state, PACKS)] if plan.tars else []
+    for folder in (state, *packs, *output_folders(plan)):
         make_folder(folder)
     probe = os.path.join(state, "probe")
     try:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from ffseg import __version__
 from ffseg.batch.jobs import Job, Plan
-from ffseg.batch.record.header import refuse_other_parameters, run_header
+from ffseg.batch.record.header import refuse_other_packing, refuse_other_parameters, run_header
 from ffseg.batch.record.journal import last_records, refuse_special, state_folder
 from ffseg.batch.record.values import Record
 from ffseg.batch.runner import refuse_foreign
@@ -57,6 +57,7 @@ def preview(plan: Plan, setup: Setup, *, overwrite: bool = False) -> Iterator[Pr
     _refuse_locked(plan.out, folder)
     if not overwrite:
         refuse_other_parameters(plan.out, folder, header)
+        refuse_other_packing(plan.out, folder, pack=plan.wanted.pack)
     _refuse_unwritable(plan.out)
     known = {} if overwrite else last_records(folder)
     for job in plan.jobs:

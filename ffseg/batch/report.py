@@ -18,7 +18,7 @@ from ffseg.formats.files import printable, write_bytes_atomic
 from ffseg.formats.images import REASONS
 from ffseg.formats.report.contours import packed_components, read_contours
 from ffseg.formats.report.page import page
-from ffseg.formats.report.thumbnails import thumbnail
+from ffseg.formats.report.thumbnails import thumbnail, thumbnail_of
 
 REPORT = "report.html"
 EMBEDDED_UP_TO = 200
@@ -129,8 +129,10 @@ def _images(found: OutputFolder) -> Iterator[dict[str, Any]]:
         pictures = _pictures(found, name, images.get(name, ""), done=done) if readable else {}
         if embed and pictures:
             best = pictures.get("overlay") or pictures.get("panel") or pictures.get("image") or pictures["mask"]
-            entry["thumbnail"] = thumbnail(found.path / best)
-        entry["pictures"] = {kind: quote(os.fsencode(path)) for kind, path in pictures.items()}
+            data = found.packed(best)
+            entry["thumbnail"] = thumbnail_of(data) if data else thumbnail(found.path / best)
+        linked = {kind: path for kind, path in pictures.items() if path not in found.members}
+        entry["pictures"] = {kind: quote(os.fsencode(path)) for kind, path in linked.items()}
         entry["contours"], spent = _contours(found, name) if done and room > 0 else ("", 0)
         room -= spent
         yield entry

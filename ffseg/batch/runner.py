@@ -16,7 +16,10 @@ from ffseg.batch.executors.base import Executor
 from ffseg.batch.executors.choice import Choice, Start, start
 from ffseg.batch.executors.chunks import left_over, numbered
 from ffseg.batch.jobs import Job, Plan, foreign_outputs, output_folders, prepare_output
-from ffseg.batch.record.header import refuse_other_parameters, run_header
+from ffseg.batch.packing.finish import StoppedError, find_moved, put_in_order
+from ffseg.batch.packing.ordered import packs_of, remove_packs
+from ffseg.batch.packing.writer import PackWriter, new_pack
+from ffseg.batch.record.header import refuse_other_packing, refuse_other_parameters, run_header
 from ffseg.batch.record.journal import Journal, read_header, state_folder
 from ffseg.batch.record.keeper import Keeper, Settled
 from ffseg.batch.record.lock import OutputLock
@@ -24,7 +27,7 @@ from ffseg.batch.record.standing import Standing, survey, tidy
 from ffseg.batch.record.tables import OBSTACLES, PARQUET, RUN, START_COLUMNS, TIMING_COLUMNS, Tables, remove_old
 from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Failed, Note, Ready, Reply, Setup, Task
-from ffseg.errors import FfsegError, UsageError
+from ffseg.errors import FfsegError, OutputError, UsageError
 from ffseg.formats.files import is_temporary, printable, sync_folders
 
 __all__ = ["JOB_REASONS", "TIMING_COLUMNS", "Observer", "Options", "Run", "Stop", "Summary"]
@@ -193,6 +196,7 @@ class Run:
         self._held.enter_context(OutputLock(self._plan.out, self._state))
         if not self._options.overwrite:
             refuse_other_parameters(self._plan.out, self._state, header)
+            refuse_other_packing(self._plan.out, self._state, pack=self._plan.wanted.pack)
         prepare_output(self._plan, self._state)
         self._sweep()
         self._open(header)
@@ -206,16 +210,22 @@ class Run:
         self._tables_before = [name for name in old.get("tables", ()) if isinstance(name, str)]
         merged = {kind.merged for kind in self._plan.wanted.kinds if kind.merge}
         others = {OBSTACLES: self._setup.views is not None, PARQUET: self._options.parquet}
-        tables = {*self._tables_before, *merged, *(name for name, asked in others.items() if asked)}
+        tables = {*self._tables_before, *merged, *(name for name, asked in others.items() if asked), *self._plan.tars}
         names = [job.source.name for job in self._plan.jobs]
-        journal = Journal(self._state, {**header, "tables": sorted(tables)}, names)
+        self._header = {**header, "tables": sorted(tables), **({"pack": True} if self._plan.tars else {})}
+        journal = Journal(self._state, self._header, names)
         self._held.callback(journal.close)
-        self._keeper = Keeper(self._plan, journal, header["settings"], self._setup.params.method, self._problem)
+        pack = PackWriter(self._plan.out, new_pack(self._plan.out, self._state)) if self._plan.tars else None
+        if pack is not None:
+            self._held.callback(pack.close)
+        self._keeper = Keeper(self._plan, journal, header["settings"], self._setup.params.method, self._problem, pack)
         index = {name: number for number, name in enumerate(names)}
         for name, reply in left_over(self._state, header["settings"]):
             if name in index:
                 self._keeper.adopt(numbered(reply, index[name]))
         if self._plan.shard:  # until it has finished, it has not
+            if self._plan.tars:
+                find_moved(self._plan.out, journal, self._plan)
             with contextlib.suppress(OSError):
                 os.unlink(os.path.join(self._state, RUN))
 
@@ -335,13 +345,30 @@ class Run:
         self._standing = survey(journal, self._plan, settings, self._finished)
         self.summary.stale = self._standing.num_stale + len(self._standing.left)
         tables = self._tables()
+        tars = self._packed()
         written = tables.write(self._run_json(), self._problem)
-        remove_old(tables.folder, self._tables_before, written)
+        remove_old(tables.folder, self._tables_before, [*written, *tars])
         if self._options.report:
             self._write_report()
         elif (self.summary.done or self.summary.failed) and os.path.exists(os.path.join(tables.folder, "report.html")):
             self._observer.note("report.html shows an earlier state; write it anew with: ffseg report DIR")
         sync_folders([tables.folder, self._state, *output_folders(self._plan)])
+
+    def _packed(self) -> list[str]:
+        """Put packed outputs in order once all are there; names of the tar files that stay in the output folder."""
+        plan, before = self._plan, [name for name in self._tables_before if name.endswith(".tar")]
+        if plan.shard or not all(self._finished):
+            return [*before, *plan.tars]
+        if not plan.tars:
+            remove_packs(packs_of(self._state))
+            return []
+        try:
+            return put_in_order(plan.out, self._keeper.journal, self._standing, self._header, lambda: self.stopped)
+        except OutputError as error:
+            self._problem(str(error))
+        except StoppedError:
+            self.summary.signal = self._stop.signal
+        return [*before, *plan.tars]
 
     def _write_report(self) -> None:
         from ffseg.batch.report import write_report

@@ -64,6 +64,13 @@ def read_mask(path: str | os.PathLike[str], limits: Limits | None = None) -> NDA
     return inside
 
 
+def decode_mask(data: bytes, limits: Limits | None = None) -> NDArray[np.bool_]:
+    """Content of a mask file as a region; as `read_mask`, but the message of an error does not name the file."""
+    image = decode_image(data, limits)
+    inside: NDArray[np.bool_] = (image if image.ndim == 2 else image.max(axis=2)) >= INSIDE
+    return inside
+
+
 def load_mask(key: str, path: str | None, limits: Limits | None = None) -> NDArray[np.uint8] | None:
     """Mask file that a parameter names, shape (H, W): 255 where it is not 0; None without a file.
 

@@ -7,8 +7,10 @@ import io
 import json
 import os
 import shutil
+import tarfile
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +44,7 @@ class Killed(BaseException):
 class DeadDisk:
     """Every call that changes the disk fails from the n-th on, as if the process had been killed before it."""
 
-    CALLS = ("replace", "write", "unlink", "ftruncate")
+    CALLS = ("replace", "write", "unlink", "ftruncate", "fsync")
 
     def __init__(self, after: int) -> None:
         self.left = after
@@ -162,17 +164,22 @@ class Runs(RuleBasedStateMachine):
     def params(self) -> Parameters:
         return load_params(None, {"contour.degree": self.degree})
 
+    @property
+    def seen(self) -> Path:
+        """Where the outputs are files: the output folder."""
+        return self.out
+
     def outputs(self) -> set[str]:
         folders = [output.folder for output in OUTPUTS]
         return {
-            str(path.relative_to(self.out))
+            str(path.relative_to(self.seen))
             for folder in folders
-            for path in (self.out / folder).rglob("*")
+            for path in (self.seen / folder).rglob("*")
             if path.is_file()
         }
 
     def listing(self) -> dict[str, bytes]:
-        return {path: (self.out / path).read_bytes() for path in self.outputs()}
+        return {path: (self.seen / path).read_bytes() for path in self.outputs()}
 
     def check(self, wanted: Wanted, truth: bool, part: str | None) -> None:
         """Compare the output folder with its tables, and both with a fresh run of the same images."""
@@ -200,7 +207,7 @@ class Runs(RuleBasedStateMachine):
         for entry in run["stale"]:
             if entry["reason"] == "made with other parameters":  # these are removed, unless they are somebody else's
                 stem = os.path.splitext(entry["image"])[0]
-                there = [self.out / path for path in {output.path(stem) for output in OUTPUTS} & self.outputs()]
+                there = [self.seen / path for path in {output.path(stem) for output in OUTPUTS} & self.outputs()]
                 assert any(path.read_bytes().startswith(b"somebody else's") for path in there)
         stale_stems = {os.path.splitext(name)[0] for name in stale_images}
         for path in self.outputs() - owned - stale_outputs:
@@ -214,7 +221,7 @@ class Runs(RuleBasedStateMachine):
         assert {kind.path(stem) for kind in wanted.kinds} <= there
         run = json.loads((self.out / "run.json").read_text())
         for path in there - {entry.get("output") for entry in run["stale"]}:
-            assert (self.out / path).read_bytes() == (fresh / path).read_bytes(), path
+            assert (self.seen / path).read_bytes() == (fresh / path).read_bytes(), path
         return there
 
     def check_coco(self, rows: list[dict[str, str]]) -> None:
@@ -222,7 +229,7 @@ class Runs(RuleBasedStateMachine):
         run = json.loads((self.out / "run.json").read_text())
         stale = {entry.get("output") for entry in run["stale"]}
         made = [
-            stem for stem in stems if (self.out / f"coco/{stem}.json").exists() and f"coco/{stem}.json" not in stale
+            stem for stem in stems if (self.seen / f"coco/{stem}.json").exists() and f"coco/{stem}.json" not in stale
         ]
         if (self.out / "coco.json").exists():
             document = json.loads((self.out / "coco.json").read_text())
@@ -245,8 +252,41 @@ def _noise(name: str) -> Any:
     return np.random.default_rng(list(name.encode())).random((12, 16)) < 0.5
 
 
+class PackedRuns(Runs):
+    """The same with outputs in tar files, which are unpacked to be looked at."""
+
+    @property
+    def seen(self) -> Path:
+        folder = self.root / "seen"
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        for path in sorted(self.out.glob("*.tar")):
+            with tarfile.open(path) as archive:
+                archive.extractall(folder, filter="data")
+        return folder
+
+    def batch(self, wanted: Wanted, truth: bool, *, overwrite: bool, part: str | None = None) -> None:
+        super().batch(replace(wanted, pack=True), truth, overwrite=overwrite, part=part)
+
+    @rule(pick=st.integers(0, 99), gone=st.booleans())
+    def damage_output(self, pick: int, gone: bool) -> None:
+        members = []
+        for path in sorted(self.out.glob("*.tar")):
+            with tarfile.open(path) as archive:
+                members += [(path, member) for member in archive.getmembers()]
+        if members:
+            path, member = members[pick % len(members)]
+            if gone:
+                path.unlink()
+            else:
+                with path.open("r+b") as file:
+                    file.seek(member.offset_data)
+                    file.write(b"somebody else's"[: member.size])
+
+
 TestRuns = Runs.TestCase
-TestRuns.settings = settings(
+TestPackedRuns = PackedRuns.TestCase
+TestPackedRuns.settings = TestRuns.settings = settings(
     max_examples=40,
     stateful_step_count=14,
     deadline=None,

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -67,6 +68,14 @@ def test_the_tree_is_that_of_processes(scheduler, tmp_path: Path) -> None:
     assert errors[0] == errors[1]
     assert run_batch(tmp_path / "in", tmp_path / "dask", wanted=ALL, **by_dask(scheduler[0])).unchanged == 57
     assert not list((tmp_path / "dask" / ".ffseg" / "chunks").iterdir())
+    packed = replace(ALL, pack=True)
+    for name, how in (("one tar", {"num_workers": 2}), ("dask tar", by_dask(scheduler[0]))):
+        assert run_batch(tmp_path / "in", tmp_path / name, wanted=packed, **how).done == 57
+    made = [
+        {path.name: path.read_bytes() for path in (tmp_path / name).glob("*.tar")} for name in ("one tar", "dask tar")
+    ]
+    assert made[0] == made[1]
+    assert sorted(made[0]) == ["coco.tar", "contours.tar", "masks.tar", "overlays.tar"]
 
 
 def test_a_stopped_run_goes_on_where_it_was(scheduler, tmp_path: Path) -> None:

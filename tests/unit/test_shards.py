@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 import stand_in
-from batches import Silent, make_images, run_batch, table
+from batches import Silent, make_images, run_batch, table, tree
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,7 +35,6 @@ from ffseg.parameters import Parameters, load_params
 
 NAMES = [f"{index % 7}/i{index}.png" for index in range(40)]
 ALL = Wanted(True, ("coco", "geojson"))
-TIMES = ("decode_ms", "edges_ms", "evolve_ms", "write_ms", "total_ms")
 
 
 @pytest.fixture
@@ -57,22 +56,6 @@ def run_shard(
     observer = Silent()
     with Run(plan, setup, Options(executor=Choice(executor), **options), observer, observer) as run:
         run.execute()
-
-
-def tree(out: Path) -> dict[str, bytes]:
-    """Every file but the state, with times and the words about the run itself left out."""
-    found = {}
-    for path in out.rglob("*"):
-        name = str(path.relative_to(out))
-        if path.is_file() and not name.startswith(".ffseg/"):
-            found[name] = path.read_bytes()
-    rows = table(out / "timings.csv")
-    found["timings.csv"] = repr([{key: row[key] for key in row if key not in TIMES} for row in rows]).encode()
-    run = json.loads(found["run.json"])
-    found["run.json"] = repr(
-        [run[key] for key in ("status", "counts", "inputs", "parameters", "versions", "stale")]
-    ).encode()
-    return found
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def reply_line(name: str, settings: str, reply: Reply) -> bytes:
 def _plain(reply: Reply) -> dict[str, Any]:
     parts = {name: getattr(reply, name) for name in reply.__slots__ if name != "index"}
     if isinstance(reply, Done):
-        parts["outputs"] = [[one.path, one.digest] for one in reply.outputs]
+        parts["outputs"] = [[one.path, one.digest, one.member] for one in reply.outputs]
     if not isinstance(reply, Failed):
         evidence = reply.evidence
         parts["evidence"] = [evidence.content, evidence.truth, dict(evidence.files)]
@@ -103,7 +103,10 @@ def _reply(kind: str, parts: Mapping[str, Any]) -> Reply:
     kept = tuple(parts.pop("kept"))
     if kind == "Unchanged":
         return Unchanged(-1, evidence, kept, **parts)
-    outputs = tuple(Encoded(path, None, digest) for path, digest in parts.pop("outputs"))
+    outputs = tuple(
+        Encoded(path, None, digest, (str(member[0]), int(member[1]), int(member[2])) if member else None)
+        for path, digest, member in parts.pop("outputs")
+    )
     return Done(-1, evidence=evidence, outputs=outputs, kept=kept, **parts)
 
 

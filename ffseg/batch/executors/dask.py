@@ -8,7 +8,7 @@ import queue
 import select
 import threading
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
 from time import monotonic
@@ -18,6 +18,7 @@ from ffseg.batch.executors.choice import Start
 from ffseg.batch.executors.chunks import Chunks, numbered, replies, reply_line
 from ffseg.batch.executors.processes import AHEAD as IN_HAND
 from ffseg.batch.executors.processes import Processes, WorkerLostError
+from ffseg.batch.packing.writer import PackWriter, new_pack
 from ffseg.batch.workers.messages import Done, Event, Failed, Note, Ready, Reply, Setup, Task
 from ffseg.errors import OutputError, UsageError
 from ffseg.formats.files import printable, write_all_atomic
@@ -213,7 +214,11 @@ def do_chunk(order: Order) -> dict[str, str]:
     """
     done = {name for name, _ in replies(order.path, order.settings)}
     left = [task for task in order.tasks if task.name not in done]
-    with _processes(order) as executor, open(order.path, "ab", buffering=0) as file:  # noqa: PTH123 - append
+    with (
+        _processes(order) as executor,
+        open(order.path, "ab", buffering=0) as file,  # noqa: PTH123 - append
+        contextlib.closing(_Outputs(order)) as outputs,
+    ):
         file.write(b"\n")  # after a line that a dead worker has not finished
         names = {task.index: task.name for task in left}
         versions: dict[str, str] = {}
@@ -230,20 +235,39 @@ def do_chunk(order: Order) -> dict[str, str]:
                     versions = event.versions
                 elif not isinstance(event, Note):
                     waiting -= 1
-                    file.write(reply_line(names[event.index], order.settings, _written(event, order)))
+                    file.write(reply_line(names[event.index], order.settings, outputs.written(event)))
     return {}
 
 
-def _written(reply: Reply, order: Order) -> Reply:
-    """A reply whose outputs are on the disk."""
-    if not isinstance(reply, Done):
-        return reply
-    out = order.tasks[0].out
-    try:
-        write_all_atomic([(os.path.join(out, one.path), one.data) for one in reply.outputs if one.data is not None])
-    except OutputError as error:
-        return Failed(reply.index, "output", str(error))
-    return reply
+class _Outputs:
+    """Writes the outputs of a chunk: files, or members of a tar file that nobody else writes to."""
+
+    def __init__(self, order: Order) -> None:
+        self._out = order.tasks[0].out
+        self._pack: PackWriter | None = None
+        if order.setup.wanted.pack:
+            state = os.path.dirname(os.path.dirname(order.path))
+            self._pack = PackWriter(self._out, new_pack(self._out, state))
+
+    def written(self, reply: Reply) -> Reply:
+        """A reply whose outputs are on the disk."""
+        if not isinstance(reply, Done):
+            return reply
+        files = [(one.path, one.data) for one in reply.outputs if one.data is not None]
+        try:
+            if self._pack is None:
+                write_all_atomic([(os.path.join(self._out, path), data) for path, data in files])
+                return reply
+            members = self._pack.append(files)
+        except OutputError as error:
+            return Failed(reply.index, "output", str(error))
+        placed = (replace(one, data=None, member=members[one.path]) for one in reply.outputs)
+        return replace(reply, outputs=tuple(placed))
+
+    def close(self) -> None:
+        """Close the tar file."""
+        if self._pack is not None:
+            self._pack.close()
 
 
 _idle: dict[bytes, list[Processes]] = {}

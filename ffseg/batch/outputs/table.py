@@ -80,12 +80,15 @@ class Wanted:
     animation : bool
     more : tuple of Output
         Kinds that are not ffseg's own: the workers import what their rows name.
+    pack : bool
+        Into tar files, one for each folder, instead of a file each.
     """
 
     overlay: bool = False
     exports: tuple[str, ...] = ()
     animation: bool = False
     more: tuple[Output, ...] = ()
+    pack: bool = False
 
     @property
     def kinds(self) -> tuple[Output, ...]:
@@ -96,6 +99,19 @@ class Wanted:
 
 
 MASKS_AND_CONTOURS = Wanted()
+
+
+def read_pack(text: str) -> bool:
+    """Whether outputs go into tar files.
+
+    Raises
+    ------
+    UsageError
+        For a kind of archive that is not written.
+    """
+    if text not in ("", "tar"):
+        raise UsageError(f"--pack: there is no '{text}'; choose tar, or leave it out for a file each")
+    return text == "tar"
 
 
 def read_exports(texts: Sequence[str]) -> tuple[str, ...]:

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
+from ffseg.batch.packing.members import digest
 from ffseg.batch.record.journal import read_header, read_records
-from ffseg.batch.workers.freshness import digest
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.formats.files import printable, read_bytes
@@ -70,6 +70,23 @@ def refuse_other_parameters(out: str, folder: str, header: Mapping[str, Any]) ->
     raise UsageError(
         f"{printable(out)} holds results with other parameters ({changes(old, header)}); "
         "use --overwrite to do them again, or another output folder"
+    )
+
+
+def refuse_other_packing(out: str, folder: str, *, pack: bool) -> None:
+    """Refuse to have some outputs in tar files and others in files of their own.
+
+    Raises
+    ------
+    UsageError
+        If an earlier run into this output folder did it the other way.
+    """
+    old = read_header(folder)
+    if old is None or bool(old.get("pack")) == pack or not any(record.made for record in read_records(folder)):
+        return
+    way, remedy = ("files of their own", "leave out --pack") if pack else ("tar files", "add --pack tar")
+    raise UsageError(
+        f"{printable(out)} holds outputs in {way}; {remedy}, use --overwrite to do them again, or another output folder"
     )
 
 

@@ -7,7 +7,7 @@ import errno
 import os
 import stat
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -213,6 +213,29 @@ class Journal:
         """Drop what is known of an image in memory: it is about to be done again."""
         self._places[index] = _ABSENT
         self._unwritten.pop(index, None)
+
+    def rewrite(self, header: Mapping[str, Any], entries: Iterable[tuple[int | str, Record]]) -> None:
+        """Put records of images, by index in the plan or else by name, in the place of all there are.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written; the journal is then as it was.
+        """
+        places, others = array("q", [_ABSENT]) * len(self._places), dict[str, int]()
+        end = 0
+        with atomic_stream(self._path) as file:
+            end += file.write(json_line({"format": FORMAT, **header}))
+            for entry, record in entries:
+                if isinstance(entry, int):
+                    places[entry] = end
+                else:
+                    others[entry] = end
+                end += file.write(record_line(record))
+        os.close(self._descriptor)
+        self._descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC)
+        self._places, self._others, self._end = places, others, end
+        self._unwritten.clear()
 
     def close(self) -> None:
         """Flush the file to the disk and close it."""

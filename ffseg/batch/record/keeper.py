@@ -6,7 +6,7 @@ import contextlib
 import os
 import stat
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
@@ -15,10 +15,12 @@ from typing import Any
 from ffseg import __version__
 from ffseg.batch.inputs.reading import place_of
 from ffseg.batch.jobs import Job, Plan
+from ffseg.batch.packing.members import Member, output_digest
+from ffseg.batch.packing.writer import PackWriter
 from ffseg.batch.record.journal import Journal, state_folder
 from ffseg.batch.record.order import order_key
 from ffseg.batch.record.values import Record
-from ffseg.batch.workers.freshness import content_digest, mark_of
+from ffseg.batch.workers.freshness import mark_of
 from ffseg.batch.workers.messages import Done, Failed, Mark, Reply, Unchanged
 from ffseg.errors import OutputError
 from ffseg.formats.files import printable, write_all_atomic
@@ -50,6 +52,8 @@ class Keeper:
         For the rows of images that failed.
     tell : callable
         Hears of problems that belong to no image.
+    pack : PackWriter or None
+        Takes the outputs where they are no files of their own.
     """
 
     plan: Plan
@@ -57,6 +61,9 @@ class Keeper:
     settings: str
     method: str
     tell: Callable[[str], None]
+    pack: PackWriter | None = None
+    _places: dict[str, Member] = field(default_factory=dict)
+    """Of the outputs that were written last."""
 
     def adopt(self, reply: Reply) -> None:
         """Remember what a run had made that did not live to do so; whether it is right is found out as for any record."""
@@ -70,6 +77,7 @@ class Keeper:
     def settle(self, replies: Sequence[Reply]) -> list[Settled]:
         """Write the outputs of replies together, then remember each."""
         begin = perf_counter()
+        self._places.clear()
         done = [reply for reply in replies if isinstance(reply, Done)]
         problems = self._written(done)
         spent = (perf_counter() - begin) * 1e3 / max(1, len(done))
@@ -78,17 +86,22 @@ class Keeper:
     def _written(self, replies: Sequence[Done]) -> dict[int, str]:
         """Write the outputs of images, all of them at once where that works; the problems of the others by index."""
         try:
-            files = [
-                (self._path(one.path), one.data) for reply in replies for one in reply.outputs if one.data is not None
-            ]
-            for path, _ in files:
-                _require_replaceable(path)
-            write_all_atomic(files)
+            self._write([(one.path, one.data) for reply in replies for one in reply.outputs if one.data is not None])
         except OutputError as error:
             if len(replies) == 1:
                 return {replies[0].index: str(error)}
             return {index: text for reply in replies for index, text in self._written([reply]).items()}
         return {}
+
+    def _write(self, outputs: Sequence[tuple[str, bytes]]) -> None:
+        """Write outputs, or append them to the tar file."""
+        if self.pack is not None:
+            self._places |= self.pack.append(outputs)
+            return
+        files = [(self._path(output), data) for output, data in outputs]
+        for path, _ in files:
+            _require_replaceable(path)
+        write_all_atomic(files)
 
     def _path(self, output: str) -> str:
         return os.path.join(self.plan.out, output)
@@ -122,7 +135,12 @@ class Keeper:
         row["write_ms"] += spent
         row["total_ms"] += spent
         row = {column: round(cell, 3) if column.endswith("_ms") else cell for column, cell in row.items()}
-        written = {one.path: (one.digest, mark_of(self._path(one.path))) for one in reply.outputs}
+        new = {one.path: one.member or self._places.get(one.path) for one in reply.outputs}
+        members = {path: member for path, member in new.items() if member is not None}
+        written = {
+            one.path: (one.digest, (members[one.path][2], 0) if one.path in members else mark_of(self._path(one.path)))
+            for one in reply.outputs
+        }
         known: Outputs = {} if before is None else before.outputs
         kept = {path: known[path] for path in reply.kept if path in known}
         record = Record(
@@ -137,6 +155,7 @@ class Keeper:
             truth=reply.evidence.truth,
             files=reply.evidence.files,
             order=self._order(job, before),
+            members={**_members_of(before, kept), **members},
         )
         if not job.truth and before is not None and _same_source(before, record):
             record = _with_truth_of(record, before)
@@ -146,7 +165,8 @@ class Keeper:
         """Record of an image that was not done again; its IoU may have been measured anew."""
         job = self.plan.jobs[reply.index]
         outputs = {path: before.outputs[path] for path in reply.kept}
-        record = replace(before, outputs=outputs, files={**before.files, **reply.evidence.files})
+        files = {**before.files, **reply.evidence.files}
+        record = replace(before, outputs=outputs, files=files, members=_members_of(before, outputs))
         if reply.scored:
             row = {**record.row, "iou": reply.iou}
             return _judged(replace(record, row=row, truth=reply.evidence.truth), reply.problem)
@@ -178,6 +198,7 @@ class Keeper:
             row=row,
             files={"image": (path, "", mark_of(path))},
             order=self._order(job, before),
+            members=_members_of(before, left),
         )
 
     def _order(self, job: Job, before: Record | None) -> str:
@@ -185,8 +206,10 @@ class Keeper:
 
     def _left(self, before: Record, now: Record) -> tuple[str, ...]:
         """Remove the outputs an image no longer has; those that hold something else than was written are left."""
-        retired = {path: digest for path, (digest, _) in before.outputs.items() if path not in now.outputs}
-        stale = {*retire(self.plan.out, retired)[1], *before.left} - now.outputs.keys()
+        files = now.outputs.keys() - now.members.keys()
+        lost = before.outputs.keys() - before.members.keys() - files
+        retired = {path: before.outputs[path][0] for path in lost}
+        stale = {*retire(self.plan.out, retired, {})[1], *before.left} - files
         return tuple(sorted(path for path in stale if os.path.lexists(self._path(path))))
 
     def _log_name(self) -> str:
@@ -207,6 +230,12 @@ class Keeper:
             self.tell(str(error))
 
 
+def _members_of(record: Record | None, outputs: Mapping[str, Any]) -> dict[str, Member]:
+    """Where those of the outputs lie that are no files of their own."""
+    known = {} if record is None else record.members
+    return {path: member for path, member in known.items() if path in outputs}
+
+
 def _judged(record: Record, problem: str) -> Record:
     """A record as done, or as failed for something that leaves its outputs right."""
     row: dict[str, Any] = {**record.row, "status": "failed" if problem else "ok", "error": problem}
@@ -225,14 +254,16 @@ def _with_truth_of(record: Record, before: Record) -> Record:
     return replace(record, row=row, truth=before.truth, files=files) if before.status == "ok" else record
 
 
-def retire(out: str, outputs: Mapping[str, str]) -> tuple[int, list[str]]:
-    """Remove outputs that no record holds any longer.
+def retire(out: str, outputs: Mapping[str, str], members: Mapping[str, Member]) -> tuple[int, list[str]]:
+    """Remove outputs that no record holds any longer; those in tar files are gone with the record.
 
     Parameters
     ----------
     out : str
     outputs : mapping of str to str
         Path below `out` to the digest of what was written there.
+    members : mapping of str to Member
+        Where those of them lie that are no files of their own.
 
     Returns
     -------
@@ -243,8 +274,10 @@ def retire(out: str, outputs: Mapping[str, str]) -> tuple[int, list[str]]:
     """
     removed, stale = 0, []
     for path, digest in outputs.items():
-        found = content_digest(os.path.join(out, path))
-        if found == digest:
+        found = output_digest(out, path, members.get(path))
+        if path in members:
+            removed += found == digest
+        elif found == digest:
             with contextlib.suppress(OSError):
                 os.unlink(os.path.join(out, path))
                 removed += 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
@@ -11,7 +10,7 @@ from ffseg.batch.jobs import Plan
 from ffseg.batch.record.journal import Journal
 from ffseg.batch.record.keeper import retire
 from ffseg.batch.record.values import Record
-from ffseg.batch.workers.freshness import still_true, unchanged
+from ffseg.batch.workers.freshness import output_stands, still_true, unchanged
 
 _NAMED = 1000
 """Stale images that ``run.json`` names; their number is always given."""
@@ -27,7 +26,7 @@ def standing(record: Record, out: str, settings: str) -> str:
     if changed:
         return f"{changed} has changed or is gone"
     outputs = record.outputs.items()
-    lost = next((path for path, seen in outputs if not unchanged(os.path.join(out, path), *seen)), "")
+    lost = next((path for path, seen in outputs if not output_stands(out, path, seen, record.members.get(path))), "")
     return f"{lost} has changed or is gone" if lost else ""
 
 
@@ -123,16 +122,16 @@ def tidy(journal: Journal, plan: Plan, settings: str) -> int:
     int
         How many outputs were removed. An image with one that holds something else than was written stays stale.
     """
-    others = [(other.name, other.settings, dict(other.outputs)) for other in journal.others()]
+    others = [(other.name, other.settings, dict(other.outputs), other.members) for other in journal.others()]
     if not others:
         return 0
     records = (journal.get(job.index) for job in plan.jobs)
     owned = {path for record in records if record is not None for path in record.outputs}
     removed = 0
-    for name, made_with, outputs in others:
+    for name, made_with, outputs, members in others:
         if made_with != settings or not owned.isdisjoint(outputs):
             retired = {path: digest for path, (digest, _) in outputs.items() if path not in owned}
-            count, left = retire(plan.out, retired)
+            count, left = retire(plan.out, retired, members)
             removed += count
             if not left:
                 journal.drop(name)

@@ -7,13 +7,13 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Protocol
 
 from ffseg.batch.outputs.table import OUTPUTS, Output, resolve
+from ffseg.batch.packing.members import output_bytes
 from ffseg.batch.record.streams import write_stream
 from ffseg.batch.record.values import Record
-from ffseg.errors import OutputError
+from ffseg.errors import ImageReadError, OutputError
 from ffseg.formats.files import printable, write_all_atomic
 from ffseg.formats.tables import csv_lines
 
@@ -124,8 +124,8 @@ class Tables:
             for record in self.standing.records():
                 for path in record.outputs:
                     if path.startswith(f"{output.folder}/") and path.endswith(output.suffix):
-                        with contextlib.suppress(OSError):  # removed in this very moment
-                            yield Path(self.out, path).read_bytes()
+                        with contextlib.suppress(ImageReadError):  # removed in this very moment
+                            yield output_bytes(self.out, path, record.members.get(path))
 
         return contents
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from ffseg.batch.packing.members import Member
 from ffseg.batch.workers.messages import Known, Mark
 
 File = tuple[str, str, Mark]
@@ -44,6 +45,8 @@ class Record:
         Paths below the output folder where it had an output that now holds something else: not ours to remove, but named.
     order : str
         Sorts records as their images were found (`ffseg.batch.record.order`).
+    members : mapping of str to Member
+        Where those of its outputs lie that are no files of their own.
     """
 
     name: str
@@ -58,6 +61,7 @@ class Record:
     files: Mapping[str, File] = field(default_factory=dict)
     left: Sequence[str] = ()
     order: str = ""
+    members: Mapping[str, Member] = field(default_factory=dict)
 
     @property
     def made(self) -> bool:
@@ -67,7 +71,9 @@ class Record:
     @property
     def known(self) -> Known:
         """What a worker is told of it."""
-        return Known(self.content, self.truth, {path: digest for path, (digest, _) in self.outputs.items()})
+        return Known(
+            self.content, self.truth, {path: digest for path, (digest, _) in self.outputs.items()}, self.members
+        )
 
 
 _TEXTS = ("name", "status", "version", "settings", "content", "truth", "order")
@@ -76,7 +82,8 @@ _FIELDS = (*_TEXTS, "outputs", "row", "extra", "files", "left")
 
 def record_line(record: Record) -> bytes:
     """A record as one line."""
-    return json_line({name: getattr(record, name) for name in _FIELDS})  # asdict would copy every cell first
+    value = {name: getattr(record, name) for name in _FIELDS}  # asdict would copy every cell first
+    return json_line({**value, "members": record.members} if record.members else value)
 
 
 def json_line(value: Mapping[str, Any]) -> bytes:
@@ -98,9 +105,12 @@ def parsed_line(line: bytes) -> dict[str, Any] | None:
 def parsed_record(line: bytes) -> Record | None:
     """Record of a line; None when it is none, or one of another shape."""
     value = parsed_line(line)
-    if value is None or set(value) != set(_FIELDS) or not all(isinstance(value[name], str) for name in _TEXTS):
+    if value is None or value.keys() - {"members"} != set(_FIELDS):
+        return None
+    if not all(isinstance(value[name], str) for name in _TEXTS):
         return None
     try:
+        members = {_text(path): _member(*member) for path, member in value.get("members", {}).items()}
         outputs = {_text(path): (_text(digest), _mark(mark)) for path, (digest, mark) in value["outputs"].items()}
         files = {
             _text(role): (_text(path), _text(digest), _mark(mark))
@@ -112,7 +122,14 @@ def parsed_record(line: bytes) -> Record | None:
         return None
     if row.get("status") != value["status"] or not isinstance(row.get("error"), str):
         return None
-    return Record(**{**value, "outputs": outputs, "files": files, "row": row, "extra": extra, "left": left})
+    parts = {"outputs": outputs, "files": files, "row": row, "extra": extra, "left": left, "members": members}
+    return Record(**{**value, **parts})
+
+
+def _member(pack: object, offset: object, length: object) -> Member:
+    if not isinstance(pack, str) or type(offset) is not int or type(length) is not int or min(offset, length) < 0:
+        raise TypeError(type(pack).__name__)
+    return pack, offset, length
 
 
 def _text(value: object) -> str:

@@ -12,10 +12,13 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from ffseg.batch.packing.index import listed
+from ffseg.batch.packing.members import Member, output_bytes, tar_name
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.formats.files import printable, read_bytes, unprintable
 from ffseg.formats.tables import meant_by
@@ -38,7 +41,7 @@ _OUTPUTS = {"overlays": ".png", "panels": ".png", "masks": ".png", "contours": "
 Row = dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class OutputFolder:
     """What an output folder holds.
 
@@ -64,12 +67,20 @@ class OutputFolder:
     verdicts: Mapping[str, list[Row]] = field(default_factory=dict)
     inputs: Sequence[str] = ()
 
+    @cached_property
+    def members(self) -> Mapping[str, Member]:
+        """Where outputs lie that are in tar files."""
+        found: dict[str, Member] = {}
+        for kind in _OUTPUTS:
+            found |= listed(self.path, tar_name(kind), MAX_ROWS)
+        return found
+
     def output(self, kind: str, image: str) -> str:
         """Path below the folder of an image's overlay, panel, mask or contours; empty where there is none."""
         suffix = _OUTPUTS[kind]
         for name in _names(image):
             for below in (os.path.splitext(name)[0] + suffix, name + suffix):
-                if os.path.isfile(os.path.join(self.path, kind, below)):
+                if os.path.isfile(os.path.join(self.path, kind, below)) or f"{kind}/{below}" in self.members:
                     return f"{kind}/{below}"
         return ""
 
@@ -80,7 +91,17 @@ class OutputFolder:
         ------
         UsageError
         """
-        return _text(self.path / path, MAX_SVG_BYTES)
+        return self.packed(path, MAX_SVG_BYTES).decode("utf-8", "replace") or _text(self.path / path, MAX_SVG_BYTES)
+
+    def packed(self, path: str, max_bytes: int = MAX_BYTES) -> bytes:
+        """Content of an output that is in a tar file; empty where it is none, cannot be read or is longer."""
+        member = self.members.get(path)
+        if member is None or member[2] > max_bytes:
+            return b""
+        try:
+            return output_bytes(os.fspath(self.path), path, member)
+        except ImageReadError:
+            return b""
 
 
 def read_folder(path: Path, inputs: Sequence[str] = ()) -> OutputFolder:

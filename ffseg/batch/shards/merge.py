@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from ffseg import __version__
 from ffseg.batch.discover import STATE_FOLDER
+from ffseg.batch.packing.finish import is_gone, relocated
+from ffseg.batch.packing.ordered import OrderedPacks, packs_of, publish, remove_packs
 from ffseg.batch.record.header import changes
 from ffseg.batch.record.journal import FORMAT, JOURNAL, read_header
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.record.standing import standing, without_old_truth
 from ffseg.batch.record.streams import atomic_stream
 from ffseg.batch.record.tables import RUN, Tables, remove_old
-from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record
+from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.batch.shards.assign import Shard, shard_of_folder
 from ffseg.batch.shards.sort import Keyed, sorted_lines
 from ffseg.errors import UsageError
@@ -122,17 +127,62 @@ def merge_shards(out: str, *, parquet: bool = False) -> Merge:
         header = dict(there[0].header or {})
         before = [name for name in (read_header(state) or {}).get("tables", ()) if isinstance(name, str)]
         tables_known = sorted({*before, *(name for part in there for name in (part.header or {}).get("tables", ()))})
+        packs = {part.folder: packs_of(part.folder) for part in there}
         records = MergedRecords(os.path.join(state, JOURNAL))
-        lines = sorted_lines(_all_lines(state, there), state)
-        with atomic_stream(records.path) as file:
-            file.write(json_line({**header, "format": FORMAT, "tables": tables_known}))
-            for record, line in chosen(lines, out, header["settings"]):
-                file.write(line)
-                records.note(record)
-                merge.counts["total"] += 1
-                merge.counts[record.status] += 1
-        _write(merge, records, there, before, parquet=parquet)
+        lines = chosen(sorted_lines(_all_lines(state, there), state), out, header["settings"])
+        first = {**header, "format": FORMAT, "tables": tables_known}
+        if header.get("pack"):
+            tars = _write_packed(merge, records, first, lines)
+            _remove_packs(out, packs)
+        else:
+            _write_journal(merge, records, first, lines)
+            tars = []
+        _write(merge, records, there, [name for name in before if name not in tars], parquet=parquet)
     return merge
+
+
+def _write_journal(
+    merge: Merge, records: MergedRecords, header: Mapping[str, Any], lines: Iterable[tuple[Record, bytes]]
+) -> None:
+    with atomic_stream(records.path) as file:
+        file.write(json_line(header))
+        for record, line in lines:
+            file.write(line)
+            records.note(record)
+            merge.counts["total"] += 1
+            merge.counts[record.status] += 1
+
+
+def _write_packed(
+    merge: Merge, records: MergedRecords, header: Mapping[str, Any], lines: Iterable[tuple[Record, bytes]]
+) -> list[str]:
+    """Write the journal and the tar files of all outputs; names of these."""
+    packs: list[str] = []
+    missing: list[str] = []
+    with OrderedPacks(merge.out) as ordered:
+
+        def moved() -> Iterator[tuple[Record, bytes]]:
+            for record, _ in lines:
+                found, lost = ordered.move(record)
+                missing.extend(lost[: _NAMED - len(missing)])
+                yield found, record_line(found)
+            packs.extend(ordered.complete())
+
+        _write_journal(merge, records, header, moved())
+    merge.problems += [f"{printable(path)} is not what was written; run its shard again" for path in missing]
+    return publish(merge.out, packs)
+
+
+_NAMED = 20
+"""Outputs that are missing and are named."""
+
+
+def _remove_packs(out: str, packs: Mapping[str, list[str]]) -> None:
+    """Remove the tar files of shards, whose outputs are in those of all by now; not where a run has begun meanwhile."""
+    remove_packs(packs_of(os.path.join(out, STATE_FOLDER)))
+    for folder, paths in packs.items():
+        with suppress(UsageError), OutputLock(out, folder):
+            remove_packs(paths)
 
 
 def _write(merge: Merge, records: MergedRecords, parts: list[Part], before: list[str], *, parquet: bool) -> None:
@@ -196,6 +246,11 @@ def _refuse_mixture(out: str, parts: list[Part]) -> None:
                 f"{printable(out)}: shard {part.shard} was run with other parameters than shard {first.shard} "
                 f"({changes(first.header, part.header)}); run one of them again with --overwrite"
             )
+        if bool((first.header or {}).get("pack")) != bool((part.header or {}).get("pack")):
+            raise UsageError(
+                f"{printable(out)}: of shard {part.shard} and shard {first.shard} one was run with --pack, the other "
+                "without; run one of them again as the other, with --overwrite"
+            )
 
 
 def _different_inputs(parts: list[Part]) -> list[str]:
@@ -233,20 +288,24 @@ def chosen(lines: Iterator[Keyed], out: str, settings: str) -> Iterator[tuple[Re
 
     A record of the folder's own journal stays only where no shard knows the image and it is still true.
     """
-    last: tuple[bytes, bytes] | None = None
-    for key, line in lines:
-        if last is not None and last[0] != key:
-            yield from _record(last[1], out, settings)
-        last = (key, line)
-    if last is not None:
-        yield from _record(last[1], out, settings)
+    for _, same in groupby(lines, key=itemgetter(0)):
+        last = {line[0]: line[1:] for _, line in same}  # of the folder's own, and of the shards
+        yield from _record(last.get(0, b""), last.get(1, b""), out, settings)
 
 
-def _record(line: bytes, out: str, settings: str) -> Iterator[tuple[Record, bytes]]:
-    own, text = line[0] == 0, line[1:]
-    record = parsed_record(text)
-    if record is not None and record.settings == settings and not (own and standing(record, out, settings)):
-        yield record, text
+def _record(own: bytes, shards: bytes, out: str, settings: str) -> Iterator[tuple[Record, bytes]]:
+    record = parsed_record(shards or own)
+    if record is None or record.settings != settings:
+        return
+    merged = parsed_record(own) if shards and record.members else None
+    if merged is not None:  # an earlier merge has moved the outputs
+        record = relocated(out, record, merged)
+        found = merged.members.items()
+        lost = any(is_gone(out, member) for _, member in record.members.items() - found)
+        if lost and not standing(merged, out, settings):
+            record = merged
+    if shards or not standing(record, out, settings):
+        yield record, shards or own
 
 
 def _run_json(merge: Merge, parts: list[Part]) -> dict[str, Any]:

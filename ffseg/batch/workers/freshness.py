@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ffseg.batch.inputs.reading import place_of, read_input
+from ffseg.batch.packing.members import Member, digest, output_digest
 from ffseg.batch.workers.messages import Evidence, Known, Mark, Setup, Task
 from ffseg.errors import ImageReadError
 from ffseg.formats.files import printable, read_bytes
@@ -16,15 +16,7 @@ from ffseg.formats.files import printable, read_bytes
 if TYPE_CHECKING:
     from ffseg.batch.views import Views
 
-_MOST_BYTES = 1 << 40
-"""Of an output that is compared with what was written."""
-
 File = tuple[str, str, Mark]
-
-
-def digest(data: bytes) -> str:
-    """Digest that stands for content in the journal."""
-    return hashlib.blake2b(data, digest_size=16).hexdigest()
 
 
 def mark_of(path: str) -> Mark:
@@ -118,16 +110,15 @@ def _pair_digest(views: Views, name: str) -> str:
 def kept_outputs(out: str, known: Known) -> Iterator[str]:
     """Known outputs that are there with the content they were given."""
     for path, wanted in known.outputs.items():
-        if content_digest(os.path.join(out, path)) == wanted:
+        if output_digest(out, path, known.members.get(path)) == wanted:
             yield path
 
 
-def content_digest(path: str) -> str:
-    """Digest of a regular file; empty when it cannot be read."""
-    try:
-        return digest(read_bytes(path, _MOST_BYTES))
-    except ImageReadError:
-        return ""
+def output_stands(out: str, path: str, seen: tuple[str, Mark], member: Member | None) -> bool:
+    """Whether an output is what was written, as `seen` says: a file, told by its mark if that is the same, or a member."""
+    if member is None:
+        return unchanged(os.path.join(out, path), *seen)
+    return output_digest(out, path, member) == seen[0]
 
 
 def still_true(files: Mapping[str, File]) -> str:
@@ -143,4 +134,4 @@ def unchanged(path: str, wanted: str, mark: Mark) -> bool:
     now = mark_of(path)
     if now == (-1, -1):
         return mark == now
-    return now == mark or content_digest(path) == wanted
+    return now == mark or output_digest("", path) == wanted

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, Wanted
+from ffseg.batch.packing.members import Member
 from ffseg.parameters import Parameters
 
 if TYPE_CHECKING:
@@ -64,11 +65,14 @@ class Known:
         Digest of the true mask its IoU was measured with; empty without.
     outputs : mapping of str to str
         Path below the output folder to the digest of its content.
+    members : mapping of str to Member
+        Where those of them lie that are no files of their own.
     """
 
     content: str
     truth: str
     outputs: Mapping[str, str]
+    members: Mapping[str, Member] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,11 +169,15 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class Encoded:
-    """One output: path below the output folder, content, digest; `data` is None when a worker has written it."""
+    """One output: path below the output folder, content, digest; `data` is None when a worker has written it.
+
+    `member` says where, if that is no file of its own.
+    """
 
     path: str
     data: bytes | None
     digest: str
+    member: Member | None = None
 
 
 @dataclass(frozen=True, slots=True)

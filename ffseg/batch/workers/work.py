@@ -17,11 +17,12 @@ from ffseg import __version__
 from ffseg.batch.inputs.masks import named_masks
 from ffseg.batch.outputs.encoding import Film, Made
 from ffseg.batch.outputs.table import Output, resolve
-from ffseg.batch.workers.freshness import Read, digest, kept_outputs, read_task
+from ffseg.batch.packing.members import digest, output_bytes
+from ffseg.batch.workers.freshness import Read, kept_outputs, read_task
 from ffseg.batch.workers.messages import Done, Encoded, Failed, Known, Reply, Setup, Task, Unchanged
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError
 from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, frames_note, single_thread
-from ffseg.formats.masks import read_mask
+from ffseg.formats.masks import decode_mask
 from ffseg.formats.overlays import FLATNESS, Polyline, polylines
 from ffseg.parameters import Parameters
 from ffseg.segmenters.base import Segmentation
@@ -111,7 +112,7 @@ class Workbench:
         """The reply for an image that need not be segmented; the mask on the disk is enough to measure its IoU."""
         if not task.truth or read.evidence.truth == known.truth:
             return Unchanged(task.index, read.evidence, kept)
-        mask = read_mask(os.path.join(task.out, task.outputs[0]), self._limits)
+        mask = decode_mask(output_bytes(task.out, task.outputs[0], known.members.get(task.outputs[0])), self._limits)
         overlap, problem = self._iou(mask, task, read)
         return Unchanged(task.index, read.evidence, kept, scored=True, iou=overlap, problem=problem)
 

@@ -71,6 +71,10 @@ def run(  # noqa: PLR0913 - the options of the command
         str, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster; else one is started here.")
     ] = "",
     chunk: Annotated[int, typer.Option("--chunk", min=1, max=10_000, help="Images a Dask worker gets at once.")] = 500,
+    pack: Annotated[
+        str,
+        typer.Option("--pack", metavar="tar", help="Outputs go into tar files, one a kind, instead of a file each."),
+    ] = "",
     shard: Annotated[
         str, typer.Option("--shard", metavar="i/n", help="Only this part of the images; 'ffseg merge' joins them.")
     ] = "",
@@ -140,7 +144,7 @@ def run(  # noqa: PLR0913 - the options of the command
             cleanup.callback(process.end)
         interruption = cleanup.enter_context(Interruption("run it again to go on"))
         params = checked_params(config, with_background(settings, outside))
-        wanted = read_wanted(export or (), overlay=overlay, animate=animate)
+        wanted = read_wanted(export or (), pack, overlay=overlay, animate=animate)
         choice = Chosen(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul)
         plan = with_maps(read_plan(choice, out, wanted, truth, starts, params), evidence, camera)
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan), shard)
@@ -201,7 +205,7 @@ def part_of(plan: Plan, shard: str) -> Plan:
     return only(plan, read_shard(shard)) if shard else plan
 
 
-def read_wanted(export: Sequence[str], *, overlay: bool, animate: bool) -> Wanted:
+def read_wanted(export: Sequence[str], pack: str = "", *, overlay: bool, animate: bool) -> Wanted:
     """Outputs that are asked for.
 
     Raises
@@ -209,11 +213,11 @@ def read_wanted(export: Sequence[str], *, overlay: bool, animate: bool) -> Wante
     UsageError
         For a format that does not exist, or a film without Pillow.
     """
-    from ffseg.batch.outputs.table import Wanted, read_exports
+    from ffseg.batch.outputs.table import Wanted, read_exports, read_pack
 
     if animate and find_spec("PIL") is None:
         raise UsageError("--animate needs Pillow; install it with: pip install 'ffseg[film]'")
-    return Wanted(overlay, read_exports(export), animate)
+    return Wanted(overlay, read_exports(export), animate, pack=read_pack(pack))
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from ffseg.errors import ImageReadError
-from ffseg.formats.images import Limits, read_image
+from ffseg.formats.files import read_bytes
+from ffseg.formats.images import Limits, decode_image
 
 WIDTH = 280
 """px; the page shows cards up to this wide without scaling up."""
@@ -21,12 +22,20 @@ _LIMITS = Limits(max_bytes=1 << 28, max_pixels=50_000_000)
 def thumbnail(path: str | os.PathLike[str]) -> str:
     """``data:`` address of a WebP of at most `WIDTH` px; empty where the file cannot be read as an image."""
     try:
-        image = read_image(path, _LIMITS)
+        return thumbnail_of(read_bytes(path, _LIMITS.max_bytes))
+    except ImageReadError:
+        return ""
+
+
+def thumbnail_of(data: bytes) -> str:
+    """The same of the content of a file."""
+    try:
+        image = decode_image(data, _LIMITS)
     except ImageReadError:
         return ""
     height, width = image.shape[:2]
     scale = min(1.0, WIDTH / max(width, height))
     size = (max(1, round(width * scale)), max(1, round(height * scale)))
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    done, data = cv2.imencode(".webp", np.ascontiguousarray(small), [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])
-    return "data:image/webp;base64," + base64.b64encode(data.tobytes()).decode("ascii") if done else ""
+    done, packed = cv2.imencode(".webp", np.ascontiguousarray(small), [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])
+    return "data:image/webp;base64," + base64.b64encode(packed.tobytes()).decode("ascii") if done else ""
