@@ -39,6 +39,25 @@ class Region:
         return sum(contour.signed_area for contour in self.contours)
 
 
+def oriented(contours: Sequence[FreeForm]) -> tuple[FreeForm, ...]:
+    """The same contours, those turned round that run the wrong way to bound a region.
+
+    Notes
+    -----
+    The Remark on orientation in Section 3.4. Contours of which more area runs backwards than forwards are taken to run
+    backwards all of them, holes too; of the others, one of negative area that lies in no outer contour is turned round.
+    What runs the right way is the same object as before.
+    """
+    made = tuple(contours)
+    areas = [contour.signed_area for contour in made]
+    if all(area >= 0 for area in areas):
+        return made
+    if sum(areas) < 0:
+        made = tuple(contour.reversed() for contour in made)
+    held = {id(hole) for region in group_regions(made) for hole in region.holes}
+    return tuple(one if one.signed_area >= 0 or id(one) in held else one.reversed() for one in made)
+
+
 def group_regions(contours: Sequence[FreeForm]) -> tuple[Region, ...]:
     """Regions of a set of contours, in the order of their outer ones; holes keep their order too.
 

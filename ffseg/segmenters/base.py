@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.regions import oriented
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.parameters import Parameters
@@ -102,7 +103,8 @@ class View:
     edges : EdgeMap
         What stops a contour; its ``domain`` is where the contour may go.
     starts : tuple of FreeForm
-        Start contours of degree ``params.contour.degree``, outer ones with positive area.
+        Start contours of degree ``params.contour.degree``, outer ones with positive area; those given the other way
+        round are turned (`ffseg.geometry.regions.oriented`).
     params : Parameters
     options : object, optional
         The method's own section of parameters, where it has one outside `params` (peers have).
@@ -121,6 +123,9 @@ class View:
     altitudes: NDArray[np.float64] = field(default_factory=_no_altitudes)
     callback: Callable[[Progress], None] | None = None
     every: int = 10
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "starts", oriented(self.starts))
 
     @property
     def domain(self) -> NDArray[np.uint8] | None:

@@ -10,6 +10,12 @@ import pytest
 
 import ffseg
 from ffseg.errors import SegmentationError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.edges import edge_map
+from ffseg.image.raster import rasterize
+from ffseg.parameters import load_params
+from ffseg.segmenters.base import View
+from ffseg.segmenters.registry import segmenter
 from tests.campaigns import stress
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -144,3 +150,17 @@ def test_same_job_same_bytes() -> None:
     params = ffseg.load_params(None, {"init.center": list(stress.scenes.START), "init.radius": 14.0})
     first, second = ffseg.segment(image, params), ffseg.segment(image, params)
     assert [c.control_points.tobytes() for c in first.contours] == [c.control_points.tobytes() for c in second.contours]
+
+
+@pytest.mark.parametrize("method", ["freeform", "levelset", "snake", "paper"])
+def test_a_start_given_the_other_way_round_grows_all_the_same(method: str) -> None:
+    """A method handed clockwise starts: the region is what lies in them, whichever way they run."""
+    image = np.full((90, 120), 40, np.uint8)
+    image[20:70, 30:95] = 200
+    params = load_params(None, {"edges.canny": [5.0, 15.0], "contour.balloon": 2.0})
+    edges, start = edge_map(image, params.edges), FreeForm.circle((60, 45), 9, 13, 3)
+    right, turned = (segmenter(method)(View(image, edges, (one,), params)) for one in (start, start.reversed()))
+    assert turned.stats == right.stats
+    masks = [rasterize(outcome.contours or (), (90, 120)) for outcome in (right, turned)]
+    assert (masks[0] == masks[1]).all()
+    assert masks[0][30:60, 40:85].all()  # the corners are rounded

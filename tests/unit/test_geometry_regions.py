@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.regions import group_regions
+from ffseg.geometry.regions import group_regions, oriented
 
 
 def circle(x: float, y: float, radius: float, degree: int = 3) -> FreeForm:
@@ -80,3 +80,22 @@ def test_holes_of_different_degrees_are_asked_at_their_own_points() -> None:
         near = [hole for hole in mixed if np.hypot(*(hole.control_points.mean(axis=0) - middle)) < 30]
         assert len(near) == 6
         assert region.holes == tuple(near)
+
+
+def test_contours_that_run_the_wrong_way_are_turned() -> None:
+    outer, hole, island = circle(50, 50, 40), circle(50, 50, 20).reversed(), circle(50, 50, 5)
+    right = (outer, hole, island, circle(150, 50, 10))
+    assert oriented(right) == right  # the very same
+    signs = [1, -1, 1, 1]
+    for wrong in (
+        [contour.reversed() for contour in right],
+        [outer, hole, island, right[3].reversed()],
+        [outer, hole, island, right[3]],
+    ):
+        found = oriented(wrong)
+        assert np.sign([contour.signed_area for contour in found]).tolist() == signs
+        for one, other in zip(found, right, strict=True):
+            np.testing.assert_array_equal(np.sort(one.control_points, axis=0), np.sort(other.control_points, axis=0))
+    assert oriented([]) == ()
+    flat = FreeForm.polygon([(0, 0), (5, 0)])
+    assert oriented([flat]) == (flat,)
