@@ -14,6 +14,7 @@ import pytest
 from ffseg.batch.discover import discover
 from ffseg.batch.inputs.maps import find_evidence, read_evidence
 from ffseg.errors import ImageReadError, UsageError
+from ffseg.rendering import CAMERA_YAML
 
 SHAPE = (60, 80)
 
@@ -93,6 +94,20 @@ def test_an_image_without_a_map_is_refused_before_the_first(tmp_path: Path) -> N
     assert not (tmp_path / "out").exists()
     with pytest.raises(UsageError, match="there is no folder"):
         find_evidence(discover([str(tmp_path / "in")]), str(tmp_path / "none"))
+
+
+def test_maps_and_a_camera_are_refused_with_the_remedy(tmp_path: Path) -> None:
+    maps = written(tmp_path / "maps", picture(tmp_path / "in"), "png")
+    (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
+    done = ffseg(
+        "run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps),
+        "--camera", str(tmp_path / "camera.yaml"),
+    )  # fmt: skip
+    assert done.returncode == 2
+    said = " ".join(done.stderr.split())
+    assert "--evidence and --camera do not go together" in said
+    assert "leave out one of them, or name the network or .ffmodel that made the maps as edges.model" in said
+    assert not (tmp_path / "out").exists()
 
 
 def test_levels_become_shares(tmp_path: Path) -> None:

@@ -62,6 +62,8 @@ def read_baseline(path: Path, max_ratio: float, *, quick: bool) -> Baseline:
         If it cannot be read, is of another format, or was made with tiny inputs while this run is not, or the reverse.
     """
     name = f"--baseline: {printable(path)}"
+    if path.exists() and not path.is_file():  # a pipe would be waited for
+        raise UsageError(f"{name} is not a regular file; give the bench.json of an earlier run")
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         if document["format"] != FORMAT:

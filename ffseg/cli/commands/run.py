@@ -266,7 +266,10 @@ def with_maps(plan: Plan, evidence: Path | None, camera: Path | None) -> Plan:
     if evidence is None:
         return plan
     if camera is not None:
-        raise UsageError("--evidence and --camera do not go together; leave out one of them")
+        raise UsageError(
+            "--evidence and --camera do not go together: the images of a camera are segmented without maps; leave out one "
+            "of them, or name the network or .ffmodel that made the maps as edges.model"
+        )
     from ffseg.batch.jobs import with_evidence
 
     return with_evidence(plan, os.fspath(evidence))
