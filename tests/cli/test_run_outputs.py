@@ -192,3 +192,37 @@ def test_the_row_of_a_stack_says_that_only_its_first_page_was_read(
         "stack.tif": "only the first page was read; the TIFF file has more",
         "film.gif": "only the first frame was read; the GIF file has more",
     }
+
+
+def test_the_summary_says_the_mean_iou_and_what_was_stopped(
+    ffseg_command: Command, images: Path, tmp_path: Path
+) -> None:
+    y, x = np.mgrid[0:96, 0:128]
+    truth = np.where(np.hypot(x - 64, y - 48) < 38, 255, 0).astype(np.uint8)
+    for name in ("a.png", "sub/b.png"):
+        path = tmp_path / "truth" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(truth).save(path)
+    out = tmp_path / "out"
+    given = ("run", images, "--out", out, *START, "--truth", tmp_path / "truth", "--set", "contour.max_iterations=1")
+    shown = ffseg_command(*given)
+    assert shown.returncode == 0, shown.stderr
+    with (out / "timings.csv").open(newline="") as file:
+        overlaps = [float(row["iou"]) for row in csv.DictReader(file)]
+    assert len(overlaps) == 2
+    lines = dict(line.split(maxsplit=1) for line in shown.stdout.replace("mean IoU", "mean-IoU").splitlines() if line)
+    assert lines["mean-IoU"] == f"{np.mean(overlaps):.4f} (lowest {min(overlaps):.4f}, of 2)"
+    assert lines["stopped"] == "2 at contour.max_iterations, before they had converged"
+    document = json.loads(ffseg_command(*given, "--json").stdout)
+    assert document["mean_iou"] == pytest.approx(np.mean(overlaps), abs=1e-12)
+    assert document["max_iterations"] == 2
+
+
+def test_the_summary_is_silent_of_what_there_is_not(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
+    given = ("run", images, "--out", tmp_path / "out", *START)
+    shown = ffseg_command(*given)
+    assert shown.returncode == 0, shown.stderr
+    assert "mean IoU" not in shown.stdout
+    assert "max_iterations" not in shown.stdout
+    document = json.loads(ffseg_command(*given, "--json").stdout)
+    assert (document["mean_iou"], document["max_iterations"]) == (None, 0)

@@ -62,10 +62,17 @@ def test_truth_keeps_its_levels_and_colour_counts_by_its_strongest_channel(tmp_p
     np.testing.assert_array_equal(read_levels(tmp_path / "red.png"), levels)
 
 
-@pytest.mark.parametrize("text", ["=1+1", "+1", "-2+3", "@SUM(A1)"])
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-2+3", "@SUM(A1)", " =1+1", "   -2", "\u00a0@SUM(A1)", "\u3000+1"])
 def test_cells_that_look_like_formulas_are_neutralised(text: str) -> None:
     row = list(csv.reader(io.StringIO(csv_table(["a"], [[text]]).decode())))[1]
     assert row == ["'" + text]
+
+
+@pytest.mark.parametrize("text", [" a=1", "a -1", "\t=1", " ", "1 = 1"])
+def test_other_cells_are_left_alone(text: str) -> None:
+    """A control character is written as such, so that what follows it begins no cell."""
+    row = list(csv.reader(io.StringIO(csv_table(["a"], [[text]]).decode())))[1]
+    assert row == [text.replace("\t", "\\u0009")]
 
 
 def test_numbers_keep_their_value() -> None:
@@ -79,7 +86,7 @@ def test_table_reads_back_with_a_csv_reader_one_line_a_row(cells: list[str]) -> 
     assert text.count("\n") == 2
     row = list(csv.reader(io.StringIO(text, newline="")))[1]
     shown = [re.sub(r"[\x00-\x1f\x7f]", lambda hit: f"\\u{ord(hit.group()):04x}", cell) for cell in cells]
-    assert row == [f"'{cell}" if cell[:1] in ("=", "+", "-", "@") and cell else cell for cell in shown]
+    assert row == [f"'{cell}" if cell.lstrip()[:1] in ("=", "+", "-", "@") and cell.strip() else cell for cell in shown]
 
 
 def test_row_of_wrong_length_is_an_error() -> None:
