@@ -164,3 +164,15 @@ def test_a_start_given_the_other_way_round_grows_all_the_same(method: str) -> No
     masks = [rasterize(outcome.contours or (), (90, 120)) for outcome in (right, turned)]
     assert (masks[0] == masks[1]).all()
     assert masks[0][30:60, 40:85].all()  # the corners are rounded
+
+
+def test_the_free_form_has_no_use_for_the_edge_force() -> None:
+    """As docs/method.md says; the printed method slows down with it."""
+    image = cv2.imread(str(ROOT / "samples" / "simple.png"))
+    for method, same in (("freeform", True), ("paper", False)):
+        one, two = (
+            ffseg.segment(image, {"edges.exponent": exponent, "edges.source": "gradient"}, method).contours
+            for exponent in (2.0, 8.0)
+        )
+        points = [np.concatenate([contour.control_points for contour in contours]) for contours in (one, two)]
+        assert np.array_equal(*points) == same
