@@ -12,7 +12,7 @@ import argparse
 import pickle
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +21,8 @@ from ffseg.freespace.sequence import Frame, free_space, segment_view
 from ffseg.parameters import Parameters, load_params
 from ffseg.rendering import FLOOR_KINDS, RenderedPair, floor_pair
 from ffseg.rendering.floors import NOISES, TEXTURES, FloorKind
-from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL, GROUND, SHADOW, STREAK
-from tests.campaigns.freespace import BOX_FREE, MARK_FREE, MODES, poses_of, ring
+from ffseg.rendering.raycast import FIRST_WALL, GROUND, SHADOW, STREAK
+from tests.campaigns.freespace import FIGURES, MODES, Tally, count_things, figures, overlap, poses_of, ring
 
 LEAST = {"poses": 0.95, "noisy": 0.95, "none": 0.90}
 """Marks merged, of those enclosed; without poses where the scene holds ``MARKS_WITHOUT_POSES`` or more."""
@@ -42,18 +42,6 @@ class Case:
     def name(self) -> str:
         """What the table groups by."""
         return f"texture {self.texture:g}" if self.kind == "plain" else self.kind
-
-
-@dataclass
-class Tally:
-    """Counts over pairs."""
-
-    boxes: int = 0
-    boxes_merged: int = 0
-    marks: int = 0
-    marks_merged: int = 0
-    ious: list[float] = field(default_factory=list)
-    misses: list[str] = field(default_factory=list)
 
 
 def cases(pairs: int, kinds: tuple[str, ...], first: int = 0) -> Iterator[Case]:
@@ -94,23 +82,9 @@ def enclosed_marks(pair: RenderedPair) -> list[int]:
 
 def measure(pair: RenderedPair, frame: Frame, tally: Tally, name: str) -> None:
     """Add one pair to the tally."""
-    labels, truth = pair.current.labels, pair.current.truth
-    for label in range(FIRST_BOX, min(FIRST_WALL, FIRST_BOX + len(pair.scene.boxes))):
-        box = labels == label
-        if box.any():
-            tally.boxes += 1
-            if frame.mask[box].mean() > BOX_FREE:
-                tally.boxes_merged += 1
-                tally.misses.append(f"{name}: BOX {label} is free ({frame.note})")
-    for label in enclosed_marks(pair):
-        mark = labels == label
-        tally.marks += 1
-        if frame.mask[mark].mean() >= MARK_FREE:
-            tally.marks_merged += 1
-        else:
-            tally.misses.append(f"{name}: mark {label} of {mark.sum()} px stayed ({frame.note})")
-    known = ~np.isin(labels, (STREAK, SHADOW))
-    tally.ious.append(float((frame.mask & truth & known).sum() / ((frame.mask | truth) & known).sum()))
+    count_things(pair, enclosed_marks(pair), frame, tally, name)
+    known = ~np.isin(pair.current.labels, (STREAK, SHADOW))
+    tally.ious.append(overlap(frame.mask, pair.current.truth, known))
 
 
 def run(chosen: Iterator[Case], params: Parameters, cache: Path | None = None) -> dict[tuple[str, str], Tally]:
@@ -133,12 +107,8 @@ def run(chosen: Iterator[Case], params: Parameters, cache: Path | None = None) -
 
 def table(tallies: dict[tuple[str, str], Tally]) -> str:
     """The figures as Markdown."""
-    lines = ["| floor | mode | boxes merged | marks merged | mean IoU |", "| --- | --- | --- | --- | --- |"]
-    for (name, mode), tally in tallies.items():
-        lines.append(
-            f"| {name} | {mode} | {tally.boxes_merged} of {tally.boxes} | {tally.marks_merged} of {tally.marks} "
-            f"({tally.marks_merged / max(1, tally.marks):.1%}) | {np.mean(tally.ious):.4f} (min {min(tally.ious):.4f}) |"
-        )
+    lines = [f"| floor | mode | {FIGURES} |", "| --- | --- | --- | --- | --- |"]
+    lines += [f"| {name} | {mode} | {figures(tally)} |" for (name, mode), tally in tallies.items()]
     return "\n".join(lines)
 
 

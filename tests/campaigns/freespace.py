@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ffseg.camera.motion import Pose, planar_pose, relative_motion
 from ffseg.freespace.sequence import Frame, free_space, segment_view
+from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import Parameters, load_params
 from ffseg.rendering import RenderedPair, render_pair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL, GROUND
@@ -64,23 +65,35 @@ def ring(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return grown
 
 
-def measure(pair: RenderedPair, frame: Frame, tally: Tally, name: str) -> None:
-    """Add one pair to the tally."""
-    labels, truth = pair.current.labels, pair.current.truth
+def count_things(pair: RenderedPair, marks: list[int], frame: Frame, tally: Tally, name: str) -> None:
+    """Add the boxes of a pair to the tally, and the marks of these labels."""
+    labels = pair.current.labels
     for label in range(FIRST_BOX, min(FIRST_WALL, FIRST_BOX + len(pair.scene.boxes))):
         box = labels == label
         if box.any():
             tally.boxes += 1
             if frame.mask[box].mean() > BOX_FREE:
                 tally.boxes_merged += 1
-                tally.misses.append(f"{name}: box {label} is free")
-    for label in enclosed_marks(pair):
+                tally.misses.append(f"{name}: BOX {label} is free ({frame.note})")
+    for label in marks:
+        mark = labels == label
         tally.marks += 1
-        if frame.mask[labels == label].mean() >= MARK_FREE:
+        if frame.mask[mark].mean() >= MARK_FREE:
             tally.marks_merged += 1
         else:
-            tally.misses.append(f"{name}: mark {label} stayed ({frame.note})")
-    tally.ious.append(float((frame.mask & truth).sum() / (frame.mask | truth).sum()))
+            tally.misses.append(f"{name}: mark {label} of {mark.sum()} px stayed ({frame.note})")
+
+
+def overlap(mask: NDArray[np.bool_], truth: NDArray[np.bool_], known: NDArray[np.bool_] | None = None) -> float:
+    """IoU over the pixels that are known."""
+    levels = np.where(truth, np.uint8(INSIDE), np.uint8(0))
+    return iou(mask, levels if known is None else np.where(known, levels, np.uint8(IGNORED)))
+
+
+def measure(pair: RenderedPair, frame: Frame, tally: Tally, name: str) -> None:
+    """Add one pair to the tally."""
+    count_things(pair, enclosed_marks(pair), frame, tally, name)
+    tally.ious.append(overlap(frame.mask, pair.current.truth))
     if frame.motion is not None:
         true = relative_motion(*true_poses(pair))
         error = np.linalg.norm(frame.motion.translation - true.translation) / true.baseline
@@ -121,19 +134,21 @@ def run(seeds: range, params: Parameters, modes: tuple[str, ...] = MODES) -> dic
     return tallies
 
 
+FIGURES = "boxes merged | marks merged | mean IoU"
+
+
+def figures(tally: Tally) -> str:
+    """The columns of ``FIGURES``."""
+    marks = f"{tally.marks_merged} of {tally.marks} ({tally.marks_merged / max(1, tally.marks):.1%})"
+    return f"{tally.boxes_merged} of {tally.boxes} | {marks} | {np.mean(tally.ious):.4f} (min {min(tally.ious):.4f})"
+
+
 def table(tallies: dict[str, Tally]) -> str:
     """The figures as Markdown."""
-    lines = [
-        "| mode | boxes merged | marks merged | mean IoU | translation error max / mean |",
-        "| --- | --- | --- | --- | --- |",
-    ]
+    lines = [f"| mode | {FIGURES} | translation error max / mean |", "| --- | --- | --- | --- | --- |"]
     for mode, tally in tallies.items():
         errors = tally.shift_errors or [float("nan")]
-        lines.append(
-            f"| {mode} | {tally.boxes_merged} of {tally.boxes} | {tally.marks_merged} of {tally.marks} "
-            f"({tally.marks_merged / max(1, tally.marks):.1%}) | {np.mean(tally.ious):.4f} (min {min(tally.ious):.4f}) "
-            f"| {max(errors):.2%} / {np.mean(errors):.2%} |"
-        )
+        lines.append(f"| {mode} | {figures(tally)} | {max(errors):.2%} / {np.mean(errors):.2%} |")
     return "\n".join(lines)
 
 
