@@ -94,7 +94,7 @@ def test_crossings_at_centres_are_decided_exactly() -> None:
 
 @pytest.mark.parametrize("bad", [1e101, -1e101])
 def test_refuses_coordinates_beyond_all_use(bad: float) -> None:
-    with pytest.raises(ValueError, match="1e100"):
+    with pytest.raises(ValueError, match="too far away"):
         rasterize([FreeForm.box(0, 0, bad, 1)], (4, 4))
 
 

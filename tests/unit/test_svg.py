@@ -101,7 +101,7 @@ def test_paths_write_every_coordinate_as_number_does(points: list[tuple[float, f
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1.1e11])
 def test_native_path_refuses_what_it_cannot_write(value: float) -> None:
-    with pytest.raises(ValueError, match="not finite or beyond"):
+    with pytest.raises(ValueError, match="not finite or too far away"):
         _core.path_text(np.array([[0.0, 0.0], [value, 1.0]]), 1)
 
 

@@ -1,9 +1,11 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 
+#include <limits>
 #include <stdexcept>
 
 #include "bindings.hpp"
+#include "common/arrays.hpp"
 #include "freeform/evolution.hpp"
 
 namespace nb = nanobind;
@@ -11,27 +13,15 @@ using namespace nb::literals;
 
 namespace {
 
-using Points = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
-using Offsets = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Plane8 = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Plane16 = nb::ndarray<const std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using ffseg::Bytes;
+using ffseg::Indices;
+using ffseg::Points;
+using ffseg::Words;
 
-ffseg::freeform::ContourSet contour_set(const Points& points, const Offsets& offsets, int degree) {
-    ffseg::freeform::ContourSet set;
-    const std::size_t count = points.shape(0);
-    for (std::size_t i = 0; i < count; ++i) {
-        const double x = points.data()[2 * i], y = points.data()[2 * i + 1];
-        if (!std::isfinite(x) || !std::isfinite(y)) throw std::invalid_argument("a control point is not finite");
-        set.points.push_back({x, y});
-    }
-    if (offsets.shape(0) < 2 || offsets.data()[0] != 0) throw std::invalid_argument("offsets must begin with 0");
-    for (std::size_t c = 1; c < offsets.shape(0); ++c) {
-        const std::int64_t begin = offsets.data()[c - 1], end = offsets.data()[c];
-        if (end - begin < 2 * degree || (end - begin) % degree != 0 || end > static_cast<std::int64_t>(count)) {
-            throw std::invalid_argument("a contour needs two patches or more of `degree` control points each");
-        }
-        set.offsets.push_back(static_cast<std::size_t>(end));
-    }
+ffseg::freeform::ContourSet contour_set(const Points& points, const Indices& offsets, int degree) {
+    ffseg::freeform::ContourSet set{ffseg::points_of(points, std::numeric_limits<double>::max()), {}};
+    set.offsets = ffseg::patch_ends_of(offsets, set.points.size(), degree);
+    if (set.offsets.size() < 2) throw std::invalid_argument("an evolution needs a contour or more");
     return set;
 }
 
@@ -47,7 +37,7 @@ struct PyEvolution {
     std::unique_ptr<ffseg::freeform::Evolution> evolution;
     std::size_t height, width;
 
-    PyEvolution(const Points& points, const Offsets& offsets, const Plane8& edges, std::optional<Plane8> domain,
+    PyEvolution(const Points& points, const Indices& offsets, const Bytes& edges, std::optional<Bytes> domain,
                 const ffseg::freeform::EvolutionOptions& options)
         : height(edges.shape(0)), width(edges.shape(1)) {
         check(options);
@@ -69,7 +59,7 @@ struct PyEvolution {
         return evolution->advance(iterations);
     }
 
-    void settle(const Plane16& gradient) {
+    void settle(const Words& gradient) {
         if (gradient.shape(0) != height || gradient.shape(1) != width) {
             throw std::invalid_argument("the gradient differs in size from the edge map");
         }
@@ -79,15 +69,7 @@ struct PyEvolution {
 
     nb::tuple contours() const {
         const ffseg::freeform::ContourSet set = evolution->contours();
-        auto* points = new double[2 * set.points.size() + 1];
-        nb::capsule owner(points, [](void* p) noexcept { delete[] static_cast<double*>(p); });
-        for (std::size_t i = 0; i < set.points.size(); ++i) {
-            points[2 * i] = set.points[i].x;
-            points[2 * i + 1] = set.points[i].y;
-        }
-        nb::list offsets;
-        for (const std::size_t offset : set.offsets) offsets.append(offset);
-        return nb::make_tuple(nb::ndarray<nb::numpy, double>(points, {set.points.size(), 2}, owner), offsets);
+        return ffseg::given_contours(set.points, set.offsets);
     }
 
     const char* stop_reason() const {
@@ -131,7 +113,7 @@ void bind_freeform(nb::module_& m) {
         .def_rw("settle", &Options::settle)
         .def_rw("ridge_low", &Options::ridge_low);
     nb::class_<PyEvolution>(m, "Evolution")
-        .def(nb::init<const Points&, const Offsets&, const Plane8&, std::optional<Plane8>, const Options&>(),
+        .def(nb::init<const Points&, const Indices&, const Bytes&, std::optional<Bytes>, const Options&>(),
              "points"_a, "offsets"_a, "edges"_a, "domain"_a.none(), "options"_a)
         .def("advance", &PyEvolution::advance, "iterations"_a, "Runs iterations; False once the contour has stopped.")
         .def("settle", &PyEvolution::settle, "gradient"_a, "Attracts the contour to the ridge of the gradient.")

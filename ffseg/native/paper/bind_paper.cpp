@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "bindings.hpp"
+#include "common/arrays.hpp"
 #include "paper/evolution.hpp"
 
 namespace nb = nanobind;
@@ -13,11 +14,13 @@ namespace paper = ffseg::paper;
 
 namespace {
 
-using Points = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
-using Offsets = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Plane8 = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Plane16 = nb::ndarray<const std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using ffseg::Bytes;
+using ffseg::Indices;
+using ffseg::Points;
+using ffseg::Words;
 using Index4 = std::vector<std::size_t>;
+
+constexpr double kFar = 1e6;  // px
 
 struct Options {
     int degree = 0, max_iterations = 0;
@@ -32,24 +35,16 @@ void check(const Options& o) {
     if (!sane) throw std::invalid_argument("an option of the paper's method is out of range");
 }
 
-paper::Contour contour_of(const Points& points, const Offsets& offsets, int degree) {
+paper::Contour contour_of(const Points& points, const Indices& offsets, int degree) {
     paper::Contour contour{paper::Basis(degree), {}, {}, {}};
-    const double* at = points.data();
-    for (std::size_t i = 0; i < 2 * points.shape(0); ++i) {
-        if (!(std::abs(at[i]) <= 1e6)) throw std::invalid_argument("a control point is not finite or far away");
-    }
-    const auto count = static_cast<std::int64_t>(points.shape(0));
-    for (std::size_t c = 0; c + 1 < offsets.shape(0); ++c) {
-        const std::int64_t begin = offsets.data()[c], end = offsets.data()[c + 1], size = end - begin;
-        if (begin < 0 || size < 2 * degree || size % degree != 0 || end > count) {
-            throw std::invalid_argument("a contour needs two patches or more of `degree` control points each");
-        }
-        paper::Component component(static_cast<std::size_t>(size / degree));
-        for (std::int64_t i = 0; i < size / degree; ++i) {
-            for (int k = 0; k <= degree; ++k) {
-                const std::int64_t n = begin + (i * degree + k) % size;
-                component[static_cast<std::size_t>(i)][k] = {at[2 * n], at[2 * n + 1]};
-            }
+    const std::vector<ffseg::Vec2> control = ffseg::points_of(points, kFar);
+    const std::vector<std::size_t> ends = ffseg::patch_ends_of(offsets, control.size(), degree);
+    const auto step = static_cast<std::size_t>(degree);
+    for (std::size_t c = 0; c + 1 < ends.size(); ++c) {
+        const std::size_t size = ends[c + 1] - ends[c];
+        paper::Component component(size / step);
+        for (std::size_t i = 0; i < size / step; ++i) {
+            for (std::size_t k = 0; k <= step; ++k) component[i][k] = control[ends[c] + (i * step + k) % size];
         }
         contour.components.push_back(component);
     }
@@ -61,12 +56,12 @@ struct PyPaper {
     Options options;
     paper::Evolution evolution;
 
-    PyPaper(const Points& points, const Offsets& offsets, const Plane16& gradient, const Plane8& edges,
-            const std::optional<Plane8>& domain, const Options& given)
+    PyPaper(const Points& points, const Indices& offsets, const Words& gradient, const Bytes& edges,
+            const std::optional<Bytes>& domain, const Options& given)
         : options(given), evolution(made(points, offsets, gradient, edges, domain, given)) {}
 
-    static paper::Evolution made(const Points& points, const Offsets& offsets, const Plane16& gradient,
-                                 const Plane8& edges, const std::optional<Plane8>& domain, const Options& o) {
+    static paper::Evolution made(const Points& points, const Indices& offsets, const Words& gradient,
+                                 const Bytes& edges, const std::optional<Bytes>& domain, const Options& o) {
         check(o);
         const std::size_t height = gradient.shape(0), width = gradient.shape(1);
         if (height == 0 || width == 0 || height > 65535 || width > 65535) {
@@ -90,23 +85,19 @@ struct PyPaper {
     }
 
     nb::tuple contours() {
-        std::vector<double> flat;
-        nb::list offsets;
-        offsets.append(0);
+        std::vector<ffseg::Vec2> points;
+        std::vector<std::size_t> ends{0};
         const auto add = [&](const std::vector<paper::Component>& components) {
             for (const paper::Component& component : components) {
                 for (const paper::Patch& patch : component) {
-                    for (int k = 0; k < options.degree; ++k) flat.insert(flat.end(), {patch[k].x, patch[k].y});
+                    for (int k = 0; k < options.degree; ++k) points.push_back(patch[k]);
                 }
-                offsets.append(flat.size() / 2);
+                ends.push_back(points.size());
             }
         };
         add(evolution.contour().components);
         add(evolution.contour().inner);
-        auto* points = new double[flat.size() + 1];
-        nb::capsule owner(points, [](void* p) noexcept { delete[] static_cast<double*>(p); });
-        std::copy(flat.begin(), flat.end(), points);
-        return nb::make_tuple(nb::ndarray<nb::numpy, double>(points, {flat.size() / 2, 2}, owner), offsets);
+        return ffseg::given_contours(points, ends);
     }
 
     nb::dict counts() {
@@ -162,7 +153,7 @@ void bind_paper(nb::module_& m) {
         .def_rw("topology", &Options::topology)
         .def_rw("max_iterations", &Options::max_iterations);
     nb::class_<PyPaper>(m, "PaperEvolution")
-        .def(nb::init<const Points&, const Offsets&, const Plane16&, const Plane8&, const std::optional<Plane8>&,
+        .def(nb::init<const Points&, const Indices&, const Words&, const Bytes&, const std::optional<Bytes>&,
                       const Options&>(),
              "points"_a, "offsets"_a, "gradient"_a, "edges"_a, "domain"_a.none(), "options"_a)
         .def("advance", &PyPaper::advance, "iterations"_a, "Runs iterations; False once the contour has stopped.")

@@ -1,7 +1,7 @@
-#include <cmath>
 #include <stdexcept>
 
 #include "bindings.hpp"
+#include "common/arrays.hpp"
 #include "raster/raster.hpp"
 
 namespace nb = nanobind;
@@ -9,23 +9,12 @@ using namespace nb::literals;
 
 namespace {
 
-using Points = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
-using Indices = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using ffseg::Indices;
+using ffseg::Points;
 using Mask = nb::ndarray<std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 // Beyond this, sums of products in the exact side test would overflow.
 constexpr double kFarthest = 1e100;
-
-std::vector<ffseg::Vec2> checked_points(const Points& points) {
-    std::vector<ffseg::Vec2> checked(points.shape(0));
-    for (std::size_t i = 0; i < checked.size(); ++i) {
-        checked[i] = {points.data()[2 * i], points.data()[2 * i + 1]};
-        if (!(std::abs(checked[i].x) <= kFarthest && std::abs(checked[i].y) <= kFarthest)) {
-            throw std::invalid_argument("a control point is not finite or beyond 1e100 pixels");
-        }
-    }
-    return checked;
-}
 
 void check_contours(const Indices& offsets, const Indices& degrees, std::size_t count) {
     const std::size_t contours = degrees.shape(0);
@@ -45,7 +34,7 @@ void py_rasterize(const Points& points, const Indices& offsets, const Indices& d
     if (!(tolerance >= 1e-6)) throw std::invalid_argument("the tolerance must be at least 1e-6 pixel");
     if (out.shape(0) > 65535 || out.shape(1) > 65535)
         throw std::invalid_argument("the mask exceeds 65535 pixels a side");
-    const std::vector<ffseg::Vec2> control = checked_points(points);
+    const std::vector<ffseg::Vec2> control = ffseg::points_of(points, kFarthest);
     check_contours(offsets, degrees, control.size());
     const ffseg::raster::MaskView mask{out.data(), static_cast<int>(out.shape(0)), static_cast<int>(out.shape(1))};
     nb::gil_scoped_release release;

@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "bindings.hpp"
+#include "common/arrays.hpp"
 #include "region/sums.hpp"
 
 namespace nb = nanobind;
@@ -10,10 +11,10 @@ using namespace nb::literals;
 
 namespace {
 
-using Bytes = nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Points = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
-using Indices = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Bytes = ffseg::Array<const std::uint8_t, nb::ndim<3>>;
 using Table = nb::ndarray<std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using ffseg::Indices;
+using ffseg::Points;
 using ffseg::region::RowSums;
 using ffseg::region::Spans;
 
@@ -41,13 +42,7 @@ std::vector<ffseg::raster::Edge> edges_of(const Points& points, const Indices& o
     if (offsets.data()[contours] != static_cast<std::int64_t>(points.shape(0))) {
         throw std::invalid_argument("offsets must end with the number of points");
     }
-    std::vector<ffseg::Vec2> control(points.shape(0));
-    for (std::size_t i = 0; i < control.size(); ++i) {
-        control[i] = {points.data()[2 * i], points.data()[2 * i + 1]};
-        if (!(std::abs(control[i].x) <= kFarthest && std::abs(control[i].y) <= kFarthest)) {
-            throw std::invalid_argument("a control point is not finite or beyond 1e100 pixels");
-        }
-    }
+    const std::vector<ffseg::Vec2> control = ffseg::points_of(points, kFarthest);
     std::vector<ffseg::raster::Edge> edges;
     for (std::size_t c = 0; c < contours; ++c) {
         const std::int64_t begin = offsets.data()[c], size = offsets.data()[c + 1] - begin;

@@ -7,21 +7,24 @@
 #include "baselines/marching/march.hpp"
 #include "baselines/marching/start_band.hpp"
 #include "bindings.hpp"
+#include "common/arrays.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
 
 namespace {
 
-using Points = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
-using Offsets = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Plane8 = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Plane16 = nb::ndarray<const std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using PlaneF = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Table = nb::ndarray<const double, nb::shape<65536>, nb::c_contig, nb::device::cpu>;
+using ffseg::Bytes;
+using ffseg::given;
+using ffseg::Indices;
+using ffseg::Points;
+using ffseg::Words;
+using PlaneF = ffseg::Array<const double, nb::ndim<2>>;
+using Table = ffseg::Array<const double, nb::shape<65536>>;
 
 // Beyond it the square of a slowness or the sum of two times could overflow.
 constexpr double kFastest = 1e100, kSlowest = 1e-100;
+constexpr double kFar = 1e6;  // px; beyond it coordinates do not fit into pixel indices
 
 template <class Plane>
 ffseg::marching::Grid grid_of(const Plane& plane) {
@@ -37,13 +40,6 @@ void check_size(const ffseg::marching::Grid& grid, const Plane& plane) {
         plane.shape(1) != static_cast<std::size_t>(grid.width)) {
         throw std::invalid_argument("the arrays differ in size");
     }
-}
-
-template <class T>
-nb::ndarray<nb::numpy, T> take(std::vector<T> values) {
-    auto* kept = new std::vector<T>(std::move(values));
-    nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-    return nb::ndarray<nb::numpy, T>(kept->data(), {kept->size()}, owner);
 }
 
 // Slowness on the grid with its ring; the ring and all that is not faster than `stop` is infinite.
@@ -66,7 +62,7 @@ std::vector<std::int32_t> raster_index(const ffseg::marching::Grid& grid, const 
     return index;
 }
 
-nb::tuple py_march(const PlaneF& speed, double stop, const Plane8& inside, std::optional<Plane8> domain) {
+nb::tuple py_march(const PlaneF& speed, double stop, const Bytes& inside, std::optional<Bytes> domain) {
     const ffseg::marching::Grid grid = grid_of(speed);
     check_size(grid, inside);
     if (domain) check_size(grid, *domain);
@@ -92,40 +88,21 @@ nb::tuple py_march(const PlaneF& speed, double stop, const Plane8& inside, std::
         march.order = raster_index(grid, march.order);
         march.on_contour = raster_index(grid, march.on_contour);
     }
-    return nb::make_tuple(take(std::move(time)), take(std::move(march.order)), take(std::move(march.on_contour)),
+    return nb::make_tuple(given(std::move(time)), given(std::move(march.order)), given(std::move(march.on_contour)),
                           initial);
 }
 
-void unpack(const Points& points, const Offsets& offsets, std::vector<ffseg::Vec2>& to,
-            std::vector<std::size_t>& ends) {
-    for (std::size_t i = 0; i < points.shape(0); ++i) {
-        const double x = points.data()[2 * i], y = points.data()[2 * i + 1];
-        if (!(std::abs(x) < 1e6 && std::abs(y) < 1e6))
-            throw std::invalid_argument("a contour point is not finite or far away");
-        to.push_back({x, y});
-    }
-    std::int64_t last = 0;
-    for (std::size_t c = 0; c < offsets.shape(0); ++c) {
-        const std::int64_t at = offsets.data()[c];
-        if (at < last || at > static_cast<std::int64_t>(to.size()) || (c == 0 && at != 0)) {
-            throw std::invalid_argument("offsets must begin with 0, rise and end within the points");
-        }
-        ends.push_back(static_cast<std::size_t>(last = at));
-    }
-}
-
-nb::tuple py_start_band(const Plane8& inside, const Points& points, const Offsets& offsets) {
+nb::tuple py_start_band(const Bytes& inside, const Points& points, const Indices& offsets) {
     const ffseg::marching::Grid grid = grid_of(inside);
-    std::vector<ffseg::Vec2> corners;
-    std::vector<std::size_t> ends;
-    unpack(points, offsets, corners, ends);
+    const std::vector<ffseg::Vec2> corners = ffseg::points_of(points, kFar);
+    const std::vector<std::size_t> ends = ffseg::ends_of(offsets, corners.size());
     std::vector<std::int32_t> nodes;
     std::vector<double> distances;
     for (const ffseg::marching::Arrival& a : ffseg::marching::start_band(grid, inside.data(), corners, ends)) {
         nodes.push_back(a.node);
         distances.push_back(a.time);
     }
-    return nb::make_tuple(take(raster_index(grid, nodes)), take(std::move(distances)));
+    return nb::make_tuple(given(raster_index(grid, nodes)), given(std::move(distances)));
 }
 
 struct LevelSetOptions {
@@ -134,8 +111,8 @@ struct LevelSetOptions {
     double min_area = 0.0;
 };
 
-nb::tuple py_level_set(const Plane16& gradient, const Table& slowness, const Plane8& inside, const Points& points,
-                       const Offsets& offsets, std::optional<Plane8> domain, const LevelSetOptions& options) {
+nb::tuple py_level_set(const Words& gradient, const Table& slowness, const Bytes& inside, const Points& points,
+                       const Indices& offsets, std::optional<Bytes> domain, const LevelSetOptions& options) {
     const ffseg::marching::Grid grid = grid_of(gradient);
     check_size(grid, inside);
     if (domain) check_size(grid, *domain);
@@ -148,9 +125,8 @@ nb::tuple py_level_set(const Plane16& gradient, const Table& slowness, const Pla
         const bool fits = level < options.stop ? value >= kSlowest && value <= kFastest : std::isinf(value);
         if (!fits) throw std::invalid_argument("the slowness must be finite below `stop` and infinite from there on");
     }
-    std::vector<ffseg::Vec2> corners;
-    std::vector<std::size_t> ends;
-    unpack(points, offsets, corners, ends);
+    const std::vector<ffseg::Vec2> corners = ffseg::points_of(points, kFar);
+    const std::vector<std::size_t> ends = ffseg::ends_of(offsets, corners.size());
     ffseg::levelset::LevelSetResult result;
     {
         nb::gil_scoped_release release;
@@ -167,10 +143,10 @@ nb::tuple py_level_set(const Plane16& gradient, const Table& slowness, const Pla
     counts["accepted"] = result.accepted;
     counts["initial_band"] = result.initial_band;
     counts["on_contour"] = result.on_contour;
-    return nb::make_tuple(take(std::move(flat)), take(std::move(bounds)), counts);
+    return nb::make_tuple(given(std::move(flat)), given(std::move(bounds)), counts);
 }
 
-nb::tuple py_outlines(const Plane8& mask) {
+nb::tuple py_outlines(const Bytes& mask) {
     const ffseg::marching::Grid grid = grid_of(mask);
     std::vector<double> flat;
     std::vector<std::int64_t> ends{0};
@@ -181,7 +157,7 @@ nb::tuple py_outlines(const Plane8& mask) {
             ends.push_back(static_cast<std::int64_t>(flat.size() / 2));
         }
     }
-    return nb::make_tuple(take(std::move(flat)), take(std::move(ends)));
+    return nb::make_tuple(given(std::move(flat)), given(std::move(ends)));
 }
 
 }  // namespace

@@ -7,41 +7,21 @@
 #include "baselines/snake/cyclic.hpp"
 #include "baselines/snake/snake.hpp"
 #include "bindings.hpp"
+#include "common/arrays.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
 
 namespace {
 
-using Points = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
-using Altitudes = nb::ndarray<const double, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
-using Plane8 = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Plane16 = nb::ndarray<const std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using ffseg::Bytes;
+using ffseg::Points;
+using ffseg::Words;
+using Altitudes = ffseg::Array<const double, nb::shape<-1, 4>>;
 
 constexpr double kFar = 1e6;  // px; beyond it coordinates do not fit into pixel indices
 
 bool between(double value, double low, double high) { return value >= low && value <= high; }
-
-std::vector<ffseg::Vec2> vertices(const Points& points) {
-    std::vector<ffseg::Vec2> out;
-    for (std::size_t i = 0; i < points.shape(0); ++i) {
-        const double x = points.data()[2 * i], y = points.data()[2 * i + 1];
-        if (!between(x, -kFar, kFar) || !between(y, -kFar, kFar))
-            throw std::invalid_argument("a point is not finite or far away");
-        out.push_back({x, y});
-    }
-    return out;
-}
-
-nb::ndarray<nb::numpy, double> as_array(const std::vector<ffseg::Vec2>& points) {
-    auto* flat = new double[2 * points.size() + 1];
-    nb::capsule owner(flat, [](void* p) noexcept { delete[] static_cast<double*>(p); });
-    for (std::size_t i = 0; i < points.size(); ++i) {
-        flat[2 * i] = points[i].x;
-        flat[2 * i + 1] = points[i].y;
-    }
-    return nb::ndarray<nb::numpy, double>(flat, {points.size(), 2}, owner);
-}
 
 void check(const ffseg::snake::SnakeOptions& o) {
     const bool sane = between(o.tension, 0, 1e3) && between(o.rigidity, 0, 1e3) && between(o.balloon, -64, 64) &&
@@ -65,11 +45,11 @@ std::vector<ffseg::snake::AltitudePoint> altitude_points(const Altitudes& rows, 
 
 // The arrays stay alive as long as the snake that reads them.
 struct PySnake {
-    Plane16 gradient;
-    std::optional<Plane8> domain;
+    Words gradient;
+    std::optional<Bytes> domain;
     std::unique_ptr<ffseg::snake::Snake> snake;
 
-    PySnake(const Points& points, Plane16 gradient_in, const Plane8& edges, std::optional<Plane8> domain_in,
+    PySnake(const Points& points, Words gradient_in, const Bytes& edges, std::optional<Bytes> domain_in,
             const Altitudes& altitudes, double epsilon, const ffseg::snake::SnakeOptions& options)
         : gradient(std::move(gradient_in)), domain(std::move(domain_in)) {
         check(options);
@@ -82,7 +62,7 @@ struct PySnake {
         }
         const int height = static_cast<int>(h), width = static_cast<int>(w);
         const std::vector<ffseg::snake::AltitudePoint> known = altitude_points(altitudes, epsilon);
-        std::vector<ffseg::Vec2> start = vertices(points);
+        std::vector<ffseg::Vec2> start = ffseg::points_of(points, kFar);
         nb::gil_scoped_release release;
         ffseg::snake::SnakeField field{gradient.data(), height, width, domain ? domain->data() : nullptr,
                                        ffseg::snake::snake_zones(edges.data(), height, width, known)};
@@ -109,9 +89,9 @@ nb::ndarray<nb::numpy, double> py_solve(const Points& right, double tension, dou
     if (right.shape(0) < 5 || !between(tension, 0, 1e3) || !between(rigidity, 0, 1e3)) {
         throw std::invalid_argument("a cyclic system needs 5 rows or more and weights from 0 to 1000");
     }
-    std::vector<ffseg::Vec2> v = vertices(right);
+    std::vector<ffseg::Vec2> v = ffseg::points_of(right, kFar);
     ffseg::snake::CyclicSystem(tension, rigidity).solve(v);
-    return as_array(v);
+    return ffseg::given_points(v);
 }
 
 }  // namespace
@@ -129,12 +109,13 @@ void bind_snake(nb::module_& m) {
         .def_rw("refine", &Options::refine)
         .def_rw("max_iterations", &Options::max_iterations);
     nb::class_<PySnake>(m, "Snake")
-        .def(nb::init<const Points&, Plane16, const Plane8&, std::optional<Plane8>, const Altitudes&, double,
+        .def(nb::init<const Points&, Words, const Bytes&, std::optional<Bytes>, const Altitudes&, double,
                       const Options&>(),
              "points"_a, "gradient"_a, "edges"_a, "domain"_a.none(), "altitudes"_a, "epsilon"_a, "options"_a)
         .def("advance", &PySnake::advance, "iterations"_a, "Runs iterations; False once the snake has stopped.")
         .def(
-            "points", [](const PySnake& s) { return as_array(s.snake->points()); }, "Points of the snake, (M, 2).")
+            "points", [](const PySnake& s) { return ffseg::given_points(s.snake->points()); },
+            "Points of the snake, (M, 2).")
         .def_prop_ro("iterations", [](const PySnake& s) { return s.snake->counts().iterations; })
         .def_prop_ro("insertions", [](const PySnake& s) { return s.snake->counts().insertions; })
         .def_prop_ro("removals", [](const PySnake& s) { return s.snake->counts().removals; })
