@@ -124,7 +124,7 @@ private:
     int first_hit(int i) const;
     int num_hits(int i) const;
     template <bool kMaySwing>
-    bool interval_hits(const Points& points, int k) const;
+    bool interval_hits(const Points& points, int k, double free) const;
     bool meets_edge(int i) const { return first_hit<true>(i) >= 0; }  // of a curve just made
     bool put_back(int i, int k);
 

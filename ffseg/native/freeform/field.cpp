@@ -6,28 +6,20 @@
 #include <cstring>
 #include <utility>
 
-#include "common/lanes.hpp"
+#include "freeform/runs.hpp"
 
 namespace ffseg::freeform {
 namespace {
 
-// Pixels looked at together.
-constexpr int kRun = 64;
-
-// Eight pixels, a byte each, as one number.
-using Eight = std::uint64_t;
-constexpr int kEight = 8;
-constexpr Eight kOnes = 0x0101010101010101;
-
-FFSEG_INLINE Eight eight(const std::uint8_t* bytes) {
-    Eight read = 0;
-    std::memcpy(&read, bytes, sizeof read);
-    return read;
-}
-
-bool any_set(const std::uint8_t* bytes) {  // kRun of them
+FFSEG_INLINE bool any_set(const std::uint8_t* bytes, int count) {
     Eight any = 0;
-    for (int at = 0; at < kRun; at += kEight) any |= eight(bytes + at);
+    if (count == kRun) {
+        for (int at = 0; at < kRun; at += kEight) any |= eight(bytes + at);
+        return any != 0;
+    }
+    int at = 0;
+    for (; at + kEight <= count; at += kEight) any |= eight(bytes + at);
+    for (; at < count; ++at) any |= bytes[at];
     return any != 0;
 }
 
@@ -61,32 +53,6 @@ void add_where_zero(const std::uint8_t* marks, std::uint8_t gained, std::uint8_t
     }
 }
 
-// Looks at kGroup pixels of a row together where one of their tiles (kGroupTiles) is not known to be free: those free
-// ones that no square of two by two free pixels covers become 1 in `slits`. Says for each group whether it holds any.
-constexpr int kGroup = 32, kGroupTiles = kGroup >> Field::kTileShift;
-FFSEG_CLONES
-void slit_pixels(const std::uint8_t* mid, std::ptrdiff_t stride, const std::uint8_t* reach, std::size_t groups,
-                 std::uint8_t* __restrict slits, std::uint8_t* __restrict found) {
-    for (std::size_t group = 0; group < groups; ++group) {
-        found[group] = 0;
-        Eight tiles = eight(reach + group * kGroupTiles);
-        if (((tiles - kOnes) & ~tiles & (kOnes << 7)) == 0) continue;  // none is zero
-        const std::uint8_t* const row = mid + group * kGroup;
-        const std::uint8_t *const up = row - stride, *const down = row + stride;
-        std::uint8_t* const out = slits + group * kGroup;
-        std::uint8_t any = 0;
-        for (int x = 0; x < kGroup; ++x) {
-            const auto above = static_cast<std::uint8_t>(up[x] | row[x]), below = static_cast<std::uint8_t>(down[x] | row[x]);
-            const auto left = static_cast<std::uint8_t>(row[x - 1]), right = static_cast<std::uint8_t>(row[x + 1]);
-            const bool shut = ((above | left | up[x - 1]) != 0) & ((above | right | up[x + 1]) != 0) &
-                              ((below | left | down[x - 1]) != 0) & ((below | right | down[x + 1]) != 0);
-            out[x] = static_cast<std::uint8_t>(shut & (row[x] == 0));
-            any |= out[x];
-        }
-        found[group] = any;
-    }
-}
-
 }  // namespace
 
 Field::Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, int width)
@@ -95,15 +61,16 @@ Field::Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, 
       stride_(static_cast<std::size_t>(width) + 2),
       tiles_x_(static_cast<std::size_t>((width - 1) >> kTileShift) + 1),
       tiles_y_(static_cast<std::size_t>((height - 1) >> kTileShift) + 1),
-      blocked_((static_cast<std::size_t>(height) + 2) * stride_ + kGroup + 1) {
+      blocked_((static_cast<std::size_t>(height) + 2) * stride_ + kRun + 1) {
     std::vector<std::uint8_t> occupied(tiles_x_ * tiles_y_);
-    mark_edges(edges, occupied);
-    mark_outside(domain, occupied);
+    RunMarks held(height, static_cast<std::size_t>((width + kRun - 1) / kRun));
+    mark_edges(edges, occupied, held);
+    mark_outside(domain, occupied, held);
     measure_reach(occupied);
-    shut_slits();
+    shut_slits(held);
 }
 
-void Field::mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occupied) {
+void Field::mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occupied, RunMarks& held) {
     static_assert(kBand == 1 && kEdge == 2, "mark_run writes these");
     const int runs = (width_ + kRun - 1) / kRun;
     const std::size_t padded = static_cast<std::size_t>(runs + 2) * kRun;
@@ -126,6 +93,9 @@ void Field::mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occ
         for (int run = 0; run < runs; ++run) {
             if ((near[run - 1] | near[run] | near[run + 1]) == 0) continue;
             const std::size_t x = static_cast<std::size_t>(run) * kRun;
+            const auto side = [&](std::ptrdiff_t at) { return row[0][at] | row[1][at] | row[2][at]; };
+            const auto first = static_cast<std::ptrdiff_t>(x);
+            held.row(y)[run] = static_cast<std::uint8_t>(near[run] | side(first - 1) | side(first + kRun));
             std::uint8_t* const to = &blocked_[cell(run * kRun, y)];
             const bool whole = (run + 1) * kRun <= width_;
             mark_run(row[0] + x, row[1] + x, row[2] + x, whole ? to : cells.data());
@@ -144,12 +114,10 @@ bool Field::read_row(const std::uint8_t* edges, int y, std::uint8_t* row, std::u
     bool found = false;
     for (int run = 0; run < runs; ++run) {
         const int first = run * kRun, count = y < height_ ? std::min(kRun, width_ - first) : 0;
-        const bool any = count == kRun ? any_set(from + first)
-                                       : std::any_of(from + first, from + first + count, [](auto p) { return p != 0; });
-        if (any || flags[run] != 0) {
-            std::memset(row + first, 0, kRun);
-            for (int x = 0; any && x < count; ++x) row[first + x] = from[first + x] != 0;
-        }
+        const bool any = any_set(from + first, count);
+        if (!any && flags[run] == 0) continue;
+        std::memset(row + first, 0, kRun);
+        for (int x = 0; any && x < count; ++x) row[first + x] = from[first + x] != 0;
         flags[run] = any;
         found = found || any;
         if (!any) continue;
@@ -162,7 +130,7 @@ bool Field::read_row(const std::uint8_t* edges, int y, std::uint8_t* row, std::u
     return found;
 }
 
-void Field::mark_outside(const std::uint8_t* domain, std::vector<std::uint8_t>& occupied) {
+void Field::mark_outside(const std::uint8_t* domain, std::vector<std::uint8_t>& occupied, RunMarks& held) {
     const std::size_t rows = static_cast<std::size_t>(height_) + 2;
     std::memset(blocked_.data(), kOutside, stride_);
     std::memset(blocked_.data() + (rows - 1) * stride_, kOutside, stride_);
@@ -175,6 +143,7 @@ void Field::mark_outside(const std::uint8_t* domain, std::vector<std::uint8_t>& 
         for (int x = 0; x < width_; ++x) {
             if (domain[static_cast<std::size_t>(y) * width_ + x] != 0) continue;
             blocked_[cell(x, y)] = kOutside;
+            held.row(y)[x / kRun] = 1;
             occupied[static_cast<std::size_t>(y >> kTileShift) * tiles_x_ + static_cast<std::size_t>(x >> kTileShift)] = 1;
         }
     }
@@ -227,30 +196,6 @@ void Field::measure_reach(std::vector<std::uint8_t>& occupied) {
         const std::uint8_t gained = level == 0 ? (1 << kTileShift) - 1 : 1 << kTileShift;
         add_where_zero(occupied.data(), gained, reach_.data(), reach_.size());
     }
-}
-
-// Free ground is opened by a square of two by two pixels. A slit lies between edges on either side, so no farther than
-// the band reaches beyond both: what is known of free tiles stays true.
-void Field::shut_slits() {
-    static_assert(kGroupTiles == kEight, "eight tiles are read together");
-    const std::size_t groups = (static_cast<std::size_t>(width_) + kGroup - 1) / kGroup;
-    std::vector<std::uint8_t> reach(groups * kGroupTiles, 1), slits(groups * kGroup), found(groups);
-    std::vector<std::size_t> shut;
-    for (int y = 0; y < height_; ++y) {
-        const auto tiles = reach_.begin() + static_cast<std::ptrdiff_t>((y >> kTileShift) * tiles_x_);
-        std::copy_n(tiles, tiles_x_, reach.begin());
-        slit_pixels(&blocked_[cell(0, y)], static_cast<std::ptrdiff_t>(stride_), reach.data(), groups, slits.data(), found.data());
-        for (std::size_t group = 0; group < groups; ++group) {
-            if (found[group] == 0) continue;
-            for (std::size_t x = group * kGroup; x < (group + 1) * kGroup; x += kEight) {
-                if (eight(&slits[x]) == 0) continue;
-                for (std::size_t at = x; at < std::min(x + kEight, static_cast<std::size_t>(width_)); ++at) {
-                    if (slits[at] != 0) shut.push_back(cell(0, y) + at);
-                }
-            }
-        }
-    }
-    for (const std::size_t at : shut) blocked_[at] |= kBand;
 }
 
 // Is there a solid pixel in these columns and rows, both ends included?

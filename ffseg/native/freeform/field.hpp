@@ -10,6 +10,8 @@
 
 namespace ffseg::freeform {
 
+struct RunMarks;
+
 class Field {
 public:
     static constexpr int kTileShift = 2;
@@ -79,6 +81,19 @@ public:
         return reach_[static_cast<std::size_t>(row >> kTileShift) * tiles_x_ + (column >> kTileShift)];
     }
 
+    // Does anything blocked lie so many pixels from the pixel nearest to p, or less, along each axis?
+    FFSEG_INLINE bool blocked_within(Vec2 p, int far) const {
+        const int column = static_cast<int>(p.x + 1.5), row = static_cast<int>(p.y + 1.5);
+        const int left = std::max(column - far, 0), right = std::min(column + far, width_ + 1);
+        for (int y = std::max(row - far, 0); y <= std::min(row + far, height_ + 1); ++y) {
+            const std::uint8_t* const cells = &blocked_[static_cast<std::size_t>(y) * stride_];
+            for (int x = left; x <= right; ++x) {
+                if (cells[x] != 0) return true;
+            }
+        }
+        return false;
+    }
+
     // The place of a pixel in the image, row by row.
     std::size_t pixel(Vec2 p) const {
         return static_cast<std::size_t>(p.y + 0.5) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(p.x + 0.5);
@@ -91,7 +106,7 @@ public:
     }
 
 private:
-    static constexpr std::uint8_t kBand = 1, kEdge = 2, kOutside = 4;  // an edge pixel is kBand | kEdge
+    static constexpr std::uint8_t kBand = 1, kEdge = 2, kOutside = 5;  // an edge pixel is kBand | kEdge
     std::uint8_t at(Vec2 p) const {
         const int column = std::clamp(static_cast<int>(p.x + 1.5), 0, width_ + 1);
         const int row = std::clamp(static_cast<int>(p.y + 1.5), 0, height_ + 1);
@@ -99,12 +114,12 @@ private:
     }
     bool holds_solid(int left, int right, int top, int bottom) const;
     std::size_t cell(int x, int y) const { return (static_cast<std::size_t>(y) + 1) * stride_ + x + 1; }
-    void mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occupied);
+    void mark_edges(const std::uint8_t* edges, std::vector<std::uint8_t>& occupied, RunMarks& held);
     bool read_row(const std::uint8_t* edges, int y, std::uint8_t* row, std::uint8_t* flags,
                   std::vector<std::uint8_t>& occupied) const;
-    void mark_outside(const std::uint8_t* domain, std::vector<std::uint8_t>& occupied);
+    void mark_outside(const std::uint8_t* domain, std::vector<std::uint8_t>& occupied, RunMarks& held);
     void build_tiles();
-    void shut_slits();
+    void shut_slits(const RunMarks& held);
     void measure_reach(std::vector<std::uint8_t>& occupied);
 
     int height_, width_;

@@ -80,15 +80,14 @@ float widest2(const Places<D>& step) {
     return std::max(std::max(most[0], most[1]), std::max(most[2], most[3]));
 }
 
-// Does the curve between samples k and k + 1 meet an edge? Edges are 4-connected chains of pixels, at least 0.7 pixels
+// Does the curve between samples k and k + 1 meet an edge, which have `free` pixels round them in sum? Edges are 4-connected chains of pixels, at least 0.7 pixels
 // thick; with the band round them they are three pixels thick, so that none hides between two places off the band that
 // lie nearer to each other. The places looked at lie about evenly, but for a curve just made, which may swing about.
 template <int D>
 template <bool kMaySwing>
-bool Chain<D>::interval_hits(const Points& points, int k) const {
+bool Chain<D>::interval_hits(const Points& points, int k, double free) const {
     constexpr int kSub = Basis<D>::kSub;
     const double chord2 = norm2(points[k + 1] - points[k]), part = (kMaySwing ? kSwing : 1.0) * kBulge;
-    const double free = field_.free_reach(points[k]) + field_.free_reach(points[k + 1]);
     if (free > 0 && free * free >= part * part * chord2) return false;
     const Places<D> at(kBasis<D>.looks[k], points);
     const unsigned seen = field_.look(at.x, at.y) | field_.look(points[k + 1]);
@@ -115,8 +114,11 @@ template <int D>
 template <bool kMaySwing>
 int Chain<D>::first_hit(int i) const {
     const Points points = pool_.samples(i);
+    double behind = field_.free_reach(points[0]);
     for (int k = 0; k < D; ++k) {
-        if (interval_hits<kMaySwing>(points, k)) return k;
+        const double ahead = field_.free_reach(points[k + 1]);
+        if (interval_hits<kMaySwing>(points, k, behind + ahead)) return k;
+        behind = ahead;
     }
     return -1;
 }
@@ -126,7 +128,9 @@ template <int D>
 int Chain<D>::num_hits(int i) const {
     const Points points = pool_.samples(i);
     int hits = 0;
-    for (int k = 0; k < D; ++k) hits += interval_hits<true>(points, k);
+    for (int k = 0; k < D; ++k) {
+        hits += interval_hits<true>(points, k, field_.free_reach(points[k]) + field_.free_reach(points[k + 1]));
+    }
     return hits;
 }
 

@@ -111,7 +111,9 @@ void Chain<D>::even_out(int i, const Chords& chords) {
 template <int D>
 bool Chain<D>::swings(int i, double size) const {
     const Patch<D>& patch = pool_[i];
-    double polygon = 0.0;
+    double polygon = 0.0, squares = 0.0;
+    for (int k = 0; k < D; ++k) squares += norm2(patch.control[k + 1] - patch.control[k]);
+    if (D * squares < 0.999 * kSwing * kSwing * size * size) return false;  // the mean is below the root mean square
     for (int k = 0; k < D; ++k) polygon += norm(patch.control[k + 1] - patch.control[k]);
     return polygon > kSwing * size;
 }

@@ -1,6 +1,7 @@
 // Which patches have come to rest, and the promise that none does in open ground: the test Algorithm 4 ends with.
 #pragma once
 #include <algorithm>
+#include <cstring>
 
 #include "freeform/chain.hpp"
 
@@ -30,12 +31,17 @@ bool Chain<D>::open_ahead(const Points& points, int k) const {
     const Places<D> first(kBasis<D>.looks[k], points), stride(kBasis<D>.strides[k], points);
     Places<D> along(kBasis<D>.headings[k], points);
     std::array<bool, kSub> wanted{};
-    for (int j = 0; j < kSub; j += apart) {
-        const float dx = along.x[j / 4][j % 4], dy = along.y[j / 4][j % 4], size = std::sqrt(dx * dx + dy * dy);
-        wanted[j] = size > 0;
-        along.x[j / 4][j % 4] = wanted[j] ? dx * static_cast<float>(kMarchStep) / size : 0.0f;
-        along.y[j / 4][j % 4] = wanted[j] ? dy * static_cast<float>(kMarchStep) / size : 0.0f;
+    std::array<float, kSub> dx, dy, size;
+    std::memcpy(dx.data(), &along.x, sizeof dx);
+    std::memcpy(dy.data(), &along.y, sizeof dy);
+    for (int j = 0; j < kSub; ++j) {  // side by side
+        size[j] = std::sqrt(dx[j] * dx[j] + dy[j] * dy[j]);
+        dx[j] = dx[j] * static_cast<float>(kMarchStep) / size[j];
+        dy[j] = dy[j] * static_cast<float>(kMarchStep) / size[j];
     }
+    std::memcpy(&along.x, dx.data(), sizeof dx);
+    std::memcpy(&along.y, dy.data(), sizeof dy);
+    for (int j = 0; j < kSub; j += apart) wanted[j] = size[j] > 0;
     for (int piece = kClosely ? 1 : 0; piece < pieces; ++piece) {
         const float u = static_cast<float>(piece) / static_cast<float>(pieces);
         Places<D> at = first;
@@ -65,14 +71,7 @@ bool Chain<D>::open_ahead(const Points& points, int k) const {
 
 // Is the nearest blocked pixel farther from p, which nothing stops along the normal, than an edge band is wide?
 inline bool in_the_open(const Field& field, Vec2 p) {
-    for (const int far : {1, kBandWidth}) {  // mostly it is the next one
-        for (int dy = -far; dy <= far; ++dy) {
-            for (int dx = -far; dx <= far; ++dx) {
-                if (field.blocked(p + Vec2{static_cast<double>(dx), static_cast<double>(dy)})) return false;
-            }
-        }
-    }
-    return true;
+    return !field.blocked_within(p, 1) && !field.blocked_within(p, kBandWidth);  // mostly it is the next one
 }
 
 // Moves samples at rest aslant where their normals are blocked but there is room beside: at the mouth of a narrow passage
@@ -82,19 +81,21 @@ bool Chain<D>::slide(int i) {
     static constexpr std::array<Vec2, 4> kAslant{{{0.866, 0.5}, {0.866, -0.5}, {0.5, 0.866}, {0.5, -0.866}}};  // 30 and 60 degrees
     Patch<D>& patch = pool_[i];
     bool any = false;
-    const Points before = pool_.samples(patch.prev);
     for (int k = 0; k < D; ++k) {
         const Points points = pool_.samples(i);
-        const Vec2 leaving = unit(apply<D>(kBasis<D>.slope[k], points));
-        const Vec2 arriving = k > 0 ? leaving : unit(apply<D>(kBasis<D>.slope[D], before));
         const double ahead = norm2(points[k + 1] - points[k]);
-        const double behind = norm2(points[k] - (k > 0 ? points[k - 1] : before[D - 1]));
-        if (std::min(ahead, behind) > kTipChord * kTipChord && dot(leaving, arriving) > kTipTurn) continue;
+        const double behind = norm2(points[k] - (k > 0 ? points[k - 1] : pool_[patch.prev].m[D - 1]));
+        const bool is_tip = std::min(ahead, behind) <= kTipChord * kTipChord;
+        const Vec2 slope = apply<D>(kBasis<D>.slope[k], points);
+        if (!is_tip && k > 0 && norm2(slope) > 0) continue;
+        const Vec2 leaving = unit(slope);
+        const Vec2 arriving = k > 0 ? leaving : unit(apply<D>(kBasis<D>.slope[D], pool_.samples(patch.prev)));
+        if (!is_tip && dot(leaving, arriving) > kTipTurn) continue;
         const Vec2 tangent = unit(leaving + arriving), normal{tangent.y, -tangent.x};
         for (const Vec2 turn : kAslant) {
             const Vec2 way = turn.x * normal + turn.y * tangent;
-            if (reach(points[k], way, kUncovered, 0.0) < kUncovered) continue;
             const Vec2 to = points[k] + kUncovered * way;
+            if (field_.blocked(to) || reach(points[k], way, kUncovered, 0.0) < kUncovered) continue;
             if (!retried_.insert(field_.pixel(to)).second) continue;
             const auto kept = patch.m[k];
             patch.m[k] = to;
