@@ -55,7 +55,9 @@ class Edges(Section):
         "auto = gradient where its edges are clear, else prior (learned); or module:function of your own",
     )
     sigma: float = declared(1.5, Number(0, 20, above=True), "px, standard deviation of the smoothing Gaussian")
-    exponent: float = declared(2.0, Number(1, 8), "p of the edge force |grad|^p (Eq. 8); the free form has no such force")
+    exponent: float = declared(
+        2.0, Number(1, 8), "p of the edge force |grad|^p (Eq. 8); the free form has no such force"
+    )
     canny: tuple[float, float] | Literal["auto"] = declared(
         "auto", OrWord("auto", _THRESHOLDS), "Canny thresholds on the gradient magnitude of 8-bit grey"
     )

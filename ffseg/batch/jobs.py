@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
@@ -166,7 +166,7 @@ def with_starts(plan: Plan, path: str) -> Plan:
     ParameterError
         If the file is wrong, or has no row for an image.
     """
-    starts = load_starts(path, [job.source.name for job in plan.jobs if not job.source.problem])
+    starts = load_starts(path, [source.name for source in _tried(plan)])
     return replace(plan, jobs=tuple(replace(job, start=starts.get(job.source.name)) for job in plan.jobs))
 
 
@@ -178,13 +178,8 @@ def with_evidence(plan: Plan, folder: str) -> Plan:
     UsageError
         If there is no such folder, or an image has no map in it.
     """
-    maps = find_evidence([job.source for job in plan.jobs if not job.source.problem], folder)
-
-    def shown(job: Job) -> Job:
-        path = maps.get(job.source.name, "")
-        return replace(job, evidence=path, depends=(*job.depends, path)) if path else job
-
-    return replace(plan, jobs=tuple(map(shown, plan.jobs)))
+    maps = find_evidence(_tried(plan), folder)
+    return _depending(plan, maps, lambda job, path: replace(job, evidence=path))
 
 
 def with_domains(plan: Plan, folder: str) -> Plan:
@@ -195,13 +190,23 @@ def with_domains(plan: Plan, folder: str) -> Plan:
     UsageError
         If there is no such folder, or an image has no mask in it.
     """
-    masks = find_domains([job.source for job in plan.jobs if not job.source.problem], folder)
+    masks = find_domains(_tried(plan), folder)
+    return _depending(plan, masks, lambda job, path: replace(job, domain=path))
 
-    def bounded(job: Job) -> Job:
-        path = masks.get(job.source.name, "")
-        return replace(job, domain=path, depends=(*job.depends, path)) if path else job
 
-    return replace(plan, jobs=tuple(map(bounded, plan.jobs)))
+def _tried(plan: Plan) -> list[Source]:
+    """The images that can be tried."""
+    return [job.source for job in plan.jobs if not job.source.problem]
+
+
+def _depending(plan: Plan, files: Mapping[str, str], given: Callable[[Job, str], Job]) -> Plan:
+    """The plan with each image given its file, by its name, which its result depends on."""
+
+    def one(job: Job) -> Job:
+        path = files.get(job.source.name, "")
+        return replace(given(job, path), depends=(*job.depends, path)) if path else job
+
+    return replace(plan, jobs=tuple(map(one, plan.jobs)))
 
 
 def _whole_name(source: Source) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.discover import SUFFIXES, Source
+from ffseg.batch.inputs.beside import Beside
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.formats.files import printable, read_bytes
 from ffseg.formats.images import Limits
@@ -31,30 +32,17 @@ def find_evidence(sources: Iterable[Source], folder: str) -> dict[str, str]:
     UsageError
         If the folder does not exist, or an image has no map in it.
     """
-    if not os.path.isdir(folder):
-        raise UsageError(f"--evidence: there is no folder {printable(folder)}; check the name")
-    found, listings = {}, dict[str, dict[str, str]]()
+    beside = Beside("--evidence", folder, {*SUFFIXES, ARRAY_SUFFIX})
+    found = {}
     for source in sources:
-        place, name = os.path.split(source.name)
-        if place not in listings:
-            listings[place] = _by_stem(os.path.join(folder, place))
-        path = listings[place].get(os.path.splitext(name)[0], "")
-        if not path or os.path.realpath(path) == os.path.realpath(source.path):
+        path = beside.file_of(source, (os.path.splitext(source.name)[0],))
+        if not path:
             raise UsageError(
                 f"--evidence: {printable(source.name)} has no map of its name in {printable(folder)} (NAME.png, "
                 "NAME.tiff or NAME.npy)"
             )
         found[source.name] = path
     return found
-
-
-def _by_stem(folder: str) -> dict[str, str]:
-    try:
-        names = sorted(os.listdir(folder), reverse=True)
-    except OSError:
-        return {}
-    parts = (os.path.splitext(name) for name in names)
-    return {stem: os.path.join(folder, stem + end) for stem, end in parts if end.lower() in {*SUFFIXES, ARRAY_SUFFIX}}
 
 
 def read_evidence(path: str, limits: Limits | None = None) -> NDArray[np.float32]:
