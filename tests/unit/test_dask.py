@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -15,6 +17,7 @@ import pytest
 import stand_in
 from batches import Silent, make_images, run_batch, snapshot, table
 
+from ffseg.batch.executors import dask
 from ffseg.batch.executors.choice import Choice
 from ffseg.batch.executors.processes import WorkerLostError
 from ffseg.batch.outputs.table import Wanted
@@ -42,8 +45,6 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, l
     until = time.monotonic() + 60
     while not file.exists() and time.monotonic() < until:
         time.sleep(0.05)
-    import json
-
     yield json.loads(file.read_text())["address"], processes
     for process in processes:
         process.kill()
@@ -68,6 +69,8 @@ def test_the_tree_is_that_of_processes(scheduler, tmp_path: Path) -> None:
     assert errors[0] == errors[1]
     assert run_batch(tmp_path / "in", tmp_path / "dask", wanted=ALL, **by_dask(scheduler[0])).unchanged == 57
     assert not list((tmp_path / "dask" / ".ffseg" / "chunks").iterdir())
+    versions = [json.loads((tmp_path / out / "run.json").read_text())["versions"] for out in ("one", "dask")]
+    assert versions[0] == versions[1] != {}, "also of a worker process that an earlier chunk or run has left"
     packed = replace(ALL, pack=True)
     for name, how in (("one tar", {"num_workers": 2}), ("dask tar", by_dask(scheduler[0]))):
         assert run_batch(tmp_path / "in", tmp_path / name, wanted=packed, **how).done == 57
@@ -135,5 +138,27 @@ def test_a_scheduler_that_dies_ends_the_run_and_the_next_one_goes_on(scheduler, 
 
 
 def test_a_cluster_of_this_machine_is_started_where_none_is_named(tmp_path: Path) -> None:
-    make_images(tmp_path / "in", NAMES[:8])
-    assert run_batch(tmp_path / "in", tmp_path / "out", executor=Choice("dask"), num_workers=2).done == 8
+    make_images(tmp_path / "in", NAMES, {NAMES[7]: stand_in.CRASH})
+    summary = run_batch(tmp_path / "in", tmp_path / "out", executor=Choice("dask"), num_workers=2)
+    assert (summary.done, summary.failed) == (59, 1)
+    run_batch(tmp_path / "in", tmp_path / "one", num_workers=2)
+    assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
+    assert multiprocessing.active_children() == []
+    children = Path(f"/proc/self/task/{os.getpid()}/children")
+    assert not children.exists() or not children.read_text().split(), "no worker process is left behind"
+
+
+def test_chunks_become_smaller_as_less_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes: list[int] = []
+    real = dask.Dask._submit
+
+    def noted(executor: dask.Dask) -> None:
+        sizes.append(len(executor._chunk))
+        real(executor)
+
+    monkeypatch.setattr(dask.Dask, "_submit", noted)
+    make_images(tmp_path / "in", [f"{index}.png" for index in range(150)])
+    summary = run_batch(tmp_path / "in", tmp_path / "out", executor=Choice("dask", chunk=17), num_workers=2)
+    assert summary.done == sum(sizes) == 150
+    assert sizes[:3] == [17, 17, 15], "the most that is asked for, then an eighth of what is left"
+    assert sizes[-2] == dask.LEAST

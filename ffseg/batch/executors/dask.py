@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
+import pickle
 import queue
 import select
 import threading
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from importlib.util import find_spec
 from time import monotonic
@@ -18,15 +19,26 @@ from ffseg.batch.executors.choice import Start
 from ffseg.batch.executors.chunks import Chunks, numbered, replies, reply_line
 from ffseg.batch.executors.processes import AHEAD as IN_HAND
 from ffseg.batch.executors.processes import Processes, WorkerLostError
+from ffseg.batch.packing.members import digest
 from ffseg.batch.packing.writer import PackWriter, new_pack
 from ffseg.batch.workers.messages import Done, Event, Failed, Note, Ready, Reply, Setup, Task
 from ffseg.errors import OutputError, UsageError
 from ffseg.formats.files import printable, write_all_atomic
 
 CHUNKS_EACH = 4
-"""Chunks a worker gets in a short run at least, so that all end at about the same time."""
+"""Chunks of a worker that what is left is cut into, so that all workers end at about the same time."""
+LEAST = 10
+"""Images of a chunk, while there are so many: a chunk on its way costs about as much as one of them."""
 AHEAD = 2
 """Chunks of each worker that are on their way at once."""
+_QUIET = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.scheduler.work-stealing": False,
+    "distributed.scheduler.active-memory-manager.start": False,
+}
+"""Of a cluster in this process, which nobody watches: its looking after itself took as long as its work."""
 _TICK_MS = 100
 _PATIENCE_S = 20
 """Seconds a scheduler may take to answer."""
@@ -43,6 +55,8 @@ class Order:
         Seconds an image may take.
     settings : str
         Digest of the parameters.
+    key : str
+        Digest of the setup and the seconds: what a worker process was started for.
     path : str
         File of the chunk.
     going : str
@@ -53,6 +67,7 @@ class Order:
     setup: Setup
     timeout: float
     settings: str
+    key: str
     path: str
     going: str
     tasks: tuple[Task, ...]
@@ -78,7 +93,11 @@ class Dask:
         self._start = start
         self._client, self._cluster = _connect(start)
         workers = max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]), start.amount.num_workers)
-        self._size = max(1, min(start.choice.chunk, -(-start.num_tasks // (workers * CHUNKS_EACH))))
+        self._key = digest(pickle.dumps((start.setup, start.amount.timeout)))
+        if self._cluster is not None:
+            _lend(self._key, start)
+        self._parts, self._left = workers * CHUNKS_EACH, start.num_tasks
+        self._size = self._next_size()
         self._most = self._size * workers * AHEAD
         self._chunks = Chunks.begin(start.state)
         self._chunk: list[Task] = []
@@ -100,11 +119,17 @@ class Dask:
         if len(self._chunk) == self._size:
             self._submit()
 
+    def _next_size(self) -> int:
+        """Images of the next chunk: fewer as fewer are left."""
+        return min(self._start.choice.chunk, max(LEAST, -(-self._left // self._parts)))
+
     def _submit(self) -> None:
         tasks, self._chunk = tuple(self._chunk), []
+        self._left -= len(tasks)
+        self._size = self._next_size()
         start, self._number = self._start, self._number + 1
         path = self._chunks.path(self._number)
-        order = Order(start.setup, start.amount.timeout, start.settings, path, self._chunks.going, tasks)
+        order = Order(start.setup, start.amount.timeout, start.settings, self._key, path, self._chunks.going, tasks)
         future = self._client.submit(do_chunk, order, pure=False)
         self._waiting[future] = (tasks, self._number)
         future.add_done_callback(self._ended.put)
@@ -168,6 +193,7 @@ class Dask:
         if self._cluster is not None:
             with contextlib.suppress(Exception):
                 self._cluster.close(timeout=5)
+            _forget("")
 
 
 def _connect(start: Start) -> tuple[Any, Any]:
@@ -187,9 +213,14 @@ def _connect(start: Start) -> tuple[Any, Any]:
     config.set({"distributed.comm.timeouts.connect": _PATIENCE_S, "distributed.scheduler.worker-saturation": 1.0})
     address = start.choice.address
     cluster = None
-    if not address:
+    if not address:  # workers that are threads: each has a process of ours that works on the images
+        config.set(_QUIET)
         cluster = distributed.LocalCluster(
-            n_workers=start.amount.num_workers, threads_per_worker=1, dashboard_address=None
+            n_workers=start.amount.num_workers,
+            threads_per_worker=1,
+            processes=False,
+            memory_limit=0,
+            dashboard_address=None,
         )
     try:
         return distributed.Client(cluster or address, timeout=_PATIENCE_S, set_as_default=False), cluster
@@ -215,24 +246,23 @@ def do_chunk(order: Order) -> dict[str, str]:
     done = {name for name, _ in replies(order.path, order.settings)}
     left = [task for task in order.tasks if task.name not in done]
     with (
-        _processes(order) as executor,
+        _processes(order) as held,
         open(order.path, "ab", buffering=0) as file,  # noqa: PTH123 - append
         contextlib.closing(_Outputs(order)) as outputs,
     ):
         file.write(b"\n")  # after a line that a dead worker has not finished
         names = {task.index: task.name for task in left}
-        versions: dict[str, str] = {}
-        tasks = iter(left)
+        executor, tasks = held.executor, iter(left)
         waiting = 0
         while os.path.exists(order.going):
             while executor.room() > 0 and (task := next(tasks, None)) is not None:
                 executor.put(task)
                 waiting += 1
             if not waiting:
-                return versions
+                return held.versions
             for event in executor.replies():
                 if isinstance(event, Ready):
-                    versions = event.versions
+                    held.versions = event.versions
                 elif not isinstance(event, Note):
                     waiting -= 1
                     file.write(reply_line(names[event.index], order.settings, outputs.written(event)))
@@ -270,38 +300,53 @@ class _Outputs:
             self._pack.close()
 
 
-_idle: dict[bytes, list[Processes]] = {}
+@dataclass(eq=False, slots=True)
+class _Held:
+    """A worker process between chunks, and the versions it told when it began."""
+
+    executor: Processes
+    versions: dict[str, str] = field(default_factory=dict)
+
+
+_idle: dict[str, list[_Held]] = {}
 """Worker processes between chunks, by what they are set up for: starting them takes as long as forty images."""
 _lock = threading.Lock()
 
 
-@contextlib.contextmanager
-def _processes(order: Order) -> Iterator[Processes]:
-    """One worker process of this machine, kept for the next chunk unless something went wrong."""
-    import pickle
-
-    key = pickle.dumps((order.setup, order.timeout))
+def _lend(key: str, start: Start) -> None:
+    """Let workers of this process have the worker processes that were started with the command."""
+    count = start.amount.num_workers
     with _lock:
         held = _idle.setdefault(key, [])
-        executor = held.pop() if held else Processes(order.setup, 1, order.timeout)
-        _forget(key)
+        for process in start.started[:count]:
+            held.append(_Held(Processes(start.setup, 1, start.amount.timeout, [process])))
+
+
+@contextlib.contextmanager
+def _processes(order: Order) -> Iterator[_Held]:
+    """One worker process of this machine, kept for the next chunk unless something went wrong."""
+    with _lock:
+        idle = _idle.setdefault(order.key, [])
+        held = idle.pop() if idle else _Held(Processes(order.setup, 1, order.timeout))
+    _forget(order.key)
     try:
-        yield executor
+        yield held
     except BaseException:
-        executor.close()
+        held.executor.close()
         raise
-    if executor.room() < IN_HAND:  # it has something to do still: the chunk is no longer wanted
-        executor.close()
+    if held.executor.room() < IN_HAND:  # it has something to do still: the chunk is no longer wanted
+        held.executor.close()
         return
     with _lock:
-        _idle.setdefault(key, []).append(executor)
+        _idle.setdefault(order.key, []).append(held)
 
 
-def _forget(key: bytes) -> None:
+def _forget(key: str) -> None:
     """End the processes of other setups: those of a run that is over."""
-    for other in [other for other in _idle if other != key]:
-        for executor in _idle.pop(other):
-            executor.close()
+    with _lock:
+        others = [held for other in [other for other in _idle if other != key] for held in _idle.pop(other)]
+    for held in others:
+        held.executor.close()
 
 
 def dask(start: Start) -> Dask:
