@@ -1,123 +1,141 @@
-"""Tiny images by the hundred thousand, in shards: planned out of a tar file, run, killed, resumed and merged.
+"""Shards of every number, worked on by every executor: merged, they are what one run writes, byte for byte.
 
-``python -m tests.campaigns.sharded --work DIR --images 100000 --shards 4``
+``python -m tests.campaigns.sharded --work DIR [--images 300] [--shards 1,2,3,8] [--executors inprocess,processes,dask]``
 
-Every shard is killed once with SIGKILL at a random moment and run again; one is left out of the first merge, which has to
-name it. At the end the tables must hold every image once, in order, and every mask must be there. Prints what each step
-took.
+For each executor and number of shards, as files and packed: the shards run in a shuffled order, one of them is left out of
+a first merge, another killed with SIGKILL and named by a second merge, then both are run (one of them twice) and merged. A
+shard of other parameters is refused by name at the end. The merged tree must equal that of one run with ``--jobs 2``, times
+apart, and nothing may be done twice. Dask is one local cluster of two workers for all.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
-import io
+import contextlib
 import random
-import resource
-import subprocess
+import re
+import shutil
 import sys
-import tarfile
 import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-from PIL import Image
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import harness
+from batches import tree
+
+EXECUTORS = ("inprocess", "processes", "dask")
+KINDS = ("files", "tar")
 
 
-def main() -> int:
-    """Run the campaign."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=Path, required=True)
-    parser.add_argument("--images", type=int, default=2000)
-    parser.add_argument("--shards", type=int, default=4)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
-    options.work.mkdir(parents=True, exist_ok=True)
-    archive, out = options.work / "images.tar", options.work / "out"
-    step("packed", lambda: pack(archive, options.images))
-    rng = random.Random(options.seed)  # noqa: S311 - moments, not secrets
-    numbers = list(range(1, options.shards + 1))
-    for number in numbers[1:]:
-        step(f"shard {number}, killed", lambda number=number: killed(command(archive, out, number, options), rng))
-        step(f"shard {number}", lambda number=number: expect(0, command(archive, out, number, options)))
-    step("merge without shard 1", lambda: expect(3, merge(out)))
-    step("shard 1", lambda: expect(0, command(archive, out, 1, options)))
-    step("merge", lambda: expect(0, merge(out)))
-    faults = check(out, options.images)
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    print(f"{options.images} images in {options.shards} shards, {len(faults)} faults, largest process {peak:.0f} MB")
-    for fault in faults:
-        print(fault)
-    return 1 if faults else 0
+@dataclass
+class Figures:
+    """What was run, and what was not as one run would have left it."""
+
+    merged: int = 0
+    shards: int = 0
+    kills: int = 0
+    seconds: dict[str, float] = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
 
 
-def step(name: str, work) -> None:
-    """Do a step and say what it took."""
-    begin = time.monotonic()
-    work()
-    print(f"{name}: {time.monotonic() - begin:.1f} s", flush=True)
+def campaign(
+    work: Path, images: int, counts: tuple[int, ...], executors: tuple[str, ...] = EXECUTORS, seed: int = 1
+) -> Figures:
+    """Run every executor with every number of shards, as files and packed."""
+    source, figures, rng = work / "in", Figures(), random.Random(seed)  # noqa: S311 - an order, not secrets
+    harness.draw_blobs(source / "a", images - images // 3)
+    harness.draw_blobs(source / "b", images // 3)
+    (source / "a" / "broken.png").write_bytes(b"no image")
+    for kind in KINDS:
+        out = _fresh(work / f"one {kind}")
+        assert harness.run(*_command(source, out, kind, "processes")).code == 3
+        expected = tree(out)
+        for executor in executors:
+            with _cluster(executor) as more:
+                for count in counts:
+                    name = f"{executor}, {count} shards, {kind}"
+                    begin = time.perf_counter()
+                    out = _fresh(work / "parts")
+                    _shards(_command(source, out, kind, executor, *more), count, rng, figures)
+                    figures.faults += [f"{name}: {text}" for text in _differences(expected, tree(out), count)]
+                    figures.merged += 1
+                    figures.seconds[name] = round(time.perf_counter() - begin, 1)
+                    harness.say(f"{name}: {figures.seconds[name]} s, {len(figures.faults)} faults so far")
+    return figures
 
 
-def pack(path: Path, count: int) -> None:
-    """A tar file of small discs, a hundred different ones."""
-    pictures = [picture(index) for index in range(100)]
-    with tarfile.open(path, "w") as archive:
-        for index in range(count):
-            member = tarfile.TarInfo(f"{index // 1000}/{index}.png")
-            member.size = len(pictures[index % 100])
-            archive.addfile(member, io.BytesIO(pictures[index % 100]))
+def _fresh(folder: Path) -> Path:
+    shutil.rmtree(folder, ignore_errors=True)
+    return folder
 
 
-def picture(index: int) -> bytes:
-    """A disc of its own size on 48x32 pixels."""
-    y, x = np.mgrid[:32, :48]
-    disc = np.hypot(x - 24, y - 16) < 6 + index % 9
-    buffer = io.BytesIO()
-    Image.fromarray(np.where(disc, 200, 30 + index // 9).astype(np.uint8)).save(buffer, "png")
-    return buffer.getvalue()
+def _command(source: Path, out: Path, kind: str, executor: str, *more: str) -> list[str]:
+    run = ["run", str(source), "--out", str(out), "--set", harness.CONFIG, "--export", "coco", "-q", "--jobs", "2"]
+    return [*run, "--executor", executor, *more, *(("--pack", "tar") if kind == "tar" else ())]
 
 
-def command(archive: Path, out: Path, number: int, options: argparse.Namespace) -> list[str]:
-    """Command that runs one shard."""
-    run = [sys.executable, "-m", "ffseg", "run", str(archive), "--out", str(out), "--quiet", "--set", "init.radius=3"]
-    return [*run, "--shard", f"{number}/{options.shards}", "--jobs", str(options.jobs)]
+@contextlib.contextmanager
+def _cluster(executor: str) -> Iterator[tuple[str, ...]]:
+    """Options that name a cluster of two workers of this machine; none for other executors."""
+    if executor != "dask":
+        yield ()
+        return
+    import distributed
+
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        yield ("--dask", cluster.scheduler_address, "--chunk", "20")
 
 
-def merge(out: Path) -> list[str]:
-    """Command that merges."""
-    return [sys.executable, "-m", "ffseg", "merge", str(out)]
+def _shards(command: list[str], count: int, rng: random.Random, figures: Figures) -> None:
+    """Run all shards, with everything that can happen to them, and merge them."""
+    out, numbers = command[3], rng.sample(range(1, count + 1), count)
+    broken = {0, 3}  # the shard with the broken image ends with 3
+    for number in numbers[2:]:
+        figures.shards += 1
+        _expect(figures, harness.run(*command, "--shard", f"{number}/{count}"), broken)
+    if count > 1:
+        left, dying = numbers[:2]
+        process = harness.start(*command, "--shard", f"{dying}/{count}")
+        journal = Path(out, ".ffseg", "shards", f"{dying}-of-{count}", "journal.jsonl")
+        while process.poll() is None and not (journal.exists() and journal.read_bytes().count(b"\n") > 2):
+            time.sleep(0.005)
+        figures.kills += process.poll() is None
+        harness.kill(process)
+        ended = harness.run("merge", out)
+        _expect(figures, ended, {3}, f"shard {left}/{count} never ran")
+        if process.returncode == -9:
+            _expect(figures, ended, {3}, f"shard {dying}/{count} did not finish")
+    for number in [*numbers[:2], numbers[0]]:
+        figures.shards += 1
+        _expect(figures, harness.run(*command, "--shard", f"{number}/{count}"), broken)
+    if count > 1:
+        other = harness.run(*command, "--shard", f"{numbers[0]}/{count}", "--set", "contour.degree=2")
+        _expect(figures, other, {2}, "contour.degree was 3, is 2")
+    _expect(figures, harness.run("merge", out), {3})  # for the broken image
 
 
-def expect(code: int, words: list[str]) -> None:
-    """Run a command that has to end with an exit code."""
-    done = subprocess.run(words, check=False, capture_output=True, text=True)
-    if done.returncode != code:
-        raise SystemExit(f"{' '.join(words)} ended with {done.returncode}, not {code}: {done.stderr[-2000:]}")
+def _expect(figures: Figures, ended: harness.Ended, codes: set[int], said: str = "") -> None:
+    if ended.code not in codes or said not in ended.stderr:
+        figures.faults.append(f"exit {ended.code} instead of {codes}, or without {said!r}: {ended.stderr[-500:]}")
 
 
-def killed(words: list[str], rng: random.Random) -> None:
-    """Run a command and kill it some seconds after its start, if it lasts so long."""
-    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
-        try:
-            run.wait(rng.uniform(1.5, 8.0))
-        except subprocess.TimeoutExpired:
-            run.kill()
-
-
-def check(out: Path, count: int) -> list[str]:
-    """What is wrong with the merged folder."""
-    faults = []
-    with (out / "timings.csv").open(newline="", encoding="utf-8") as file:
-        rows = [(row["image"], row["status"]) for row in csv.DictReader(file)]
-    expected = [f"{index // 1000}/{index}.png" for index in range(count)]
-    if [name for name, _ in rows] != expected:
-        faults.append(f"the table has {len(rows)} rows that are not the images in order")
-    faults += [f"{name} is {status}" for name, status in rows if status != "ok"]
-    faults += [f"{name} has no mask" for name, _ in rows if not (out / "masks" / name).is_file()]
-    faults += [f"{path} is left" for path in out.rglob("*.tmp")]
-    return faults
+def _differences(expected: dict[str, bytes], found: dict[str, bytes], count: int) -> list[str]:
+    names = sorted({*expected, *found})
+    places = re.compile(rb"\.ffseg/shards/\d+-of-%d" % count)
+    same = {name: places.sub(b".ffseg", data) for name, data in found.items()}
+    return [f"{name} differs" for name in names if expected.get(name) != same.get(name)]
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    options = harness.parser(__doc__)
+    options.add_argument("--images", type=int, default=300)
+    options.add_argument("--shards", default="1,2,3,8")
+    options.add_argument("--executors", default=",".join(EXECUTORS))
+    given: argparse.Namespace = options.parse_args()
+    numbers = tuple(map(int, given.shards.split(",")))
+    result = campaign(given.work, given.images, numbers, tuple(given.executors.split(",")))
+    harness.say(str(result))
+    sys.exit(bool(result.faults))
