@@ -1,4 +1,4 @@
-"""Calibrated omnidirectional cameras: rays, files, motion and triangulation. Knows no image."""
+"""Calibrated omnidirectional cameras: rays, files and motion. Knows no image."""
 
 from ffseg.camera.calibration import load_camera, load_mounted_camera
 from ffseg.camera.model import Camera

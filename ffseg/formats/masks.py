@@ -53,22 +53,24 @@ def read_levels(path: str | os.PathLike[str], limits: Limits | None = None) -> N
     ImageReadError
         As `read_image`.
     """
-    image = read_image(path, limits)
-    levels: NDArray[Any] = image if image.ndim == 2 else image.max(axis=2)
-    return levels
-
-
-def read_mask(path: str | os.PathLike[str], limits: Limits | None = None) -> NDArray[np.bool_]:
-    """Mask file as a region, shape (H, W): True from a grey level of `INSIDE` on."""
-    inside: NDArray[np.bool_] = read_levels(path, limits) >= INSIDE
-    return inside
+    return _strongest(read_image(path, limits))
 
 
 def decode_mask(data: bytes, limits: Limits | None = None) -> NDArray[np.bool_]:
-    """Content of a mask file as a region; as `read_mask`, but the message of an error does not name the file."""
-    image = decode_image(data, limits)
-    inside: NDArray[np.bool_] = (image if image.ndim == 2 else image.max(axis=2)) >= INSIDE
+    """Content of a mask file as a region, shape (H, W): True from a grey level of `INSIDE` on.
+
+    Raises
+    ------
+    ImageReadError
+        As `decode_image`; its message does not name the file.
+    """
+    inside: NDArray[np.bool_] = _strongest(decode_image(data, limits)) >= INSIDE
     return inside
+
+
+def _strongest(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    levels: NDArray[Any] = image if image.ndim == 2 else image.max(axis=2)
+    return levels
 
 
 def load_mask(key: str, path: str | None, limits: Limits | None = None) -> NDArray[np.uint8] | None:

@@ -33,30 +33,6 @@ def check_degree(degree: object) -> None:
         raise ValueError(f"degree is {degree!r}: use a whole number from 1 to {MAX_DEGREE}")
 
 
-def bernstein(degree: int, t: ArrayLike) -> Points:
-    """Bernstein polynomials b_{d,0..d} at `t`.
-
-    Parameters
-    ----------
-    degree : int
-        d >= 0.
-    t : array_like of float, shape S
-
-    Returns
-    -------
-    ndarray of float64, shape S + (d + 1,)
-
-    Notes
-    -----
-    Eq. 2 of the paper. Rows sum to 1 up to rounding; at t = 0 and t = 1 they are exact unit rows.
-    """
-    at = np.asarray(t, dtype=np.float64)[..., None]
-    i = np.arange(degree + 1)
-    binomials = np.array([comb(degree, k) for k in i], dtype=np.float64)
-    basis: Points = binomials * at**i * (1.0 - at) ** (degree - i)
-    return basis
-
-
 def evaluate(patch: Points, t: ArrayLike) -> Points:
     """Point of the patch at parameter `t` by de Casteljau's algorithm.
 

@@ -170,7 +170,7 @@ def test_image_opens_with_its_contours_over_it(tab: chromium.Chromium) -> None:
 
 
 def test_drawn_contour_covers_the_mask(tab: chromium.Chromium, folder: Path) -> None:
-    from ffseg.formats.masks import read_mask
+    from tests.masks import read_mask
 
     open_image(tab, "complex.png")
     tab.until("document.querySelectorAll('#layers path').length === 10")

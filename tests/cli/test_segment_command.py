@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 import ffseg
-from ffseg.formats.masks import read_mask
+from tests.masks import read_mask
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 TOY = Path(__file__).resolve().parents[2] / "samples" / "toy.png"

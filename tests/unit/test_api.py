@@ -17,8 +17,8 @@ from PIL import Image
 
 import ffseg
 from ffseg.formats.exports import geojson_document
-from ffseg.formats.masks import read_mask
 from ffseg.segmenters.saving.kinds import annotated
+from tests.masks import read_mask
 
 ROOT = Path(__file__).resolve().parents[2]
 YY, XX = np.mgrid[:90, :120]

@@ -13,7 +13,7 @@ from ffseg.batch.bench.suites import bare, children, drawing, pictures
 from ffseg.batch.bench.suites.patches import evolution_options, patches
 from ffseg.batch.bench.suites.settings import Settings
 from ffseg.errors import FfsegError, UsageError
-from ffseg.formats.masks import encode_mask, read_mask
+from ffseg.formats.masks import encode_mask
 from ffseg.image.edges import edge_map
 from ffseg.image.reference import one_thread, reference_kernel
 from ffseg.methods import PEERS
@@ -21,6 +21,7 @@ from ffseg.metrics import iou
 from ffseg.parameters import Parameters
 from ffseg.peer_parameters import SkimageGac
 from ffseg.segmenters.peers import geodesic
+from tests.masks import read_mask
 
 
 def quick(*suites: str, images: Path | None = None) -> Outcome:

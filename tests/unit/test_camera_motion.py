@@ -25,8 +25,8 @@ from ffseg.camera.motion import (
     rotation_matrices,
 )
 from ffseg.camera.projections import Affine, UnifiedSphere
-from ffseg.camera.triangulation import triangulate
 from ffseg.rendering.pairs import sample_camera
+from tests.triangulation import triangulate
 
 LENS = UnifiedSphere(Affine(280.0, 280.0, 399.5, 299.5), 0.95, (0.0, 0.0, 0.0, 0.0))
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, planar_parameters, planar_pose, relative_motion
 from ffseg.camera.projections import Affine, UnifiedSphere
-from ffseg.camera.triangulation import triangulate
 from ffseg.freespace.sequence import free_space, segment_view
 from ffseg.image.keypoints import Candidates, align_patches, patch_scores, plane_candidates
 from ffseg.parameters import load_params
+from tests.triangulation import triangulate
 
 MOUNT = 1.88
 """Metres: the reference's floor points lie at a median of 1.85 m, its labels being centimetres."""

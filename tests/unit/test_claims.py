@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import ffseg
-from ffseg.formats.masks import read_mask
 from ffseg.image.opencv_peers import near
 from ffseg.image.raster import rasterize
+from tests.masks import read_mask
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

@@ -30,13 +30,6 @@ def test_matrices_are_computed_once_and_read_only() -> None:
         bezier.interpolation_inverse(4)[0, 0] = 2.0
 
 
-@pytest.mark.parametrize("degree", DEGREES)
-def test_bernstein_sums_to_one_and_is_exact_at_the_ends(degree: int) -> None:
-    basis = bezier.bernstein(degree, np.linspace(0, 1, 11))
-    np.testing.assert_allclose(basis.sum(axis=-1), 1.0, rtol=4e-16 * degree)
-    np.testing.assert_array_equal(basis[[0, -1]], np.eye(degree + 1)[[0, -1]])
-
-
 @pytest.mark.parametrize("bad", [0, 7, -1, 2.0, True, None])
 def test_refuses_other_degrees(bad: object) -> None:
     with pytest.raises(ValueError, match="whole number from 1 to 6"):

@@ -16,9 +16,10 @@ from PIL import Image
 
 from ffseg.errors import ParameterError
 from ffseg.formats.images import Limits
-from ffseg.formats.masks import encode_mask, load_mask, read_levels, read_mask
+from ffseg.formats.masks import encode_mask, load_mask, read_levels
 from ffseg.formats.overlays import COLOURS, Polyline, draw_overlay, encode_overlay
 from ffseg.formats.tables import csv_table
+from tests.masks import read_mask
 
 
 def test_mask_is_8_bit_grey_of_0_and_255_and_reads_back(tmp_path: Path) -> None:
