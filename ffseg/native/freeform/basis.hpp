@@ -9,11 +9,15 @@
 
 namespace ffseg::freeform {
 
+// A control polygon this many times longer than the polygon of samples belongs to a curve that oscillates; that of a
+// quarter circle is 1.1 times longer.
+constexpr double kOscillation = 1.25;
+
 // A patch of degree D is known by its D + 1 samples M_k = B(k / D); every matrix below acts on them.
 template <int D>
 struct Basis {
     static constexpr int kSub = 8;  // positions per interval between two samples
-    static constexpr int kCalmDegree = D <= 3 ? (D <= 2 ? 1 : 2) : 3;
+    static constexpr int kReducedDegree = D <= 3 ? (D <= 2 ? 1 : 2) : 3;
     using Row = std::array<double, D + 1>;
 
     std::array<Row, D + 1> vandermonde{};            // V: samples from control points (Eq. 5)
@@ -26,7 +30,7 @@ struct Basis {
     using Lanes = std::array<std::array<float, kSub>, D + 1>;
     std::array<Lanes, D> looks{}, headings{}, strides{};
     std::array<Row, 2 * D + 1> halves{};             // the points at t = i / (2 D) (Alg. 2)
-    std::array<Row, D + 1> calm{};                   // the samples of the least-squares curve of degree kCalmDegree
+    std::array<Row, D + 1> reduced{};                  // the samples of the least-squares curve of degree kReducedDegree
                                                      // with the same ends
 
     constexpr Basis() {
@@ -46,7 +50,7 @@ struct Basis {
                 }
             }
         }
-        fit_calm();
+        fit_reduced();
         for (int i = 0; i <= 2 * D; ++i) halves[i] = times_inverse(bernstein(static_cast<double>(i) / (2 * D)));
     }
 
@@ -89,8 +93,8 @@ private:
         }
         return out;
     }
-    // The fit is chord + t (1 - t) q(t) with q of degree kCalmDegree - 2: zero (the chord), constant or linear.
-    constexpr void fit_calm() {
+    // The fit is chord + t (1 - t) q(t) with q of degree kReducedDegree - 2: zero (the chord), constant or linear.
+    constexpr void fit_reduced() {
         double g00 = 0, g01 = 0, g11 = 0;
         const auto bump = [](int k) {
             const double t = static_cast<double>(k) / D;
@@ -104,19 +108,19 @@ private:
         }
         for (int k = 0; k <= D; ++k) {
             const double t = static_cast<double>(k) / D;
-            calm[k][0] = 1.0 - t;
-            calm[k][D] = t;
-            if (kCalmDegree < 2) continue;
-            const double a = bump(k), b = kCalmDegree > 2 ? a * (2.0 * t - 1.0) : 0.0;
+            reduced[k][0] = 1.0 - t;
+            reduced[k][D] = t;
+            if (kReducedDegree < 2) continue;
+            const double a = bump(k), b = kReducedDegree > 2 ? a * (2.0 * t - 1.0) : 0.0;
             const double det = g00 * g11 - g01 * g01;
-            const double wa = kCalmDegree > 2 ? (a * g11 - b * g01) / det : a / g00;
-            const double wb = kCalmDegree > 2 ? (b * g00 - a * g01) / det : 0.0;
+            const double wa = kReducedDegree > 2 ? (a * g11 - b * g01) / det : a / g00;
+            const double wb = kReducedDegree > 2 ? (b * g00 - a * g01) / det : 0.0;
             for (int j = 1; j < D; ++j) {
                 const double tj = static_cast<double>(j) / D;
                 const double weight = wa * bump(j) + wb * bump(j) * (2.0 * tj - 1.0);
-                calm[k][j] += weight;
-                calm[k][0] -= weight * (1.0 - tj);
-                calm[k][D] -= weight * tj;
+                reduced[k][j] += weight;
+                reduced[k][0] -= weight * (1.0 - tj);
+                reduced[k][D] -= weight * tj;
             }
         }
     }

@@ -9,10 +9,15 @@
 
 #include "freeform/evolution.hpp"
 #include "freeform/pool.hpp"
-#include "freeform/settle.hpp"
-#include "freeform/strips.hpp"
+#include "freeform/settling/settle.hpp"
+#include "freeform/topology/strips.hpp"
 
 namespace ffseg::freeform {
+
+using ground::Field;
+using settling::patch_of;
+using settling::Samples;
+using topology::Strip;
 
 // A step is at most this part of the split threshold: where patches are shorter than a step, fronts pass over each other
 // before they are seen to cross.
@@ -120,10 +125,10 @@ private:
     void guard();
     void reward_progress();
     bool guard_patch(int i);
-    template <bool kMaySwing>
+    template <bool kMayOscillate>
     int first_hit(int i) const;
     int num_hits(int i) const;
-    template <bool kMaySwing>
+    template <bool kMayOscillate>
     bool interval_hits(const Points& points, int k, double free) const;
     bool meets_edge(int i) const { return first_hit<true>(i) >= 0; }  // of a curve just made
     bool put_back(int i, int k);

@@ -10,8 +10,8 @@
 #include "freeform/move.hpp"
 #include "freeform/refine.hpp"
 #include "freeform/rest.hpp"
-#include "freeform/settle.hpp"
-#include "freeform/untangle.hpp"
+#include "freeform/settling/settle.hpp"
+#include "freeform/settling/untangle.hpp"
 
 namespace ffseg::freeform {
 
@@ -173,13 +173,13 @@ std::vector<Samples> Chain<D>::sampled() const {
 template <int D>
 void Chain<D>::settle(const GradientView& gradient) {
     if (options_.settle <= 0) return;
-    const Ridge ridge(gradient, options_.ridge_low);
-    Settling<D> settling(field_, ridge, options_.settle);
+    const settling::Ridge ridge(gradient, options_.ridge_low);
+    settling::Settling<D> settle_on(field_, ridge, options_.settle);
     for (Samples& component : sampled()) {
         const double spacing = options_.split_threshold / D;
-        settled_.push_back(settling.run(std::move(component), options_.refine, spacing, counts_.splits));
+        settled_.push_back(settle_on.run(std::move(component), options_.refine, spacing, counts_.splits));
     }
-    if (options_.topology) Untangle<D>(settled_).run();
+    if (options_.topology) settling::Untangle<D>(settled_).run();
 }
 
 template <int D>

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "common/vec.hpp"
-#include "freeform/field.hpp"
 
 namespace ffseg::freeform {
 

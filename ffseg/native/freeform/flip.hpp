@@ -1,6 +1,6 @@
 // Topology: the flip (Algorithm 3, corrected).
 #pragma once
-#include "freeform/along.hpp"
+#include "common/along.hpp"
 #include "freeform/chain.hpp"
 
 namespace ffseg::freeform {
@@ -105,8 +105,8 @@ bool Chain<D>::exchange(int i, int j) {
         if (apply_pair(first, second) || D <= 3) return true;
         Points calm_first, calm_second;
         for (int k = 0; k <= D; ++k) {
-            calm_first[k] = apply<D>(kBasis<D>.calm[k], first);
-            calm_second[k] = apply<D>(kBasis<D>.calm[k], second);
+            calm_first[k] = apply<D>(kBasis<D>.reduced[k], first);
+            calm_second[k] = apply<D>(kBasis<D>.reduced[k], second);
         }
         if (apply_pair(calm_first, calm_second)) return true;
     }

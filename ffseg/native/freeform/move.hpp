@@ -84,16 +84,16 @@ float widest2(const Places<D>& step) {
 // thick; with the band round them they are three pixels thick, so that none hides between two places off the band that
 // lie nearer to each other. The places looked at lie about evenly, but for a curve just made, which may swing about.
 template <int D>
-template <bool kMaySwing>
+template <bool kMayOscillate>
 bool Chain<D>::interval_hits(const Points& points, int k, double free) const {
     constexpr int kSub = Basis<D>::kSub;
-    const double chord2 = norm2(points[k + 1] - points[k]), part = (kMaySwing ? kSwing : 1.0) * kBulge;
+    const double chord2 = norm2(points[k + 1] - points[k]), part = (kMayOscillate ? kOscillation : 1.0) * kBulge;
     if (free > 0 && free * free >= part * part * chord2) return false;
     const Places<D> at(kBasis<D>.looks[k], points);
     const unsigned seen = field_.look(at.x, at.y) | field_.look(points[k + 1]);
     if (Field::is_solid(seen)) return true;
     float gap2 = static_cast<float>(chord2) / (kSub * kSub);  // between two places looked at, squared
-    if constexpr (kMaySwing) gap2 = widest2(Places<D>(kBasis<D>.strides[k], points));
+    if constexpr (kMayOscillate) gap2 = widest2(Places<D>(kBasis<D>.strides[k], points));
     if (gap2 <= (seen == 0 ? kLookAfar * kLookAfar : kLookEvery * kLookEvery)) return false;
     const Places<D> stride(kBasis<D>.strides[k], points);
     const int pieces = 1 + static_cast<int>(std::sqrt(gap2) / kLookEvery);
@@ -111,13 +111,13 @@ bool Chain<D>::interval_hits(const Points& points, int k, double free) const {
 
 // The first stretch of a patch that meets an edge, -1 if none does.
 template <int D>
-template <bool kMaySwing>
+template <bool kMayOscillate>
 int Chain<D>::first_hit(int i) const {
     const Points points = pool_.samples(i);
     double behind = field_.free_reach(points[0]);
     for (int k = 0; k < D; ++k) {
         const double ahead = field_.free_reach(points[k + 1]);
-        if (interval_hits<kMaySwing>(points, k, behind + ahead)) return k;
+        if (interval_hits<kMayOscillate>(points, k, behind + ahead)) return k;
         behind = ahead;
     }
     return -1;

@@ -2,7 +2,7 @@
 #pragma once
 #include <limits>
 
-#include "freeform/along.hpp"
+#include "common/along.hpp"
 #include "freeform/chain.hpp"
 
 namespace ffseg::freeform {
@@ -113,9 +113,9 @@ bool Chain<D>::swings(int i, double size) const {
     const Patch<D>& patch = pool_[i];
     double polygon = 0.0, squares = 0.0;
     for (int k = 0; k < D; ++k) squares += norm2(patch.control[k + 1] - patch.control[k]);
-    if (D * squares < 0.999 * kSwing * kSwing * size * size) return false;  // the mean is below the root mean square
+    if (D * squares < 0.999 * kOscillation * kOscillation * size * size) return false;  // the mean is below the root mean square
     for (int k = 0; k < D; ++k) polygon += norm(patch.control[k + 1] - patch.control[k]);
-    return polygon > kSwing * size;
+    return polygon > kOscillation * size;
 }
 
 // Replaces the patch by the least-squares curve of lower degree through its samples, unless that meets an edge.
@@ -124,7 +124,7 @@ void Chain<D>::calm(int i) {
     Patch<D>& patch = pool_[i];
     const Points points = pool_.samples(i);
     const auto kept = patch.m;
-    for (int k = 1; k < D; ++k) patch.m[k] = field_.clamp(apply<D>(kBasis<D>.calm[k], points));
+    for (int k = 1; k < D; ++k) patch.m[k] = field_.clamp(apply<D>(kBasis<D>.reduced[k], points));
     if (meets_edge(i)) {
         patch.m = kept;
         patch.wants_split = true;

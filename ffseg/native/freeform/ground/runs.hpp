@@ -6,8 +6,9 @@
 #include <vector>
 
 #include "common/lanes.hpp"
+#include "freeform/ground/cells.hpp"
 
-namespace ffseg::freeform {
+namespace ffseg::ground {
 
 // Pixels looked at together.
 constexpr int kRun = 64;
@@ -34,4 +35,7 @@ struct RunMarks {
     std::vector<std::uint8_t> marks;
 };
 
-}  // namespace ffseg::freeform
+// Blocks free ground that no two by two free pixels fit into.
+void shut_slits(Cells& cells, const RunMarks& held);
+
+}  // namespace ffseg::ground

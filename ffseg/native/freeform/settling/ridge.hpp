@@ -11,7 +11,9 @@
 #include "common/vec.hpp"
 #include "freeform/evolution.hpp"
 
-namespace ffseg::freeform {
+namespace ffseg::settling {
+
+using freeform::GradientView;
 
 // The search looks at the gradient every half pixel and refines the peak by a parabola.
 constexpr double kRidgeStep = 0.5;
@@ -117,4 +119,4 @@ private:
     std::ptrdiff_t width_, right_, down_;
 };
 
-}  // namespace ffseg::freeform
+}  // namespace ffseg::settling

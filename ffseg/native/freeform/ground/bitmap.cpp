@@ -1,9 +1,9 @@
-#include "freeform/bitmap.hpp"
+#include "freeform/ground/bitmap.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-namespace ffseg::freeform {
+namespace ffseg::ground {
 namespace {
 
 using Word = Bitmap::Word;
@@ -68,7 +68,8 @@ Bitmap Bitmap::grown(double radius) const {
     return out;
 }
 
-// Fills the runs of the ground that hold a pixel of this row: upwards by the carry of an addition, downwards by doubling.
+// Fills the runs of the ground that hold a pixel of this row: upwards by the carry of an addition, downwards by
+// doubling.
 void Bitmap::fill_row(int y, const Bitmap& ground) {
     Word* const mine = row(y);
     const Word* const free = ground.row(y);
@@ -99,7 +100,8 @@ bool Bitmap::spill(int from, int to, const Bitmap& ground) {
     Word added = 0;
     for (std::size_t at = 0; at < words_; ++at) {
         const Word before = at > 0 ? source[at - 1] : 0, after = at + 1 < words_ ? source[at + 1] : 0;
-        const Word touched = source[at] | source[at] << 1 | source[at] >> 1 | before >> (kBits - 1) | after << (kBits - 1);
+        const Word touched =
+            source[at] | source[at] << 1 | source[at] >> 1 | before >> (kBits - 1) | after << (kBits - 1);
         const Word fresh = touched & free[at] & ~mine[at];
         added |= fresh;
         mine[at] |= fresh;
@@ -129,4 +131,4 @@ Bitmap Bitmap::flooded(const Bitmap& ground) const {
     return out;
 }
 
-}  // namespace ffseg::freeform
+}  // namespace ffseg::ground

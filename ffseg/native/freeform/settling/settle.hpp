@@ -4,12 +4,10 @@
 #include <numeric>
 #include <vector>
 
-#include "freeform/along.hpp"
-#include "freeform/basis.hpp"
-#include "freeform/field.hpp"
-#include "freeform/ridge.hpp"
+#include "freeform/settling/ridge.hpp"
+#include "freeform/settling/samples.hpp"
 
-namespace ffseg::freeform {
+namespace ffseg::settling {
 
 // The search also looks this far back: the band was entered by rounding, never by more than a pixel.
 constexpr double kRidgeBack = 1.0;
@@ -27,25 +25,6 @@ constexpr double kBent = 0.8;
 constexpr double kSettledSpacing = 3.0;
 // Normals are taken across this distance to either side, over the jitter of samples stopped by a pixel staircase.
 constexpr double kNormalReach = 2.0;
-// Samples nearer to each other say nothing new.
-constexpr double kClosest = 0.5;
-
-// A control polygon this many times longer than the polygon of samples belongs to a curve that swings; that of a
-// quarter circle is 1.1 times longer.
-constexpr double kSwing = 1.25;
-
-// One component as its samples in order, D to a patch.
-using Samples = std::vector<Vec2>;
-
-// Both ends and what lies between them of the patch that begins at a sample.
-template <int D>
-std::array<Vec2, D + 1> patch_of(const Samples& component, std::size_t first) {
-    std::array<Vec2, D + 1> points;
-    for (std::size_t k = 0; k < D; ++k) points[k] = component[first + k];
-    points[D] = component[first + D < component.size() ? first + D : 0];
-    return points;
-}
-
 template <int D>
 class Settling {
 public:
@@ -54,7 +33,7 @@ public:
     // Returns the settled samples; with `refine` they are laid out anew, evenly, and closer where the ridge bends.
     Samples run(Samples samples, bool refine, double spacing, int& splits) {
         at_ = std::move(samples);
-        if (refine) lay_out(std::min(spacing, kSettledSpacing));
+        if (refine) lay_out<D>(at_, std::min(spacing, kSettledSpacing));
         take_all();
         project(kRidgeAhead, -kRidgeBack, reach_);
         for (int round = 0; refine && round < kRidgeRounds; ++round) {
@@ -65,7 +44,7 @@ public:
         }
         take_all();
         project(0.0, -1.0, 1.0);
-        if (D > 2) calm();
+        if (D > 2) reduce_degree<D>(at_, field_);
         return std::move(at_);
     }
 
@@ -91,7 +70,7 @@ private:
             offset_[i] = ridge_.climb(at_[i], normal_[i], expected, from, to);
             if (std::isnan(offset_[i])) offset_[i] = ridge_.offset(at_[i], normal_[i], from, to, expected);
         }
-        agree();
+        reject_outliers();
         for (const std::size_t i : fresh_) {
             if (std::isnan(offset_[i])) offset_[i] = to_limit(i);
         }
@@ -99,7 +78,8 @@ private:
         for (const std::size_t i : fresh_) at_[i] = field_.clamp(at_[i] + offset_[i] * normal_[i]);
     }
 
-    // The chords that begin or end at a fresh sample: their directions, and which are long enough to take a normal across.
+    // The chords that begin or end at a fresh sample: their directions, and which are long enough to take a normal
+    // across.
     void measure() {
         chords_.clear();
         for (const std::size_t i : fresh_) {
@@ -131,7 +111,7 @@ private:
     }
 
     // Gaps take the median of what their neighbours found; so do lone departures.
-    void agree() {
+    void reject_outliers() {
         const std::size_t n = at_.size();
         found_ = offset_;
         for (const std::size_t i : fresh_) {
@@ -176,34 +156,6 @@ private:
         }
     }
 
-    // New samples, evenly along the polygon of the old ones, at most `spacing` apart.
-    void lay_out(double spacing) {
-        tidy();
-        Along along(at_.data(), at_.size(), true);
-        const auto patches = static_cast<std::size_t>(std::ceil(along.length() / (D * spacing)));
-        const std::size_t count = std::max<std::size_t>(std::max<std::size_t>(2, patches) * D, D == 1 ? 3 : 4);
-        Samples even(count);
-        for (std::size_t i = 0; i < count; ++i) {
-            even[i] = along.at(along.length() * static_cast<double>(i) / static_cast<double>(count));
-        }
-        while (even.size() % D != 0 || even.size() < 2 * D) even.push_back(at_[0]);
-        at_ = std::move(even);
-    }
-
-    // Drops samples that stand too close or turn back.
-    void tidy() {
-        Samples kept;
-        for (const Vec2 p : at_) {
-            if (!kept.empty() && norm2(p - kept.back()) < kClosest * kClosest) continue;
-            if (kept.size() >= 2) {
-                const Vec2 a = kept.back() - kept[kept.size() - 2], b = p - kept.back();
-                if (dot(a, b) < -0.5 * norm(a) * norm(b) && norm2(a) < 4.0 && norm2(b) < 4.0) kept.pop_back();
-            }
-            kept.push_back(p);
-        }
-        if (kept.size() >= 4) at_ = std::move(kept);
-    }
-
     // Splits (Algorithm 2) the fresh patches whose curve leaves the ridge between samples; what they become is fresh.
     int split_missed() {
         std::vector<std::size_t> missed;
@@ -228,30 +180,6 @@ private:
         finer.insert(finer.end(), kept, at_.cend());
         at_ = std::move(finer);
         return static_cast<int>(missed.size());
-    }
-
-    // Patches whose control polygon crosses itself may loop, those whose polygon is much longer than that of the samples
-    // swing about them, those that leave or reach an end backwards have a hook there: all take the least-squares curve of
-    // lower degree.
-    void calm() {
-        for (std::size_t first = 0; first < at_.size(); first += D) {
-            const auto points = patch_of<D>(at_, first);
-            auto control = points;
-            for (std::size_t k = 1; k < D; ++k) control[k] = apply<D>(kBasis<D>.inverse[k], points);
-            double size = 0.0, polygon = 0.0;
-            bool loops = false;
-            for (std::size_t k = 1; k <= D; ++k) {
-                polygon += norm(control[k] - control[k - 1]);
-                size += norm(points[k] - points[k - 1]);
-                for (std::size_t j = 1; j + 1 < k; ++j) {
-                    loops = loops || segments_cross(control[j - 1], control[j], control[k - 1], control[k]);
-                }
-            }
-            const bool hooks = dot(control[1] - control[0], points[1] - points[0]) < 0 ||
-                               dot(control[D] - control[D - 1], points[D] - points[D - 1]) < 0;
-            if (!loops && !hooks && polygon <= kSwing * size) continue;
-            for (std::size_t k = 1; k < D; ++k) at_[first + k] = field_.clamp(apply<D>(kBasis<D>.calm[k], points));
-        }
     }
 
     bool misses(const std::array<Vec2, D + 1>& points) const {
@@ -281,4 +209,4 @@ private:
     std::vector<std::size_t> chords_;  // the samples before the chords that move
 };
 
-}  // namespace ffseg::freeform
+}  // namespace ffseg::settling

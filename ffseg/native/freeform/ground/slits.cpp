@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <array>
 
-#include "freeform/field.hpp"
-#include "freeform/runs.hpp"
+#include "freeform/ground/field.hpp"
+#include "freeform/ground/runs.hpp"
 
-namespace ffseg::freeform {
+namespace ffseg::ground {
 namespace {
 
 // Those free ones of kRun pixels in a row that no square of two by two free pixels covers become 1 in `slits`; says
@@ -37,38 +37,40 @@ void add_bits(const std::uint8_t* bits, std::uint8_t* cells, std::size_t count) 
 
 }  // namespace
 
-// Free ground is opened by a square of two by two pixels. Only runs of a row that hold something blocked, or lie above or
-// below one, are looked at; they are marked when the next row has been looked at. A slit lies between edges on either side,
-// so no farther than the band reaches beyond both: what is known of free tiles stays true.
-void Field::shut_slits(const RunMarks& held) {
-    const auto width = static_cast<std::size_t>(width_);
+// Free ground is opened by a square of two by two pixels. Only runs of a row that hold something blocked, or lie above
+// or below one, are looked at; they are marked when the next row has been looked at. A slit lies between edges on
+// either side, so no farther than the band reaches beyond both: what is known of free tiles stays true.
+void shut_slits(Cells& cells, const RunMarks& held) {
+    const auto width = static_cast<std::size_t>(cells.width);
     std::vector<std::uint8_t> slits(2 * held.stride * kRun);
     std::array<std::vector<std::size_t>, 2> found;  // runs with slits in this row and in the one before
     const auto mark = [&](int y) {
         std::vector<std::size_t>& runs = found[static_cast<std::size_t>(y & 1)];
         const std::uint8_t* const row = &slits[static_cast<std::size_t>(y & 1) * held.stride * kRun];
         for (const std::size_t run : runs) {
-            add_bits(row + run * kRun, &blocked_[cell(0, y) + run * kRun], std::min<std::size_t>(kRun, width - run * kRun));
+            add_bits(row + run * kRun, &cells.blocked[cells.at(0, y) + run * kRun],
+                     std::min<std::size_t>(kRun, width - run * kRun));
         }
         runs.clear();
     };
-    for (int y = 0; y < height_; ++y) {
+    for (int y = 0; y < cells.height; ++y) {
         std::uint8_t* const row = &slits[static_cast<std::size_t>(y & 1) * held.stride * kRun];
         for (std::size_t first = 0; first < held.stride; first += kEight) {
-            const Eight near = eight(held.row(y - 1) + first) | eight(held.row(y) + first) | eight(held.row(y + 1) + first);
+            const Eight near =
+                eight(held.row(y - 1) + first) | eight(held.row(y) + first) | eight(held.row(y + 1) + first);
             std::array<std::uint8_t, kEight> each;
             std::memcpy(each.data(), &near, sizeof near);
             for (std::size_t one = 0; near != 0 && one < kEight; ++one) {
                 if (each[one] == 0) continue;
                 const std::size_t run = first + one;
-                const std::uint8_t* const cells = &blocked_[cell(0, y) + run * kRun];
-                if (!find_slits(cells, static_cast<std::ptrdiff_t>(stride_), row + run * kRun)) continue;
+                const std::uint8_t* const part = &cells.blocked[cells.at(0, y) + run * kRun];
+                if (!find_slits(part, static_cast<std::ptrdiff_t>(cells.stride), row + run * kRun)) continue;
                 found[static_cast<std::size_t>(y & 1)].push_back(run);
             }
         }
         if (y > 0) mark(y - 1);
     }
-    mark(height_ - 1);
+    mark(cells.height - 1);
 }
 
-}  // namespace ffseg::freeform
+}  // namespace ffseg::ground

@@ -8,7 +8,7 @@
 
 #include "common/vec.hpp"
 
-namespace ffseg::freeform {
+namespace ffseg::topology {
 
 // One horizontal strip of the image with the boxes that reach into it, from left to right. Coordinates are in single
 // precision and a little larger, so that what does not meet here does not meet.
@@ -34,8 +34,8 @@ public:
         ++count_;
     }
 
-    // Calls visit(i, j) for boxes that may meet, one of them moving, until it returns true for this i; neighbours(i) are
-    // two names left out. True if any call returned true.
+    // Calls visit(i, j) for boxes that may meet, one of them moving, until it returns true for this i; neighbours(i)
+    // are two names left out. True if any call returned true.
     template <typename Neighbours, typename Visit>
     bool each_meeting(Neighbours neighbours, Visit visit) {
         const std::size_t count = count_;
@@ -83,4 +83,4 @@ private:
     std::vector<std::size_t> next_moving_;
 };
 
-}  // namespace ffseg::freeform
+}  // namespace ffseg::topology

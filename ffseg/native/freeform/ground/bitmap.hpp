@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace ffseg::freeform {
+namespace ffseg::ground {
 
 class Bitmap {
 public:
@@ -42,4 +42,4 @@ private:
     std::vector<Word> data_;
 };
 
-}  // namespace ffseg::freeform
+}  // namespace ffseg::ground

@@ -5,7 +5,7 @@
 
 #include "common/vec.hpp"
 
-namespace ffseg::freeform {
+namespace ffseg {
 
 // Goes along an open or closed polygon of at least two points, which outlives it.
 class Along {
@@ -37,4 +37,4 @@ private:
     double length_ = 0.0, passed_ = 0.0, side_ = 0.0;
 };
 
-}  // namespace ffseg::freeform
+}  // namespace ffseg

@@ -2,13 +2,15 @@
 #include <algorithm>
 #include <cstring>
 
-#include "freeform/field.hpp"
+#include "freeform/ground/bitmap.hpp"
+#include "freeform/ground/field.hpp"
 
-namespace ffseg::freeform {
+namespace ffseg::ground {
 namespace {
 
-// The edges of a drawn passage lie up to half a pixel beside its sides, and the disc stands on pixel centres: with so many
-// pixels off its radius passages a pixel wider than the clearance are open at every angle, those a pixel narrower shut.
+// The edges of a drawn passage lie up to half a pixel beside its sides, and the disc stands on pixel centres: with so
+// many pixels off its radius passages a pixel wider than the clearance are open at every angle, those a pixel narrower
+// shut.
 constexpr double kSlack = 0.65;
 // Free pixels so much farther from where the disc can be than its radius are no part of its ground.
 constexpr double kBeyond = 1.0;
@@ -36,14 +38,14 @@ void add_bytes(const std::uint8_t* bytes, int count, bool zero, Bitmap::Word* bi
 
 bool Field::close_passages(const std::uint8_t* edges, const std::vector<Vec2>& starts, double clearance) {
     const double radius = 0.5 * clearance - kSlack;
-    Bitmap thin(height_, width_), free(height_, width_);
-    for (int y = 0; y < height_; ++y) {
-        add_bytes(edges + static_cast<std::size_t>(y) * static_cast<std::size_t>(width_), width_, false, thin.row(y));
-        add_bytes(&blocked_[cell(0, y)], width_, true, free.row(y));
+    Bitmap thin(height(), width()), free(height(), width());
+    for (int y = 0; y < height(); ++y) {
+        add_bytes(edges + static_cast<std::size_t>(y) * static_cast<std::size_t>(width()), width(), false, thin.row(y));
+        add_bytes(&cells_.blocked[cells_.at(0, y)], width(), true, free.row(y));
     }
     Bitmap roomy = free;  // where the disc fits
     if (radius > 0) roomy.remove(thin.grown(radius));
-    Bitmap reached(height_, width_);
+    Bitmap reached(height(), width());
     for (const Vec2 p : starts) {
         const auto x = static_cast<int>(p.x + 0.5), y = static_cast<int>(p.y + 0.5);
         if (roomy.holds(x, y)) reached.add(x, y);
@@ -55,16 +57,17 @@ bool Field::close_passages(const std::uint8_t* edges, const std::vector<Vec2>& s
     roomy.keep(free);
     if (roomy.empty()) return true;
     const Bitmap shut = roomy.flooded(free);
-    for (int y = 0; y < height_; ++y) {
+    for (int y = 0; y < height(); ++y) {
         for (std::size_t word = 0; word < shut.words(); ++word) {
             for (int bit = 0; shut.row(y)[word] >> bit != 0; ++bit) {
-                if ((shut.row(y)[word] >> bit & 1) != 0) blocked_[cell(static_cast<int>(word) * Bitmap::kBits + bit, y)] = kEdge;
+                if ((shut.row(y)[word] >> bit & 1) != 0)
+                    cells_.blocked[cells_.at(static_cast<int>(word) * Bitmap::kBits + bit, y)] = kEdge;
                 if (bit == Bitmap::kBits - 1) break;
             }
         }
     }
-    build_tiles();
+    build_tiles(cells_);
     return true;
 }
 
-}  // namespace ffseg::freeform
+}  // namespace ffseg::ground

@@ -1,0 +1,33 @@
+// The pixels of a field: what blocks each of them, and how far it is from there to anything blocked.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace ffseg::ground {
+
+// All that is blocked has the lowest bit: an edge pixel is kBand | kEdge.
+constexpr std::uint8_t kBand = 1, kEdge = 2, kOutside = 5;
+constexpr int kTileShift = 2;
+// Free space is known up to so many tiles away.
+constexpr int kLevels = 4;
+
+struct Cells {
+    Cells(int h, int w, std::size_t padding);
+
+    std::size_t at(int x, int y) const {
+        return (static_cast<std::size_t>(y) + 1) * stride + static_cast<std::size_t>(x) + 1;
+    }
+
+    int height, width;
+    std::size_t stride, tiles_x, tiles_y;
+    std::vector<std::uint8_t> blocked;  // (H + 2) x (W + 2), one ring of outside
+    std::vector<std::uint8_t> reach;    // one for every tile, in pixels
+};
+
+// Is there a solid pixel in these columns and rows, both ends included?
+bool holds_solid(const Cells& cells, int left, int right, int top, int bottom);
+// Which tiles hold something blocked, and how far free ones are from these, from the pixels.
+void build_tiles(Cells& cells);
+
+}  // namespace ffseg::ground

@@ -1,0 +1,174 @@
+// Where settled contours cross themselves or each other.
+#pragma once
+#include <algorithm>
+#include <array>
+#include <utility>
+#include <vector>
+
+#include "freeform/settling/curves.hpp"
+#include "freeform/topology/strips.hpp"
+
+namespace ffseg::settling {
+
+// Pairs of patches tested in all, to a patch; few patches share what kFewPieces may have. To each degree a fine test
+// of two patches or of one counts as so many, one at their joint as kJointTests. A settled contour needs two or three a
+// round; what runs over itself everywhere is not worth more.
+constexpr std::size_t kMostTests = 128, kFewPieces = 1024, kFineTests = 128, kOwnTests = 64, kJointTests = 32;
+// Curves nearer to each other than this touch, as far as anyone can draw them.
+constexpr double kTouch = 0.01;
+// Outlines that lie so near to their curves show where these cross.
+constexpr double kFlat = 0.001;
+
+template <int D>
+class Crossings {
+public:
+    explicit Crossings(const std::vector<Samples>& components) : components_(components) {}
+
+    void find() {
+        collect();
+        places_.clear();
+        loops_.clear();
+        order_.resize(pieces_.size());
+        for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = {pieces_[i].box.x0, static_cast<int>(i)};
+        std::sort(order_.begin(), order_.end());
+        strip_.reset(pieces_.size());
+        for (const auto& [left, i] : order_) strip_.push(piece(i).box, i, true);
+        strip_.each_meeting([this](int i) { return std::array<int, 2>{piece(i).prev, piece(i).next}; },
+                            [this](int i, int j) {
+                                ++tests_;
+                                if (exhausted()) return true;
+                                if (cross(piece(i), piece(j))) note(piece(i), piece(j));
+                                return false;
+                            });
+        for (const Piece<D>& a : pieces_) {
+            const Piece<D>& b = piece(a.next);
+            if (!a.onward && turning(a) >= kHalfTurn && crosses_itself(a)) note(a, a);
+            const bool winding =
+                !run_one_way(a, b) && turning(a) + turn(a.leaving(), b.entering()) + turning(b) >= kHalfTurn;
+            if (winding && touch(outline(a), outline(b), 0.0)) note(a, b);
+            if ((winding && come_back(a, b)) || cusp(a, b)) {
+                places_.push_back(a.place);
+                places_.push_back(b.place);
+            }
+        }
+        std::sort(places_.begin(), places_.end());
+        places_.erase(std::unique(places_.begin(), places_.end()), places_.end());
+    }
+
+    // The patches that cross something, in order.
+    const std::vector<Place>& places() const { return places_; }
+    // Pairs of one component that cross each other.
+    const std::vector<std::pair<Place, Place>>& loops() const { return loops_; }
+    bool exhausted() const { return tests_ > kMostTests * (pieces_.size() + kFewPieces); }
+    void restart() { tests_ = 0; }
+
+private:
+    static constexpr int kPieces = D <= 3 ? 4 : 8;
+    static constexpr int kPoints = D * kPieces + 1;
+    using Outline = std::array<Vec2, kPoints>;
+
+    void collect() {
+        pieces_.clear();
+        for (std::size_t c = 0; c < components_.size(); ++c) {
+            const Samples& at = components_[c];
+            const int begin = static_cast<int>(pieces_.size()), count = static_cast<int>(at.size() / D);
+            for (int i = 0; i < count; ++i) {
+                const std::size_t first = static_cast<std::size_t>(i) * D;
+                Piece<D> piece{{c, first}, begin + (i + count - 1) % count, begin + (i + 1) % count, {}, {}, true};
+                const std::array<Vec2, D + 1> points = patch_of<D>(at, first);
+                for (std::size_t k = 0; k <= D; ++k) {
+                    piece.control[k] = k % D == 0 ? points[k] : apply<D>(kBasis<D>.inverse[k], points);
+                    piece.box.add(piece.control[k]);
+                }
+                for (std::size_t k = 0; k < D; ++k) {
+                    const Vec2 side = piece.control[k + 1] - piece.control[k];
+                    piece.onward = piece.onward && dot(side, points[D] - points[0]) > 0;
+                }
+                pieces_.push_back(piece);
+            }
+        }
+    }
+
+    const Piece<D>& piece(int i) const { return pieces_[static_cast<std::size_t>(i)]; }
+
+    void note(const Piece<D>& a, const Piece<D>& b) {
+        places_.push_back(a.place);
+        places_.push_back(b.place);
+        if (a.place.component == b.place.component) loops_.emplace_back(a.place, b.place);
+    }
+
+    // kPieces chords between two samples.
+    Outline outline(const Piece<D>& a) const {
+        const std::array<Vec2, D + 1> points = patch_of<D>(components_[a.place.component], a.place.first);
+        Outline line;
+        for (std::size_t k = 0; k < D; ++k) {
+            line[k * kPieces] = points[k];
+            for (std::size_t j = 1; j < kPieces; ++j) {
+                line[k * kPieces + j] = apply<D>(kBasis<D>.between[k][j * Basis<D>::kSub / kPieces], points);
+            }
+        }
+        line[kPoints - 1] = points[D];
+        return line;
+    }
+
+    // Do two patches that do not meet cross? Where they bend so much that their outlines need not show it, they are
+    // tested finely.
+    bool cross(const Piece<D>& a, const Piece<D>& b) {
+        const Outline p = outline(a), q = outline(b);
+        if (touch(p, q, 0.0)) return true;
+        if (sagitta(p) + sagitta(q) < kFlat) return false;
+        tests_ += kFineTests * D;
+        return cross_finely(a, b);
+    }
+
+    // Two patches that turn back where they meet may cross so near to their joint that their outlines miss it, or,
+    // where one leaves it backwards, nearer than a fine look shows.
+    bool cusp(const Piece<D>& a, const Piece<D>& b) {
+        if (dot(a.leaving(), b.entering()) >= 0) return false;
+        tests_ += kJointTests;
+        if (exhausted()) return false;
+        const Fine last = finely(a, D - 1), first = finely(b, 0);
+        if (dot(a.leaving(), last.back() - last.front()) < 0) return true;
+        return dot(b.entering(), first.back() - first.front()) < 0 || touch(last, first, kTouch);
+    }
+
+    // Does one of two patches that meet come back to the other beside the joint, where their outlines miss it?
+    bool come_back(const Piece<D>& a, const Piece<D>& b) {
+        tests_ += kJointTests * D;
+        if (exhausted()) return false;
+        for (std::size_t k = 1; k < D && !b.onward; ++k) {
+            if (touch(finely(a, D - 1), finely(b, k), 0.0)) return true;
+        }
+        for (std::size_t k = 0; k + 1 < D && !a.onward; ++k) {
+            if (touch(finely(a, k), finely(b, 0), 0.0)) return true;
+        }
+        return false;
+    }
+
+    bool crosses_itself(const Piece<D>& a) {
+        tests_ += kOwnTests * D;
+        if (exhausted()) return false;
+        constexpr std::size_t kStride = 2, kCount = D * kFine / kStride;
+        std::array<Vec2, kCount + 1> curve;
+        for (std::size_t k = 0; k < D; ++k) {
+            const Fine part = finely(a, k);
+            for (std::size_t j = 0; j <= kFine; j += kStride) curve[(k * kFine + j) / kStride] = part[j];
+        }
+        for (std::size_t i = 0; i + 3 <= kCount; ++i) {
+            for (std::size_t j = i + 2; j < kCount; ++j) {
+                if (segments_cross(curve[i], curve[i + 1], curve[j], curve[j + 1])) return true;
+            }
+        }
+        return false;
+    }
+
+    const std::vector<Samples>& components_;
+    std::vector<std::pair<Place, Place>> loops_;
+    std::vector<Place> places_;
+    std::size_t tests_ = 0;  // of pairs so far
+    std::vector<Piece<D>> pieces_;
+    std::vector<std::pair<double, int>> order_;
+    topology::Strip strip_;
+};
+
+}  // namespace ffseg::settling

@@ -1,0 +1,152 @@
+// Settled contours that still cross themselves or each other are smoothed and drawn back there until they do not.
+#pragma once
+#include <algorithm>
+#include <iterator>
+#include <utility>
+#include <vector>
+
+#include "freeform/settling/crossings.hpp"
+
+namespace ffseg::settling {
+
+// Rounds of smoothing; a crossing of two contours on one ridge needs one or two.
+constexpr int kUntangleRounds = 24;
+// Loops that are still there after so many rounds are cut off.
+constexpr int kSmoothingRounds = 8;
+// A component that still crosses itself after so many is divided there.
+constexpr int kDivideRound = 16;
+// A component of at most so many samples that is still wound up then is replaced by its convex hull.
+constexpr std::size_t kSmallComponent = 64;
+// In one round loops are cut until so many times the samples there are have been laid anew.
+constexpr std::size_t kMostLaid = 64;
+// Pixels drawn back along the normal in each round.
+constexpr double kDrawBack = 0.25;
+
+inline double twice_area(const Samples& at) {
+    double twice = 0.0;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+        twice += ffseg::cross(at[i] - at[0], at[(i + 1) % at.size()] - at[0]);
+    }
+    return twice;
+}
+
+// A small component wound up on itself becomes its convex hull, of the same orientation.
+inline void replace_by_hull(Samples& at) {
+    Samples sorted = at;
+    std::sort(sorted.begin(), sorted.end(), [](Vec2 a, Vec2 b) { return a.x != b.x ? a.x < b.x : a.y < b.y; });
+    const bool backwards = twice_area(at) < 0;
+    Samples hull;
+    for (int side = 0; side < 2; ++side) {  // Andrew's monotone chain
+        const std::size_t base = hull.size();
+        for (const Vec2 p : sorted) {
+            while (hull.size() >= base + 2 && ffseg::cross(hull.back() - hull[hull.size() - 2], p - hull.back()) <= 0) {
+                hull.pop_back();
+            }
+            hull.push_back(p);
+        }
+        hull.pop_back();
+        std::reverse(sorted.begin(), sorted.end());
+    }
+    if (backwards) std::reverse(hull.begin(), hull.end());
+    Along along(hull.data(), hull.size(), true);
+    const double step = along.length() / static_cast<double>(at.size());
+    for (std::size_t k = 0; k < at.size(); ++k) at[k] = along.at(step * static_cast<double>(k));
+}
+
+template <int D>
+class Untangle {
+public:
+    explicit Untangle(std::vector<Samples>& components) : components_(components), crossings_(components) {}
+
+    // True when no curve crosses any more (curves as polygons of several segments between two samples).
+    bool run() {
+        for (int round = 0; round < kUntangleRounds; ++round) {
+            crossings_.find();
+            if (crossings_.places().empty()) return true;
+            if (crossings_.exhausted()) break;
+            for (const Place& place : crossings_.places()) smooth(place);
+            if (round < kSmoothingRounds) continue;
+            cut_loops();
+            if (round == kDivideRound) divide();
+        }
+        crossings_.restart();  // what is small and wound up may have used the tests up
+        crossings_.find();
+        for (const Place& place : crossings_.places()) {
+            if (components_[place.component].size() <= kSmallComponent) replace_by_hull(components_[place.component]);
+        }
+        if (!crossings_.places().empty()) crossings_.find();
+        return crossings_.places().empty();
+    }
+
+private:
+    // Smooths the samples of a patch and draws them back, towards the region they bound.
+    void smooth(const Place& place) {
+        Samples& at = components_[place.component];
+        const std::size_t n = at.size();
+        for (std::size_t k = 0; k <= D; ++k) {
+            const std::size_t i = (place.first + k) % n;
+            const Vec2 back = at[(i + n - 1) % n], ahead = at[(i + 1) % n];
+            const Vec2 tangent = ahead - back;
+            const double size = norm(tangent);
+            at[i] = 0.5 * at[i] + 0.25 * (back + ahead);
+            if (size > 0) at[i] += (kDrawBack / size) * Vec2{-tangent.y, tangent.x};
+        }
+    }
+
+    // A contour that runs over itself everywhere has as many loops as pairs of patches: the next round finds the rest.
+    void cut_loops() {
+        std::size_t samples = 0, laid = 0;
+        for (const Samples& component : components_) samples += component.size();
+        for (const auto& [from, to] : crossings_.loops()) {
+            laid += cut(from, to);
+            if (laid > kMostLaid * samples) break;
+        }
+    }
+
+    // What lies between two crossing patches of one component, the shorter way round, is laid on its chord. Returns the
+    // number of samples.
+    std::size_t cut(Place from, Place to) {
+        Samples& at = components_[from.component];
+        const std::size_t n = at.size();
+        std::size_t span = (to.first + n - from.first) % n;
+        if (span > n / 2) {
+            std::swap(from, to);
+            span = n - span;
+        }
+        if (span + D >= n / 2) return 1;
+        const Vec2 begin = at[from.first], end = at[(to.first + D) % n];
+        for (std::size_t k = 1; k < span + D; ++k) {
+            const double u = static_cast<double>(k) / static_cast<double>(span + D);
+            at[(from.first + k) % n] = begin + u * (end - begin);
+        }
+        return span + D;
+    }
+
+    // A component that crosses itself far from any loop that can be cut off becomes two, without the crossing patches.
+    // Of a component whose two parts run round in opposite ways only the larger one stays.
+    void divide() {
+        std::vector<Samples> made;
+        std::vector<bool> divided(components_.size(), false);
+        for (const auto& [from, to] : crossings_.loops()) {
+            Samples& at = components_[from.component];
+            const std::size_t low = std::min(from.first, to.first), high = std::max(from.first, to.first);
+            if (divided[from.component] || high - low < 3 * D || at.size() - (high - low) < 3 * D) continue;
+            divided[from.component] = true;
+            const auto begin = at.begin();
+            Samples part(begin + static_cast<std::ptrdiff_t>(low + D), begin + static_cast<std::ptrdiff_t>(high));
+            at.erase(begin + static_cast<std::ptrdiff_t>(low), begin + static_cast<std::ptrdiff_t>(high + D));
+            const double mine = twice_area(part), rest = twice_area(at);
+            if ((mine > 0) == (rest > 0)) {
+                made.push_back(std::move(part));
+            } else if (std::abs(mine) > std::abs(rest)) {
+                at = std::move(part);
+            }
+        }
+        std::move(made.begin(), made.end(), std::back_inserter(components_));
+    }
+
+    std::vector<Samples>& components_;
+    Crossings<D> crossings_;
+};
+
+}  // namespace ffseg::settling
