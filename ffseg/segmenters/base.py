@@ -113,6 +113,8 @@ class View:
     callback : callable, optional
         Wants a `Progress` at the start, after every `every` iterations, and at the end.
     every : int
+    fixed : bool
+        The starts stand where they must, as round a camera that sees itself: they are not moved off edges.
     """
 
     image: NDArray[np.uint8]
@@ -123,6 +125,7 @@ class View:
     altitudes: NDArray[np.float64] = field(default_factory=_no_altitudes)
     callback: Callable[[Progress], None] | None = None
     every: int = 10
+    fixed: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "starts", oriented(self.starts))

@@ -106,7 +106,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
             starts = (*starts, *_parts(edges, starts, params))
     edges = _bounded(edges, starts, params, background)
     edges_ms = (perf_counter() - begin) * 1e3
-    view = View(image, edges, starts, params, options, _rows(altitudes), callback)
+    fixed = center is not None and params.init.center == "auto"
+    view = View(image, edges, starts, params, options, _rows(altitudes), callback, fixed=fixed)
     found, messages = _freed(decide if source == "auto" else trusted, run, view)
     begin = perf_counter()
     outcome = found.outcome

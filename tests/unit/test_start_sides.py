@@ -101,3 +101,15 @@ def test_slits_and_hollows_join_and_make_no_sides() -> None:
     assert min(sides[30, 10], sides[30, 50]) > 0
     assert sides[20, 30] == sides[8, 8] == 0
     assert open_sides(free, 25)[8, 8] > 0
+
+
+def test_a_start_round_a_camera_stays_though_the_robot_is_seen_in_it() -> None:
+    """The camera's own centre: most of the circle shows the robot, the floor begins at its rim."""
+    image, truth = disc()
+    center = (CENTER[0] + 6, CENTER[1])
+    found = ffseg.segment(image, {"init.radius": RADIUS}, center=center)
+    assert found.messages == ()
+    assert found.mask[~truth].mean() > 0.95
+    moved = ffseg.segment(image, {"init.center": list(center), "init.radius": RADIUS})
+    assert "was moved to" in moved.messages[0]
+    assert moved.mask[~truth].mean() < 0.1

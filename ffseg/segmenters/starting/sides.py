@@ -44,10 +44,11 @@ def on_one_side(view: View) -> tuple[View, tuple[str, ...]]:
     Notes
     -----
     Starts that close in may hold anything, and boxes and masks are drawn as they are wanted: only circles that grow
-    are looked at. A mark that lies in a circle whole has no side on its rim.
+    are looked at, and not those round a camera, which sees its own robot in them. A mark that lies in a circle whole has
+    no side on its rim.
     """
     crossed = [at for at, start in enumerate(view.starts) if _is_circle(start) and _holds_edge(start, view)]
-    if not crossed or view.params.contour.balloon < 0:
+    if not crossed or view.fixed or view.params.contour.balloon < 0:
         return view, ()
     sides = open_sides(free_pixels(view.edges.edges, view.domain), HOLLOW)
     crossed = [at for at in crossed if _num_sides(view.starts[at], sides) > 1]
