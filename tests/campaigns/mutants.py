@@ -197,5 +197,11 @@ MOTION = [
         ("\nGATE = 3.5", "\nGATE = 4.2"),
         ("\nMIN_INLIERS = 8", "\nMIN_INLIERS = 10"),
         ("np.random.default_rng(0)", "np.random.default_rng()"),
+        ("whole - mine @ normals", "whole"),
+        ("-(inverses @ pulls[..., None])", "(inverses @ pulls[..., None])"),
+        ("(squares.sum() - mine @ squares)", "squares.sum()"),
+        ("2.0 * (len(white) - own) - 5.0", "2.0 * len(white) - 5.0"),
+        ("(len(owner) - own >= MIN_INLIERS)", "(len(owner) >= MIN_INLIERS)"),
+        (" + self.hold.ravel()", ""),
     ),
 ]

@@ -32,13 +32,17 @@ def places(count: int, seed: int = 1) -> np.ndarray:
 
 
 def fitted(
-    monkeypatch: pytest.MonkeyPatch, current: np.ndarray, previous: np.ndarray, information: np.ndarray | None = None
+    monkeypatch: pytest.MonkeyPatch,
+    current: np.ndarray,
+    previous: np.ndarray,
+    information: np.ndarray | None = None,
+    owner: np.ndarray | None = None,
 ) -> GroundFit | None:
     """The fit to these placements; one round, as they do not come any nearer by being placed again."""
     if information is None:
         information = np.tile(np.eye(2) / SIGMA**2, (len(current), 1, 1))
     start = predictions(CAMERA, prior(), current, np.zeros((1, PARAMETERS)))[0]
-    owner = np.full(len(current), FREE)
+    owner = np.full(len(current), FREE) if owner is None else owner
     tracks = Tracks(current, start, previous, information, owner, len(current))
     monkeypatch.setattr(ground, "tracked", lambda *_: tracks)
     grey = np.zeros((CAMERA.height, CAMERA.width), np.uint8)
@@ -97,3 +101,37 @@ def test_the_choice_between_two_motions_is_the_same_every_time(monkeypatch: pyte
     fits = [fitted(monkeypatch, current, previous) for _ in range(8)]
     assert len({fit.offset.tobytes() for fit in fits if fit is not None}) == 1
     assert None not in fits
+
+
+def test_the_doubt_about_a_component_is_the_fit_of_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its points are left out: the motion that the others give, and how sure of it they are."""
+    current, count = places(90), 2
+    owner = np.array([0] * 20 + [1] * 30 + [FREE] * 40)
+    previous = seen(current) + np.random.default_rng(9).normal(0, SIGMA, (90, 2))
+    previous[:20] += 0.15  # a thing of its own mind, but not so much as to be left out
+    fit = fitted(monkeypatch, current, previous, owner=owner)
+    assert fit is not None
+    assert fit.inliers.all()
+    doubt = fit.without(count)
+    assert doubt.known.tolist() == [True, True]
+    for component in range(count):
+        others = owner != component
+        alone = fitted(monkeypatch, current[others], previous[others], owner=owner[others])
+        assert alone is not None
+        assert alone.inliers.all()
+        moved = np.sqrt(np.diag(doubt.covariances[component]))
+        # To a twentieth of a standard deviation: the motion is linear only so far from where it was fitted.
+        assert (np.abs(alone.offset - fit.offset - doubt.steps[component]) < 0.05 * moved).all()
+        spread = alone.motion.errors()
+        # The residuals of the others are those of the common fit, which they alone would make a little smaller.
+        np.testing.assert_allclose(np.diag(spread.T @ spread), moved**2, rtol=0.06)
+
+
+def test_a_component_is_not_judged_by_a_motion_that_only_it_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    current = places(27)
+    for others, known in ((7, False), (8, True)):
+        owner = np.array([0] * 19 + [FREE] * others)
+        count = len(owner)
+        fit = fitted(monkeypatch, current[:count], seen(current[:count]), owner=owner)
+        assert fit is not None
+        assert fit.without(1).known.tolist() == [known]
