@@ -112,7 +112,7 @@ NATIVE = [
     *_of(
         FREEFORM + "ground/field.cpp",
         ("here | (above & ((left & (up_left ^ kOnes)) | (right & (up_right ^ kOnes))))", "here"),
-        ("if (left <= right && holds_solid(left, right, y, y)) return true;", ""),
+        ("if (left <= right && ground::holds_solid(cells_, left, right, y, y)) return true;", ""),
     ),
     *_of(
         FREEFORM + "settling/settle.hpp",
