@@ -32,36 +32,54 @@ def _of(file: str, *changes: tuple[str, str] | tuple[str, str, str]) -> list[Mut
 FREEFORM = "native/freeform/"
 NATIVE = [
     *_of(
-        FREEFORM + "flip.hpp",
+        FREEFORM + "topology/exchange.hpp",
         (
             "for (int a = D / 2 + 1; a <= D; ++a) std::swap(p[a], q[a]);",
             "for (int a = D / 2 + 2; a <= D; ++a) std::swap(p[a], q[a]);",
         ),
         ("if (visit_crossings(p, q, [](int, int) { return true; })) return false;", ""),
-        ("for (std::size_t at = 0; at < count; ++at) flip_adjacent(active_[at]);", ""),
-        ("pool_.link(i, after_j);\n        pool_.link(j, after_i);", "pool_.link(i, after_i);\n        pool_.link(j, after_j);"),
+        (
+            "contour.link(i, after_j);\n        contour.link(j, after_i);",
+            "contour.link(i, after_i);\n        contour.link(j, after_j);",
+        ),
         ("cross(p[a + 1] - p[a], q[b + 1] - q[b]) > 0 ? i : j", "cross(p[a + 1] - p[a], q[b + 1] - q[b]) > 0 ? j : i"),
         ("crossings == 1 ? inner : -1", "inner"),
-        ("pool_[changed].touched = pool_[changed].crowded = true;", "pool_[changed].crowded = true;"),
-        ("round < kFlipRounds && crossing", "round < 1 && crossing"),
-        ("along.length() * k / D", "along.length() * k / (D + 1)"),
         ("(from / (from - to))", "(to / (from - to))"),
-        ("std::max(length(i), length(j)) > kFlipLength", "false"),
-        ("field_.encloses_solid(both.data(), both.size())", "false"),
-        ("for (int a = D / 2 + 1; a <= D; ++a) joined[a] = q[a];", "for (int a = D / 2 + 2; a <= D; ++a) joined[a] = q[a];"),
-        ("num_hits(i) + num_hits(j) <= before", "true"),
+        ("num_hits(contour, i) + num_hits(contour, j) <= before", "true"),
+        ("even[k] = along.at(along.length() * k / D);", "even[k] = along.at(along.length() * k / (D + 1));"),
     ),
-    *_of(FREEFORM + "filter.hpp", ("strip_of(box.y1)", "strip_of(box.y0)")),
     *_of(
-        FREEFORM + "components.hpp",
+        FREEFORM + "topology/flip.hpp",
+        ("for (std::size_t at = 0; at < count; ++at) flip_adjacent(contour, contour.active[at]);", ""),
+        ("contour[changed].touched = contour[changed].near_edges = true;", "contour[changed].near_edges = true;"),
+        ("round < kFlipRounds && crossing", "round < 1 && crossing"),
+        ("std::max(contour.length(i), contour.length(j)) > kFlipLength", "false"),
+    ),
+    *_of(
+        FREEFORM + "topology/adjacent.hpp",
+        ("contour.field.encloses_solid(both.data(), both.size())", "false"),
+        (
+            "for (int a = D / 2 + 1; a <= D; ++a) joined[a] = q[a];",
+            "for (int a = D / 2 + 2; a <= D; ++a) joined[a] = q[a];",
+        ),
+    ),
+    *_of(
+        FREEFORM + "topology/filter.hpp",
+        ("strip_of(box.y1)", "strip_of(box.y0)"),
+    ),
+    *_of(
+        FREEFORM + "topology/classify.hpp",
         ("std::abs(area) < kVoidArea", "false"),
         ("(area < 0)", "(area > 0)"),
-        ("beside > 0 && std::isfinite(beside) && nested(large)", "false"),
-        ("if ((real && small == inner) || nested(small)) drop(small);", ""),
+        ("beside > 0 && std::isfinite(beside) && is_nested(contour, large)", "false"),
+        ("if ((real && small == inner) || is_nested(contour, small)) drop(contour, small);", ""),
         ("beside < -kFoldArea", "beside < kFoldArea"),
-        ("if (loop_contains(outer, pool_[within].m[0])) drop_or_wait(within);", ""),
+        ("if (contains(contour, outer, contour[within].m[0])) drop_or_wait(within);", ""),
         ("area < beside ? small : large", "area < beside ? large : small"),
-        ("!simple && loop_encloses_solid(loop)", "false"),
+        ("!simple && encloses_solid(contour, component)", "false"),
+    ),
+    *_of(
+        FREEFORM + "topology/components.hpp",
         ("winding == (loop.area > 0 ? 0 : 1)", "true"),
         ("winding >= 1", "winding >= 2"),
         ("points[k + 1].y > points[k].y ? 1 : -1", "points[k + 1].y > points[k].y ? -1 : 1"),
@@ -69,13 +87,13 @@ NATIVE = [
     *_of(
         FREEFORM + "refine.hpp",
         ("norm2(p[b] - p[a]) > limit", "norm2(p[b] - p[a]) > 1.44 * limit"),
-        ("size < shortest && remove(i)", "false"),
+        ("size < shortest && prune(contour, i)", "false"),
         ("0.5 * (start + end)", "0.8 * start + 0.2 * end"),
         ("dot(after, before) < 0", "false"),
         ("chords.longest <= kUneven * chords.shortest", "true"),
-        ("pool_[i].wants_split && pool_[i].budget > 0 && splittable(i)", "false"),
         ("polygon > kOscillation * size", "false"),
-        ("kPruneRatio * options_.split_threshold", "1.2 * kPruneRatio * options_.split_threshold"),
+        ("kPruneRatio * contour.options.split_threshold", "1.2 * kPruneRatio * contour.options.split_threshold"),
+        ("patch.wants_split && patch.budget > 0 && contour.splittable(i)", "false"),
     ),
     *_of(
         FREEFORM + "pool.hpp",
@@ -89,17 +107,20 @@ NATIVE = [
         ),
     ),
     *_of(
-        FREEFORM + "move.hpp",
+        FREEFORM + "deform.hpp",
         (
-            "reach(motion.points[k], normal, options_.balloon, free)",
-            "0.8 * reach(motion.points[k], normal, options_.balloon, free)",
+            "reach(contour.field, motion.points[k], normal, contour.options.balloon, free)",
+            "0.8 * reach(contour.field, motion.points[k], normal, contour.options.balloon, free)",
         ),
         ("k > 0 ? motion.tangent[k] : unit(motion.tangent[0] + prev.end_tangent)", "motion.tangent[k]"),
         ("0.25 * (motion.chord[k] - back)", "-0.25 * (motion.chord[k] - back)"),
-        ("if (field_.blocked(from + ahead * normal)) break;", ""),
         ("std::max(kCautiousStep, known)", "std::max(5.0, known)"),
         ("s < kSteady", "s < 8 * kSteady"),
-        ("free + ahead < kBulge * motion.chord[k] + 2 * options_.balloon", "false"),
+        ("free + ahead < kBulge * motion.chord[k] + 2 * contour.options.balloon", "false"),
+        ("if (field.blocked(from + ahead * normal)) break;", ""),
+    ),
+    *_of(
+        FREEFORM + "guard.hpp",
         ("patch.m[at] = patch.before[at];", ""),
     ),
     *_of(
@@ -122,7 +143,10 @@ NATIVE = [
         ("unfold();", ""),
         ("project(kRidgeAhead, -kRidgeBack, reach_);", "project(kRidgeAhead, -kRidgeBack, 0.5 * reach_);"),
         ("return ahead - kFine;", "return 0.0;"),
-        ("lay_out<D>(at_, std::min(spacing, kSettledSpacing));", "lay_out<D>(at_, std::min(spacing, 4 * kSettledSpacing));"),
+        (
+            "lay_out<D>(at_, std::min(spacing, kSettledSpacing));",
+            "lay_out<D>(at_, std::min(spacing, 4 * kSettledSpacing));",
+        ),
     ),
     *_of(
         FREEFORM + "settling/ridge.hpp",
@@ -138,8 +162,8 @@ NATIVE = [
     ),
     *_of(
         FREEFORM + "evolution.cpp",
-        ("if (options_.topology) settling::Untangle<D>(settled_).run();", ""),
-        ("if (options_.topology) drop_nested();", ""),
+        ("if (options.topology) settling::Untangle<D>(settled_).run();", ""),
+        ("if (contour_.options.topology) topology::drop_nested(contour_);", ""),
     ),
 ]  # fmt: skip
 

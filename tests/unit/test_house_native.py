@@ -16,9 +16,6 @@ FUNCTION_LINES = 60
 CLASS_MEMBERS = 25
 FOLDER_PARTS = 9
 
-OLD_FOLDER = "freeform"
-"""The room that does not keep to these rules yet."""
-
 
 def room_of(path: Path) -> str:
     """Namespace that the files of a folder open."""
@@ -26,18 +23,12 @@ def room_of(path: Path) -> str:
     return "ffseg" if folder.name == "common" else f"ffseg::{folder.name}"
 
 
-def is_new(path: Path) -> bool:
-    return path.parent.name != OLD_FOLDER
-
-
 def test_there_are_sources() -> None:
     assert len(SOURCES) > 40
 
 
 def test_no_file_is_too_long() -> None:
-    lengths = {
-        str(path.relative_to(CORE)): len(path.read_text("utf-8").splitlines()) for path in SOURCES if is_new(path)
-    }
+    lengths = {str(path.relative_to(CORE)): len(path.read_text("utf-8").splitlines()) for path in SOURCES}
     assert {name: length for name, length in lengths.items() if length > FILE_LINES} == {}
 
 
@@ -47,16 +38,14 @@ def test_no_function_is_too_long(path: Path) -> None:
     assert long == {}
 
 
-@pytest.mark.parametrize(
-    "path", [path for path in SOURCES if is_new(path)], ids=lambda path: str(path.relative_to(CORE))
-)
+@pytest.mark.parametrize("path", SOURCES, ids=NAMES)
 def test_no_class_has_too_many_members(path: Path) -> None:
     large = {item.name: item.members for item in blocks(path) if item.kind == "class" and item.members > CLASS_MEMBERS}
     assert large == {}
 
 
 def test_no_folder_holds_too_many_parts() -> None:
-    parts = {path.with_suffix("") for path in SOURCES if is_new(path)}  # a header and its source are one
+    parts = {path.with_suffix("") for path in SOURCES}  # a header and its source are one
     counts = Counter(part.parent.relative_to(CORE) for part in parts)
     assert {str(folder): count for folder, count in counts.items() if count > FOLDER_PARTS} == {}
 

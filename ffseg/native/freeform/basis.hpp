@@ -28,10 +28,10 @@ struct Basis {
     // The same as `between` and `between_slope` with the positions side by side, and the way from each position to the
     // next, in single precision: to look whether a pixel is blocked.
     using Lanes = std::array<std::array<float, kSub>, D + 1>;
-    std::array<Lanes, D> looks{}, headings{}, strides{};
+    std::array<Lanes, D> places{}, headings{}, strides{};
     std::array<Row, 2 * D + 1> halves{};             // the points at t = i / (2 D) (Alg. 2)
-    std::array<Row, D + 1> reduced{};                  // the samples of the least-squares curve of degree kReducedDegree
-                                                     // with the same ends
+    std::array<Row, D + 1> reduced{};  // the samples of the least-squares curve of degree kReducedDegree
+                                       // with the same ends
 
     constexpr Basis() {
         for (int k = 0; k <= D; ++k) vandermonde[k] = bernstein(static_cast<double>(k) / D);
@@ -44,7 +44,7 @@ struct Basis {
                 between[k][j] = times_inverse(bernstein(t));
                 between_slope[k][j] = times_inverse(bernstein_slope(t));
                 for (int i = 0; i <= D; ++i) {
-                    looks[k][i][j] = static_cast<float>(between[k][j][i]);
+                    places[k][i][j] = static_cast<float>(between[k][j][i]);
                     headings[k][i][j] = static_cast<float>(between_slope[k][j][i]);
                     strides[k][i][j] = static_cast<float>(ahead[i] - between[k][j][i]);
                 }
@@ -153,6 +153,10 @@ private:
 
 template <int D>
 inline constexpr Basis<D> kBasis{};
+
+// Samples or control points of a patch.
+template <int D>
+using Points = std::array<Vec2, D + 1>;
 
 // A row of weights applied to D + 1 points.
 template <int D>

@@ -51,7 +51,7 @@ struct PyEvolution {
         const std::uint8_t* limits = domain ? domain->data() : nullptr;
         nb::gil_scoped_release release;
         evolution = ffseg::freeform::make_evolution(starts, edges.data(), limits, static_cast<int>(height),
-                                          static_cast<int>(width), options);
+                                                    static_cast<int>(width), options);
     }
 
     bool advance(int iterations) {
@@ -113,8 +113,8 @@ void bind_freeform(nb::module_& m) {
         .def_rw("settle", &Options::settle)
         .def_rw("ridge_low", &Options::ridge_low);
     nb::class_<PyEvolution>(m, "Evolution")
-        .def(nb::init<const Points&, const Indices&, const Bytes&, std::optional<Bytes>, const Options&>(),
-             "points"_a, "offsets"_a, "edges"_a, "domain"_a.none(), "options"_a)
+        .def(nb::init<const Points&, const Indices&, const Bytes&, std::optional<Bytes>, const Options&>(), "points"_a,
+             "offsets"_a, "edges"_a, "domain"_a.none(), "options"_a)
         .def("advance", &PyEvolution::advance, "iterations"_a, "Runs iterations; False once the contour has stopped.")
         .def("settle", &PyEvolution::settle, "gradient"_a, "Attracts the contour to the ridge of the gradient.")
         .def("contours", &PyEvolution::contours, "Control points (M, 2) of all contours and their offsets.")

@@ -12,8 +12,8 @@ namespace ffseg::freeform {
 // A stretch held by edges is halved, straightened or laid out anew at most this often before one of its samples reaches
 // ground where none has been, so that it comes to rest.
 constexpr std::uint8_t kSplitBudget = 24;
-// One that swings about near edges is calmed so often, then split or held.
-constexpr std::uint8_t kMostCalmed = 5;
+// One that oscillates near edges is reductions so often, then split or held.
+constexpr std::uint8_t kMostReductions = 5;
 
 template <int D>
 struct Patch {
@@ -24,19 +24,21 @@ struct Patch {
     double last_chord = 0;   // distance between the last two samples before this iteration's move
     int next = -1, prev = -1;
     std::uint8_t budget = kSplitBudget;  // of repairs left, see kSplitBudget
-    std::uint8_t calmed = 0;             // times it was calmed near edges
+    std::uint8_t reductions = 0;             // times it was reductions near edges
     std::uint8_t steady = 0;    // bit k: sample k did not move in this iteration
     std::uint8_t reverted = 0;  // bit k: sample k was put back because the curve met an edge
     bool examined = false;      // at rest, and looked at closely since
     bool starved = false;       // could advance between its samples, but had no repairs left
-    bool alive = false, active = false, crowded = false, wants_split = false, touched = false;
+    bool alive = false, active = false, near_edges = false, wants_split = false, touched = false;
 };
+
+// Bits of all samples of a patch.
+template <int D>
+constexpr std::uint8_t kAllSteady = static_cast<std::uint8_t>((1u << D) - 1u);
 
 template <int D>
 class Pool {
 public:
-    using Points = std::array<Vec2, D + 1>;
-
     Patch<D>& operator[](int i) { return patches_[static_cast<std::size_t>(i)]; }
     const Patch<D>& operator[](int i) const { return patches_[static_cast<std::size_t>(i)]; }
     int size() const { return static_cast<int>(patches_.size()); }
@@ -68,15 +70,15 @@ public:
         (*this)[b].prev = a;
     }
     Vec2 end(int i) const { return (*this)[(*this)[i].next].m[0]; }
-    Points samples(int i) const {
+    Points<D> samples(int i) const {
         const Patch<D>& patch = (*this)[i];
-        Points points;
+        Points<D> points;
         for (int k = 0; k < D; ++k) points[k] = patch.m[k];
         points[D] = end(i);
         return points;
     }
     // Gives patch i the curve with these control points; the joint it starts with moves along, the end joint does not.
-    void set_control(int i, const Points& control) {
+    void set_control(int i, const Points<D>& control) {
         Patch<D>& patch = (*this)[i];
         patch.m[0] = control[0];
         for (int k = 1; k < D; ++k) patch.m[k] = apply<D>(kBasis<D>.vandermonde[k], control);
@@ -85,7 +87,7 @@ public:
     // Control points (Eq. 6) and their box.
     void refresh(int i) {
         Patch<D>& patch = (*this)[i];
-        const Points points = samples(i);
+        const Points<D> points = samples(i);
         patch.control[0] = points[0];
         patch.control[D] = points[D];
         for (int k = 1; k < D; ++k) patch.control[k] = apply<D>(kBasis<D>.inverse[k], points);
@@ -95,7 +97,7 @@ public:
     }
     // Algorithm 2: the same curve as two patches; the new one follows i. Returns it.
     int split(int i) {
-        const Points points = samples(i);
+        const Points<D> points = samples(i);
         const int fresh = acquire(), after = (*this)[i].next;
         Patch<D>&first = (*this)[i], &second = (*this)[fresh];
         for (int k = 0; k < D; ++k) {
@@ -107,7 +109,7 @@ public:
         second.before = second.m;
         second.active = first.active;
         second.budget = first.budget;
-        second.crowded = first.crowded;
+        second.near_edges = first.near_edges;
         link(i, fresh);
         link(fresh, after);
         refresh(i);

@@ -1,17 +1,42 @@
-// Splitting patches that stretch (Algorithm 2) and pruning those that shrink or fold (the paper's footnote on pruning).
+// Splitting patches that stretch (Algorithm 2) and pruning those that shrink or fold (Section 3.3, footnote).
 #pragma once
 #include <limits>
+#include <vector>
 
 #include "common/along.hpp"
-#include "freeform/chain.hpp"
+#include "freeform/guard.hpp"
+#include "freeform/topology/components.hpp"
 
 namespace ffseg::freeform {
 
+// Patches shorter than this per sample are pruned.
+constexpr double kPruneSpacing = 0.35;
+// Away from edges patches shorter than this part of the split threshold are pruned.
+constexpr double kPruneRatio = 0.2;
+// A patch whose longest distance between samples is this many times the shortest is laid out evenly.
+constexpr double kUneven = 3.0;
+
+// A patch near edges that gets on has all its repairs again: as often as there are tiles, so the evolution ends.
+template <int D>
+void renew_repairs(Contour<D>& contour) {
+    for (const int i : contour.active) {
+        Patch<D>& patch = contour[i];
+        if (patch.budget > kSplitBudget / 2) continue;
+        for (int k = 0; k < D; ++k) {
+            std::uint8_t& tile = contour.memory.reached[contour.field.tile(patch.m[k])];
+            if (tile == 0 && (patch.steady >> k & 1u) == 0) {
+                tile = 1;
+                patch.budget = kSplitBudget;
+            }
+        }
+    }
+}
+
 // The paper's test: the largest distance between two control points of the patch.
 template <int D>
-bool Chain<D>::too_long(int i) const {
-    const auto& p = pool_[i].control;
-    const double limit = options_.split_threshold * options_.split_threshold;
+bool too_long(const Contour<D>& contour, int i) {
+    const auto& p = contour[i].control;
+    const double limit = contour.options.split_threshold * contour.options.split_threshold;
     for (int a = 0; a < D; ++a) {
         for (int b = a + 1; b <= D; ++b) {
             if (norm2(p[b] - p[a]) > limit) return true;
@@ -22,9 +47,9 @@ bool Chain<D>::too_long(int i) const {
 
 // Has the curve run over itself here: does a stretch between two samples point backwards after the move?
 template <int D>
-bool Chain<D>::folded(int i) const {
-    const Patch<D>& patch = pool_[i];
-    const Patch<D>& next = pool_[patch.next];
+bool folded(const Contour<D>& contour, int i) {
+    const Patch<D>& patch = contour[i];
+    const Patch<D>& next = contour[patch.next];
     const Vec2 end_before = next.active ? next.before[0] : next.m[0];
     for (int k = 0; k < D; ++k) {
         const Vec2 after = (k + 1 < D ? patch.m[k + 1] : next.m[0]) - patch.m[k];
@@ -34,72 +59,60 @@ bool Chain<D>::folded(int i) const {
     return false;
 }
 
-template <int D>
-typename Chain<D>::Chords Chain<D>::chords(int i) const {
-    const Points points = pool_.samples(i);
-    Chords found{std::numeric_limits<double>::infinity(), 0.0, 0.0};
-    for (int k = 0; k < D; ++k) {
-        const double chord = norm(points[k + 1] - points[k]);
-        found.shortest = std::min(found.shortest, chord);
-        found.longest = std::max(found.longest, chord);
-        found.total += chord;
-    }
-    return found;
-}
-
 // Replaces the patch by its chord, unless the chord meets an edge or an edge lies between it and the curve.
 template <int D>
-bool Chain<D>::straighten(int i) {
-    Patch<D>& patch = pool_[i];
-    const Points points = pool_.samples(i);
-    if (patch.budget == 0 || (patch.crowded && field_.encloses_solid(points.data(), points.size()))) return false;
+bool straighten(Contour<D>& contour, int i) {
+    Patch<D>& patch = contour[i];
+    const Points<D> points = contour.samples(i);
+    if (patch.budget == 0 || (patch.near_edges && contour.field.encloses_solid(points.data(), points.size())))
+        return false;
     const auto kept = patch.m;
-    const Vec2 end = pool_.end(i);
+    const Vec2 end = contour.end(i);
     for (int k = 1; k < D; ++k) patch.m[k] = patch.m[0] + (static_cast<double>(k) / D) * (end - patch.m[0]);
-    if (meets_edge(i)) {
+    if (meets_edge(contour, i)) {
         patch.m = kept;
         return false;
     }
     --patch.budget;
-    ++counts_.prunes;
+    ++contour.counts.prunes;
     return true;
 }
 
 // Takes patch i out; its neighbours meet at its middle, or at one of its ends where the middle would meet an edge.
 template <int D>
-bool Chain<D>::remove(int i) {
-    const int prev = pool_[i].prev, next = pool_[i].next;
-    if (prev == next || prev == i || pool_[next].next == prev) return false;
-    const Vec2 start = pool_[i].m[0], end = pool_[next].m[0];
-    pool_.link(prev, next);
+bool prune(Contour<D>& contour, int i) {
+    const int prev = contour[i].prev, next = contour[i].next;
+    if (prev == next || prev == i || contour[next].next == prev) return false;
+    const Vec2 start = contour[i].m[0], end = contour[next].m[0];
+    contour.link(prev, next);
     for (const Vec2 joint : {0.5 * (start + end), start, end}) {
-        pool_[next].m[0] = joint;
-        if (meets_edge(prev) || meets_edge(next)) continue;
-        release(i);
-        pool_[next].steady &= static_cast<std::uint8_t>(~1u);
-        wake(prev);
-        wake(next);
-        pool_.refresh(prev);
-        pool_.refresh(next);
-        ++counts_.prunes;
+        contour[next].m[0] = joint;
+        if (meets_edge(contour, prev) || meets_edge(contour, next)) continue;
+        contour.retire(i);
+        contour[next].steady &= static_cast<std::uint8_t>(~1u);
+        contour.wake(prev);
+        contour.wake(next);
+        contour.refresh(prev);
+        contour.refresh(next);
+        ++contour.counts.prunes;
         return true;
     }
-    pool_[next].m[0] = end;
-    pool_.link(prev, i);
-    pool_.link(i, next);
+    contour[next].m[0] = end;
+    contour.link(prev, i);
+    contour.link(i, next);
     return false;
 }
 
-// Samples that have drawn together or apart let the curve swing between them; they are laid evenly along it again.
+// Samples that have drawn together or apart let the curve oscillate between them; they are laid evenly along it again.
 template <int D>
-void Chain<D>::even_out(int i, const Chords& chords) {
-    Patch<D>& patch = pool_[i];
+void resample_evenly(Contour<D>& contour, int i, const Chords& chords) {
+    Patch<D>& patch = contour[i];
     if (D == 1 || patch.budget == 0 || chords.longest <= kUneven * chords.shortest || chords.longest < 1.0) return;
-    const Points points = pool_.samples(i);
+    const Points<D> points = contour.samples(i);
     const auto kept = patch.m;
     Along along(points.data(), points.size(), false);
     for (int k = 1; k < D; ++k) patch.m[k] = along.at(along.length() * k / D);
-    if (meets_edge(i)) {
+    if (meets_edge(contour, i)) {
         patch.m = kept;
     } else {
         --patch.budget;
@@ -107,87 +120,115 @@ void Chain<D>::even_out(int i, const Chords& chords) {
     }
 }
 
-// Is the control polygon much longer than the polygon of samples: does the curve swing about jittering samples?
+// Is the control polygon much longer than the polygon of samples: does the curve oscillate about jittering samples?
 template <int D>
-bool Chain<D>::swings(int i, double size) const {
-    const Patch<D>& patch = pool_[i];
+bool oscillates(const Contour<D>& contour, int i, double size) {
+    const Patch<D>& patch = contour[i];
     double polygon = 0.0, squares = 0.0;
     for (int k = 0; k < D; ++k) squares += norm2(patch.control[k + 1] - patch.control[k]);
-    if (D * squares < 0.999 * kOscillation * kOscillation * size * size) return false;  // the mean is below the root mean square
+    if (D * squares < 0.999 * kOscillation * kOscillation * size * size)
+        return false;  // the mean is below the root mean square
     for (int k = 0; k < D; ++k) polygon += norm(patch.control[k + 1] - patch.control[k]);
     return polygon > kOscillation * size;
 }
 
 // Replaces the patch by the least-squares curve of lower degree through its samples, unless that meets an edge.
 template <int D>
-void Chain<D>::calm(int i) {
-    Patch<D>& patch = pool_[i];
-    const Points points = pool_.samples(i);
+void reduce_degree(Contour<D>& contour, int i) {
+    Patch<D>& patch = contour[i];
+    const Points<D> points = contour.samples(i);
     const auto kept = patch.m;
-    for (int k = 1; k < D; ++k) patch.m[k] = field_.clamp(apply<D>(kBasis<D>.reduced[k], points));
-    if (meets_edge(i)) {
+    for (int k = 1; k < D; ++k) patch.m[k] = contour.field.clamp(apply<D>(kBasis<D>.reduced[k], points));
+    if (meets_edge(contour, i)) {
         patch.m = kept;
         patch.wants_split = true;
         return;
     }
-    pool_.refresh(i);
+    contour.refresh(i);
 }
 
 // Has a loop of three patches, too few to cross itself, run over itself in this move? A hole that closes passes through
 // its middle then, and would go on to do so for ever.
 template <int D>
-bool Chain<D>::passed_itself(int i) const {
-    if (pool_[pool_[i].next].next != pool_[i].prev || !folded(i) || loop_area(i) > 0) return false;
+bool passed_itself(const Contour<D>& contour, int i) {
+    if (contour[contour[i].next].next != contour[i].prev || !folded(contour, i) ||
+        topology::component_area(contour, i) > 0)
+        return false;
     std::vector<Vec2> polygon;
-    each_in_loop(i, [&](int at) { polygon.insert(polygon.end(), pool_[at].m.begin(), pool_[at].m.end()); });
-    return !field_.encloses_solid(polygon.data(), polygon.size());
+    contour.each_in(i, [&](int at) { polygon.insert(polygon.end(), contour[at].m.begin(), contour[at].m.end()); });
+    return !contour.field.encloses_solid(polygon.data(), polygon.size());
 }
 
+// Prunes a patch that has become short or has run over itself, else lays the latter on its chord. True if it is gone.
 template <int D>
-void Chain<D>::refine() {
-    const std::size_t count = active_.size();  // patches made here were just measured
+bool prune_short(Contour<D>& contour, int i, double size) {
+    const Patch<D>& patch = contour[i];
+    const double shortest = patch.near_edges ? D * kPruneSpacing : kPruneRatio * contour.options.split_threshold;
+    if (size < shortest && prune(contour, i)) return true;
+    if (!folded(contour, i)) return false;
+    const Vec2 chord = contour.end(i) - patch.m[0];
+    if (norm(chord) < 0.3 * size && prune(contour, i)) return true;
+    straighten(contour, i);
+    return false;
+}
+
+// Reduces the degree of a curve that oscillates. Near edges it would do so again and for ever: then it needs more
+// samples, or is held.
+template <int D>
+void damp(Contour<D>& contour, int i, double size) {
+    if (D <= 2 || !oscillates(contour, i, size)) return;
+    reduce_degree(contour, i);
+    Patch<D>& patch = contour[i];
+    if (patch.near_edges && patch.reductions < kMostReductions) ++patch.reductions;
+    if (patch.reductions < kMostReductions) return;
+    if (patch.budget > 0 && contour.splittable(i)) {
+        patch.reductions = 0;
+        patch.wants_split = true;
+    } else {
+        patch.steady |= static_cast<std::uint8_t>(kAllSteady<D> & ~1u);
+    }
+}
+
+// Splits a patch that is too long (Algorithm 2), or that an edge has stopped: samples put back may pass then.
+template <int D>
+void split_if_needed(Contour<D>& contour, int i) {
+    const Patch<D>& patch = contour[i];
+    if (too_long(contour, i) && (!patch.near_edges || patch.budget > 0)) {
+        if (patch.near_edges) --contour[i].budget;
+        contour.split(i);
+    } else if (patch.wants_split && patch.budget > 0 && contour.splittable(i)) {
+        --contour[i].budget;
+        const int after = contour[contour.split(i)].next;
+        for (const int held : {i, after}) {
+            contour[held].steady &= static_cast<std::uint8_t>(~contour[held].reverted);
+            if (contour[held].reverted != 0) contour.wake(held);
+        }
+    }
+    contour[i].wants_split = false;
+}
+
+// Algorithm 2 with pruning: the patches that moved are split, pruned and repaired, so that their samples stay even.
+template <int D>
+void split_and_prune(Contour<D>& contour) {
+    if (!contour.options.refine) {
+        for (int i : contour.active) contour.refresh(i);
+        return;
+    }
+    renew_repairs(contour);
+    const std::size_t count = contour.active.size();  // patches made here were just measured
     for (std::size_t at = 0; at < count; ++at) {
-        const int i = active_[at];
-        Patch<D>& patch = pool_[i];
-        if (!patch.alive) continue;
-        if (passed_itself(i)) {
-            drop(i);
+        const int i = contour.active[at];
+        if (!contour[i].alive) continue;
+        if (passed_itself(contour, i)) {
+            topology::drop(contour, i);
             continue;
         }
-        const Chords found = chords(i);
-        const double size = found.total;
-        const double shortest = patch.crowded ? D * kPruneSpacing : kPruneRatio * options_.split_threshold;
-        if (size < shortest && remove(i)) continue;
-        if (folded(i)) {
-            const Vec2 chord = pool_.end(i) - patch.m[0];
-            if (norm(chord) < 0.3 * size && remove(i)) continue;
-            straighten(i);
-        }
-        if (patch.crowded) even_out(i, found);
-        pool_.refresh(i);
-        if (D > 2 && swings(i, found.total)) {
-            calm(i);
-            // Near edges it would swing out again and be calmed for ever: it needs more samples, or is held.
-            if (patch.crowded && patch.calmed < kMostCalmed) ++patch.calmed;
-            if (patch.calmed == kMostCalmed && patch.budget > 0 && splittable(i)) {
-                patch.calmed = 0;
-                patch.wants_split = true;
-            } else if (patch.calmed == kMostCalmed) {
-                patch.steady |= static_cast<std::uint8_t>(kAllSteady & ~1u);
-            }
-        }
-        if (too_long(i) && (!pool_[i].crowded || pool_[i].budget > 0)) {
-            if (pool_[i].crowded) --pool_[i].budget;
-            split(i);
-        } else if (pool_[i].wants_split && pool_[i].budget > 0 && splittable(i)) {
-            --pool_[i].budget;
-            const int after = pool_[split(i)].next;
-            for (const int held : {i, after}) {  // samples put back may pass now
-                pool_[held].steady &= static_cast<std::uint8_t>(~pool_[held].reverted);
-                if (pool_[held].reverted != 0) wake(held);
-            }
-        }
-        pool_[i].wants_split = false;
+        const Chords found = contour.chords(i);
+        if (prune_short(contour, i, found.total)) continue;
+        if (contour[i].near_edges) resample_evenly(contour, i, found);
+        contour.refresh(i);
+        damp(contour, i, found.total);
+        split_if_needed(contour, i);
     }
 }
 

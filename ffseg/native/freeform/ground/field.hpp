@@ -34,7 +34,7 @@ public:
     }
     // Beyond the image everything is outside the domain: a curve through samples inside it may bulge out.
     bool blocked(Vec2 p) const { return at(p) != 0; }
-    unsigned look(Vec2 p) const { return at(p); }
+    unsigned contents(Vec2 p) const { return at(p); }
     // Where the pixels nearest to four points are kept, to be looked up; points beyond the image belong to its border.
     FFSEG_INLINE std::array<std::size_t, 4> cells(Float4 x, Float4 y) const {
         const Float4 first = all(1.0f);
@@ -49,7 +49,7 @@ public:
     bool blocked(std::size_t cell) const { return cells_.blocked[cell] != 0; }
     // All that the pixels nearest to some points hold.
     template <std::size_t kFours>
-    FFSEG_INLINE unsigned look(const std::array<Float4, kFours>& x, const std::array<Float4, kFours>& y) const {
+    FFSEG_INLINE unsigned contents(const std::array<Float4, kFours>& x, const std::array<Float4, kFours>& y) const {
         unsigned seen = 0;
         for (std::size_t q = 0; q < kFours; ++q) {
             const auto found = cells(x[q], y[q]);

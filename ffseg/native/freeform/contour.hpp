@@ -1,0 +1,210 @@
+// The evolving contour: what the steps of Algorithm 4 work on, and what holds between them.
+#pragma once
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <unordered_set>
+#include <utility>
+#include <vector>
+
+#include "freeform/evolution.hpp"
+#include "freeform/ground/field.hpp"
+#include "freeform/pool.hpp"
+#include "freeform/topology/strips.hpp"
+
+namespace ffseg::freeform {
+
+// A step is at most this part of the split threshold: where patches are shorter than a step, fronts pass over each
+// other before they are seen to cross.
+constexpr double kLongestStep = 0.5;
+// Patches are not split below this distance between samples.
+constexpr double kMinSpacing = 0.5;
+
+struct Chords {
+    double shortest, longest, total;
+};
+
+// A patch before it moves: its samples, the tangents of the curve there and the distances between them.
+template <int D>
+struct Motion {
+    Points<D> points;
+    std::array<Vec2, D> tangent;
+    std::array<double, D> chord;
+};
+
+// Where the contour has been: tiles in which a sample has been, pixels from which a patch at rest was woken.
+struct Memory {
+    std::vector<std::uint8_t> reached;
+    std::unordered_set<std::size_t> retried;
+    int num_stray = 0;  // patches at rest with a sample in the open, when last looked at closely
+};
+
+// What one iteration may spend on topology: patches visited and pairs tested.
+struct Effort {
+    mutable std::size_t visits = 0;
+    std::size_t most = 0;
+    bool unresolved = false;  // polygons crossed in this iteration that no flip has parted
+};
+
+// Room that steps use again in each iteration.
+template <int D>
+struct Buffers {
+    std::vector<Motion<D>> motion;
+    std::vector<int> queue;
+    std::vector<std::pair<double, int>> keys;
+    std::vector<topology::Strip> strips;
+    std::vector<std::uint8_t> moving, own;
+};
+
+// A free form (Definition 1): closed components of patches. Between two steps of an iteration
+//  1. `next` leads from every living patch round its component back to it, and `prev` is the way back;
+//  2. a component has two patches or more;
+//  3. components run so that free ground lies on the side of positive area: outer ones have positive area, holes
+//  negative;
+//  4. all samples lie in the image, and no curve enters an edge it was not made on;
+//  5. `order` names every living patch once, its first `num_ordered` as the last sweep left them;
+//  6. `active` names every active patch once; what else it names has come to rest, or is dead, in this iteration;
+//  7. dead patches are in `freed` until the iteration ends, and their slots are not used again before;
+//  8. control points and box of a patch are those of its samples (Eq. 6) where it was refreshed since they changed:
+//  when
+//     crossings are looked for, all are.
+template <int D>
+class Contour : public Pool<D> {
+public:
+    // The starts of an evolution; the edge and domain arrays are read here only.
+    Contour(const ContourSet& starts, const std::uint8_t* edges, const std::uint8_t* domain, int height, int width,
+            const EvolutionOptions& given)
+        : options(given), field(edges, domain, height, width) {
+        memory.reached.resize(field.num_tiles());
+        options.balloon = std::min(options.balloon, kLongestStep * options.split_threshold);
+        for (std::size_t c = 0; c + 1 < starts.offsets.size(); ++c) {
+            add(starts.points.data() + starts.offsets[c], starts.offsets[c + 1] - starts.offsets[c]);
+        }
+    }
+
+    // A component from its control points.
+    void add(const Vec2* points, std::size_t count) {
+        const int patches = static_cast<int>(count / D);
+        std::vector<int> made;
+        for (int i = 0; i < patches; ++i) made.push_back(this->acquire());
+        for (int i = 0; i < patches; ++i) {
+            Points<D> control;
+            for (int k = 0; k <= D; ++k) control[k] = points[(static_cast<std::size_t>(i) * D + k) % count];
+            this->link(made[i], made[(i + 1) % patches]);
+            this->set_control(made[i], control);
+            for (Vec2& sample : (*this)[made[i]].m) sample = field.clamp(sample);
+            (*this)[made[i]].before = (*this)[made[i]].m;
+        }
+        for (int i : made) {
+            this->refresh(i);
+            (*this)[i].active = true;
+            active.push_back(i);
+            order.push_back(i);
+        }
+    }
+
+    void wake(int i) {
+        Patch<D>& patch = (*this)[i];
+        if (patch.active || !patch.alive) return;
+        patch.active = true;
+        patch.examined = false;
+        active.push_back(i);
+    }
+
+    // Its slot may be used again after the iteration.
+    void retire(int i) {
+        (*this)[i].alive = (*this)[i].active = false;
+        freed.push_back(i);
+    }
+
+    // Slots freed in this iteration are reused only now, when no list names them any more.
+    void reclaim() {
+        const auto dead = [this](int i) { return !(*this)[i].alive; };
+        if (!freed.empty()) {
+            const auto known = order.begin() + static_cast<std::ptrdiff_t>(num_ordered);
+            num_ordered -= static_cast<std::size_t>(std::count_if(order.begin(), known, dead));
+            order.erase(std::remove_if(order.begin(), order.end(), dead), order.end());
+        }
+        active.erase(std::remove_if(active.begin(), active.end(), [this](int i) { return !(*this)[i].active; }),
+                     active.end());
+        for (int i : freed) this->release(i);
+        freed.clear();
+    }
+
+    // Algorithm 2 for patch i. Returns the new patch, which follows it.
+    int split(int i) {
+        const int fresh = Pool<D>::split(i);
+        keep_inside(i);
+        keep_inside(fresh);
+        order.push_back(fresh);
+        if ((*this)[fresh].active) active.push_back(fresh);
+        ++counts.splits;
+        return fresh;
+    }
+
+    // The curve may leave the image between samples that do not; what is sampled from it anew must not.
+    void keep_inside(int i) {
+        bool moved = false;
+        for (Vec2& sample : (*this)[i].m) {
+            const Vec2 inside = field.clamp(sample);
+            moved = moved || inside.x != sample.x || inside.y != sample.y;
+            sample = inside;
+        }
+        if (!moved) return;
+        this->refresh(i);
+        this->refresh((*this)[i].prev);
+    }
+
+    Chords chords(int i) const {
+        const Points<D> points = this->samples(i);
+        Chords found{std::numeric_limits<double>::infinity(), 0.0, 0.0};
+        for (int k = 0; k < D; ++k) {
+            const double chord = norm(points[k + 1] - points[k]);
+            found.shortest = std::min(found.shortest, chord);
+            found.longest = std::max(found.longest, chord);
+            found.total += chord;
+        }
+        return found;
+    }
+    double length(int i) const { return chords(i).total; }
+    bool splittable(int i) const { return length(i) > 2 * D * kMinSpacing; }
+
+    // Calls visit(patch) for those of the component of patch i, in order from it.
+    template <typename Visit>
+    void each_in(int i, Visit visit) const {
+        int at = i;
+        do {
+            const int next = (*this)[at].next;
+            visit(at);
+            at = next;
+        } while (at != i);
+    }
+
+    // One patch of each component.
+    std::vector<int> components() const {
+        std::vector<int> firsts;
+        std::vector<bool> seen(static_cast<std::size_t>(this->size()));
+        for (int i = 0; i < this->size(); ++i) {
+            if (!(*this)[i].alive || seen[static_cast<std::size_t>(i)]) continue;
+            firsts.push_back(i);
+            for (int at = i; !seen[static_cast<std::size_t>(at)]; at = (*this)[at].next) {
+                seen[static_cast<std::size_t>(at)] = true;
+            }
+        }
+        return firsts;
+    }
+
+    EvolutionOptions options;
+    ground::Field field;
+    EvolutionCounts counts;
+    std::vector<int> active, order, freed;
+    std::size_t num_ordered = 0;
+    std::vector<std::pair<int, int>> undecided;  // flips whose components cannot be classified yet
+    bool outside_filled = false;                 // the starts close in
+    Memory memory;
+    Effort effort;
+    Buffers<D> buffers;
+};
+
+}  // namespace ffseg::freeform

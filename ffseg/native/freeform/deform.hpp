@@ -1,0 +1,90 @@
+// Deformation of the patches (Eq. 7): samples move along their normals (Section 3.2).
+#pragma once
+#include <algorithm>
+#include <utility>
+
+#include "freeform/contour.hpp"
+
+namespace ffseg::freeform {
+
+// Marching along a normal looks at the edge map every half pixel.
+constexpr double kMarchStep = 0.5;
+// Near edges a sample moves at most this far in one iteration: the edge band is three pixels wide, so neither the
+// sample nor the stretch between two samples can pass it unseen.
+constexpr double kCautiousStep = 2.0;
+// Discs round two samples whose radii sum to this many times the distance between them hold the curve in between: two
+// equal ones reach 0.41 of the distance to the side of its middle.
+constexpr double kBulge = 1.3;
+// A sample that moved less than half a march step is steady.
+constexpr double kSteady = 0.25;
+
+// How far a point may move along `normal`, at most `wanted`, before it meets what is blocked; `known` pixels are free.
+inline double reach(const ground::Field& field, Vec2 from, Vec2 normal, double wanted, double known) {
+    const double limit = std::min(wanted, std::max(kCautiousStep, known));
+    double s = std::min(limit, known);
+    while (s < limit) {
+        const double ahead = std::min(s + kMarchStep, limit);
+        if (field.blocked(from + ahead * normal)) break;
+        s = ahead;
+    }
+    return s;
+}
+
+// The tangents of the Bezier curve at its samples and the distances between them, before anything moves.
+template <int D>
+void measure(Contour<D>& contour, int i, Motion<D>& motion) {
+    motion.points = contour.samples(i);
+    for (int k = 0; k < D; ++k) motion.tangent[k] = unit(apply<D>(kBasis<D>.slope[k], motion.points));
+    contour[i].end_tangent = unit(apply<D>(kBasis<D>.slope[D], motion.points));
+    for (int k = 0; k < D; ++k) motion.chord[k] = norm(motion.points[k + 1] - motion.points[k]);
+    contour[i].last_chord = motion.chord[D - 1];
+}
+
+template <int D>
+void displace(Contour<D>& contour, int i, const Motion<D>& motion) {
+    Patch<D>& patch = contour[i];
+    const Patch<D>& prev = contour[patch.prev];
+    patch.steady = patch.reverted = 0;
+    double free = contour.field.free_reach(motion.points[D]);
+    bool near_edges = free <= 0;
+    for (int k = D - 1; k >= 0; --k) {
+        const double ahead = free;
+        free = contour.field.free_reach(motion.points[k]);
+        // Could the curve between this sample and the next, wherever they move now, be near anything blocked?
+        near_edges = near_edges || free + ahead < kBulge * motion.chord[k] + 2 * contour.options.balloon;
+        const Vec2 tangent = k > 0 ? motion.tangent[k] : unit(motion.tangent[0] + prev.end_tangent);
+        const Vec2 normal{tangent.y, -tangent.x};
+        const double s = reach(contour.field, motion.points[k], normal, contour.options.balloon, free);
+        Vec2 to = motion.points[k] + s * normal;
+        if (free > s + 1.0) {  // even out the spacing along the tangent; the shape keeps to first order
+            const double back = k > 0 ? motion.chord[k - 1] : prev.last_chord;
+            to += std::min(std::max(0.25 * (motion.chord[k] - back), -1.0), 1.0) * tangent;
+        }
+        if (s < kSteady) patch.steady |= static_cast<std::uint8_t>(1u << k);
+        patch.before[k] = to;  // swapped with m when every sample has its target
+    }
+    patch.near_edges = near_edges;
+}
+
+// All samples move at once (Eq. 7 with displacements along the normals, at a joint along the mean of both patches').
+template <int D>
+void deform(Contour<D>& contour) {
+    contour.buffers.motion.resize(contour.active.size());
+    for (std::size_t at = 0; at < contour.active.size(); ++at)
+        measure(contour, contour.active[at], contour.buffers.motion[at]);
+    for (std::size_t at = 0; at < contour.active.size(); ++at)
+        displace(contour, contour.active[at], contour.buffers.motion[at]);
+    const std::size_t count = contour.active.size();
+    for (std::size_t at = 0; at < count; ++at) {
+        const int i = contour.active[at], prev = contour[i].prev;
+        std::swap(contour[i].m, contour[i].before);
+        if (contour[prev].active || (contour[i].steady & 1u) != 0) continue;
+        contour[prev].before = contour[prev].m;
+        contour[prev].steady = kAllSteady<D>;
+        contour[prev].reverted = 0;
+        contour[prev].near_edges = true;
+        contour.wake(prev);
+    }
+}
+
+}  // namespace ffseg::freeform

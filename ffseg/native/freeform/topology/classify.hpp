@@ -1,0 +1,80 @@
+// What a flip has made of the components it touched (Algorithm 3).
+#pragma once
+#include <cmath>
+
+#include "freeform/topology/components.hpp"
+
+namespace ffseg::topology {
+
+// Components enclosing less cannot hold the band of one edge pixel (3 x 3) and are dropped.
+constexpr double kVoidArea = 4.0;
+// The front may fold over itself at its corners, and cut off a negative loop that is no hole; these enclose less.
+constexpr double kFoldArea = 64.0;
+// The area of a component with more patches than this many times those of the one cut off from it is not computed.
+constexpr int kLongComponent = 16;
+
+// What a flip of two patches has left: one component, or two.
+struct Parts {
+    int small = -1, large = -1;  // a patch of the component with fewer patches and of the other; -1: they are one
+    double area = 0.0;           // of the small one
+    int patches = 0;             // at most so many are in the small one
+};
+
+// Both are followed in step, so the cost is that of the shorter one.
+template <int D>
+Parts parts_after(const Contour<D>& contour, int i, int j) {
+    const Vec2 origin = contour[i].m[0];
+    double area_i = 0.0, area_j = 0.0;
+    int at_i = i, at_j = j, patches = 0;
+    for (;;) {
+        ++patches;
+        ++contour.effort.visits;
+        area_i += patch_area(contour, at_i, origin);
+        at_i = contour[at_i].next;
+        if (at_i == j) return {};
+        if (at_i == i) return {i, j, area_i, patches};
+        area_j += patch_area(contour, at_j, origin);
+        at_j = contour[at_j].next;
+        if (at_j == i) return {};
+        if (at_j == j) return {j, i, area_j, patches};
+    }
+}
+
+// After a flip (Algorithm 3's inner and outer part): two components merged, or one was cut off. What bounds no region
+// of positive winding number is dropped: a component of negligible area, and a positive one inside another (the front
+// never re-enters what it has filled). `inner` is the patch whose component turns towards the filled side where the two
+// crossed, so that the other one fills what lies round it there; -1 if unknown. Unless the contour is `simple`,
+// crossings still to come may show a hole in a component, or that it owes a negligible area to two large lobes: it
+// waits.
+template <int D>
+void classify(Contour<D>& contour, int i, int j, int inner, bool simple) {
+    const auto [small, large, area, patches] = parts_after(contour, i, j);
+    if (small < 0) {
+        ++contour.counts.merges;
+        return;
+    }
+    const auto drop_or_wait = [&, i, j](int component) {
+        if (!simple && encloses_solid(contour, component)) {
+            contour.undecided.emplace_back(i, j);
+        } else {
+            drop(contour, component);
+        }
+    };
+    if (std::abs(area) < kVoidArea) return drop_or_wait(small);
+    const double beside = component_area(contour, large, kLongComponent * patches);
+    if (area < 0) {  // a hole; what it cuts off beside it may lie in what is filled already
+        if (beside > 0 && std::isfinite(beside) && is_nested(contour, large)) drop_or_wait(large);
+        return;
+    }
+    if (!simple && encloses_solid(contour, small)) {
+        contour.undecided.emplace_back(i, j);
+    } else if (std::isinf(beside) || beside <= 0) {
+        const bool real = std::isinf(beside) || beside < -kFoldArea;  // no fold of the front is so large
+        if ((real && small == inner) || is_nested(contour, small)) drop(contour, small);
+    } else {
+        const int within = area < beside ? small : large, outer = within == small ? large : small;
+        if (contains(contour, outer, contour[within].m[0])) drop_or_wait(within);
+    }
+}
+
+}  // namespace ffseg::topology

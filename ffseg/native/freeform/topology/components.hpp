@@ -1,0 +1,123 @@
+// Closed components of a contour: their area, what they enclose, and which of them bound the region.
+#pragma once
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "freeform/contour.hpp"
+
+namespace ffseg::topology {
+
+using freeform::Contour;
+using freeform::Points;
+
+// Looking at the boxes of so many patches costs as much as walking over one.
+constexpr std::size_t kBoxesToAPatch = 8;
+
+template <int D>
+double patch_area(const Contour<D>& contour, int i, Vec2 origin) {
+    const Points<D> points = contour.samples(i);
+    double twice = 0.0;
+    for (int k = 0; k < D; ++k) twice += cross(points[k] - origin, points[k + 1] - origin);
+    return 0.5 * twice;
+}
+
+// The area of the polygon of samples of a loop of at most so many patches, else infinity.
+template <int D>
+double component_area(const Contour<D>& contour, int i, int most = std::numeric_limits<int>::max()) {
+    const Vec2 origin = contour[i].m[0];
+    double area = 0.0;
+    int at = i;
+    do {
+        ++contour.effort.visits;
+        if (--most < 0) return std::numeric_limits<double>::infinity();
+        area += patch_area(contour, at, origin);
+        at = contour[at].next;
+    } while (at != i);
+    return area;
+}
+
+// Is p inside the polygon of samples of a loop (even-odd; the loop does not cross itself but at flips under way)?
+template <int D>
+bool contains(const Contour<D>& contour, int loop, Vec2 p) {
+    bool inside = false;
+    contour.each_in(loop, [&](int at) {
+        const Points<D> points = contour.samples(at);
+        ++contour.effort.visits;
+        for (int k = 0; k < D; ++k) inside ^= passes_right_of(p, points[k], points[k + 1]);
+    });
+    return inside;
+}
+
+// Does a positive loop lie in what the others have filled: is their winding number there one or more?
+template <int D>
+bool is_nested(Contour<D>& contour, int loop) {
+    contour.buffers.own.assign(static_cast<std::size_t>(contour.size()), 0);
+    contour.each_in(loop, [&](int at) { contour.buffers.own[static_cast<std::size_t>(at)] = 1; });
+    const Vec2 p = contour[loop].m[0];
+    int winding = contour.outside_filled ? 1 : 0;
+    contour.effort.visits += contour.order.size() / kBoxesToAPatch;
+    for (const int i : contour.order) {
+        const Box& box = contour.box(i);
+        if (!((box.y0 <= p.y) & (p.y <= box.y1) & (p.x <= box.x1))) continue;
+        if (!contour[i].alive || contour.buffers.own[static_cast<std::size_t>(i)] != 0) continue;
+        const Points<D> points = contour.samples(i);
+        for (int k = 0; k < D; ++k) {
+            if (passes_right_of(p, points[k], points[k + 1])) winding += points[k + 1].y > points[k].y ? 1 : -1;
+        }
+    }
+    return winding >= 1;
+}
+
+template <int D>
+bool encloses_solid(const Contour<D>& contour, int i) {
+    std::vector<Vec2> polygon;
+    contour.each_in(i, [&](int at) {
+        ++contour.effort.visits;
+        polygon.insert(polygon.end(), contour[at].m.begin(), contour[at].m.end());
+    });
+    return contour.field.encloses_solid(polygon.data(), polygon.size());
+}
+
+template <int D>
+void drop(Contour<D>& contour, int i) {
+    contour.each_in(i, [&](int at) { contour.retire(at); });
+    ++contour.counts.drops;
+}
+
+// At the end: a component is kept where it bounds the region, that is where the winding number of the larger ones kept
+// is 0 outside an outer component and 1 outside a hole.
+template <int D>
+void drop_nested(Contour<D>& contour) {
+    struct Loop {
+        int first;
+        double area;
+        Box box;
+    };
+    std::vector<Loop> found;
+    for (int loop : contour.components()) {
+        Loop entry{loop, component_area(contour, loop), {}};
+        contour.each_in(loop, [&](int at) {
+            for (const Vec2 p : contour[at].m) entry.box.add(p);
+        });
+        found.push_back(entry);
+    }
+    std::stable_sort(found.begin(), found.end(),
+                     [](const Loop& a, const Loop& b) { return std::abs(a.area) > std::abs(b.area); });
+    std::vector<Loop> kept;
+    for (const Loop& loop : found) {
+        const Vec2 p = contour[loop.first].m[0];
+        int winding = contour.outside_filled ? 1 : 0;
+        for (const Loop& other : kept) {
+            if (other.box.holds(p) && contains(contour, other.first, p)) winding += other.area > 0 ? 1 : -1;
+        }
+        if (winding == (loop.area > 0 ? 0 : 1)) {
+            kept.push_back(loop);
+        } else {
+            drop(contour, loop.first);
+        }
+    }
+}
+
+}  // namespace ffseg::topology
