@@ -1,6 +1,6 @@
 """R5: when the n-th open, write, fsync or rename fails, for every n, earlier outputs are kept and the path is named.
 
-``python tests/campaigns/faults.py --work DIR [--errors ENOSPC,EIO,EACCES]``
+``python tests/campaigns/faults.py --work DIR [--errors ENOSPC,EIO,EACCES] [--pack]``
 
 A library loaded before libc (``faults.c``, compiled here) makes the n-th call that touches the output folder fail.
 """
@@ -37,8 +37,15 @@ def build(work: Path) -> Path:
     return library
 
 
-def campaign(work: Path, errors: tuple[str, ...], images: int = 3, only: tuple[str, int] | None = None) -> Figures:
+def campaign(
+    work: Path,
+    errors: tuple[str, ...],
+    images: int = 3,
+    only: tuple[str, int] | None = None,
+    more: tuple[str, ...] = (),
+) -> Figures:
     """Fail each call once (or `only` one), in a run that follows a good one of the same images with other contents."""
+    options = ("--jobs", "1", "--set", harness.CONFIG, *more)
     library, figures = build(work), Figures()
     before, after, prepared = work / "before", work / "after", work / "prepared"
     harness.draw_blobs(before, images)
@@ -46,31 +53,31 @@ def campaign(work: Path, errors: tuple[str, ...], images: int = 3, only: tuple[s
     for index in range(images):  # the same names, other pictures
         shutil.copy(after / f"i{index + 1}.png", after / f"i{index}.png")
     (after / f"i{images}.png").unlink()
-    assert harness.run("run", before, "--out", prepared, "-q", "--jobs", "1", "--set", harness.CONFIG).code == 0
+    assert harness.run("run", before, "--out", prepared, "-q", *options).code == 0
     old = harness.outputs(prepared)
     new_out = work / "new"
-    assert harness.run("run", after, "--out", new_out, "-q", "--jobs", "1", "--set", harness.CONFIG).code == 0
-    new = harness.outputs(new_out)
+    assert harness.run("run", after, "--out", new_out, "-q", *options).code == 0
+    known = (old, harness.outputs(new_out))
     for name in errors:
         if only is not None:
-            _one_fault(work, library, (only[0], name, only[1]), (old, new), figures)
+            _one_fault(work, (library, (only[0], name, only[1])), options, known, figures)
             continue
         for call in CALLS:
             number = 1
-            while _one_fault(work, library, (call, name, number), (old, new), figures):
+            while _one_fault(work, (library, (call, name, number)), options, known, figures):
                 number += 1
     return figures
 
 
 def _one_fault(
     work: Path,
-    library: Path,
-    fault: tuple[str, str, int],
+    fault: tuple[Path, tuple[str, str, int]],
+    options: tuple[str, ...],
     known: tuple[dict[str, bytes], dict[str, bytes]],
     figures: Figures,
 ) -> bool:
     """Whether the fault happened: once n is beyond the last call it does not."""
-    call, name, number = fault
+    library, (call, name, number) = fault
     old, new = known
     out, mark = work / "out", work / "hit"
     shutil.rmtree(out, ignore_errors=True)
@@ -80,7 +87,7 @@ def _one_fault(
         "LD_PRELOAD": str(library), "FAULT_UNDER": str(out), "FAULT_CALL": call, "FAULT_NUMBER": str(number),
         "FAULT_ERRNO": str(getattr(errno, name)), "FAULT_MARK": str(mark),
     }  # fmt: skip
-    ended = harness.run("run", work / "after", "--out", out, "--jobs", "1", "--set", harness.CONFIG, env=env)
+    ended = harness.run("run", work / "after", "--out", out, *options, env=env)
     if not mark.exists():
         return False
     figures.runs += 1
@@ -96,8 +103,8 @@ def _one_fault(
         figures.wrong.append(f"{label}: path or reason not named: {ended.stderr[-200:]}")
     if harness.temporaries(out):
         figures.wrong.append(f"{label}: {harness.temporaries(out)} left")
-    again = harness.run("run", work / "after", "--out", out, "--jobs", "1", "-q", "--set", harness.CONFIG)
-    if again.code != 0 or harness.outputs(out) != new:
+    again = harness.run("run", work / "after", "--out", out, "-q", *options)
+    if again.code != 0 or harness.outputs(out) != new or list(out.rglob("packs/*")):
         figures.wrong.append(f"{label}: the next run does not complete it ({again.code})")
     return True
 
@@ -105,5 +112,7 @@ def _one_fault(
 if __name__ == "__main__":
     arguments = harness.parser(__doc__)
     arguments.add_argument("--errors", default="ENOSPC,EIO,EACCES")
+    arguments.add_argument("--pack", action="store_true")
     given = arguments.parse_args()
-    harness.say(str(campaign(given.work, tuple(given.errors.split(",")))))
+    more = harness.PACK if given.pack else ()
+    harness.say(str(campaign(given.work, tuple(given.errors.split(",")), more=more)))

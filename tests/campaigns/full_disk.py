@@ -1,6 +1,6 @@
 """R6: outputs that do not fit, on a small tmpfs or under a limit on the size of a file.
 
-``python tests/campaigns/full_disk.py --work DIR [--images 12]``
+``python tests/campaigns/full_disk.py --work DIR [--images 12] [--pack]``
 
 For every size of the disk, and every limit, the run ends with exit code 2 before the first image or with 3 and the reason,
 each output is whole, and no temporary file is left. The tmpfs is mounted in a namespace of its own (``unshare``, Linux).
@@ -45,12 +45,16 @@ class Figures:
 
 
 def campaign(
-    work: Path, images: int = 12, disks: tuple[int, ...] = DISKS_KB, limits: tuple[int, ...] = FILE_LIMITS
+    work: Path,
+    images: int = 12,
+    disks: tuple[int, ...] = DISKS_KB,
+    limits: tuple[int, ...] = FILE_LIMITS,
+    more: tuple[str, ...] = (),
 ) -> Figures:
     """Run into every disk and under every limit."""
     source, straight, figures = work / "in", work / "straight", Figures()
     harness.draw_blobs(source, images)
-    options = ("--set", harness.CONFIG, "--overlay", "--jobs", "1", "-q")
+    options = ("--set", harness.CONFIG, "--overlay", "--jobs", "1", "-q", *more)
     assert harness.run("run", source, "--out", straight, *options).code == 0
     reference = harness.outputs(straight)
     command = harness.command("run", source, "--out", work / "out", *options)
@@ -109,5 +113,6 @@ def _judge(ended: harness.Ended, out: Path, reference: dict[str, bytes], figures
 if __name__ == "__main__":
     arguments = harness.parser(__doc__)
     arguments.add_argument("--images", type=int, default=12)
+    arguments.add_argument("--pack", action="store_true")
     given = arguments.parse_args()
-    harness.say(str(campaign(given.work, given.images)))
+    harness.say(str(campaign(given.work, given.images, more=harness.PACK if given.pack else ())))

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tarfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -69,9 +70,15 @@ def draw_blobs(folder: Path, count: int, size: tuple[int, int] = (64, 48)) -> No
 
 
 def outputs(out: Path) -> dict[str, bytes]:
-    """Content of the masks and contours under an output folder, by relative path."""
+    """Content of the masks and contours under an output folder, as files or in tar files, by relative path."""
     files = (path for kind, _ in KINDS for path in (out / kind).rglob("*") if path.is_file())
-    return {str(path.relative_to(out)): path.read_bytes() for path in files if not path.name.endswith(".tmp")}
+    found = {str(path.relative_to(out)): path.read_bytes() for path in files if not path.name.endswith(".tmp")}
+    for path in (out / f"{kind}.tar" for kind, _ in KINDS):
+        if path.exists():
+            with tarfile.open(path) as archive:
+                stored = ((member.name, archive.extractfile(member)) for member in archive)
+                found |= {name: file.read() for name, file in stored if file}
+    return found
 
 
 def temporaries(out: Path) -> list[str]:
@@ -127,6 +134,10 @@ def parser(text: str | None) -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(description=(text or "").split("\n", maxsplit=1)[0])
     made.add_argument("--work", type=Path, required=True, help="folder to work in, made if absent")
     return made
+
+
+PACK = ("--pack", "tar")
+"""What makes a campaign one of packed outputs."""
 
 
 def say(text: str) -> None:

@@ -186,11 +186,28 @@ def test_r4_killed_runs_resume_to_the_same_bytes(tmp_path: Path) -> None:
     assert figures.most_redone <= 2
 
 
-@pytest.mark.parametrize(("call", "number"), [("open", 5), ("write", 4), ("fsync", 3), ("rename", 4)])
-def test_r5_failing_calls_keep_earlier_outputs_and_name_the_path(call: str, number: int, tmp_path: Path) -> None:
+def test_r4_killed_packed_runs_resume_to_the_same_bytes(tmp_path: Path) -> None:
+    figures = killed.campaign(tmp_path, kills=2, jobs=2, images=60, more=harness.PACK)
+    assert (figures.partial, figures.resumed_differ, figures.left_over, figures.orphans) == (0, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("call", "number", "more"),
+    [
+        ("open", 5, ()),
+        ("write", 4, ()),
+        ("fsync", 3, ()),
+        ("rename", 4, ()),
+        ("write", 6, harness.PACK),
+        ("rename", 4, harness.PACK),
+    ],
+)
+def test_r5_failing_calls_keep_earlier_outputs_and_name_the_path(
+    call: str, number: int, more: tuple[str, ...], tmp_path: Path
+) -> None:
     if os.uname().sysname != "Linux":
         pytest.skip("the faulty calls are put in with LD_PRELOAD")
-    figures = faults.campaign(tmp_path, ("ENOSPC",), images=1, only=(call, number))
+    figures = faults.campaign(tmp_path, ("ENOSPC",), images=1, only=(call, number), more=more)
     assert figures.wrong == []
     assert figures.runs == 1
 
@@ -204,11 +221,12 @@ def test_r6_output_that_is_a_file_or_full_is_refused_at_once(blobs: Path, tmp_pa
     assert time.perf_counter() - started < 5
 
 
-def test_r6_small_disks_and_limits_leave_whole_files_only(tmp_path: Path) -> None:
+@pytest.mark.parametrize("more", [(), harness.PACK])
+def test_r6_small_disks_and_limits_leave_whole_files_only(more: tuple[str, ...], tmp_path: Path) -> None:
     mount = ["unshare", "-rm", "mount", "-t", "tmpfs", "tmpfs", tmp_path]
     if os.uname().sysname != "Linux" or subprocess.run(mount, check=False).returncode != 0:
         pytest.skip("a tmpfs cannot be mounted in a namespace here")
-    figures = full_disk.campaign(tmp_path, images=12, disks=(16, 96), limits=(1,))
+    figures = full_disk.campaign(tmp_path, images=12, disks=(16, 96), limits=(1,), more=more)
     assert figures.wrong == []
     assert figures.exit_codes[2] >= 1
     assert figures.exit_codes[3] >= 1
