@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
+from ffseg.evidence.openings import OPEN, open_ground
 from ffseg.native import _core
 
 WORKING_SIZE = 400
@@ -48,6 +49,9 @@ NAMES = (
     "likeness",
     *PLACE,
 )
+"""Names of the planes that are always computed, in their order."""
+
+KNOWN = (*NAMES, *OPEN)
 """Names of all planes in their order."""
 
 
@@ -58,7 +62,7 @@ class Features:
     Attributes
     ----------
     planes : ndarray of float32, shape (F, h, w)
-        One plane for each of ``NAMES``, all finite.
+        One plane for each of ``KNOWN``, or of ``NAMES``, all finite.
     inside : ndarray of uint8, shape (h, w)
         1 in the start region.
     factor : int
@@ -74,7 +78,7 @@ class Features:
 
     def __getitem__(self, name: str) -> NDArray[np.float32]:
         """The plane of that name, shape (h, w)."""
-        plane: NDArray[np.float32] = self.planes[NAMES.index(name)]
+        plane: NDArray[np.float32] = self.planes[KNOWN.index(name)]
         return plane
 
 
@@ -83,8 +87,10 @@ def reduction(shape: tuple[int, ...], size: int = WORKING_SIZE) -> int:
     return max(1, -(-max(shape[:2]) // size))
 
 
-def features(image: NDArray[np.uint8], start: NDArray[np.bool_], size: int = WORKING_SIZE) -> Features:
-    """All features of an image, seen from a start region.
+def features(
+    image: NDArray[np.uint8], start: NDArray[np.bool_], size: int = WORKING_SIZE, *, opened: bool = False
+) -> Features:
+    """Features of an image, seen from a start region.
 
     Parameters
     ----------
@@ -94,6 +100,8 @@ def features(image: NDArray[np.uint8], start: NDArray[np.bool_], size: int = WOR
         True in the start region: inside by definition.
     size : int
         Pixels a side that the reduced image may have.
+    opened : bool
+        Whether to look for open ground as well: all of ``KNOWN``, not only ``NAMES``.
 
     Raises
     ------
@@ -104,7 +112,7 @@ def features(image: NDArray[np.uint8], start: NDArray[np.bool_], size: int = WOR
     factor = reduction(shape, size)
     inside = reduced_region(start, factor)
     height, width = inside.shape
-    planes = np.empty((len(NAMES), height, width), np.float32)
+    planes = np.empty((len(KNOWN if opened else NAMES), height, width), np.float32)
     lab = np.empty((3, height, width), np.float32)
     _core.evidence_lab(np.ascontiguousarray(image), factor, lab)
     at = 0
@@ -120,7 +128,9 @@ def features(image: NDArray[np.uint8], start: NDArray[np.bool_], size: int = WOR
     way = NAMES.index("way")
     _core.evidence_geodesic(planes[NAMES.index(f"slope@{WAY_SCALE:g}")], inside, WAY_STEP, LEAST_COST, planes[way])
     _likeness(planes, inside, planes[way + 1])
-    _place(inside, planes[way + 2 :])
+    _place(inside, planes[way + 2 : len(NAMES)])
+    if opened:
+        open_ground(image, inside, factor, planes[len(NAMES) :])
     return Features(planes, inside, factor, shape)
 
 

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import ImageReadError, ParameterError
-from ffseg.evidence.features import NAMES, WORKING_SIZE, Features, enlarged
+from ffseg.evidence.features import KNOWN, NAMES, WORKING_SIZE, Features, enlarged, features
+from ffseg.evidence.openings import OPEN
 from ffseg.formats.files import printable, read_bytes
 from ffseg.native import _core
 
@@ -39,6 +40,7 @@ ARRAYS = (
 )
 """Name, type and count of each array, in the order of the file. A child below zero is the leaf ``-1 - child``."""
 Plane = NDArray[np.float32]
+OPEN_NAMES = frozenset(OPEN)
 REMEDY = "make it again with ffseg learn"
 
 
@@ -51,7 +53,7 @@ class Forest:
     arrays : dict of ndarray
         As ``ARRAYS`` names them; left is where a feature is at most the threshold.
     features : tuple of str
-        Names of the features that ``feature`` counts, of those in ``NAMES``.
+        Names of the features that ``feature`` counts, of those in ``KNOWN``.
     bias : float
         Added to the sum of the leaves; the logistic function of that is the probability of inside.
     """
@@ -77,7 +79,7 @@ class Forest:
         Parameters
         ----------
         planes : ndarray of float32, shape (F, h, w)
-            All features, in the order of ``NAMES``.
+            All features, in the order of ``KNOWN``, or those of ``NAMES`` if the forest asks for no others.
         native : EvidenceForest, optional
             What ``compiled`` returned, to be used for many images.
 
@@ -85,8 +87,8 @@ class Forest:
         -------
         ndarray of float32, shape (h, w)
         """
-        if self.features != NAMES:
-            planes = np.ascontiguousarray(planes[[NAMES.index(name) for name in self.features]])
+        if self.features != KNOWN[: len(planes)]:
+            planes = np.ascontiguousarray(planes[[KNOWN.index(name) for name in self.features]])
         score = np.empty(planes.shape[1:], np.float32)
         (native or self.compiled()).score(planes, score)
         # beyond 60 the probability is 0 or 1 in single precision
@@ -114,6 +116,11 @@ class Model:
     start: Forest | None = None
     size: int = WORKING_SIZE
     about: dict[str, Any] = field(default_factory=dict)
+
+    def look(self, image: NDArray[np.uint8], start: NDArray[np.bool_]) -> Features:
+        """The features that the model needs of an image, seen from a start region (see `features`)."""
+        opened = not OPEN_NAMES.isdisjoint(self.inside.features)
+        return features(image, start, self.size, opened=opened)
 
     def map(self, seen: Features, native: _core.EvidenceForest | None = None) -> Plane:
         """Probability of inside for each pixel of the image, shape (H, W)."""
@@ -145,7 +152,7 @@ def _body(forest: Forest) -> bytes:
     return b"".join(np.asarray(forest.arrays[name], kind).tobytes() for name, kind, _ in ARRAYS)
 
 
-def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = NAMES) -> Model:
+def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = KNOWN) -> Model:
     """Read a model file; `known` are the features that its forests may ask for.
 
     Raises
@@ -164,7 +171,7 @@ def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = NAMES) -> 
         raise ParameterError(f"model {name}: {error}; {REMEDY}") from error
 
 
-def from_bytes(data: bytes, known: tuple[str, ...] = NAMES) -> Model:
+def from_bytes(data: bytes, known: tuple[str, ...] = KNOWN) -> Model:
     """The model in a file.
 
     Raises

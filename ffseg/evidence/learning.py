@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import UsageError
-from ffseg.evidence.features import NAMES, PLACE, TEXTURE, WORKING_SIZE, Features, features, reduced_mean
+from ffseg.evidence.features import KNOWN, NAMES, PLACE, TEXTURE, WORKING_SIZE, Features, features, reduced_mean
 from ffseg.evidence.forest import Forest, Model
+from ffseg.evidence.openings import OPEN
 from ffseg.metrics import IGNORED, INSIDE
 
 STARTS = 5
@@ -26,7 +27,6 @@ MIXED = 0.2
 
 SETTINGS = {
     "objective": "binary",
-    "learning_rate": 0.1,
     "num_leaves": 15,
     "feature_fraction": 0.4,
     "bagging_fraction": 0.6,
@@ -42,13 +42,19 @@ SETTINGS = {
 }
 """Of LightGBM; one thread, so that the same masks give the same model."""
 
-TREES = 100
+TREES, RATE = 100, 0.1
 
 LEAVES_OF_AN_IMAGE, LEAST_IN_LEAF = 24, 20
 """A leaf holds as many pixels as this part of an image: smaller ones learn what only one image has. On unseen road frames
 a twelfth as many gave an IoU lower by .02 from three and from five masks."""
 
-TAUGHT = tuple(name for name in NAMES if not name.startswith("bend"))
+PART = 0.7
+"""Part of the trees that each of two forests has whose mean is taken; their rate of learning is higher by as much."""
+
+TRUSTED, TRUST = "open3", 1.0
+"""The open ground that a forest of one mask trusts beyond what it has learned, and the log odds that it gets there."""
+
+TAUGHT = tuple(name for name in KNOWN if not name.startswith("bend"))
 """Features that forests are grown on: without the bends of the light, which teach the grain of the few images, unseen
 road frames and floors come out better by .01 to .03."""
 
@@ -86,7 +92,7 @@ class Samples:
     Attributes
     ----------
     rows : ndarray of float32, shape (N, F)
-        Features in the order of ``NAMES``.
+        Features in the order of ``KNOWN``.
     inside : ndarray of bool, shape (N,)
     """
 
@@ -105,10 +111,10 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
     rng = np.random.default_rng(seed)
     rows, labels = [], []
     for start in starts_in(example, rng):
-        seen = features(example.image, start, size)
+        seen = features(example.image, start, size, opened=True)
         known = known_pixels(example.truth, seen.factor)
         chosen = rng.permutation(np.flatnonzero(known >= 0))[: PIXELS // STARTS]
-        found = np.ascontiguousarray(seen.planes.reshape(len(NAMES), -1)[:, chosen].T)
+        found = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1)[:, chosen].T)
         rows += [found, mirrored(found)]
         labels += [known.ravel()[chosen] > 0] * 2
     inside = np.concatenate(labels) if labels else np.zeros(0, np.bool_)
@@ -166,28 +172,66 @@ def mirrored(rows: NDArray[np.float32]) -> NDArray[np.float32]:
 def grow(chosen: Sequence[Samples], names: tuple[str, ...] = TAUGHT, trees: int = TREES) -> Forest:
     """Grow a forest; every image counts alike.
 
+    Notes
+    -----
+    With open ground among the names it is the mean of two forests, of which one does not see it: where borders are faint,
+    open ground runs out of the region, which few masks need not show. From one, three and five masks unseen floors come
+    out better by .11, .07 and .02 than without open ground, and road frames as well.
+
     Raises
     ------
     UsageError
         If LightGBM is not installed.
     """
+    plain = tuple(name for name in names if name not in OPEN)
+    if plain == names:
+        return converted(_boosted(chosen, names, trees, RATE), names)
+    part, rate = round(trees * PART), RATE / PART
+    both = converted(_boosted(chosen, plain, part, rate) + _boosted(chosen, names, part, rate), names)
+    return replace(both, arrays=both.arrays | {"value": both.arrays["value"] / 2})
+
+
+def _boosted(chosen: Sequence[Samples], names: tuple[str, ...], trees: int, rate: float) -> list[dict[str, Any]]:
+    """LightGBM's trees; `names` begin as ``TAUGHT`` does, or are converted with themselves."""
     try:
         import lightgbm
     except ImportError as error:
         raise UsageError("learning needs the package lightgbm; install ffseg[learn]") from error
-    columns = [NAMES.index(name) for name in names]
+    columns = [KNOWN.index(name) for name in names]
     rows = np.concatenate([one.rows[:, columns] for one in chosen])
     labels = np.concatenate([one.inside for one in chosen])
     weights = np.concatenate([np.full(len(one.inside), 1 / len(one.inside)) for one in chosen])
     data = lightgbm.Dataset(rows, labels.astype(np.float32), weight=weights / weights.mean())
     least = max(LEAST_IN_LEAF, len(rows) // len(chosen) // LEAVES_OF_AN_IMAGE)
-    booster = lightgbm.train({**SETTINGS, "min_data_in_leaf": least}, data, trees)
-    return converted(booster.dump_model()["tree_info"], names)
+    booster = lightgbm.train({**SETTINGS, "learning_rate": rate, "min_data_in_leaf": least}, data, trees)
+    found: list[dict[str, Any]] = booster.dump_model()["tree_info"]
+    return found
 
 
-def learn(chosen: Sequence[Samples], size: int = WORKING_SIZE, about: dict[str, Any] | None = None) -> Model:
-    """A model of what lies inside, and of where to start."""
-    return Model(grow(chosen), grow(chosen, WITHOUT_START), size, about or {})
+def trusting(forest: Forest, odds: float = TRUST) -> Forest:
+    """The forest with one tree more, which takes open ground for inside: log odds added there, and taken elsewhere."""
+    arrays, feature = forest.arrays, forest.features.index(TRUSTED)
+    nodes, leaves = len(arrays["feature"]), len(arrays["value"])
+    added = {"feature": [feature], "threshold": [0.5], "left": [-1 - leaves], "right": [-2 - leaves], "root": [nodes]}
+    added["value"] = [-odds, odds]
+    joined = {name: np.append(array, np.asarray(added[name], array.dtype)) for name, array in arrays.items()}
+    return replace(forest, arrays=joined)
+
+
+def learn(
+    chosen: Sequence[Samples], size: int = WORKING_SIZE, about: dict[str, Any] | None = None, *, searched: bool = True
+) -> Model:
+    """A model of what lies inside, and, unless no start will be `searched` for, of where to start.
+
+    Notes
+    -----
+    One mask does not show how far open ground can be trusted; it is (``TRUST``), which on unseen road frames gives an
+    IoU higher by up to .04, on unseen floors by .05.
+    """
+    inside = grow(chosen)
+    if len(chosen) == 1:
+        inside = trusting(inside)
+    return Model(inside, grow(chosen, WITHOUT_START) if searched else None, size, about or {})
 
 
 def converted(trees: Sequence[dict[str, Any]], names: tuple[str, ...]) -> Forest:

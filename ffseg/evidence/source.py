@@ -50,7 +50,7 @@ def model_edges(scene: Scene) -> EdgeMap:
         if scene.starts is None:
             raise SegmentationError("a model needs a start region; set init")
         model = ready(path)
-        probability = model[0].map(features(scene.image, scene.starts, model[0].size), model[1])
+        probability = model[0].map(model[0].look(scene.image, scene.starts), model[1])
     return _edges(probability, own, scene.params)
 
 

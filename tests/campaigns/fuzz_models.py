@@ -12,7 +12,7 @@ from collections import Counter
 
 import numpy as np
 
-from ffseg.evidence.features import NAMES
+from ffseg.evidence.features import KNOWN, NAMES
 from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
 
 DIGEST = 32
@@ -63,7 +63,7 @@ def campaign(cases: int, seed: int = 0) -> Counter[str]:
     for number in range(cases):
         try:
             model = from_bytes(spoiled(data, np.random.default_rng([seed, number])))
-            model.inside.probability(np.zeros((len(NAMES), 2, 3), np.float32))
+            model.inside.probability(np.zeros((len(KNOWN), 2, 3), np.float32))
             counts["read"] += 1
         except ValueError as error:
             counts[str(error).split(",")[0][:60]] += 1

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from ffseg.batch.learning.gather import Labelled
 from ffseg.batch.learning.tune import Bench, tune
-from ffseg.evidence.features import NAMES, features
+from ffseg.evidence.features import KNOWN
 from ffseg.evidence.forest import Model
-from ffseg.evidence.learning import SETTINGS, TREES, Example, Samples, grow, samples
+from ffseg.evidence.learning import RATE, SETTINGS, TREES, Example, Samples, learn, samples
 from ffseg.evidence.maps import evidence_edges
 from ffseg.formats.images import single_thread
 from ffseg.image.edges import edge_map
@@ -78,6 +78,12 @@ def start_of(photograph: Photograph) -> NDArray[np.bool_]:
     return np.asarray((columns - x) ** 2 + (rows - y) ** 2 <= radius**2)
 
 
+def labelled_of(photograph: Photograph) -> Labelled:
+    """What ``ffseg learn`` would have read of it."""
+    params = photograph.placed(load_params())
+    return Labelled(photograph.name, photograph.image, photograph.truth, params, start_of(photograph))
+
+
 def evaluate(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks: Sequence[int], draws: int) -> None:
     """Say the figures of one set."""
     folder, count = photographs[0].folder, len(photographs)
@@ -90,7 +96,7 @@ def evaluate(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks
         rng, found = np.random.default_rng(1), []
         for _ in range(1 if number == len(pool) else draws):
             drawn = sorted(rng.choice(pool, number, replace=False).tolist())
-            model = Model(grow([chosen[i] for i in drawn]))
+            model = learn([chosen[i] for i in drawn], searched=False)
             rest = range(1, count, 2) if folder == "road" else [i for i in range(count) if i not in drawn]
             found.append(mean(overlap(photographs[i], model) for i in rest))
         goal = GOALS.get((folder, number))
@@ -101,7 +107,7 @@ def evaluate(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks
 def tuning(photographs: Sequence[Photograph], masks: Sequence[int], options: argparse.Namespace) -> None:
     """Say how the rest of a set does with tuned settings, beside the defaults."""
     folder, count = photographs[0].folder, len(photographs)
-    labelled = [Labelled(p.name, p.image, p.truth, p.placed(load_params()), start_of(p)) for p in photographs]
+    labelled = [labelled_of(one) for one in photographs]
     pool = list(range(0, count, 2)) if folder == "road" else list(range(count))
     for number in masks:
         rng = np.random.default_rng(1)
@@ -117,7 +123,7 @@ def tuning(photographs: Sequence[Photograph], masks: Sequence[int], options: arg
 
 def overlap(one: Photograph, model: Model | None) -> float:
     """IoU of the contour from the start circle."""
-    evidence = None if model is None else model.map(features(one.image, start_of(one), model.size))
+    evidence = None if model is None else model.map(model.look(one.image, start_of(one)))
     return iou(segment(one.image, one.placed(load_params()), evidence=evidence).mask, one.truth)
 
 
@@ -126,16 +132,16 @@ def costs(one: Photograph, chosen: Sequence[Samples]) -> None:
     import lightgbm
 
     begin = time.process_time()
-    model = Model(grow(chosen))
+    model = learn(chosen)
     say(f"growing from {len(chosen)} masks: {time.process_time() - begin:.1f} s")
     data = lightgbm.Dataset(chosen[0].rows, chosen[0].inside.astype(np.float32))
-    booster = lightgbm.train({**SETTINGS}, data, TREES)
+    booster = lightgbm.train({**SETTINGS, "learning_rate": RATE}, data, TREES)
     for image, start in ((one.image, start_of(one)), stretched(one)):
-        seen, native = features(image, start), model.inside.compiled()
-        rows = np.ascontiguousarray(seen.planes.reshape(len(NAMES), -1).T)
+        seen, native = model.look(image, start), model.inside.compiled()
+        rows = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1).T)
         probability, own = model.map(seen, native), edge_map(image, Edges())
         parts: dict[str, Callable[[], object]] = {
-            "features": lambda image=image, start=start: features(image, start),
+            "features": lambda image=image, start=start: model.look(image, start),
             "forest": lambda seen=seen, native=native: model.map(seen, native),
             "edges": lambda probability=probability, own=own: evidence_edges(probability, own),
             "LightGBM": lambda rows=rows: booster.predict(rows, num_threads=1),

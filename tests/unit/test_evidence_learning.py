@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from ffseg.errors import UsageError
-from ffseg.evidence.features import NAMES, features
+from ffseg.evidence.features import KNOWN, features
+from ffseg.evidence.forest import Model
 from ffseg.evidence.learning import (
     PIXELS,
+    TAUGHT,
+    TRUST,
+    TRUSTED,
     WITHOUT_START,
     Example,
     converted,
@@ -18,8 +22,10 @@ from ffseg.evidence.learning import (
     mirrored,
     samples,
     starts_in,
+    trusting,
     uncertainty,
 )
+from ffseg.evidence.openings import OPEN
 from ffseg.metrics import iou
 
 lightgbm = pytest.importorskip("lightgbm")
@@ -43,11 +49,15 @@ def example(seed: int, *, start: bool = True) -> Example:
     return Example(np.clip(image, 0, 255).astype(np.uint8), truth, disc(x, y, 6) if start else None, 6.0)
 
 
+def predicted(model: Model, one: Example) -> np.ndarray:
+    return model.map(model.look(one.image, one.start))
+
+
 def test_two_masks_teach_what_is_inside() -> None:
     model = learn([samples(example(seed)) for seed in (1, 2)])
     for seed in (3, 4, 5):
         one = example(seed)
-        found = model.map(features(one.image, one.start))
+        found = predicted(model, one)
         assert iou(found > 0.5, one.truth) > 0.9
 
 
@@ -71,7 +81,7 @@ def test_scribbles_are_enough() -> None:
             truth[row - 1 : row + 2] = one.truth[row - 1 : row + 2]
         partial.append(samples(Example(one.image, truth, one.start, 3.0)))
     one = example(4)
-    assert iou(learn(partial).map(features(one.image, one.start)) > 0.5, one.truth) > 0.8
+    assert iou(predicted(learn(partial), one) > 0.5, one.truth) > 0.8
 
 
 def test_converted_trees_say_what_lightgbm_says() -> None:
@@ -79,9 +89,9 @@ def test_converted_trees_say_what_lightgbm_says() -> None:
     data = lightgbm.Dataset(one.rows, one.inside.astype(np.float32))
     settings = {"objective": "binary", "num_leaves": 31, "verbose": -1, "use_missing": False, "num_threads": 1}
     booster = lightgbm.train(settings, data, 20)
-    forest = converted(booster.dump_model()["tree_info"], NAMES)
-    seen = features(example(2).image, example(2).start)
-    rows = seen.planes.reshape(len(NAMES), -1).T
+    forest = converted(booster.dump_model()["tree_info"], KNOWN)
+    seen = features(example(2).image, example(2).start, opened=True)
+    rows = seen.planes.reshape(len(KNOWN), -1).T
     # sums of 20 leaves in single precision
     np.testing.assert_allclose(forest.probability(seen.planes).ravel(), booster.predict(rows), atol=2e-6)
 
@@ -95,7 +105,7 @@ def test_the_same_masks_give_the_same_forest() -> None:
 
 def test_samples_are_known_pixels_seen_twice() -> None:
     one = samples(example(1))
-    assert one.rows.shape == (2 * PIXELS, len(NAMES))
+    assert one.rows.shape == (2 * PIXELS, len(KNOWN))
     assert 0.02 < one.inside.mean() < 0.5
     half = PIXELS // 5
     np.testing.assert_array_equal(mirrored(one.rows[:half]), one.rows[half : 2 * half])
@@ -132,4 +142,38 @@ def test_uncertainty_is_higher_on_what_was_never_seen() -> None:
     model = learn([samples(example(seed)) for seed in (1, 2)])
     one = example(3)
     odd = np.random.default_rng(0).integers(0, 255, one.image.shape, np.uint8)
-    assert uncertainty(model, features(odd, one.start)) > uncertainty(model, features(one.image, one.start))
+    assert uncertainty(model, model.look(odd, one.start)) > uncertainty(model, model.look(one.image, one.start))
+
+
+def test_trusting_adds_to_open_ground_and_takes_elsewhere() -> None:
+    forest, one = grow([samples(example(seed)) for seed in (1, 2)], trees=10), example(3)
+    seen = features(one.image, one.start, opened=True)
+    plain, more = forest.probability(seen.planes), trusting(forest, 2.0).probability(seen.planes)
+    odds = np.log(more / (1 - more)) - np.log(plain / (1 - plain))
+    open_here = seen[TRUSTED] > 0.5
+    assert open_here.any()
+    assert not open_here.all()
+    np.testing.assert_allclose(odds[open_here], 2, atol=1e-3)
+    np.testing.assert_allclose(odds[~open_here], -2, atol=1e-3)
+
+
+def test_a_forest_is_the_mean_of_two_of_which_one_sees_no_open_ground() -> None:
+    chosen = [samples(example(seed)) for seed in (1, 2)]
+    forest = grow(chosen, trees=10)
+    first = int(forest.arrays["root"][7])
+    asked = {forest.features[index] for index in forest.arrays["feature"][:first]}
+    assert len(forest.arrays["root"]) == 14
+    assert asked
+    assert asked.isdisjoint(OPEN)
+    assert not set(OPEN).isdisjoint(forest.features)
+    alone = grow(chosen, tuple(name for name in TAUGHT if name not in OPEN), trees=10)
+    assert set(OPEN).isdisjoint(alone.features)
+    assert len(alone.arrays["root"]) == 10
+
+
+def test_one_mask_trusts_open_ground() -> None:
+    one, two = (learn([samples(example(seed)) for seed in seeds]) for seeds in ((1,), (1, 2)))
+    last = one.inside.arrays["feature"][-1]
+    assert one.inside.features[last] == TRUSTED
+    assert one.inside.arrays["value"][-2:].tolist() == [-TRUST, TRUST]
+    assert len(one.inside.arrays["root"]) == len(two.inside.arrays["root"]) + 1

@@ -15,7 +15,15 @@ from ffseg.batch.learning.gather import Gathered, Labelled, start_region
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.evidence.features import Features, features
 from ffseg.evidence.forest import Forest, Model
-from ffseg.evidence.learning import Example, Samples, grow, known_pixels, learn, samples, uncertainty
+from ffseg.evidence.learning import (
+    Example,
+    Samples,
+    grow,
+    known_pixels,
+    learn,
+    samples,
+    uncertainty,
+)
 from ffseg.evidence.source import model_start
 from ffseg.formats.images import read_image
 from ffseg.metrics import iou
@@ -115,7 +123,8 @@ def _figures(labelled: Sequence[Labelled], chosen: Sequence[Samples], tell: Tell
     own, other = [0.0] * count, [0.0] * count
     folds = [range(part, count, min(FOLDS, count)) for part in range(min(FOLDS, count))]
     for number, fold in enumerate(folds):
-        model = learn([chosen[i] for i in range(count) if i not in fold])
+        searched = any(labelled[i].start is None for i in fold)
+        model = learn([chosen[i] for i in range(count) if i not in fold], searched=searched)
         for i in fold:
             own[i] = _overlap(labelled[i], model)
             other[i] = _overlap(labelled[i], None)
@@ -135,7 +144,7 @@ def _overlap(one: Labelled, model: Model | None) -> float:
         params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
         start = start_region(one.image.shape[:2], params)
     try:
-        evidence = None if model is None or start is None else model.map(features(one.image, start, model.size))
+        evidence = None if model is None or start is None else model.map(model.look(one.image, start))
         return iou(segment(one.image, params, evidence=evidence).mask, one.truth)
     except SegmentationError:
         return 0.0
@@ -146,7 +155,7 @@ def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tup
     count, rng = len(chosen), np.random.default_rng(0)
     if any(one.start is None for one in labelled):
         return ()
-    seen = [features(one.image, one.start) for one in labelled if one.start is not None]
+    seen = [features(one.image, one.start, opened=True) for one in labelled if one.start is not None]
     points = []
     for number in sorted({*(2**power for power in range(count.bit_length()) if 2**power < count), count - 1}):
         found = []
@@ -205,4 +214,4 @@ def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters)
         start = start_region(image.shape[:2], replace(params, init=replace(params.init, circles=(circle,))))
     if start is None or not start.any():
         return 1.0
-    return uncertainty(model, features(image, start, model.size))
+    return uncertainty(model, model.look(image, start))

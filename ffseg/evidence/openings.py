@@ -1,0 +1,66 @@
+"""Open ground: what a start reaches without crossing an edge of the image, through passages of several widths."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.image.edges import edge_map
+from ffseg.native import _core
+from ffseg.parameters import Edges
+
+PASSAGES = (1, 3, 5, 9)
+"""Widths in reduced pixels; a narrower passage between edges is shut."""
+
+SMOOTHING = 3.0
+"""Reduced pixels; standard deviation of the planes that tell of the neighbourhood."""
+
+OPEN = (*(f"open{width}" for width in PASSAGES), *(f"open{width}~" for width in PASSAGES))
+"""Names of the planes in their order: 1 on open ground and 0 elsewhere, then the same smoothed."""
+
+
+def open_ground(image: NDArray[np.uint8], inside: NDArray[np.uint8], factor: int, out: NDArray[np.float32]) -> None:
+    """Write the planes that ``OPEN`` names.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    inside : ndarray of uint8, shape (h, w)
+        Nonzero in the start region, which is open ground itself.
+    factor : int
+        Pixels a side of the image that became one.
+    out : ndarray of float32, shape (len(OPEN), h, w)
+
+    Notes
+    -----
+    Edges are found in the whole image, with the thresholds of the defaults; a reduced pixel with an edge in it is a wall.
+    On reduced images faint borders are lost: their edges teach hardly anything.
+    """
+    walls = _reduced_any(edge_map(image, Edges()).edges, factor)
+    planes = np.empty((5, *inside.shape), np.float32)
+    for place, width in enumerate(PASSAGES):
+        shut = widened(walls, width)
+        _core.evidence_barrier(shut.astype(np.float32), inside, 1.0, planes)
+        reached = widened(((planes[0] == 0) & (shut == 0)).astype(np.uint8), width)
+        out[place] = reached | (inside > 0)
+        _core.evidence_blur(out[place], SMOOTHING, out[place + len(PASSAGES)])
+
+
+def _reduced_any(edges: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
+    """1 where a block of ``factor`` x ``factor`` pixels holds an edge."""
+    rows, columns = (np.arange(0, length, factor) for length in edges.shape)
+    found: NDArray[np.uint8] = np.maximum.reduceat(np.maximum.reduceat(edges, rows, axis=0), columns, axis=1)
+    return np.minimum(found, np.uint8(1))
+
+
+def widened(region: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+    """The largest value in the square of that odd width round each pixel."""
+    found = region
+    for axis in (0, 1):
+        before = found if axis == 0 else found.T
+        grown = before.copy()
+        for step in range(1, width // 2 + 1):
+            np.maximum(grown[step:], before[:-step], out=grown[step:])
+            np.maximum(grown[:-step], before[step:], out=grown[:-step])
+        found = grown if axis == 0 else grown.T
+    return np.ascontiguousarray(found)
