@@ -10,13 +10,21 @@ from tests import labyrinths
 from tests.campaigns import corridors
 
 PASSAGES = [seed for seed in range(400, 460) if seed % 12]
-GAPS = [12, 588, 1464, 2928]
-"""Walls that were found to leak through 5 px and hold at 6, or to lose the contour."""
+GAPS = [12, 588, 1464, 2928, 3888, 10752]
+"""Walls that were found to leak through 5 px and hold at 6, or to lose the contour; the last two held at 9 and 12 px, where
+samples moved aslant past each other."""
+BENDS = [1732, 2918, 7222]
+"""Passages whose ends settling cut off: the curve bent away from its few samples by more than its reach."""
 
 
 def test_passages_are_filled() -> None:
     faults = [case for case in (corridors.passage(seed) for seed in PASSAGES) if case.faults]
     assert faults == []
+
+
+@pytest.mark.parametrize("seed", BENDS)
+def test_settling_follows_the_curve_where_samples_are_few(seed: int) -> None:
+    assert corridors.passage(seed).faults == ()
 
 
 @pytest.mark.parametrize("seed", GAPS)

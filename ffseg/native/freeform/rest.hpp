@@ -87,6 +87,9 @@ inline bool in_the_open(const ground::Field& field, Vec2 p) {
     return !field.blocked_within(p, 1) && !field.blocked_within(p, kBandWidth);  // mostly it is the next one
 }
 
+// Does a sample that moves pass its neighbour, so that the curve would run back there?
+inline bool passes(Vec2 from, Vec2 to, Vec2 neighbour) { return dot(neighbour - to, neighbour - from) <= 0; }
+
 // Moves samples at rest aslant where their normals are blocked but there is room beside: at the mouth of a narrow
 // passage the normal may point at its side. To each pixel only once, so that it ends.
 template <int D>
@@ -98,7 +101,8 @@ bool slide(Contour<D>& contour, int i) {
     for (int k = 0; k < D; ++k) {
         const Points<D> points = contour.samples(i);
         const double ahead = norm2(points[k + 1] - points[k]);
-        const double behind = norm2(points[k] - (k > 0 ? points[k - 1] : contour[patch.prev].m[D - 1]));
+        const Vec2 last = k > 0 ? points[k - 1] : contour[patch.prev].m[D - 1];
+        const double behind = norm2(points[k] - last);
         const bool is_tip = std::min(ahead, behind) <= kTipChord * kTipChord;
         const Vec2 slope = apply<D>(kBasis<D>.slope[k], points);
         if (!is_tip && k > 0 && norm2(slope) > 0) continue;
@@ -109,6 +113,7 @@ bool slide(Contour<D>& contour, int i) {
         for (const Vec2 turn : kAslant) {
             const Vec2 way = turn.x * normal + turn.y * tangent;
             const Vec2 to = points[k] + kUncovered * way;
+            if (passes(points[k], to, points[k + 1]) || passes(points[k], to, last)) continue;
             if (contour.field.blocked(to) || reach(contour.field, points[k], way, kUncovered, 0.0) < kUncovered)
                 continue;
             if (!contour.memory.retried.insert(contour.field.pixel(to)).second) continue;
@@ -168,10 +173,11 @@ bool wake_open(Contour<D>& contour) {
         const auto stray =
             std::find_if(samples.begin(), samples.end(), [&](Vec2 p) { return in_the_open(contour.field, p); });
         const bool open = stray != samples.end();
+        const Vec2 middle = 0.5 * (samples[0] + contour.end(i));  // another one once the patch is split
         contour.memory.num_stray += open;
         const bool ahead = open || (contour.splittable(i) &&
                                     (contour[i].starved || held_back(contour, i) || can_advance<true>(contour, i)));
-        if (ahead && contour.memory.retried.insert(contour.field.pixel(open ? *stray : samples[0])).second) {
+        if (ahead && contour.memory.retried.insert(contour.field.pixel(open ? *stray : middle)).second) {
             contour[i].budget = kSplitBudget;
             contour[i].reductions = 0;
             contour.wake(i);

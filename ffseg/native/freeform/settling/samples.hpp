@@ -48,6 +48,24 @@ inline void tidy(Samples& at) {
     if (kept.size() >= 4) at = std::move(kept);
 }
 
+// The samples, with points of the curve between those where it bends away from their polygon by more than this.
+template <int D>
+Samples with_bends(const Samples& at, double most) {
+    constexpr int kSub = Basis<D>::kSub;
+    Samples out;
+    out.reserve(at.size());
+    for (std::size_t first = 0; first < at.size(); first += D) {
+        const auto points = patch_of<D>(at, first);
+        for (int k = 0; k < D; ++k) {
+            out.push_back(points[k]);
+            const Vec2 middle = apply<D>(kBasis<D>.between[k][kSub / 2], points);
+            if (norm2(middle - 0.5 * (points[k] + points[k + 1])) <= most * most) continue;
+            for (int j = 1; j < kSub; ++j) out.push_back(apply<D>(kBasis<D>.between[k][j], points));
+        }
+    }
+    return out;
+}
+
 // New samples, evenly along the polygon of the old ones, at most `spacing` apart.
 template <int D>
 void lay_out(Samples& at, double spacing) {

@@ -21,6 +21,9 @@ constexpr int kRidgeRounds = 3;
 // Only patches whose samples bend at least so far (second difference, px) are looked at: smoothing leaves no edge that
 // departs from a straight line and returns between two samples.
 constexpr double kBent = 0.8;
+// Where the curve bends away from the polygon of its samples by more than this part of the reach, the new samples
+// follow the curve: from the polygon the ridge is out of reach.
+constexpr double kMostBend = 0.5;
 // Distance between the samples of a settled contour: two scales of the smoothing, below which edges have no detail.
 constexpr double kSettledSpacing = 3.0;
 // Normals are taken across this distance to either side, over the jitter of samples stopped by a pixel staircase.
@@ -33,7 +36,10 @@ public:
     // Returns the settled samples; with `refine` they are laid out anew, evenly, and closer where the ridge bends.
     Samples run(Samples samples, bool refine, double spacing, int& splits) {
         at_ = std::move(samples);
-        if (refine) lay_out<D>(at_, std::min(spacing, kSettledSpacing));
+        if (refine) {
+            at_ = with_bends<D>(at_, kMostBend * reach_);
+            lay_out<D>(at_, std::min(spacing, kSettledSpacing));
+        }
         take_all();
         project(kRidgeAhead, -kRidgeBack, reach_);
         for (int round = 0; refine && round < kRidgeRounds; ++round) {
