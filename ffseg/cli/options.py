@@ -37,7 +37,7 @@ Settings = Annotated[
     ),
 ]
 Starts = Annotated[
-    Path | None, typer.Option("--starts", metavar="FILE", help="CSV image,x,y[,radius]: each image's start circle.")
+    Path | None, typer.Option("--starts", metavar="FILE", help="CSV image,x,y[,radius]: each image's start circles.")
 ]
 Evidence = Annotated[
     Path | None,

@@ -1,4 +1,4 @@
-"""Starts files: CSV ``image,x,y`` or ``image,x,y,radius``, the start circle of each image."""
+"""Starts files: CSV ``image,x,y`` or ``image,x,y,radius``, the start circle or circles of each image."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MAX_PIXELS = 1e6
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Start circle of one image.
+    """Start circle of one image, and others if it has several.
 
     Attributes
     ----------
@@ -29,24 +29,31 @@ class Start:
         Its centre, pixels.
     radius : float or None
         Pixels; None leaves ``init.radius``.
+    others : tuple of Start
+        The circles of further rows, in their order; each without others.
     """
 
     x: float
     y: float
     radius: float | None = None
+    others: tuple[Start, ...] = ()
 
     def placed(self, params: Parameters) -> Parameters:
-        """The parameters with this circle as their start."""
+        """The parameters with this circle, or all the circles, as their start."""
         radius = params.init.radius if self.radius is None else self.radius
-        return replace(params, init=replace(params.init, center=(self.x, self.y), radius=radius))
+        circles = tuple(
+            (one.x, one.y, params.init.radius if one.radius is None else one.radius) for one in (self, *self.others)
+        )
+        init = replace(params.init, center=(self.x, self.y), radius=radius, circles=circles if self.others else ())
+        return replace(params, init=init)
 
     def text(self) -> str:
         """All that it says: equal texts, equal starts."""
-        return f"{self.x!r},{self.y!r},{self.radius!r}"
+        return ";".join(f"{one.x!r},{one.y!r},{one.radius!r}" for one in (self, *self.others))
 
 
 def check_starts(params: Parameters, path: str | os.PathLike[str]) -> None:
-    """Refuse parameters that say where the contour starts by other means than one circle.
+    """Refuse parameters that say where the contour starts by other means than a starts file.
 
     Raises
     ------
@@ -69,7 +76,7 @@ def load_starts(path: str | os.PathLike[str], images: Iterable[str]) -> Mapping[
     path : path
         CSV with the header ``image,x,y`` or ``image,x,y,radius``; rows in any order, rows of other images are ignored.
         ``image`` is the relative name with ``/``, with or without its suffix, as the tables of a run write it. An empty
-        radius leaves ``init.radius``.
+        radius leaves ``init.radius``. Several rows of one image are several circles.
     images : iterable of str
         Relative names of the images that need a start.
 
@@ -94,7 +101,7 @@ def load_starts(path: str | os.PathLike[str], images: Iterable[str]) -> Mapping[
 
 
 _Row = tuple[int, Start]
-"""Line and start."""
+"""Line of the first circle, and start."""
 
 
 def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
@@ -107,9 +114,11 @@ def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
             problems.add(where, f"radius: {radius:g} is not above 0; leave it empty for init.radius")
         if not image:
             problems.add(where, "image: the name is empty; write the image's relative name")
-        elif image in rows:
-            problems.add(where, f"{image[:60]!r} has a start already, in line {rows[image][0]}; keep one row")
-        rows[image] = line, Start(x, y, radius)
+        at, first = rows.get(image, (line, None))
+        one = Start(x, y, radius)
+        if first is not None and one in (replace(first, others=()), *first.others):
+            problems.add(where, f"{image[:60]!r} has this start already; keep one row of it")
+        rows[image] = at, one if first is None else replace(first, others=(*first.others, one))
     return rows
 
 
@@ -127,7 +136,7 @@ def _row_of(image: str, rows: Mapping[str, _Row], name: str, problems: Problems)
     if len(given) > 1:
         first, second = given[:2]
         lines = f"lines {rows[first][0]} ({first[:60]!r}) and {rows[second][0]} ({second[:60]!r})"
-        problems.add(name, f"{lines} both name the image {printable(image)!r}; keep one")
+        problems.add(name, f"{lines} both name the image {printable(image)!r}; write the same name in both")
     elif not given:
         hint = _nearest(image, rows) if len(problems.lines) < _MOST_COMPARED else ""
         problems.add(name, f"no row for the image {printable(image)!r}{hint}; add one, or leave the image out")

@@ -60,7 +60,7 @@ def test_what_is_wrong_exits_2_and_writes_nothing(
     cases = {
         "starts.csv: no row for the image 'b.png' (line 3 has 'b.pgn')": ("a,30,40,6", "b.pgn,90,40,6"),
         "starts.csv:3: y: '4O' is not a finite number": ("a,30,40,6", "b,90,4O,6"),
-        "starts.csv:3: 'a' has a start already, in line 2": ("a,30,40,6", "a,90,40,6", "b,1,1,1"),
+        "starts.csv:3: 'a' has this start already": ("a,30,40,6", "a,30,40,6", "b,1,1,1"),
     }
     for sentence, rows in cases.items():
         done = ffseg_command(command, images, "--out", tmp_path / "out", "--starts", starts(tmp_path, *rows))
@@ -101,3 +101,40 @@ def test_a_start_that_had_to_move_is_told_and_noted(ffseg_command: Command, imag
     assert rows["a.png"]["note"] == ""
     assert rows["b.png"]["note"] in told[0]
     assert rows["b.png"]["status"] == "ok"
+
+
+def test_several_rows_of_an_image_grow_and_merge_in_every_command(
+    ffseg_command: Command, images: Path, tmp_path: Path
+) -> None:
+    path, out = starts(tmp_path, "a,30,40,6", "b,30,40,6", "a,90,40,"), tmp_path / "out"
+    arguments = ("run", images, "--out", out, "--starts", path, "--set", "init.radius=7", "--jobs", "1")
+    plan = ffseg_command(*arguments, "--dry-run")
+    assert f"{images}/a.png (start at 30, 40, radius 6; 90, 40) -> masks/a.png" in plan.stdout
+    told = json.loads(ffseg_command(*arguments, "--dry-run", "--json").stdout)["images"]
+    assert told[0]["start"] == {
+        "x": 30,
+        "y": 40,
+        "radius": 6,
+        "others": [{"x": 90, "y": 40, "radius": None, "others": []}],
+    }
+    assert ffseg_command(*arguments).returncode == 0
+    places = [cv2.imread(str(out / "masks" / name), 0)[40, [30, 90]].tolist() for name in ("a.png", "b.png")]
+    assert places == [[255, 255], [255, 0]]
+    assert json.loads(ffseg_command(*arguments, "--json").stdout)["counts"]["unchanged"] == 2
+    starts(tmp_path, "a,30,40,6", "b,30,40,6")
+    again = json.loads(ffseg_command(*arguments, "--json").stdout)
+    assert again["counts"]["unchanged"] == 1, "one image lost a start"
+    starts(tmp_path, "a,30,40,6", "b,30,40,6", "a,90,40,")
+    compared = ffseg_command(
+        "compare", images, "--out", tmp_path / "c", "--starts", path, "--methods", "freeform,levelset"
+    )
+    assert compared.returncode == 0, compared.stderr
+    truth = tmp_path / "truth"
+    truth.mkdir()
+    y, x = np.mgrid[:80, :120]
+    both = np.minimum(np.hypot(x - 30, y - 40), np.hypot(x - 90, y - 40)) < 20
+    cv2.imwrite(str(truth / "a.png"), both.astype(np.uint8) * np.uint8(255))
+    masked = (images, "--truth", truth, "--starts", path, "--set", "init.radius=7", "--json", "-q")
+    tuned = ffseg_command("tune", *masked, "--out", tmp_path / "mine.yaml", "--budget", "1")
+    assert tuned.returncode == 0, tuned.stderr
+    assert json.loads(tuned.stdout)["before"][0] > 0.95, "both discs are found, from both starts"

@@ -71,7 +71,7 @@ BAD = {
     "negative": ("image,x,y,radius\na,1,2,-3\n", r":2: radius: -3 is not above 0"),
     "word radius": ("image,x,y,radius\na,1,2,big\n", r":2: radius: 'big'"),
     "no name": ("image,x,y\n,1,2\n", r":2: image: the name is empty"),
-    "twice": ("image,x,y\na,1,2\na,3,4\n", r":3: 'a' has a start already, in line 2"),
+    "twice": ("image,x,y\na,1,2\na,3,4\na,1,2\n", r":4: 'a' has this start already; keep one row"),
     "two names": ("image,x,y\na,1,2\na.png,3,4\n", r"lines 3 \('a.png'\) and 2 \('a'\) both name the image 'a.png'"),
     "quote": ('image,x,y\n"a,1,2\n', r":2: not valid CSV"),
     "nul": ("image,x,y\na,1,\0\n", r":2: "),
@@ -115,6 +115,17 @@ def test_other_kinds_of_starts_are_refused_by_key(settings: dict[str, object]) -
     with pytest.raises(ParameterError, match=rf"s\.csv gives .*, but {next(iter(settings))} is set too"):
         check_starts(load_params(None, settings), "s.csv")
     check_starts(load_params(None, {"init.center": [1, 2]}), "s.csv")
+
+
+def test_several_rows_of_an_image_are_several_circles(tmp_path: Path) -> None:
+    path = write(tmp_path, "image,x,y,radius\na,1,2,7\nb,5,5,\na,3,4,\n")
+    found = load_starts(path, ["a.png", "b.png"])
+    assert found["a.png"] == Start(1, 2, 7, (Start(3, 4),))
+    assert found["b.png"] == Start(5, 5)
+    params = load_params(None, {"init.radius": 9})
+    assert found["a.png"].placed(params).init.circles == ((1, 2, 7), (3, 4, 9))
+    assert found["b.png"].placed(params).init.circles == ()
+    assert len({Start(1, 2, 7).text(), found["a.png"].text(), Start(3, 4, None, (Start(1, 2, 7),)).text()}) == 3
 
 
 def test_a_start_without_a_radius_leaves_it() -> None:

@@ -15,6 +15,7 @@ from ffseg.batch.runner import Run, Summary
 from ffseg.cli import console
 from ffseg.cli.running.untested import motions, nothing_tested, untested_pairs
 from ffseg.formats.files import printable
+from ffseg.formats.starts import Start
 
 _MOST_TOLD = 100
 """Failures, and as many notes, told on the terminal; ``timings.csv`` has them all."""
@@ -94,21 +95,26 @@ def _planned(one: Preview, plan: Plan) -> dict[str, Any]:
         "outputs": list(plan.outputs(job)),
         "truth": job.truth,
         "problem": one.error,
-        "start": asdict(job.start) if job.start else None,
+        "start": _start_told(job.start) if job.start else None,
     }
 
 
 def _plan_line(one: Preview) -> str:
     job = one.job
-    where = f" (start at {job.start.x:g}, {job.start.y:g}{_radius(job)})" if job.start else ""
+    circles = (job.start, *job.start.others) if job.start else ()
+    where = " (start at " + "; ".join(map(_circle_told, circles)) + ")" if circles else ""
     words = {"failed": f"failed: {one.error}", "unchanged": "unchanged"}
     what = words.get(one.status) or ", ".join(map(printable, one.missing)) or "the IoU"
     return f"{printable(job.source.path)}{where} -> {what}"
 
 
-def _radius(job: Job) -> str:
-    radius = job.start.radius if job.start else None
-    return "" if radius is None else f", radius {radius:g}"
+def _circle_told(one: Start) -> str:
+    return f"{one.x:g}, {one.y:g}" + ("" if one.radius is None else f", radius {one.radius:g}")
+
+
+def _start_told(start: Start) -> dict[str, Any]:
+    """As JSON; `others` only where there are any."""
+    return {key: value for key, value in asdict(start).items() if key != "others" or value}
 
 
 def show_result(run: Run, out: str, *, as_json: bool, verbose: bool = False) -> None:
