@@ -156,3 +156,18 @@ def forest(arrays: dict[str, np.ndarray], pixel: np.ndarray) -> float:
             node = int(arrays["left"][node] if below else arrays["right"][node])
         total += np.float32(arrays["value"][-1 - node])
     return float(total)
+
+
+def neighbours(lab: np.ndarray, kept: float, contrast: float) -> np.ndarray:
+    """The matrix of Grady's random walker with priors: its solution of ``kept`` times the values is what diffusion seeks."""
+    _, height, width = lab.shape
+    system = kept * np.eye(height * width)
+    for y, x in np.ndindex(height, width):
+        for other in ((y, x + 1), (y + 1, x)):
+            if other[0] < height and other[1] < width:
+                apart = lab[:, y, x].astype(np.float64) - lab[:, other[0], other[1]]
+                weight = math.exp(-float(apart @ apart) / (2 * contrast**2))
+                one, two = y * width + x, other[0] * width + other[1]
+                system[[one, two], [one, two]] += weight
+                system[[one, two], [two, one]] -= weight
+    return system

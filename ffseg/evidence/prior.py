@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence.features import NAMES, PLACE, Features, enlarged, features
+from ffseg.evidence.features import NAMES, PLACE, SCALES, Features, enlarged, features
 from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.maps import evidence_edges
 from ffseg.evidence.surroundings import SURROUNDINGS, surroundings
@@ -27,8 +27,14 @@ SEEN = tuple(name for name in NAMES if name not in PLACE[:4])
 
 TAKEN = (*SEEN, *SURROUNDINGS)
 
-SMOOTHING = 3.0
-"""Reduced pixels; neighbours vote, so that the seams of tiles and specks of light do not make islands."""
+KEPT, CONTRAST, STEPS = 0.02, 2.0, 40
+"""Neighbours vote, so that the seams of tiles and specks of light do not make islands, but not across edges: the weight of
+a pixel's own odds, the difference of L, a, b that ends a neighbour's say, and steps of diffusion on the pixels asked."""
+
+SMOOTHING = 1.0
+"""Reduced pixels, afterwards."""
+
+FINEST = tuple(f"{name}@{SCALES[0]:g}" for name in ("light", "red", "blue"))
 
 MIDDLE, MOST_GAIN, EVERY = 100.0, 4.0, 4
 """Grey level that the mean of an image is brought to, the most it is multiplied or divided by, and which pixels count."""
@@ -94,8 +100,11 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
     score = np.empty(planes.shape[1:], np.float32)
     native.score(np.ascontiguousarray(planes), score)
     odds = np.clip(score + np.float32(model.inside.bias), -CERTAIN, CERTAIN)
+    smooth = np.empty_like(odds)
+    lab = np.stack([seen[name][::STRIDE, ::STRIDE] for name in FINEST])
+    _core.evidence_diffuse(odds, lab, KEPT, CONTRAST, STEPS, smooth)
     votes = np.empty(seen.inside.shape, np.float32)
-    _core.evidence_blur(_between(odds, seen.inside.shape), SMOOTHING, votes)
+    _core.evidence_blur(_between(smooth, seen.inside.shape), SMOOTHING, votes)
     whole = enlarged(votes, seen.factor, seen.shape)
     whole[starts] = CERTAIN
     return Prior(whole)

@@ -1,12 +1,13 @@
 """Learn the forest that comes with ffseg (``ffseg/evidence/prior.ffmodel``), and say how well it does on what it has not seen.
 
-Run ``python -m tests.campaigns.learn_prior --data DATA --out FILE [--part even|odd|all] [--without SET]``.
+Run ``python -m tests.campaigns.learn_prior --data DATA --out FILE [--part even|odd|all|none] [--without SET]``.
 DATA (or the environment variable FFSEG_DATA) holds the sets of real images that ``tests/campaigns/real_sets.py`` reads; the
 images are sorted by name, those at even places are one half. Each image is seen from its own start and from others drawn in
-its truth, as it is and with other light, mirrored, and, under a mirror, turned.
+its truth, as it is and with other light, mirrored, and, under a mirror, turned. Beside them stand pictures of rooms, streets,
+mirrors and things that ``tests/campaigns/places`` draws; ``--drawn 0`` leaves them out, ``--part none`` learns from them alone.
 
 ``python -m tests.campaigns.learn_prior --cross`` learns from each half and segments the other with the defaults, then
-learns without each set and segments that set: the figures of ``docs/real-images.md``.
+learns without each set and segments that set, then from what is drawn alone: the figures of ``docs/real-images.md``.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import mean
@@ -31,6 +33,8 @@ from ffseg.formats.files import write_bytes_atomic
 from ffseg.formats.images import single_thread
 from ffseg.metrics import INSIDE
 from ffseg.parameters import load_params
+from tests.campaigns.places.drawn import KINDS, Sight
+from tests.campaigns.places.drawn import sights as drawn_sights
 from tests.campaigns.real_images import SETS, Outcome, Photograph, evaluate, load
 from tests.campaigns.real_sets import spearman
 
@@ -38,6 +42,10 @@ VIEWS = {"road": 6, "seeded_objects": 12, "real_floors/indoor": 9, "real_floors/
 """Starts and lights each image of a set is seen in; sets of few images more often."""
 HALVES = ("even", "odd")
 TREES, PIXELS = 110, 1200
+DRAWN_PIXELS = 400
+"""Of each drawn picture: they are many."""
+DRAWN_AS = 36
+"""A kind of drawn pictures counts as much as a place with so many sights."""
 OTHERS = {
     **SETTINGS,
     "learning_rate": 0.08,
@@ -48,15 +56,6 @@ OTHERS = {
 }
 RADII = (6.0, 24.0)
 """px, of the starts that are drawn."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sight:
-    """One look at an image."""
-
-    image: NDArray[np.uint8]
-    truth: NDArray[np.uint8]
-    start: tuple[float, float, float]
 
 
 def sights(photograph: Photograph, rng: np.random.Generator) -> Iterator[Sight]:
@@ -123,14 +122,14 @@ class Samples:
     weights: NDArray[np.float64]
 
 
-def samples(seen: Sight, rng: np.random.Generator) -> Samples:
+def samples(seen: Sight, rng: np.random.Generator, pixels: int = PIXELS) -> Samples:
     """Some pixels that are known, half of them inside."""
     x, y, radius = seen.start
     rows, columns = np.indices(seen.truth.shape, sparse=True)
     found = features(prior.exposed(seen.image), (rows - y) ** 2 + (columns - x) ** 2 <= radius**2)
     known = known_pixels(seen.truth, found.factor).ravel()
     sides = [np.flatnonzero(known == side) for side in (0, 1)]
-    chosen = [rng.permutation(side)[: PIXELS // 2] for side in sides]
+    chosen = [rng.permutation(side)[: pixels // 2] for side in sides]
     share = len(sides[1]) / max(1, len(sides[0]) + len(sides[1]))
     weights = [
         np.full(len(one), (0.25 + 0.5 * part) / max(1, len(one)))
@@ -141,12 +140,27 @@ def samples(seen: Sight, rng: np.random.Generator) -> Samples:
     return Samples(np.ascontiguousarray(planes[:, at].T), known[at] > 0, np.concatenate(weights))
 
 
-def grow(photographs: Sequence[Photograph], about: str) -> Model:
+def drawn_samples(count: int) -> list[Samples]:
+    """What so many looks at each kind of drawn pictures give; the kinds side by side."""
+    if count == 0:
+        return []
+    with ProcessPoolExecutor() as pool:
+        return [one for found in pool.map(_drawn, KINDS, [count] * len(KINDS)) for one in found]
+
+
+def _drawn(kind: str, count: int) -> list[Samples]:
+    single_thread()
+    rng = np.random.default_rng(KINDS.index(kind))
+    found = [samples(seen, rng, DRAWN_PIXELS) for seen in drawn_sights(kind, count)]
+    return [replace(one, weights=one.weights * np.sqrt(DRAWN_AS) / count) for one in found]
+
+
+def grow(photographs: Sequence[Photograph], drawn: Sequence[Samples], about: str) -> Model:
     """The model that those images give; places with many images count as the root of their number."""
     import lightgbm
 
     rng = np.random.default_rng(0)
-    taken: list[Samples] = []
+    taken: list[Samples] = list(drawn)
     for photograph in photographs:
         found = [samples(seen, rng) for seen in sights(photograph, rng)]
         alike = sum(_place(other) == _place(photograph) for other in photographs) * len(found)
@@ -159,7 +173,7 @@ def grow(photographs: Sequence[Photograph], about: str) -> Model:
     )
     booster = lightgbm.train(OTHERS, data, TREES)
     forest = converted(booster.dump_model()["tree_info"], prior.TAKEN)
-    return Model(forest, None, WORKING_SIZE, {"images": len(photographs), "part": about})
+    return Model(forest, None, WORKING_SIZE, {"images": len(photographs), "drawn": len(drawn), "part": about})
 
 
 def _place(photograph: Photograph) -> str:
@@ -177,34 +191,39 @@ def main() -> int:
     if not photographs:
         print(f"skipped: none of the sets is in {options.data}; name the folder with --data or FFSEG_DATA")
         return 0
+    drawn = drawn_samples(options.drawn)
     if options.cross:
-        return _cross(photographs, options.out, options.set)
+        return _cross(photographs, drawn, options)
     chosen = [one for one in photographs if options.part in ("all", HALVES[one.half]) and one.folder != options.without]
-    write_bytes_atomic(options.out, to_bytes(grow(chosen, f"{options.part} of {len(photographs)}")))
+    model = grow(chosen, drawn, f"{options.part} of {len(photographs)}")
+    write_bytes_atomic(options.out, to_bytes(model))
     return 0
 
 
-def _cross(photographs: Sequence[Photograph], out: Path, settings: Sequence[str]) -> int:
-    """Scores of each half by the other, and of each set by the other sets."""
-    halves: list[Outcome] = []
-    for half in (0, 1):
-        halves += _scored([one for one in photographs if one.half == half], photographs, out, settings)
-    _say("learned from the other half", halves)
-    left: list[Outcome] = []
-    for folder in SETS:
-        left += _scored([one for one in photographs if one.folder == folder], photographs, out, settings)
-    _say("learned from the other sets", left)
+def _cross(photographs: Sequence[Photograph], drawn: Sequence[Samples], options: argparse.Namespace) -> int:
+    """Scores of each half by the other, of each set by the other sets, and of all by what is drawn."""
+    params = load_params(None, options.set)
+
+    def scored(tested: Sequence[Photograph], others: Sequence[Photograph]) -> list[Outcome]:
+        write_bytes_atomic(options.out, to_bytes(grow(others, drawn, "part")))
+        prior.MODEL = options.out
+        prior._model.cache_clear()
+        return [evaluate(one, params, 1) for one in tested]
+
+    def without(apart: Callable[[Photograph], bool]) -> list[Outcome]:
+        return scored([one for one in photographs if apart(one)], [one for one in photographs if not apart(one)])
+
+    _say(
+        "learned from the other half",
+        [one for half in (0, 1) for one in without(lambda it, half=half: it.half == half)],
+    )
+    _say(
+        "learned from the other sets",
+        [one for name in SETS for one in without(lambda it, name=name: it.folder == name)],
+    )
+    if drawn:
+        _say("learned from drawings", scored(photographs, []))
     return 0
-
-
-def _scored(
-    tested: Sequence[Photograph], photographs: Sequence[Photograph], out: Path, settings: Sequence[str]
-) -> list[Outcome]:
-    write_bytes_atomic(out, to_bytes(grow([one for one in photographs if one not in tested], "part")))
-    prior.MODEL = out
-    prior._model.cache_clear()
-    params = load_params(None, settings)
-    return [evaluate(one, params, 1) for one in tested]
 
 
 def _say(what: str, outcomes: Sequence[Outcome]) -> None:
@@ -219,7 +238,8 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("FFSEG_DATA", "../shared/data")))
     parser.add_argument("--out", type=Path, required=True, help="the model file to write")
-    parser.add_argument("--part", choices=("even", "odd", "all"), default="all")
+    parser.add_argument("--part", choices=("even", "odd", "all", "none"), default="all")
+    parser.add_argument("--drawn", type=int, default=300, metavar="N", help="looks at each kind of drawn pictures")
     parser.add_argument("--without", choices=SETS, help="leave a set out")
     parser.add_argument("--cross", action="store_true", help="learn from parts and score the rest")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="for the scores")

@@ -205,3 +205,26 @@ def test_a_tree_of_33_leaves_is_refused() -> None:
     }
     with pytest.raises(ValueError, match="more than 32 leaves"):
         _core.EvidenceForest(**chain, features=1)
+
+
+@given(coloured(), st.floats(0.01, 2), st.floats(0.5, 20), st.integers(0, 12))
+@settings(max_examples=60, deadline=None)
+def test_diffusion_is_that_of_the_twin(
+    drawn: tuple[np.ndarray, np.ndarray], kept: float, contrast: float, steps: int
+) -> None:
+    lab, inside = drawn
+    values = 14 * inside.astype(np.float32) - 7
+    system, twin = naive.neighbours(lab, kept, contrast), values.ravel().astype(np.float64)
+    for _ in range(steps):
+        twin = (kept * values.ravel() - (system - np.diag(np.diag(system))) @ twin) / np.diag(system)
+    found = made(inside.shape, _core.evidence_diffuse, values, lab, kept, contrast, steps)
+    np.testing.assert_allclose(found.ravel(), twin, rtol=0, atol=1e-4)  # single precision, values up to 7
+
+
+def test_diffusion_ends_where_the_energy_is_least() -> None:
+    lab = np.random.default_rng(5).normal(50, 3, (3, 7, 9)).astype(np.float32)
+    values = np.zeros((7, 9), np.float32)
+    values[2:4, 3:6] = 5
+    least = np.linalg.solve(naive.neighbours(lab, 0.2, 4.0), 0.2 * values.ravel().astype(np.float64))
+    found = made((7, 9), _core.evidence_diffuse, values, lab, 0.2, 4.0, 1000)
+    np.testing.assert_allclose(found.ravel(), least, rtol=0, atol=1e-4)

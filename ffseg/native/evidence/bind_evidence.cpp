@@ -4,6 +4,7 @@
 
 #include "bindings.hpp"
 #include "evidence/blur.hpp"
+#include "evidence/diffuse.hpp"
 #include "evidence/flood.hpp"
 #include "evidence/forest.hpp"
 #include "evidence/lab.hpp"
@@ -116,6 +117,17 @@ void py_likelihood(const InPlanes& lab, const Region& inside, OutPlane out) {
     evidence::likelihood_ratio(lab.data(), inside.data(), size, out.data());
 }
 
+void py_diffuse(const InPlane& values, const InPlanes& lab, double kept, double contrast, int steps, OutPlane out) {
+    const Size size = size_of(values), colour = check_planes(lab, 3);
+    require(size.height == colour.height && size.width == colour.width, "the arrays differ in size");
+    check_same(out, size);
+    require(kept >= 1e-6 && kept <= 1e6, "the weight is out of range");
+    require(contrast >= 1e-3 && contrast <= 1e6, "the contrast is out of range");
+    require(steps >= 0 && steps <= 10000, "the number of steps is out of range");
+    nb::gil_scoped_release release;
+    evidence::diffuse(values.data(), lab.data(), size, {kept, contrast, steps}, out.data());
+}
+
 void py_barrier(const InPlane& heights, const Region& inside, double step, OutPlanes out) {
     const Size size = size_of(heights), target = check_planes(out, evidence::kBarrierPlanes);
     require(size.height == target.height && size.width == target.width, "the arrays differ in size");
@@ -179,6 +191,8 @@ void bind_evidence(nb::module_& m) {
           "L, a, b less their means inside, and their length over deviation inside + floor.");
     m.def("evidence_likelihood", &py_likelihood, "lab"_a, "inside"_a, "out"_a,
           "Logarithm of how much likelier a pixel's colour is inside than in the whole plane.");
+    m.def("evidence_diffuse", &py_diffuse, "values"_a, "lab"_a, "kept"_a, "contrast"_a, "steps"_a, "out"_a,
+          "Smoothing that stops at edges: Jacobi's method for Grady's random walker with priors.");
     m.def("evidence_barrier", &py_barrier, "heights"_a, "inside"_a, "step"_a, "out"_a,
           "Least maximum of the heights on a way from inside; its logarithm over the median inside; shares of pixels "
           "at or "

@@ -1,0 +1,138 @@
+"""Cameras that see a scene: perspective ones at a robot's or a car's height, mirrors and fisheyes looking down."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from tests.campaigns.places.rays import GROUND, Scene, shaded
+from tests.campaigns.places.skins import Array, colour
+
+Generator = np.random.Generator
+
+LONGEST = 380
+"""Pixels a side: about what the features are made at."""
+
+CLEAR_OF_CAMERA = 0.25
+"""Metres round the camera that no box reaches."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """Where it stands, its (H, W, 3) rays, and, under a mirror, the distance of each pixel from its middle in radii."""
+
+    origin: Array
+    rays: Array
+    radii: Array | None = None
+
+
+def perspective(rng: Generator, *, road: bool) -> Camera:
+    """At 0.1 to 1.7 m on a robot, at 0.9 to 1.8 m in a car."""
+    width = int(rng.integers(220, 400))
+    shape = rng.choice([0.75, 0.5625, 0.6, 1.6], p=[0.6, 0.3, 0.1, 0] if road else [0.35, 0.35, 0.2, 0.1])
+    height = int(width * shape)
+    if height > LONGEST:
+        width, height = int(width * LONGEST / height), LONGEST
+    focal = width * rng.uniform(0.5, 1.2) if width >= height else height * rng.uniform(0.5, 1)
+    pitch, yaw = (rng.uniform(-0.03, 0.2), rng.normal(0, 0.1)) if road else (rng.uniform(0, 0.6), rng.normal(0, 0.3))
+    roll = rng.normal(0, 0.02)
+    up = rng.uniform(0.9, 1.8) if road else rng.choice([rng.uniform(0.12, 0.5), rng.uniform(0.5, 1.7)])
+    y, x = np.mgrid[:height, :width]
+    rays = np.stack([np.ones(y.shape), (width / 2 - x) / focal, (height / 2 - y) / focal], -1)
+    rays = rays @ _turn(roll, 1, 2).T @ _turn(-pitch, 0, 2).T @ _turn(yaw, 0, 1).T
+    return Camera(np.array([0, 0, up]), rays / np.linalg.norm(rays, axis=2)[..., None])
+
+
+def _turn(angle: float, one: int, other: int) -> Array:
+    """Rotation in the plane of two axes."""
+    found = np.eye(3)
+    found[[one, other], [one, other]] = np.cos(angle)
+    found[one, other], found[other, one] = -np.sin(angle), np.sin(angle)
+    return found
+
+
+def mirror(rng: Generator) -> Camera:
+    """Under a mirror (unified sphere model) or a fisheye (angle in proportion to the radius), looking down."""
+    height = int(rng.integers(260, 420))
+    width = int(height * rng.choice([1, 4 / 3]))
+    rim, widest, xi = height * rng.uniform(0.42, 0.56), rng.uniform(1.2, 1.9), rng.uniform(0.6, 1.1)
+    middle = np.array([width, height]) / 2 + rng.normal(0, height * 0.02, 2)
+    y, x = np.mgrid[:height, :width]
+    right, down = (x - middle[0]) / rim, (y - middle[1]) / rim
+    radii = np.hypot(right, down)
+    if rng.random() < 0.6:
+        m = radii * np.sin(widest) / (np.cos(widest) + xi)
+        lift = (xi + np.sqrt(np.maximum(1 + (1 - xi * xi) * m * m, 0))) / (1 + m * m)
+        angle = np.arctan2(lift * m, lift - xi)
+    else:
+        angle = radii * widest
+    turn = np.arctan2(down, right)
+    rays = np.stack([np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), -np.cos(angle)], -1)
+    return Camera(np.array([0, 0, rng.uniform(0.5, 1.8)]), rays, radii)
+
+
+def photographed(scene: Scene, camera: Camera, rng: Generator, *, road: bool) -> tuple[Array, Array]:
+    """The picture, (H, W, 3) bytes, and which pixels show the ground."""
+    shape = camera.rays.shape[:2]
+    found, hits = shaded(scene, camera.origin, camera.rays.reshape(-1, 3), rng)
+    light, ground = np.maximum(found, 0).reshape(*shape, 3), (hits.index == GROUND).reshape(shape)
+    if camera.radii is not None:
+        _housing(light, ground, camera.radii, rng)
+        lit = camera.radii <= 1
+    else:
+        lit = np.ones(shape, np.bool_)
+        _vignette(light, rng)
+        if road and rng.random() < 0.5:
+            _bonnet(light, ground, rng)
+    light = light * (1 + rng.normal(0, 0.06, 3)) / (np.median(light[lit]) + 1e-3) * rng.uniform(0.1, 0.45)
+    if road and ground.any() and rng.random() < 0.5:
+        light = light * rng.uniform(0.02, 0.15) / (np.median(light[ground]) + 1e-3)
+    return developed(light, rng, hazy=True), ground
+
+
+def _vignette(light: Array, rng: Generator) -> None:
+    height, width = light.shape[:2]
+    y, x = np.mgrid[:height, :width]
+    away = np.hypot(y - height / 2, x - width / 2) / np.hypot(height / 2, width / 2)
+    light *= (1 - rng.uniform(0, 0.35) * away**2)[..., None]
+
+
+def _housing(light: Array, ground: Array, radii: Array, rng: Generator) -> None:
+    """The dark round a mirror, the camera's own image in its middle, sometimes a rod across."""
+    light *= (1 - rng.uniform(0, 0.5) * np.clip(radii, 0, 1) ** 2)[..., None]
+    height, width = radii.shape
+    hidden = [(radii > 1, 0.06), (radii < rng.uniform(0.05, 0.22), 0.3)]
+    if rng.random() < 0.4:
+        turn, (y, x) = rng.uniform(0, np.pi), np.mgrid[:height, :width]
+        across = abs((x - width / 2) * np.sin(turn) - (y - height / 2) * np.cos(turn))
+        hidden.append(((across < rng.uniform(2, 6)) & (radii < 1), 0.2))
+    for region, brightest in hidden:
+        light[region] = rng.uniform(0, brightest)
+        ground &= ~region
+
+
+def _bonnet(light: Array, ground: Array, rng: Generator) -> None:
+    """The car's own bonnet at the lower border."""
+    height, width = ground.shape
+    y, x = np.mgrid[:height, :width]
+    own = y > height * (rng.uniform(0.88, 0.97) + 0.04 * (2 * x / width - 1) ** 2)
+    light[own] = colour(rng, (0.03, 0.6), 0.4) * rng.uniform(0.5, 1.2)
+    ground &= ~own
+
+
+def developed(light: Array, rng: Generator, *, hazy: bool = False) -> Array:
+    """What a camera makes of that light: a tone curve, haze, blur, noise, compression; bytes."""
+    found = 1 - np.exp(-1.6 * light) if rng.random() < 0.5 else np.clip(light, 0, 1)
+    found = np.clip(found, 0, 1) ** (1 / rng.uniform(1.3, 2.2))
+    if hazy and rng.random() < 0.2:
+        veil = rng.uniform(0.05, 0.6)
+        found = veil + (1 - veil) * found
+    found = cv2.GaussianBlur(found.astype(np.float32), (0, 0), float(rng.uniform(0.5, 1.1)))
+    found = found + rng.normal(0, rng.uniform(0.002, 0.015), found.shape)
+    levels = np.clip(found * 255, 0, 255).astype(np.uint8)
+    if rng.random() < 0.75:
+        packed = cv2.imencode(".jpg", levels, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(50, 95))])[1]
+        levels = np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), np.uint8)
+    return levels
