@@ -42,6 +42,11 @@ def evidence_likelihood(lab: Annotated[NDArray[numpy.float32], dict(shape=(None,
     Logarithm of how much likelier a pixel's colour is inside than in the whole plane.
     """
 
+def evidence_diffuse(values: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], lab: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], kept: float, contrast: float, steps: int, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    Smoothing that stops at edges: Jacobi's method for Grady's random walker with priors.
+    """
+
 def evidence_barrier(heights: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], step: float, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
     """
     Least maximum of the heights on a way from inside; its logarithm over the median inside; shares of pixels at or below it, at it, and about at it.

@@ -4,7 +4,6 @@
 
 #include "bindings.hpp"
 #include "evidence/blur.hpp"
-#include "evidence/diffuse.hpp"
 #include "evidence/flood.hpp"
 #include "evidence/forest.hpp"
 #include "evidence/lab.hpp"
