@@ -79,8 +79,12 @@ def discover(inputs: Sequence[str]) -> list[Source]:
                 f"{printable(text)} holds no image; hidden files, outputs of ffseg and folders below with a file "
                 f"{SKIP_FILE} are left out, and images in a folder need one of the suffixes {_READ}"
             )
+        places: dict[str, str] = {}  # of archives: their members need not ask the disk each
         for source in sources:
-            found.setdefault((_identity_of(source), source.name), replace(source, place=place))
+            identity = places.get(source.path) or _identity_of(source)
+            if source.span is not None:
+                places[source.path] = identity
+            found.setdefault((identity, source.name), replace(source, place=place))
     return list(found.values())
 
 

@@ -296,11 +296,8 @@ def _ignores_case(folder: str) -> bool:
 
 
 def _refuse_outputs_over_inputs(plan: Plan) -> None:
-    inputs = {}
-    for job in plan.jobs:
-        for path in (job.source.path, job.truth, job.evidence, job.domain):
-            inputs[_identity(path) if path else None] = path
-    inputs.pop(None, None)
+    read = {path for job in plan.jobs for path in (job.source.path, job.truth, job.evidence, job.domain)}
+    inputs = {_identity(path) for path in read - {""}} - {None}
     for job in plan.jobs[:1] if plan.tars else plan.jobs:
         for output in plan.written(job):
             path = os.path.join(plan.out, output)

@@ -16,6 +16,7 @@ from ffseg.batch.executors.choice import Choice
 from ffseg.batch.inputs.listing import listed
 from ffseg.batch.inputs.reading import read_input
 from ffseg.batch.jobs import make_plan
+from ffseg.batch.outputs.table import Wanted
 from ffseg.batch.runner import Options
 from ffseg.errors import ImageReadError, UsageError
 
@@ -50,6 +51,25 @@ def test_a_tar_file_is_run_like_the_folder_it_was_made_of(images: Path, tmp_path
     assert (again.unchanged, again.done) == (2, 2)
     made = snapshot(tmp_path / "tar")
     assert made["masks/b/a9.png"] == made["masks/c.png"]
+
+
+def test_the_disk_is_asked_once_for_an_archive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make_images(tmp_path / "in", [f"{index}.png" for index in range(50)])
+    archive = packed(tmp_path / "in", tmp_path / "all.tar", sorted(os.listdir(tmp_path / "in")))
+    asked: list[object] = []
+
+    def counting(real):
+        def call(path, *arguments, **options):
+            if str(path) == str(archive):
+                asked.append(path)
+            return real(path, *arguments, **options)
+
+        return call
+
+    for name in ("stat", "lstat"):
+        monkeypatch.setattr(os, name, counting(getattr(os, name)))
+    assert len(make_plan([str(archive)], str(tmp_path / "out"), wanted=Wanted(pack=True)).jobs) == 50
+    assert len(asked) < 10, "however many members it has"
 
 
 def test_members_stay_inside_the_output_folder(images: Path, tmp_path: Path) -> None:
