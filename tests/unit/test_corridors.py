@@ -27,6 +27,10 @@ def test_settling_follows_the_curve_where_samples_are_few(seed: int) -> None:
     assert corridors.passage(seed).faults == ()
 
 
+def test_a_curve_of_high_degree_does_not_oscillate_through_a_wall() -> None:
+    assert corridors.passage(8833).faults == ()  # degree 6
+
+
 @pytest.mark.parametrize("seed", GAPS)
 def test_gaps_leak_from_one_width_on(seed: int) -> None:
     assert corridors.gap(seed).faults == ()

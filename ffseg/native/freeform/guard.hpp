@@ -98,7 +98,7 @@ template <int D>
 bool hold_patch(Contour<D>& contour, int i) {
     bool stopped = false;
     for (int tries = 0; tries <= D; ++tries) {
-        const int k = first_hit<false>(contour, i);
+        const int k = first_hit<(D > 3)>(contour, i);  // curves of higher degree oscillate before they are repaired
         if (k < 0) break;
         stopped = true;
         const bool left = put_back(contour, i, k), right = put_back(contour, i, k + 1);
