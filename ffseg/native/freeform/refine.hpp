@@ -122,7 +122,7 @@ void resample_evenly(Contour<D>& contour, int i, const Chords& chords) {
 
 // Is the control polygon much longer than the polygon of samples: does the curve oscillate about jittering samples?
 template <int D>
-bool oscillates(const Contour<D>& contour, int i, double size) {
+FFSEG_INLINE bool oscillates(const Contour<D>& contour, int i, double size) {
     const Patch<D>& patch = contour[i];
     double polygon = 0.0, squares = 0.0;
     for (int k = 0; k < D; ++k) squares += norm2(patch.control[k + 1] - patch.control[k]);
@@ -161,7 +161,7 @@ bool passed_itself(const Contour<D>& contour, int i) {
 
 // Prunes a patch that has become short or has run over itself, else lays the latter on its chord. True if it is gone.
 template <int D>
-bool prune_short(Contour<D>& contour, int i, double size) {
+FFSEG_INLINE bool prune_short(Contour<D>& contour, int i, double size) {
     const Patch<D>& patch = contour[i];
     const double shortest = patch.near_edges ? D * kPruneSpacing : kPruneRatio * contour.options.split_threshold;
     if (size < shortest && prune(contour, i)) return true;
@@ -175,7 +175,7 @@ bool prune_short(Contour<D>& contour, int i, double size) {
 // Reduces the degree of a curve that oscillates. Near edges it would do so again and for ever: then it needs more
 // samples, or is held.
 template <int D>
-void damp(Contour<D>& contour, int i, double size) {
+FFSEG_INLINE void damp(Contour<D>& contour, int i, double size) {
     if (D <= 2 || !oscillates(contour, i, size)) return;
     reduce_degree(contour, i);
     Patch<D>& patch = contour[i];
@@ -191,7 +191,7 @@ void damp(Contour<D>& contour, int i, double size) {
 
 // Splits a patch that is too long (Algorithm 2), or that an edge has stopped: samples put back may pass then.
 template <int D>
-void split_if_needed(Contour<D>& contour, int i) {
+FFSEG_INLINE void split_if_needed(Contour<D>& contour, int i) {
     const Patch<D>& patch = contour[i];
     if (too_long(contour, i) && (!patch.near_edges || patch.budget > 0)) {
         if (patch.near_edges) --contour[i].budget;

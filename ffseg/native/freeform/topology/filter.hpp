@@ -88,7 +88,7 @@ bool compare_with_all(Contour<D>& contour, Visit visit) {
         const int i = contour.active[at], prev = contour[i].prev, next = contour[i].next;
         const Box box = contour.box(i);
         for (int j = 0; j < count; ++j) {
-            if (!(box.meets(contour.box(j)) & (j != i) & (j != prev) & (j != next))) continue;
+            if (!box.meets(contour.box(j)) || j == i || j == prev || j == next) continue;
             if (!visit(i, j)) continue;
             any = true;
             break;
