@@ -3,8 +3,8 @@
 Run ``python -m tests.campaigns.learning --data DATA [--sets road,real_floors/indoor] [--masks 1,3,5,10] [--draws 5]``.
 DATA (or FFSEG_DATA) holds the folders of `real_images.SETS`. ``road`` is learned at even places of the sorted names and
 tested at odd ones; of the other sets some images are drawn to learn from, and the rest is tested. Each figure is the mean
-over the draws of the mean IoU of the contour. ``--tune SECONDS`` tunes settings on the same masks instead. ``--times``
-compares the parts of using a model with LightGBM's own prediction, in ms of processor time.
+over the draws of the mean IoU of the contour. ``--times`` compares the parts of using a model with LightGBM's own
+prediction, in ms of processor time.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ from statistics import mean, median, pstdev
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.learning.gather import Labelled
-from ffseg.batch.learning.tune import Bench, tune
 from ffseg.evidence.features import KNOWN
 from ffseg.evidence.forest import Model
 from ffseg.evidence.learning import RATE, SETTINGS, TREES, Example, Samples, learn, samples
@@ -47,9 +45,6 @@ def main() -> int:
         if not photographs:
             say(f"skipped: {folder} is not in {options.data}; name the folder with --data or FFSEG_DATA")
             continue
-        if options.tune:
-            tuning(photographs, [int(number) for number in options.masks.split(",")], options)
-            continue
         chosen = [samples(Example(p.image, p.truth, start_of(p), p.circle[2])) for p in photographs]
         evaluate(photographs, chosen, [int(number) for number in options.masks.split(",")], options.draws)
         if options.times:
@@ -64,9 +59,6 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--sets", default="road,real_floors/indoor", help="folders separated by commas")
     parser.add_argument("--masks", default="1,3,5,10", help="numbers of masks to learn from")
     parser.add_argument("--draws", type=int, default=5, help="random choices of masks at each number")
-    parser.add_argument(
-        "--tune", type=float, default=0.0, metavar="SECONDS", help="tune settings for so long each time"
-    )
     parser.add_argument("--times", action="store_true", help="measure what using a model costs")
     return parser.parse_args()
 
@@ -76,12 +68,6 @@ def start_of(photograph: Photograph) -> NDArray[np.bool_]:
     x, y, radius = photograph.circle
     rows, columns = np.indices(photograph.truth.shape, sparse=True)
     return np.asarray((columns - x) ** 2 + (rows - y) ** 2 <= radius**2)
-
-
-def labelled_of(photograph: Photograph) -> Labelled:
-    """What ``ffseg learn`` would have read of it."""
-    params = photograph.placed(load_params())
-    return Labelled(photograph.name, photograph.image, photograph.truth, params, start_of(photograph))
 
 
 def evaluate(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks: Sequence[int], draws: int) -> None:
@@ -102,23 +88,6 @@ def evaluate(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks
         goal = GOALS.get((folder, number))
         wanted = f", wanted {goal}" if goal else ""
         say(f"{folder}: {number} masks: {mean(found):.3f} (spread of the draws {pstdev(found):.3f}){wanted}")
-
-
-def tuning(photographs: Sequence[Photograph], masks: Sequence[int], options: argparse.Namespace) -> None:
-    """Say how the rest of a set does with tuned settings, beside the defaults."""
-    folder, count = photographs[0].folder, len(photographs)
-    labelled = [labelled_of(one) for one in photographs]
-    pool = list(range(0, count, 2)) if folder == "road" else list(range(count))
-    for number in masks:
-        rng = np.random.default_rng(1)
-        for _ in range(options.draws if number < min(len(pool), count) else 0):
-            drawn = sorted(rng.choice(pool, number, replace=False).tolist())
-            rest = range(1, count, 2) if folder == "road" else [i for i in range(count) if i not in drawn]
-            found, bench = tune([labelled[i] for i in drawn], options.tune, lambda _: None), Bench(labelled)
-            plain, tuned = (mean(bench.overlap(i, setting) for i in rest) for setting in ({}, found.setting))
-            say(
-                f"{folder}: {number} masks: default {plain:.3f}, tuned {tuned:.3f} ({found.tried} settings) {found.setting}"
-            )
 
 
 def overlap(one: Photograph, model: Model | None) -> float:

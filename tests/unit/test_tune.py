@@ -15,7 +15,7 @@ import pytest
 from ffseg.batch.learning.gather import gather
 from ffseg.batch.learning.page import to_html, to_yaml, told
 from ffseg.batch.learning.space import applied, halton, settings
-from ffseg.batch.learning.tune import Trial, Tuned, _better, _left_out, _sensitivity, before_and_after, tune
+from ffseg.batch.learning.tune import Trial, Tuned, _better, _left_out, _sensitivity, _worth, before_and_after, tune
 from ffseg.parameters import load_params
 
 SHAPE = (90, 130)
@@ -65,7 +65,8 @@ def test_tuning_passes_the_lines_that_masks_pass(tmp_path: Path) -> None:
     assert min(found["left_out"]) > 0.9
     assert found["setting"]
     params = load_params(str(folder / "mine.yaml"), SET)
-    assert params.edges.canny == tuple(found["setting"]["edges.canny"])
+    canny, sigma = (found["setting"][key] for key in ("edges.canny", "edges.sigma"))
+    assert (params.edges.canny, params.edges.sigma) == (canny if canny == "auto" else tuple(canny), sigma)
     text = (folder / "mine.yaml").read_text()
     assert "best on the others" in text
     page = (folder / "tune.html").read_text()
@@ -107,9 +108,25 @@ def test_an_image_is_measured_with_what_is_best_on_the_others() -> None:
     )  # the others of 0 speak for the second, those of 1 and 2 for the first
 
 
+def test_thresholds_in_grey_levels_must_be_better_by_a_handicap() -> None:
+    free, fixed = ({"edges.canny": value} for value in ("auto", (2.0, 4.0)))
+    little, much = (Trial(fixed, dict.fromkeys(range(3), value)) for value in (0.55, 0.65))
+    none = Trial(free, dict.fromkeys(range(3), 0.5))
+    assert max([none, little], key=_worth) is none
+    assert max([none, much], key=_worth) is much
+    assert _left_out([none, little], 3) == (0.5, 0.5, 0.5)
+    assert _left_out([none, much], 3) == (0.65, 0.65, 0.65)
+
+
 @pytest.mark.parametrize(
     ("gains", "better"),
-    [((0.3, 0.3, 0.3), True), ((0.1, 0.1, 0.1), False), ((0.9, -0.1, -0.1), False), ((0.3, 0.2, 0.05), True)],
+    [
+        ((0.3, 0.3, 0.3), True),
+        ((0.05, 0.05, 0.05), False),
+        ((0.1, 0.1, 0.1), True),
+        ((0.9, -0.1, -0.1), False),
+        ((0.3, 0.2, 0.05), True),
+    ],
 )
 def test_a_gain_must_be_above_the_noise(gains: tuple[float, ...], better: bool) -> None:
     plain = Trial({}, dict.fromkeys(range(3), 0.5))
@@ -122,6 +139,14 @@ def test_sensitivity_is_the_span_of_the_means() -> None:
     trials = [Trial({}, {0: 1.0, 1: 1.0}), Trial({"a": 1, "b": 1}, {0: 0.2, 1: 0.4}),
               Trial({"a": 2, "b": 1}, {0: 0.8, 1: 0.8}), Trial({"a": 2, "b": 2}, {0: 0.6})]  # fmt: skip
     assert dict(_sensitivity(trials)) == pytest.approx({"a": 0.5, "b": 0.0})
+
+
+def test_thresholds_survive_their_file(tmp_path: Path) -> None:
+    setting = {"edges.source": "gradient", "edges.canny": (2.5, 5.0), "contour.clearance": 6.0}
+    path = tmp_path / "mine.yaml"
+    path.write_text(to_yaml(Tuned(setting, setting, (0.5, 0.5), (0.9, 0.9), (0.9, 0.9), (), 3, 1.0)))
+    params = load_params(str(path))
+    assert (params.edges.source, params.edges.canny, params.contour.clearance) == ("gradient", (2.5, 5.0), 6.0)
 
 
 def test_one_image_says_nothing_of_others() -> None:

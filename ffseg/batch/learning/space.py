@@ -19,6 +19,7 @@ AUTO_SHARE = 0.2
 """Part of the settings that leave the thresholds to the image."""
 
 BASES = (2, 3, 5, 7)
+THRESHOLDS = "edges.canny"
 SHARED = "gradient"
 """The edge source whose maps many settings share; one that chooses for itself would not ask for the thresholds."""
 
@@ -51,7 +52,7 @@ def settings() -> Iterator[Setting]:
         high = HIGHS[int(first * len(HIGHS))]
         setting: Setting = {
             "edges.source": SHARED,
-            "edges.canny": "auto" if third < AUTO_SHARE else (high / 2, high),
+            THRESHOLDS: "auto" if third < AUTO_SHARE else (high / 2, high),
             "edges.sigma": SIGMAS[int(second * len(SIGMAS))],
             "contour.clearance": CLEARANCES[int(fourth * len(CLEARANCES))],
         }

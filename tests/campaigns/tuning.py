@@ -1,0 +1,115 @@
+"""What ``ffseg tune`` makes of a few masks, beside the defaults and the one setting that is best on the images it has not seen.
+
+Run ``python -m tests.campaigns.tuning --priors DIR [--data DATA] [--sets a,b] [--masks 3] [--draws 3] [--budget 10]``.
+DATA (or FFSEG_DATA) holds the folders of `real_images.SETS`. The prior that comes with ffseg has seen these images: each set
+is segmented with one made of the other sets, which is written to DIR and used again. ``edges.source: auto`` with that prior
+is the default that tuning has to beat. The best setting is looked for among the first ``--settings`` that tuning would try,
+the defaults included, by its mean on the rest itself: no tuning can know it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from itertools import islice
+from pathlib import Path
+from statistics import mean
+
+import numpy as np
+
+from ffseg.batch.learning.gather import Labelled
+from ffseg.batch.learning.space import Setting, settings
+from ffseg.batch.learning.tune import Bench, tune
+from ffseg.evidence import prior
+from ffseg.evidence.forest import to_bytes
+from ffseg.formats.files import write_bytes_atomic
+from ffseg.formats.images import single_thread
+from ffseg.parameters import load_params
+from tests.campaigns import learn_prior
+from tests.campaigns.learning import start_of
+from tests.campaigns.real_images import SETS, Photograph, load
+
+SHARE_OF_BEST, MOST_LOST = 0.95, 0.01
+"""Wanted: this part of the mean of the best setting, and no more than this below the defaults."""
+
+
+def main() -> int:
+    """Run the campaign; 0 also when the images are absent, 1 where a goal is missed."""
+    options = _options()
+    single_thread()
+    everything = list(load(options.data, list(SETS)))
+    missed = 0
+    for folder in options.sets.split(","):
+        photographs = [one for one in everything if one.folder == folder]
+        if not photographs:
+            say(f"skipped: {folder} is not in {options.data}; name the folder with --data or FFSEG_DATA")
+            continue
+        _use_prior(folder, everything, options.priors)
+        missed += tuned_set([labelled_of(one) for one in photographs], folder, options)
+    return 1 if missed else 0
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("FFSEG_DATA", beside)), help="image sets")
+    parser.add_argument("--priors", type=Path, required=True, help="folder of the priors made without a set")
+    parser.add_argument("--sets", default=",".join(SETS), help="folders separated by commas")
+    parser.add_argument("--masks", type=int, default=3, help="masks to tune on")
+    parser.add_argument("--draws", type=int, default=3, help="random choices of masks")
+    parser.add_argument("--budget", type=float, default=10.0, help="seconds of each tuning")
+    parser.add_argument("--settings", type=int, default=72, help="settings among which the best is looked for")
+    return parser.parse_args()
+
+
+def labelled_of(photograph: Photograph) -> Labelled:
+    """What ``ffseg tune`` would have read of it."""
+    params = photograph.placed(load_params())
+    return Labelled(photograph.name, photograph.image, photograph.truth, params, start_of(photograph))
+
+
+def _use_prior(folder: str, everything: Sequence[Photograph], priors: Path) -> None:
+    path = priors / f"without-{folder.replace('/', '-')}.ffmodel"
+    if not path.is_file():
+        made = learn_prior.grow([one for one in everything if one.folder != folder], f"without {folder}")
+        write_bytes_atomic(path, to_bytes(made))
+    prior.MODEL = path
+    prior._model.cache_clear()
+
+
+def tuned_set(labelled: Sequence[Labelled], folder: str, options: argparse.Namespace) -> int:
+    """Say the figures of one set; how many goals were missed."""
+    bench, count = Bench(labelled), len(labelled)
+    tried: list[Setting] = [{}, *islice(settings(), options.settings)]
+    table = np.array([[bench.overlap(number, setting) for number in range(count)] for setting in tried])
+    rng, rows = np.random.default_rng(1), []
+    for _ in range(options.draws):
+        drawn = sorted(rng.choice(count, min(options.masks, count - 1), replace=False).tolist())
+        rest = [number for number in range(count) if number not in drawn]
+        found = tune([labelled[number] for number in drawn], options.budget, lambda _: None)
+        own = mean(bench.overlap(number, found.setting) for number in rest)
+        best = int(table[:, rest].mean(axis=1).argmax())
+        rows.append((float(table[0, rest].mean()), own, float(table[best, rest].mean())))
+        say(
+            f"  {folder} {drawn}: {found.tried} settings in {found.seconds:.0f} s, {found.setting or 'kept'}; best {tried[best]}"
+        )
+    plain, own, best_mean = (mean(column) for column in zip(*rows, strict=True))
+    goals = {
+        f"{SHARE_OF_BEST:.0%} of the best": own >= SHARE_OF_BEST * best_mean,
+        "the default": own >= plain - MOST_LOST,
+    }
+    said = ", ".join(f"{name} {'reached' if met else 'MISSED'}" for name, met in goals.items())
+    say(f"{folder}, {options.masks} masks: default {plain:.3f}, tuned {own:.3f}, best setting {best_mean:.3f}: {said}")
+    return sum(not met for met in goals.values())
+
+
+def say(text: str) -> None:
+    """Print a figure."""
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
