@@ -148,6 +148,15 @@ def test_a_cluster_of_this_machine_is_started_where_none_is_named(tmp_path: Path
     assert not children.exists() or not children.read_text().split(), "no worker process is left behind"
 
 
+def test_a_stopped_run_waits_for_no_image(tmp_path: Path) -> None:
+    make_images(tmp_path / "in", NAMES, {NAMES[10]: stand_in.HANG})  # the first of the second worker
+    how = {"executor": Choice("dask"), "num_workers": 2}
+    assert run_batch(tmp_path / "in", tmp_path / "out", observer=Silent(last=10), **how).signal == 15
+    assert dask._busy == set(), "whoever waited for it has heard that it ended"
+    children = Path(f"/proc/self/task/{os.getpid()}/children")
+    assert not children.exists() or not children.read_text().split(), "no worker process is left behind"
+
+
 def test_chunks_become_smaller_as_less_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sizes: list[int] = []
     real = dask.Dask._submit

@@ -186,6 +186,9 @@ class Dask:
     def close(self) -> None:
         """As `Executor.close`; what workers have written down of unfinished chunks is found by the next run."""
         self._chunks.end()
+        if self._cluster is not None:  # an image may take long, and nobody wants it
+            for held in list(_busy):
+                held.executor.interrupt()
         with contextlib.suppress(Exception):  # a scheduler that is gone cannot be told
             self._client.cancel(list(self._waiting), force=True)
         with contextlib.suppress(Exception):
@@ -310,6 +313,8 @@ class _Held:
 
 _idle: dict[str, list[_Held]] = {}
 """Worker processes between chunks, by what they are set up for: starting them takes as long as forty images."""
+_busy: set[_Held] = set()
+"""Worker processes that work on a chunk."""
 _lock = threading.Lock()
 
 
@@ -328,12 +333,15 @@ def _processes(order: Order) -> Iterator[_Held]:
     with _lock:
         idle = _idle.setdefault(order.key, [])
         held = idle.pop() if idle else _Held(Processes(order.setup, 1, order.timeout))
+        _busy.add(held)
     _forget(order.key)
     try:
         yield held
     except BaseException:
         held.executor.close()
         raise
+    finally:
+        _busy.discard(held)
     if held.executor.room() < IN_HAND:  # it has something to do still: the chunk is no longer wanted
         held.executor.close()
         return

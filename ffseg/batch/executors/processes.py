@@ -140,6 +140,11 @@ class Processes:
         for worker in list(self._workers):
             self._drop(worker)
 
+    def interrupt(self) -> None:
+        """Kill every worker; to be called from any thread: whoever waits for replies hears of it as of a crash."""
+        for worker in list(self._workers):
+            worker.process.handle.kill()
+
     def _hand_out(self) -> None:
         while self._waiting and (worker := self._next_worker()) is not None:
             worker.give(self._waiting.popleft())
