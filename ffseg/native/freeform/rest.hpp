@@ -98,15 +98,14 @@ bool slide(Contour<D>& contour, int i) {
         {{0.866, 0.5}, {0.866, -0.5}, {0.5, 0.866}, {0.5, -0.866}}};  // 30 and 60 degrees
     Patch<D>& patch = contour[i];
     bool any = false;
+    Points<D> points = contour.samples(i);
     for (int k = 0; k < D; ++k) {
-        const Points<D> points = contour.samples(i);
         const double ahead = norm2(points[k + 1] - points[k]);
         const Vec2 last = k > 0 ? points[k - 1] : contour[patch.prev].m[D - 1];
         const double behind = norm2(points[k] - last);
         const bool is_tip = std::min(ahead, behind) <= kTipChord * kTipChord;
-        const Vec2 slope = apply<D>(kBasis<D>.slope[k], points);
-        if (!is_tip && k > 0 && norm2(slope) > 0) continue;
-        const Vec2 leaving = unit(slope);
+        if (!is_tip && k > 0) continue;  // the curve does not turn there
+        const Vec2 leaving = unit(apply<D>(kBasis<D>.slope[k], points));
         const Vec2 arriving = k > 0 ? leaving : unit(apply<D>(kBasis<D>.slope[D], contour.samples(patch.prev)));
         if (!is_tip && dot(leaving, arriving) > kTipTurn) continue;
         const Vec2 tangent = unit(leaving + arriving), normal{tangent.y, -tangent.x};
@@ -123,6 +122,7 @@ bool slide(Contour<D>& contour, int i) {
                 patch.m[k] = kept;
                 continue;
             }
+            points[k] = to;
             any = true;
             break;
         }
