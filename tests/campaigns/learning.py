@@ -3,8 +3,8 @@
 Run ``python -m tests.campaigns.learning --data DATA [--sets road,real_floors/indoor] [--masks 1,3,5,10] [--draws 5]``.
 DATA (or FFSEG_DATA) holds the folders of `real_images.SETS`. ``road`` is learned at even places of the sorted names and
 tested at odd ones; of the other sets some images are drawn to learn from, and the rest is tested. Each figure is the mean
-over the draws of the mean IoU of the contour. ``--times`` compares the parts of using a model with LightGBM's own
-prediction, in ms of processor time.
+over the draws of the mean IoU of the contour. ``--rivals`` grows scikit-learn's forests on the same pixels. ``--times``
+compares the parts of using a model with LightGBM's own prediction, in ms of processor time.
 """
 
 from __future__ import annotations
@@ -20,10 +20,23 @@ from statistics import mean, median, pstdev
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence.features import KNOWN
+from ffseg.evidence.features import KNOWN, enlarged, features
 from ffseg.evidence.forest import Model
-from ffseg.evidence.learning import RATE, SETTINGS, TREES, Example, Samples, learn, samples
+from ffseg.evidence.learning import (
+    LEAST_IN_LEAF,
+    LEAVES_OF_AN_IMAGE,
+    PART,
+    RATE,
+    SETTINGS,
+    TAUGHT,
+    TREES,
+    Example,
+    Samples,
+    learn,
+    samples,
+)
 from ffseg.evidence.maps import evidence_edges
+from ffseg.evidence.openings import OPEN
 from ffseg.formats.images import single_thread
 from ffseg.image.edges import edge_map
 from ffseg.metrics import iou
@@ -47,6 +60,8 @@ def main() -> int:
             continue
         chosen = [samples(Example(p.image, p.truth, start_of(p), p.circle[2])) for p in photographs]
         evaluate(photographs, chosen, [int(number) for number in options.masks.split(",")], options.draws)
+        if options.rivals:
+            rivals(photographs, chosen, 5, options.draws)
         if options.times:
             costs(photographs[0], chosen[:5])
     return 0
@@ -59,6 +74,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--sets", default="road,real_floors/indoor", help="folders separated by commas")
     parser.add_argument("--masks", default="1,3,5,10", help="numbers of masks to learn from")
     parser.add_argument("--draws", type=int, default=5, help="random choices of masks at each number")
+    parser.add_argument("--rivals", action="store_true", help="compare with scikit-learn's forests, from five masks")
     parser.add_argument("--times", action="store_true", help="measure what using a model costs")
     return parser.parse_args()
 
@@ -79,20 +95,86 @@ def evaluate(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks
     for number in masks:
         if number > len(pool) or number >= count:
             continue
-        rng, found = np.random.default_rng(1), []
+        rng, found, elsewhere = np.random.default_rng(1), [], []
         for _ in range(1 if number == len(pool) else draws):
             drawn = sorted(rng.choice(pool, number, replace=False).tolist())
             model = learn([chosen[i] for i in drawn], searched=False)
             rest = range(1, count, 2) if folder == "road" else [i for i in range(count) if i not in drawn]
-            found.append(mean(overlap(photographs[i], model) for i in rest))
+            overlaps = {i: overlap(photographs[i], model) for i in rest}
+            found.append(mean(overlaps.values()))
+            seen = {place_of(photographs[i]) for i in drawn}
+            elsewhere += [value for i, value in overlaps.items() if place_of(photographs[i]) not in seen]
         goal = GOALS.get((folder, number))
         wanted = f", wanted {goal}" if goal else ""
         say(f"{folder}: {number} masks: {mean(found):.3f} (spread of the draws {pstdev(found):.3f}){wanted}")
+        if elsewhere:
+            say(f"  of these, at places of which no mask was given: {mean(elsewhere):.3f} ({len(elsewhere)} results)")
+
+
+def place_of(one: Photograph) -> str:
+    """Where it was taken, as its name tells; all frames of a street are one place."""
+    return one.folder if one.folder == "road" else one.name.partition("_")[0]
+
+
+def rivals(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks: int, draws: int) -> None:
+    """Say what scikit-learn's forests take to grow and how well they do, in LightGBM's place, on the same draws."""
+    folder, count = photographs[0].folder, len(photographs)
+    pool, rng = list(range(0, count, 2 if folder == "road" else 1)), np.random.default_rng(1)
+    spent: dict[str, list[float]] = {"LightGBM": [], "scikit-learn": []}
+    found: dict[str, list[float]] = {"LightGBM": [], "scikit-learn": []}
+    for _ in range(draws):
+        drawn = sorted(rng.choice(pool, masks, replace=False).tolist())
+        rest = range(1, count, 2) if folder == "road" else [i for i in range(count) if i not in drawn]
+        for name, grown in (("LightGBM", _own), ("scikit-learn", _histogram)):
+            begin = time.process_time()
+            says = grown([chosen[i] for i in drawn])
+            spent[name].append(time.process_time() - begin)
+            found[name].append(mean(contoured(photographs[i], says(photographs[i])) for i in rest))
+    for name, seconds in spent.items():
+        say(f"{folder}: {masks} masks: {name}: {mean(found[name]):.3f}, grown in {mean(seconds):.1f} s")
+
+
+Says = Callable[[Photograph], NDArray[np.float32]]
+
+
+def _own(chosen: Sequence[Samples]) -> Says:
+    model = learn(chosen, searched=False)
+    return lambda one: model.map(model.look(one.image, start_of(one)))
+
+
+def _histogram(chosen: Sequence[Samples]) -> Says:
+    """The mean of two forests, of which one does not see open ground, with the settings that both libraries have."""
+    from sklearn.ensemble import HistGradientBoostingClassifier
+
+    rows, labels = np.concatenate([one.rows for one in chosen]), np.concatenate([one.inside for one in chosen])
+    weights = np.concatenate([np.full(len(one.inside), 1 / len(one.inside)) for one in chosen])
+    least = max(LEAST_IN_LEAF, len(rows) // len(chosen) // LEAVES_OF_AN_IMAGE)
+    forests = []
+    for names in ([name for name in TAUGHT if name not in OPEN], TAUGHT):
+        columns = [KNOWN.index(name) for name in names]
+        forest = HistGradientBoostingClassifier(
+            learning_rate=RATE / PART, max_iter=round(PART * TREES), max_leaf_nodes=15, l2_regularization=5.0, max_bins=63,
+            min_samples_leaf=least, max_features=0.4, early_stopping=False, random_state=0,
+        )  # fmt: skip
+        forests.append((forest.fit(rows[:, columns], labels, weights / weights.mean()), columns))
+
+    def says(one: Photograph) -> NDArray[np.float32]:
+        seen = features(one.image, start_of(one), opened=True)
+        flat = seen.planes.reshape(len(KNOWN), -1).T
+        odds = np.mean([forest.decision_function(flat[:, columns]) for forest, columns in forests], axis=0)
+        probability = (1 / (1 + np.exp(-odds))).astype(np.float32).reshape(seen.inside.shape)
+        return enlarged(probability, seen.factor, seen.shape)
+
+    return says
 
 
 def overlap(one: Photograph, model: Model | None) -> float:
     """IoU of the contour from the start circle."""
-    evidence = None if model is None else model.map(model.look(one.image, start_of(one)))
+    return contoured(one, None if model is None else model.map(model.look(one.image, start_of(one))))
+
+
+def contoured(one: Photograph, evidence: NDArray[np.float32] | None) -> float:
+    """IoU of the contour that a map gives, or the defaults without one."""
     return iou(segment(one.image, one.placed(load_params()), evidence=evidence).mask, one.truth)
 
 
@@ -101,7 +183,7 @@ def costs(one: Photograph, chosen: Sequence[Samples]) -> None:
     import lightgbm
 
     begin = time.process_time()
-    model = learn(chosen)
+    model = learn(chosen, searched=False)
     say(f"growing from {len(chosen)} masks: {time.process_time() - begin:.1f} s")
     data = lightgbm.Dataset(chosen[0].rows, chosen[0].inside.astype(np.float32))
     booster = lightgbm.train({**SETTINGS, "learning_rate": RATE}, data, TREES)

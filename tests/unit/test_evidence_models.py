@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import csv
+import subprocess
+import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from tiny_onnx import pointwise
@@ -147,3 +151,27 @@ def test_sources_without_what_they_need_say_so() -> None:
         ffseg.segment(image, evidence=np.zeros((3, 3), np.float32))
     with pytest.raises(SegmentationError, match="from 0 to 1"):
         ffseg.segment(image, evidence=np.full(SHAPE, 7, np.float32))
+
+
+@pytest.mark.parametrize("command", ["run", "compare"])
+def test_commands_start_where_a_model_says_unless_a_file_does(command: str, forest: str, tmp_path: Path) -> None:
+    """Two red discs: the larger one is where a model starts, the smaller one is where the file does."""
+    image = np.full((*SHAPE, 3), (160, 90, 70), np.uint8)
+    small, large = disc(25, 30, 12), disc(90, 50, 25)
+    image[small | large] = (60, 70, 170)
+    for folder, content in (("in", image), ("large", large), ("small", small)):
+        (tmp_path / folder).mkdir()
+        cv2.imwrite(
+            str(tmp_path / folder / "a.png"), content if folder == "in" else content.astype(np.uint8) * np.uint8(255)
+        )
+    (tmp_path / "starts.csv").write_text("image,x,y,radius\na,25,30,4\n")
+    for truth, more in (("large", []), ("small", ["--starts", str(tmp_path / "starts.csv")])):
+        out = tmp_path / f"out-{truth}"
+        words = [command, str(tmp_path / "in"), "--truth", str(tmp_path / truth), "--out", str(out), *more]
+        words += ["--set", f"edges.model={forest}", *(["--methods", "freeform"] if command == "compare" else [])]
+        done = subprocess.run([sys.executable, "-m", "ffseg", *words], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        table = out / ("timings.csv" if command == "run" else "compare.csv")
+        with table.open(newline="", encoding="utf-8") as file:
+            (row,) = csv.DictReader(file)
+        assert float(row["iou"]) > 0.9
