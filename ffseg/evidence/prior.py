@@ -96,9 +96,9 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
     """
     model, native = _model()
     seen = features(exposed(image), starts, model.size)
-    planes = all_planes(seen)[:, ::STRIDE, ::STRIDE]
+    planes = all_planes(seen, STRIDE)
     score = np.empty(planes.shape[1:], np.float32)
-    native.score(np.ascontiguousarray(planes), score)
+    native.score(planes, score)
     odds = np.clip(score + np.float32(model.inside.bias), -CERTAIN, CERTAIN)
     smooth = np.empty_like(odds)
     lab = np.stack([seen[name][::STRIDE, ::STRIDE] for name in FINEST])
@@ -118,9 +118,10 @@ def exposed(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return found
 
 
-def all_planes(seen: Features) -> NDArray[np.float32]:
-    """The planes that the forest takes, in its order, shape (F, h, w): those of ``SEEN``, then the surroundings."""
-    return np.concatenate([seen.planes[[NAMES.index(name) for name in SEEN]], surroundings(seen)])
+def all_planes(seen: Features, stride: int = 1) -> NDArray[np.float32]:
+    """The planes that the forest takes, in its order, of every ``stride``-th pixel: those of ``SEEN``, the surroundings."""
+    own = seen.planes[:, ::stride, ::stride][[NAMES.index(name) for name in SEEN]]
+    return np.concatenate([own, surroundings(seen)[:, ::stride, ::stride]])
 
 
 def _between(odds: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
