@@ -114,6 +114,11 @@ class Region(Section):
     border: str = declared(
         "free", Text(("free", "outside")), "outside = the image's border lies outside the region, as round a thing"
     )
+    islands: bool = declared(
+        True,
+        Flag(),
+        "where the learned prior decides, parts as sure as the start's that lie apart from it are taken too",
+    )
 
 
 @dataclass(frozen=True, slots=True)

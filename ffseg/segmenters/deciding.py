@@ -102,7 +102,8 @@ def decide(run: Segmenter, view: View) -> Decision:
         starts &= view.domain > 0
     edges, evidence = with_prior(Scene(view.image, starts, view.params, view.domain), view.edges)
     known = perf_counter()
-    outcome = run(replace(view, edges=edges))
+    more = () if evidence is None else _islands(evidence.odds, starts, view)
+    outcome = run(replace(view, edges=edges, starts=(*view.starts, *more)))
     end = perf_counter()
     if evidence is None:
         return Decision(outcome, edges, "prior", 0.0, (known - begin) * 1e3, (end - known) * 1e3)
@@ -112,6 +113,19 @@ def decide(run: Segmenter, view: View) -> Decision:
         outcome = replace(outcome, mask=mask)  # the caller needs it as well
     score = evidence.expected_overlap(mask)
     return Decision(outcome, edges, "prior", score, (known - begin) * 1e3, (end - known) * 1e3)
+
+
+def _islands(odds: NDArray[np.float32], starts: NDArray[np.bool_], view: View) -> tuple[FreeForm, ...]:
+    """Starts in the parts of the region that lie apart from the one round the starts."""
+    params = view.params
+    if not params.region.islands or params.contour.clearance > 0 or params.contour.balloon < 0:
+        return ()
+    from ffseg.image.nets.islands import islands
+
+    allowed = odds if view.domain is None else np.where(view.domain > 0, odds, np.float32(-1))
+    circles = islands(allowed, starts, params.init.radius)
+    contour = params.contour
+    return tuple(FreeForm.circle((x, y), radius, contour.patches, contour.degree) for x, y, radius in circles)
 
 
 def trusted(run: Segmenter, view: View) -> Decision:

@@ -1,0 +1,57 @@
+"""Parts of a region that something in front of it cuts off from the start: a road beyond a car, a floor beyond a pillar."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.image.nets.pockets import START_SHARE, Circle
+
+SURE = 0.6
+"""A part belongs to the region whose median log odds are at least so many times those round the start."""
+
+LEAST_ODDS = 1.0
+"""Median log odds below which no part is taken."""
+
+LEAST_SHARE = 0.1
+"""Smaller parts, measured in the region round the start, are not worth a start."""
+
+STRIDE = 2
+"""Every second pixel each way is looked at."""
+
+
+def islands(odds: NDArray[np.float32], starts: NDArray[np.bool_], most: float) -> tuple[Circle, ...]:
+    """Discs in the parts that are about as sure as the one round the starts, but do not hang together with it.
+
+    Parameters
+    ----------
+    odds : ndarray of float32, shape (H, W)
+        Log odds of belonging to the region; below zero where the contour may not go.
+    starts : ndarray of bool, shape (H, W)
+    most : float
+        px; the largest radius of a disc.
+
+    Returns
+    -------
+    tuple of (x, y, radius)
+        The deepest first.
+    """
+    levels, begun = np.ascontiguousarray(odds[::STRIDE, ::STRIDE]), starts[::STRIDE, ::STRIDE]
+    _, parts, figures, _ = cv2.connectedComponentsWithStats((levels > 0).astype(np.uint8), connectivity=4)
+    known = np.setdiff1d(parts[begun], [0])
+    around = np.isin(parts, known) & ~begun
+    if not around.any():
+        return ()
+    least = max(LEAST_ODDS, SURE * float(np.median(levels[around])))
+    area = LEAST_SHARE * float(figures[known, cv2.CC_STAT_AREA].sum())
+    found = []
+    for part in np.flatnonzero(figures[:, cv2.CC_STAT_AREA] >= area):
+        if part == 0 or part in known or float(np.median(levels[parts == part])) < least:
+            continue
+        whole = np.pad((parts == part).astype(np.uint8), 1)
+        depth = cv2.distanceTransform(whole, cv2.DIST_L2, 3)[1:-1, 1:-1]
+        row, column = np.unravel_index(int(depth.argmax()), depth.shape)
+        radius = min(most, START_SHARE * STRIDE * float(depth.max()))
+        found.append((float(column * STRIDE), float(row * STRIDE), radius))
+    return tuple(sorted(found, key=lambda one: -one[2]))

@@ -1,0 +1,75 @@
+"""Parts of a region that lie apart from the one round the start."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ffseg.evidence import prior as evidence
+from ffseg.image.nets.islands import islands
+from ffseg.parameters import load_params
+from ffseg.segmenters import deciding
+from ffseg.segmenters.registry import segment
+
+SHAPE = (120, 200)
+
+
+def apart(other: float, width: int = 60) -> tuple[np.ndarray, np.ndarray]:
+    """A region of log odds 4 round a start on the left, another of those odds on the right."""
+    odds = np.full(SHAPE, -3, np.float32)
+    odds[20:100, 20:90] = 4
+    odds[30:90, 120 : 120 + width] = other
+    rows, columns = np.indices(SHAPE)
+    start = (columns - 50) ** 2 + (rows - 60) ** 2 <= 10**2
+    odds[start] = evidence.CERTAIN
+    return odds, start
+
+
+def test_a_part_as_sure_as_the_starts_gets_a_start_in_its_middle() -> None:
+    odds, start = apart(3)
+    ((x, y, radius),) = islands(odds, start, 12)
+    assert 140 <= x <= 160
+    assert 55 <= y <= 65
+    assert radius == 12
+
+
+@pytest.mark.parametrize(("other", "width"), [(2.2, 60), (-1, 60), (4, 8)])
+def test_a_doubtful_or_small_part_gets_none(other: float, width: int) -> None:
+    assert islands(*apart(other, width), 12) == ()
+
+
+def test_nothing_is_sure_enough_where_the_start_is_not() -> None:
+    odds, start = apart(0.9)
+    odds[odds == 4] = 0.9
+    assert islands(odds, start, 12) == ()
+
+
+def test_what_hangs_together_with_the_start_is_no_island() -> None:
+    odds, start = apart(4)
+    odds[58:62, 80:130] = 4
+    assert islands(odds, start, 12) == ()
+
+
+def test_the_contour_takes_islands_where_the_prior_decides(monkeypatch: pytest.MonkeyPatch) -> None:
+    odds, _ = apart(3)
+    monkeypatch.setattr(evidence, "prior", lambda *_: evidence.Prior(odds))
+    monkeypatch.setattr(deciding, "_is_promising", lambda *_: False)
+    even = np.full((*SHAPE, 3), 120, np.uint8)
+    given = {"init.center": [50, 60], "init.radius": 10}
+    both = segment(even, load_params(None, given))
+    alone = segment(even, load_params(None, {**given, "region.islands": False}))
+    assert both.source == alone.source == "prior"
+    assert len(both.contours) == 2
+    assert len(alone.contours) == 1
+    assert np.count_nonzero(both.mask & ~alone.mask) == pytest.approx(60 * 60, rel=0.05)  # corners are rounded
+    assert not both.mask[60, 105]
+
+
+def test_a_part_outside_the_domain_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    odds, _ = apart(3)
+    monkeypatch.setattr(evidence, "prior", lambda *_: evidence.Prior(odds))
+    monkeypatch.setattr(deciding, "_is_promising", lambda *_: False)
+    domain = np.full(SHAPE, 255, np.uint8)
+    domain[:, 110:] = 0
+    params = load_params(None, {"init.center": [50, 60], "init.radius": 10})
+    assert len(segment(np.full((*SHAPE, 3), 120, np.uint8), params, domain=domain).contours) == 1
