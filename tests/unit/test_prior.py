@@ -130,3 +130,19 @@ def test_the_mean_level_is_brought_to_the_middle() -> None:
     image = np.random.default_rng(4).integers(20, 61, (80, 120, 3)).astype(np.uint8)
     assert exposed(image).mean() == pytest.approx(MIDDLE, abs=1.0)  # sampled mean, and rounding to levels
     assert exposed(np.zeros((8, 8), np.uint8)).max() == 0
+
+
+def test_haze_over_the_whole_picture_is_taken_off() -> None:
+    image = np.random.default_rng(4).integers(0, 256, (240, 320, 3)).astype(np.uint8)
+    hazy = np.rint(180 + 0.25 * image).astype(np.uint8)
+    clear, lifted = exposed(image).astype(float), exposed(hazy).astype(float)
+    assert clear.mean() == pytest.approx(MIDDLE, abs=1)  # the mean is that of every fourth pixel
+    assert clear.std() == pytest.approx(image.std() * clear.mean() / image.mean(), rel=0.01)
+    assert np.abs(clear - lifted).mean() < 3  # a level of the hazy picture is four of the clear one
+
+
+def test_a_bright_picture_with_dark_places_has_no_haze() -> None:
+    image = np.full((60, 80, 3), 200, np.uint8)
+    image[:12, :12] = 20
+    gain = MIDDLE / image[::4, ::4].mean()
+    assert set(np.unique(exposed(image))) == {round(20 * gain), round(200 * gain)}
