@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.image.edges import edge_map
 from ffseg.native import _core
 from ffseg.parameters import Edges
+
+Level = TypeVar("Level", np.uint8, np.float32)
 
 PASSAGES = (1, 3, 5, 9)
 """Widths in reduced pixels; a narrower passage between edges is shut."""
@@ -53,7 +57,7 @@ def _reduced_any(edges: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
     return np.minimum(found, np.uint8(1))
 
 
-def widened(region: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+def widened(region: NDArray[Level], width: int) -> NDArray[Level]:
     """The largest value in the square of that odd width round each pixel."""
     found = region
     for axis in (0, 1):

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence.features import BARRIER, NAMES, STEP, Features
+from ffseg.evidence.openings import widened
 from ffseg.native import _core
 
 Plane = NDArray[np.float32]
@@ -58,7 +59,7 @@ def surroundings(seen: Features) -> Plane:
         _even(np.log(np.median(frame[0][inside]) + 1), own),
     ]
     for passage in PASSAGES:
-        planes += list(_barrier(_highest(slope, passage), seen.inside)[1:])
+        planes += list(_barrier(widened(slope, passage), seen.inside)[1:])
     light = NAMES.index("light@1.5")
     likeness = np.empty_like(slope)
     border = _frame((height, width), max(2, int(FRAME * size)))
@@ -102,18 +103,3 @@ def _blurred(plane: Plane, sigma: float) -> Plane:
     out = np.empty_like(plane)
     _core.evidence_blur(np.ascontiguousarray(plane), sigma, out)
     return out
-
-
-def _highest(plane: Plane, side: int) -> Plane:
-    """The largest value in the square of that odd side round each pixel."""
-    found = plane
-    for axis in (0, 1):
-        reach = side // 2
-        grown = found.copy()
-        for step in range(1, reach + 1):
-            for ahead, behind in ((slice(step, None), slice(None, -step)), (slice(None, -step), slice(step, None))):
-                a = (ahead, slice(None)) if axis == 0 else (slice(None), ahead)
-                b = (behind, slice(None)) if axis == 0 else (slice(None), behind)
-                np.maximum(grown[a], found[b], out=grown[a])
-        found = grown
-    return found

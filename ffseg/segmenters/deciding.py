@@ -13,6 +13,7 @@ from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, Scene
 from ffseg.image.raster import rasterize
 from ffseg.segmenters.base import BlockedStartError, Outcome, Segmenter, View
 from ffseg.segmenters.starting.sides import on_one_side
+from ffseg.segmenters.starts import circle_start
 
 CLEAR_SHARE = 0.1
 """So much of a boundary may be fainter: corners and crossings, where no gradient has one direction."""
@@ -123,9 +124,7 @@ def _islands(odds: NDArray[np.float32], starts: NDArray[np.bool_], view: View) -
     from ffseg.image.nets.islands import islands
 
     allowed = odds if view.domain is None else np.where(view.domain > 0, odds, np.float32(-1))
-    circles = islands(allowed, starts, params.init.radius)
-    contour = params.contour
-    return tuple(FreeForm.circle((x, y), radius, contour.patches, contour.degree) for x, y, radius in circles)
+    return tuple(circle_start(circle, params) for circle in islands(allowed, starts, params.init.radius))
 
 
 def trusted(run: Segmenter, view: View) -> Decision:

@@ -29,7 +29,7 @@ from ffseg.segmenters.base import (
     check_sides,
 )  # fmt: skip
 from ffseg.segmenters.deciding import Decision, decide, trusted
-from ffseg.segmenters.starts import start_contours
+from ffseg.segmenters.starts import circle_start, start_contours
 
 GROWING = ("freeform", "levelset")
 """Methods that take several starts and merge what grows from them."""
@@ -163,9 +163,7 @@ def _parts(edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters) -> 
     shape = edges.edges.shape
     walls = edges.edges if edges.domain is None else edges.edges | np.where(edges.domain > 0, np.uint8(0), np.uint8(1))
     circles = starts_beyond(walls, rasterize(starts, shape), params.init.radius)
-    if not circles:
-        return ()
-    return start_contours(shape, replace(params, init=replace(params.init, circles=circles, boxes=(), mask=None)))
+    return tuple(circle_start(circle, params) for circle in circles)
 
 
 def _bounded(

@@ -37,7 +37,6 @@ def start_contours(
     SegmentationError
         If a start lies outside the image, or the mask has another size or is empty.
     """
-    degree = params.contour.degree
     if start_mask is not None:
         return _from_mask(start_mask, shape, params)
     circles, boxes = params.init.circles, params.init.boxes
@@ -49,10 +48,14 @@ def start_contours(
         if not (x0 < x1 and y0 < y1):
             raise SegmentationError(f"the start box [{x0:g}, {y0:g}, {x1:g}, {y1:g}] needs x0 < x1 and y0 < y1")
         _check_inside(((x0 + x1) / 2, (y0 + y1) / 2), shape, f"the start box [{x0:g}, {y0:g}, {x1:g}, {y1:g}]")
-    patches = params.contour.patches
-    contours = [_circle(x, y, radius, patches, degree) for x, y, radius in circles]
+    contours = [circle_start(circle, params) for circle in circles]
     contours += [_box(box, params) for box in boxes]
     return tuple(contours)
+
+
+def circle_start(circle: tuple[float, float, float], params: Parameters) -> FreeForm:
+    """A start circle, x, y and radius in pixels, with the patches and the degree that `params` ask for."""
+    return _circle(*circle, params.contour.patches, params.contour.degree)
 
 
 @lru_cache(maxsize=64)

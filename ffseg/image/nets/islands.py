@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.image.nets.pockets import START_SHARE, Circle
+from ffseg.image.nets.pockets import Circle, depths, discs
 
 SURE = 0.6
 """A part belongs to the region whose median log odds are at least so many times those round the start."""
@@ -45,13 +45,7 @@ def islands(odds: NDArray[np.float32], starts: NDArray[np.bool_], most: float) -
         return ()
     least = max(LEAST_ODDS, SURE * float(np.median(levels[around])))
     area = LEAST_SHARE * float(figures[known, cv2.CC_STAT_AREA].sum())
-    found = []
-    for part in np.flatnonzero(figures[:, cv2.CC_STAT_AREA] >= area):
-        if part == 0 or part in known or float(np.median(levels[parts == part])) < least:
-            continue
-        whole = np.pad((parts == part).astype(np.uint8), 1)
-        depth = cv2.distanceTransform(whole, cv2.DIST_L2, 3)[1:-1, 1:-1]
-        row, column = np.unravel_index(int(depth.argmax()), depth.shape)
-        radius = min(most, START_SHARE * STRIDE * float(depth.max()))
-        found.append((float(column * STRIDE), float(row * STRIDE), radius))
-    return tuple(sorted(found, key=lambda one: -one[2]))
+    large = np.flatnonzero(figures[:, cv2.CC_STAT_AREA] >= area).tolist()
+    chosen = [at for at in large if at != 0 and at not in known and float(np.median(levels[parts == at])) >= least]
+    small = discs(depths((parts > 0).astype(np.uint8)), parts, figures, chosen, most / STRIDE)
+    return tuple((STRIDE * x, STRIDE * y, STRIDE * radius) for x, y, radius in small)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -37,14 +39,38 @@ def starts_beyond(walls: NDArray[np.uint8], starts: NDArray[np.bool_], most: flo
     free = np.where(walls > 0, np.uint8(0), np.uint8(1))
     _, labels = cv2.connectedComponents(free, connectivity=4)
     whole = np.isin(labels, np.setdiff1d(labels[starts], [0])).astype(np.uint8)
-    depth = cv2.distanceTransform(cv2.copyMakeBorder(whole, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0), cv2.DIST_L2, 3)
-    depth = depth[1:-1, 1:-1]
+    depth = depths(whole)
     count, parts, figures, _ = cv2.connectedComponentsWithStats((depth >= NARROW).astype(np.uint8), connectivity=8)
     known = set(np.unique(parts[starts]).tolist())
+    chosen = [part for part in range(1, count) if part not in known and figures[part, cv2.CC_STAT_AREA] >= LEAST_PIXELS]
+    return discs(depth, parts, figures, chosen, most)
+
+
+def depths(region: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Distance of each pixel to what lies outside the region, the border of the image included."""
+    walled = cv2.copyMakeBorder(region, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    depth: NDArray[np.float32] = cv2.distanceTransform(walled, cv2.DIST_L2, 3)[1:-1, 1:-1]  # type: ignore[assignment]
+    return depth
+
+
+def discs(
+    depth: NDArray[np.float32], parts: NDArray[Any], figures: NDArray[Any], chosen: list[int], most: float
+) -> tuple[Circle, ...]:
+    """A disc round the deepest pixel of each part chosen, the largest first.
+
+    Parameters
+    ----------
+    depth : ndarray of float32, shape (H, W)
+    parts : ndarray of int32, shape (H, W)
+        Number of the part each pixel belongs to.
+    figures : ndarray of int32, shape (N, 5)
+        Box and area of each part, as OpenCV counts them.
+    chosen : list of int
+    most : float
+        px; the largest radius of a disc.
+    """
     found = []
-    for part in range(1, count):
-        if part in known or figures[part, cv2.CC_STAT_AREA] < LEAST_PIXELS:
-            continue
+    for part in chosen:
         x, y, width, height = figures[part, :4]
         inside = np.where(parts[y : y + height, x : x + width] == part, depth[y : y + height, x : x + width], 0)
         row, column = np.unravel_index(int(inside.argmax()), inside.shape)

@@ -13,6 +13,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.bounds.free import free_pixels, ground_under, room_round
 from ffseg.image.raster import rasterize
 from ffseg.segmenters.base import View
+from ffseg.segmenters.starts import circle_start
 
 SMALLEST = 2.0
 """Pixels: radius below which a circle of patches has no sample that can move before it meets itself."""
@@ -58,14 +59,13 @@ def freed(view: View, remedy: str) -> tuple[View, str]:
     A place costs its distance from the start's centre and what the radius must shrink there; the cheapest one counts,
     on the same side of all edges as most of the start where there is any.
     """
-    contour = view.params.contour
-    free = free_pixels(view.edges.edges, view.domain, contour.clearance)
+    free = free_pixels(view.edges.edges, view.domain, view.params.contour.clearance)
     room, cause = room_round(free) - SPARE, _cause(view)
     if float(room.max(initial=0.0)) < SMALLEST:
         raise SegmentationError(f"the start contour lies {cause} at every sample, and there is no free place; {remedy}")
     open_ground = free_pixels(view.edges.edges, view.domain)
     pairs = [placed(start, room, open_ground) for start in view.starts]
-    moved = tuple(FreeForm.circle((new.x, new.y), new.radius, contour.patches, contour.degree) for _, new in pairs)
+    moved = tuple(circle_start((new.x, new.y, new.radius), view.params) for _, new in pairs)
     others = f", and {len(pairs) - 1} more" if len(pairs) > 1 else ""
     told = f"the start at {pairs[0][0]} lay {cause} and was moved to {pairs[0][1]}{others}"
     return replace(view, starts=moved), told

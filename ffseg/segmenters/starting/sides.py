@@ -12,6 +12,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.bounds.free import free_pixels, open_sides, room_round
 from ffseg.segmenters.base import View
 from ffseg.segmenters.starting.freed import SPARE, placed
+from ffseg.segmenters.starts import circle_start
 
 HOLLOW = 64
 """Pixels: free ground that is smaller is no side of an edge but a hollow in one, as noise leaves."""
@@ -54,14 +55,14 @@ def on_one_side(view: View) -> tuple[View, tuple[str, ...]]:
     crossed = [at for at in crossed if _num_sides(view.starts[at], sides) > 1]
     if not crossed:
         return view, ()
-    contour, starts, told = view.params.contour, list(view.starts), []
-    room = room_round(free_pixels(view.edges.edges, view.domain, contour.clearance)) - SPARE
+    starts, told = list(view.starts), []
+    room = room_round(free_pixels(view.edges.edges, view.domain, view.params.contour.clearance)) - SPARE
     for at in crossed:
         old, new = placed(view.starts[at], room, sides > 0)
         if new.radius < LEAST_KEPT * old.radius or hypot(new.x - old.x, new.y - old.y) > old.radius:
             told.append(f"the start at {old} lies across an edge; the contour grows on both sides of it")
             continue
-        starts[at] = FreeForm.circle((new.x, new.y), new.radius, contour.patches, contour.degree)
+        starts[at] = circle_start((new.x, new.y, new.radius), view.params)
         told.append(f"the start at {old} lay across an edge and was moved to {new}")
     kept = all(start is old for start, old in zip(starts, view.starts, strict=True))
     return (view if kept else replace(view, starts=tuple(starts))), tuple(told)
