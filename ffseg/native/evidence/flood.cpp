@@ -12,44 +12,76 @@ constexpr std::uint16_t kUnseen = 65535;
 // Pixels by level, lowest level first; a level may grow while it is worked on. Dropping levels behind, it is a ring.
 class Buckets {
 public:
-    explicit Buckets(std::size_t levels) : buckets_(levels) {}
+    Buckets(std::size_t levels, std::size_t pixels) : first_(levels, kNone) { entries_.reserve(pixels); }
     void put(std::size_t level, int pixel) {
-        buckets_[level % buckets_.size()].push_back(pixel);
+        int& first = first_[level];
+        int at = free_;
+        if (at == kNone) {
+            at = static_cast<int>(entries_.size());
+            entries_.push_back({pixel, first});
+        } else {
+            Entry& entry = entries_[static_cast<std::size_t>(at)];
+            free_ = entry.next;
+            entry = {pixel, first};
+        }
+        first = at;
         ++waiting_;
     }
-    // Calls `visit(level, pixel)` until nothing waits.
+    // Calls `visit(level, place of the level in the ring, pixel)` until nothing waits.
     template <class Visit>
     void empty(const Visit& visit) {
-        for (std::size_t level = 0; waiting_ > 0; ++level) {
-            std::vector<int>& bucket = buckets_[level % buckets_.size()];
-            while (!bucket.empty()) {
-                const int pixel = bucket.back();
-                bucket.pop_back();
+        for (std::size_t level = 0, place = 0; waiting_ > 0; ++level, place = place + 1 == first_.size() ? 0 : place + 1) {
+            for (int at = first_[place]; at != kNone; at = first_[place]) {
+                Entry& entry = entries_[static_cast<std::size_t>(at)];
+                const int pixel = entry.pixel;
+                first_[place] = entry.next;
+                entry.next = free_;
+                free_ = at;
                 --waiting_;
-                visit(level, pixel);
+                visit(level, place, pixel);
             }
         }
     }
+    std::size_t levels() const { return first_.size(); }
 
 private:
-    std::vector<std::vector<int>> buckets_;
+    struct Entry {
+        int pixel, next;
+    };
+    static constexpr int kNone = -1;
+    std::vector<int> first_;
+    std::vector<Entry> entries_;
+    int free_ = kNone;
     std::size_t waiting_ = 0;
 };
 
-// Calls `visit` with each of the eight (or four) neighbours inside the plane, and whether it lies along a diagonal.
-template <class Visit>
-void neighbours(int pixel, Size size, bool diagonals, const Visit& visit) {
-    const int x = pixel % size.width, y = pixel / size.width;
-    for (int dy = -1; dy <= 1; ++dy) {
-        for (int dx = -1; dx <= 1; ++dx) {
-            const bool diagonal = dx != 0 && dy != 0;
-            const bool within = x + dx >= 0 && x + dx < size.width && y + dy >= 0 && y + dy < size.height;
-            if ((dx != 0 || dy != 0) && within && (diagonals || !diagonal)) {
-                visit(pixel + dy * size.width + dx, diagonal);
-            }
+// A plane with a border of one pixel, so that every pixel has eight neighbours.
+template <class Value>
+class Bordered {
+public:
+    Bordered(Size size, Value border)
+        : size_(size),
+          width_(static_cast<std::size_t>(size.width) + 2),
+          values_(width_ * (static_cast<std::size_t>(size.height) + 2), border) {}
+
+    // Calls `visit(value, place in a plane without border, place)` for each pixel.
+    template <class Visit>
+    void each(const Visit& visit) {
+        std::size_t plain = 0;
+        for (int y = 0; y < size_.height; ++y) {
+            std::size_t at = (static_cast<std::size_t>(y) + 1) * width_ + 1;
+            for (int x = 0; x < size_.width; ++x, ++at, ++plain) visit(values_[at], plain, static_cast<int>(at));
         }
     }
-}
+    Value& operator[](int at) { return values_[static_cast<std::size_t>(at)]; }
+    int width() const { return static_cast<int>(width_); }
+    std::size_t count() const { return values_.size(); }
+
+private:
+    Size size_;
+    std::size_t width_;
+    std::vector<Value> values_;
+};
 
 // Natural logarithm of a height in steps over `unit` steps; half a step keeps zero finite.
 float logarithm(int level, double unit) { return static_cast<float>(std::log((level + 0.5) / (unit + 0.5))); }
@@ -80,21 +112,25 @@ std::vector<std::uint16_t> stepped(const float* heights, std::size_t count, doub
 }
 
 void barrier(const std::uint16_t* heights, const std::uint8_t* inside, Size size, std::uint16_t* out) {
-    Buckets buckets(kHighest + 1);
-    for (std::size_t i = 0; i < size.count(); ++i) {
-        out[i] = inside[i] != 0 ? 0 : kUnseen;
-        if (inside[i] != 0) buckets.put(0, static_cast<int>(i));
-    }
-    buckets.empty([&](std::size_t level, int pixel) {
-        neighbours(pixel, size, false, [&](int next, bool) {
-            if (out[next] != kUnseen) return;
-            out[next] = std::max(heights[next], static_cast<std::uint16_t>(level));
-            buckets.put(out[next], next);
-        });
+    Bordered<std::uint16_t> found(size, 0), high(size, 0);
+    Buckets buckets(kHighest + 1, found.count());
+    high.each([&](std::uint16_t& height, std::size_t plain, int) { height = heights[plain]; });
+    found.each([&](std::uint16_t& value, std::size_t plain, int at) {
+        value = inside[plain] != 0 ? 0 : kUnseen;
+        if (inside[plain] != 0) buckets.put(0, at);
     });
-    for (std::size_t i = 0; i < size.count(); ++i) {
-        if (out[i] == kUnseen) out[i] = kHighest;  // there is no start
-    }
+    const int steps[4] = {-found.width(), -1, 1, found.width()};
+    buckets.empty([&](std::size_t level, std::size_t, int pixel) {
+        for (const int step : steps) {
+            const int next = pixel + step;
+            if (found[next] != kUnseen) continue;
+            found[next] = std::max(high[next], static_cast<std::uint16_t>(level));
+            buckets.put(found[next], next);
+        }
+    });
+    found.each([&](std::uint16_t value, std::size_t plain, int) {
+        out[plain] = value == kUnseen ? static_cast<std::uint16_t>(kHighest) : value;  // there is no start
+    });
 }
 
 void barrier_planes(const float* heights, const std::uint8_t* inside, Size size, double step, float* out) {
@@ -132,29 +168,33 @@ void geodesic(const float* heights, const std::uint8_t* inside, Size size, doubl
     const std::vector<std::uint16_t> levels = stepped(heights, size.count(), step);
     constexpr unsigned kStraight = 5, kSlanted = 7;
     constexpr unsigned kFar = std::numeric_limits<unsigned>::max();
+    const auto highest = static_cast<std::size_t>(*std::max_element(levels.begin(), levels.end()));
     // the cost of a pixel is shared by the steps into it and out of it
-    Buckets buckets(2 * static_cast<std::size_t>(kHighest + least) * kSlanted + 1);
-    std::vector<unsigned> costs(size.count(), kFar);
-    for (std::size_t i = 0; i < size.count(); ++i) {
-        if (inside[i] == 0) continue;
-        costs[i] = 0;
-        buckets.put(0, static_cast<int>(i));
-    }
-    buckets.empty([&](std::size_t cost, int pixel) {
-        if (costs[static_cast<std::size_t>(pixel)] < cost) return;
-        const unsigned leave = levels[static_cast<std::size_t>(pixel)] + static_cast<unsigned>(least);
-        neighbours(pixel, size, true, [&](int next, bool diagonal) {
-            const auto at = static_cast<std::size_t>(next);
-            const unsigned enter = levels[at] + static_cast<unsigned>(least);
-            const unsigned sum = static_cast<unsigned>(cost) + (leave + enter) * (diagonal ? kSlanted : kStraight);
-            if (sum >= costs[at]) return;
-            costs[at] = sum;
-            buckets.put(sum, next);
-        });
+    Bordered<unsigned> costs(size, 0), own(size, 0);
+    Buckets buckets(2 * (highest + static_cast<std::size_t>(least)) * kSlanted + 1, costs.count());
+    own.each([&](unsigned& cost, std::size_t plain, int) { cost = levels[plain] + static_cast<unsigned>(least); });
+    costs.each([&](unsigned& cost, std::size_t plain, int at) {
+        cost = inside[plain] != 0 ? 0 : kFar;
+        if (inside[plain] != 0) buckets.put(0, at);
+    });
+    const int row = costs.width();
+    const int straight[4] = {-row, -1, 1, row}, slanted[4] = {-row - 1, -row + 1, row - 1, row + 1};
+    buckets.empty([&](std::size_t cost, std::size_t place, int pixel) {
+        if (costs[pixel] < cost) return;
+        const auto reach = [&](int next, unsigned length) {
+            const unsigned added = (own[pixel] + own[next]) * length, sum = static_cast<unsigned>(cost) + added;
+            if (sum >= costs[next]) return;
+            costs[next] = sum;
+            const std::size_t to = place + added;
+            buckets.put(to < buckets.levels() ? to : to - buckets.levels(), next);
+        };
+        for (const int step : straight) reach(pixel + step, kStraight);
+        for (const int step : slanted) reach(pixel + step, kSlanted);
     });
     const float scale = static_cast<float>(step / (2 * kStraight));
-    for (std::size_t i = 0; i < size.count(); ++i)
-        out[i] = costs[i] == kFar ? 0.0F : static_cast<float>(costs[i]) * scale;
+    costs.each([&](unsigned cost, std::size_t plain, int) {
+        out[plain] = cost == kFar ? 0.0F : static_cast<float>(cost) * scale;
+    });
 }
 
 }  // namespace ffseg::evidence

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/lanes.hpp"
+
 namespace ffseg::evidence {
 namespace {
 
@@ -18,74 +20,130 @@ float bell(float distance, float deviation) {
     return scaled > kFarBell ? 0.0F : std::exp(-0.5F * scaled * scaled);
 }
 
-class Level {
-public:
-    Level(const float* above, Size size) : above_(above), size_(size) {}
+// 1 where a value differs in sign from a neighbour to the left or right, above or below.
+FFSEG_CLONES
+void crossings_of_row(const std::uint8_t* above, const std::uint8_t* here, const std::uint8_t* below, int width,
+                      std::uint8_t* out) {
+    FFSEG_APART
+    for (int x = 1; x < width - 1; ++x) {
+        out[x] = (here[x] ^ here[x - 1]) | (here[x] ^ here[x + 1]) | (here[x] ^ above[x]) | (here[x] ^ below[x]);
+    }
+}
 
-    float at(int y, int x) const {
-        const int row = std::clamp(y, 0, size_.height - 1), column = std::clamp(x, 0, size_.width - 1);
-        return above_[static_cast<std::ptrdiff_t>(row) * size_.width + column];
+std::vector<std::uint8_t> crossings(const float* values, Size size) {
+    std::vector<std::uint8_t> signs(size.count()), found(size.count());
+    for (std::size_t i = 0; i < size.count(); ++i) signs[i] = values[i] >= 0 ? 1 : 0;
+    const int width = size.width;
+    for (int y = 0; y < size.height; ++y) {
+        const auto row = [&](int at) {
+            return signs.data() + static_cast<std::ptrdiff_t>(std::clamp(at, 0, size.height - 1)) * width;
+        };
+        const std::uint8_t *above = row(y - 1), *here = row(y), *below = row(y + 1);
+        std::uint8_t* out = found.data() + static_cast<std::ptrdiff_t>(y) * width;
+        crossings_of_row(above, here, below, width, out);
+        for (const int x : {0, width - 1}) {
+            const int left = std::max(x - 1, 0), right = std::min(x + 1, width - 1);
+            out[x] = (here[x] ^ here[left]) | (here[x] ^ here[right]) | (here[x] ^ above[x]) | (here[x] ^ below[x]);
+        }
     }
-    bool crosses(int y, int x) const {
-        const bool here = at(y, x) >= 0;
-        return (at(y - 1, x) >= 0) != here || (at(y + 1, x) >= 0) != here || (at(y, x - 1) >= 0) != here ||
-               (at(y, x + 1) >= 0) != here;
+    return found;
+}
+
+// Each value at most those `apart` pixels to the left and right and that length more.
+FFSEG_CLONES
+void reach_along(const float* row, int width, int apart, float* out) {
+    const auto length = static_cast<float>(apart);
+    const int sides = std::min(apart, width), middle = width - sides;
+    for (int x = 0; x < sides; ++x) out[x] = x + apart < width ? std::min(row[x], row[x + apart] + length) : row[x];
+    FFSEG_APART
+    for (int x = sides; x < middle; ++x) {
+        const float nearer = std::min(row[x - apart], row[x + apart]) + length;
+        out[x] = std::min(row[x], nearer);
     }
-    // Distances to the level: value over slope beside it, and from there in steps to the eight neighbours.
-    Plane distances() const {
+    for (int x = std::max(sides, middle); x < width; ++x) out[x] = std::min(row[x], row[x - apart] + length);
+}
+
+// The same from the row beside: straight on, and along the diagonals.
+FFSEG_CLONES
+void reach_across(const float* beside, int width, float* row) {
+    FFSEG_APART
+    for (int x = 1; x < width - 1; ++x) {
+        const float slanted = std::min(beside[x - 1], beside[x + 1]) + kDiagonal;
+        row[x] = std::min(row[x], std::min(beside[x] + 1, slanted));
+    }
+    for (const int x : {0, width - 1}) {
+        const float slanted = std::min(beside[std::max(x - 1, 0)], beside[std::min(x + 1, width - 1)]) + kDiagonal;
+        row[x] = std::min(row[x], std::min(beside[x] + 1, slanted));
+    }
+}
+
+// Distances to the level up to `reach`: value over slope beside it, and from there in steps to the eight neighbours.
+class Distances {
+public:
+    Distances(const float* above, Size size, float reach) : above_(above), size_(size), reach_(reach) {}
+
+    Plane from(const std::vector<std::uint8_t>& crossing) const {
         Plane found(size_.count(), kFar);
         std::size_t i = 0;
         for (int y = 0; y < size_.height; ++y) {
             for (int x = 0; x < size_.width; ++x, ++i) {
-                if (crosses(y, x)) found[i] = distance_beside(y, x);
+                if (crossing[i] != 0) found[i] = beside(y, x);
             }
         }
-        for (int y = 0; y < size_.height; ++y) sweep(found, y, -1);
-        for (int y = size_.height - 1; y >= 0; --y) sweep(found, y, 1);
+        Plane spare(static_cast<std::size_t>(size_.width));
+        for (int y = 0; y < size_.height; ++y) sweep(found, y, -1, spare);
+        for (int y = size_.height - 1; y >= 0; --y) sweep(found, y, 1, spare);
         return found;
     }
 
 private:
-    float distance_beside(int y, int x) const {
+    float at(int y, int x) const {
+        const int row = std::clamp(y, 0, size_.height - 1), column = std::clamp(x, 0, size_.width - 1);
+        return above_[static_cast<std::ptrdiff_t>(row) * size_.width + column];
+    }
+    float beside(int y, int x) const {
         const float across = 0.5F * (at(y, x + 1) - at(y, x - 1)), down = 0.5F * (at(y + 1, x) - at(y - 1, x));
         const float slope = std::sqrt(across * across + down * down);
         return std::min(std::abs(at(y, x)) / std::max(slope, 1e-6F), 1.0F);
     }
-    // Carries distances over from the row before (`side` -1: above) and along the row, both ways.
-    void sweep(Plane& found, int y, int side) const {
+    // Carries distances over from the row before (`side` -1: above) and along the row, in steps of 1, 2, 4, ... pixels.
+    void sweep(Plane& found, int y, int side, Plane& spare) const {
         const int width = size_.width;
         float* row = found.data() + static_cast<std::ptrdiff_t>(y) * width;
         if (y + side >= 0 && y + side < size_.height) {
-            const float* beside = row + static_cast<std::ptrdiff_t>(side) * width;
-            for (int x = 0; x < width; ++x) {
-                const float left = beside[std::max(x - 1, 0)], right = beside[std::min(x + 1, width - 1)];
-                row[x] = std::min({row[x], beside[x] + 1, left + kDiagonal, right + kDiagonal});
-            }
+            reach_across(row + static_cast<std::ptrdiff_t>(side) * width, width, row);
         }
-        for (int x = 1; x < width; ++x) row[x] = std::min(row[x], row[x - 1] + 1);
-        for (int x = width - 2; x >= 0; --x) row[x] = std::min(row[x], row[x + 1] + 1);
+        int known = 0;  // distances along the row that are taken into account
+        for (int apart = 1; static_cast<float>(known) < reach_ && known < width; known += apart, apart *= 2) {
+            reach_along(row, width, apart, spare.data());
+            std::copy(spare.begin(), spare.end(), row);
+        }
     }
 
     const float* above_;
     Size size_;
+    float reach_;
 };
 
 }  // namespace
 
 void level_edges(const float* above, Size size, const LevelOptions& options, std::uint16_t* gradient,
                  std::uint8_t* edges) {
-    const Level level(above, size);
-    const Plane distances = level.distances();
-    std::size_t i = 0;
-    for (int y = 0; y < size.height; ++y) {
-        for (int x = 0; x < size.width; ++x, ++i) {
-            const bool undecided = std::abs(above[i]) < options.undecided;
-            const float share = undecided ? 1.0F : bell(distances[i], options.snap);
-            const float ridge = options.height * bell(distances[i], options.width);
-            const float sum = static_cast<float>(gradient[i]) * share + ridge;
-            gradient[i] = static_cast<std::uint16_t>(std::min(sum + 0.5F, 65535.0F));
-            edges[i] = (above[i] < 0 && level.crosses(y, x)) || (undecided && edges[i] != 0) ? 255 : 0;
+    const float reach = kFarBell * std::max(options.snap, options.width);
+    const std::vector<std::uint8_t> crossing = crossings(above, size);
+    const Plane distances = Distances(above, size, reach).from(crossing);
+    for (std::size_t i = 0; i < size.count(); ++i) {
+        const bool undecided = std::abs(above[i]) < options.undecided;
+        if (!undecided && distances[i] > reach) {
+            gradient[i] = 0;
+            edges[i] = 0;
+            continue;
         }
+        const float share = undecided ? 1.0F : bell(distances[i], options.snap);
+        const float ridge = options.height * bell(distances[i], options.width);
+        const float sum = static_cast<float>(gradient[i]) * share + ridge;
+        gradient[i] = static_cast<std::uint16_t>(std::min(sum + 0.5F, 65535.0F));
+        edges[i] = (above[i] < 0 && crossing[i] != 0) || (undecided && edges[i] != 0) ? 255 : 0;
     }
 }
 
