@@ -20,6 +20,8 @@ namespace ffseg::freeform {
 constexpr double kLongestStep = 0.5;
 // Patches are not split below this distance between samples.
 constexpr double kMinSpacing = 0.5;
+// Patches near edges shorter than this per sample are pruned.
+constexpr double kPruneSpacing = 0.35;
 
 struct Chords {
     double shortest, longest, total;

@@ -9,8 +9,6 @@
 
 namespace ffseg::freeform {
 
-// Patches shorter than this per sample are pruned.
-constexpr double kPruneSpacing = 0.35;
 // Away from edges patches shorter than this part of the split threshold are pruned.
 constexpr double kPruneRatio = 0.2;
 // A patch whose longest distance between samples is this many times the shortest is laid out evenly.

@@ -90,14 +90,70 @@ inline bool in_the_open(const ground::Field& field, Vec2 p) {
 // Does a sample that moves pass its neighbour, so that the curve would run back there?
 inline bool passes(Vec2 from, Vec2 to, Vec2 neighbour) { return dot(neighbour - to, neighbour - from) <= 0; }
 
-// Moves samples at rest aslant where their normals are blocked but there is room beside: at the mouth of a narrow
-// passage the normal may point at its side. To each pixel only once, so that it ends.
+// The middle of a patch's chord: another one once the patch is split.
+template <int D>
+Vec2 middle(const Contour<D>& contour, int i) {
+    return 0.5 * (contour[i].m[0] + contour.end(i));
+}
+
+// Has nothing at rest been moved on or split for this pixel yet? Each is tried once only, so that this ends.
+template <int D>
+bool first_try(Contour<D>& contour, Vec2 place) {
+    return contour.memory.retried.insert(contour.field.pixel(place)).second;
+}
+
+// Where a sample at rest may move on to: straight ahead, where it was put back although there is room, or aslant, where
+// its normal is blocked but there is room beside: at the mouth of a narrow passage it may point at its side.
+struct Way {
+    Vec2 turn;  // along the normal and the tangent
+    double length;
+};
+constexpr std::array<Way, 6> kWays{{{{1.0, 0.0}, kUncovered},
+                                    {{1.0, 0.0}, kHeldBack},
+                                    {{0.866, 0.5}, kUncovered},  // 30 and 60 degrees
+                                    {{0.866, -0.5}, kUncovered},
+                                    {{0.5, 0.866}, kUncovered},
+                                    {{0.5, -0.866}, kUncovered}}};
+
+// Moves sample k of patch i, which lies between `last` and the next one, the first way that is free. Where only the
+// curve meets an edge there, `hindered` becomes the patch with too few samples to follow.
+template <int D>
+bool move_on(Contour<D>& contour, int i, int k, Vec2 last, Vec2 tangent, int& hindered) {
+    Patch<D>& patch = contour[i];
+    const Vec2 from = patch.m[k], after = k + 1 < D ? patch.m[k + 1] : contour.end(i), normal{tangent.y, -tangent.x};
+    for (const Way& way : kWays) {
+        const Vec2 heading = way.turn.x * normal + way.turn.y * tangent, to = from + way.length * heading;
+        if (passes(from, to, after) || passes(from, to, last)) continue;
+        if (contour.field.blocked(to) || reach(contour.field, from, heading, way.length, 0.0) < way.length) continue;
+        if (contour.memory.retried.count(contour.field.pixel(to)) != 0) continue;
+        patch.m[k] = to;
+        const int meeting = meets_edge(contour, i) ? i : k == 0 && meets_edge(contour, patch.prev) ? patch.prev : -1;
+        if (meeting < 0) {
+            first_try(contour, to);
+            return true;
+        }
+        patch.m[k] = from;
+        hindered = meeting;
+    }
+    return false;
+}
+
+// Splits a patch at rest, if its halves are not so short that they are pruned.
+template <int D>
+bool split_finely(Contour<D>& contour, int i) {
+    if (i < 0 || contour.length(i) <= 2 * D * kPruneSpacing || !first_try(contour, middle(contour, i))) return false;
+    contour.wake(i);
+    contour.split(i);
+    return true;
+}
+
+// Moves the samples of a patch at rest on where the curve turns, as it does at the tip of a front in a passage of a few
+// pixels; a curve that has too few samples to follow is split.
 template <int D>
 bool slide(Contour<D>& contour, int i) {
-    static constexpr std::array<Vec2, 4> kAslant{
-        {{0.866, 0.5}, {0.866, -0.5}, {0.5, 0.866}, {0.5, -0.866}}};  // 30 and 60 degrees
     Patch<D>& patch = contour[i];
     bool any = false;
+    int hindered = -1;
     Points<D> points = contour.samples(i);
     for (int k = 0; k < D; ++k) {
         const double ahead = norm2(points[k + 1] - points[k]);
@@ -108,26 +164,11 @@ bool slide(Contour<D>& contour, int i) {
         const Vec2 leaving = unit(apply<D>(kBasis<D>.slope[k], points));
         const Vec2 arriving = k > 0 ? leaving : unit(apply<D>(kBasis<D>.slope[D], contour.samples(patch.prev)));
         if (!is_tip && dot(leaving, arriving) > kTipTurn) continue;
-        const Vec2 tangent = unit(leaving + arriving), normal{tangent.y, -tangent.x};
-        for (const Vec2 turn : kAslant) {
-            const Vec2 way = turn.x * normal + turn.y * tangent;
-            const Vec2 to = points[k] + kUncovered * way;
-            if (passes(points[k], to, points[k + 1]) || passes(points[k], to, last)) continue;
-            if (contour.field.blocked(to) || reach(contour.field, points[k], way, kUncovered, 0.0) < kUncovered)
-                continue;
-            if (!contour.memory.retried.insert(contour.field.pixel(to)).second) continue;
-            const auto kept = patch.m[k];
-            patch.m[k] = to;
-            if (meets_edge(contour, i) || (k == 0 && meets_edge(contour, patch.prev))) {
-                patch.m[k] = kept;
-                continue;
-            }
-            points[k] = to;
-            any = true;
-            break;
-        }
+        if (!move_on(contour, i, k, last, unit(leaving + arriving), hindered)) continue;
+        points[k] = patch.m[k];
+        any = true;
     }
-    if (!any) return false;
+    if (!any) return split_finely(contour, hindered);
     patch.before = patch.m;
     contour.refresh(i);
     contour.refresh(patch.prev);
@@ -173,11 +214,10 @@ bool wake_open(Contour<D>& contour) {
         const auto stray =
             std::find_if(samples.begin(), samples.end(), [&](Vec2 p) { return in_the_open(contour.field, p); });
         const bool open = stray != samples.end();
-        const Vec2 middle = 0.5 * (samples[0] + contour.end(i));  // another one once the patch is split
         contour.memory.num_stray += open;
         const bool ahead = open || (contour.splittable(i) &&
                                     (contour[i].starved || held_back(contour, i) || can_advance<true>(contour, i)));
-        if (ahead && contour.memory.retried.insert(contour.field.pixel(open ? *stray : middle)).second) {
+        if (ahead && first_try(contour, open ? *stray : middle(contour, i))) {
             contour[i].budget = kSplitBudget;
             contour[i].reductions = 0;
             contour.wake(i);
