@@ -17,7 +17,7 @@ import pytest
 import stand_in
 from batches import Silent, make_images, run_batch, snapshot, table
 
-from ffseg.batch.executors import dask
+from ffseg.batch.executors import dask, held
 from ffseg.batch.executors.choice import Choice
 from ffseg.batch.executors.processes import WorkerLostError
 from ffseg.batch.outputs.table import Wanted
@@ -152,7 +152,7 @@ def test_a_stopped_run_waits_for_no_image(tmp_path: Path) -> None:
     make_images(tmp_path / "in", NAMES, {NAMES[10]: stand_in.HANG})  # the first of the second worker
     how = {"executor": Choice("dask"), "num_workers": 2}
     assert run_batch(tmp_path / "in", tmp_path / "out", observer=Silent(last=10), **how).signal == 15
-    assert dask._busy == set(), "whoever waited for it has heard that it ended"
+    assert held._busy == set(), "whoever waited for it has heard that it ended"
     children = Path(f"/proc/self/task/{os.getpid()}/children")
     assert not children.exists() or not children.read_text().split(), "no worker process is left behind"
 

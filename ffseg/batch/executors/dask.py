@@ -7,9 +7,8 @@ import os
 import pickle
 import queue
 import select
-import threading
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
 from time import monotonic
@@ -17,8 +16,8 @@ from typing import Any
 
 from ffseg.batch.executors.choice import Start
 from ffseg.batch.executors.chunks import Chunks, numbered, replies, reply_line
-from ffseg.batch.executors.processes import AHEAD as IN_HAND
-from ffseg.batch.executors.processes import Processes, WorkerLostError
+from ffseg.batch.executors.held import forget, interrupt, lend, worker_process
+from ffseg.batch.executors.processes import WorkerLostError
 from ffseg.batch.packing.members import digest
 from ffseg.batch.packing.writer import PackWriter, new_pack
 from ffseg.batch.workers.messages import Done, Event, Failed, Note, Ready, Reply, Setup, Task
@@ -95,7 +94,7 @@ class Dask:
         workers = max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]), start.amount.num_workers)
         self._key = digest(pickle.dumps((start.setup, start.amount.timeout)))
         if self._cluster is not None:
-            _lend(self._key, start)
+            lend(self._key, start)
         self._parts, self._left = workers * CHUNKS_EACH, start.num_tasks
         self._size = self._next_size()
         self._most = self._size * workers * AHEAD
@@ -187,8 +186,7 @@ class Dask:
         """As `Executor.close`; what workers have written down of unfinished chunks is found by the next run."""
         self._chunks.end()
         if self._cluster is not None:  # an image may take long, and nobody wants it
-            for held in list(_busy):
-                held.executor.interrupt()
+            interrupt()
         with contextlib.suppress(Exception):  # a scheduler that is gone cannot be told
             self._client.cancel(list(self._waiting), force=True)
         with contextlib.suppress(Exception):
@@ -196,7 +194,7 @@ class Dask:
         if self._cluster is not None:
             with contextlib.suppress(Exception):
                 self._cluster.close(timeout=5)
-            _forget("")
+            forget("")
 
 
 def _connect(start: Start) -> tuple[Any, Any]:
@@ -249,7 +247,7 @@ def do_chunk(order: Order) -> dict[str, str]:
     done = {name for name, _ in replies(order.path, order.settings)}
     left = [task for task in order.tasks if task.name not in done]
     with (
-        _processes(order) as held,
+        worker_process(order.key, order.setup, order.timeout) as held,
         open(order.path, "ab", buffering=0) as file,  # noqa: PTH123 - append
         contextlib.closing(_Outputs(order)) as outputs,
     ):
@@ -301,60 +299,6 @@ class _Outputs:
         """Close the tar file."""
         if self._pack is not None:
             self._pack.close()
-
-
-@dataclass(eq=False, slots=True)
-class _Held:
-    """A worker process between chunks, and the versions it told when it began."""
-
-    executor: Processes
-    versions: dict[str, str] = field(default_factory=dict)
-
-
-_idle: dict[str, list[_Held]] = {}
-"""Worker processes between chunks, by what they are set up for: starting them takes as long as forty images."""
-_busy: set[_Held] = set()
-"""Worker processes that work on a chunk."""
-_lock = threading.Lock()
-
-
-def _lend(key: str, start: Start) -> None:
-    """Let workers of this process have the worker processes that were started with the command."""
-    count = start.amount.num_workers
-    with _lock:
-        held = _idle.setdefault(key, [])
-        for process in start.started[:count]:
-            held.append(_Held(Processes(start.setup, 1, start.amount.timeout, [process])))
-
-
-@contextlib.contextmanager
-def _processes(order: Order) -> Iterator[_Held]:
-    """One worker process of this machine, kept for the next chunk unless something went wrong."""
-    with _lock:
-        idle = _idle.setdefault(order.key, [])
-        held = idle.pop() if idle else _Held(Processes(order.setup, 1, order.timeout))
-        _busy.add(held)
-    _forget(order.key)
-    try:
-        yield held
-    except BaseException:
-        held.executor.close()
-        raise
-    finally:
-        _busy.discard(held)
-    if held.executor.room() < IN_HAND:  # it has something to do still: the chunk is no longer wanted
-        held.executor.close()
-        return
-    with _lock:
-        _idle.setdefault(order.key, []).append(held)
-
-
-def _forget(key: str) -> None:
-    """End the processes of other setups: those of a run that is over."""
-    with _lock:
-        others = [held for other in [other for other in _idle if other != key] for held in _idle.pop(other)]
-    for held in others:
-        held.executor.close()
 
 
 def dask(start: Start) -> Dask:
