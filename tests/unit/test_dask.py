@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import multiprocessing
 import os
@@ -42,17 +43,32 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, l
     worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", file, "--nthreads", "1",
               "--no-nanny", "--no-dashboard"]  # fmt: skip
     processes += [subprocess.Popen(worker, env=environment, stderr=subprocess.DEVNULL) for _ in range(2)]
+    try:
+        yield address_in(file), processes
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+def address_in(file: Path) -> str:
+    """Address of the scheduler that writes this file, once it is whole."""
     until = time.monotonic() + 60
-    while not file.exists() and time.monotonic() < until:
+    while time.monotonic() < until:
+        with contextlib.suppress(FileNotFoundError, json.JSONDecodeError):
+            return json.loads(file.read_text())["address"]
         time.sleep(0.05)
-    yield json.loads(file.read_text())["address"], processes
-    for process in processes:
-        process.kill()
-        process.wait()
+    raise TimeoutError("the scheduler has not started")
 
 
 def by_dask(address: str, chunk: int = 10) -> dict[str, object]:
     return {"executor": Choice("dask", address, chunk), "num_workers": 2}
+
+
+def offspring(processes: list[subprocess.Popen[bytes]]) -> list[str]:
+    """Children of processes."""
+    lists = (path for process in processes for path in Path(f"/proc/{process.pid}/task").glob("*/children"))
+    return [child for path in lists for child in path.read_text().split()]
 
 
 def tree(out: Path) -> dict[str, bytes]:
@@ -91,6 +107,47 @@ def test_a_stopped_run_goes_on_where_it_was(scheduler, tmp_path: Path) -> None:
     assert second.unchanged >= first.done
     run_batch(tmp_path / "in", tmp_path / "one", num_workers=2)
     assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
+@pytest.mark.parametrize("last", [1 << 60, 10], ids=["done", "stopped"])
+def test_a_run_that_is_over_leaves_no_process_on_the_machines(scheduler, tmp_path: Path, last: int) -> None:
+    make_images(tmp_path / "in", NAMES)
+    address, processes = scheduler
+    worked: list[str] = []
+
+    class Looking(Silent):
+        def finished(self, job, status: str, error: str) -> None:
+            worked.extend(offspring(processes))
+            super().finished(job, status, error)
+
+    run_batch(tmp_path / "in", tmp_path / "out", observer=Looking(last), **by_dask(address))
+    until = time.monotonic() + 30  # a chunk that nobody wants any more ends with its image
+    while offspring(processes) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert worked
+    assert offspring(processes) == []
+
+
+class Ended:
+    """Stands for the processes of an executor."""
+
+    def __init__(self) -> None:
+        self.closed = threading.Event()
+
+    def close(self) -> None:
+        self.closed.set()
+
+
+def test_what_nobody_gives_a_chunk_any_more_ends_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(held, "IDLE_S", 0.01)
+    idle = [Ended(), Ended()]
+    for number, executor in enumerate(idle):
+        held._keep(f"setup {number}", held.Held(executor))
+    assert all(executor.closed.wait(30) for executor in idle)
+    for watch in list(held._watched):
+        watch.join(30)
+    assert (held._idle, held._watched) == ({}, [])
 
 
 def test_a_setup_that_does_not_work_and_a_scheduler_that_is_not_there_are_refused(scheduler, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 
 from ffseg.batch.executors.choice import Start
 from ffseg.batch.executors.chunks import Chunks, numbered, replies, reply_line
-from ffseg.batch.executors.held import forget, interrupt, lend, worker_process
+from ffseg.batch.executors.held import end_idle, interrupt, lend, worker_process
 from ffseg.batch.executors.processes import WorkerLostError
 from ffseg.batch.packing.members import digest
 from ffseg.batch.packing.writer import PackWriter, new_pack
@@ -41,6 +41,8 @@ _QUIET = {
 _TICK_MS = 100
 _PATIENCE_S = 20
 """Seconds a scheduler may take to answer."""
+_GOODBYE_S = 5
+"""Seconds that workers may take to hear that a run is over."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,12 +191,15 @@ class Dask:
             interrupt()
         with contextlib.suppress(Exception):  # a scheduler that is gone cannot be told
             self._client.cancel(list(self._waiting), force=True)
+        if self._cluster is None and self._client.status == "running":
+            with contextlib.suppress(Exception):
+                self._client.run(end_idle, self._key, on_error="ignore", callback_timeout=_GOODBYE_S)
         with contextlib.suppress(Exception):
             self._client.close(timeout=2)
         if self._cluster is not None:
             with contextlib.suppress(Exception):
                 self._cluster.close(timeout=5)
-            forget("")
+            end_idle()
 
 
 def _connect(start: Start) -> tuple[Any, Any]:
@@ -247,7 +252,7 @@ def do_chunk(order: Order) -> dict[str, str]:
     done = {name for name, _ in replies(order.path, order.settings)}
     left = [task for task in order.tasks if task.name not in done]
     with (
-        worker_process(order.key, order.setup, order.timeout) as held,
+        worker_process(order.key, order.setup, order.timeout, order.going) as held,
         open(order.path, "ab", buffering=0) as file,  # noqa: PTH123 - append
         contextlib.closing(_Outputs(order)) as outputs,
     ):

@@ -3,47 +3,65 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from time import monotonic
 
 from ffseg.batch.executors.choice import Start
 from ffseg.batch.executors.processes import AHEAD, Processes
 from ffseg.batch.workers.messages import Setup
 
+IDLE_S = 60.0
+"""Seconds that a process is kept without a chunk: chunks of a run follow each other at once, and a run that was killed
+cannot say that no more will come."""
+
 
 @dataclass(eq=False, slots=True)
 class Held:
-    """A worker process between chunks, and the versions it told when it began."""
+    """A worker process, the versions it told when it began, and since when it is idle (`monotonic`)."""
 
     executor: Processes
     versions: dict[str, str] = field(default_factory=dict)
+    since: float = 0.0
 
 
 _idle: dict[str, list[Held]] = {}
 """Worker processes between chunks, by what they are set up for."""
 _busy: set[Held] = set()
 """Worker processes that work on a chunk."""
-_lock = threading.Lock()
+_changed = threading.Condition()
+"""Held to look at the idle ones; told when they are ended early."""
+_watched: list[threading.Thread] = []
+"""The thread that ends what is idle for long, while there is any."""
 
 
 def lend(key: str, start: Start) -> None:
     """Let workers of this process have the worker processes that were started with the command."""
-    count = start.amount.num_workers
-    with _lock:
-        held = _idle.setdefault(key, [])
-        for process in start.started[:count]:
-            held.append(Held(Processes(start.setup, 1, start.amount.timeout, [process])))
+    for process in start.started[: start.amount.num_workers]:
+        _keep(key, Held(Processes(start.setup, 1, start.amount.timeout, [process])))
 
 
 @contextlib.contextmanager
-def worker_process(key: str, setup: Setup, timeout: float) -> Iterator[Held]:
-    """One worker process of this machine, kept for the next chunk unless something went wrong."""
-    with _lock:
-        idle = _idle.setdefault(key, [])
+def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterator[Held]:
+    """One worker process of this machine, kept for the next chunk unless something went wrong.
+
+    Parameters
+    ----------
+    key : str
+        Digest of what the process is for.
+    setup : Setup
+    timeout : float
+        Seconds an image may take.
+    going : str
+        File that is there as long as the run may have more chunks.
+    """
+    with _changed:
+        idle = _idle.get(key)
         held = idle.pop() if idle else Held(Processes(setup, 1, timeout))
         _busy.add(held)
-    forget(key)
+    end_others(key)
     try:
         yield held
     except BaseException:
@@ -51,11 +69,37 @@ def worker_process(key: str, setup: Setup, timeout: float) -> Iterator[Held]:
         raise
     finally:
         _busy.discard(held)
-    if held.executor.room() < AHEAD:  # it has something to do still: the chunk is no longer wanted
+    with _changed:  # whoever ends the idle ones of a run that is over sees this one, or this one sees that it is over
+        wanted = held.executor.room() == AHEAD and os.path.exists(going)  # else it may have something to do still
+        if wanted:
+            _keep(key, held)
+    if not wanted:
         held.executor.close()
-        return
-    with _lock:
+
+
+def _keep(key: str, held: Held) -> None:
+    """Let a process wait for a chunk, watched."""
+    with _changed:
+        held.since = monotonic()
         _idle.setdefault(key, []).append(held)
+        if not _watched:
+            _watched.append(threading.Thread(target=_watch, daemon=True))
+            _watched[0].start()
+
+
+def _watch() -> None:
+    """End processes that are idle for long, until there is none left."""
+    while True:
+        with _changed:
+            old = _removed(lambda _, held: held.since <= monotonic() - IDLE_S)
+            oldest = min((held.since for idle in _idle.values() for held in idle), default=None)
+            if oldest is None:
+                _watched.clear()
+            elif not old:
+                _changed.wait(oldest + IDLE_S - monotonic())
+        _end(old)
+        if oldest is None:
+            return
 
 
 def interrupt() -> None:
@@ -64,9 +108,31 @@ def interrupt() -> None:
         held.executor.interrupt()
 
 
-def forget(key: str) -> None:
-    """End the processes of other setups: those of a run that is over."""
-    with _lock:
-        others = [held for other in [other for other in _idle if other != key] for held in _idle.pop(other)]
-    for held in others:
+def end_idle(key: str = "") -> None:
+    """End the idle processes of a setup, whose run is over, or all of them."""
+    with _changed:
+        idle = _removed(lambda own, _: key in ("", own))
+        _changed.notify_all()
+    _end(idle)
+
+
+def end_others(key: str) -> None:
+    """End the idle processes of other setups."""
+    with _changed:
+        idle = _removed(lambda own, _: own != key)
+    _end(idle)
+
+
+def _removed(chosen: Callable[[str, Held], bool]) -> list[Held]:
+    """Take the chosen ones out of the idle ones."""
+    found = [(key, held) for key, idle in _idle.items() for held in idle if chosen(key, held)]
+    for key, held in found:
+        _idle[key].remove(held)
+    for key in [key for key, idle in _idle.items() if not idle]:
+        del _idle[key]
+    return [held for _, held in found]
+
+
+def _end(idle: Iterable[Held]) -> None:
+    for held in idle:
         held.executor.close()
