@@ -20,9 +20,12 @@ from batches import Silent, make_images, run_batch, snapshot, table
 
 from ffseg.batch.executors import dask, held
 from ffseg.batch.executors.choice import Choice
-from ffseg.batch.executors.processes import WorkerLostError
+from ffseg.batch.executors.processes import Processes, WorkerLostError
 from ffseg.batch.outputs.table import Wanted
+from ffseg.batch.workers.launch import Process, launch
+from ffseg.batch.workers.messages import Setup, Task
 from ffseg.errors import UsageError
+from ffseg.parameters import load_params
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's own, of every kind
@@ -212,6 +215,25 @@ def test_a_stopped_run_waits_for_no_image(tmp_path: Path) -> None:
     assert held._busy == set(), "whoever waited for it has heard that it ended"
     children = Path(f"/proc/self/task/{os.getpid()}/children")
     assert not children.exists() or not children.read_text().split(), "no worker process is left behind"
+
+
+def test_a_worker_that_is_being_started_when_the_run_is_stopped_ends_as_well(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_images(tmp_path, NAMES[:1], {NAMES[0]: stand_in.HANG})
+    executor = Processes(Setup(params=load_params(), segmenter=stand_in.NAME), 1)
+
+    def started() -> Process:
+        process = launch()
+        executor.interrupt()
+        return process
+
+    monkeypatch.setattr("ffseg.batch.executors.processes.launch", started)
+    executor.put(Task(0, str(tmp_path / NAMES[0]), "", str(tmp_path), ("masks/i0.png", "contours/i0.svg")))
+    assert list(executor.replies(20_000)) == []  # the process is handed the image, and its end is heard of
+    with pytest.raises(WorkerLostError, match="told to end"):
+        list(executor.replies(20_000))
+    executor.close()
 
 
 def test_chunks_become_smaller_as_less_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -101,6 +101,7 @@ class Processes:
         self._poll = select.poll()
         self._stillborn = 0  # workers in a row that died before they were ready
         self._news: list[Event] = []
+        self._interrupted = False
         if stop >= 0:
             self._poll.register(stop, select.POLLIN)
         for process in started:
@@ -122,7 +123,7 @@ class Processes:
         UsageError
             If the setup does not work.
         WorkerLostError
-            If workers died before they were ready, several in a row: it is not chance.
+            If workers died before they were ready, several in a row: it is not chance. Or after `interrupt`.
         """
         self._hand_out()
         events = self._poll.poll(self._patience(most))
@@ -141,7 +142,11 @@ class Processes:
             self._drop(worker)
 
     def interrupt(self) -> None:
-        """Kill every worker; to be called from any thread: whoever waits for replies hears of it as of a crash."""
+        """Kill every worker, also one that is just being started, and let there be no other.
+
+        To be called from any thread: whoever waits for replies hears of it as of a crash, or is told that it is over.
+        """
+        self._interrupted = True
         for worker in list(self._workers):
             worker.process.handle.kill()
 
@@ -165,7 +170,11 @@ class Processes:
         ------
         UsageError
             If there is no worker at all.
+        WorkerLostError
+            After `interrupt`.
         """
+        if self._interrupted:
+            raise WorkerLostError("the workers were told to end")
         try:
             return self._adopt(launch())
         except OSError as error:
@@ -182,6 +191,8 @@ class Processes:
         worker.send(self._setup)
         self._workers.append(worker)
         self._poll.register(process.replies, select.POLLIN)
+        if self._interrupted:  # while it was being started
+            process.handle.kill()
         return worker
 
     def _drop(self, worker: Worker) -> None:
