@@ -23,6 +23,9 @@ WAYS = SCALES[:3]
 TEXTURE = ("light", "red", "blue", "slope_light", "slope_colour", "slope", "tensor1", "tensor2", "bend1", "bend2")
 """Planes of one scale in the order of the native core: smoothed L, a, b, gradient sizes, structure tensor, Hessian."""
 
+COLOUR = (*TEXTURE[:3], "slope")
+"""The planes of one scale that do not tell of shapes."""
+
 RELATIVE = ("from_light", "from_red", "from_blue", "from_start")
 """L, a, b less their means in the start region, and their length in deviations."""
 
@@ -42,14 +45,22 @@ WAY_SCALE, WAY_STEP, LEAST_COST = 1.5, 0.1, 1
 """The shortest way is measured at one scale and in coarser steps, of which an even pixel costs one: length counts a
 little."""
 
+
+def _names(texture: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{name}@{scale:g}" for scale in SCALES for name in (*texture, *RELATIVE))
+
+
 NAMES = (
-    *(f"{name}@{scale:g}" for scale in SCALES for name in (*TEXTURE, *RELATIVE)),
+    *_names(TEXTURE),
     *(f"{name}@{scale:g}" for scale in WAYS for name in BARRIER),
     "way",
     "likeness",
     *PLACE,
 )
-"""Names of the planes that are always computed, in their order."""
+"""Names of the planes in their order, unless less or more is asked for."""
+
+PLAIN = (*_names(COLOUR), *(f"{name}@{WAYS[0]:g}" for name in BARRIER), "likeness", *PLACE)
+"""Names of those that do not tell of shapes, nor of ways at coarse scales."""
 
 KNOWN = (*NAMES, *OPEN)
 """Names of all planes in their order."""
@@ -62,7 +73,9 @@ class Features:
     Attributes
     ----------
     planes : ndarray of float32, shape (F, h, w)
-        One plane for each of ``KNOWN``, or of ``NAMES``, all finite.
+        One plane for each of ``names``, all finite.
+    names : tuple of str
+        ``KNOWN``, ``NAMES`` or ``PLAIN``.
     inside : ndarray of uint8, shape (h, w)
         1 in the start region.
     factor : int
@@ -72,13 +85,14 @@ class Features:
     """
 
     planes: NDArray[np.float32]
+    names: tuple[str, ...]
     inside: NDArray[np.uint8]
     factor: int
     shape: tuple[int, int]
 
     def __getitem__(self, name: str) -> NDArray[np.float32]:
         """The plane of that name, shape (h, w)."""
-        plane: NDArray[np.float32] = self.planes[KNOWN.index(name)]
+        plane: NDArray[np.float32] = self.planes[self.names.index(name)]
         return plane
 
 
@@ -88,7 +102,10 @@ def reduction(shape: tuple[int, ...], size: int = WORKING_SIZE) -> int:
 
 
 def features(
-    image: NDArray[np.uint8], start: NDArray[np.bool_], size: int = WORKING_SIZE, *, opened: bool = False
+    image: NDArray[np.uint8],
+    start: NDArray[np.bool_],
+    size: int = WORKING_SIZE,
+    names: tuple[str, ...] = NAMES,
 ) -> Features:
     """Features of an image, seen from a start region.
 
@@ -100,8 +117,8 @@ def features(
         True in the start region: inside by definition.
     size : int
         Pixels a side that the reduced image may have.
-    opened : bool
-        Whether to look for open ground as well: all of ``KNOWN``, not only ``NAMES``.
+    names : tuple of str
+        What to look for: ``NAMES``, less (``PLAIN``), or more (``KNOWN``).
 
     Raises
     ------
@@ -112,26 +129,34 @@ def features(
     factor = reduction(shape, size)
     inside = reduced_region(start, factor)
     height, width = inside.shape
-    planes = np.empty((len(KNOWN if opened else NAMES), height, width), np.float32)
+    planes = np.empty((len(names), height, width), np.float32)
     lab = np.empty((3, height, width), np.float32)
     _core.evidence_lab(np.ascontiguousarray(image), factor, lab)
+    plain = names == PLAIN
+    looks, look = (len(COLOUR), _core.evidence_colour) if plain else (len(TEXTURE), _core.evidence_texture)
     at = 0
     for scale in SCALES:
-        texture, relative = planes[at : at + len(TEXTURE)], planes[at + len(TEXTURE) : at + len(TEXTURE + RELATIVE)]
-        _core.evidence_texture(lab, scale, texture)
+        texture, relative = planes[at : at + looks], planes[at + looks : at + looks + len(RELATIVE)]
+        look(lab, scale, texture)
         _core.evidence_relative(texture[:3], inside, DEVIATION_FLOOR, relative)
-        at += len(TEXTURE + RELATIVE)
-    for scale in WAYS:
-        slope = planes[NAMES.index(f"slope@{scale:g}")]
-        _core.evidence_barrier(slope, inside, STEP, planes[at : at + len(BARRIER)])
+        at += looks + len(RELATIVE)
+    found = Features(planes, names, inside, factor, shape)
+    for scale in WAYS[:1] if plain else WAYS:
+        _core.evidence_barrier(found[f"slope@{scale:g}"], inside, STEP, planes[at : at + len(BARRIER)])
         at += len(BARRIER)
-    way = NAMES.index("way")
-    _core.evidence_geodesic(planes[NAMES.index(f"slope@{WAY_SCALE:g}")], inside, WAY_STEP, LEAST_COST, planes[way])
-    _likeness(planes, inside, planes[way + 1])
-    _place(inside, planes[way + 2 : len(NAMES)])
-    if opened:
-        open_ground(image, inside, factor, planes[len(NAMES) :])
-    return Features(planes, inside, factor, shape)
+    if not plain:
+        way(found[f"slope@{WAY_SCALE:g}"], inside, found["way"])
+    _likeness(found)
+    place = names.index("x")
+    _place(inside, planes[place : place + len(PLACE)])
+    if names == KNOWN:
+        open_ground(image, inside, factor, planes[-len(OPEN) :])
+    return found
+
+
+def way(slope: NDArray[np.float32], inside: NDArray[np.uint8], out: NDArray[np.float32]) -> None:
+    """Write the length of the shortest way from the start over gradients."""
+    _core.evidence_geodesic(slope, inside, WAY_STEP, LEAST_COST, out)
 
 
 def reduced_region(region: NDArray[np.bool_], factor: int) -> NDArray[np.uint8]:
@@ -142,11 +167,20 @@ def reduced_region(region: NDArray[np.bool_], factor: int) -> NDArray[np.uint8]:
     SegmentationError
         If the region is empty.
     """
-    if not region.any():
+    rows = np.flatnonzero(region.any(axis=1))
+    if len(rows) == 0:
         raise SegmentationError("no pixel centre lies in the start region; make init.radius larger or move it inside")
-    shares = reduced_mean(region.astype(np.float32), factor)
+    found = np.zeros(reduced_shape(region.shape, factor), np.uint8)
+    top, bottom = rows[0] // factor, rows[-1] // factor + 1  # the rest holds none of it
+    shares = reduced_mean(region[top * factor : bottom * factor].astype(np.float32), factor)
     inside = shares >= 0.5
-    return (inside if inside.any() else shares > 0).astype(np.uint8)
+    found[top:bottom] = inside if inside.any() else shares > 0
+    return found
+
+
+def reduced_shape(shape: tuple[int, ...], factor: int) -> tuple[int, int]:
+    """Rows and columns of the reduced image."""
+    return -(-shape[0] // factor), -(-shape[1] // factor)
 
 
 def reduced_mean(plane: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
@@ -160,39 +194,43 @@ def reduced_mean(plane: NDArray[np.float32], factor: int) -> NDArray[np.float32]
     return means
 
 
-def enlarged(plane: NDArray[np.float32], factor: int, shape: tuple[int, int]) -> NDArray[np.float32]:
+def enlarged(plane: NDArray[np.float32], factor: int, shape: tuple[int, int], stride: int = 1) -> NDArray[np.float32]:
     """A reduced plane at the size of the image: between the middles of the blocks, linear.
 
     Parameters
     ----------
-    plane : ndarray of float32, shape (h, w)
+    plane : ndarray of float32, shape (ceil(h / stride), ceil(w / stride))
+        Every ``stride``-th value each way of a plane of shape (h, w).
     factor : int
     shape : tuple of int
         (H, W) of the image.
+    stride : int
 
     Returns
     -------
     ndarray of float32, shape (H, W)
     """
-    down = _weights(shape[0], plane.shape[0], factor)
-    right = _weights(shape[1], plane.shape[1], factor)
-    rows = plane[down[0]] * (1 - down[2])[:, None] + plane[down[1]] * down[2][:, None]
-    return np.ascontiguousarray(rows[:, right[0]] * (1 - right[2]) + rows[:, right[1]] * right[2], np.float32)
+    down = _weights(shape[0], plane.shape[0], factor, stride)
+    right = _weights(shape[1], plane.shape[1], factor, stride)
+    wide = plane[:, right[0]] * (1 - right[2]) + plane[:, right[1]] * right[2]
+    return np.ascontiguousarray(wide[down[0]] * (1 - down[2])[:, None] + wide[down[1]] * down[2][:, None], np.float32)
 
 
-def _weights(length: int, blocks: int, factor: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
-    """The blocks before and after each pixel, and the weight of the one after."""
-    place = np.clip((np.arange(length) + 0.5) / factor - 0.5, 0, blocks - 1)
+def _weights(
+    length: int, blocks: int, factor: int, stride: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
+    """The values before and after each pixel, and the weight of the one after."""
+    place = np.clip(((np.arange(length) + 0.5) / factor - 0.5) / stride, 0, blocks - 1)
     before = np.minimum(place.astype(np.intp), blocks - 1)
     return before, np.minimum(before + 1, blocks - 1), (place - before).astype(np.float32)
 
 
-def _likeness(planes: NDArray[np.float32], inside: NDArray[np.uint8], out: NDArray[np.float32]) -> None:
+def _likeness(found: Features) -> None:
     """How much likelier the colour is in the start than in the image, smoothed by a pixel."""
-    ratio = np.empty_like(out)
-    light = NAMES.index(f"light@{WAY_SCALE:g}")
-    _core.evidence_likelihood(planes[light : light + 3], inside, ratio)
-    _core.evidence_blur(ratio, 1.0, out)
+    light = found.names.index(f"light@{WAY_SCALE:g}")
+    ratio = np.empty_like(found["likeness"])
+    _core.evidence_likelihood(found.planes[light : light + 3], found.inside, ratio)
+    _core.evidence_blur(ratio, 1.0, found["likeness"])
 
 
 def _place(inside: NDArray[np.uint8], out: NDArray[np.float32]) -> None:
@@ -201,4 +239,4 @@ def _place(inside: NDArray[np.uint8], out: NDArray[np.float32]) -> None:
     y, x = np.arange(height, dtype=np.float32)[:, None], np.arange(width, dtype=np.float32)
     out[0], out[1] = (x + 0.5) / width, (y + 0.5) / height
     out[2], out[3] = (x - columns.mean()) / width, (y - rows.mean()) / width
-    out[4] = np.hypot(out[2], out[3])
+    out[4] = np.sqrt(out[2] * out[2] + out[3] * out[3])

@@ -120,7 +120,7 @@ class Model:
     def look(self, image: NDArray[np.uint8], start: NDArray[np.bool_]) -> Features:
         """The features that the model needs of an image, seen from a start region (see `features`)."""
         opened = not OPEN_NAMES.isdisjoint(self.inside.features)
-        return features(image, start, self.size, opened=opened)
+        return features(image, start, self.size, KNOWN if opened else NAMES)
 
     def map(self, seen: Features, native: _core.EvidenceForest | None = None) -> Plane:
         """Probability of inside for each pixel of the image, shape (H, W)."""

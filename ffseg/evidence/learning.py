@@ -111,7 +111,7 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
     rng = np.random.default_rng(seed)
     rows, labels = [], []
     for start in starts_in(example, rng):
-        seen = features(example.image, start, size, opened=True)
+        seen = features(example.image, start, size, KNOWN)
         known = known_pixels(example.truth, seen.factor)
         chosen = rng.permutation(np.flatnonzero(known >= 0))[: PIXELS // STARTS]
         found = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1)[:, chosen].T)

@@ -1,21 +1,24 @@
-"""What the prior looks at beside the features of `ffseg.evidence.features`: the border of the image, passages, texture."""
+"""What the prior looks at beside features of every pixel: ways at coarse scales, the border of the image, texture."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence.features import BARRIER, NAMES, STEP, Features
+from ffseg.evidence.features import BARRIER, STEP, WAYS, Features, reduced_region, way
 from ffseg.evidence.openings import widened
 from ffseg.native import _core
 
 Plane = NDArray[np.float32]
 
+STRIDE = 2
+"""Every second pixel each way is asked, and enough for a sum: neighbours say nearly the same."""
+
 FRAME = 0.03
 """Width of the border whose colours are compared, in parts of the root of the image's area."""
 
-PASSAGES = (5, 9)
-"""Reduced pixels; barriers are also measured where only passages of this width count."""
+PASSAGES = (3, 5)
+"""Of these pixels; barriers are also measured where only passages of this width count."""
 
 NEAR = 5.0
 """Radii of the start within which the usual gradient is measured."""
@@ -23,7 +26,12 @@ NEAR = 5.0
 FAINT = 0.02
 """Units of L, a, b per pixel added to gradients before their logarithm: below sensor noise."""
 
+FINE = ("0.7", "1.5")
+"""Scales whose gradients are compared with usual ones."""
+
 SURROUNDINGS = (
+    *(f"{name}@{scale:g}" for scale in WAYS[1:] for name in BARRIER),
+    "way",
     "frame_barrier",
     "frame_hardness",
     "start_or_frame",
@@ -44,47 +52,83 @@ SURROUNDINGS = (
 """Names of the planes in their order."""
 
 
-def surroundings(seen: Features) -> Plane:
-    """The planes that ``SURROUNDINGS`` names, shape (len(SURROUNDINGS), h, w), all finite."""
-    inside = seen.inside > 0
-    height, width = inside.shape
-    size = float(np.sqrt(height * width))
-    slope = seen["slope@1.5"]
-    frame = _barrier(slope, _frame((height, width), 1))
-    own = seen["barrier@1.5"]
+def surroundings(seen: Features, out: Plane) -> None:
+    """Write the planes that ``SURROUNDINGS`` names, all finite.
+
+    Parameters
+    ----------
+    seen : Features
+    out : ndarray of float32, shape (len(SURROUNDINGS), ceil(h / STRIDE), ceil(w / STRIDE))
+        Of every ``STRIDE``-th pixel each way.
+    """
+    start = reduced_region(seen.inside > 0, STRIDE)
+    slopes = {name: thinned(seen[f"slope@{name}"]) for name in (*FINE, "3")}
+    ways = _ways(slopes, start)
+    crossed = {FINE[0]: thinned(seen[f"barrier@{FINE[0]}"]), FINE[1]: ways[0]}
+    light = seen.names.index("light@1.5")
+    colours = np.ascontiguousarray(seen.planes[light : light + 3, ::STRIDE, ::STRIDE])
     planes = [
-        frame[0],
-        frame[1],
-        np.log((own + 1) / (frame[0] + 1)),
-        _even(np.log(np.median(frame[0][inside]) + 1), own),
+        *ways,
+        *_likenesses(seen, colours),
+        *_compared(slopes, crossed, start > 0),
+        _to_border(seen.inside.shape),
+        np.sqrt(colours[1] ** 2 + colours[2] ** 2),
+        *_busy(slopes["1.5"], start > 0),
     ]
+    for to, plane in zip(out, planes, strict=True):
+        to[:] = plane
+
+
+def _ways(slopes: dict[str, Plane], start: NDArray[np.uint8]) -> list[Plane]:
+    """What stands on ways from the start and from the frame of the image, and through passages only."""
+    slope = slopes["1.5"]
+    planes = [plane for scale in WAYS[1:] for plane in _barrier(slopes[f"{scale:g}"], start)]
+    length = np.empty_like(slope)
+    way(slope, start, length)
+    own, frame = planes[0], _barrier(slope, _frame(slope.shape, 1))[:2]
+    usual = np.log(np.median(frame[0][start > 0]) + 1)
+    planes += [length, *frame, np.log((own + 1) / (frame[0] + 1)), np.full_like(slope, usual)]
     for passage in PASSAGES:
-        planes += list(_barrier(widened(slope, passage), seen.inside)[1:])
-    light = NAMES.index("light@1.5")
-    likeness = np.empty_like(slope)
-    border = _frame((height, width), max(2, int(FRAME * size)))
-    _core.evidence_likelihood(seen.planes[light : light + 3], border, likeness)
-    planes += [_blurred(likeness, 1.0), _blurred(seen["likeness"], 3.0)]
+        planes += list(_barrier(widened(slope, passage), start)[1:])
+    return planes
+
+
+def _likenesses(seen: Features, colours: Plane) -> tuple[Plane, Plane]:
+    """How much likelier the colour is in the frame of the image than in the image, and how it is round a pixel."""
+    size = float(np.sqrt(seen.inside.shape[0] * seen.inside.shape[1]))
+    likeness = np.empty_like(colours[0])
+    _core.evidence_likelihood(colours, _frame(likeness.shape, max(2, int(FRAME * size)) // STRIDE), likeness)
+    return _blurred(likeness, 1.0 / STRIDE), _blurred(thinned(seen["likeness"]), 3.0 / STRIDE)
+
+
+def _compared(slopes: dict[str, Plane], crossed: dict[str, Plane], inside: NDArray[np.bool_]) -> list[Plane]:
+    """Gradients that must be crossed beside those usual near the start; gradients beside those in the start."""
     rows, columns = np.nonzero(inside)
-    radius = np.sqrt(np.count_nonzero(inside) / np.pi)
-    y, x = np.arange(height)[:, None], np.arange(width)
-    near = np.hypot(y - rows.mean(), x - columns.mean()) <= NEAR * radius
-    usual = {name: np.median(seen[f"slope@{name}"][near]) + FAINT for name in ("0.7", "1.5")}
-    within = {name: np.median(seen[f"slope@{name}"][inside]) + FAINT for name in ("0.7", "1.5")}
-    planes += [np.log((seen[f"barrier@{name}"] * STEP + FAINT) / usual[name]) for name in usual]
-    planes += [np.log((seen[f"slope@{name}"] + FAINT) / within[name]) for name in within]
-    planes += [_even(np.log(within["1.5"]), own)]
-    planes += [np.minimum(np.minimum(x, width - 1 - x), np.minimum(y, height - 1 - y)) / size]
-    planes += [np.hypot(seen["red@1.5"], seen["blue@1.5"])]
-    busy = np.log(slope + FAINT)
-    for scale in (3.0, 6.0):
-        smooth = _blurred(busy, scale)
-        planes.append(smooth - smooth[inside].mean())
-    return np.stack([np.asarray(plane, np.float32) for plane in planes])
+    y, x = np.arange(inside.shape[0])[:, None] - rows.mean(), np.arange(inside.shape[1]) - columns.mean()
+    near = y * y + x * x <= NEAR**2 * np.count_nonzero(inside) / np.pi
+    usual, within = ({name: np.median(slopes[name][at]) + FAINT for name in FINE} for at in (near, inside))
+    planes = [np.log((crossed[name] * STEP + FAINT) / usual[name]) for name in FINE]
+    planes += [np.log((slopes[name] + FAINT) / within[name]) for name in FINE]
+    return [*planes, np.full_like(planes[0], np.log(within["1.5"]))]
 
 
-def _even(value: float, like: Plane) -> Plane:
-    return np.full_like(like, value)
+def _to_border(shape: tuple[int, ...]) -> Plane:
+    """Distance to the border of the image, in parts of the root of its area."""
+    y, x = np.arange(0, shape[0], STRIDE)[:, None], np.arange(0, shape[1], STRIDE)
+    nearest = np.minimum(np.minimum(x, shape[1] - 1 - x), np.minimum(y, shape[0] - 1 - y))
+    parts: Plane = (nearest / np.sqrt(shape[0] * shape[1])).astype(np.float32)
+    return parts
+
+
+def _busy(slope: Plane, inside: NDArray[np.bool_]) -> list[Plane]:
+    """How strong gradients are round a pixel, beside those round the start."""
+    smooth = [_blurred(np.log(slope + FAINT), scale / STRIDE) for scale in (3.0, 6.0)]
+    return [plane - plane[inside].mean() for plane in smooth]
+
+
+def thinned(plane: Plane) -> Plane:
+    """Every ``STRIDE``-th pixel each way."""
+    return np.ascontiguousarray(plane[::STRIDE, ::STRIDE])
 
 
 def _frame(shape: tuple[int, int], width: int) -> NDArray[np.uint8]:

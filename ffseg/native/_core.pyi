@@ -32,6 +32,9 @@ def evidence_texture(lab: Annotated[NDArray[numpy.float32], dict(shape=(None, No
     L, a, b smoothed; gradient of L, of a and b, of all; eigenvalues of structure tensor and Hessian of L.
     """
 
+def evidence_colour(lab: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], sigma: float, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
+    """L, a, b smoothed; gradient of all."""
+
 def evidence_relative(lab: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], floor: float, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
     """
     L, a, b less their means inside, and their length over deviation inside + floor.

@@ -26,9 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence import prior
-from ffseg.evidence.features import WORKING_SIZE, features
+from ffseg.evidence.features import PLAIN, WORKING_SIZE, features
 from ffseg.evidence.forest import Model, to_bytes
 from ffseg.evidence.learning import SETTINGS, converted, known_pixels
+from ffseg.evidence.surroundings import STRIDE
 from ffseg.formats.files import write_bytes_atomic
 from ffseg.formats.images import single_thread
 from ffseg.metrics import INSIDE
@@ -126,8 +127,9 @@ def samples(seen: Sight, rng: np.random.Generator, pixels: int = PIXELS) -> Samp
     """Some pixels that are known, half of them inside."""
     x, y, radius = seen.start
     rows, columns = np.indices(seen.truth.shape, sparse=True)
-    found = features(prior.exposed(seen.image), (rows - y) ** 2 + (columns - x) ** 2 <= radius**2)
-    known = known_pixels(seen.truth, found.factor).ravel()
+    disc = (rows - y) ** 2 + (columns - x) ** 2 <= radius**2
+    found = features(prior.exposed(seen.image), disc, names=PLAIN)
+    known = known_pixels(seen.truth, found.factor)[::STRIDE, ::STRIDE].ravel()
     sides = [np.flatnonzero(known == side) for side in (0, 1)]
     chosen = [rng.permutation(side)[: pixels // 2] for side in sides]
     share = len(sides[1]) / max(1, len(sides[0]) + len(sides[1]))

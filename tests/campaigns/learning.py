@@ -159,7 +159,7 @@ def _histogram(chosen: Sequence[Samples]) -> Says:
         forests.append((forest.fit(rows[:, columns], labels, weights / weights.mean()), columns))
 
     def says(one: Photograph) -> NDArray[np.float32]:
-        seen = features(one.image, start_of(one), opened=True)
+        seen = features(one.image, start_of(one), names=KNOWN)
         flat = seen.planes.reshape(len(KNOWN), -1).T
         odds = np.mean([forest.decision_function(flat[:, columns]) for forest, columns in forests], axis=0)
         probability = (1 / (1 + np.exp(-odds))).astype(np.float32).reshape(seen.inside.shape)

@@ -80,6 +80,14 @@ def test_texture_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], sigma
     np.testing.assert_allclose(found[6:8], twin[6:8], rtol=1e-4, atol=2e-3)
 
 
+@given(coloured(), st.floats(0.2, 7))
+@settings(max_examples=40, deadline=None)
+def test_colour_is_the_texture_that_does_not_tell_of_shapes(drawn: tuple[np.ndarray, np.ndarray], sigma: float) -> None:
+    lab, _ = drawn
+    whole = made((10, *lab.shape[1:]), _core.evidence_texture, lab, sigma)
+    np.testing.assert_array_equal(made((4, *lab.shape[1:]), _core.evidence_colour, lab, sigma), whole[[0, 1, 2, 5]])
+
+
 @given(coloured(), st.floats(0.5, 10))
 @settings(max_examples=60, deadline=None)
 def test_colour_from_the_start_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], floor: float) -> None:

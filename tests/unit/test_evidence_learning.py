@@ -90,7 +90,7 @@ def test_converted_trees_say_what_lightgbm_says() -> None:
     settings = {"objective": "binary", "num_leaves": 31, "verbose": -1, "use_missing": False, "num_threads": 1}
     booster = lightgbm.train(settings, data, 20)
     forest = converted(booster.dump_model()["tree_info"], KNOWN)
-    seen = features(example(2).image, example(2).start, opened=True)
+    seen = features(example(2).image, example(2).start, names=KNOWN)
     rows = seen.planes.reshape(len(KNOWN), -1).T
     # sums of 20 leaves in single precision
     np.testing.assert_allclose(forest.probability(seen.planes).ravel(), booster.predict(rows), atol=2e-6)
@@ -147,7 +147,7 @@ def test_uncertainty_is_higher_on_what_was_never_seen() -> None:
 
 def test_trusting_adds_to_open_ground_and_takes_elsewhere() -> None:
     forest, one = grow([samples(example(seed)) for seed in (1, 2)], trees=10), example(3)
-    seen = features(one.image, one.start, opened=True)
+    seen = features(one.image, one.start, names=KNOWN)
     plain, more = forest.probability(seen.planes), trusting(forest, 2.0).probability(seen.planes)
     odds = np.log(more / (1 - more)) - np.log(plain / (1 - plain))
     open_here = seen[TRUSTED] > 0.5

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ffseg.evidence.features import KNOWN, NAMES, features
+from ffseg.evidence.features import KNOWN, NAMES, PLAIN, features
 from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
 from ffseg.evidence.openings import OPEN, PASSAGES, open_ground, widened
 
@@ -92,7 +92,14 @@ def test_only_a_model_that_asks_for_open_ground_looks_for_it() -> None:
     assert len(new.look(image, start()).planes) == len(KNOWN)
     again = from_bytes(to_bytes(new))
     assert again.inside.features == KNOWN
-    everything = features(image, start(), opened=True)
+    everything = features(image, start(), names=KNOWN)
     np.testing.assert_array_equal(old.map(old.look(image, start())), old.map(everything))
     found = again.map(again.look(image, start()))
     assert found[30, 20] > 0.9 > 0.1 > found[30, 80]
+
+
+def test_what_is_named_is_found_whatever_else_is_looked_for() -> None:
+    some, most = (features(walled(0), start(), names=names) for names in (PLAIN, KNOWN))
+    assert set(PLAIN) < set(NAMES) < set(KNOWN)
+    for name in PLAIN:
+        np.testing.assert_array_equal(some[name], most[name])

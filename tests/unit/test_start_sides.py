@@ -8,7 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 import ffseg
-from ffseg.image.bounds.free import open_sides
+from ffseg.image.bounds.free import free_pixels, ground_under, open_sides, room_round
+from ffseg.image.raster import rasterize
+from ffseg.segmenters.starting import sides
+from ffseg.segmenters.starting.freed import SPARE, placed
+from ffseg.segmenters.starts import circle_start
 
 CENTER, RADIUS, START = (110.0, 100.0), 60.0, 14.0
 
@@ -113,3 +117,19 @@ def test_a_start_round_a_camera_stays_though_the_robot_is_seen_in_it() -> None:
     moved = ffseg.segment(image, {"init.center": list(center), "init.radius": RADIUS})
     assert "was moved to" in moved.messages[0]
     assert moved.mask[~truth].mean() < 0.1
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_is_far_from_a_start_does_not_matter(seed: int) -> None:
+    """The window that is looked at gives what the whole image gives."""
+    rng = np.random.default_rng(seed)
+    edges = (rng.random((220, 260)) < 0.004).astype(np.uint8)
+    edges[:, int(rng.integers(60, 200))] = 1
+    free = free_pixels(edges, None)
+    labels = open_sides(free, 64)
+    old = circle_start((*rng.uniform((20, 20), (240, 200)), float(rng.uniform(4, 18))), ffseg.load_params())
+    ground = ground_under(labels > 0, rasterize([old], free.shape))
+    _, whole = placed(old, room_round(free) - SPARE, ground)
+    found = sides._moved(old, free, labels)[1]
+    assert (found.x, found.y) == (whole.x, whole.y)
+    assert found.radius == pytest.approx(whole.radius, rel=1e-5)  # distances are summed in single precision

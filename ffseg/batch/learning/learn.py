@@ -13,7 +13,7 @@ from ffseg import __version__
 from ffseg.batch.discover import Source
 from ffseg.batch.learning.gather import Gathered, Labelled, start_region
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
-from ffseg.evidence.features import Features, features
+from ffseg.evidence.features import KNOWN, Features, features
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.learning import (
     Example,
@@ -155,7 +155,7 @@ def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tup
     count, rng = len(chosen), np.random.default_rng(0)
     if any(one.start is None for one in labelled):
         return ()
-    seen = [features(one.image, one.start, opened=True) for one in labelled if one.start is not None]
+    seen = [features(one.image, one.start, names=KNOWN) for one in labelled if one.start is not None]
     points = []
     for number in sorted({*(2**power for power in range(count.bit_length()) if 2**power < count), count - 1}):
         found = []

@@ -40,12 +40,14 @@ def islands(odds: NDArray[np.float32], starts: NDArray[np.bool_], most: float) -
     levels, begun = np.ascontiguousarray(odds[::STRIDE, ::STRIDE]), starts[::STRIDE, ::STRIDE]
     _, parts, figures, _ = cv2.connectedComponentsWithStats((levels > 0).astype(np.uint8), connectivity=4)
     known = np.setdiff1d(parts[begun], [0])
+    area = LEAST_SHARE * float(figures[known, cv2.CC_STAT_AREA].sum())
+    large = np.setdiff1d(np.flatnonzero(figures[:, cv2.CC_STAT_AREA] >= area), [0, *known]).tolist()
+    if not large:
+        return ()
     around = np.isin(parts, known) & ~begun
     if not around.any():
         return ()
     least = max(LEAST_ODDS, SURE * float(np.median(levels[around])))
-    area = LEAST_SHARE * float(figures[known, cv2.CC_STAT_AREA].sum())
-    large = np.flatnonzero(figures[:, cv2.CC_STAT_AREA] >= area).tolist()
-    chosen = [at for at in large if at != 0 and at not in known and float(np.median(levels[parts == at])) >= least]
+    chosen = [part for part in large if float(np.median(levels[parts == part])) >= least]
     small = discs(depths((parts > 0).astype(np.uint8)), parts, figures, chosen, most / STRIDE)
     return tuple((STRIDE * x, STRIDE * y, STRIDE * radius) for x, y, radius in small)

@@ -85,12 +85,13 @@ void py_blur(const InPlane& plane, double sigma, OutPlane out) {
     evidence::blur(plane.data(), size, sigma, out.data());
 }
 
-void py_texture(const InPlanes& lab, double sigma, OutPlanes out) {
-    const Size size = check_planes(lab, 3), target = check_planes(out, evidence::kTexturePlanes);
+template <auto look, int planes>
+void py_look(const InPlanes& lab, double sigma, OutPlanes out) {
+    const Size size = check_planes(lab, 3), target = check_planes(out, planes);
     require(size.height == target.height && size.width == target.width, "the arrays differ in size");
     require(sigma > 0 && 2 * sigma <= evidence::kWidestBlur, "sigma is out of range");
     nb::gil_scoped_release release;
-    evidence::texture(lab.data(), size, sigma, out.data());
+    look(lab.data(), size, sigma, out.data());
 }
 
 void py_relative(const InPlanes& lab, const Region& inside, double floor, OutPlanes out) {
@@ -184,8 +185,10 @@ void bind_evidence(nb::module_& m) {
     m.def("evidence_lab", &py_lab, "image"_a, "factor"_a, "out"_a,
           "L, a, b of the means of blocks of `factor` x `factor` pixels.");
     m.def("evidence_blur", &py_blur, "plane"_a, "sigma"_a, "out"_a, "Gaussian smoothing; outside, the border repeats.");
-    m.def("evidence_texture", &py_texture, "lab"_a, "sigma"_a, "out"_a,
+    m.def("evidence_texture", &py_look<evidence::texture, evidence::kTexturePlanes>, "lab"_a, "sigma"_a, "out"_a,
           "L, a, b smoothed; gradient of L, of a and b, of all; eigenvalues of structure tensor and Hessian of L.");
+    m.def("evidence_colour", &py_look<evidence::colour, evidence::kColourPlanes>, "lab"_a, "sigma"_a, "out"_a,
+          "L, a, b smoothed; gradient of all.");
     m.def("evidence_relative", &py_relative, "lab"_a, "inside"_a, "floor"_a, "out"_a,
           "L, a, b less their means inside, and their length over deviation inside + floor.");
     m.def("evidence_likelihood", &py_likelihood, "lab"_a, "inside"_a, "out"_a,

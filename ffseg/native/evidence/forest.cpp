@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <stdexcept>
 
 #include "common/lanes.hpp"
@@ -73,11 +74,43 @@ std::uint32_t bits(std::size_t first, std::size_t end) {
     return static_cast<std::uint32_t>((std::uint64_t{1} << end) - (std::uint64_t{1} << first));
 }
 
+// The leaves that pixels can reach in a tree: those that no split has ruled out. Some pixels are worked on from the first
+// split to the last, so that their leaves stay in registers.
+#if defined(__GNUC__)
+using Floats = float __attribute__((vector_size(32)));
+using Leaves = std::int32_t __attribute__((vector_size(32)));
+constexpr int kLanes = 8, kTogether = 4;
+static_assert(kBlock % (kLanes * kTogether) == 0);
+
 FFSEG_CLONES
-void keep_reachable(const float* values, float threshold, std::uint32_t keep, std::uint32_t* reachable) {
-    FFSEG_APART
-    for (int i = 0; i < kBlock; ++i) reachable[i] &= values[i] <= threshold ? ~std::uint32_t{0} : keep;
+void rule_out(const ForestSplit* splits, std::size_t count, const float* block, std::uint32_t* reachable) {
+    for (int first = 0; first < kBlock; first += kLanes * kTogether) {
+        Leaves left[kTogether];
+        for (Leaves& one : left) one = Leaves{} - 1;
+        for (std::size_t s = 0; s < count; ++s) {
+            const float* values = block + static_cast<std::size_t>(splits[s].feature) * kBlock + first;
+            const Floats threshold = Floats{} + splits[s].threshold;
+            const Leaves keep = Leaves{} + static_cast<std::int32_t>(splits[s].keep);
+            for (int k = 0; k < kTogether; ++k) {
+                Floats own;
+                std::memcpy(&own, values + k * kLanes, sizeof own);
+                left[k] &= (own <= threshold) | keep;
+            }
+        }
+        std::memcpy(reachable + first, left, sizeof left);
+    }
 }
+#else
+void rule_out(const ForestSplit* splits, std::size_t count, const float* block, std::uint32_t* reachable) {
+    std::fill(reachable, reachable + kBlock, ~std::uint32_t{0});
+    for (std::size_t s = 0; s < count; ++s) {
+        const float* values = block + static_cast<std::size_t>(splits[s].feature) * kBlock;
+        for (int i = 0; i < kBlock; ++i) {
+            reachable[i] &= values[i] <= splits[s].threshold ? ~std::uint32_t{0} : splits[s].keep;
+        }
+    }
+}
+#endif
 
 int lowest_bit(std::uint32_t number) {
 #if defined(__GNUC__)
@@ -120,12 +153,8 @@ void Forest::score(const float* planes, std::size_t count, float* out) const {
         float sums[kBlock] = {};
         for (std::size_t tree = 0; tree < trees(); ++tree) {
             std::uint32_t reachable[kBlock];
-            std::fill(reachable, reachable + kBlock, ~std::uint32_t{0});
-            for (std::size_t s = first_split_[tree]; s < first_split_[tree + 1]; ++s) {
-                const Split& split = splits_[s];
-                const float* values = block.data() + static_cast<std::size_t>(split.feature) * kBlock;
-                keep_reachable(values, split.threshold, split.keep, reachable);
-            }
+            const std::size_t splits = first_split_[tree + 1] - first_split_[tree];
+            rule_out(splits_.data() + first_split_[tree], splits, block.data(), reachable);
             const float* leaves = values_.data() + first_leaf_[tree];
             for (int i = 0; i < kBlock; ++i) sums[i] += leaves[lowest_bit(reachable[i])];
         }

@@ -22,6 +22,13 @@ struct ForestArrays {
     std::size_t leaves;
 };
 
+// A pixel whose feature is above the threshold cannot reach the leaves on the left; `keep` has the others.
+struct ForestSplit {
+    std::int32_t feature;
+    float threshold;
+    std::uint32_t keep;
+};
+
 // A forest that has been checked. Left is where the feature is at most the threshold.
 class Forest {
 public:
@@ -36,15 +43,8 @@ public:
     void score(const float* planes, std::size_t count, float* out) const;
 
 private:
-    // A pixel whose feature is above the threshold cannot reach the leaves on the left; `keep` has the others.
-    struct Split {
-        std::int32_t feature;
-        float threshold;
-        std::uint32_t keep;
-    };
-
     int features_;
-    std::vector<Split> splits_;
+    std::vector<ForestSplit> splits_;
     std::vector<std::size_t> first_split_, first_leaf_;
     std::vector<float> values_;  // of each tree from left to right
 };

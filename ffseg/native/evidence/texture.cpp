@@ -91,18 +91,26 @@ void sizes(float* light, float* colour, float* both, std::size_t count) {
     }
 }
 
+// L, a, b smoothed, and the squares of their gradients: of light, and of colour. The slopes of L are left behind.
+void smooth(const float* lab, Size size, double sigma, float* out, float* light, float* colour, Plane& gx, Plane& gy) {
+    const std::size_t count = size.count();
+    std::fill(light, light + count, 0.0F);
+    std::fill(colour, colour + count, 0.0F);
+    for (std::size_t c = 3; c-- > 0;) {
+        float* plane = out + c * count;
+        blur(lab + c * count, size, sigma, plane);
+        slopes(plane, size, gx, gy);
+        add_squares(gx.data(), gy.data(), c == 0 ? light : colour, count);
+    }
+}
+
 }  // namespace
 
 void texture(const float* lab, Size size, double sigma, float* out) {
     const std::size_t count = size.count();
     const auto plane = [&](int index) { return out + static_cast<std::size_t>(index) * count; };
-    for (int c = 0; c < 3; ++c) blur(lab + static_cast<std::size_t>(c) * count, size, sigma, plane(c));
     Plane gx, gy, hxx, hxy, unused, hyy;
-    std::fill(plane(3), plane(5), 0.0F);
-    for (int c = 2; c >= 0; --c) {  // the slopes of L are left for what follows
-        slopes(plane(c), size, gx, gy);
-        add_squares(gx.data(), gy.data(), plane(c == 0 ? 3 : 4), count);
-    }
+    smooth(lab, size, sigma, out, plane(3), plane(4), gx, gy);
     sizes(plane(3), plane(4), plane(5), count);
     slopes(gx.data(), size, hxx, hxy);
     slopes(gy.data(), size, unused, hyy);
@@ -112,6 +120,13 @@ void texture(const float* lab, Size size, double sigma, float* out) {
     products(gy.data(), gy.data(), hyy.data(), count);
     for (Plane* one : {&hxx, &hxy, &hyy}) blur(one->data(), size, 2 * sigma, one->data());
     eigenvalues(hxx.data(), hxy.data(), hyy.data(), plane(6), plane(7), count);
+}
+
+void colour(const float* lab, Size size, double sigma, float* out) {
+    const std::size_t count = size.count();
+    Plane gx, gy, light(count), tint(count);
+    smooth(lab, size, sigma, out, light.data(), tint.data(), gx, gy);
+    sizes(light.data(), tint.data(), out + 3 * count, count);
 }
 
 }  // namespace ffseg::evidence

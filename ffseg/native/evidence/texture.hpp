@@ -11,4 +11,9 @@ constexpr int kTexturePlanes = 10;
 
 void texture(const float* lab, Size size, double sigma, float* out);
 
+// Four of them only: L, a, b smoothed, and the size of the gradient of all three.
+constexpr int kColourPlanes = 4;
+
+void colour(const float* lab, Size size, double sigma, float* out);
+
 }  // namespace ffseg::evidence

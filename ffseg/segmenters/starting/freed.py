@@ -64,27 +64,40 @@ def freed(view: View, remedy: str) -> tuple[View, str]:
     if float(room.max(initial=0.0)) < SMALLEST:
         raise SegmentationError(f"the start contour lies {cause} at every sample, and there is no free place; {remedy}")
     open_ground = free_pixels(view.edges.edges, view.domain)
-    pairs = [placed(start, room, open_ground) for start in view.starts]
+    pairs = [placed(start, room, ground_under(open_ground, rasterize([start], room.shape))) for start in view.starts]
     moved = tuple(circle_start((new.x, new.y, new.radius), view.params) for _, new in pairs)
     others = f", and {len(pairs) - 1} more" if len(pairs) > 1 else ""
     told = f"the start at {pairs[0][0]} lay {cause} and was moved to {pairs[0][1]}{others}"
     return replace(view, starts=moved), told
 
 
-def placed(start: FreeForm, room: NDArray[np.float32], open_ground: Mask) -> tuple[Circle, Circle]:
-    """A start as a circle of its area, and the free one nearest to it, where ``room`` allows a radius."""
-    middle = start.control_points.mean(axis=0)
-    old = Circle(float(middle[0]), float(middle[1]), sqrt(abs(start.signed_area) / pi))
+def placed(start: FreeForm, room: NDArray[np.float32], own: Mask | None) -> tuple[Circle, Circle]:
+    """A start as a circle of its area, and the free one nearest to it.
+
+    Parameters
+    ----------
+    start : FreeForm
+    room : ndarray of float32, shape (H, W)
+        Radius that each pixel allows.
+    own : ndarray of bool, shape (H, W), or None
+        Ground it keeps to where there is room.
+    """
+    old = as_circle(start)
     y, x = np.ogrid[: room.shape[0], : room.shape[1]]
     kept = np.minimum(room, old.radius)
     cost = np.hypot(x - old.x, y - old.y) + SIZE_WEIGHT * (old.radius - kept)
     possible = room >= SMALLEST
-    own = ground_under(open_ground, rasterize([start], open_ground.shape))
     if own is not None and (possible & own).any():
         possible &= own
     cost[~possible] = np.inf
     row, column = np.unravel_index(int(np.argmin(cost)), cost.shape)
     return old, Circle(float(column), float(row), float(max(SMALLEST, kept[row, column])))
+
+
+def as_circle(start: FreeForm) -> Circle:
+    """The circle of a start's middle and area."""
+    middle = start.control_points.mean(axis=0)
+    return Circle(float(middle[0]), float(middle[1]), sqrt(abs(start.signed_area) / pi))
 
 
 def _cause(view: View) -> str:

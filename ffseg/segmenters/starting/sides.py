@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.bounds.free import free_pixels, open_sides, room_round
+from ffseg.image.raster import rasterize
 from ffseg.segmenters.base import View
-from ffseg.segmenters.starting.freed import SPARE, placed
+from ffseg.segmenters.starting.freed import SIZE_WEIGHT, SPARE, Circle, as_circle, placed
 from ffseg.segmenters.starts import circle_start
 
 HOLLOW = 64
@@ -20,6 +21,9 @@ HOLLOW = 64
 LEAST_KEPT = 0.5
 """A start over a boundary keeps this part of its radius, and its centre moves by no more than its radius. Where it
 could not, edges run all over it: it stays, and that is said."""
+
+FARTHEST = 1 + SIZE_WEIGHT
+"""Radii from its centre beyond which no place for a start is as cheap as the worst that would be taken."""
 
 ROUND = 2.5
 """Joints at one distance r from their middle are those of a circle if they enclose this times r squared: a square's
@@ -56,9 +60,9 @@ def on_one_side(view: View) -> tuple[View, tuple[str, ...]]:
     if not crossed:
         return view, ()
     starts, told = list(view.starts), []
-    room = room_round(free_pixels(view.edges.edges, view.domain, view.params.contour.clearance)) - SPARE
+    free = free_pixels(view.edges.edges, view.domain, view.params.contour.clearance)
     for at in crossed:
-        old, new = placed(view.starts[at], room, sides > 0)
+        old, new = _moved(view.starts[at], free, sides)
         if new.radius < LEAST_KEPT * old.radius or hypot(new.x - old.x, new.y - old.y) > old.radius:
             told.append(f"the start at {old} lies across an edge; the contour grows on both sides of it")
             continue
@@ -66,6 +70,25 @@ def on_one_side(view: View) -> tuple[View, tuple[str, ...]]:
         told.append(f"the start at {old} lay across an edge and was moved to {new}")
     kept = all(start is old for start, old in zip(starts, view.starts, strict=True))
     return (view if kept else replace(view, starts=tuple(starts))), tuple(told)
+
+
+def _moved(start: FreeForm, free: NDArray[np.bool_], sides: NDArray[np.int32]) -> tuple[Circle, Circle]:
+    """A start as a circle, and the cheapest free one on the side that holds most of it.
+
+    Notes
+    -----
+    Places farther off than ``FARTHEST`` radii cost more than any that would be taken, and what is free a radius beyond
+    them does not matter: only that much of the image is looked at.
+    """
+    old = as_circle(start)
+    reach = (FARTHEST + 1) * old.radius + SPARE + 2
+    left, top = (max(int(at - reach), 0) for at in (old.x, old.y))
+    window = np.s_[top : int(old.y + reach) + 1, left : int(old.x + reach) + 1]
+    room = room_round(free[window]) - SPARE
+    near = FreeForm(start.control_points - (left, top), start.degree)
+    counts = np.bincount(sides[window][rasterize([near], room.shape)])[1:]
+    _, new = placed(near, room, sides[window] == int(counts.argmax()) + 1 if counts.any() else None)
+    return old, replace(new, x=new.x + left, y=new.y + top)
 
 
 def _is_circle(start: FreeForm) -> bool:
