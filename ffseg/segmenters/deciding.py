@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from time import perf_counter
 
 import numpy as np
@@ -91,11 +92,12 @@ def decide(run: Segmenter, view: View) -> Decision:
     own, told = on_one_side(view)  # the prior holds the start to be inside, whatever the image's own edges are
     first = _first(run, replace(own, callback=None)) if _is_promising(run, own) else None
     across = MET if view.params.contour.clearance > 0 else 0.0  # a passage that is shut ends in open ground
-    if first is not None and edges_are_clear(first.contours, view.edges, across):
+    boundary = None if first is None else Boundary(first.contours, view.edges)
+    if first is not None and boundary is not None and boundary.is_clear(across):
         if view.callback is not None:
             first = run(own)
         evolve_ms = (perf_counter() - begin) * 1e3
-        return Decision(first, view.edges, "gradient", clear_share(first.contours, view.edges), 0.0, evolve_ms, told)
+        return Decision(first, view.edges, "gradient", boundary.clear_share(), 0.0, evolve_ms, told)
     from ffseg.evidence.prior import with_prior  # loads the forest, which clear edges do not need
 
     starts = view.start_region()
@@ -133,7 +135,7 @@ def trusted(run: Segmenter, view: View) -> Decision:
     own, told = on_one_side(view)
     outcome = run(own)
     evolve_ms = (perf_counter() - begin) * 1e3
-    return Decision(outcome, view.edges, "", clear_share(outcome.contours, view.edges), 0.0, evolve_ms, told)
+    return Decision(outcome, view.edges, "", Boundary(outcome.contours, view.edges).clear_share(), 0.0, evolve_ms, told)
 
 
 def _first(run: Segmenter, view: View) -> Outcome | None:
@@ -153,47 +155,52 @@ def _is_promising(run: Segmenter, view: View) -> bool:
         return True
     short = replace(view.params, contour=replace(view.params.contour, max_iterations=PROBE))
     met = _first(run, replace(view, params=short, callback=None))
-    return met is not None and edges_are_clear(met.contours, view.edges, MET)
+    return met is not None and Boundary(met.contours, view.edges).is_clear(MET)
 
 
-def edges_are_clear(contours: tuple[FreeForm, ...] | None, edges: EdgeMap, least: float = 0.0) -> bool:
-    """Whether the boundary stands on edges that nobody would doubt.
+class Boundary:
+    """How clear the image's own edges are along what a method found.
 
     Parameters
     ----------
-    contours : tuple of FreeForm
+    contours : tuple of FreeForm, or None
     edges : EdgeMap
-    least : float
-        Parts of the boundary on less than this strength are left out: a front that still moves.
-
-    Returns
-    -------
-    bool
-        True also where no part of the boundary lies inside the image and the domain: there is nothing to doubt.
     """
-    strength = _strength(contours or (), edges)
-    strength = strength[strength >= least]
-    if len(strength) == 0:
-        return True
-    fainter = np.sort(strength)
-    if fainter[int(CLEAR_SHARE * len(fainter))] >= CLEAR:
-        return True
-    return bool(fainter[int(CLEAR_SHARE / 2 * len(fainter))] >= PLAIN_FAINTEST) and _is_plain(contours or (), edges)
 
+    def __init__(self, contours: tuple[FreeForm, ...] | None, edges: EdgeMap) -> None:
+        self._contours, self._edges = contours or (), edges
+        self._strength = _strength(self._contours, edges)
 
-def clear_share(contours: tuple[FreeForm, ...] | None, edges: EdgeMap) -> float:
-    """Share of the boundary on clear edges, shared with one sample that is not; round a plain region less is clear."""
-    strength = _strength(contours or (), edges)
-    clear = np.count_nonzero(strength >= CLEAR)
-    if clear < (1 - CLEAR_SHARE) * len(strength) and _is_plain(contours or (), edges):
-        clear = np.count_nonzero(strength >= PLAIN_FAINTEST)
-    return float((clear + 1) / (len(strength) + 1))
+    def is_clear(self, least: float = 0.0) -> bool:
+        """Whether it stands on edges that nobody would doubt.
 
+        Parameters
+        ----------
+        least : float
+            Parts on less than this strength are left out: a front that still moves.
 
-def _is_plain(contours: tuple[FreeForm, ...], edges: EdgeMap) -> bool:
-    inside = rasterize(contours, edges.gradient.shape)[::SAMPLE, ::SAMPLE]
-    levels = edges.gradient[::SAMPLE, ::SAMPLE][inside]
-    return len(levels) > 0 and float(np.quantile(levels, 0.9)) <= PLAIN * _needed(edges)
+        Returns
+        -------
+        bool
+            True also where no part lies inside the image and the domain: there is nothing to doubt.
+        """
+        fainter = np.sort(self._strength[self._strength >= least])
+        if len(fainter) == 0 or fainter[int(CLEAR_SHARE * len(fainter))] >= CLEAR:
+            return True
+        return bool(fainter[int(CLEAR_SHARE / 2 * len(fainter))] >= PLAIN_FAINTEST) and self._is_plain
+
+    def clear_share(self) -> float:
+        """Share on clear edges, shared with one sample that is not; round a plain region less is clear."""
+        clear = np.count_nonzero(self._strength >= CLEAR)
+        if clear < (1 - CLEAR_SHARE) * len(self._strength) and self._is_plain:
+            clear = np.count_nonzero(self._strength >= PLAIN_FAINTEST)
+        return float((clear + 1) / (len(self._strength) + 1))
+
+    @cached_property
+    def _is_plain(self) -> bool:
+        inside = rasterize(self._contours, self._edges.gradient.shape)[::SAMPLE, ::SAMPLE]
+        levels = self._edges.gradient[::SAMPLE, ::SAMPLE][inside]
+        return len(levels) > 0 and float(np.quantile(levels, 0.9)) <= PLAIN * _needed(self._edges)
 
 
 def _needed(edges: EdgeMap) -> float:

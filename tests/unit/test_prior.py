@@ -87,7 +87,7 @@ def test_nothing_to_doubt_where_no_boundary_is() -> None:
     even = np.full((80, 100), 90, np.uint8)
     params = load_params(None, {"init.radius": 12})
     edges = gradient_edges(Scene(even, None, params))
-    assert deciding.edges_are_clear((), edges)
+    assert deciding.Boundary((), edges).is_clear()
     assert segment(even, params).source == "gradient"
 
 
