@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
+from ffseg.freespace.motion.evidence import MOST_CORNERS
 from ffseg.freespace.motion.ground import Doubt, GroundFit, position_slopes, shared_doubt
 from ffseg.image.components import Component
 from ffseg.image.interest import InterestPoints, harris_points, outline_points
@@ -27,8 +28,6 @@ from ffseg.image.keypoints import (
 
 Verdict = Literal["obstacle", "false_obstacle", "untested"]
 
-MOST_CORNERS = 10
-"""Per component; more say the same again."""
 MOST_OUTLINE = 22
 """Outline samples per component: one every few pixels of a mark of middling size."""
 CORNER_RADIUS = 4
@@ -148,6 +147,7 @@ def structural_test(
     epsilon: float,
     fit: GroundFit | None = None,
     samples: list[Array] | None = None,
+    corners: InterestPoints | None = None,
 ) -> tuple[ComponentVerdict, ...]:
     """Verdict on every component.
 
@@ -164,6 +164,8 @@ def structural_test(
     samples : list, optional
         Takes an array of shape (n, 3): x, y of each sample of an outline, and 1 where it speaks for the ground, -1
         against it, 0 where it says nothing.
+    corners : InterestPoints, optional
+        The components' ``MOST_CORNERS`` strongest Harris corners, where they were looked for already.
 
     Notes
     -----
@@ -175,22 +177,19 @@ def structural_test(
     places = [component.centroid for component in components]
     large = np.array([component.area >= LEAST_AREA for component in components], np.bool_)
     sway = _sway(pair, np.array(places).reshape(-1, 2), doubt, fit)
-    matches = match_corners(pair, components, epsilon, sway)
-    corners = _corner_votes(matches, len(components), epsilon)
+    votes = _corner_votes(match_corners(pair, components, epsilon, sway, corners), len(components), epsilon)
     flat, raised = np.zeros((2, len(components)), np.intp)
-    asked = np.flatnonzero(corners.on_ground).tolist()
+    asked = np.flatnonzero(votes.on_ground).tolist()
     own = [components[place] for place in asked]
     flat[asked], raised[asked] = outline_votes(pair, own, epsilon, sway.of(asked), samples)
-    spoken = (flat >= LEAST_FLAT) | (
-        (flat >= 2) & (raised == 0) & (corners.high == 0) & (flat + corners.low >= LEAST_BOTH)
-    )
-    merged = large & corners.on_ground & doubt.known & spoken & (raised <= MOST_RAISED * (flat + raised))
-    told = large & doubt.known & (corners.matched > 0)
-    stands = told & ((corners.high >= 2) | (raised > np.maximum(LEAST_FLAT, MOST_RAISED * (flat + raised))))
+    spoken = (flat >= LEAST_FLAT) | ((flat >= 2) & (raised == 0) & (votes.high == 0) & (flat + votes.low >= LEAST_BOTH))
+    merged = large & votes.on_ground & doubt.known & spoken & (raised <= MOST_RAISED * (flat + raised))
+    told = large & doubt.known & (votes.matched > 0)
+    stands = told & ((votes.high >= 2) | (raised > np.maximum(LEAST_FLAT, MOST_RAISED * (flat + raised))))
     return tuple(
         ComponentVerdict(
             component.index, component.area, *places[place],
-            int(corners.matched[place]), float(corners.highest[place]),
+            int(votes.matched[place]), float(votes.highest[place]),
             "false_obstacle" if merged[place] else "obstacle" if told[place] else "untested",
             int(flat[place]), int(raised[place]), bool(merged[place] | stands[place] | ~large[place]),
         )
@@ -240,14 +239,18 @@ def _sway(pair: ImagePair, middles: Array, doubt: Doubt, fit: GroundFit | None) 
 
 
 def match_corners(
-    pair: ImagePair, components: Sequence[Component], epsilon: float, sway: Sway | None = None
+    pair: ImagePair,
+    components: Sequence[Component],
+    epsilon: float,
+    sway: Sway | None = None,
+    corners: InterestPoints | None = None,
 ) -> Matches:
     """Match Harris corners of components along their epipolar curves and triangulate them.
 
     Along its curve a match is as high as the plane that puts the corner there, and the nearness of that plane (one over
     its distance from the camera) grows evenly with the way along the curve.
     """
-    found = harris_points(pair.current, components, MOST_CORNERS)
+    found = harris_points(pair.current, components, MOST_CORNERS) if corners is None else corners
     start, rate, nearness, unique = _sweep(pair, found.pixels, epsilon)
     aligned = align_patches(pair.current, pair.previous, found.pixels, start, CORNER_RADIUS)
     moved, covariance = _swayed(pair, found, sway)

@@ -11,7 +11,7 @@ import numpy as np
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, ground_points, planar_parameters
 from ffseg.freespace.motion.egomotion import PairMotion, pair_motion
-from ffseg.freespace.motion.evidence import Scenery
+from ffseg.freespace.motion.evidence import Scenery, gathered
 from ffseg.freespace.structural import ComponentVerdict, ImagePair, structural_test, untested
 from ffseg.image.keypoints import Array, Grey, grey_image
 from ffseg.image.planes import pixel_noise
@@ -104,19 +104,19 @@ def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: 
         When an earlier image has another size, or the camera file no mount_height.
     """
     components = scenery.components
-    rows = _placed(untested(components), camera)
+    rows = untested(components)
     first: PairMotion | None = None
     links: list[Link] = []
     samples: list[Array] = [NO_SAMPLES]
-    noise = pixel_noise(current, scenery.free)
     views = iter(earlier)
     nearest = next(views, None)
     if nearest is None or not components:
-        return Judged(rows, PairMotion(None, FIRST_IMAGE if nearest is None else NOTHING_ENCLOSED))
+        return Judged(_placed(rows, camera), PairMotion(None, FIRST_IMAGE if nearest is None else NOTHING_ENCLOSED))
+    noise, evidence = pixel_noise(current, scenery.free), gathered(camera, current, scenery)
     for view in itertools.chain([nearest], views):
         camera.check_size(view.image.shape[1], view.image.shape[0], "the previous image")
         before = grey_image(view.image)
-        chosen = pair_motion(camera, (before, current), view.poses, scenery, epsilon)
+        chosen = pair_motion(camera, (before, current), view.poses, scenery, epsilon, evidence)
         if first is None or (first.motion is None and chosen.motion is not None):
             first = chosen if first is None else replace(chosen, note=f"{first.note}; {view.name}: {chosen.note}")
         if chosen.contradicted:
@@ -125,11 +125,14 @@ def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: 
             continue
         own = chosen.camera or camera
         seen = ImagePair(current, before, own, chosen.motion, noise)
-        found = _placed(structural_test(seen, components, epsilon, chosen.fit, samples), own, view.name)
+        found = _placed(
+            structural_test(seen, components, epsilon, chosen.fit, samples, evidence.corners), own, view.name
+        )
         rows = tuple(map(_better, rows, found))
         links.append(Link(view.name, _planar(own, chosen.motion)))
         if len(links) == MOST_ASKED or all(row.decided for row in rows):
             break
+    rows = rows if links else _placed(rows, camera)
     return Judged(rows, first or PairMotion(None, NOTHING_ENCLOSED), bool(links), tuple(links), np.concatenate(samples))
 
 

@@ -34,6 +34,15 @@ class InterestPoints:
     pixels: Array
 
 
+NO_POINTS = InterestPoints(np.empty(0, np.intp), np.empty((0, 2)))
+
+
+def strongest(corners: InterestPoints, most: int) -> InterestPoints:
+    """The first `most` of each component's corners, which stand strongest first."""
+    place = np.arange(len(corners.owner)) - np.searchsorted(corners.owner, corners.owner)
+    return InterestPoints(corners.owner[place < most], corners.pixels[place < most])
+
+
 def harris_points(grey: Grey, components: Sequence[Component], most: int, grow: int = GROWN) -> InterestPoints:
     """Harris corners inside components, to a part of a pixel; strongest first in each.
 
@@ -62,7 +71,7 @@ def _points(
     find: Callable[..., None], grey: Grey, components: Sequence[Component], most: int, grow: int
 ) -> InterestPoints:
     if not components:
-        return InterestPoints(np.empty(0, np.intp), np.empty((0, 2)))
+        return NO_POINTS
     windows = np.array([(*c.origin, c.mask.shape[1], c.mask.shape[0]) for c in components], np.int64)
     masks = np.concatenate([c.mask.ravel() for c in components]).view(np.uint8)
     points, counts = np.empty((most * len(components), 2)), np.empty(len(components), np.int64)

@@ -41,6 +41,24 @@ class Candidates:
     warps: Array
 
 
+def plane_pixels(camera: Camera, motion: Motion, pixels: Array, altitudes: Array) -> Array:
+    """Positions of `plane_candidates` alone, shape (n, k, 2)."""
+    turned, pull = _seen_from_before(camera, motion, pixels, altitudes)
+    return camera.project(turned[:, None] + pull)
+
+
+def _seen_from_before(camera: Camera, motion: Motion, pixels: Array, altitudes: Array) -> tuple[Array, Array]:
+    """Rays of pixels that fall by 1, shape (..., 3), in the previous frame, and what altitudes add to each, shape (k, 3).
+
+    A point at altitude h lies at (H - h) times its ray; only the direction counts: R ray + t / (H - h).
+    """
+    rays = camera.lift(pixels)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rays /= np.maximum(-(rays @ camera.up), 1e-9)[..., None]
+    pull: Array = motion.translation / (camera.mounting() - altitudes)[:, None]
+    return rays @ motion.rotation.T, pull
+
+
 WARP_EVERY = 3
 """Altitudes that share the warp of the lowest of them: it changes by about a per cent from one to the next."""
 
@@ -57,15 +75,10 @@ def plane_candidates(camera: Camera, motion: Motion, pixels: Array, altitudes: A
         Of the planes, metres, below the camera.
     """
     corners = pixels[:, None, :] + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    rays = camera.lift(corners)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        rays /= np.maximum(-(rays @ camera.up), 1e-9)[..., None]
-    # A point at altitude h lies at (H - h) times its ray; only the direction counts: R ray + t / (H - h).
-    turned = (rays @ motion.rotation.T)[:, None]
-    pull = (motion.translation / (camera.mounting() - altitudes)[:, None])[None, :, None]
-    centers = camera.project(turned[:, :, :1] + pull)[:, :, 0]
+    turned, pull = _seen_from_before(camera, motion, corners, altitudes)
+    centers = camera.project(turned[:, None, 0] + pull)
     sparse = np.arange(0, len(altitudes), WARP_EVERY)
-    sides = camera.project(turned[:, :, 1:] + pull[:, sparse])
+    sides = camera.project(turned[:, None, 1:] + pull[sparse, None])
     steps = np.moveaxis(sides - centers[:, sparse, None], 2, 3)  # (n, altitude, axis of the pixel, step)
     warps = steps.reshape(len(pixels), len(sparse), 4)
     return Candidates(centers, warps[:, np.arange(len(altitudes)) // WARP_EVERY])

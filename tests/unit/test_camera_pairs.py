@@ -20,7 +20,7 @@ from ffseg.freespace.sequence import Sequence, free_space, segment_view
 from ffseg.freespace.structural import ImagePair, structural_test
 from ffseg.image.components import Component
 from ffseg.image.interest import harris_points
-from ffseg.image.keypoints import Candidates, align_patches, limited, patch_scores, plane_candidates
+from ffseg.image.keypoints import Candidates, align_patches, limited, patch_scores, plane_candidates, plane_pixels
 from ffseg.image.planes import search_ground_motions
 from ffseg.native import _core
 from ffseg.parameters import load_params
@@ -149,6 +149,7 @@ def test_plane_candidates_follow_points_of_that_altitude() -> None:
     pixels = np.array([[500.0, 330.0], [300.0, 200.0]])
     altitudes = np.array([0.0, 0.3])
     found = plane_candidates(rendered.camera, motion, pixels, altitudes)
+    np.testing.assert_array_equal(plane_pixels(rendered.camera, motion, pixels, altitudes), found.pixels)
     for j, altitude in enumerate(altitudes):
         points = rendered.camera.meet_plane(rendered.camera.lift(pixels), altitude)
         assert found.pixels[:, j] == pytest.approx(rendered.camera.project(motion.apply(points)), abs=1e-9)

@@ -9,7 +9,7 @@ import pytest
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.components import Component, contour_components
-from ffseg.image.interest import harris_points, outline_points
+from ffseg.image.interest import harris_points, outline_points, strongest
 from ffseg.native import _core
 from tests.components import component_of
 
@@ -47,6 +47,17 @@ def test_corners_agree_with_their_twin(seed: int, grow: int) -> None:
         assert len(own) == len(twin) > 0
         # The sub-pixel place stays within half a pixel of its peak, per axis.
         assert np.abs(own - np.array(twin)).max() <= 0.5
+
+
+def test_the_strongest_corners_are_those_that_are_found_when_fewer_are_asked_for() -> None:
+    image, components = scene(1)
+    empty = Component(len(components), (0, 0), np.zeros((4, 4), np.bool_))
+    components.insert(1, empty)  # the others keep their own
+    many, few = harris_points(image, components, 7), harris_points(image, components, 3)
+    found = strongest(many, 3)
+    assert found.owner.tolist() == few.owner.tolist()
+    assert len(few.owner) < len(many.owner)
+    np.testing.assert_array_equal(found.pixels, few.pixels)
 
 
 @pytest.mark.parametrize("grow", [0, 2])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import cos, pi, sin
 
 import numpy as np
@@ -15,7 +16,8 @@ from ffseg.camera.motion import (
     planar_motion,
     rotation_matrices,
 )  # fmt: skip
-from ffseg.rendering.pairs import render_pair
+from ffseg.freespace.motion import evidence
+from ffseg.rendering.pairs import render_pair, sample_camera
 
 
 @pytest.fixture(scope="module")
@@ -66,3 +68,20 @@ def test_ground_points_are_levelled(camera: Camera) -> None:
     assert planar_motion(turned, np.array([0.1, 0.2, 0.3]), "poses", 0, (0.0, 0.0)).baseline == pytest.approx(
         np.hypot(0.1, 0.2)
     )
+
+
+@pytest.mark.parametrize("shape", [(165, 193), (164, 192), (20, 200)])  # windows that end at the border, and one less
+def test_the_grid_keeps_clear_of_all_that_is_not_free(shape: tuple[int, int]) -> None:
+    random = np.random.default_rng(3)
+    free = random.random(shape) > 0.002
+    rig = replace(sample_camera(), center=(90.0, 60.0), robot_radius=15.0)
+    expected = []
+    for y in range(evidence.GRID_STEP // 2, shape[0] - evidence.CLEAR, evidence.GRID_STEP):
+        for x in range(evidence.GRID_STEP // 2, shape[1] - evidence.CLEAR, evidence.GRID_STEP):
+            reach = evidence.CLEAR
+            window = free[y - reach : y + reach + 1, x - reach : x + reach + 1]
+            if window.all() and np.hypot(x - 90, y - 60) > 15 + reach:
+                expected.append([x, y])
+    found = evidence.ground_grid(rig, free)
+    assert found.tolist() == expected
+    assert bool(expected) == (shape[0] > 2 * evidence.CLEAR)

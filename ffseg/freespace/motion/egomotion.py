@@ -11,10 +11,10 @@ import numpy as np
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Origin, Pose, relative_motion
 from ffseg.freespace.motion.contradictions import likely_cause, unlikely_units
-from ffseg.freespace.motion.evidence import Evidence, Scenery, gathered, ground_grid
+from ffseg.freespace.motion.evidence import Evidence, Scenery, gathered
 from ffseg.freespace.motion.ground import GroundFit, fit_ground, prior_sigmas
 from ffseg.freespace.motion.tracking import Look
-from ffseg.image.keypoints import Array, Grey, plane_candidates
+from ffseg.image.keypoints import Array, Grey, plane_pixels
 from ffseg.image.planes import CELL, search_ground_motions
 
 POSE_TRANSLATION_SIGMA, POSE_ROTATION_SIGMA = 0.02, np.deg2rad(0.5)
@@ -63,7 +63,12 @@ class PairMotion:
 
 
 def pair_motion(
-    camera: Camera, images: tuple[Grey, Grey], poses: tuple[Pose, Pose] | None, scenery: Scenery, epsilon: float
+    camera: Camera,
+    images: tuple[Grey, Grey],
+    poses: tuple[Pose, Pose] | None,
+    scenery: Scenery,
+    epsilon: float,
+    evidence: Evidence | None = None,
 ) -> PairMotion:
     """Motion between two images.
 
@@ -78,14 +83,15 @@ def pair_motion(
         What was segmented in the current image.
     epsilon : float
         Altitude threshold, metres: what the pair's parallax must resolve.
+    evidence : Evidence, optional
+        Of the current image, where it was gathered for another pair already.
     """
     pair = images[1], images[0]
-    evidence = gathered(camera, pair[0], scenery)
+    evidence = gathered(camera, pair[0], scenery) if evidence is None else evidence
     found = _with_poses(camera, pair, poses, evidence, scenery) if poses else _without(camera, pair, evidence, scenery)
     if found.motion is None:
         return found
-    points = ground_grid(camera, scenery.free)
-    parallax = threshold_parallax(camera, found.motion, points, epsilon)
+    parallax = threshold_parallax(camera, found.motion, evidence.grid, epsilon)
     if parallax < LEAST_PARALLAX:
         return PairMotion(
             None,
@@ -99,7 +105,7 @@ def threshold_parallax(camera: Camera, motion: Motion, points: Array, epsilon: f
     """Median distance in the previous image between ground points and a plane at `epsilon`, pixels."""
     if not len(points):
         return 0.0
-    pixels = plane_candidates(camera, motion, points, np.array([0.0, epsilon])).pixels
+    pixels = plane_pixels(camera, motion, points, np.array([0.0, epsilon]))
     distance = np.hypot(*(pixels[:, 1] - pixels[:, 0]).T)
     distance = distance[np.isfinite(distance)]
     return float(np.median(distance)) if len(distance) else 0.0

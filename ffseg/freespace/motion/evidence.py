@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ffseg.camera.model import Camera
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.components import Component
-from ffseg.image.interest import harris_points, outline_points
+from ffseg.image.interest import NO_POINTS, InterestPoints, harris_points, outline_points, strongest
 from ffseg.image.keypoints import Array, Grey, Mask
 
 GRID_STEP = 28
@@ -20,6 +20,8 @@ CLEAR = 10
 """Pixels a point of the free space keeps from everything else: its patch must show ground only."""
 RIM = 8.0
 """Pixels inside the rim: what is nearer to it is cut off, not standing on the ground."""
+MOST_CORNERS = 10
+"""Of a component, that the structural test looks at; more say the same again."""
 CORNERS, EDGES, BORDER = 6, 12, 72
 """Most corners and edge samples of a component, and samples of the border of the free space."""
 FREE, FOOT = -1, -2
@@ -53,10 +55,19 @@ class Evidence:
     pixels : ndarray of float64, shape (n, 2)
     owner : ndarray of int, shape (n,)
         Place of the component, or ``FREE`` or ``FOOT``.
+    corners : InterestPoints
+        The ``MOST_CORNERS`` strongest corners of each component, of which `pixels` holds the first few.
     """
 
     pixels: Array
     owner: NDArray[np.intp]
+    corners: InterestPoints = NO_POINTS
+
+    @property
+    def grid(self) -> Array:
+        """Points of the free space, shape (k, 2)."""
+        points: Array = self.pixels[self.owner == FREE]
+        return points
 
 
 def gathered(camera: Camera, grey: Grey, scenery: Scenery) -> Evidence:
@@ -68,11 +79,12 @@ def gathered(camera: Camera, grey: Grey, scenery: Scenery) -> Evidence:
     stands up among them disagrees with the rest, and is left out by the fit.
     """
     grid = ground_grid(camera, scenery.free)
-    corners = harris_points(grey, scenery.components, CORNERS)
+    found = harris_points(grey, scenery.components, MOST_CORNERS)
+    corners = strongest(found, CORNERS)
     edges = outline_points(grey, scenery.components, EDGES)
     feet = _thinned(camera, scenery.border)
     owners = [np.full(len(grid), FREE), corners.owner, edges.owner, np.full(len(feet), FOOT)]
-    return Evidence(np.concatenate([grid, corners.pixels, edges.pixels, feet]), np.concatenate(owners))
+    return Evidence(np.concatenate([grid, corners.pixels, edges.pixels, feet]), np.concatenate(owners), found)
 
 
 def ground_grid(camera: Camera, free: Mask) -> Array:
@@ -80,8 +92,12 @@ def ground_grid(camera: Camera, free: Mask) -> Array:
     first, size = GRID_STEP // 2, 2 * CLEAR + 1
     if min(free.shape) < size:
         return np.empty((0, 2))
-    around = np.lib.stride_tricks.sliding_window_view(free, (size, size))
-    rows, columns = np.nonzero(around[first - CLEAR :: GRID_STEP, first - CLEAR :: GRID_STEP].all(axis=(2, 3)))
+    starts = range(first - CLEAR, len(free) - size + 1, GRID_STEP)
+    lines = np.array(
+        [free[start : start + size].all(axis=0) for start in starts]
+    )  # whole rows at once: a third of the time
+    around = np.lib.stride_tricks.sliding_window_view(lines, size, axis=1)[:, first - CLEAR :: GRID_STEP]
+    rows, columns = np.nonzero(around.all(axis=2))
     points = np.stack([columns, rows], axis=1) * float(GRID_STEP) + first
     away = np.hypot(*(points - camera.center).T) > camera.robot_radius + CLEAR
     kept: Array = points[away]

@@ -179,7 +179,7 @@ def fit_ground(
         fit = _fitted(*here, tracks, offset, sigmas, first=fit is None)
         if fit is None:
             return None
-        step = np.abs(_predicted(fit.camera, fit.motion, tracks.current) - tracks.start)
+        step = np.abs(tracks.previous - fit.residual - tracks.start)  # of what it predicts now
         offset, here = fit.offset, (fit.camera, fit.motion)
         if look == "full" and len(step) and np.nanmedian(step) < SETTLED:
             break
