@@ -1,7 +1,10 @@
 #include "pairs/patches.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "common/lanes.hpp"
 
 namespace ffseg::pairs {
 
@@ -17,24 +20,58 @@ constexpr double kLeap = 2.0;
 // Ratio of the two curvatures of the fit below which a patch is an edge.
 constexpr double kWeak = 0.05;
 
-// Grey levels as numbers: a load costs a third of a conversion, and there are four to every sample.
-struct Levels {
-    double of[256];
-    constexpr Levels() : of() {
-        for (int k = 0; k < 256; ++k) of[k] = k;
-    }
-};
-constexpr Levels kLevels;
+// Samples that are worked on side by side: a whole patch of the sizes in use, some rows of a larger one.
+constexpr int kBlock = 289;
 
-FFSEG_INLINE double bilinear(const PlaneView& image, double x, double y) {
-    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-    const double u = x - x0, v = y - y0;
-    const std::uint8_t* row = image.data + static_cast<std::size_t>(y0) * image.width + x0;
-    const std::uint8_t* next = row + image.width;
-    const double* level = kLevels.of;
-    const double above = level[row[0]] + u * (level[row[1]] - level[row[0]]);
-    const double below = level[next[0]] + u * (level[next[1]] - level[next[0]]);
-    return above + v * (below - above);
+// Rows of samples in an image.
+struct Rows {
+    Vec2 first, across, down;  // the first sample, and the steps to the next one and to the next row
+    int count, side;
+};
+
+// Where the samples lie: the pixel above and left of each, and how far to the right of it and below.
+FFSEG_CLONES
+void locate(const Rows& rows, std::uint32_t width, std::uint32_t* __restrict at, double* __restrict right,
+            double* __restrict below) {
+    for (int row = 0; row < rows.count; ++row) {
+        const double x0 = rows.first.x + row * rows.down.x, y0 = rows.first.y + row * rows.down.y;
+        const int k = row * rows.side;
+        for (int column = 0; column < rows.side; ++column) {
+            const double x = x0 + column * rows.across.x, y = y0 + column * rows.across.y;
+            const std::int32_t left = static_cast<std::int32_t>(x), top = static_cast<std::int32_t>(y);
+            at[k + column] = static_cast<std::uint32_t>(top) * width + static_cast<std::uint32_t>(left);
+            right[k + column] = x - left;
+            below[k + column] = y - top;
+        }
+    }
+}
+
+// Two pixels side by side.
+std::uint16_t two(const std::uint8_t* pixels) { return static_cast<std::uint16_t>(pixels[0] | pixels[1] << 8); }
+
+// Bilinear samples between the two pixels above and the two below.
+FFSEG_CLONES
+void blend(const std::uint16_t* above, const std::uint16_t* below, const double* right, const double* down, int count,
+           double* __restrict out) {
+    for (int k = 0; k < count; ++k) {
+        const double a = above[k] & 255, b = above[k] >> 8, c = below[k] & 255, d = below[k] >> 8;
+        const double first = a + right[k] * (b - a), second = c + right[k] * (d - c);
+        out[k] = first + down[k] * (second - first);
+    }
+}
+
+void sample_rows(const PlaneView& image, const Rows& rows, double* out) {
+    std::uint32_t at[kBlock];
+    std::uint16_t above[kBlock], below[kBlock];
+    double right[kBlock], down[kBlock];
+    locate(rows, static_cast<std::uint32_t>(image.width), at, right, down);
+    const int count = rows.count * rows.side;
+    for (int k = 0; k < count; ++k) {
+        const std::uint8_t* here = image.data + at[k];
+        above[k] = two(here);
+        below[k] = two(here + image.width);
+    }
+    blend(above, below, right, down, count, out);
 }
 
 // The whole patch, and a ring of one pixel for its derivatives, must lie where four neighbours exist.
@@ -53,21 +90,27 @@ ImagePatch::ImagePatch(int radius, int stride) : radius_(radius), stride_(stride
     values_.resize(side * side);
 }
 
-bool ImagePatch::sample(const PlaneView& image, Vec2 center, const Warp& warp) {
+bool ImagePatch::fill(const PlaneView& image, Vec2 center, const Warp& warp) {
     if (!fits(image, center, warp, radius_)) return false;
-    double sum = 0.0, squares = 0.0;
-    std::size_t k = 0;
-    const double across = stride_ * warp.xx, down = stride_ * warp.yx;
-    for (int dy = -radius_; dy <= radius_; dy += stride_) {
-        double x = center.x + warp.xy * dy - warp.xx * radius_, y = center.y + warp.yy * dy - warp.yx * radius_;
-        for (int dx = -radius_; dx <= radius_; dx += stride_, x += across, y += down) {
-            const double value = bilinear(image, x, y);
-            values_[k++] = value;
-            sum += value;
-            squares += value * value;
-        }
+    const Vec2 right{warp.xx, warp.yx}, below{warp.xy, warp.yy};
+    const Vec2 first = center - static_cast<double>(radius_) * (right + below);
+    const double stride = stride_;
+    const int side = 2 * radius_ / stride_ + 1, most = std::max(1, kBlock / side);
+    for (int row = 0; row < side; row += most) {
+        const Rows rows{first + row * stride * below, stride * right, stride * below, std::min(most, side - row), side};
+        sample_rows(image, rows, values_.data() + static_cast<std::size_t>(row) * side);
     }
-    mean_ = sum / static_cast<double>(k);
+    return true;
+}
+
+bool ImagePatch::sample(const PlaneView& image, Vec2 center, const Warp& warp) {
+    if (!fill(image, center, warp)) return false;
+    double sum = 0.0, squares = 0.0;
+    for (const double value : values_) {
+        sum += value;
+        squares += value * value;
+    }
+    mean_ = sum / static_cast<double>(values_.size());
     const double deviation = squares - sum * mean_;
     spread_ = deviation > kFlat ? std::sqrt(deviation) : 0.0;
     return true;
@@ -186,7 +229,7 @@ Alignment align_patch(const ImagePair& pair, Vec2 center, Vec2 start, const Warp
     if (!reference.sample(pair.current, center, Warp{}) || reference.spread() == 0.0) return result;
     if (!(std::abs(warp.xx * warp.yy - warp.xy * warp.yx) > 1e-3)) return result;
     for (int step = 0; step <= steps; ++step) {
-        if (!wide.sample(pair.previous, result.position, warp)) return {result.position, kNan, kNan, {}};
+        if (!wide.fill(pair.previous, result.position, warp)) return {result.position, kNan, kNan, {}};
         const Moments seen = moments(reference, wide);
         result.score = seen.spread > 0.0 ? seen.product / (reference.spread() * seen.spread) : 0.0;
         const double gain = seen.spread > 0.0 ? reference.spread() / seen.spread : 1.0;

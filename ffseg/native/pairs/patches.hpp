@@ -36,7 +36,9 @@ struct Alignment {
 class ImagePatch {
 public:
     explicit ImagePatch(int radius, int stride = 1);
+    // False, with nothing sampled, where it does not lie inside the image; `fill` leaves mean and spread as they were.
     bool sample(const PlaneView& image, Vec2 center, const Warp& warp);
+    bool fill(const PlaneView& image, Vec2 center, const Warp& warp);
     double correlation(const ImagePatch& other) const;
     const std::vector<double>& values() const { return values_; }
     double mean() const { return mean_; }
