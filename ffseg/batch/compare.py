@@ -15,10 +15,11 @@ from ffseg.batch.comparison.values import COLUMNS, Comparison, Row
 from ffseg.batch.inputs.maps import read_evidence
 from ffseg.batch.inputs.masks import Masks, named_masks
 from ffseg.batch.jobs import Job, make_plan, with_domains, with_evidence, with_starts
+from ffseg.batch.workers.sources import read_source
 from ffseg.batch.workers.truth import read_truth
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
-from ffseg.formats.images import read_image, single_thread
+from ffseg.formats.images import single_thread
 from ffseg.formats.overlays import polylines
 from ffseg.formats.panels import Tile, encode_panel
 from ffseg.formats.tables import csv_table
@@ -139,7 +140,7 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
     """Rows of one image; its panel is written."""
     name = printable(job.source.name)
     try:
-        image = read_image(job.source.path)
+        image = read_source(job.source)
         height, width = image.shape[:2]
         truth = read_truth(job.truth, (height, width), task.truth_label) if job.truth else None
         masks = replace(masks, evidence=read_evidence(job.evidence) if job.evidence else None)

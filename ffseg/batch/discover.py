@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from ffseg.batch.inputs.reading import member_path
 from ffseg.batch.outputs.table import OUTPUT_FOLDERS
 from ffseg.errors import UsageError
 from ffseg.formats.files import SKIP_FILE, is_temporary, printable
@@ -46,6 +47,11 @@ class Source:
     problem: str = ""
     place: int = 0
     span: tuple[int, int] | None = None
+
+    @property
+    def content(self) -> str:
+        """What `read_input` reads: the path, or that of the member in an archive."""
+        return self.path if self.span is None else member_path(self.path, self.name, self.span)
 
 
 def natural_key(name: str) -> tuple[tuple[tuple[bool, int, str], ...], ...]:

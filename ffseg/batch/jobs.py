@@ -153,7 +153,7 @@ def make_plan(
 
 def with_earlier(plan: Plan, chain: Callable[[str], Iterable[str]]) -> Plan:
     """The plan with the images before each image, whose names the chain gives, the nearest first."""
-    paths = {job.source.name: job.source.path for job in plan.jobs}
+    paths = {job.source.name: job.source.content for job in plan.jobs}
     jobs = tuple(replace(job, earlier=tuple(paths[name] for name in chain(job.source.name))) for job in plan.jobs)
     return replace(plan, jobs=jobs)
 

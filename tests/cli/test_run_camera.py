@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import shutil
 import subprocess
+import tarfile
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -209,3 +211,16 @@ def test_overlays_show_what_verdicts_rest_on(ffseg_command: Command, views: Path
         drawn[out] = (np.abs(overlay - [255, 255, 120]).max(axis=2) < 40).sum()
     assert drawn["drawn"] > drawn["plain"] + 500
     assert (views / "plain/masks/2.png").read_bytes() == (views / "drawn/masks/2.png").read_bytes()
+
+
+def test_a_sequence_in_a_tar_file_is_that_of_its_folder(ffseg_command: Command, views: Path) -> None:
+    with tarfile.open(views / "views.tar", "w") as archive:
+        for name in ("1.png", "2.png"):
+            archive.add(views / "views" / name, name)
+    run(ffseg_command, views, *with_camera(views), out="one")
+    command = ("run", views / "views.tar", "--out", views / "out", *with_camera(views), "--json")
+    assert ffseg_command(*command).returncode == 0
+    for name in ("obstacles.csv", "masks/2.png", "contours/2.svg"):
+        assert (views / "out" / name).read_bytes() == (views / "one" / name).read_bytes()
+    os.utime(views / "views.tar", (1, 1))
+    assert '"unchanged": 2' in ffseg_command(*command).stdout

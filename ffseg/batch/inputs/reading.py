@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 
 from ffseg.errors import ImageReadError
 from ffseg.formats.files import read_bytes
@@ -10,9 +11,35 @@ from ffseg.formats.files import read_bytes
 Span = tuple[int, int]
 """Offset and length of a member inside an archive."""
 
+_MEMBER = re.compile(r"(.+)#([0-9]+)\+([0-9]+)", re.DOTALL)
+_ARCHIVE = re.compile(r"\.tar/", re.IGNORECASE)
+
+
+def member_path(archive: str, name: str, span: Span) -> str:
+    """One text for a member of a tar file, ``photos.tar/a.png#1536+2048``, that is read like the path of a file."""
+    return f"{archive}/{name}#{span[0]}+{span[1]}"
+
+
+def parted(path: str) -> tuple[str, str, Span | None]:
+    """File that a path leads to, and name and span of the member it stands for; the name is empty for a whole file."""
+    found = _MEMBER.fullmatch(path)
+    if found is None:
+        return path, "", None
+    for place in _ARCHIVE.finditer(found[1]):
+        file = path[: place.end() - 1]
+        if os.path.isfile(file):  # a folder may have such a name, and a member
+            return file, path[place.end() : found.end(1)], (int(found[2]), int(found[3]))
+    return path, "", None
+
+
+def told(path: str) -> str:
+    """A path as people know it."""
+    file, name, _ = parted(path)
+    return f"{file}/{name}" if name else file
+
 
 def read_input(path: str, max_bytes: int, span: Span | None = None) -> bytes:
-    """Content of an input.
+    """Content of an input; without a span that of a file, or of the member that the path stands for.
 
     Raises
     ------
@@ -24,6 +51,8 @@ def read_input(path: str, max_bytes: int, span: Span | None = None) -> bytes:
 
         if is_remote(path):
             return read_remote(path, max_bytes)
+    if span is None:
+        path, _, span = parted(path)
     return read_bytes(path, max_bytes) if span is None else _part(path, span, max_bytes)
 
 

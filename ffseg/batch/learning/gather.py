@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from ffseg.batch.discover import Source, discover
 from ffseg.batch.inputs.truths import find_truths
+from ffseg.batch.workers.sources import read_source
 from ffseg.batch.workers.truth import read_truth
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.formats.files import printable
-from ffseg.formats.images import read_image, single_thread
+from ffseg.formats.images import single_thread
 from ffseg.formats.starts import Start, load_starts
 from ffseg.image.raster import rasterize
 from ffseg.parameters import Parameters
@@ -86,7 +87,7 @@ def gather(
 
 def _read(source: Source, truth: str, params: Parameters, starts: dict[str, Start], label: int | None) -> Labelled:
     try:
-        image = read_image(source.path)
+        image = read_source(source)
         levels = read_truth(truth, (image.shape[0], image.shape[1]), label)
     except ImageReadError as error:
         raise UsageError(f"{printable(source.name)}: {error}") from error

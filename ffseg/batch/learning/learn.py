@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ffseg import __version__
 from ffseg.batch.discover import Source
 from ffseg.batch.learning.gather import Gathered, Labelled, start_region
+from ffseg.batch.workers.sources import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.evidence.features import KNOWN, Features, features
 from ffseg.evidence.forest import Forest, Model
@@ -25,7 +26,6 @@ from ffseg.evidence.learning import (
     uncertainty,
 )
 from ffseg.evidence.source import model_start
-from ffseg.formats.images import read_image
 from ffseg.metrics import iou
 from ffseg.native import _core
 from ffseg.parameters import Parameters
@@ -202,7 +202,7 @@ def _next(gathered: Gathered, model: Model, params: Parameters, tell: Tell) -> s
 
 def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters) -> float:
     try:
-        image = read_image(source.path)
+        image = read_source(source)
     except ImageReadError:
         return -1.0
     own = gathered.starts[source.name].placed(params) if source.name in gathered.starts else params

@@ -186,7 +186,7 @@ class Keeper:
         else:
             reason, message = "output", problem
         row = {"status": "failed", "error": f"{reason}: {message}", "method": self.method}
-        path = place_of(job.source.path)
+        path = place_of(job.source.content)
         left = before.outputs if before is not None and reason == "output" else {}
         return Record(
             name=job.source.name,

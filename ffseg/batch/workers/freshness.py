@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ffseg.batch.inputs.reading import place_of, read_input
+from ffseg.batch.inputs.reading import member_path, parted, place_of, read_input
 from ffseg.batch.packing.members import Member, digest, output_digest
 from ffseg.batch.workers.messages import Evidence, Known, Mark, Setup, Task
 from ffseg.errors import ImageReadError
@@ -18,11 +18,14 @@ if TYPE_CHECKING:
 
 File = tuple[str, str, Mark]
 
+_MOST_BYTES = 1 << 40
+"""Of a member that is compared with what it was."""
+
 
 def mark_of(path: str) -> Mark:
-    """Size and time of change of a file; (-1, -1) when it is not there."""
+    """Size and time of change of a file, for a member of its archive; (-1, -1) when it is not there."""
     try:
-        status = os.stat(path)
+        status = os.stat(parted(path)[0])
     except (OSError, ValueError):
         return (-1, -1)
     return status.st_size, status.st_mtime_ns
@@ -59,7 +62,8 @@ def read_task(task: Task, setup: Setup) -> Read:
     """
     mark = mark_of(task.path)  # before the content: a change in between makes the mark stale, not the digest
     data = read_input(task.path, setup.max_bytes, task.span)
-    files: dict[str, File] = {"image": (place_of(task.path), digest(data), mark)}
+    path = task.path if task.span is None else member_path(task.path, task.name, task.span)
+    files: dict[str, File] = {"image": (place_of(path), digest(data), mark)}
     content = [files["image"][1]]
     before = []
     for number, path in enumerate(task.earlier):
@@ -134,4 +138,14 @@ def unchanged(path: str, wanted: str, mark: Mark) -> bool:
     now = mark_of(path)
     if now == (-1, -1):
         return mark == now
-    return now == mark or output_digest("", path) == wanted
+    return now == mark or _content_digest(path) == wanted
+
+
+def _content_digest(path: str) -> str:
+    """Digest of a file or member; empty when it cannot be read."""
+    if parted(path)[2] is None:
+        return output_digest("", path)
+    try:
+        return digest(read_input(path, _MOST_BYTES))
+    except ImageReadError:
+        return ""

@@ -1,0 +1,27 @@
+"""Images of inputs, decoded."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.discover import Source
+from ffseg.batch.inputs.reading import read_input, told
+from ffseg.errors import ImageReadError
+from ffseg.formats.files import printable
+from ffseg.formats.images import Limits, decode_image
+
+
+def read_source(source: Source, limits: Limits | None = None) -> NDArray[np.uint8]:
+    """Image of a source, shape (H, W) for grey or (H, W, 3) in BGR order.
+
+    Raises
+    ------
+    ImageReadError
+        With one of ``REASONS``; the message names the file.
+    """
+    limits = limits or Limits()
+    try:
+        return decode_image(read_input(source.path, limits.max_bytes, source.span), limits)
+    except ImageReadError as error:
+        raise ImageReadError(error.reason, f"{printable(told(source.content))}: {error}") from None
