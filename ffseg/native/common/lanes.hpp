@@ -5,6 +5,10 @@
 #pragma once
 #include "common/vec.hpp"
 
+#if defined(__GNUC__) && defined(__SSE__)
+#include <xmmintrin.h>
+#endif
+
 #if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
 #define FFSEG_CLONES __attribute__((target_clones("avx2", "default")))
 #else
@@ -41,8 +45,13 @@ namespace ffseg {
 using Float4 = float __attribute__((vector_size(16)));
 using Int4 = int __attribute__((vector_size(16)));
 
+#if defined(__SSE__)  // GCC makes four instructions of the choice where b is a constant
+FFSEG_INLINE Float4 smaller(Float4 a, Float4 b) { return _mm_min_ps(a, b); }
+FFSEG_INLINE Float4 larger(Float4 a, Float4 b) { return _mm_max_ps(a, b); }
+#else
 FFSEG_INLINE Float4 smaller(Float4 a, Float4 b) { return a < b ? a : b; }
 FFSEG_INLINE Float4 larger(Float4 a, Float4 b) { return a > b ? a : b; }
+#endif
 FFSEG_INLINE Int4 truncated(Float4 a) { return __builtin_convertvector(a, Int4); }
 #else
 template <typename Number>

@@ -169,20 +169,32 @@ inline Vec2 apply(const std::array<double, D + 1>& row, const std::array<Vec2, D
     return sum;
 }
 
+// The samples of a patch in single precision, each four times over.
+template <int D>
+struct Spread {
+    std::array<Float4, D + 1> x, y;
+
+    FFSEG_INLINE explicit Spread(const Points<D>& points) {
+        for (int i = 0; i <= D; ++i) {
+            x[i] = all(static_cast<float>(points[i].x));
+            y[i] = all(static_cast<float>(points[i].y));
+        }
+    }
+};
+
 // All positions of one interval side by side: such weights applied to the samples of a patch.
 template <int D>
 struct Places {
     static constexpr int kFours = Basis<D>::kSub / 4;
-    std::array<Float4, kFours> x{}, y{};
+    std::array<Float4, kFours> x, y;
 
-    FFSEG_INLINE Places(const typename Basis<D>::Lanes& weights, const std::array<Vec2, D + 1>& points) {
+    FFSEG_INLINE Places(const typename Basis<D>::Lanes& weights, const Spread<D>& points) {
         for (int i = 0; i <= D; ++i) {
-            const auto px = static_cast<float>(points[i].x), py = static_cast<float>(points[i].y);
             for (int q = 0; q < kFours; ++q) {
                 Float4 weight;
                 std::memcpy(&weight, &weights[i][4 * q], sizeof weight);
-                x[q] = x[q] + weight * px;
-                y[q] = y[q] + weight * py;
+                x[q] = i == 0 ? weight * points.x[i] : x[q] + weight * points.x[i];
+                y[q] = i == 0 ? weight * points.y[i] : y[q] + weight * points.y[i];
             }
         }
     }

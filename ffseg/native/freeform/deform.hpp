@@ -20,6 +20,14 @@ constexpr double kSteady = 0.25;
 
 // How far a point may move along `normal`, at most `wanted`, before it meets what is blocked; `known` pixels are free.
 inline double reach(const ground::Field& field, Vec2 from, Vec2 normal, double wanted, double known) {
+    if (known <= 0 && wanted >= kCautiousStep) {  // near edges: all places are looked at, without branches
+        int steps = 0, free = 1;
+        for (int at = 1; at <= static_cast<int>(kCautiousStep / kMarchStep); ++at) {
+            free &= static_cast<int>(!field.blocked(from + (at * kMarchStep) * normal));
+            steps += free;
+        }
+        return steps * kMarchStep;
+    }
     const double limit = std::min(wanted, std::max(kCautiousStep, known));
     double s = std::min(limit, known);
     while (s < limit) {

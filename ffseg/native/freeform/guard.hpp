@@ -24,17 +24,17 @@ float widest2(const Places<D>& step) {
 // that none hides between two places off the band that lie nearer to each other. The places tested lie about evenly,
 // but for a curve just made, which may oscillate.
 template <bool kMayOscillate, int D>
-bool interval_hits(const Contour<D>& contour, const Points<D>& points, int k, double free) {
+bool interval_hits(const Contour<D>& contour, const Points<D>& points, const Spread<D>& spread, int k, double free) {
     constexpr int kSub = Basis<D>::kSub;
     const double chord2 = norm2(points[k + 1] - points[k]), part = (kMayOscillate ? kOscillation : 1.0) * kBulge;
     if (free > 0 && free * free >= part * part * chord2) return false;
-    const Places<D> at(kBasis<D>.places[k], points);
+    const Places<D> at(kBasis<D>.places[k], spread);
     const unsigned seen = contour.field.contents(at.x, at.y) | contour.field.contents(points[k + 1]);
     if (ground::Field::is_solid(seen)) return true;
     float gap2 = static_cast<float>(chord2) / (kSub * kSub);  // between two places looked at, squared
-    if constexpr (kMayOscillate) gap2 = widest2(Places<D>(kBasis<D>.strides[k], points));
+    if constexpr (kMayOscillate) gap2 = widest2(Places<D>(kBasis<D>.strides[k], spread));
     if (gap2 <= (seen == 0 ? kTestAfar * kTestAfar : kTestEvery * kTestEvery)) return false;
-    const Places<D> stride(kBasis<D>.strides[k], points);
+    const Places<D> stride(kBasis<D>.strides[k], spread);
     const int pieces = 1 + static_cast<int>(std::sqrt(gap2) / kTestEvery);
     for (int piece = 1; piece < pieces; ++piece) {  // straight, between the places looked at
         const float u = static_cast<float>(piece) / static_cast<float>(pieces);
@@ -52,10 +52,11 @@ bool interval_hits(const Contour<D>& contour, const Points<D>& points, int k, do
 template <bool kMayOscillate, int D>
 int first_hit(const Contour<D>& contour, int i) {
     const Points<D> points = contour.samples(i);
+    const Spread<D> spread(points);
     double behind = contour.field.free_reach(points[0]);
     for (int k = 0; k < D; ++k) {
         const double ahead = contour.field.free_reach(points[k + 1]);
-        if (interval_hits<kMayOscillate>(contour, points, k, behind + ahead)) return k;
+        if (interval_hits<kMayOscillate>(contour, points, spread, k, behind + ahead)) return k;
         behind = ahead;
     }
     return -1;
@@ -71,9 +72,10 @@ bool meets_edge(const Contour<D>& contour, int i) {
 template <int D>
 int num_hits(const Contour<D>& contour, int i) {
     const Points<D> points = contour.samples(i);
+    const Spread<D> spread(points);
     int hits = 0;
     for (int k = 0; k < D; ++k) {
-        hits += interval_hits<true>(contour, points, k,
+        hits += interval_hits<true>(contour, points, spread, k,
                                     contour.field.free_reach(points[k]) + contour.field.free_reach(points[k + 1]));
     }
     return hits;

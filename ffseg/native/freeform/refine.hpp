@@ -45,7 +45,7 @@ bool too_long(const Contour<D>& contour, int i) {
 
 // Has the curve run over itself here: does a stretch between two samples point backwards after the move?
 template <int D>
-bool folded(const Contour<D>& contour, int i) {
+FFSEG_INLINE bool folded(const Contour<D>& contour, int i) {
     const Patch<D>& patch = contour[i];
     const Patch<D>& next = contour[patch.next];
     const Vec2 end_before = next.active ? next.before[0] : next.m[0];
@@ -103,7 +103,7 @@ bool prune(Contour<D>& contour, int i) {
 
 // Samples that have drawn together or apart let the curve oscillate between them; they are laid evenly along it again.
 template <int D>
-void resample_evenly(Contour<D>& contour, int i, const Chords& chords) {
+FFSEG_INLINE void resample_evenly(Contour<D>& contour, int i, const Chords& chords) {
     Patch<D>& patch = contour[i];
     if (D == 1 || patch.budget == 0 || chords.longest <= kUneven * chords.shortest || chords.longest < 1.0) return;
     const Points<D> points = contour.samples(i);
@@ -148,7 +148,7 @@ void reduce_degree(Contour<D>& contour, int i) {
 // Has a loop of three patches, too few to cross itself, run over itself in this move? A hole that closes passes through
 // its middle then, and would go on to do so for ever.
 template <int D>
-bool passed_itself(const Contour<D>& contour, int i) {
+FFSEG_INLINE bool passed_itself(const Contour<D>& contour, int i) {
     if (contour[contour[i].next].next != contour[i].prev || !folded(contour, i) ||
         topology::component_area(contour, i) > 0)
         return false;

@@ -25,10 +25,8 @@ constexpr int kBandWidth = 3;
 // Is there room ahead of a place between samples k and k + 1? Several are looked at side by side, a step farther along
 // their normals as long as one of them is free; once more closely, at places between those.
 template <bool kClosely, int D>
-bool open_ahead(const Contour<D>& contour, const Points<D>& points, int k) {
+bool open_ahead(const Contour<D>& contour, const Spread<D>& points, int k, double chord) {
     constexpr int kSub = Basis<D>::kSub, kSteps = static_cast<int>(kUncovered / kMarchStep);
-    const double chord = norm(points[k + 1] - points[k]);
-    if (chord < (kClosely ? kSub * kCloseTest : 2 * kMinSpacing)) return false;
     const int apart = chord <= 3.0 ? 4 : chord <= 6.0 ? 2 : 1;
     const int pieces = kClosely ? static_cast<int>(std::ceil(chord / (kSub * kCloseTest))) : 1;
     const Places<D> first(kBasis<D>.places[k], points), stride(kBasis<D>.strides[k], points);
@@ -75,16 +73,19 @@ bool open_ahead(const Contour<D>& contour, const Points<D>& points, int k) {
 // Could the curve of a resting patch still advance between its samples?
 template <bool kClosely, int D>
 bool can_advance(const Contour<D>& contour, int i) {
+    constexpr double kLeast = kClosely ? Basis<D>::kSub * kCloseTest : 2 * kMinSpacing;
     const Points<D> points = contour.samples(i);
+    const Spread<D> spread(points);
     for (int k = 0; k < D; ++k) {
-        if (open_ahead<kClosely>(contour, points, k)) return true;
+        const double chord2 = norm2(points[k + 1] - points[k]);
+        if (chord2 >= kLeast * kLeast && open_ahead<kClosely>(contour, spread, k, std::sqrt(chord2))) return true;
     }
     return false;
 }
 
 // Is the nearest blocked pixel farther from p, which nothing stops along the normal, than an edge band is wide?
 inline bool in_the_open(const ground::Field& field, Vec2 p) {
-    return !field.blocked_within(p, 1) && !field.blocked_within(p, kBandWidth);  // mostly it is the next one
+    return !field.blocked_beside(p) && !field.blocked_within(p, kBandWidth);  // mostly it is the next one
 }
 
 // Does a sample that moves pass its neighbour, so that the curve would run back there?
@@ -114,6 +115,7 @@ constexpr std::array<Way, 6> kWays{{{{1.0, 0.0}, kUncovered},
                                     {{0.866, -0.5}, kUncovered},
                                     {{0.5, 0.866}, kUncovered},
                                     {{0.5, -0.866}, kUncovered}}};
+constexpr std::size_t kFirstAslant = 2;
 
 // Moves sample k of patch i, which lies between `last` and the next one, the first way that is free. Where only the
 // curve meets an edge there, `hindered` becomes the patch with too few samples to follow.
@@ -121,10 +123,12 @@ template <int D>
 bool move_on(Contour<D>& contour, int i, int k, Vec2 last, Vec2 tangent, int& hindered) {
     Patch<D>& patch = contour[i];
     const Vec2 from = patch.m[k], after = k + 1 < D ? patch.m[k + 1] : contour.end(i), normal{tangent.y, -tangent.x};
-    for (const Way& way : kWays) {
+    const bool shut = contour.field.blocked(from + kMarchStep * normal);  // mostly it is: no way straight ahead
+    for (std::size_t at = shut ? kFirstAslant : 0; at < kWays.size(); ++at) {
+        const Way& way = kWays[at];
         const Vec2 heading = way.turn.x * normal + way.turn.y * tangent, to = from + way.length * heading;
-        if (passes(from, to, after) || passes(from, to, last)) continue;
-        if (contour.field.blocked(to) || reach(contour.field, from, heading, way.length, 0.0) < way.length) continue;
+        if (contour.field.blocked(to) || passes(from, to, after) || passes(from, to, last)) continue;
+        if (reach(contour.field, from, heading, way.length, 0.0) < way.length) continue;
         if (contour.memory.retried.count(contour.field.pixel(to)) != 0) continue;
         patch.m[k] = to;
         const int meeting = meets_edge(contour, i) ? i : k == 0 && meets_edge(contour, patch.prev) ? patch.prev : -1;

@@ -55,6 +55,21 @@ void add_where_zero(const std::uint8_t* marks, std::uint8_t gained, std::uint8_t
     }
 }
 
+// A whole run as 0 and 1, and the tiles it lies in.
+void read_run(const std::uint8_t* from, std::uint8_t* row, std::uint8_t* tiles) {
+    constexpr int kTiles = kRun >> kTileShift;
+    std::array<std::uint8_t, kRun> pixels;
+    std::array<std::uint32_t, kTiles> words;
+    std::array<std::uint8_t, kTiles> held;
+    std::memcpy(pixels.data(), from, sizeof pixels);
+    std::memcpy(words.data(), from, sizeof words);
+    std::memcpy(held.data(), tiles, sizeof held);
+    for (int x = 0; x < kRun; ++x) pixels[x] = pixels[x] != 0;
+    for (int tile = 0; tile < kTiles; ++tile) held[tile] |= words[tile] != 0;
+    std::memcpy(row, pixels.data(), sizeof pixels);
+    std::memcpy(tiles, held.data(), sizeof held);
+}
+
 // A row of edges as 0 and 1, which of its runs hold any, and the tiles they lie in; beyond the image there are none.
 // True if there are any at all.
 bool read_row(const Cells& cells, const std::uint8_t* edges, int y, std::uint8_t* row, std::uint8_t* flags,
@@ -67,11 +82,15 @@ bool read_row(const Cells& cells, const std::uint8_t* edges, int y, std::uint8_t
         const int first = run * kRun, count = y < cells.height ? std::min(kRun, cells.width - first) : 0;
         const bool any = any_set(from + first, count);
         if (!any && flags[run] == 0) continue;
-        std::memset(row + first, 0, kRun);
-        for (int x = 0; any && x < count; ++x) row[first + x] = from[first + x] != 0;
         flags[run] = any;
         found = found || any;
+        if (any && count == kRun) {
+            read_run(from + first, row + first, tiles + (first >> kTileShift));
+            continue;
+        }
+        std::memset(row + first, 0, kRun);
         if (!any) continue;
+        for (int x = 0; x < count; ++x) row[first + x] = from[first + x] != 0;
         for (int tile = 0; tile << kTileShift < count; ++tile) {
             std::uint32_t word = 0;
             std::memcpy(&word, row + first + (tile << kTileShift), sizeof word);
@@ -106,7 +125,8 @@ void mark_edges(Cells& cells, const std::uint8_t* edges, std::vector<std::uint8_
             const std::size_t x = static_cast<std::size_t>(run) * kRun;
             const auto side = [&](std::ptrdiff_t at) { return row[0][at] | row[1][at] | row[2][at]; };
             const auto first = static_cast<std::ptrdiff_t>(x);
-            held.row(y)[run] = static_cast<std::uint8_t>(near[run] | side(first - 1) | side(first + kRun));
+            if ((near[run] | side(first - 1) | side(first + kRun)) == 0) continue;  // only the runs beside hold any
+            held.row(y)[run] = 1;
             std::uint8_t* const to = &cells.blocked[cells.at(run * kRun, y)];
             const bool whole = (run + 1) * kRun <= cells.width;
             mark_run(row[0] + x, row[1] + x, row[2] + x, whole ? to : part.data());

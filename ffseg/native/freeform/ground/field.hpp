@@ -42,7 +42,8 @@ public:
         const Int4 row = truncated(smaller(larger(y + 1.5f, first), all(static_cast<float>(cells_.height))));
         std::array<std::size_t, 4> found;
         for (int j = 0; j < 4; ++j) {
-            found[j] = static_cast<std::size_t>(row[j]) * cells_.stride + static_cast<std::size_t>(column[j]);
+            found[j] = static_cast<std::size_t>(static_cast<unsigned>(row[j])) * cells_.stride +
+                       static_cast<unsigned>(column[j]);
         }
         return found;
     }
@@ -89,6 +90,17 @@ public:
         return false;
     }
 
+    // The same for one pixel and points clamped to the image.
+    FFSEG_INLINE bool blocked_beside(Vec2 p) const {
+        const auto column = static_cast<std::size_t>(p.x + 0.5), row = static_cast<std::size_t>(p.y + 0.5);
+        const std::uint8_t* const first = &cells_.blocked[row * cells_.stride + column];
+        unsigned seen = 0;
+        for (std::size_t y = 0; y < 3; ++y) {
+            const std::uint8_t* const cells = first + y * cells_.stride;
+            seen |= static_cast<unsigned>(cells[0]) | cells[1] | cells[2];
+        }
+        return seen != 0;
+    }
     // The place of a pixel in the image, row by row.
     std::size_t pixel(Vec2 p) const {
         return static_cast<std::size_t>(p.y + 0.5) * static_cast<std::size_t>(cells_.width) +

@@ -37,9 +37,9 @@ void add_bits(const std::uint8_t* bits, std::uint8_t* cells, std::size_t count) 
 
 }  // namespace
 
-// Free ground is opened by a square of two by two pixels. Only runs of a row that hold something blocked, or lie above
-// or below one, are looked at; they are marked when the next row has been looked at. A slit lies between edges on
-// either side, so no farther than the band reaches beyond both: what is known of free tiles stays true.
+// Free ground is opened by a square of two by two pixels. Only runs of a row that hold something blocked, or lie
+// between two that do, are looked at; they are marked when the next row has been looked at. A slit lies between edges
+// on either side, so no farther than the band reaches beyond both: what is known of free tiles stays true.
 void shut_slits(Cells& cells, const RunMarks& held) {
     const auto width = static_cast<std::size_t>(cells.width);
     std::vector<std::uint8_t> slits(2 * held.stride * kRun);
@@ -57,7 +57,7 @@ void shut_slits(Cells& cells, const RunMarks& held) {
         std::uint8_t* const row = &slits[static_cast<std::size_t>(y & 1) * held.stride * kRun];
         for (std::size_t first = 0; first < held.stride; first += kEight) {
             const Eight near =
-                eight(held.row(y - 1) + first) | eight(held.row(y) + first) | eight(held.row(y + 1) + first);
+                eight(held.row(y) + first) | (eight(held.row(y - 1) + first) & eight(held.row(y + 1) + first));
             std::array<std::uint8_t, kEight> each;
             std::memcpy(each.data(), &near, sizeof near);
             for (std::size_t one = 0; near != 0 && one < kEight; ++one) {
