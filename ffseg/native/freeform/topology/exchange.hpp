@@ -81,6 +81,25 @@ int turning_inwards(const Contour<D>& contour, int i, int j) {
     return crossings == 1 ? inner : -1;
 }
 
+// Where the exchanged curves of two patches may have their samples: the box of those there are, and so much round it as
+// control polygons of curves that do not oscillate may leave it. Of a patch just folded they leave it many times
+// farther, and each exchange would spread that to the next patch.
+template <int D>
+Box ground_of(const Points<D>& p, const Points<D>& q) {
+    Box box;
+    double length = 0.0;
+    for (const Points<D>* points : {&p, &q}) {
+        for (int k = 0; k <= D; ++k) {
+            box.add((*points)[k]);
+            if (k > 0) length += norm((*points)[k] - (*points)[k - 1]);
+        }
+    }
+    const double beyond = (freeform::kOscillation - 1.0) * length;
+    box.add({box.x0 - beyond, box.y0 - beyond});
+    box.add({box.x1 + beyond, box.y1 + beyond});
+    return box;
+}
+
 // Gives i and j their new curves and exchanges their successors: the swapped halves, or where these cross or would cut
 // an edge, the curves joined at their crossing. False, with nothing changed, where only the control polygons cross.
 template <int D>
@@ -90,7 +109,11 @@ bool exchange(Contour<D>& contour, int i, int j) {
     const int after_i = a.next, after_j = b.next;
     const Points<D> p = contour.samples(i), q = contour.samples(j);
     const int before = num_hits(contour, i) + num_hits(contour, j);
+    const Box near = ground_of<D>(p, q);
     const auto apply_pair = [&](const Points<D>& first, const Points<D>& second) {
+        const auto is_near = [&](Vec2 sample) { return near.holds(sample); };
+        if (!std::all_of(first.begin(), first.end(), is_near) || !std::all_of(second.begin(), second.end(), is_near))
+            return false;
         std::copy_n(first.begin(), D, contour[i].m.begin());
         std::copy_n(second.begin(), D, contour[j].m.begin());
         contour.keep_inside(i);
