@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ffseg.errors import ImageReadError, ParameterError
 from ffseg.evidence.features import KNOWN, NAMES, WORKING_SIZE, Features, enlarged, features
 from ffseg.evidence.openings import OPEN
+from ffseg.evidence.surroundings import STRIDE
 from ffseg.formats.files import printable, read_bytes
 from ffseg.native import _core
 
@@ -40,6 +41,8 @@ ARRAYS = (
 )
 """Name, type and count of each array, in the order of the file. A child below zero is the leaf ``-1 - child``."""
 Plane = NDArray[np.float32]
+VOTE = 14.0
+"""Log odds up to which a pixel has a say among its neighbours."""
 OPEN_NAMES = frozenset(OPEN)
 REMEDY = "make it again with ffseg learn"
 
@@ -110,21 +113,53 @@ class Model:
         Pixels a side that features are computed at.
     about : dict
         What it was learned from and how well it did, for people.
+    exposed : bool
+        Whether it was shown images without haze and in even exposure (see `exposed`), as the prior is.
     """
 
     inside: Forest
     start: Forest | None = None
     size: int = WORKING_SIZE
     about: dict[str, Any] = field(default_factory=dict)
+    exposed: bool = False
 
     def look(self, image: NDArray[np.uint8], start: NDArray[np.bool_]) -> Features:
         """The features that the model needs of an image, seen from a start region (see `features`)."""
         opened = not OPEN_NAMES.isdisjoint(self.inside.features)
-        return features(image, start, self.size, KNOWN if opened else NAMES)
+        return features(self.shown(image), start, self.size, KNOWN if opened else NAMES)
+
+    def shown(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The image as the model looks at it."""
+        from ffseg.evidence.prior import exposed  # which needs this module
+
+        return exposed(image) if self.exposed else image
 
     def map(self, seen: Features, native: _core.EvidenceForest | None = None) -> Plane:
-        """Probability of inside for each pixel of the image, shape (H, W)."""
-        return enlarged(self.inside.probability(seen.planes, native), seen.factor, seen.shape)
+        """Probability of inside for each pixel of the image, shape (H, W).
+
+        Notes
+        -----
+        Every `STRIDE`-th pixel each way is asked, and neighbours vote within edges, as they do for the prior: a few
+        masks leave specks and seams, and on floors and roads the contour comes out better by up to .01, in a third of
+        the time.
+        """
+        from ffseg.evidence.prior import CONTRAST, FINEST, KEPT, STEPS  # which needs this module
+
+        planes = _every(seen, self.inside.features)
+        odds = np.empty(planes.shape[1:], np.float32)
+        (native or self.inside.compiled()).score(planes, odds)
+        odds = np.clip(odds + np.float32(self.inside.bias), -VOTE, VOTE)
+        voted = np.empty_like(odds)
+        _core.evidence_diffuse(odds, _every(seen, FINEST), KEPT, CONTRAST, STEPS, voted)
+        return enlarged(1 / (1 + np.exp(-voted)), seen.factor, seen.shape, STRIDE)
+
+
+def _every(seen: Features, names: tuple[str, ...]) -> Plane:
+    """Every `STRIDE`-th pixel each way of the planes of those names."""
+    planes = np.empty((len(names), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
+    for to, name in zip(planes, names, strict=True):
+        to[:] = seen[name][::STRIDE, ::STRIDE]
+    return planes
 
 
 def to_bytes(model: Model) -> bytes:
@@ -133,6 +168,7 @@ def to_bytes(model: Model) -> bytes:
     header = {
         "size": model.size,
         "about": model.about,
+        **({"exposed": True} if model.exposed else {}),
         "forests": {name: _described(forest) for name, forest in forests.items() if forest is not None},
     }
     text = json.dumps(header, allow_nan=False).encode()
@@ -200,7 +236,7 @@ def from_bytes(data: bytes, known: tuple[str, ...] = KNOWN) -> Model:
         arrays = {key: np.frombuffer(piece, kind) for (key, kind, _), piece in zip(ARRAYS, own, strict=True)}
         forests[name] = Forest(arrays, tuple(one["features"]), float(one["bias"]))
         forests[name].compiled()
-    return Model(forests["inside"], forests.get("start"), header["size"], header["about"])
+    return Model(forests["inside"], forests.get("start"), header["size"], header["about"], header["exposed"])
 
 
 def _header(text: bytes, known: tuple[str, ...]) -> dict[str, Any]:
@@ -209,7 +245,11 @@ def _header(text: bytes, known: tuple[str, ...]) -> dict[str, Any]:
         header: dict[str, Any] = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise ValueError("its header is not JSON") from error
-    _require_keys(header, {"size", "about", "forests"}, "its header")
+    if isinstance(header, dict):
+        header.setdefault("exposed", False)  # as the prior's has none
+    _require_keys(header, {"size", "about", "forests", "exposed"}, "its header")
+    if not isinstance(header["exposed"], bool):
+        raise ValueError("exposed in its header is neither true nor false")
     _require_whole(header, "size", 16, MAX_SIZE)
     if not isinstance(header["about"], dict):
         raise ValueError("about in its header is not a table")

@@ -108,7 +108,7 @@ def model_start(image: NDArray[np.uint8], model: Model, most: float) -> tuple[fl
     factor = reduction(image.shape, model.size)
     anywhere = np.zeros(image.shape[:2], np.bool_)
     anywhere[image.shape[0] // 2, image.shape[1] // 2] = True  # these features say nothing of a start
-    seen: Features = features(image, anywhere, model.size)
+    seen: Features = features(model.shown(image), anywhere, model.size)
     sure = model.start.probability(seen.planes) >= LEVEL
     if not sure.any():
         return None

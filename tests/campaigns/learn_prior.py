@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence import prior
-from ffseg.evidence.features import PLAIN, WORKING_SIZE, features
+from ffseg.evidence.features import PLAIN, WORKING_SIZE, Features, features
 from ffseg.evidence.forest import Model, to_bytes
 from ffseg.evidence.learning import SETTINGS, converted, known_pixels
 from ffseg.evidence.surroundings import STRIDE
@@ -125,11 +125,22 @@ class Samples:
 
 def samples(seen: Sight, rng: np.random.Generator, pixels: int = PIXELS) -> Samples:
     """Some pixels that are known, half of them inside."""
+    found = looked(seen, PLAIN)
+    known = known_pixels(seen.truth, found.factor)[::STRIDE, ::STRIDE]
+    return picked(prior.all_planes(found), known, rng, pixels)
+
+
+def looked(seen: Sight, names: tuple[str, ...]) -> Features:
+    """Features of a sight from its start."""
     x, y, radius = seen.start
     rows, columns = np.indices(seen.truth.shape, sparse=True)
     disc = (rows - y) ** 2 + (columns - x) ** 2 <= radius**2
-    found = features(prior.exposed(seen.image), disc, names=PLAIN)
-    known = known_pixels(seen.truth, found.factor)[::STRIDE, ::STRIDE].ravel()
+    return features(prior.exposed(seen.image), disc, names=names)
+
+
+def picked(planes: NDArray[np.float32], known: NDArray[np.int8], rng: np.random.Generator, pixels: int) -> Samples:
+    """Some of the pixels that are known, of planes of shape (F, h, w), half of them inside."""
+    known = known.ravel()
     sides = [np.flatnonzero(known == side) for side in (0, 1)]
     chosen = [rng.permutation(side)[: pixels // 2] for side in sides]
     share = len(sides[1]) / max(1, len(sides[0]) + len(sides[1]))
@@ -138,33 +149,47 @@ def samples(seen: Sight, rng: np.random.Generator, pixels: int = PIXELS) -> Samp
         for one, part in zip(chosen, (1 - share, share), strict=True)
     ]
     at = np.concatenate(chosen)
-    planes = prior.all_planes(found).reshape(len(prior.TAKEN), -1)
-    return Samples(np.ascontiguousarray(planes[:, at].T), known[at] > 0, np.concatenate(weights))
+    return Samples(
+        np.ascontiguousarray(planes.reshape(len(planes), -1)[:, at].T), known[at] > 0, np.concatenate(weights)
+    )
 
 
-def drawn_samples(count: int) -> list[Samples]:
+Taking = Callable[[Sight, np.random.Generator, int], Samples]
+
+
+def drawn_samples(count: int, taking: Taking = samples) -> list[Samples]:
     """What so many looks at each kind of drawn pictures give; the kinds side by side."""
     if count == 0:
         return []
     with ProcessPoolExecutor() as pool:
-        return [one for found in pool.map(_drawn, KINDS, [count] * len(KINDS)) for one in found]
+        parts = pool.map(_drawn, KINDS, [count] * len(KINDS), [taking] * len(KINDS))
+        return [one for found in parts for one in found]
 
 
-def _drawn(kind: str, count: int) -> list[Samples]:
+def _drawn(kind: str, count: int, taking: Taking) -> list[Samples]:
     single_thread()
     rng = np.random.default_rng(KINDS.index(kind))
-    found = [samples(seen, rng, DRAWN_PIXELS) for seen in drawn_sights(kind, count)]
+    found = [taking(seen, rng, DRAWN_PIXELS) for seen in drawn_sights(kind, count)]
     return [replace(one, weights=one.weights * np.sqrt(DRAWN_AS) / count) for one in found]
 
 
-def grow(photographs: Sequence[Photograph], drawn: Sequence[Samples], about: str) -> Model:
-    """The model that those images give; places with many images count as the root of their number."""
+def grow(
+    photographs: Sequence[Photograph],
+    drawn: Sequence[Samples],
+    about: str,
+    taking: Taking = samples,
+    names: tuple[str, ...] = prior.TAKEN,
+) -> Model:
+    """The model that those images give, on what `taking` takes of them, the features of those `names`.
+
+    Places with many images count as the root of their number.
+    """
     import lightgbm
 
     rng = np.random.default_rng(0)
     taken: list[Samples] = list(drawn)
     for photograph in photographs:
-        found = [samples(seen, rng) for seen in sights(photograph, rng)]
+        found = [taking(seen, rng, PIXELS) for seen in sights(photograph, rng)]
         alike = sum(_place(other) == _place(photograph) for other in photographs) * len(found)
         taken += [replace(one, weights=one.weights / np.sqrt(alike)) for one in found]
     weights = np.concatenate([one.weights for one in taken])
@@ -174,7 +199,7 @@ def grow(photographs: Sequence[Photograph], drawn: Sequence[Samples], about: str
         weight=weights / weights.mean(),
     )
     booster = lightgbm.train(OTHERS, data, TREES)
-    forest = converted(booster.dump_model()["tree_info"], prior.TAKEN)
+    forest = converted(booster.dump_model()["tree_info"], names)
     return Model(forest, None, WORKING_SIZE, {"images": len(photographs), "drawn": len(drawn), "part": about})
 
 

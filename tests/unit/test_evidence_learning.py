@@ -65,7 +65,7 @@ def test_the_second_forest_needs_no_start() -> None:
     model = learn([samples(example(seed)) for seed in (1, 2)])
     assert model.start is not None
     one = example(3)
-    anywhere = features(one.image, disc(5, 5, 3))
+    anywhere = features(model.shown(one.image), disc(5, 5, 3))
     assert iou(model.start.probability(anywhere.planes) > 0.5, one.truth) > 0.8
     assert not [name for name in WITHOUT_START if name.startswith(("from_", "barrier", "way", "across", "likeness"))]
 
@@ -171,7 +171,8 @@ def test_a_forest_is_the_mean_of_two_of_which_one_sees_no_open_ground() -> None:
     assert len(alone.arrays["root"]) == 10
 
 
-def test_one_mask_trusts_open_ground() -> None:
+def test_one_mask_trusts_open_ground(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ffseg.evidence.learning.serves", lambda *_: False)
     one, two = (learn([samples(example(seed)) for seed in seeds]) for seeds in ((1,), (1, 2)))
     last = one.inside.arrays["feature"][-1]
     assert one.inside.features[last] == TRUSTED

@@ -19,12 +19,13 @@ from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.learning import (
     Example,
     Samples,
-    grow,
+    grow_inside,
     known_pixels,
     learn,
     samples,
     uncertainty,
 )
+from ffseg.evidence.prior import exposed
 from ffseg.evidence.source import model_start
 from ffseg.metrics import iou
 from ffseg.native import _core
@@ -155,13 +156,13 @@ def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tup
     count, rng = len(chosen), np.random.default_rng(0)
     if any(one.start is None for one in labelled):
         return ()
-    seen = [features(one.image, one.start, names=KNOWN) for one in labelled if one.start is not None]
+    seen = [features(exposed(one.image), one.start, names=KNOWN) for one in labelled if one.start is not None]
     points = []
     for number in sorted({*(2**power for power in range(count.bit_length()) if 2**power < count), count - 1}):
         found = []
         for _ in range(DRAWS):
             drawn = rng.permutation(count)
-            forest = grow([chosen[i] for i in drawn[:number]], trees=CURVE_TREES)
+            forest = grow_inside([chosen[i] for i in drawn[:number]], CURVE_TREES)
             found += [_reduced_overlap(forest, seen[i], labelled[i].truth) for i in drawn[number:]]
         points.append((number, round(mean(found), 4)))
     return tuple(points)

@@ -1,0 +1,80 @@
+"""A forest that other pictures have grown, which the masks at hand correct where it serves them already."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from statistics import mean
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.evidence.features import KNOWN
+from ffseg.evidence.forest import ARRAYS, Forest, load_model
+
+BASE = Path(__file__).with_name("base.ffmodel")
+"""Part of the package; ``tests/campaigns/learn_base.py`` makes it. It sees what a learned forest sees but no place in the
+image and no open ground."""
+
+SERVES, SPREAD = 0.5, 0.25
+"""IoU from which on that forest is corrected by the masks, and not left aside; and how far apart the IoU of images of one
+kind lie: their mean must be better by this over the root of their number. On floors unseen by it, it has .67 to .74 on five
+masks, on unseen road frames .37 to .56."""
+
+ROW = 1000
+"""Pixels side by side in the plane that the native core is given; it takes no plane of more than 4096 a side."""
+
+
+@lru_cache(maxsize=1)
+def base() -> Forest:
+    """The forest, read once."""
+    return load_model(BASE).inside
+
+
+def odds_of(forest: Forest, rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Log odds of inside that a forest gives pixels.
+
+    Parameters
+    ----------
+    rows : ndarray of float32, shape (N, F)
+        Features in the order of ``KNOWN``.
+
+    Returns
+    -------
+    ndarray of float32, shape (N,)
+    """
+    padded = np.zeros((len(forest.features), -(-len(rows) // ROW) * ROW), np.float32)
+    padded[:, : len(rows)] = rows[:, [KNOWN.index(name) for name in forest.features]].T
+    planes = padded.reshape(len(padded), -1, ROW)
+    score = np.empty(planes.shape[1:], np.float32)
+    forest.compiled().score(planes, score)
+    found: NDArray[np.float32] = score.ravel()[: len(rows)] + np.float32(forest.bias)
+    return found
+
+
+def serves(odds: Sequence[NDArray[np.float32]], inside: Sequence[NDArray[np.bool_]]) -> bool:
+    """Whether what the forest says of the pixels of each image is right often enough."""
+    overlaps = []
+    for one, known in zip(odds, inside, strict=True):
+        found = one >= 0
+        either = np.count_nonzero(found | known)
+        overlaps.append(np.count_nonzero(found & known) / either if either else 1.0)
+    return bool(mean(overlaps) >= SERVES + SPREAD / len(overlaps) ** 0.5)
+
+
+def joined(one: Forest, other: Forest) -> Forest:
+    """The forest whose log odds are the sum of those of two."""
+    nodes, leaves = len(one.arrays["feature"]), len(one.arrays["value"])
+    places = {name: np.asarray([KNOWN.index(it) for it in forest.features])[forest.arrays["feature"]]
+              for name, forest in (("one", one), ("other", other))}  # fmt: skip
+    added = dict(other.arrays)
+    for side in ("left", "right"):
+        child = other.arrays[side]
+        added[side] = np.where(child < 0, child - leaves, child + nodes)
+    root = other.arrays["root"]
+    added["root"] = np.where(root < 0, root - leaves, root + nodes)
+    arrays = {name: np.append(one.arrays[name], added[name]).astype(kind[1:]) for name, kind, _ in ARRAYS}
+    arrays["feature"] = np.append(places["one"], places["other"]).astype(np.int32)
+    return replace(one, arrays=arrays, features=KNOWN, bias=one.bias + other.bias)

@@ -1,0 +1,112 @@
+"""The forest that masks correct: when it is taken, what is added to it, and what a model remembers of how it looks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ffseg.evidence.base import base, joined, odds_of, serves
+from ffseg.evidence.features import KNOWN, NAMES, features
+from ffseg.evidence.forest import MAGIC, Forest, Model, from_bytes, to_bytes
+from ffseg.evidence.learning import TAUGHT, grow, learn, samples
+from ffseg.evidence.openings import OPEN
+from ffseg.evidence.prior import exposed
+from ffseg.metrics import iou
+from tests.unit.test_evidence_learning import example, predicted
+
+
+def stump(name: str, threshold: float, names: tuple[str, ...] = NAMES) -> Forest:
+    """Log odds of 2 where a feature is above the threshold, -2 elsewhere."""
+    arrays = {
+        "feature": np.array([names.index(name)], np.int32),
+        "threshold": np.array([threshold], np.float32),
+        "left": np.array([-1], np.int32),
+        "right": np.array([-2], np.int32),
+        "root": np.array([0], np.int32),
+        "value": np.array([-2.0, 2.0], np.float32),
+    }
+    return Forest(arrays, names, 0.25)
+
+
+def halves(share: float) -> tuple[np.ndarray, np.ndarray]:
+    """Odds and truth of pixels whose IoU is `share`."""
+    inside = np.ones(1000, np.bool_)
+    return np.where(np.arange(1000) < 1000 * share, np.float32(1), np.float32(-1)), inside
+
+
+def test_rows_get_the_odds_that_planes_get() -> None:
+    one = example(1)
+    seen = features(one.image, one.start, names=KNOWN)
+    rows = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1).T)[:1501]
+    probability = base().probability(seen.planes).ravel()[:1501]
+    # the same sums; only the logarithm of a rounded probability differs
+    np.testing.assert_allclose(1 / (1 + np.exp(-odds_of(base(), rows))), probability, atol=1e-6)
+
+
+def test_the_base_sees_no_place_and_no_open_ground() -> None:
+    assert {"x", "y", "across", "along"}.isdisjoint(base().features)
+    assert set(OPEN).isdisjoint(base().features)
+
+
+def test_joined_forests_add_their_odds() -> None:
+    one, other = stump("light@0.7", 50.0), stump("y", 0.5, TAUGHT)
+    rows = np.zeros((4, len(KNOWN)), np.float32)
+    rows[:, KNOWN.index("light@0.7")] = [0, 100, 0, 100]
+    rows[:, KNOWN.index("y")] = [0, 0, 1, 1]
+    assert odds_of(joined(one, other), rows).tolist() == [-3.5, 0.5, 0.5, 4.5]
+    assert odds_of(joined(joined(one, other), other), rows).tolist() == [-5.25, -1.25, 2.75, 6.75]
+
+
+@pytest.mark.parametrize(
+    ("count", "share", "served"), [(1, 0.7, False), (1, 0.8, True), (5, 0.55, False), (5, 0.65, True)]
+)
+def test_few_masks_must_show_more(count: int, share: float, served: bool) -> None:
+    odds, inside = zip(*(halves(share) for _ in range(count)), strict=True)
+    assert serves(odds, inside) is served
+
+
+def test_masks_correct_a_base_that_serves_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("lightgbm")
+    own = stump("likeness", 0.0)
+    monkeypatch.setattr("ffseg.evidence.learning.base", lambda: own)
+    monkeypatch.setattr("ffseg.evidence.learning.serves", lambda *_: True)
+    chosen = [samples(example(seed)) for seed in (1, 2)]
+    model = learn(chosen, searched=False)
+    more = grow(chosen, trees=40, begin=[odds_of(own, one.rows) for one in chosen])
+    for one in chosen:
+        total = odds_of(own, one.rows) + odds_of(more, one.rows)
+        np.testing.assert_allclose(odds_of(model.inside, one.rows), total, atol=1e-4)  # sums in another order
+    assert iou(predicted(model, example(3)) > 0.5, example(3).truth) > 0.9
+    monkeypatch.setattr("ffseg.evidence.learning.serves", lambda *_: False)
+    assert learn(chosen, searched=False).inside.features == TAUGHT
+
+
+def test_a_model_remembers_how_it_looks_at_images() -> None:
+    one = example(1)
+    plain, told = Model(stump("likeness", 0.0)), Model(stump("likeness", 0.0), exposed=True)
+    assert from_bytes(to_bytes(told)).exposed
+    assert not from_bytes(to_bytes(plain)).exposed
+    assert b"exposed" not in to_bytes(plain)[: len(MAGIC) + 200]
+    dark = (one.image // 4).astype(np.uint8)
+    np.testing.assert_array_equal(told.look(dark, one.start).planes, plain.look(exposed(dark), one.start).planes)
+    assert not np.array_equal(told.look(dark, one.start).planes, plain.look(dark, one.start).planes)
+
+
+def test_neighbours_outvote_specks_but_not_across_edges() -> None:
+    one = example(1)
+    rows, columns = np.indices(one.truth.shape)
+    image = np.where(columns < 60, np.uint8(90), np.uint8(170))
+    image[39:42, 29:32] = 96  # a speck
+    start = np.hypot(rows - 20, columns - 20) < 6
+    model = Model(stump("light@0.7", 39.0))
+    seen = model.look(image, start)
+    told = odds_of(model.inside, seen.planes.reshape(len(NAMES), -1).T @ _order())
+    assert told.reshape(image.shape)[40, 30] > 0  # what the forest itself says of the speck
+    found = model.map(seen) > 0.5
+    assert not found[:, :58].any()
+    assert found[:, 62:].all()
+
+
+def _order() -> np.ndarray:
+    """From the planes of ``NAMES`` to rows of ``KNOWN``."""
+    return np.eye(len(NAMES), len(KNOWN), dtype=np.float32)
