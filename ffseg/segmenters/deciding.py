@@ -19,9 +19,9 @@ from ffseg.segmenters.starts import circle_start
 CLEAR_SHARE = 0.1
 """So much of a boundary may be fainter: corners and crossings, where no gradient has one direction."""
 
-CLEAR = 2.2
+CLEAR = 2.5
 """Edges are clear that have this many times the strength an edge needs: on drawn scenes the faint tenth has 2.7 to 40
-times, on photographs 0.6 to 1.7 (all but one of 47, whose contour is right)."""
+times, on photographs, from whatever start, 0.6 to 2.33 (all but one of 47, whose contour is right)."""
 
 PLAIN_FAINTEST, PLAIN = 1.25, 0.6
 """In strong noise the edges of a plain region are clear enough at 1.25 times (all but a twentieth): plain is a region

@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from ffseg.evidence.prior import CERTAIN, MIDDLE, Prior, exposed, prior
-from ffseg.image.edges import Scene, gradient_edges
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, Scene, gradient_edges
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from ffseg.segmenters import deciding
@@ -89,6 +90,18 @@ def test_nothing_to_doubt_where_no_boundary_is() -> None:
     edges = gradient_edges(Scene(even, None, params))
     assert deciding.Boundary((), edges).is_clear()
     assert segment(even, params).source == "gradient"
+
+
+@pytest.mark.parametrize(("times", "clear"), [(2.3, False), (2.7, True)])
+def test_edges_are_trusted_from_a_strength_that_photographs_do_not_reach(times: float, clear: bool) -> None:
+    """The faint tenth of a boundary has up to 2.33 times what an edge needs on photographs, at least 2.7 on drawn scenes."""
+    needed = 10 * GRADIENT_SCALE
+    ring = FreeForm.circle((50, 40), 25, 24, 3)
+    gradient = np.full((80, 100), round(needed), np.uint16)  # texture: the region is not plain
+    x, y = np.rint(ring.control_points[::3]).astype(int).T
+    gradient[y, x] = round(times * needed)
+    edges = EdgeMap(gradient, np.zeros((80, 100), np.uint8), None, (5.0, 10.0))
+    assert deciding.Boundary((ring,), edges).is_clear() == clear
 
 
 def _start() -> dict[str, object]:
