@@ -106,6 +106,7 @@ def features(
     start: NDArray[np.bool_],
     size: int = WORKING_SIZE,
     names: tuple[str, ...] = NAMES,
+    least: float = 0.0,
 ) -> Features:
     """Features of an image, seen from a start region.
 
@@ -119,6 +120,8 @@ def features(
         Pixels a side that the reduced image may have.
     names : tuple of str
         What to look for: ``NAMES``, less (``PLAIN``), or more (``KNOWN``).
+    least : float
+        Reduced pixels; a start of a smaller area than the disc of this radius is widened to about that disc.
 
     Raises
     ------
@@ -127,7 +130,7 @@ def features(
     """
     shape = (image.shape[0], image.shape[1])
     factor = reduction(shape, size)
-    inside = reduced_region(start, factor)
+    inside = _widened(reduced_region(start, factor), least)
     height, width = inside.shape
     planes = np.empty((len(names), height, width), np.float32)
     lab = np.empty((3, height, width), np.float32)
@@ -175,6 +178,20 @@ def reduced_region(region: NDArray[np.bool_], factor: int) -> NDArray[np.uint8]:
     shares = reduced_mean(region[top * factor : bottom * factor].astype(np.float32), factor)
     inside = shares >= 0.5
     found[top:bottom] = inside if inside.any() else shares > 0
+    return found
+
+
+def _widened(inside: NDArray[np.uint8], least: float) -> NDArray[np.uint8]:
+    """A region with what lies so near to it that a disc of its area would have the radius `least`."""
+    reach = least - np.sqrt(np.count_nonzero(inside) / np.pi)
+    if reach <= 0:
+        return inside
+    steps = int(np.ceil(reach))
+    padded, found = np.pad(inside, steps), np.zeros_like(inside)
+    for y in range(-steps, steps + 1):
+        for x in range(-steps, steps + 1):
+            if x * x + y * y <= (reach + 0.5) ** 2:
+                found |= padded[steps + y :, steps + x :][: inside.shape[0], : inside.shape[1]]
     return found
 
 

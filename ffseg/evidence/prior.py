@@ -34,6 +34,9 @@ a pixel's own odds, the difference of L, a, b that ends a neighbour's say, and s
 SMOOTHING = 1.0
 """Reduced pixels, afterwards."""
 
+LEAST_START = 4.0
+"""Reduced pixels; radius below which a start does not show what its region looks like, and is looked at with its surroundings."""
+
 FINEST = tuple(f"{name}@{SCALES[0]:g}" for name in ("light", "red", "blue"))
 
 MIDDLE, MOST_GAIN, EVERY = 100.0, 4.0, 4
@@ -95,7 +98,7 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
         Pixels of the start region, at least one.
     """
     model, native = _model()
-    seen = features(exposed(image), starts, model.size, PLAIN)
+    seen = look(image, starts, model.size)
     planes = all_planes(seen)
     score = np.empty(planes.shape[1:], np.float32)
     native.score(planes, score)
@@ -108,6 +111,11 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
     whole = enlarged(votes, seen.factor, seen.shape, STRIDE)
     whole[starts] = CERTAIN
     return Prior(whole)
+
+
+def look(image: NDArray[np.uint8], starts: NDArray[np.bool_], size: int) -> Features:
+    """The features that the prior's planes are made of, at most so many pixels a side."""
+    return features(exposed(image), starts, size, PLAIN, LEAST_START)
 
 
 def exposed(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -62,7 +62,7 @@ def surroundings(seen: Features, out: Plane) -> None:
         Of every ``STRIDE``-th pixel each way.
     """
     start = reduced_region(seen.inside > 0, STRIDE)
-    slopes = {name: thinned(seen[f"slope@{name}"]) for name in (*FINE, "3")}
+    slopes = {name: _steepest(seen[f"slope@{name}"]) for name in (*FINE, "3")}
     ways = _ways(slopes, start)
     crossed = {FINE[0]: thinned(seen[f"barrier@{FINE[0]}"]), FINE[1]: ways[0]}
     light = seen.names.index("light@1.5")
@@ -124,6 +124,13 @@ def _busy(slope: Plane, inside: NDArray[np.bool_]) -> list[Plane]:
     """How strong gradients are round a pixel, beside those round the start."""
     smooth = [_blurred(np.log(slope + FAINT), scale / STRIDE) for scale in (3.0, 6.0)]
     return [plane - plane[inside].mean() for plane in smooth]
+
+
+def _steepest(slope: Plane) -> Plane:
+    """The largest gradient of each ``STRIDE`` x ``STRIDE`` pixels, so that no way leads between two of them."""
+    padded = np.pad(slope, [(0, -length % STRIDE) for length in slope.shape], mode="edge")
+    found: Plane = np.maximum.reduce([padded[y::STRIDE, x::STRIDE] for y in range(STRIDE) for x in range(STRIDE)])
+    return found
 
 
 def thinned(plane: Plane) -> Plane:

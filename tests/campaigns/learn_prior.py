@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence import prior
-from ffseg.evidence.features import PLAIN, WORKING_SIZE, Features, features
+from ffseg.evidence.features import WORKING_SIZE, Features, features
 from ffseg.evidence.forest import Model, to_bytes
 from ffseg.evidence.learning import SETTINGS, converted, known_pixels
 from ffseg.evidence.surroundings import STRIDE
@@ -125,17 +125,22 @@ class Samples:
 
 def samples(seen: Sight, rng: np.random.Generator, pixels: int = PIXELS) -> Samples:
     """Some pixels that are known, half of them inside."""
-    found = looked(seen, PLAIN)
+    found = prior.look(seen.image, start_of(seen), WORKING_SIZE)
     known = known_pixels(seen.truth, found.factor)[::STRIDE, ::STRIDE]
     return picked(prior.all_planes(found), known, rng, pixels)
 
 
 def looked(seen: Sight, names: tuple[str, ...]) -> Features:
     """Features of a sight from its start."""
+    return features(prior.exposed(seen.image), start_of(seen), names=names)
+
+
+def start_of(seen: Sight) -> NDArray[np.bool_]:
+    """The pixels of its start circle."""
     x, y, radius = seen.start
     rows, columns = np.indices(seen.truth.shape, sparse=True)
-    disc = (rows - y) ** 2 + (columns - x) ** 2 <= radius**2
-    return features(prior.exposed(seen.image), disc, names=names)
+    disc: NDArray[np.bool_] = (rows - y) ** 2 + (columns - x) ** 2 <= radius**2
+    return disc
 
 
 def picked(planes: NDArray[np.float32], known: NDArray[np.int8], rng: np.random.Generator, pixels: int) -> Samples:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ffseg.evidence.prior import CERTAIN, MIDDLE, Prior, exposed, prior
+from ffseg.evidence.prior import CERTAIN, LEAST_START, MIDDLE, Prior, exposed, look, prior
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, Scene, gradient_edges
 from ffseg.metrics import iou
@@ -72,6 +72,17 @@ def test_the_start_is_inside_whatever_it_looks_like() -> None:
     start = np.zeros((90, 120), np.bool_)
     start[40:50, 50:70] = True
     assert (prior(image, start).odds[start] == CERTAIN).all()
+
+
+@pytest.mark.parametrize("radius", [1.0, 2.0, 3.0])
+def test_a_small_start_is_looked_at_with_its_surroundings(radius: float) -> None:
+    """Of a start of a few pixels nobody can tell what its region looks like."""
+    image, _ = faint(25, 12)
+    at = np.hypot(*(np.indices(image.shape[:2]) - np.array([100, 120])[:, None, None]))
+    seen, usual = (look(image, at < size, 400).inside > 0 for size in (radius, LEAST_START))
+    assert np.count_nonzero(seen ^ usual) <= 12  # of 49: the ring of a disc in pixels
+    assert (at[seen] <= LEAST_START + 1).all()
+    assert (look(image, at < 9, 400).inside > 0).sum() == np.count_nonzero(at < 9)
 
 
 def test_expected_overlap_against_its_definition() -> None:

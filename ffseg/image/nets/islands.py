@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ffseg.image.nets.pockets import Circle, depths, discs
 
-SURE = 0.6
+SURE = 0.4
 """A part belongs to the region whose median log odds are at least so many times those round the start."""
 
 LEAST_ODDS = 1.0
