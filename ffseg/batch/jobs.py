@@ -10,7 +10,7 @@ from fnmatch import fnmatchcase
 from ffseg.batch.discover import STATE_FOLDER, Source, discover
 from ffseg.batch.inputs.domains import find_domains
 from ffseg.batch.inputs.maps import find_evidence
-from ffseg.batch.inputs.reading import place_of
+from ffseg.batch.inputs.reading import parted, place_of
 from ffseg.batch.inputs.truths import find_truths
 from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, OUTPUT_FOLDERS, Wanted
 from ffseg.batch.packing.members import PACKS, tar_name
@@ -34,7 +34,7 @@ class Job:
     stem : str
         Name of its outputs below ``masks/`` and so on, without the suffix.
     truth : str
-        Path of the true mask, or empty.
+        Path of the true mask, for `read_input`; or empty.
     earlier : tuple of str
         Paths of the images before it in its sequence, the nearest first.
     start : Start or None
@@ -120,7 +120,7 @@ def make_plan(
     out : str
     wanted : Wanted
     truth : str
-        Folder of true masks, or empty.
+        Folder or tar file of true masks, or empty.
     exclude : sequence of str
         Patterns of relative names, or of folders or files in them, that are left out.
     keep_suffix : bool
@@ -138,7 +138,7 @@ def make_plan(
     if truth:
         truths = find_truths(sources, truth)
         used = {os.path.realpath(path) for path in truths.values()}
-        sources = [source for source in sources if os.path.realpath(source.path) not in used]
+        sources = [source for source in sources if os.path.realpath(source.content) not in used]
     stem = _whole_name if keep_suffix else _stem
     jobs = tuple(
         Job(index, _checked_name(source, stem(source), wanted), stem(source), truths.get(source.name, ""))
@@ -297,7 +297,7 @@ def _ignores_case(folder: str) -> bool:
 
 def _refuse_outputs_over_inputs(plan: Plan) -> None:
     read = {path for job in plan.jobs for path in (job.source.path, job.truth, job.evidence, job.domain)}
-    inputs = {_identity(path) for path in read - {""}} - {None}
+    inputs = {_identity(file) for file in {parted(path)[0] for path in read - {""}}} - {None}
     for job in plan.jobs[:1] if plan.tars else plan.jobs:
         for output in plan.written(job):
             path = os.path.join(plan.out, output)

@@ -41,7 +41,7 @@ Starts = Annotated[
 ]
 Evidence = Annotated[
     Path | None,
-    typer.Option("--evidence", metavar="DIR", help="Maps of what is inside (NAME.png, .tiff, .npy), one an image."),
+    typer.Option("--evidence", metavar="DIR", help="Folder or .tar of maps (NAME.png, .tiff, .npy) of what is inside."),
 ]
 TruthLabel = Annotated[
     int | None,

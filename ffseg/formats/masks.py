@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import ImageReadError, ParameterError
-from ffseg.formats.files import read_bytes
 from ffseg.formats.images import Limits, decode_image, read_image
 
 # A mask is runs of two values: run-length matching on unfiltered rows packs the 800x600 scenes into half the bytes of
@@ -96,18 +95,16 @@ def load_mask(key: str, path: str | None, limits: Limits | None = None) -> NDArr
         raise ParameterError(f"{key}: {error}") from error
 
 
-def read_labels(path: str | os.PathLike[str], limits: Limits | None = None) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """Numbers of a label image as they are stored, shape (H, W) for grey or (H, W, 3) in BGR order for colours.
+def decode_labels(data: bytes, limits: Limits | None = None) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Numbers of a label image as its file stores them, shape (H, W) for grey or (H, W, 3) in BGR order for colours.
 
-    Unlike `read_image`, 16-bit numbers are not scaled: 1 stays 1. The message of an error does not name the file.
+    Unlike `decode_image`, 16-bit numbers are not scaled: 1 stays 1. The message of an error does not name the file.
 
     Raises
     ------
     ImageReadError
         As `decode_image`.
     """
-    limits = limits or Limits()
-    data = read_bytes(path, limits.max_bytes)
     scaled = decode_image(data, limits)
     stored: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
     labels: NDArray[Any] = stored if stored is not None and stored.dtype == np.uint16 else scaled

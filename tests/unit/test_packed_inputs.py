@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import tarfile
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from batches import run_batch, snapshot, table
 
 from ffseg.batch.discover import discover
+from ffseg.batch.executors.choice import Choice
+from ffseg.batch.inputs.maps import find_evidence
 from ffseg.batch.inputs.reading import parted, read_input, told
-from ffseg.errors import ImageReadError
+from ffseg.batch.inputs.truths import find_truths
+from ffseg.batch.jobs import make_plan
+from ffseg.errors import ImageReadError, UsageError
 from ffseg.parameters import load_params
 
+INPROCESS = Choice("inprocess")
 NAMES = ("a", "sub/b")
 SHAPE = (60, 80)
 ROWS, COLUMNS = np.mgrid[: SHAPE[0], : SHAPE[1]]
@@ -99,3 +106,76 @@ def test_learning_takes_images_in_a_tar_file(images: Path, truths: Path) -> None
     found = gather([str(packed(images))], str(truths), load_params())
     assert [one.name for one in found.labelled] == ["a.png", "sub/b.png"]
     np.testing.assert_array_equal(found.labelled[0].truth == 255, INSIDE)
+
+
+def overlaps(out: Path) -> list[str]:
+    return [row["iou"] for row in table(out / "timings.csv")]
+
+
+def test_truths_in_a_tar_file_are_those_of_its_folder(images: Path, truths: Path, tmp_path: Path) -> None:
+    archive, options = packed(truths), {"executor": INPROCESS}
+    run_batch(images, tmp_path / "one", truth=str(truths), **options)
+    assert run_batch(images, tmp_path / "out", truth=str(archive), **options).done == 2
+    assert overlaps(tmp_path / "out") == overlaps(tmp_path / "one")
+    assert all(float(overlap) > 0 for overlap in overlaps(tmp_path / "out"))
+    assert run_batch(packed(images), tmp_path / "out", truth=str(archive), **options).unchanged == 2
+    with tarfile.open(archive, "a") as more:  # the whole image is inside
+        cv2.imwrite(str(tmp_path / "all.png"), np.full(SHAPE, 255, np.uint8))
+        more.add(tmp_path / "all.png", "./a.png")
+    assert run_batch(images, tmp_path / "out", truth=str(archive), **options).unchanged == 2
+    now, before = overlaps(tmp_path / "out"), overlaps(tmp_path / "one")
+    assert (now[0] != before[0], now[1] == before[1]) == (True, True)
+    run_batch(images, tmp_path / "out", **options)
+    assert overlaps(tmp_path / "out") == now, "the mask is what it was"
+
+
+def test_images_and_truths_may_share_a_tar_file(images: Path, truths: Path, tmp_path: Path) -> None:
+    for name in NAMES:
+        (truths / f"{name}.png").rename(truths / f"{name}_truth.png")
+    archive = packed(images, truths)
+    plan = make_plan([str(archive)], str(tmp_path / "out"), truth=str(archive))
+    assert [(job.source.name, told(job.truth)) for job in plan.jobs] == [
+        (f"{name}.png", f"{archive}/{name}_truth.png") for name in NAMES
+    ]
+
+
+def test_a_true_mask_in_a_tar_file_that_cannot_be_used_is_named(images: Path, truths: Path, tmp_path: Path) -> None:
+    (truths / "a.png").write_text("not an image")
+    archive = packed(truths)
+    run_batch(images, tmp_path / "out", truth=str(archive), executor=INPROCESS)
+    error = table(tmp_path / "out" / "timings.csv")[0]["error"]
+    assert error.startswith(f"truth: the true mask {archive}/a.png cannot be used: not-an-image")
+
+
+@pytest.mark.parametrize("suffix", [".png", ".npy"])
+def test_maps_in_a_tar_file_are_those_of_its_folder(images: Path, tmp_path: Path, suffix: str, ffseg_command) -> None:
+    levels = np.where(INSIDE, 255, 0).astype(np.uint8)
+    archive = packed(written(tmp_path / "maps", levels, suffix))
+
+    def counts(maps: Path, out: str) -> dict[str, int]:
+        command = ("run", images, "--out", tmp_path / out, "--evidence", maps, "--set", "init.radius=8", "--json")
+        done = ffseg_command(*command)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)["counts"]
+
+    counts(tmp_path / "maps", "one")
+    assert counts(archive, "out")["done"] == 2
+    assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
+    assert counts(archive, "out")["unchanged"] == 2
+    written(tmp_path / "maps", np.roll(levels, 3, axis=1), suffix)
+    assert counts(packed(tmp_path / "maps"), "out")["done"] == 2
+
+
+def test_what_is_no_tar_file_that_can_be_read_in_place_is_refused(images: Path, truths: Path, tmp_path: Path) -> None:
+    sources = discover([str(images)])
+    for find, option in ((find_truths, "--truth"), (find_evidence, "--evidence")):
+        with pytest.raises(UsageError, match=f"{option}: there is no folder or tar file"):
+            find(sources, str(tmp_path / "none.tar"))
+        with tarfile.open(tmp_path / "truth.tar.gz", "w:gz") as archive:
+            archive.add(truths, ".")
+        with pytest.raises(UsageError, match="is compressed"):
+            find(sources, str(tmp_path / "truth.tar.gz"))
+        with tarfile.open(tmp_path / "other.tar", "w") as archive:
+            archive.add(truths, "truth")  # one folder too deep
+        with pytest.raises(UsageError, match=r"NAME\.png"):
+            find(sources, str(tmp_path / "other.tar"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tarfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from ffseg.batch.discover import SUFFIXES, Source
@@ -19,8 +19,14 @@ def is_archive(path: str) -> bool:
     return path.lower().endswith((".tar", *_PACKED))
 
 
-def members(path: str) -> list[Source]:
+def members(path: str, suffixes: Collection[str] = SUFFIXES) -> list[Source]:
     """Images in a tar file, in the order they are stored in; a later one of the same name replaces the earlier.
+
+    Parameters
+    ----------
+    path : str
+    suffixes : collection of str
+        Of what counts, in lower case.
 
     Raises
     ------
@@ -31,13 +37,13 @@ def members(path: str) -> list[Source]:
         raise UsageError(f"{printable(path)} is compressed; unpack it to a .tar first, images do not get smaller by it")
     try:
         with tarfile.open(path, "r:") as archive:
-            found = {source.name: source for source in _images(path, archive)}
+            found = {source.name: source for source in _images(path, archive, suffixes)}
     except (tarfile.TarError, OSError, ValueError) as error:
         raise UsageError(f"{printable(path)} cannot be read as a tar file ({error})") from error
     return list(found.values())
 
 
-def _images(path: str, archive: tarfile.TarFile) -> Iterator[Source]:
+def _images(path: str, archive: tarfile.TarFile, suffixes: Collection[str]) -> Iterator[Source]:
     kept: Any = archive
     for count, member in enumerate(archive):
         if count >= _MOST_MEMBERS:
@@ -47,5 +53,5 @@ def _images(path: str, archive: tarfile.TarFile) -> Iterator[Source]:
         last = name.rsplit("/", 1)[-1]
         if not member.isreg() or member.issparse() or last.startswith("."):
             continue
-        if last[last.rfind(".") :].lower() in SUFFIXES:
+        if last[last.rfind(".") :].lower() in suffixes:
             yield Source(path, name, span=(member.offset_data, member.size))

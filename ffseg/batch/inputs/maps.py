@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from ffseg.batch.discover import SUFFIXES, Source
 from ffseg.batch.inputs.beside import Beside
+from ffseg.batch.inputs.reading import read_input, told
 from ffseg.errors import ImageReadError, UsageError
-from ffseg.formats.files import printable, read_bytes
+from ffseg.formats.files import printable
 from ffseg.formats.images import Limits
 
 REASON = "evidence"
@@ -25,14 +26,14 @@ _WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
 
 
 def find_evidence(sources: Iterable[Source], folder: str) -> dict[str, str]:
-    """Map of each image: the same relative name with the suffix of an image or ``.npy``.
+    """Map of each image: the same relative name with the suffix of an image or ``.npy``, in a folder or a tar file.
 
     Raises
     ------
     UsageError
-        If the folder does not exist, or an image has no map in it.
+        If there is no such folder or tar file, or an image has no map in it.
     """
-    beside = Beside("--evidence", folder, {*SUFFIXES, ARRAY_SUFFIX})
+    beside = Beside("--evidence", folder, {*SUFFIXES, ARRAY_SUFFIX}, packed=True)
     found = {}
     for source in sources:
         path = beside.file_of(source, (os.path.splitext(source.name)[0],))
@@ -51,7 +52,7 @@ def read_evidence(path: str, limits: Limits | None = None) -> NDArray[np.float32
     Parameters
     ----------
     path : str
-        Grey image of 8 or 16 bits, or a NumPy file of these or of numbers from 0 to 1.
+        For `read_input`: grey image of 8 or 16 bits, or a NumPy file of these or of numbers from 0 to 1.
     limits : Limits, optional
 
     Returns
@@ -64,25 +65,25 @@ def read_evidence(path: str, limits: Limits | None = None) -> NDArray[np.float32
     ImageReadError
         With the reason ``evidence``, naming the file.
     """
-    limits = limits or Limits()
+    limits, name = limits or Limits(), told(path)
     try:
-        values = _array(path, limits) if path.lower().endswith(ARRAY_SUFFIX) else _levels(path, limits)
+        data = read_input(path, limits.max_bytes)
+        values = _array(data) if name.lower().endswith(ARRAY_SUFFIX) else _levels(data, limits)
     except (ImageReadError, ValueError) as error:
-        raise ImageReadError(REASON, f"the map {printable(path)} cannot be used: {error}") from error
+        raise ImageReadError(REASON, f"the map {printable(name)} cannot be used: {error}") from error
     return values
 
 
-def _levels(path: str, limits: Limits) -> NDArray[np.float32]:
-    from ffseg.formats.masks import read_labels
+def _levels(data: bytes, limits: Limits) -> NDArray[np.float32]:
+    from ffseg.formats.masks import decode_labels
 
-    levels = read_labels(path, limits)
+    levels = decode_labels(data, limits)
     if levels.ndim != 2:
         raise ValueError("it is in colour; save it in grey")
     return (levels / np.float32(_WHITE[levels.dtype])).astype(np.float32)
 
 
-def _array(path: str, limits: Limits) -> NDArray[np.float32]:
-    data = read_bytes(path, limits.max_bytes)
+def _array(data: bytes) -> NDArray[np.float32]:
     try:
         values = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
     except (ValueError, EOFError, OSError, TypeError, SyntaxError, MemoryError) as error:

@@ -14,12 +14,14 @@ from ffseg.formats.files import printable
 def find_truths(sources: Iterable[Source], folder: str) -> dict[str, str]:
     """True mask of each image that has one: the same relative name with any suffix, or with ``_truth`` before it.
 
+    In a folder or a tar file; what is given is for `read_input`.
+
     Raises
     ------
     UsageError
-        If the folder does not exist, or no image has a true mask in it.
+        If there is no such folder or tar file, or no image has a true mask in it.
     """
-    beside = Beside("--truth", folder)
+    beside = Beside("--truth", folder, packed=True)
     truths = {}
     for source in sources:
         stem = os.path.splitext(source.name)[0]

@@ -79,7 +79,7 @@ def gather(
     sources = discover(inputs)
     truths = find_truths(sources, truth)
     used = {os.path.realpath(path) for path in truths.values()}
-    sources = [one for one in sources if os.path.realpath(one.path) not in used and not one.problem]
+    sources = [one for one in sources if os.path.realpath(one.content) not in used and not one.problem]
     known = dict(load_starts(starts, [one.name for one in sources])) if starts else {}
     labelled = [_read(one, truths[one.name], params, known, label) for one in sources if one.name in truths]
     return Gathered(labelled, [one for one in sources if one.name not in truths], known)

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ffseg.batch.inputs.reading import member_path, parted, place_of, read_input
+from ffseg.batch.inputs.reading import member_path, parted, place_of, read_input, told
 from ffseg.batch.packing.members import Member, digest, output_digest
 from ffseg.batch.workers.messages import Evidence, Known, Mark, Setup, Task
 from ffseg.errors import ImageReadError
-from ffseg.formats.files import printable, read_bytes
+from ffseg.formats.files import printable
 
 if TYPE_CHECKING:
     from ffseg.batch.views import Views
@@ -99,11 +99,11 @@ def _optional(path: str, max_bytes: int) -> tuple[bytes, File]:
 def _truth(path: str, setup: Setup, files: dict[str, File]) -> str:
     mark = mark_of(path)
     try:
-        found = digest(read_bytes(path, setup.max_bytes))
+        found = digest(read_input(path, setup.max_bytes))
     except ImageReadError as error:
-        text = f"the true mask {printable(path)} cannot be used: {error.reason}: {error}"
+        text = f"the true mask {printable(told(path))} cannot be used: {error.reason}: {error}"
         raise ImageReadError("truth", text) from error
-    files["truth"] = (os.path.abspath(path), found, mark)
+    files["truth"] = (place_of(path), found, mark)
     return found + ("" if setup.truth_label is None else f" label {setup.truth_label}")
 
 

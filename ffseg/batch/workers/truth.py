@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.batch.inputs.reading import read_input, told
 from ffseg.errors import ImageReadError
 from ffseg.formats.files import printable
 from ffseg.formats.images import Limits
-from ffseg.formats.masks import read_labels
+from ffseg.formats.masks import decode_labels
 from ffseg.metrics import IGNORED, INSIDE
 
 Labels = NDArray[Any]
@@ -28,6 +29,7 @@ def read_truth(
     Parameters
     ----------
     path : str
+        For `read_input`.
     shape : tuple of int
         Height and width of the image.
     label : int or None
@@ -46,9 +48,9 @@ def read_truth(
         With the reason ``truth``, naming the file: it cannot be read, has another size, or numbers whose meaning is
         not known.
     """
-    name = printable(path)
+    name, limits = printable(told(path)), limits or Limits()
     try:
-        labels = read_labels(path, limits)
+        labels = decode_labels(read_input(path, limits.max_bytes), limits)
     except ImageReadError as error:
         raise ImageReadError("truth", f"the true mask {name} cannot be used: {error.reason}: {error}") from error
     if labels.shape[:2] != shape:

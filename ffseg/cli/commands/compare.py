@@ -36,7 +36,8 @@ def compare(  # noqa: PLR0913 - the options of the command
         ),
     ] = "freeform,snake,levelset",
     truth: Annotated[
-        Path | None, typer.Option("--truth", metavar="DIR", help="Folder of true masks: 255 inside, 128 ignored.")
+        Path | None,
+        typer.Option("--truth", metavar="DIR", help="Folder or .tar of true masks: 255 inside, 128 ignored."),
     ] = None,
     truth_label: TruthLabel = None,
     repeat: Annotated[int, typer.Option("--repeat", min=1, help="Runs of each; the median time counts.")] = 1,

@@ -60,7 +60,8 @@ def run(  # noqa: PLR0913 - the options of the command
         Path | None, typer.Option("--pairs", metavar="FILE", help="CSV previous,current; else neighbours in a folder.")
     ] = None,
     truth: Annotated[
-        Path | None, typer.Option("--truth", metavar="DIR", help="Folder of true masks (NAME.png): adds the IoU.")
+        Path | None,
+        typer.Option("--truth", metavar="DIR", help="Folder or .tar of true masks (NAME.png): adds the IoU."),
     ] = None,
     truth_label: TruthLabel = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Worker processes; 0 = one for each core.")] = 0,

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from ffseg.batch.inputs.reading import told
 from ffseg.batch.jobs import Job, Plan
 from ffseg.batch.preview import Preview
 from ffseg.batch.runner import Run, Summary
@@ -93,7 +94,7 @@ def _planned(one: Preview, plan: Plan) -> dict[str, Any]:
         "image": job.source.path,
         "status": one.status,
         "outputs": list(plan.outputs(job)),
-        "truth": job.truth,
+        "truth": told(job.truth),
         "problem": one.error,
         "start": _start_told(job.start) if job.start else None,
     }
