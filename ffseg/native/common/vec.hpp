@@ -4,6 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
 // Small functions in the innermost loops, which compilers leave out of line when they are called often.
 #if defined(__GNUC__)
 #define FFSEG_INLINE inline __attribute__((always_inline))
@@ -43,9 +47,17 @@ struct Box {
     }
     bool holds(Vec2 p) const { return x0 <= p.x && p.x <= x1 && y0 <= p.y && p.y <= y1; }
     bool meets(const Box& other) const {
+#if defined(__SSE2__)  // two sides at a time, as they lie
+        const __m128d before = _mm_cmple_pd(_mm_loadu_pd(&x0), _mm_loadu_pd(&other.x1));
+        const __m128d after = _mm_cmple_pd(_mm_loadu_pd(&other.x0), _mm_loadu_pd(&x1));
+        return _mm_movemask_pd(_mm_and_pd(before, after)) == 3;
+#else
         return (x0 <= other.x1) & (other.x0 <= x1) & (y0 <= other.y1) & (other.y0 <= y1);  // without branches
+#endif
     }
 };
+
+static_assert(sizeof(Box) == 4 * sizeof(double));
 
 inline Box joined(Box a, const Box& b) {
     a.add({b.x0, b.y0});

@@ -23,6 +23,9 @@ constexpr double kMinSpacing = 0.5;
 // Patches near edges shorter than this per sample are pruned.
 constexpr double kPruneSpacing = 0.35;
 
+// Room is made at first for a patch to every so many pixels of height and width: what a large region often needs.
+constexpr int kPixelsToAPatch = 4;
+
 struct Chords {
     double shortest, longest, total;
 };
@@ -79,6 +82,7 @@ public:
             const EvolutionOptions& given)
         : options(given), field(edges, domain, height, width) {
         memory.reached.resize(field.num_tiles());
+        this->reserve(static_cast<std::size_t>(height + width) / kPixelsToAPatch);
         options.balloon = std::min(options.balloon, kLongestStep * options.split_threshold);
         for (std::size_t c = 0; c + 1 < starts.offsets.size(); ++c) {
             add(starts.points.data() + starts.offsets[c], starts.offsets[c + 1] - starts.offsets[c]);

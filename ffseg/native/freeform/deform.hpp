@@ -1,6 +1,8 @@
 // Deformation of the patches (Eq. 7): samples move along their normals (Section 3.2).
 #pragma once
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <utility>
 
 #include "freeform/contour.hpp"
@@ -21,12 +23,16 @@ constexpr double kSteady = 0.25;
 // How far a point may move along `normal`, at most `wanted`, before it meets what is blocked; `known` pixels are free.
 inline double reach(const ground::Field& field, Vec2 from, Vec2 normal, double wanted, double known) {
     if (known <= 0 && wanted >= kCautiousStep) {  // near edges: all places are looked at, without branches
-        int steps = 0, free = 1;
-        for (int at = 1; at <= static_cast<int>(kCautiousStep / kMarchStep); ++at) {
-            free &= static_cast<int>(!field.blocked(from + (at * kMarchStep) * normal));
-            steps += free;
-        }
-        return steps * kMarchStep;
+        const auto march = [&](auto is_blocked) {
+            int steps = 0, free = 1;
+            for (int at = 1; at <= static_cast<int>(kCautiousStep / kMarchStep); ++at) {
+                free &= static_cast<int>(!is_blocked(from + (at * kMarchStep) * normal));
+                steps += free;
+            }
+            return steps * kMarchStep;
+        };
+        if (field.holds(from, kCautiousStep)) return march([&](Vec2 p) { return field.blocked_inside(p); });
+        return march([&](Vec2 p) { return field.blocked(p); });
     }
     const double limit = std::min(wanted, std::max(kCautiousStep, known));
     double s = std::min(limit, known);
@@ -42,9 +48,20 @@ inline double reach(const ground::Field& field, Vec2 from, Vec2 normal, double w
 template <int D>
 void measure(Contour<D>& contour, int i, Motion<D>& motion) {
     motion.points = contour.samples(i);
-    for (int k = 0; k < D; ++k) motion.tangent[k] = unit(apply<D>(kBasis<D>.slope[k], motion.points));
-    contour[i].end_tangent = unit(apply<D>(kBasis<D>.slope[D], motion.points));
-    for (int k = 0; k < D; ++k) motion.chord[k] = norm(motion.points[k + 1] - motion.points[k]);
+    std::array<Vec2, D + 1> slope;
+    std::array<double, 2 * D + 1> size;  // of the slopes and the chords, whose square roots are taken side by side
+    for (int k = 0; k <= D; ++k) {
+        slope[k] = apply<D>(kBasis<D>.slope[k], motion.points);
+        size[k] = norm2(slope[k]);
+    }
+    for (int k = 0; k < D; ++k) size[D + 1 + k] = norm2(motion.points[k + 1] - motion.points[k]);
+    for (double& one : size) one = std::sqrt(one);
+    std::array<double, D + 1> scale;
+    for (int k = 0; k <= D; ++k) scale[k] = 1.0 / size[k];
+    for (int k = 0; k <= D; ++k) slope[k] = size[k] > 0 ? scale[k] * slope[k] : Vec2{};
+    std::copy_n(slope.begin(), D, motion.tangent.begin());
+    contour[i].end_tangent = slope[D];
+    std::copy_n(size.begin() + D + 1, D, motion.chord.begin());
     contour[i].last_chord = motion.chord[D - 1];
 }
 

@@ -44,6 +44,10 @@ public:
     int size() const { return static_cast<int>(patches_.size()); }
     int num_alive() const { return alive_; }
 
+    void reserve(std::size_t patches) {
+        patches_.reserve(patches);
+        boxes_.reserve(patches);
+    }
     int acquire() {
         int at = 0;
         if (free_.empty()) {

@@ -75,10 +75,12 @@ template <bool kClosely, int D>
 bool can_advance(const Contour<D>& contour, int i) {
     constexpr double kLeast = kClosely ? Basis<D>::kSub * kCloseTest : 2 * kMinSpacing;
     const Points<D> points = contour.samples(i);
+    std::array<double, D> chord2;
+    for (int k = 0; k < D; ++k) chord2[k] = norm2(points[k + 1] - points[k]);
+    if (*std::max_element(chord2.begin(), chord2.end()) < kLeast * kLeast) return false;
     const Spread<D> spread(points);
     for (int k = 0; k < D; ++k) {
-        const double chord2 = norm2(points[k + 1] - points[k]);
-        if (chord2 >= kLeast * kLeast && open_ahead<kClosely>(contour, spread, k, std::sqrt(chord2))) return true;
+        if (chord2[k] >= kLeast * kLeast && open_ahead<kClosely>(contour, spread, k, std::sqrt(chord2[k]))) return true;
     }
     return false;
 }
@@ -165,10 +167,12 @@ bool slide(Contour<D>& contour, int i) {
         const double behind = norm2(points[k] - last);
         const bool is_tip = std::min(ahead, behind) <= kTipChord * kTipChord;
         if (!is_tip && k > 0) continue;  // the curve does not turn there
-        const Vec2 leaving = unit(apply<D>(kBasis<D>.slope[k], points));
-        const Vec2 arriving = k > 0 ? leaving : unit(apply<D>(kBasis<D>.slope[D], contour.samples(patch.prev)));
-        if (!is_tip && dot(leaving, arriving) > kTipTurn) continue;
-        if (!move_on(contour, i, k, last, unit(leaving + arriving), hindered)) continue;
+        const Vec2 leaving = apply<D>(kBasis<D>.slope[k], points);
+        const Vec2 arriving = k > 0 ? leaving : apply<D>(kBasis<D>.slope[D], contour.samples(patch.prev));
+        const double along = dot(leaving, arriving);
+        if (!is_tip && along > 0 && along * along > kTipTurn * kTipTurn * norm2(leaving) * norm2(arriving)) continue;
+        const Vec2 in = unit(leaving), tangent = unit(in + (k > 0 ? in : unit(arriving)));
+        if (!move_on(contour, i, k, last, tangent, hindered)) continue;
         points[k] = patch.m[k];
         any = true;
     }

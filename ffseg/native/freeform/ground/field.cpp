@@ -125,7 +125,8 @@ void mark_edges(Cells& cells, const std::uint8_t* edges, std::vector<std::uint8_
             const std::size_t x = static_cast<std::size_t>(run) * kRun;
             const auto side = [&](std::ptrdiff_t at) { return row[0][at] | row[1][at] | row[2][at]; };
             const auto first = static_cast<std::ptrdiff_t>(x);
-            if ((near[run] | side(first - 1) | side(first + kRun)) == 0) continue;  // only the runs beside hold any
+            // Only the runs beside may hold any, and those not at this side.
+            if (near[run] == 0 && (side(first - 1) | side(first + kRun)) == 0) continue;
             held.row(y)[run] = 1;
             std::uint8_t* const to = &cells.blocked[cells.at(run * kRun, y)];
             const bool whole = (run + 1) * kRun <= cells.width;

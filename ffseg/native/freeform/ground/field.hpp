@@ -35,6 +35,16 @@ public:
     // Beyond the image everything is outside the domain: a curve through samples inside it may bulge out.
     bool blocked(Vec2 p) const { return at(p) != 0; }
     unsigned contents(Vec2 p) const { return at(p); }
+    // Does the image hold p and so many pixels round it?
+    FFSEG_INLINE bool holds(Vec2 p, double round) const {
+        return (p.x >= round) & (p.y >= round) & (p.x <= cells_.width - 1 - round) & (p.y <= cells_.height - 1 - round);
+    }
+    // The same as `blocked` for points the image holds.
+    FFSEG_INLINE bool blocked_inside(Vec2 p) const {
+        const auto column = static_cast<unsigned>(static_cast<int>(p.x + 1.5));
+        const auto row = static_cast<unsigned>(static_cast<int>(p.y + 1.5));
+        return cells_.blocked[row * cells_.stride + column] != 0;
+    }
     // Where the pixels nearest to four points are kept, to be looked up; points beyond the image belong to its border.
     FFSEG_INLINE std::array<std::size_t, 4> cells(Float4 x, Float4 y) const {
         const Float4 first = all(1.0f);

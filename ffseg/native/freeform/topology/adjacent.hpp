@@ -9,7 +9,7 @@ namespace ffseg::topology {
 
 // Do both control polygons advance along one direction? Then they cannot cross.
 template <int D>
-bool runs_one_way(const Contour<D>& contour, int i, int j) {
+FFSEG_INLINE bool runs_one_way(const Contour<D>& contour, int i, int j) {
     const auto &p = contour[i].control, &q = contour[j].control;
     const Vec2 along = q[D] - p[0];
     for (int k = 0; k < D; ++k) {
