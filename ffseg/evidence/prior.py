@@ -73,8 +73,14 @@ class Prior:
         Parameters
         ----------
         mask : ndarray of bool, shape (H, W)
+
+        Notes
+        -----
+        Probabilities below one half count as none: there are many of them far off, where they say more of the size of
+        the image than of the region.
         """
-        every = 1 / (1 + np.exp(-self.odds[::STRIDE, ::STRIDE]))
+        odds = self.odds[::STRIDE, ::STRIDE]
+        every = np.where(odds > 0, 1 / (1 + np.exp(-odds)), np.float32(0))
         inside = mask[::STRIDE, ::STRIDE]
         both = float(every[inside].sum(dtype=np.float64))
         either = float(np.count_nonzero(inside)) + float(every.sum(dtype=np.float64)) - both
