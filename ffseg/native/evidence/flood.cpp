@@ -30,7 +30,8 @@ public:
     // Calls `visit(level, place of the level in the ring, pixel)` until nothing waits.
     template <class Visit>
     void empty(const Visit& visit) {
-        for (std::size_t level = 0, place = 0; waiting_ > 0; ++level, place = place + 1 == first_.size() ? 0 : place + 1) {
+        for (std::size_t level = 0, place = 0; waiting_ > 0;
+             ++level, place = place + 1 == first_.size() ? 0 : place + 1) {
             for (int at = first_[place]; at != kNone; at = first_[place]) {
                 Entry& entry = entries_[static_cast<std::size_t>(at)];
                 const int pixel = entry.pixel;

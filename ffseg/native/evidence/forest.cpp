@@ -74,8 +74,8 @@ std::uint32_t bits(std::size_t first, std::size_t end) {
     return static_cast<std::uint32_t>((std::uint64_t{1} << end) - (std::uint64_t{1} << first));
 }
 
-// The leaves that pixels can reach in a tree: those that no split has ruled out. Some pixels are worked on from the first
-// split to the last, so that their leaves stay in registers.
+// The leaves that pixels can reach in a tree: those that no split has ruled out. Some pixels are worked on from the
+// first split to the last, so that their leaves stay in registers.
 #if defined(__GNUC__)
 using Floats = float __attribute__((vector_size(32)));
 using Leaves = std::int32_t __attribute__((vector_size(32)));

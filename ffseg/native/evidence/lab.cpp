@@ -38,26 +38,47 @@ constexpr float kToX[3] = {0.4339530F, 0.3762190F, 0.1898280F};
 constexpr float kToY[3] = {0.2126710F, 0.7151600F, 0.0721690F};
 constexpr float kToZ[3] = {0.0177576F, 0.1094769F, 0.8727655F};
 
-struct Colour {
-    float blue, green, red;
+// Sums of blue, green and red over some pixels.
+struct Sums {
+    unsigned of[3] = {0, 0, 0};
+    int count = 0;
 };
 
-Colour mean_of(const Pixels& image, int factor, int y, int x) {
+Sums sums_of(const Pixels& image, int factor, int y, int x) {
     const int y1 = std::min(y + factor, image.height), x1 = std::min(x + factor, image.width);
-    unsigned sums[3] = {0, 0, 0};
+    Sums sums;
     const int green = image.channels == 1 ? 0 : 1, red = image.channels == 1 ? 0 : 2;
     for (int row = y; row < y1; ++row) {
         const std::uint8_t* at = image.data + (static_cast<std::ptrdiff_t>(row) * image.width + x) * image.channels;
         for (int column = x; column < x1; ++column, at += image.channels) {
-            sums[0] += at[0];
-            sums[1] += at[green];
-            sums[2] += at[red];
+            sums.of[0] += at[0];
+            sums.of[1] += at[green];
+            sums.of[2] += at[red];
         }
     }
-    const float scale = 1.0F / (255.0F * static_cast<float>((y1 - y) * (x1 - x)));
-    return {static_cast<float>(sums[0]) * scale, static_cast<float>(sums[1]) * scale,
-            static_cast<float>(sums[2]) * scale};
+    sums.count = (y1 - y) * (x1 - x);
+    return sums;
 }
+
+// Linear light of means, by their sums: looked up once for whole blocks, those at the far borders are smaller.
+class Light {
+public:
+    explicit Light(int count) : count_(count), lights_(static_cast<std::size_t>(255 * count) + 1) {
+        for (std::size_t sum = 0; sum < lights_.size(); ++sum)
+            lights_[sum] = of_mean(static_cast<unsigned>(sum), count);
+    }
+    float of(unsigned sum, int count) const { return count == count_ ? lights_[sum] : of_mean(sum, count); }
+
+private:
+    static float of_mean(unsigned sum, int count) {
+        static const Table light = tabled(linear);
+        const float scale = 1.0F / (255.0F * static_cast<float>(count));
+        return looked_up(light, static_cast<float>(sum) * scale);
+    }
+
+    int count_;
+    std::vector<float> lights_;
+};
 
 float weighed(const float* weights, float red, float green, float blue) {
     return weights[0] * red + weights[1] * green + weights[2] * blue;
@@ -70,15 +91,16 @@ Size reduced(const Pixels& image, int factor) {
 }
 
 void reduced_lab(const Pixels& image, int factor, float* lab) {
-    static const Table light = tabled(linear), roots = tabled(root);
+    static const Table roots = tabled(root);
+    const Light light(factor * factor);
     const Size size = reduced(image, factor);
     const std::size_t count = size.count();
     std::size_t at = 0;
     for (int y = 0; y < size.height; ++y) {
         for (int x = 0; x < size.width; ++x, ++at) {
-            const Colour mean = mean_of(image, factor, y * factor, x * factor);
-            const float red = looked_up(light, mean.red), green = looked_up(light, mean.green);
-            const float blue = looked_up(light, mean.blue);
+            const Sums sums = sums_of(image, factor, y * factor, x * factor);
+            const float blue = light.of(sums.of[0], sums.count), green = light.of(sums.of[1], sums.count);
+            const float red = light.of(sums.of[2], sums.count);
             const float fx = looked_up(roots, weighed(kToX, red, green, blue));
             const float fy = looked_up(roots, weighed(kToY, red, green, blue));
             const float fz = looked_up(roots, weighed(kToZ, red, green, blue));

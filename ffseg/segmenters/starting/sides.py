@@ -25,6 +25,9 @@ could not, edges run all over it: it stays, and that is said."""
 FARTHEST = 1 + SIZE_WEIGHT
 """Radii from its centre beyond which no place for a start is as cheap as the worst that would be taken."""
 
+AROUND = 8
+"""Pixels round a start in which its ground may hang together."""
+
 ROUND = 2.5
 """Joints at one distance r from their middle are those of a circle if they enclose this times r squared: a square's
 enclose 2, a hexagon's 2.6."""
@@ -55,7 +58,11 @@ def on_one_side(view: View) -> tuple[View, tuple[str, ...]]:
     crossed = [at for at, start in enumerate(view.starts) if _is_circle(start) and _holds_edge(start, view)]
     if not crossed or view.fixed or view.params.contour.balloon < 0:
         return view, ()
-    sides = open_sides(free_pixels(view.edges.edges, view.domain), HOLLOW)
+    open_ground = free_pixels(view.edges.edges, view.domain)
+    crossed = [at for at in crossed if _has_sides(view.starts[at], open_ground)]
+    if not crossed:
+        return view, ()
+    sides = open_sides(open_ground, HOLLOW)
     crossed = [at for at in crossed if _num_sides(view.starts[at], sides) > 1]
     if not crossed:
         return view, ()
@@ -72,6 +79,20 @@ def on_one_side(view: View) -> tuple[View, tuple[str, ...]]:
     return (view if kept else replace(view, starts=tuple(starts))), tuple(told)
 
 
+def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int, int]]:
+    """Rows and columns up to so far from a start's centre, and the first column and row."""
+    left, top = (max(int(at - reach), 0) for at in (start.x, start.y))
+    return np.s_[top : int(start.y + reach) + 1, left : int(start.x + reach) + 1], (left, top)
+
+
+def _has_sides(start: FreeForm, free: NDArray[np.bool_]) -> bool:
+    """Whether the ground near a start falls into parts: else it lies on one side, wherever that reaches."""
+    circle = as_circle(start)
+    window, first = _window(circle, circle.radius + AROUND)
+    near = FreeForm(start.control_points - first, start.degree)
+    return _num_sides(near, open_sides(free[window], 1)) > 1
+
+
 def _moved(start: FreeForm, free: NDArray[np.bool_], sides: NDArray[np.int32]) -> tuple[Circle, Circle]:
     """A start as a circle, and the cheapest free one on the side that holds most of it.
 
@@ -81,9 +102,7 @@ def _moved(start: FreeForm, free: NDArray[np.bool_], sides: NDArray[np.int32]) -
     them does not matter: only that much of the image is looked at.
     """
     old = as_circle(start)
-    reach = (FARTHEST + 1) * old.radius + SPARE + 2
-    left, top = (max(int(at - reach), 0) for at in (old.x, old.y))
-    window = np.s_[top : int(old.y + reach) + 1, left : int(old.x + reach) + 1]
+    window, (left, top) = _window(old, (FARTHEST + 1) * old.radius + SPARE + 2)
     room = room_round(free[window]) - SPARE
     near = FreeForm(start.control_points - (left, top), start.degree)
     counts = np.bincount(sides[window][rasterize([near], room.shape)])[1:]
