@@ -261,7 +261,8 @@ def free_space(
     """
     begin = perf_counter()
     inner, components = contour_components(segmentation.contours, segmentation.mask.shape)
-    scenery = Scenery(segmentation.mask, components, outer_joints(segmentation.contours))
+    others = [contour for place, contour in enumerate(segmentation.contours) if place not in inner]
+    scenery = Scenery(segmentation.mask, components, outer_joints(others))
     nearest = () if previous is None else (Earlier(previous, poses),)
     found = judged(grey_image(current), scenery, itertools.chain(nearest, earlier), camera, epsilon)
     bare = Frame(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import cv2
 import numpy as np
@@ -100,11 +101,7 @@ class _View:
         size = len(self.texture)
         c, s, middle = np.cos(turn), np.sin(turn), (size - 1) / 2.0
         matrix = np.array([[c, -s, middle * (1 - c + s)], [s, c, middle * (1 - s - c)]])
-        texture, known = (
-            cv2.warpAffine(part, matrix, (size, size), flags=cv2.INTER_LINEAR).astype(np.float32, copy=False)
-            for part in (self.texture, self.known)
-        )
-        return _View(texture, known)
+        return _View(*(cast(Field, cv2.warpAffine(part, matrix, (size, size))) for part in (self.texture, self.known)))
 
     def halved(self) -> _View:
         """Means of 2x2 cells."""
@@ -166,8 +163,11 @@ def _spectra(view: _View) -> tuple[Field, Field, Field]:
     inside = padded[:, : len(view.texture), : len(view.texture)]
     masked = view.texture * view.known
     inside[0], inside[1], inside[2] = masked, masked * view.texture, view.known
-    texture, squares, known = (cv2.dft(part).astype(np.float32, copy=False) for part in padded)
-    return texture, squares, known
+    return _transform(padded[0]), _transform(padded[1]), _transform(padded[2])
+
+
+def _transform(part: Field) -> Field:
+    return cast(Field, cv2.dft(part))
 
 
 def _correlation(view: _View, seen: tuple[Field, Field, Field]) -> Field:
@@ -185,8 +185,10 @@ def _correlation(view: _View, seen: tuple[Field, Field, Field]) -> Field:
 
 def _shifted(own: Field, seen: Field) -> Field:
     """Sums of products for every shift, from two transforms."""
-    turned = cv2.mulSpectrums(seen, own, 0, conjB=True)
-    return cv2.dft(turned, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE).astype(np.float32, copy=False)
+    return cast(Field, cv2.dft(cv2.mulSpectrums(seen, own, 0, conjB=True), flags=_BACK))
+
+
+_BACK = cv2.DFT_INVERSE | cv2.DFT_SCALE
 
 
 def _shift(surface: Field, at: tuple[np.intp, ...]) -> tuple[float, float]:
