@@ -20,13 +20,11 @@ from ffseg.evidence.learning import known_pixels
 from ffseg.formats.files import write_bytes_atomic
 from ffseg.formats.images import single_thread
 from tests.campaigns import learn_prior
-from tests.campaigns.learn_prior import Samples, looked, picked
+from tests.campaigns.learn_prior import DRAWN, Samples, looked, picked
 from tests.campaigns.places.drawn import Sight
 from tests.campaigns.real_images import SETS, Photograph, load
 
 SEEN = tuple(name for name in NAMES if name not in PLACE[:4])
-DRAWN = 300
-"""Looks at each kind of drawn pictures."""
 
 
 def main() -> int:

@@ -55,6 +55,8 @@ OTHERS = {
     "feature_fraction": 0.35,
     "max_bin": 255,
 }
+DRAWN = 300
+"""Looks at each kind of drawn pictures."""
 RADII = (6.0, 24.0)
 """px, of the starts that are drawn."""
 
@@ -271,7 +273,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("FFSEG_DATA", "../shared/data")))
     parser.add_argument("--out", type=Path, required=True, help="the model file to write")
     parser.add_argument("--part", choices=("even", "odd", "all", "none"), default="all")
-    parser.add_argument("--drawn", type=int, default=300, metavar="N", help="looks at each kind of drawn pictures")
+    parser.add_argument("--drawn", type=int, default=DRAWN, metavar="N", help="looks at each kind of drawn pictures")
     parser.add_argument("--without", choices=SETS, help="leave a set out")
     parser.add_argument("--cross", action="store_true", help="learn from parts and score the rest")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="for the scores")

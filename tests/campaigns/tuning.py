@@ -73,7 +73,8 @@ def labelled_of(photograph: Photograph) -> Labelled:
 def _use_prior(folder: str, everything: Sequence[Photograph], priors: Path) -> None:
     path = priors / f"without-{folder.replace('/', '-')}.ffmodel"
     if not path.is_file():
-        made = learn_prior.grow([one for one in everything if one.folder != folder], f"without {folder}")
+        drawn = learn_prior.drawn_samples(learn_prior.DRAWN)
+        made = learn_prior.grow([one for one in everything if one.folder != folder], drawn, f"without {folder}")
         write_bytes_atomic(path, to_bytes(made))
     prior.MODEL = path
     prior._model.cache_clear()

@@ -122,7 +122,7 @@ def test_thresholds_in_grey_levels_must_be_better_by_a_handicap() -> None:
     ("gains", "better"),
     [
         ((0.3, 0.3, 0.3), True),
-        ((0.05, 0.05, 0.05), False),
+        ((0.07, 0.07, 0.07), False),
         ((0.1, 0.1, 0.1), True),
         ((0.9, -0.1, -0.1), False),
         ((0.3, 0.2, 0.05), True),

@@ -29,7 +29,7 @@ FIRST_IMAGES = 2
 LEAST_GAIN = 0.01
 """A mean IoU that is higher by less is not worth other parameters."""
 
-PRIOR_SPREAD = 0.1
+PRIOR_SPREAD = 0.15
 """How far apart gains on images of one kind lie, where a few images do not show it: their mean is known to no better than
 this over the root of their number."""
 
