@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -175,7 +176,8 @@ def structural_test(
     """
     doubt = shared_doubt(pair.motion, len(components)) if fit is None else fit.without(len(components))
     places = [component.centroid for component in components]
-    large = np.array([component.area >= LEAST_AREA for component in components], np.bool_)
+    areas = [component.area for component in components]
+    large = np.array(areas, np.intp) >= LEAST_AREA
     sway = _sway(pair, np.array(places).reshape(-1, 2), doubt, fit)
     votes = _corner_votes(match_corners(pair, components, epsilon, sway, corners), len(components), epsilon)
     flat, raised = np.zeros((2, len(components)), np.intp)
@@ -188,7 +190,7 @@ def structural_test(
     stands = told & ((votes.high >= 2) | (raised > np.maximum(LEAST_FLAT, MOST_RAISED * (flat + raised))))
     return tuple(
         ComponentVerdict(
-            component.index, component.area, *places[place],
+            component.index, areas[place], *places[place],
             int(votes.matched[place]), float(votes.highest[place]),
             "false_obstacle" if merged[place] else "obstacle" if told[place] else "untested",
             int(flat[place]), int(raised[place]), bool(merged[place] | stands[place] | ~large[place]),
@@ -295,11 +297,13 @@ HIGHEST = 0.7
 FINE_STEPS, COARSE_STEPS = 6, 21
 
 
+@lru_cache(maxsize=4)
 def _altitudes(mounting: float, epsilon: float) -> Array:
     """Altitudes tried: fine round the ground, then evenly in parallax up to ``HIGHEST``."""
     fine = np.linspace(-epsilon, epsilon, FINE_STEPS)
     nearness = np.linspace(1.0 / (mounting - epsilon), 1.0 / (mounting * (1.0 - HIGHEST)), COARSE_STEPS + 1)[1:]
     altitudes: Array = np.concatenate([fine, mounting - 1.0 / nearness])
+    altitudes.setflags(write=False)
     return altitudes
 
 
@@ -358,7 +362,9 @@ def _contrast(grey: Grey, pixels: Array) -> Array:
     steps = np.arange(-OUTLINE_RADIUS, OUTLINE_RADIUS + 1)
     columns, rows = np.rint(pixels).astype(np.intp).T[..., None] + steps
     rows, columns = np.clip(rows, 0, grey.shape[0] - 1), np.clip(columns, 0, grey.shape[1] - 1)
-    variance: Array = grey[rows[:, :, None], columns[:, None, :]].var(axis=(1, 2))
+    around = grey[rows[:, :, None], columns[:, None, :]].reshape(len(pixels), len(steps) ** 2).astype(np.float64)
+    mean = around.mean(axis=1)
+    variance: Array = np.einsum("ni,ni->n", around, around) / around.shape[1] - mean * mean
     return variance
 
 

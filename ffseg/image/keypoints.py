@@ -79,7 +79,7 @@ def plane_candidates(camera: Camera, motion: Motion, pixels: Array, altitudes: A
     centers = camera.project(turned[:, None, 0] + pull)
     sparse = np.arange(0, len(altitudes), WARP_EVERY)
     sides = camera.project(turned[:, None, 1:] + pull[sparse, None])
-    steps = np.moveaxis(sides - centers[:, sparse, None], 2, 3)  # (n, altitude, axis of the pixel, step)
+    steps = np.swapaxes(sides - centers[:, sparse, None], 2, 3)  # (n, altitude, axis of the pixel, step)
     warps = steps.reshape(len(pixels), len(sparse), 4)
     return Candidates(centers, warps[:, np.arange(len(altitudes)) // WARP_EVERY])
 

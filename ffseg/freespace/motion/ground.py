@@ -93,15 +93,15 @@ class GroundFit:
     def without(self, count: int) -> Doubt:
         """What the points of all others say of the motion that each of so many components is judged by."""
         levers, white, owner = self.levers[self.inliers], self.white[self.inliers], self.tracks.owner[self.inliers]
-        mine = (owner == np.arange(count)[:, None]).astype(np.float64)
-        turned = np.swapaxes(levers, 1, 2)
-        size = PARAMETERS * PARAMETERS
-        normals = (turned @ levers).reshape(-1, size)
-        whole = normals.sum(axis=0) + self.hold.ravel()
-        inverses = np.linalg.inv((whole - mine @ normals).reshape(-1, PARAMETERS, PARAMETERS))
-        pulls = mine @ (turned @ white[..., None])[..., 0]
-        squares, own = np.sum(white**2, axis=1), mine.sum(axis=1)
-        scatter = (squares.sum() - mine @ squares) / np.maximum(1.0, 2.0 * (len(white) - own) - 5.0)
+        whole, squares = _normal(levers) + self.hold, np.sum(white**2, axis=1)
+        owned = owner >= 0
+        mine = (owner[owned] == np.arange(count)[:, None]).astype(np.float64)
+        turned = np.swapaxes(levers[owned], 1, 2)
+        normals = (turned @ levers[owned]).reshape(-1, PARAMETERS * PARAMETERS)
+        inverses = np.linalg.inv(whole - (mine @ normals).reshape(-1, PARAMETERS, PARAMETERS))
+        pulls = mine @ (turned @ white[owned][..., None])[..., 0]
+        own = mine.sum(axis=1)
+        scatter = (squares.sum() - mine @ squares[owned]) / np.maximum(1.0, 2.0 * (len(white) - own) - 5.0)
         things = _things(owner) - (own > 0)
         known = (len(owner) - own >= MIN_INLIERS) & (things >= _needed(self.motion.origin))
         known |= self.motion.origin != "ground points"  # the poses hold what the others leave open
