@@ -56,12 +56,17 @@ def odds_of(forest: Forest, rows: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def serves(odds: Sequence[NDArray[np.float32]], inside: Sequence[NDArray[np.bool_]]) -> bool:
     """Whether what the forest says of the pixels of each image is right often enough."""
+    return bool(mean_overlap(odds, inside) >= SERVES + SPREAD / len(odds) ** 0.5)
+
+
+def mean_overlap(odds: Sequence[NDArray[np.float32]], inside: Sequence[NDArray[np.bool_]]) -> float:
+    """Mean over images of the IoU on their pixels."""
     overlaps = []
     for one, known in zip(odds, inside, strict=True):
         found = one >= 0
         either = np.count_nonzero(found | known)
         overlaps.append(np.count_nonzero(found & known) / either if either else 1.0)
-    return bool(mean(overlaps) >= SERVES + SPREAD / len(overlaps) ** 0.5)
+    return float(mean(overlaps))
 
 
 def joined(one: Forest, other: Forest) -> Forest:

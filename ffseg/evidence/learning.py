@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import UsageError
-from ffseg.evidence.base import base, joined, odds_of, serves
+from ffseg.evidence.base import base, joined, mean_overlap, odds_of, serves
 from ffseg.evidence.features import KNOWN, NAMES, PLACE, TEXTURE, WORKING_SIZE, Features, features, reduced_mean
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.openings import OPEN
@@ -56,6 +56,9 @@ PART = 0.7
 CORRECTED = 0.4
 """Part of the trees where they correct the base: with all of them, few masks unlearn what it knows, and unseen floors come out
 worse by .02."""
+
+THIN = 5
+"""Every fifth pixel is enough to see how well masks teach each other; so many starts lie one behind another."""
 
 TRUSTED, TRUST = "open3", 0.5
 """The open ground that a forest of one mask trusts beyond what it has learned, and the log odds that it gets there."""
@@ -246,15 +249,29 @@ def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> Forest:
 
     Notes
     -----
+    The base is also corrected where it does better on the masks than they teach each other: on unlike things that gives an
+    IoU higher by .05 from three masks, by .11 from five.
     On floors that the base has not seen, correcting it gives an IoU higher by .07 from five masks; on road frames, of
     which it knows little, one lower by .04, and it is left aside. One mask does not show how far open ground can be
     trusted; it is (``TRUST``), which over fifteen choices gives unseen floors .02 more, road frames .005 less.
     """
     odds = [odds_of(base(), one.rows) for one in chosen]
-    if serves(odds, [one.inside for one in chosen]):
+    inside = [one.inside for one in chosen]
+    if serves(odds, inside) or (len(chosen) > 1 and mean_overlap(odds, inside) > _taught_by_others(chosen)):
         return joined(base(), grow(chosen, trees=round(trees * CORRECTED), begin=odds))
     found = grow(chosen, trees=trees)
     return trusting(found) if len(chosen) == 1 else found
+
+
+def _taught_by_others(chosen: Sequence[Samples]) -> float:
+    """Mean IoU on the pixels of each image of a small forest grown on the others alone, on some of the pixels."""
+    thin = [Samples(one.rows[::THIN], one.inside[::THIN]) for one in chosen]
+    odds = []
+    for number, left_out in enumerate(thin):
+        others = thin[:number] + thin[number + 1 :]
+        forest = converted(_boosted(others, TAUGHT, round(TREES * CORRECTED), RATE), TAUGHT)
+        odds.append(odds_of(forest, left_out.rows))
+    return mean_overlap(odds, [one.inside for one in thin])
 
 
 def converted(trees: Sequence[dict[str, Any]], names: tuple[str, ...]) -> Forest:

@@ -8,7 +8,7 @@ import pytest
 from ffseg.evidence.base import base, joined, odds_of, serves
 from ffseg.evidence.features import KNOWN, NAMES, features
 from ffseg.evidence.forest import MAGIC, Forest, Model, from_bytes, to_bytes
-from ffseg.evidence.learning import TAUGHT, grow, learn, samples
+from ffseg.evidence.learning import TAUGHT, Samples, _taught_by_others, grow, learn, samples
 from ffseg.evidence.openings import OPEN
 from ffseg.evidence.prior import exposed
 from ffseg.metrics import iou
@@ -78,7 +78,27 @@ def test_masks_correct_a_base_that_serves_them(monkeypatch: pytest.MonkeyPatch) 
         np.testing.assert_allclose(odds_of(model.inside, one.rows), total, atol=1e-4)  # sums in another order
     assert iou(predicted(model, example(3)) > 0.5, example(3).truth) > 0.9
     monkeypatch.setattr("ffseg.evidence.learning.serves", lambda *_: False)
+    monkeypatch.setattr("ffseg.evidence.learning._taught_by_others", lambda _: 1.0)
     assert learn(chosen, searched=False).inside.features == TAUGHT
+
+
+def test_masks_teach_each_other_unless_they_contradict() -> None:
+    pytest.importorskip("lightgbm")
+    one, two = (samples(example(seed)) for seed in (1, 2))
+    assert _taught_by_others([one, two]) > 0.8
+    assert _taught_by_others([one, Samples(two.rows, ~two.inside)]) < 0.2
+
+
+@pytest.mark.parametrize(("taught", "corrected"), [(0.0, True), (1.0, False)])
+def test_a_base_is_corrected_where_masks_teach_each_other_less(
+    taught: float, corrected: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("lightgbm")
+    monkeypatch.setattr("ffseg.evidence.learning.serves", lambda *_: False)
+    monkeypatch.setattr("ffseg.evidence.learning._taught_by_others", lambda _: taught)
+    model = learn([samples(example(seed)) for seed in (1, 2)], searched=False)
+    assert (model.inside.features == KNOWN) is corrected
+    assert (model.inside.features == TAUGHT) is not corrected
 
 
 def test_a_model_remembers_how_it_looks_at_images() -> None:

@@ -155,6 +155,7 @@ HOSTILE = {
     "loop": (sealed(HEADER, BODY.replace(b"\xff\xff\xff\xff", b"\0\0\0\0", 1)), "two places"),
     "nan": (sealed(HEADER, BODY.replace(struct.pack("<f", 0.5), struct.pack("<f", np.nan))), "threshold is not finite"),
     "about": (sealed({**HEADER, "about": 1}, BODY), "about"),
+    "exposed": (sealed({**HEADER, "exposed": 1}, BODY), "exposed in its header"),
 }
 
 
