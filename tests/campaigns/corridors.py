@@ -58,7 +58,8 @@ def settings_of(rng: np.random.Generator) -> dict[str, float]:
 def segmented(scene: labyrinths.Labyrinth, settings: dict[str, float]) -> ffseg.Segmentation:
     """Segment a scene from its start."""
     start = {"init.center": list(scene.start), "init.radius": labyrinths.START_RADIUS}
-    return ffseg.segment(scene.image, ffseg.load_params(None, start | settings))
+    own = {"edges.source": "gradient"}  # else the prior could step in where the evolution fails
+    return ffseg.segment(scene.image, ffseg.load_params(None, own | start | settings))
 
 
 def iou_off_border(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:

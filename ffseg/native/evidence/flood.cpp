@@ -189,8 +189,8 @@ void geodesic(const float* heights, const std::uint8_t* inside, Size size, doubl
             const std::size_t to = place + added;
             buckets.put(to < buckets.levels() ? to : to - buckets.levels(), next);
         };
-        for (const int step : straight) reach(pixel + step, kStraight);
-        for (const int step : slanted) reach(pixel + step, kSlanted);
+        for (const int offset : straight) reach(pixel + offset, kStraight);
+        for (const int offset : slanted) reach(pixel + offset, kSlanted);
     });
     const float scale = static_cast<float>(step / (2 * kStraight));
     costs.each([&](unsigned cost, std::size_t plain, int) {
