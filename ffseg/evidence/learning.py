@@ -11,10 +11,19 @@ from numpy.typing import NDArray
 
 from ffseg.errors import UsageError
 from ffseg.evidence.base import base, joined, mean_overlap, odds_of, serves
-from ffseg.evidence.features import KNOWN, NAMES, PLACE, TEXTURE, WORKING_SIZE, Features, features, reduced_mean
+from ffseg.evidence.features import (
+    KNOWN,
+    NAMES,
+    PLACE,
+    TEXTURE,
+    WORKING_SIZE,
+    Features,
+    exposed,
+    features,
+    reduced_mean,
+)
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.openings import OPEN
-from ffseg.evidence.prior import exposed
 from ffseg.metrics import IGNORED, INSIDE
 
 STARTS = 5

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence.features import PLACE, PLAIN, SCALES, Features, enlarged, features
+from ffseg.evidence.features import PLACE, PLAIN, Features, enlarged, exposed, features
 from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.maps import evidence_edges
-from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, surroundings
+from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, voted
 from ffseg.image.edges import EdgeMap, Scene, gradient_edges
 from ffseg.native import _core
 
@@ -27,24 +27,11 @@ SEEN = tuple(name for name in PLAIN if name not in PLACE[:4])
 
 TAKEN = (*SEEN, *SURROUNDINGS)
 
-KEPT, CONTRAST, STEPS = 0.02, 2.0, 40
-"""Neighbours vote, so that the seams of tiles and specks of light do not make islands, but not across edges: the weight of
-a pixel's own odds, the difference of L, a, b that ends a neighbour's say, and steps of diffusion on the pixels asked."""
-
 SMOOTHING = 1.0
 """Reduced pixels, afterwards."""
 
 LEAST_START = 4.0
 """Reduced pixels; radius below which a start does not show what its region looks like, and is looked at with its surroundings."""
-
-FINEST = tuple(f"{name}@{SCALES[0]:g}" for name in ("light", "red", "blue"))
-
-MIDDLE, MOST_GAIN, EVERY = 100.0, 4.0, 4
-"""Grey level that the mean of an image is brought to, the most it is multiplied or divided by, and which pixels count."""
-
-DARKEST, HAZE = 0.01, (0.4, 0.6)
-"""The darkest hundredth of the levels lies near zero; where it lies above so much of the mean, a part of it or all of it is
-haze or stray light over the whole picture, and is taken off."""
 
 CERTAIN = 7.0
 """Log odds up to which a pixel votes, and which the start region is given: inside by definition."""
@@ -108,10 +95,7 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
     planes = all_planes(seen)
     score = np.empty(planes.shape[1:], np.float32)
     native.score(planes, score)
-    odds = np.clip(score + np.float32(model.inside.bias), -CERTAIN, CERTAIN)
-    smooth = np.empty_like(odds)
-    lab = np.stack([seen[name][::STRIDE, ::STRIDE] for name in FINEST])
-    _core.evidence_diffuse(odds, lab, KEPT, CONTRAST, STEPS, smooth)
+    smooth = voted(np.clip(score + np.float32(model.inside.bias), -CERTAIN, CERTAIN), seen)
     votes = np.empty_like(smooth)
     _core.evidence_blur(smooth, SMOOTHING / STRIDE, votes)
     whole = enlarged(votes, seen.factor, seen.shape, STRIDE)
@@ -124,23 +108,10 @@ def look(image: NDArray[np.uint8], starts: NDArray[np.bool_], size: int) -> Feat
     return features(exposed(image), starts, size, PLAIN, LEAST_START)
 
 
-def exposed(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The image without haze and with its mean level brought to `MIDDLE`, as another exposure would have given it."""
-    counts = np.bincount(image[::EVERY, ::EVERY].ravel(), minlength=256)
-    darkest = float(np.searchsorted(np.cumsum(counts), DARKEST * counts.sum()))
-    mean = max(float(counts @ np.arange(256)) / float(counts.sum()), 1.0)
-    veil = darkest * min(max((darkest / mean - HAZE[0]) / (HAZE[1] - HAZE[0]), 0.0), 1.0)
-    gain = min(max(MIDDLE / max(mean - veil, 1.0), 1 / MOST_GAIN), MOST_GAIN)
-    levels = np.clip(np.rint((np.arange(256) - veil) * gain), 0, 255).astype(np.uint8)
-    table = levels.tobytes()  # faster than by index
-    return np.frombuffer(image.tobytes().translate(table), np.uint8).reshape(image.shape)
-
-
 def all_planes(seen: Features) -> NDArray[np.float32]:
     """The planes that the forest takes, in its order, of every `STRIDE`-th pixel: those of ``SEEN``, the surroundings."""
     planes = np.empty((len(TAKEN), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
-    for to, name in zip(planes, SEEN, strict=False):
-        to[:] = seen[name][::STRIDE, ::STRIDE]
+    every(seen, SEEN, planes[: len(SEEN)])
     surroundings(seen, planes[len(SEEN) :])
     return planes
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence import prior
-from ffseg.evidence.features import WORKING_SIZE, Features, features
+from ffseg.evidence.features import WORKING_SIZE, Features, exposed, features
 from ffseg.evidence.forest import Model, to_bytes
 from ffseg.evidence.learning import SETTINGS, converted, known_pixels
 from ffseg.evidence.surroundings import STRIDE
@@ -134,7 +134,7 @@ def samples(seen: Sight, rng: np.random.Generator, pixels: int = PIXELS) -> Samp
 
 def looked(seen: Sight, names: tuple[str, ...]) -> Features:
     """Features of a sight from its start."""
-    return features(prior.exposed(seen.image), start_of(seen), names=names)
+    return features(exposed(seen.image), start_of(seen), names=names)
 
 
 def start_of(seen: Sight) -> NDArray[np.bool_]:

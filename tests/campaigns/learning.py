@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence import base
-from ffseg.evidence.features import KNOWN, enlarged, features
+from ffseg.evidence.features import KNOWN, enlarged, exposed, features
 from ffseg.evidence.forest import Model, to_bytes
 from ffseg.evidence.learning import (
     LEAST_IN_LEAF,
@@ -40,7 +40,6 @@ from ffseg.evidence.learning import (
 )
 from ffseg.evidence.maps import evidence_edges
 from ffseg.evidence.openings import OPEN
-from ffseg.evidence.prior import exposed
 from ffseg.formats.files import write_bytes_atomic
 from ffseg.formats.images import single_thread
 from ffseg.image.edges import edge_map

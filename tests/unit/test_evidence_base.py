@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from ffseg.evidence.base import base, joined, odds_of, serves
-from ffseg.evidence.features import KNOWN, NAMES, features
+from ffseg.evidence.features import KNOWN, NAMES, exposed, features
 from ffseg.evidence.forest import MAGIC, Forest, Model, from_bytes, to_bytes
 from ffseg.evidence.learning import TAUGHT, Samples, _taught_by_others, grow, learn, samples
 from ffseg.evidence.openings import OPEN
-from ffseg.evidence.prior import exposed
 from ffseg.metrics import iou
 from tests.unit.test_evidence_learning import example, predicted
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ffseg.evidence.prior import CERTAIN, LEAST_START, MIDDLE, Prior, exposed, look, prior
+from ffseg.evidence.features import MIDDLE, exposed
+from ffseg.evidence.prior import CERTAIN, LEAST_START, Prior, look, prior
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, Scene, gradient_edges
 from ffseg.metrics import iou

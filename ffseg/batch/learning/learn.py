@@ -14,7 +14,7 @@ from ffseg.batch.discover import Source
 from ffseg.batch.learning.gather import Gathered, Labelled, start_region
 from ffseg.batch.workers.sources import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
-from ffseg.evidence.features import KNOWN, Features, features
+from ffseg.evidence.features import KNOWN, Features, exposed, features
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.learning import (
     Example,
@@ -25,7 +25,6 @@ from ffseg.evidence.learning import (
     samples,
     uncertainty,
 )
-from ffseg.evidence.prior import exposed
 from ffseg.evidence.source import model_start
 from ffseg.metrics import iou
 from ffseg.native import _core
