@@ -407,3 +407,33 @@ def test_crossings_of_a_settled_contour_are_taken_out() -> None:
         assert self_intersections(contours(made)) == []
         (area,) = (abs(contour.signed_area) for contour in contours(made))
         assert least < area < most
+
+
+@pytest.mark.parametrize("balloon", [0.5, 1.0, 1.5])
+def test_a_front_in_small_steps_stays_off_the_pixels_beside_edges(balloon: float) -> None:
+    """Steps shorter than what is looked at beside edges stop at an edge as long ones do."""
+    edges = np.zeros(SHAPE, np.uint8)
+    edges[20:121, [30, 110]] = edges[[20, 120], 30:111] = 255
+    made = evolution([FreeForm.circle((70, 70), 12, 12, 3)], edges, balloon=balloon, refine=True, split_threshold=14.0)
+    made.advance(1001)
+    found = region(made)
+    assert made.stop_reason == "converged"
+    assert found[30:111, 40:101].all()
+    assert not (found & dilated(edges > 0, 1)).any()
+
+
+@pytest.mark.parametrize("degree", [3, 4])
+def test_a_patch_that_folds_becomes_its_chord(degree: int) -> None:
+    """In a notch narrower than a step is long the samples of both its patches run past each other."""
+    angles = np.arange(24 * degree) * 2 * pi / (24 * degree)
+    depth = np.where(np.abs(angles - pi / 2) < 0.26, 9 * np.cos((angles - pi / 2) / 0.26 * pi / 2), 0)
+    samples = np.stack([90 + (30 - depth) * np.cos(angles), 70 + (30 - depth) * np.sin(angles)], axis=1)
+    made = evolution([FreeForm.from_samples(samples, degree)], balloon=4.0, topology=False, refine=True)
+    made.advance(1)
+    (found,) = contours(made, degree)
+    along = found.patches[:, -1] - found.patches[:, 0]
+    inner = found.patches[:, 1:-1] - found.patches[:, :1]
+    bent = np.abs(along[:, None, 0] * inner[..., 1] - along[:, None, 1] * inner[..., 0]).max(axis=1)
+    straight = np.flatnonzero(bent < 1e-9)
+    assert made.counts()["prunes"] == len(straight) == 2
+    np.testing.assert_allclose(found.patches[straight, 0, 0].mean(), 90, atol=4)  # beside the notch
