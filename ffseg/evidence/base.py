@@ -47,10 +47,7 @@ def odds_of(forest: Forest, rows: NDArray[np.float32]) -> NDArray[np.float32]:
     """
     padded = np.zeros((len(forest.features), -(-len(rows) // ROW) * ROW), np.float32)
     padded[:, : len(rows)] = rows[:, [KNOWN.index(name) for name in forest.features]].T
-    planes = padded.reshape(len(padded), -1, ROW)
-    score = np.empty(planes.shape[1:], np.float32)
-    forest.compiled().score(planes, score)
-    found: NDArray[np.float32] = score.ravel()[: len(rows)] + np.float32(forest.bias)
+    found: NDArray[np.float32] = forest.log_odds(padded.reshape(len(padded), -1, ROW)).ravel()[: len(rows)]
     return found
 
 

@@ -76,6 +76,21 @@ class Forest:
         arrays = {name: np.ascontiguousarray(self.arrays[name], kind[1:]) for name, kind, _ in ARRAYS}
         return _core.EvidenceForest(**arrays, features=len(self.features))
 
+    def log_odds(self, planes: NDArray[np.float32], native: _core.EvidenceForest | None = None) -> Plane:
+        """Log odds of inside for each pixel, shape (h, w).
+
+        Parameters
+        ----------
+        planes : ndarray of float32, shape (F, h, w)
+            The features that the forest asks for, in the order of ``features``.
+        native : EvidenceForest, optional
+            What ``compiled`` returned, to be used for many images.
+        """
+        score = np.empty(planes.shape[1:], np.float32)
+        (native or self.compiled()).score(planes, score)
+        found: Plane = score + np.float32(self.bias)
+        return found
+
     def probability(self, planes: NDArray[np.float32], native: _core.EvidenceForest | None = None) -> Plane:
         """Probability of inside for each reduced pixel.
 
@@ -92,11 +107,8 @@ class Forest:
         """
         if self.features != KNOWN[: len(planes)]:
             planes = np.ascontiguousarray(planes[[KNOWN.index(name) for name in self.features]])
-        score = np.empty(planes.shape[1:], np.float32)
-        (native or self.compiled()).score(planes, score)
         # beyond 60 the probability is 0 or 1 in single precision
-        found: Plane = 1 / (1 + np.exp(-np.clip(score + np.float32(self.bias), -60, 60)))
-        return found
+        return _probability(np.clip(self.log_odds(planes, native), -60, 60))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,11 +155,13 @@ class Model:
         """
         planes = np.empty((len(self.inside.features), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
         every(seen, self.inside.features, planes)
-        odds = np.empty(planes.shape[1:], np.float32)
-        (native or self.inside.compiled()).score(planes, odds)
-        smooth = voted(np.clip(odds + np.float32(self.inside.bias), -VOTE, VOTE), seen)
-        probability: Plane = np.float32(1) / (np.float32(1) + np.exp(-smooth))
-        return enlarged(probability, seen.factor, seen.shape, STRIDE)
+        smooth = voted(np.clip(self.inside.log_odds(planes, native), -VOTE, VOTE), seen)
+        return enlarged(_probability(smooth), seen.factor, seen.shape, STRIDE)
+
+
+def _probability(odds: Plane) -> Plane:
+    found: Plane = np.float32(1) / (np.float32(1) + np.exp(-odds))
+    return found
 
 
 def to_bytes(model: Model) -> bytes:

@@ -92,10 +92,7 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
     """
     model, native = _model()
     seen = look(image, starts, model.size)
-    planes = all_planes(seen)
-    score = np.empty(planes.shape[1:], np.float32)
-    native.score(planes, score)
-    smooth = voted(np.clip(score + np.float32(model.inside.bias), -CERTAIN, CERTAIN), seen)
+    smooth = voted(np.clip(model.inside.log_odds(all_planes(seen), native), -CERTAIN, CERTAIN), seen)
     votes = np.empty_like(smooth)
     _core.evidence_blur(smooth, SMOOTHING / STRIDE, votes)
     whole = enlarged(votes, seen.factor, seen.shape, STRIDE)

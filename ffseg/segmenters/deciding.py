@@ -92,8 +92,7 @@ def decide(run: Segmenter, view: View) -> Decision:
     own, told = on_one_side(view)  # the prior holds the start to be inside, whatever the image's own edges are
     first = _first(run, replace(own, callback=None)) if _is_promising(run, own) else None
     across = MET if view.params.contour.clearance > 0 else 0.0  # a passage that is shut ends in open ground
-    boundary = None if first is None else Boundary(first.contours, view.edges)
-    if first is not None and boundary is not None and boundary.is_clear(across):
+    if first is not None and (boundary := Boundary(first.contours, view.edges)).is_clear(across):
         if view.callback is not None:
             first = run(own)
         evolve_ms = (perf_counter() - begin) * 1e3
