@@ -138,7 +138,8 @@ def write_bytes_atomic(path: str | os.PathLike[str], data: bytes) -> None:
     Raises
     ------
     OutputError
-        Naming the path and the system's reason. No temporary file is left.
+        Naming the path and the system's reason, also for a pipe, a device or a socket, which are not replaced. No
+        temporary file is left.
     """
     write_all_atomic([(os.fspath(path), data)])
 
@@ -193,6 +194,7 @@ class _Pending:
 
     def fill(self) -> None:
         """Open the temporary and write the data."""
+        _require_replaceable(self.target)
         self.descriptor = os.open(self.temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
         view = memoryview(self.data)
         while view:
@@ -225,6 +227,17 @@ class _Pending:
 
 
 _CLOSED = -1
+
+
+def _require_replaceable(target: str) -> None:
+    """Refuse a name that stands for a pipe, a device or a socket: a rename would put a file in its place."""
+    try:
+        mode = os.stat(target).st_mode
+    except OSError:  # nothing is there, or opening the temporary says what is wrong
+        return
+    if stat.S_IFMT(mode) in (stat.S_IFIFO, stat.S_IFCHR, stat.S_IFBLK, stat.S_IFSOCK):
+        kind = _KINDS[stat.S_IFMT(mode)]
+        raise OutputError(f"{printable(target)} is {kind} and is not replaced by a file; choose another name")
 
 
 def _start_writing(descriptor: int) -> None:

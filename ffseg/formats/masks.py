@@ -55,6 +55,15 @@ def read_levels(path: str | os.PathLike[str], limits: Limits | None = None) -> N
     return _strongest(read_image(path, limits))
 
 
+def holds_other_than_mask(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is an image with anything but 0 and 255 in it; one that cannot be read as an image is none."""
+    try:
+        image = read_image(path)
+    except ImageReadError as error:
+        return error.reason in ("too-many-pixels", "too-many-bytes", "unsupported-pixels")
+    return image.ndim != 2 or not np.isin(image, (0, 255)).all()
+
+
 def decode_mask(data: bytes, limits: Limits | None = None) -> NDArray[np.bool_]:
     """Content of a mask file as a region, shape (H, W): True from a grey level of `INSIDE` on.
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ffseg.errors import OutputError
-from ffseg.formats.files import SKIP_FILE
+from ffseg.errors import ImageReadError, OutputError
+from ffseg.formats.files import SKIP_FILE, printable, read_bytes, write_bytes_atomic
 from ffseg.rendering import CAMERA_YAML, poses_csv, render_pair
 from ffseg.samples.png import encode
 from ffseg.samples.scenes import SCENES
@@ -59,7 +59,7 @@ def pair_files(seed: int) -> dict[str, bytes]:
 
 
 def write_samples(folder: Path, pairs: int = 1) -> list[Path]:
-    """Write every sample file under `folder`; files of these names are replaced.
+    """Write every sample file under `folder`.
 
     Parameters
     ----------
@@ -70,15 +70,33 @@ def write_samples(folder: Path, pairs: int = 1) -> list[Path]:
     Raises
     ------
     OutputError
-        If a file cannot be written.
+        If a file cannot be written, or one of its name holds something else: then nothing is written.
     """
-    written = []
-    for name, content in sample_files(pairs).items():
-        path = folder / name
+    files = {folder / name: content for name, content in sample_files(pairs).items()}
+    missing = [path for path, content in files.items() if not _is_there(path, content)]
+    for path in missing:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
         except OSError as error:
             raise OutputError(f"{path} cannot be written ({error.strerror}); choose another folder") from error
-        written.append(path)
-    return written
+        write_bytes_atomic(path, files[path])
+    return list(files)
+
+
+def _is_there(path: Path, content: bytes) -> bool:
+    """Whether a sample file is there already.
+
+    Raises
+    ------
+    OutputError
+        If another file is, perhaps somebody's own.
+    """
+    try:
+        same = read_bytes(path, len(content)) == content
+    except ImageReadError as error:
+        if error.reason == "missing":
+            return False
+        same = False
+    if not same:
+        raise OutputError(f"{printable(path)} is there and is no such sample; choose another folder or remove it")
+    return True

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import re
+import stat
 import subprocess
 import sys
 from collections.abc import Callable
@@ -65,7 +66,9 @@ def test_it_finds_what_run_finds(tmp_path: Path, ffseg_command: Run) -> None:
 
 USAGE = {
     "unknown suffix": (["{toy}", "a.tif"], "the suffix .tif stands for no output"),
-    "no suffix": (["{toy}", "a"], "the suffix is missing"),
+    "no suffix": (["{toy}", "a"], "a: there is no suffix"),
+    "one mask twice": (["{toy}", "a.png", "b.PNG"], "a.png and b.PNG would be the same mask"),
+    "one pipe twice": (["{toy}", "-", "-"], "takes one image, 'ffseg run' many"),
     "unknown kind": (["{toy}", "a.png", "--as", "geojsn"], "did you mean 'geojson'?"),
     "over the input": (["{toy}", "{toy}"], "would replace the input image"),
     "wrong parameter": (["{toy}", "a.png", "--set", "contour.degre=2"], "did you mean 'contour.degree'?"),
@@ -81,6 +84,39 @@ def test_usage_errors(arguments: list[str], said: str, tmp_path: Path, ffseg_com
     assert said in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["toy.png"]
     assert (tmp_path / "toy.png").read_bytes() == TOY.read_bytes()
+
+
+@pytest.mark.parametrize(("out", "kind"), [("b.png", []), ("b.jpg", []), ("b.png", ["--as", "svg"])])
+def test_a_picture_is_not_replaced_unasked(out: str, kind: list[str], tmp_path: Path, ffseg_command: Run) -> None:
+    """`ffseg segment *.png` in a folder of two must not turn the second photograph into a mask of the first."""
+    photo = np.random.default_rng(0).integers(0, 256, (30, 40, 3), np.uint8)
+    Image.fromarray(photo).save(tmp_path / out)
+    before = (tmp_path / out).read_bytes()
+    done = ffseg_command("segment", TOY, out, *kind, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (
+        2,
+        f"ffseg: error: {out} is a picture that is there already; choose another name or add --overwrite\n",
+    )
+    assert (tmp_path / out).read_bytes() == before
+    assert ffseg_command("segment", TOY, out, *kind, "--overwrite", cwd=tmp_path).returncode == 0
+    assert (tmp_path / out).read_bytes() != before
+
+
+def test_a_mask_and_what_is_no_picture_are_replaced(mask: np.ndarray, tmp_path: Path, ffseg_command: Run) -> None:
+    (tmp_path / "a.svg").write_text("mine")
+    (tmp_path / "a.png").write_bytes(b"no picture")
+    for _ in range(2):
+        assert ffseg_command("segment", TOY, "a.png", "a.svg", cwd=tmp_path).returncode == 0
+    assert np.array_equal(read_mask(tmp_path / "a.png"), mask)
+    assert "<title>toy.png</title>" in (tmp_path / "a.svg").read_text("utf-8")
+
+
+def test_pipes_and_devices_stay_what_they_are(tmp_path: Path, ffseg_command: Run) -> None:
+    os.mkfifo(tmp_path / "a.png")
+    done = ffseg_command("segment", TOY, "a.png", cwd=tmp_path)
+    assert (done.returncode, "a.png is a named pipe and is not replaced" in done.stderr) == (3, True)
+    assert stat.S_ISFIFO((tmp_path / "a.png").stat().st_mode)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
 
 
 FAILED = {

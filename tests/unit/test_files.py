@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,6 +22,17 @@ def test_writes_and_replaces(tmp_path: Path) -> None:
     write_bytes_atomic(target, b"two")
     assert target.read_bytes() == b"two"
     assert os.listdir(tmp_path) == ["a.bin"]
+
+
+@pytest.mark.parametrize("link", [False, True])
+def test_a_pipe_is_not_replaced(link: bool, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("pipe")
+    target = tmp_path / ("link" if link else "pipe")
+    with pytest.raises(OutputError, match="is a named pipe and is not replaced by a file; choose another name"):
+        write_all_atomic([(str(tmp_path / "a.bin"), b"one"), (str(target), b"two")])
+    assert stat.S_ISFIFO(target.stat().st_mode)
+    assert sorted(os.listdir(tmp_path)) == ["link", "pipe"]
 
 
 def _failing(call: str, code: int) -> Callable[..., int]:

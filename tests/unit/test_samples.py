@@ -17,6 +17,7 @@ from hypothesis.extra import numpy as arrays
 from PIL import Image
 
 from ffseg.batch.discover import discover
+from ffseg.errors import OutputError
 from ffseg.parameters import Parameters
 from ffseg.samples import png, texture
 from ffseg.samples.paint import CURVE_STEPS, GRID, Paper, centers, coverage, spline
@@ -167,3 +168,11 @@ def test_a_walk_over_the_samples_finds_the_scenes_alone(pairs: int, tmp_path: Pa
     write_samples(tmp_path, pairs)
     assert [source.name for source in discover([str(tmp_path)])] == sorted(f"{name}.png" for name in SCENES)
     assert len(discover([str(tmp_path / "truth")])) == len(SCENES)  # named itself, it is an input like any other
+
+
+def test_other_files_of_these_names_are_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "toy.png").write_bytes(b"mine")
+    with pytest.raises(OutputError, match=r"toy\.png is there and is no such sample; choose another folder or remove it"):
+        write_samples(tmp_path, 0)
+    assert [path.name for path in tmp_path.iterdir()] == ["toy.png"]
+    assert (tmp_path / "toy.png").read_bytes() == b"mine"

@@ -15,6 +15,8 @@ from ffseg.cli.options import Config, Outside, Settings, with_background
 from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -46,17 +48,21 @@ def segment(  # noqa: PLR0913 - the options of the command
     evidence: Annotated[
         Path | None, typer.Option("--evidence", metavar="FILE", help="Map of what is inside: grey image, or .npy.")
     ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace also pictures that are no masks, perhaps photographs.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No word of how it went; errors only.")] = False,
 ) -> None:
     """Segment one image and write what the suffix of OUT asks for.
 
     NAME.png is the mask, NAME.svg the exact contours, NAME.geojson and NAME.json (COCO) the regions, NAME.jpg or
-    NAME.webp the image with the region drawn. Exit code: 0 done; 2 nothing was run; 3 the image cannot be read or
-    segmented, or an output cannot be written.
+    NAME.webp the image with the region drawn. A picture that is there is replaced if it is a mask. Exit code: 0 done;
+    2 nothing was run; 3 the image cannot be read or segmented, or an output cannot be written.
     """
     wanted = [(path, _kind(path, kind)) for path in outputs]
-    if any(path != PIPE and _same(path, image) for path in outputs):
-        raise UsageError("an output would replace the input image; choose another name")
+    _require_other_names(image, wanted)
+    if not overwrite:
+        _require_no_pictures(outputs)
     params = checked_params(config, with_background(settings, outside))
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from ffseg.api import segment as segment_pixels
@@ -101,6 +107,29 @@ def _kind(path: str, named: str | None) -> str:
         return kind_of(path)
     except OutputError as error:
         raise UsageError(f"{error}; or name it with --as") from error
+
+
+def _require_other_names(image: str, wanted: Sequence[tuple[str, str]]) -> None:
+    """Refuse outputs that tell of several inputs, as a pattern of the shell makes: all but the first would be replaced."""
+    if any(path != PIPE and _same(path, image) for path, _ in wanted):
+        raise UsageError("an output would replace the input image; choose another name")
+    first: dict[tuple[str, str], str] = {}
+    for path, kind in wanted:
+        output = (kind, os.path.splitext(path)[1].lower())
+        if output in first:
+            raise UsageError(
+                f"{first[output]} and {path} would be the same {kind}; 'ffseg segment' takes one image, 'ffseg run' many"
+            )
+        first[output] = path
+
+
+def _require_no_pictures(outputs: Sequence[str]) -> None:
+    """Refuse to replace a picture that is no mask; what an earlier call wrote as a mask, and other files, may go."""
+    from ffseg.formats.masks import holds_other_than_mask
+
+    for path in outputs:
+        if path != PIPE and os.path.isfile(path) and holds_other_than_mask(path):
+            raise UsageError(f"{path} is a picture that is there already; choose another name or add --overwrite")
 
 
 def _same(path: str, image: str) -> bool:

@@ -31,5 +31,6 @@ def kind_of(path: str, kinds: Sequence[str] = ()) -> str:
     known = {end: kind for end, kind in SUFFIXES.items() if not kinds or kind in kinds}
     if suffix not in known:
         named = ", ".join(f"{end} ({kind})" for end, kind in known.items())
-        raise OutputError(f"{path}: the suffix {suffix or 'is missing and'} stands for no output; write one of {named}")
+        wrong = f"the suffix {suffix} stands for no output" if suffix else "there is no suffix"
+        raise OutputError(f"{path or 'the name of the output is empty'}: {wrong}; write one of {named}")
     return known[suffix]
