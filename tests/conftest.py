@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -11,6 +10,8 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from tests import real_data
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -62,7 +63,7 @@ def golden(update_golden: bool) -> Callable[[Path, str], None]:
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
     """Folder of the real images to develop on; tests that need it skip where it is absent."""
-    folder = Path(os.environ.get("FFSEG_DATA", ROOT.parent / "shared" / "data"))
+    folder = real_data.data_folder()
     if not folder.is_dir():
         pytest.skip(f"no data folder {folder}; name it in the environment variable FFSEG_DATA")
     return folder

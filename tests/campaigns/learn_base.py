@@ -7,7 +7,6 @@ forest sees, but no place in the image and no open ground; ``tests/campaigns/lea
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,6 +22,7 @@ from tests.campaigns import learn_prior
 from tests.campaigns.learn_prior import DRAWN, Samples, looked, picked
 from tests.campaigns.places.drawn import Sight
 from tests.campaigns.real_images import SETS, Photograph, load
+from tests.real_data import data_folder
 
 SEEN = tuple(name for name in NAMES if name not in PLACE[:4])
 
@@ -55,7 +55,7 @@ def samples(seen: Sight, rng: np.random.Generator, pixels: int) -> Samples:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--data", type=Path, default=Path(os.environ.get("FFSEG_DATA", "../shared/data")))
+    parser.add_argument("--data", type=Path, default=data_folder())
     parser.add_argument("--out", type=Path, required=True, help="the model file to write")
     parser.add_argument("--drawn", type=int, default=DRAWN, metavar="N", help="looks at each kind of drawn pictures")
     parser.add_argument("--without", choices=SETS, help="leave a set out")

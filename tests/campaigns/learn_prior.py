@@ -13,7 +13,6 @@ learns without each set and segments that set, then from what is drawn alone: th
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -38,6 +37,7 @@ from tests.campaigns.places.drawn import KINDS, Sight
 from tests.campaigns.places.drawn import sights as drawn_sights
 from tests.campaigns.real_images import SETS, Outcome, Photograph, evaluate, load
 from tests.campaigns.real_sets import spearman
+from tests.real_data import data_folder
 
 VIEWS = {"road": 6, "seeded_objects": 12, "real_floors/indoor": 9, "real_floors/omni": 18}
 """Starts and lights each image of a set is seen in; sets of few images more often."""
@@ -270,7 +270,7 @@ def _say(what: str, outcomes: Sequence[Outcome]) -> None:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path(os.environ.get("FFSEG_DATA", "../shared/data")))
+    parser.add_argument("--data", type=Path, default=data_folder())
     parser.add_argument("--out", type=Path, required=True, help="the model file to write")
     parser.add_argument("--part", choices=("even", "odd", "all", "none"), default="all")
     parser.add_argument("--drawn", type=int, default=DRAWN, metavar="N", help="looks at each kind of drawn pictures")

@@ -11,7 +11,6 @@ the other sets, which is written to DIR and used again. ``--rivals`` grows sciki
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -48,6 +47,7 @@ from ffseg.parameters import Edges, load_params
 from ffseg.segmenters.registry import segment
 from tests.campaigns import learn_base
 from tests.campaigns.real_images import SETS, Photograph, load
+from tests.real_data import data_folder
 
 GOALS = {("road", 1): 0.68, ("road", 3): 0.78, ("road", 5): 0.82, ("road", 10): 0.85, ("real_floors/indoor", 5): 0.78}
 """Mean IoU wanted, by set and number of masks."""
@@ -75,8 +75,7 @@ def main() -> int:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
-    parser.add_argument("--data", type=Path, default=Path(os.environ.get("FFSEG_DATA", beside)), help="image sets")
+    parser.add_argument("--data", type=Path, default=data_folder(), help="image sets")
     parser.add_argument("--sets", default="road,real_floors/indoor", help="folders separated by commas")
     parser.add_argument("--masks", default="1,3,5,10", help="numbers of masks to learn from")
     parser.add_argument("--draws", type=int, default=5, help="random choices of masks at each number")

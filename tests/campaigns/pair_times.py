@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,6 +30,7 @@ from ffseg.image.edges import edge_map
 from ffseg.parameters import Parameters, load_params
 from ffseg.rendering import render_pair
 from tests.campaigns.freespace import true_poses
+from tests.real_data import data_folder
 
 Image = NDArray[np.uint8]
 
@@ -65,7 +65,7 @@ def rendered_cases(count: int) -> list[Case]:
 
 def room_cases() -> list[Case]:
     """The frames of ``omni_room`` at 800x600; none where the data folder is absent."""
-    folder = Path(os.environ.get("FFSEG_DATA", ROOT.parent / "shared" / "data")) / "omni_room"
+    folder = data_folder() / "omni_room"
     if not folder.is_dir():
         return []
     data = json.loads((folder / "motion.json").read_text())

@@ -43,6 +43,7 @@ from ffseg.peer_parameters import PeerParameters
 from ffseg.segmenters.base import Segmentation
 from ffseg.segmenters.peers import configured
 from ffseg.segmenters.registry import segment
+from tests.real_data import data_folder
 
 SETS = ("road", "seeded_objects")
 LARGEST_START, SMALL_START = 20.0, 8.0
@@ -141,8 +142,7 @@ def main() -> int:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("--work", type=Path, required=True, help="folder to work in, made if absent")
-    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
-    parser.add_argument("--data", type=Path, default=Path(os.environ.get("FFSEG_DATA", beside)), help="photographs")
+    parser.add_argument("--data", type=Path, default=data_folder(), help="photographs")
     parser.add_argument("--methods", default=",".join(GRIDS), help="names separated by commas")
     return parser.parse_args()
 

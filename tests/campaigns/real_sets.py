@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import sys
 from collections import Counter
 from collections.abc import Sequence
@@ -31,6 +30,7 @@ from ffseg.metrics import INSIDE
 from ffseg.parameters import load_params
 from tests.campaigns import real_causes, real_invariance
 from tests.campaigns.real_images import COLUMNS, SETS, Outcome, evaluate, load, score
+from tests.real_data import data_folder
 
 GOALS = {"road": 0.60, "seeded_objects": 0.55, "real_floors/indoor": 0.82, "real_floors/omni": 0.70}
 """Mean IoU wanted from one default, by set."""
@@ -72,8 +72,7 @@ def main() -> int:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
-    parser.add_argument("--data", type=Path, default=Path(os.environ.get("FFSEG_DATA", beside)), help="image sets")
+    parser.add_argument("--data", type=Path, default=data_folder(), help="image sets")
     parser.add_argument("--out", type=Path, required=True, help="folder to write to, made if absent")
     parser.add_argument("--sets", default=",".join(SETS), help="folders separated by commas")
     parser.add_argument("--config", help="parameter file or preset")

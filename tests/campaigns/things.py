@@ -8,7 +8,6 @@ to 640x480 (480x640 upright), with their truths and starts.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,6 +23,7 @@ from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from ffseg.segmenters.registry import segment
 from tests.campaigns.real_images import Photograph, load
+from tests.real_data import data_folder
 
 SET = "seeded_objects"
 SIZE = (640, 480)
@@ -62,7 +62,7 @@ def _milliseconds(work: Callable[[], object]) -> float:
 def main() -> int:
     """Print mean overlaps and median times; 0 also when the images are absent."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, default=Path(os.environ.get("FFSEG_DATA", "../shared/data")))
+    parser.add_argument("--data", type=Path, default=data_folder())
     parser.add_argument("--rounds", type=int, default=7)
     options = parser.parse_args()
     single_thread()

@@ -10,7 +10,6 @@ the defaults included, by its mean on the rest itself: no tuning can know it.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from itertools import islice
@@ -30,6 +29,7 @@ from ffseg.parameters import load_params
 from tests.campaigns import learn_prior
 from tests.campaigns.learning import start_of
 from tests.campaigns.real_images import SETS, Photograph, load
+from tests.real_data import data_folder
 
 SHARE_OF_BEST, MOST_LOST = 0.95, 0.01
 """Wanted: this part of the mean of the best setting, and no more than this below the defaults."""
@@ -53,8 +53,7 @@ def main() -> int:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    beside = Path(__file__).resolve().parents[3] / "shared" / "data"
-    parser.add_argument("--data", type=Path, default=Path(os.environ.get("FFSEG_DATA", beside)), help="image sets")
+    parser.add_argument("--data", type=Path, default=data_folder(), help="image sets")
     parser.add_argument("--priors", type=Path, required=True, help="folder of the priors made without a set")
     parser.add_argument("--sets", default=",".join(SETS), help="folders separated by commas")
     parser.add_argument("--masks", type=int, default=3, help="masks to tune on")

@@ -12,7 +12,19 @@ import numpy as np
 import pytest
 
 from ffseg.parameters import load_params
+from tests import real_data
 from tests.campaigns import real_causes, real_images, real_invariance, real_sets
+
+
+def test_an_empty_variable_names_no_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """`FFSEG_DATA= pytest` would take the working directory for the images."""
+    beside = real_data.ROOT.parent / "shared" / "data"
+    for value, folder in ((None, beside), ("", beside), (str(tmp_path), tmp_path)):
+        with monkeypatch.context() as patch:
+            patch.delenv("FFSEG_DATA", raising=False)
+            if value is not None:
+                patch.setenv("FFSEG_DATA", value)
+            assert real_data.data_folder() == folder
 
 
 def photograph(step: int = 120, folder: str = "road") -> real_images.Photograph:

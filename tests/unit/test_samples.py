@@ -172,7 +172,9 @@ def test_a_walk_over_the_samples_finds_the_scenes_alone(pairs: int, tmp_path: Pa
 
 def test_other_files_of_these_names_are_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "toy.png").write_bytes(b"mine")
-    with pytest.raises(OutputError, match=r"toy\.png is there and is no such sample; choose another folder or remove it"):
+    with pytest.raises(
+        OutputError, match=r"toy\.png is there and is no such sample; choose another folder or remove it"
+    ):
         write_samples(tmp_path, 0)
     assert [path.name for path in tmp_path.iterdir()] == ["toy.png"]
     assert (tmp_path / "toy.png").read_bytes() == b"mine"

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from functools import cache
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -19,8 +17,9 @@ from ffseg.parameters import load_params
 from ffseg.segmenters.base import Segmentation
 from ffseg.segmenters.registry import segment
 from tests.crossings import self_intersections
+from tests.real_data import data_folder
 
-DATA = Path(os.environ.get("FFSEG_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
+DATA = data_folder()
 SCENES = DATA / "scenes"
 # pycocotools 2.0.11 predates the copy keyword of NumPy 2's __array__
 pytestmark = [
