@@ -21,6 +21,7 @@ that is named itself is taken whatever its suffix."""
 STATE_FOLDER = ".ffseg"
 """Folder under the output with the lock, the journal and the error log; it marks a folder of ours."""
 
+_CHECK = "check the name"
 _DIGITS = re.compile(r"([0-9]+)")
 
 
@@ -111,7 +112,8 @@ def _expand(text: str) -> list[Source]:
     if os.path.lexists(text):
         return [Source(text, os.path.basename(text))]
     if not glob.has_magic(text):
-        raise UsageError(f"there is no file or folder {printable(text)}; check the name")
+        remedy = "write --list - for names and 'ffseg segment - OUT' for an image on stdin" if text == "-" else _CHECK
+        raise UsageError(f"there is no file or folder {printable(text)}; {remedy}")
     return _expand_pattern(text)
 
 

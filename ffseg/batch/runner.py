@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
@@ -351,7 +352,8 @@ class Run:
         if self._options.report:
             self._write_report()
         elif (self.summary.done or self.summary.failed) and os.path.exists(os.path.join(tables.folder, "report.html")):
-            self._observer.note("report.html shows an earlier state; write it anew with: ffseg report DIR")
+            out = shlex.quote(printable(self._plan.out))
+            self._observer.note(f"report.html shows an earlier state; write it anew with: ffseg report {out}")
         sync_folders([tables.folder, self._state, *output_folders(self._plan)])
 
     def _packed(self) -> list[str]:

@@ -12,7 +12,7 @@ import typer
 from ffseg import __version__
 from ffseg.cli import console
 from ffseg.cli.examples import epilog
-from ffseg.cli.group import Group
+from ffseg.cli.group import Group, with_words
 from ffseg.errors import FfsegError
 
 COMMANDS = {
@@ -45,7 +45,7 @@ class LazyGroup(Group):
         inner = getattr(module, "app", None) or _single(getattr(module, cmd_name), epilog(cmd_name))
         command = typer.main.get_command(inner)
         command.name = cmd_name
-        return command
+        return with_words(command)
 
 
 app = typer.Typer(

@@ -19,10 +19,13 @@ MOST_MEGABYTES = 100_000_000
 
 
 def folder(text: str) -> Path:
-    """Read the name of a folder; an empty one, as of an unset variable, would silently be the working directory."""
-    if not text:
-        raise typer.BadParameter("the name of the folder is empty; write . for the folder you are in")
-    return Path(text)
+    """Read the name of a folder: not of a file, nor ``-``; of ``--out=~/x`` the shell leaves the tilde to us."""
+    if text == "-":
+        raise typer.BadParameter("- is no folder; write ./- if it is called so")
+    path = Path(text).expanduser() if text == "~" or text.startswith("~/") else Path(text)
+    if path.exists() and not path.is_dir():
+        raise typer.BadParameter(f"{text} is a file; name a folder")
+    return path
 
 
 def number(value: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +11,7 @@ import typer
 
 from ffseg.cli import completion
 from ffseg.cli.checks import folder
+from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
     from ffseg.parameters import Parameters
@@ -56,9 +58,25 @@ Outside = Annotated[
 
 
 def with_background(settings: list[str] | None, outside: list[str] | None) -> list[str]:
-    """Overrides with the background seeds of ``--not`` as the last of them."""
+    """Overrides with the background seeds of ``--not`` as the last of them.
+
+    Raises
+    ------
+    UsageError
+        If one is not two or three numbers.
+    """
     given = list(settings or ())
+    for seed in outside or ():
+        if len(seed.split(",")) not in (2, 3) or not all(map(_is_number, seed.split(","))):
+            raise UsageError(f"--not {seed}: write X,Y or X,Y,R in pixels, such as --not 120,80,10")
     return [*given, f"init.background=[{', '.join(f'[{seed}]' for seed in outside)}]"] if outside else given
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return isfinite(float(text))
+    except ValueError:
+        return False
 
 
 def starts_file(starts: Path | None, params: Parameters) -> str:

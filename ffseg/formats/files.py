@@ -273,7 +273,8 @@ def make_folder(path: str | os.PathLike[str]) -> None:
     try:
         os.makedirs(path, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"the folder {printable(path)} cannot be made ({os.strerror(error.errno or 0)})") from error
+        reason = os.strerror(error.errno or 0)
+        raise OutputError(f"the folder {printable(path)} cannot be made ({reason}); name another folder") from error
 
 
 def sync_folders(paths: Sequence[str]) -> None:

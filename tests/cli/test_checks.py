@@ -35,15 +35,83 @@ def test_refused_before_the_first_image(
     assert not (tmp_path / "out").exists()
 
 
-COMMANDS = [["run", SAMPLES, "--out"], ["compare", SAMPLES, "--out"], ["bench", "--out"], ["samples"], ["report"]]
+EMPTY = {
+    "run --out": (["run", SAMPLES, "--out", ""], "the value of --out is empty"),
+    "run --truth": (["run", SAMPLES, "--out", "out", "--truth", ""], "the value of --truth is empty"),
+    "run --truth=": (["run", SAMPLES, "--out", "out", "--truth="], "the value of --truth is empty"),
+    "run --config": (["run", SAMPLES, "--out", "out", "--config", ""], "the value of --config is empty"),
+    "run INPUT": (["run", "", "--out", "out"], "an argument is empty"),
+    "segment IN": (["segment", "", "a.png"], "an argument is empty"),
+    "compare --out": (["compare", SAMPLES, "--out", ""], "the value of --out is empty"),
+    "bench --out": (["bench", "--out", ""], "the value of --out is empty"),
+    "config check": (["config", "check", ""], "an argument is empty"),
+    "samples": (["samples", ""], "an argument is empty"),
+    "report": (["report", ""], "an argument is empty"),
+}
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=[str(command[0]) for command in COMMANDS])
-def test_an_empty_folder_name_is_refused(command: list[str | Path], tmp_path: Path, ffseg_command: Run) -> None:
-    done = ffseg_command(*command, "", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "the name of the folder is empty" in done.stderr
+@pytest.mark.parametrize(("command", "said"), EMPTY.values(), ids=EMPTY)
+def test_an_empty_value_is_refused(command: list[str | Path], said: str, tmp_path: Path, ffseg_command: Run) -> None:
+    """As `--truth "$TRUTH"` of an unset variable, which stood for the working directory."""
+    done = ffseg_command(*command, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"{said}, as of an unset variable; give one" in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+WRONG = {
+    "a file for a folder": (["run", SAMPLES, "--out", "file"], "'--out': file is a file; name a folder"),
+    "below a file": (["run", SAMPLES, "--out", "file/out"], "(Not a directory); name another folder"),
+    "a file for samples": (["samples", "file"], "file is a file; name a folder"),
+    "stdout for a folder": (["run", SAMPLES, "--out", "-"], "- is no folder; write ./- if it is called so"),
+    "stdin for images": (
+        ["run", "-", "--out", "out"],
+        "write --list - for names and 'ffseg segment - OUT' for an image",
+    ),
+    "no number": (["run", SAMPLES, "--out", "out", "--jobs", "many"], "'many' is not a valid integer"),
+    "no number in a gate": (["bench", "--out", "out", "--budget", "long"], "'long' is not a valid number"),
+    "one number for a place": (["segment", "file", "a.png", "--not", "120"], "--not 120: write X,Y or X,Y,R in pixels"),
+    "no images to show": (["report", "there", "--images", "gone"], "--images: there is no file or folder gone"),
+}
+
+
+@pytest.mark.parametrize(("command", "said"), WRONG.values(), ids=WRONG)
+def test_errors_name_what_was_given_and_the_remedy(
+    command: list[str | Path], said: str, tmp_path: Path, ffseg_command: Run
+) -> None:
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "timings.csv").write_text("image,status\n")
+    done = ffseg_command(*command, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert said in " ".join(done.stderr.split())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "there"]
+
+
+def test_a_tilde_that_the_shell_left_is_the_home_folder(tmp_path: Path, ffseg_command: Run) -> None:
+    """`--out=~/out`, whose tilde no shell replaces, made a folder `~` to be removed with care."""
+    done = ffseg_command(
+        "samples", "~/pictures", "--pairs", "0", env={**os.environ, "HOME": str(tmp_path)}, cwd=tmp_path
+    )
+    assert done.returncode == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["pictures"]
+
+
+def test_quiet_commands_tell_failures_only(tmp_path: Path, ffseg_command: Run) -> None:
+    (tmp_path / "in").mkdir()
+    shutil.copy(SAMPLES / "toy.png", tmp_path / "in" / "good.png")
+    (tmp_path / "in" / "text.png").write_text("no image")
+    moved = ["--set", "init.radius=160"]  # across an edge: a note, not a failure
+    loud = ffseg_command("run", "in", "--out", "loud", *moved, cwd=tmp_path)
+    assert "good.png: the start at" in loud.stderr
+    for command in (
+        ["run", "in", "--out", "quiet", *moved],
+        ["compare", "in", "--out", "table", "--methods", "freeform"],
+    ):
+        done = ffseg_command(*command, "-q", cwd=tmp_path)
+        assert (done.returncode, done.stdout) == (3, "")
+        assert "text.png" in done.stderr
+        assert "good.png" not in done.stderr
 
 
 def test_config_check_names_a_method_and_a_mask_that_are_not_there(tmp_path: Path, ffseg_command: Run) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -36,6 +37,12 @@ def test_the_examples_run(tmp_path: Path) -> None:
     lines = [line for command, lines in EXAMPLES.items() if command not in SLOW for line in lines]
     for line in lines:
         assert documented.run(documented.Block("sh", line, None), "bash", tmp_path, environment) == ""
+
+
+def test_help_names_every_choice(ffseg_command: Run) -> None:
+    for command, choices in (("bench", SUITES), ("run", EXPORTS)):
+        words = re.findall(r"[a-z]+", ffseg_command(command, "--help").stdout)
+        assert [choice for choice in choices if choice not in words] == []
 
 
 @pytest.mark.parametrize("command", [(), ("config",)])

@@ -28,7 +28,7 @@ def bench(  # noqa: PLR0913 - the options of the command
             "--suite",
             metavar="NAME",
             autocompletion=completion.suites,
-            help="patches, size, method, scenes, peers, batch, startup or memory; may be repeated.",
+            help="patches, size, method, scenes, peers, batch, startup, memory or shards; may be repeated.",
         ),
     ] = None,
     images: Annotated[

@@ -75,7 +75,7 @@ def compare(  # noqa: PLR0913 - the options of the command
     jobs = work.plan_comparison(inputs, folder, next(folders), starting, next(folders), params.domain.masks or "")
     task = Comparison(jobs, folder, chosen, params, peer_params, repeat, truth_label)
     with Interruption("a comparison begins anew"):
-        rows = work.compare(task, _silent if quiet else _tell)
+        rows = work.compare(task, _tell_failure if quiet else _tell)
     missed = work.missed_gates(rows, gates)
     if as_json:
         console.data(json.dumps({"out": folder, "missed": missed, "rows": [_plain(row) for row in rows]}, indent=2))
@@ -120,5 +120,6 @@ def _tell(row: Row) -> None:
     console.message(f"ffseg: {row.image}: {row.method} {row.status}: {figures}{overlap}")
 
 
-def _silent(row: Row) -> None:
-    """Say nothing."""
+def _tell_failure(row: Row) -> None:
+    if row.status == "failed":
+        _tell(row)

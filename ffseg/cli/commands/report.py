@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import glob
+import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +12,8 @@ import typer
 
 from ffseg.cli import console
 from ffseg.cli.checks import folder as named
+from ffseg.errors import UsageError
+from ffseg.formats.files import printable
 
 
 def report(
@@ -24,4 +29,12 @@ def report(
     """
     from ffseg.batch.report import write_report
 
+    _require_there(images or ())
     console.data(console.escape(str(write_report(folder, images or ()))))
+
+
+def _require_there(images: Sequence[str]) -> None:
+    """Refuse a place that is named and is not there; those that ``run.json`` names may be gone."""
+    for text in images:
+        if not (os.path.exists(text) or glob.glob(text)):
+            raise UsageError(f"--images: there is no file or folder {printable(text)}; check the name")

@@ -152,7 +152,7 @@ def run(  # noqa: PLR0913 - the options of the command
         setup = limited(Setup(params=params, views=views, wanted=wanted, truth_label=truth_label), max_pixels, memory)
         if dry_run:
             raise typer.Exit(show_preview(plan, setup, overwrite=overwrite, as_json=as_json))
-        progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet)
+        progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
         cleanup.callback(progress.close)
         who = Choice("dask" if dask else executor, dask, chunk)
         options = Options(jobs or cores(), timeout, overwrite, report, who, read_tables(table))

@@ -32,10 +32,12 @@ class Progress:
         Show a bar, if stderr is a terminal.
     verbose : bool
         Say a line for each image.
+    quiet : bool
+        Say failures only.
     """
 
-    def __init__(self, total: int, *, bar: bool, verbose: bool) -> None:
-        self._verbose = verbose
+    def __init__(self, total: int, *, bar: bool, verbose: bool, quiet: bool = False) -> None:
+        self._verbose, self._quiet = verbose, quiet
         self._told: Counter[str] = Counter()
         self._bar: Any = None
         if bar and total > 1 and sys.stderr.isatty():
@@ -45,7 +47,7 @@ class Progress:
 
     def finished(self, job: Job, status: str, told: str) -> None:
         """Count an image, and name it when it failed or there is something to tell."""
-        if told:
+        if told and not (self._quiet and status != "failed"):
             self._told[status] += 1
             if self._told[status] <= _MOST_TOLD:
                 self.note(f"{printable(job.source.path)}: {told}")
