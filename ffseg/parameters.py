@@ -119,6 +119,11 @@ class Region(Section):
         Flag(),
         "where the learned prior decides, parts as sure as the start's that lie apart from it are taken too",
     )
+    probability: float = declared(
+        0.5,
+        Number(0.01, 0.99),
+        "probability of inside at which the region ends, where the prior, a model or a map tells it; more = smaller",
+    )
 
 
 @dataclass(frozen=True, slots=True)

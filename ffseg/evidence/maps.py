@@ -33,6 +33,24 @@ STRENGTH = 128.0
 """Grey levels per pixel that an edge strength of one stands for."""
 
 
+def at_level(probability: NDArray[np.float32], level: float) -> NDArray[np.float32]:
+    """Probabilities whose odds are divided by those of a level, which becomes one half; 0 and 1 stay.
+
+    Parameters
+    ----------
+    probability : ndarray of float32
+        From 0 to 1.
+    level : float
+        Above 0 and below 1; at one half, `probability` itself is returned.
+    """
+    if level == LEVEL:
+        return probability
+    inside: NDArray[np.float32] = probability * np.float32(1 - level)
+    outside: NDArray[np.float32] = (1 - probability) * np.float32(level)
+    found: NDArray[np.float32] = inside / (inside + outside)
+    return found
+
+
 def evidence_edges(probability: NDArray[np.float32], image_edges: EdgeMap) -> EdgeMap:
     """An edge map whose edges run where the probability of inside falls to one half.
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import log
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,11 @@ class Prior:
     """
 
     odds: NDArray[np.float32]
+
+    def at(self, level: float) -> Prior:
+        """The evidence whose odds are divided by those of a level, which becomes one half."""
+        shift = np.float32(log(level / (1 - level)))
+        return Prior(self.odds - shift) if shift else self
 
     def map(self) -> NDArray[np.float32]:
         """The probability's tangent at one half, between 0 and 1: the same level, without a rounded exponential."""
@@ -114,13 +120,13 @@ def all_planes(seen: Features) -> NDArray[np.float32]:
 
 
 def prior_edges(scene: Scene) -> EdgeMap:
-    """Edges where the evidence falls to one half: the source ``prior``."""
+    """Edges where the evidence falls to ``region.probability``: the source ``prior``."""
     return with_prior(scene, gradient_edges(scene))[0]
 
 
 def with_prior(scene: Scene, image_edges: EdgeMap) -> tuple[EdgeMap, Prior | None]:
-    """Edges where the evidence falls to one half, and the evidence; the image's own edges if the start covers nothing."""
+    """Edges where the evidence falls to its level, and the evidence at it; the image's own edges if the start covers nothing."""
     if scene.starts is None or not scene.starts.any():
         return image_edges, None
-    found = prior(scene.image, scene.starts)
+    found = prior(scene.image, scene.starts).at(scene.params.region.probability)
     return evidence_edges(found.map(), image_edges), found

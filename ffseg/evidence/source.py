@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ffseg.errors import ImageReadError, ParameterError, SegmentationError
 from ffseg.evidence.features import Features, features, reduction
 from ffseg.evidence.forest import Model, load_model
-from ffseg.evidence.maps import LEVEL, evidence_edges, strength_edges
+from ffseg.evidence.maps import LEVEL, at_level, evidence_edges, strength_edges
 from ffseg.formats.files import printable, read_bytes
 from ffseg.image.edges import EdgeMap, Scene, edge_map
 from ffseg.native import _core
@@ -83,7 +83,7 @@ def map_edges(scene: Scene) -> EdgeMap:
 def _edges(values: NDArray[np.float32], own: EdgeMap, params: Parameters) -> EdgeMap:
     if params.edges.evidence == "edges":
         return strength_edges(values, own)
-    return evidence_edges(values, own)
+    return evidence_edges(at_level(values, params.region.probability), own)
 
 
 def with_model_start(image: NDArray[np.uint8], params: Parameters) -> Parameters:

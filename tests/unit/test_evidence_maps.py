@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ffseg
-from ffseg.evidence.maps import evidence_edges, strength_edges
+from ffseg.evidence.maps import at_level, evidence_edges, strength_edges
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.metrics import iou
 from ffseg.native import _core
@@ -57,6 +57,29 @@ def test_the_contour_settles_where_the_probability_is_one_half(softness: float) 
     right = points[(points[:, 0] > 100) & (np.abs(points[:, 1] - 75) < 50)][:, 0]
     assert len(right) > 3
     np.testing.assert_allclose(right, 120.3, atol=0.2)  # a fraction of a pixel
+
+
+@pytest.mark.parametrize(("level", "place"), [(0.5, 100.3), (0.8, 86.4), (0.2, 114.2)])
+def test_the_region_ends_at_the_probability_that_is_asked_for(level: float, place: float) -> None:
+    """Log odds fall by .1 a pixel and are 0 at 100.3: those of .8 are 1.386."""
+    x = np.arange(200, dtype=np.float32)
+    row = (1 / (1 + np.exp((x - 100.3) / 10))).astype(np.float32)
+    image, evidence = np.full((150, 200), 100, np.uint8), np.repeat(row[None], 150, axis=0)
+    params = ffseg.load_params(None, {"init.center": [50, 75], "init.radius": 20, "region.probability": level})
+    points = ffseg.segment(image, params, evidence=evidence).contours[0].flatten(0.01)
+    right = points[(points[:, 0] > 70) & (np.abs(points[:, 1] - 75) < 50)][:, 0]
+    assert len(right) > 3
+    np.testing.assert_allclose(right, place, atol=0.5)  # a soft slope: pixels between levels
+
+
+def test_a_level_of_one_half_and_what_is_sure_change_nothing() -> None:
+    rng = np.random.default_rng(1)
+    probability = rng.uniform(0, 1, (20, 30)).astype(np.float32)
+    assert at_level(probability, 0.5) is probability
+    sure = np.round(probability)
+    for level in (0.01, 0.3, 0.99):
+        np.testing.assert_array_equal(at_level(sure, level), sure)
+        np.testing.assert_array_equal(at_level(probability, level) >= 0.5, probability >= level)
 
 
 def test_an_edge_of_the_image_near_the_level_moves_it() -> None:

@@ -49,6 +49,26 @@ def test_texture_is_left_to_the_prior() -> None:
     assert 0 < found.score < 1
 
 
+@pytest.mark.parametrize("source", ["auto", "prior"])
+def test_where_more_is_asked_of_the_prior_the_region_is_smaller(source: str) -> None:
+    image, _ = faint(25, 12)
+    start = {"init.center": [120, 100], "init.radius": 20, "edges.source": source}
+    areas = [
+        np.count_nonzero(segment(image, load_params(None, start | {"region.probability": level})).mask)
+        for level in (0.1, 0.5, 0.9)
+    ]
+    assert areas[0] > areas[1] > areas[2]
+
+
+def test_odds_at_a_level_and_what_is_expected_of_them() -> None:
+    odds = np.array([[3.0, 1.0], [0.0, -4.0]], np.float32)
+    found = Prior(odds)
+    assert found.at(0.5) is found
+    np.testing.assert_allclose(found.at(0.8).odds, odds - np.log(4), rtol=1e-6)
+    sure = 1 / (1 + np.exp(-(3.0 - np.log(4))))  # the only one above the level
+    assert found.at(0.8).expected_overlap(odds > 2) == pytest.approx(sure, rel=1e-6)
+
+
 def test_given_thresholds_are_trusted() -> None:
     image, _ = faint(25, 12)
     found = segment(image, load_params(None, {"init.center": [120, 100], "init.radius": 20, "edges.canny": [5, 10]}))
