@@ -87,6 +87,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     """
     pixels = checked_image(image)
     chosen = parameter_set(params)
+    _check_method(method, callback)
+    _check_extras(pixels, edges, center, altitudes)
     return registry.segment(
         pixels,
         chosen,
@@ -101,6 +103,38 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         options=options,
         callback=callback,
     )
+
+
+def _check_method(method: object, callback: object) -> None:
+    if method is not None and not (callable(method) or (isinstance(method, str) and method)):
+        raise ParameterError(
+            f"method is {method!r}; give a name such as 'freeform', or a function run(view) -> outcome"
+        )
+    if callback is not None and not callable(callback):
+        raise SegmentationError(f"callback is of type {type(callback).__name__}; give a function that takes a Progress")
+
+
+def _check_extras(image: NDArray[np.uint8], edges: object, center: object, altitudes: object) -> None:
+    """Refuse an edge map of another image, a centre that is no point, interest points that are none."""
+    if edges is not None and not isinstance(edges, EdgeMap):
+        raise SegmentationError(f"edges is of type {type(edges).__name__}; give an EdgeMap, as of ffseg.edge_map")
+    if isinstance(edges, EdgeMap) and edges.gradient.shape != image.shape[:2]:
+        (rows, columns), (height, width) = edges.gradient.shape, image.shape[:2]
+        raise SegmentationError(
+            f"the edge map has {columns} x {rows} pixels, the image {width} x {height}; give the map of this image"
+        )
+    if center is not None and _shape(center) != (2,):
+        raise SegmentationError(f"center is {center!r}; give (x, y) in pixels")
+    if altitudes is not None and (len(_shape(altitudes)) != 2 or _shape(altitudes)[1] != 4):
+        raise SegmentationError("altitudes must be an array of shape (K, 4): x, y, altitude in metres, radius")
+
+
+def _shape(numbers: Any) -> tuple[int, ...]:  # noqa: ANN401 - whatever somebody gives
+    """Shape of what can be an array of numbers; that of a single one otherwise."""
+    try:
+        return np.asarray(numbers, np.float64).shape
+    except (TypeError, ValueError):
+        return ()
 
 
 def _evidence(values: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
@@ -146,7 +180,7 @@ def _not_an_array(image: object) -> str:
     if image is None:
         return "the image is None, which cv2.imread returns for a file it cannot read; check the file's name"
     if isinstance(image, str | os.PathLike):
-        return f"the image is a file name; read it first: ffseg.segment(cv2.imread({os.fspath(image)!r}))"
+        return f"the image is a file name; read it first: ffseg.segment(ffseg.read_image({os.fspath(image)!r}))"
     if type(image).__module__.startswith("PIL."):
         return "the image is a PIL image; give its pixels: np.asarray(image.convert('RGB'))[..., ::-1]"
     if hasattr(image, "numpy"):
@@ -176,7 +210,11 @@ def _other_pixels(image: NDArray[Any]) -> str:
         return "for bool give image.astype(np.uint8) * 255"
     if image.dtype == np.uint16:
         return "for uint16 give (image // 257).astype(np.uint8)"
-    if image.dtype.kind == "f" and np.nanmax(image) <= 1:
+    if image.dtype.kind == "f" and not np.isfinite(image).all():
+        return f"this one of {image.dtype} holds NaN or infinite values; say first what they are: np.nan_to_num(image)"
+    if image.dtype.kind not in "fiu":
+        return f"this one is of {image.dtype}, which no pixel is"
+    if image.dtype.kind == "f" and image.max() <= 1:
         return f"for {image.dtype} from 0 to 1 give (image * 255).round().astype(np.uint8)"
     return f"for {image.dtype} give image.clip(0, 255).astype(np.uint8)"
 

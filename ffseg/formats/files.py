@@ -194,7 +194,7 @@ class _Pending:
 
     def fill(self) -> None:
         """Open the temporary and write the data."""
-        _require_replaceable(self.target)
+        require_replaceable(self.target)
         self.descriptor = os.open(self.temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
         view = memoryview(self.data)
         while view:
@@ -229,15 +229,22 @@ class _Pending:
 _CLOSED = -1
 
 
-def _require_replaceable(target: str) -> None:
-    """Refuse a name that stands for a pipe, a device or a socket: a rename would put a file in its place."""
+def require_replaceable(target: str) -> None:
+    """Refuse a name that stands for a pipe, a device or a socket: a rename would put a file in its place.
+
+    Raises
+    ------
+    OutputError
+        Naming it.
+    """
     try:
-        mode = os.stat(target).st_mode
-    except OSError:  # nothing is there, or opening the temporary says what is wrong
+        mode = stat.S_IFMT(os.stat(target).st_mode)
+    except OSError:  # nothing is there, or making the temporary says what is wrong
         return
-    if stat.S_IFMT(mode) in (stat.S_IFIFO, stat.S_IFCHR, stat.S_IFBLK, stat.S_IFSOCK):
-        kind = _KINDS[stat.S_IFMT(mode)]
-        raise OutputError(f"{printable(target)} is {kind} and is not replaced by a file; choose another name")
+    if mode in (stat.S_IFIFO, stat.S_IFCHR, stat.S_IFBLK, stat.S_IFSOCK):
+        raise OutputError(
+            f"{printable(target)} is {_KINDS[mode]} and is not replaced; remove it or choose another name"
+        )
 
 
 def _start_writing(descriptor: int) -> None:

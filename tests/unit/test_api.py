@@ -56,8 +56,8 @@ def test_parameters_are_a_preset_a_file_a_dict_or_a_set(tmp_path: Path) -> None:
 COLOUR = np.dstack([DISC] * 3)
 WRONG = {
     "none": (None, "cv2.imread returns for a file it cannot read"),
-    "a name": ("a.png", "ffseg.segment(cv2.imread('a.png'))"),
-    "a path": (Path("a.png"), "ffseg.segment(cv2.imread('a.png'))"),
+    "a name": ("a.png", "ffseg.segment(ffseg.read_image('a.png'))"),
+    "a path": (Path("a.png"), "ffseg.segment(ffseg.read_image('a.png'))"),
     "pillow": (Image.fromarray(COLOUR), "np.asarray(image.convert('RGB'))[..., ::-1]"),
     "list": (DISC.tolist(), "give a NumPy array"),
     "unit floats": (DISC / 255, "(image * 255).round().astype(np.uint8)"),
@@ -70,6 +70,10 @@ WRONG = {
     "alpha": (np.dstack([COLOUR, DISC]), "image[..., :3]"),
     "one channel": (DISC[..., None], "image[..., 0]"),
     "nothing": (DISC[:0], "has no pixel"),
+    "not a number": (np.full((9, 9), np.nan), "np.nan_to_num(image)"),
+    "infinite": (np.where(DISC > 99, np.inf, 0.5), "np.nan_to_num(image)"),
+    "complex": (DISC.astype(complex), "is of complex128, which no pixel is"),
+    "objects": (DISC.astype(object), "is of object, which no pixel is"),
 }
 
 
@@ -79,6 +83,27 @@ def test_what_is_no_image_is_told_in_one_sentence_how_to_become_one(image: objec
         ffseg.segment(image)  # type: ignore[arg-type]
     assert remedy in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+OTHER = ffseg.edge_map(DISC[:50, :50], ffseg.load_params().edges)
+EXTRAS = {
+    "no method": ({"method": ""}, "method is ''; give a name such as 'freeform', or a function"),
+    "a number for a method": ({"method": 3}, "method is 3; give a name"),
+    "no function": ({"callback": 3}, "callback is of type int; give a function"),
+    "no edge map": ({"edges": DISC}, "edges is of type ndarray; give an EdgeMap, as of ffseg.edge_map"),
+    "another image's edge map": ({"edges": OTHER}, "the edge map has 50 x 50 pixels, the image 120 x 90"),
+    "no point": ({"center": 5}, "center is 5; give (x, y) in pixels"),
+    "a name for a point": ({"center": ("x", "y")}, "give (x, y) in pixels"),
+    "no interest points": ({"altitudes": np.ones((2, 3))}, "altitudes must be an array of shape (K, 4)"),
+}
+
+
+@pytest.mark.parametrize(("extra", "said"), EXTRAS.values(), ids=EXTRAS)
+def test_other_arguments_are_told_in_one_sentence_what_they_must_be(extra: dict[str, typing.Any], said: str) -> None:
+    """An edge map of another image was taken, and found nothing."""
+    with pytest.raises(ffseg.FfsegError) as caught:
+        ffseg.segment(DISC, SMALL, **extra)
+    assert said in str(caught.value)
 
 
 REMEDIES = ("unit floats", "floats", "16 bits", "bool", "channels first", "stack", "alpha", "one channel", "pillow")
@@ -144,13 +169,29 @@ def test_files_of_a_result(result: ffseg.Segmentation, tmp_path: Path) -> None:
     assert tuple(drawn[1, 1]) == (40, 40, 40)
 
 
+@pytest.mark.parametrize("image", ["disc.png", DISC / 255, DISC[1:], None], ids=["name", "floats", "other", "none"])
+def test_an_overlay_needs_the_image(image: typing.Any, result: ffseg.Segmentation, tmp_path: Path) -> None:
+    with pytest.raises(ffseg.OutputError, match=r"uint8 of shape \(90, 120\) or \(90, 120, 3\)"):
+        result.save_overlay(tmp_path / "o.png", image)
+
+
+def test_files_of_other_suffixes_and_images_behind_an_svg_are_told_what_goes(
+    result: ffseg.Segmentation, tmp_path: Path
+) -> None:
+    with pytest.raises(ffseg.OutputError, match=r"write one of \.png \(overlay\), \.jpg \(overlay\)"):
+        result.save_overlay(tmp_path / "o.tif", DISC)
+    with pytest.raises(ffseg.OutputError, match=r"m: there is no suffix; write one of \.png \(mask\)$"):
+        result.save_mask(tmp_path / "m")
+    with pytest.raises(ffseg.OutputError, match="behind is of type ndarray; give the name of an image file"):
+        result.save_svg(tmp_path / "c.svg", behind=DISC)  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_files_with_wrong_names_or_images_are_refused(result: ffseg.Segmentation, tmp_path: Path) -> None:
     with pytest.raises(ffseg.OutputError, match=r"\.jpg stands for no output; write one of \.png \(mask\)"):
         result.save_mask(tmp_path / "m.jpg")
-    with pytest.raises(ffseg.OutputError, match="is missing"):
+    with pytest.raises(ffseg.OutputError, match="there is no suffix"):
         result.save_svg(tmp_path / "c")
-    with pytest.raises(ffseg.OutputError, match="needs the image that was segmented"):
-        result.save_overlay(tmp_path / "o.png", DISC[:50])
     assert list(tmp_path.iterdir()) == []
 
 

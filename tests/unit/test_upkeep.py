@@ -232,7 +232,19 @@ def test_pipes_in_the_place_of_outputs_are_not_replaced(images: Path, tmp_path: 
         os.mkfifo(out / name)
     summary = run_in(images, out)
     assert (summary.unchanged, summary.failed) == (4, 2)
-    assert "not a regular file" in table(out / "timings.csv")[0]["error"]
+    assert "is a named pipe and is not replaced" in table(out / "timings.csv")[0]["error"]
+
+
+@pytest.mark.parametrize("name", ["timings.csv", "run.json", "coco.json"])
+def test_pipes_in_the_place_of_tables_are_not_replaced(name: str, images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    os.mkfifo(out / name)
+    summary = run_in(images, out, wanted=ALL)
+    assert (summary.done, summary.failed, summary.problems) == (
+        len(NAMES), 0, [f"{out / name} is a named pipe and is not replaced; remove it or choose another name"],
+    )  # fmt: skip
+    assert (out / name).is_fifo()
 
 
 def test_duplicate_names_are_all_named_and_suffixes_can_be_kept(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from itertools import islice
 from typing import Any
 
 from ffseg.errors import OutputError, UsageError
-from ffseg.formats.files import printable, temporary_path
+from ffseg.formats.files import printable, require_replaceable, temporary_path
 
 _BATCH = 20_000
 _TEXTS = frozenset({"image", "status", "error", "method", "stop_reason", "note", "source", "pair"})
@@ -40,6 +40,7 @@ def write_parquet(path: str, columns: Sequence[str], rows: Iterable[Mapping[str,
     from pyarrow import parquet
 
     schema = pyarrow.schema([(column, _type(pyarrow, column)) for column in columns])
+    require_replaceable(path)
     temporary = temporary_path(path)
     rows = iter(rows)
     try:

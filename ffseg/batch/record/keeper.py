@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import stat
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -23,7 +22,7 @@ from ffseg.batch.record.values import Record
 from ffseg.batch.workers.freshness import mark_of
 from ffseg.batch.workers.messages import Done, Failed, Mark, Reply, Unchanged
 from ffseg.errors import OutputError
-from ffseg.formats.files import printable, write_all_atomic
+from ffseg.formats.files import printable, require_replaceable, write_all_atomic
 
 Outputs = Mapping[str, tuple[str, Mark]]
 
@@ -98,10 +97,7 @@ class Keeper:
         if self.pack is not None:
             self._places |= self.pack.append(outputs)
             return
-        files = [(self._path(output), data) for output, data in outputs]
-        for path, _ in files:
-            _require_replaceable(path)
-        write_all_atomic(files)
+        write_all_atomic([(self._path(output), data) for output, data in outputs])
 
     def _path(self, output: str) -> str:
         return os.path.join(self.plan.out, output)
@@ -221,7 +217,7 @@ class Keeper:
     def _log(self, text: str) -> None:
         path = os.path.join(self._state(), "errors.log")
         try:
-            _require_replaceable(path)
+            require_replaceable(path)
             with Path(path).open("a", encoding="utf-8", errors="backslashreplace") as file:
                 file.write(f"{datetime.now(UTC).isoformat(timespec='seconds')} {text}\n")
         except OSError as error:
@@ -284,19 +280,3 @@ def retire(out: str, outputs: Mapping[str, str], members: Mapping[str, Member]) 
         elif os.path.lexists(os.path.join(out, path)):
             stale.append(path)
     return removed, stale
-
-
-def _require_replaceable(path: str) -> None:
-    """Refuse to replace a pipe, a device or a socket.
-
-    Raises
-    ------
-    OutputError
-        Naming it.
-    """
-    try:
-        mode = os.lstat(path).st_mode
-    except OSError:
-        return
-    if not (stat.S_ISREG(mode) or stat.S_ISLNK(mode) or stat.S_ISDIR(mode)):
-        raise OutputError(f"{printable(path)} is not a regular file and is not replaced; remove it")

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from typing import BinaryIO
 
 from ffseg.errors import OutputError
-from ffseg.formats.files import printable, temporary_path
+from ffseg.formats.files import printable, require_replaceable, temporary_path
 
 _BUFFER = 1 << 20
 
@@ -23,6 +23,7 @@ def atomic_stream(path: str) -> Iterator[BinaryIO]:
     OutputError
         Naming the path and the system's reason, when something cannot be written.
     """
+    require_replaceable(path)
     temporary = temporary_path(path)
     try:
         with open(temporary, "xb", buffering=_BUFFER) as file:  # noqa: PTH123 - like its sibling

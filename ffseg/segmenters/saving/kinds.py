@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ffseg.errors import OutputError
 from ffseg.geometry.regions import group_regions
 from ffseg.image.raster import rasterize
@@ -52,9 +54,11 @@ def documents(result: Segmentation, kind: str, name: str) -> Document:
 def _overlay(result: Segmentation, source: Source, suffix: str) -> bytes:
     from ffseg.formats.overlays import encode_overlay, polylines
 
-    if source.image is None or source.image.shape[:2] != result.mask.shape:
-        raise OutputError("an overlay needs the image that was segmented")
-    return encode_overlay(source.image, polylines(result.contours), result.mask, suffix)
+    image, shape = source.image, result.mask.shape
+    fitting = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.shape in (shape, (*shape, 3))
+    if image is None or not fitting:
+        raise OutputError(f"an overlay needs the image that was segmented: uint8 of shape {shape} or {(*shape, 3)}")
+    return encode_overlay(image, polylines(result.contours), result.mask, suffix)
 
 
 def _mask(result: Segmentation, _: Source) -> bytes:

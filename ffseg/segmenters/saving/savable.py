@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.errors import OutputError
 from ffseg.segmenters.saving.source import NO_SOURCE, Source
 
 if TYPE_CHECKING:
@@ -48,8 +49,10 @@ class Savable:
         Raises
         ------
         OutputError
-            If the suffix is not .svg, or the file cannot be written.
+            If the suffix is not .svg or `behind` is no name, or the file cannot be written.
         """
+        if not isinstance(behind, str):  # perhaps the image itself
+            raise OutputError(f"behind is of type {type(behind).__name__}; give the name of an image file")
         self._save(path, "svg", Source(title, behind=behind))
 
     def save_overlay(self, path: str | os.PathLike[str], image: NDArray[np.uint8]) -> None:
@@ -111,6 +114,5 @@ class Savable:
 
         text = os.fspath(path)
         suffix = os.path.splitext(text)[1].lower()
-        if not (kind == "overlay" and suffix == ".png"):
-            kind_of(text, (kind,))
+        kind_of(text, (kind,))
         write_bytes_atomic(text, encoded(self._result(), kind, source, suffix))

@@ -29,6 +29,8 @@ def kind_of(path: str, kinds: Sequence[str] = ()) -> str:
     """
     suffix = os.path.splitext(path)[1].lower()
     known = {end: kind for end, kind in SUFFIXES.items() if not kinds or kind in kinds}
+    if kinds and "overlay" in kinds:  # whose format is not taken for the mask's where nothing else is meant
+        known = {".png": "overlay"} | known
     if suffix not in known:
         named = ", ".join(f"{end} ({kind})" for end, kind in known.items())
         wrong = f"the suffix {suffix} stands for no output" if suffix else "there is no suffix"
