@@ -35,6 +35,36 @@ def number(value: float) -> float:
     return value
 
 
+def output_file(option: str, path: Path) -> None:
+    """Refuse, before the work, a file that could not be written after it.
+
+    Raises
+    ------
+    UsageError
+        Naming the option.
+    """
+    from ffseg.errors import OutputError, UsageError
+    from ffseg.formats.files import printable, require_replaceable
+
+    folder = path.parent
+    if not folder.is_dir():
+        raise UsageError(f"{option}: there is no folder {printable(folder)}; make it or choose another name")
+    if path.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
+        raise UsageError(f"{option}: {printable(path)} cannot be written; choose another name")
+    try:
+        require_replaceable(os.fspath(path))
+    except OutputError as error:
+        raise UsageError(f"{option}: {error}") from error
+
+
+def require_truth(truth: Path | None, label: int | None) -> None:
+    """Refuse a class number without masks that it could be in."""
+    from ffseg.errors import UsageError
+
+    if label is not None and truth is None:
+        raise UsageError("--truth-label is the class of true masks; add --truth DIR")
+
+
 def checked_params(config: str | None, settings: Sequence[str] | None = None) -> Parameters:
     """Load a parameter set of a command, and see that the files it names are there.
 

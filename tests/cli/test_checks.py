@@ -59,6 +59,7 @@ def test_an_empty_value_is_refused(command: list[str | Path], said: str, tmp_pat
     assert list(tmp_path.iterdir()) == []
 
 
+TRUTH = SAMPLES / "truth"
 WRONG = {
     "a file for a folder": (["run", SAMPLES, "--out", "file"], "'--out': file is a file; name a folder"),
     "below a file": (["run", SAMPLES, "--out", "file/out"], "(Not a directory); name another folder"),
@@ -71,6 +72,31 @@ WRONG = {
     "no number": (["run", SAMPLES, "--out", "out", "--jobs", "many"], "'many' is not a valid integer"),
     "no number in a gate": (["bench", "--out", "out", "--budget", "long"], "'long' is not a valid number"),
     "one number for a place": (["segment", "file", "a.png", "--not", "120"], "--not 120: write X,Y or X,Y,R in pixels"),
+    "a class without masks": (["run", SAMPLES, "--out", "out", "--truth-label", "3"], "add --truth DIR"),
+    "a model in no folder": (
+        ["learn", SAMPLES, "--truth", TRUTH, "--out", "no/m.ffmodel"],
+        "--out: there is no folder no;",
+    ),
+    "settings in no folder": (
+        ["tune", SAMPLES, "--truth", TRUTH, "--out", "no/a.yaml"],
+        "--out: there is no folder no;",
+    ),
+    "a page in no folder": (
+        ["tune", SAMPLES, "--truth", TRUTH, "--out", "a.yaml", "--page", "no/a.html"],
+        "--page: there is",
+    ),
+    "a photograph for a page": (
+        ["tune", SAMPLES, "--truth", TRUTH, "--out", "a.yaml", "--page", "a.png"],
+        "name it .html",
+    ),
+    "nan seconds to tune": (
+        ["tune", SAMPLES, "--truth", TRUTH, "--out", "a.yaml", "--budget", "nan"],
+        "nan is not a number",
+    ),
+    "a class in no mask": (
+        ["tune", SAMPLES, "--truth", TRUTH, "--out", "a.yaml", "--truth-label", "7"],
+        "--truth-label 7 is in none",
+    ),
     "no images to show": (["report", "there", "--images", "gone"], "--images: there is no file or folder gone"),
 }
 
@@ -160,3 +186,13 @@ def test_a_pipe_for_a_truth_is_not_waited_for(tmp_path: Path, ffseg_command: Run
     done = ffseg_command("run", "toy.png", "--out", "out", "--truth", "truth", cwd=tmp_path)
     assert done.returncode == 3
     assert "a named pipe" in done.stderr
+
+
+def test_masks_that_agree_nowhere_are_said(tmp_path: Path, ffseg_command: Run) -> None:
+    """A class number that is in no mask scored 0 for every image without a word."""
+    for command in (["run"], ["compare", "--methods", "freeform"]):
+        scored = [*command, SAMPLES / "toy.png", "--out", tmp_path / command[0], "--truth", TRUTH]
+        assert "every IoU is 0" not in ffseg_command(*scored).stderr
+        done = ffseg_command(*scored, "--truth-label", "7", *(["--overwrite"] if command == ["run"] else []))
+        assert done.returncode == 0
+        assert "every IoU is 0: the true masks hold nothing of what was found; look at --truth" in done.stderr

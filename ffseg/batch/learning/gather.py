@@ -18,6 +18,7 @@ from ffseg.formats.files import printable
 from ffseg.formats.images import single_thread
 from ffseg.formats.starts import Start, load_starts
 from ffseg.image.raster import rasterize
+from ffseg.metrics import INSIDE
 from ffseg.parameters import Parameters
 from ffseg.segmenters.starts import start_contours
 
@@ -71,7 +72,7 @@ def gather(
     Raises
     ------
     UsageError
-        If an input or the folder is missing, or an image or mask cannot be read.
+        If an input or the folder is missing, an image or mask cannot be read, or no mask has a pixel inside.
     ParameterError
         If the starts file is wrong, or has no row for an image.
     """
@@ -82,6 +83,9 @@ def gather(
     sources = [one for one in sources if os.path.realpath(one.content) not in used and not one.problem]
     known = dict(load_starts(starts, [one.name for one in sources])) if starts else {}
     labelled = [_read(one, truths[one.name], params, known, label) for one in sources if one.name in truths]
+    if labelled and not any((one.truth == INSIDE).any() for one in labelled):
+        class_number = "" if label is None else f", and --truth-label {label} is in none of them"
+        raise UsageError(f"--truth: no mask has a pixel inside{class_number}; 255 is inside, or the class you name")
     return Gathered(labelled, [one for one in sources if one.name not in truths], known)
 
 

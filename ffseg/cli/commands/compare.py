@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import completion, console
-from ffseg.cli.checks import checked_params
+from ffseg.cli.checks import checked_params, require_truth
 from ffseg.cli.options import Config, Evidence, Inputs, Out, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
@@ -64,8 +64,10 @@ def compare(  # noqa: PLR0913 - the options of the command
     from ffseg.batch.comparison.text import SUMMARY, summary_cells
     from ffseg.batch.comparison.values import Comparison
     from ffseg.cli.running.interruption import Interruption
+    from ffseg.cli.running.reporting import DISAGREE, disagree
     from ffseg.peer_parameters import load_peer_parameters
 
+    require_truth(truth, truth_label)
     chosen = work.choose_methods(methods)
     gates = _gates(min_iou or [], chosen, with_truth=truth is not None)
     params, peer_params = checked_params(config, settings), load_peer_parameters(peers)
@@ -76,6 +78,8 @@ def compare(  # noqa: PLR0913 - the options of the command
     task = Comparison(jobs, folder, chosen, params, peer_params, repeat, truth_label)
     with Interruption("a comparison begins anew"):
         rows = work.compare(task, _tell_failure if quiet else _tell)
+    if not quiet and disagree(row.iou for row in rows):
+        console.message(f"ffseg: {DISAGREE}")
     missed = work.missed_gates(rows, gates)
     if as_json:
         console.data(json.dumps({"out": folder, "missed": missed, "rows": [_plain(row) for row in rows]}, indent=2))

@@ -13,7 +13,7 @@ import typer
 
 from ffseg.batch.workers.launch import Process, launch, take
 from ffseg.cli import completion
-from ffseg.cli.checks import MOST_MEGABYTES, MOST_SECONDS, checked_params, number
+from ffseg.cli.checks import MOST_MEGABYTES, MOST_SECONDS, checked_params, number, require_truth
 from ffseg.cli.options import (
     Config,
     Evidence,
@@ -144,6 +144,7 @@ def run(  # noqa: PLR0913 - the options of the command
         for process in early:
             cleanup.callback(process.end)
         interruption = cleanup.enter_context(Interruption("run it again to go on"))
+        require_truth(truth, truth_label)
         params = checked_params(config, with_background(settings, outside))
         wanted = read_wanted(export or (), pack, overlay=overlay, animate=animate)
         choice = Chosen(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul)

@@ -21,6 +21,16 @@ from ffseg.formats.starts import Start
 _MOST_TOLD = 100
 """Failures, and as many notes, told on the terminal; ``timings.csv`` has them all."""
 
+DISAGREE = (
+    "every IoU is 0: the true masks hold nothing of what was found; look at --truth, at --truth-label and at the start"
+)
+
+
+def disagree(overlaps: Iterable[float | None]) -> bool:
+    """Whether masks were compared and not one agrees anywhere, as when the class or the folder is another."""
+    known = [value for value in overlaps if value is not None]
+    return bool(known) and max(known) == 0
+
 
 class Progress:
     """Progress bar and messages on stderr.
@@ -127,6 +137,7 @@ def show_result(run: Run, out: str, *, as_json: bool, verbose: bool = False) -> 
     """
     summary, finished = run.summary, list(run.rows())
     lines = [*(motions(finished) if verbose else ()), *(nothing_tested(finished, out) or untested_pairs(finished))]
+    lines += [DISAGREE] if disagree(row.get("iou") for row in finished) else []
     for line in lines:
         console.message(f"ffseg: {line}")
     if as_json:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import console
-from ffseg.cli.checks import checked_params
+from ffseg.cli.checks import checked_params, output_file
 from ffseg.cli.options import Config, Inputs, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
@@ -42,6 +42,7 @@ def learn(  # noqa: PLR0913 - the options of the command
     """
     if out.suffix != SUFFIX:
         raise UsageError(f"--out {out}: a model is a {SUFFIX} file; name it so")
+    output_file("--out", out)
     params = checked_params(config, settings)
     from ffseg.batch.learning.gather import gather
     from ffseg.batch.learning.learn import learned

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from ffseg.cli import console
-from ffseg.cli.checks import checked_params
+from ffseg.cli.checks import checked_params, number, output_file
 from ffseg.cli.options import Config, Inputs, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
@@ -27,7 +27,15 @@ def tune(  # noqa: PLR0913 - the options of the command
     ] = None,
     budget: Annotated[
         float,
-        typer.Option("--budget", min=1, max=86400, metavar="SECONDS", help="How long to look.", show_default=True),
+        typer.Option(
+            "--budget",
+            min=1,
+            max=86400,
+            callback=number,
+            metavar="SECONDS",
+            help="How long to look.",
+            show_default=True,
+        ),
     ] = 25.0,
     truth_label: TruthLabel = None,
     starts: Starts = None,
@@ -43,6 +51,11 @@ def tune(  # noqa: PLR0913 - the options of the command
     """
     if out.suffix not in (".yaml", ".yml"):
         raise UsageError(f"--out {out}: the settings are a YAML file; name it .yaml")
+    if page is not None and page.suffix not in (".html", ".htm"):
+        raise UsageError(f"--page {page}: the page is an HTML file; name it .html")
+    for option, path in (("--out", out), ("--page", page)):
+        if path is not None:
+            output_file(option, path)
     params = checked_params(config, settings)
     from ffseg.batch.learning.gather import gather
     from ffseg.batch.learning.page import to_html, to_yaml, told
