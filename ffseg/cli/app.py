@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
 from importlib.util import find_spec
@@ -13,7 +14,7 @@ from ffseg import __version__
 from ffseg.cli import console
 from ffseg.cli.examples import epilog
 from ffseg.cli.group import Group, with_words
-from ffseg.errors import FfsegError
+from ffseg.errors import FfsegError, UsageError
 
 COMMANDS = {
     "run": "ffseg.cli.commands.run",
@@ -65,6 +66,7 @@ def main() -> None:
     as one line that names the file holding the traceback; 130 after an interrupt.
     """
     try:
+        _require_folder()
         app(prog_name="ffseg")
     except FfsegError as error:
         console.error(str(error))
@@ -75,6 +77,14 @@ def main() -> None:
     except Exception as error:  # noqa: BLE001 - the last resort of the program
         console.error(f"unexpected {type(error).__name__}: {_one_line(error)}; the traceback is in {_traceback_file()}")
         sys.exit(1)
+
+
+def _require_folder() -> None:
+    """Refuse to work in a folder that has been removed, where no relative name means anything."""
+    try:
+        os.getcwd()
+    except FileNotFoundError as error:
+        raise UsageError("the folder you are in has been removed; change to another") from error
 
 
 def _version(wanted: bool) -> None:

@@ -187,10 +187,7 @@ class _Pending:
         try:
             step(self)
         except OSError as error:
-            remedy = "free some space" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "check the folder"
-            raise OutputError(
-                f"{printable(self.target)} cannot be written ({os.strerror(error.errno or 0)}); {remedy}"
-            ) from error
+            raise unwritten(self.target, error) from error
 
     def fill(self) -> None:
         """Open the temporary and write the data."""
@@ -227,6 +224,19 @@ class _Pending:
 
 
 _CLOSED = -1
+_REMEDIES = {
+    errno.ENOSPC: "free some space",
+    errno.EDQUOT: "free some space",
+    errno.EMFILE: "raise the limit of ulimit -n",
+    errno.ENFILE: "close other programs",
+    errno.EFBIG: "raise the limit of ulimit -f",
+}
+
+
+def unwritten(path: str, error: OSError) -> OutputError:
+    """What is said of a file that cannot be written."""
+    remedy = _REMEDIES.get(error.errno or 0, "check the folder")
+    return OutputError(f"{printable(path)} cannot be written ({os.strerror(error.errno or 0)}); {remedy}")
 
 
 def require_replaceable(target: str) -> None:

@@ -57,6 +57,8 @@ def run(view: View) -> Outcome:
             callback(Progress(evolution.counts()["iterations"], current()))
     evolution.settle(edge_map.gradient)
     contours = current()
+    if all(contour.signed_area < 0 for contour in contours):  # turned inside out where an image is narrower than a step
+        contours = ()
     if callback is not None:
         callback(Progress(evolution.counts()["iterations"], contours))
     return Outcome(contours, _stats(evolution, starts, contours))

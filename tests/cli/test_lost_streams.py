@@ -73,6 +73,22 @@ def test_data_lost_on_a_full_disk_is_said(photos: Path) -> None:
     assert shell(f"{FFSEG} config show | head -1", photos).stderr == ""  # the reader has what it wanted
 
 
+def test_data_that_a_closed_stdout_loses_is_said(photos: Path) -> None:
+    """`segment` ended with 0 though its mask had gone nowhere."""
+    for command, code in (("config list", 0), ("segment photos/a.png -", 3)):
+        done = shell(f"{FFSEG} {command} >&-", photos)
+        assert done.returncode == code
+        assert "stdout could not be written (Bad file descriptor)" in done.stderr
+
+
+def test_a_folder_that_has_been_removed_is_said(tmp_path: Path) -> None:
+    done = shell(f"mkdir gone; cd gone; rmdir ../gone; {FFSEG} run {ROOT / 'samples'} --out out", tmp_path)
+    assert (done.returncode, done.stderr) == (
+        2,
+        "ffseg: error: the folder you are in has been removed; change to another\n",
+    )
+
+
 def test_a_terminal_that_goes_ends_the_run_in_order(tmp_path: Path) -> None:
     (tmp_path / "photos").mkdir()
     for index in range(400):

@@ -134,3 +134,13 @@ SHOWN = {
 def test_printable(name: str, shown: str) -> None:
     assert printable(name) == shown
     assert printable(name).encode("utf-8").decode() == shown
+
+
+@pytest.mark.parametrize(
+    ("code", "remedy"),
+    [(errno.ENOSPC, "free some space"), (errno.EMFILE, "ulimit -n"), (errno.EACCES, "check the folder")],
+)
+def test_the_remedy_is_of_the_reason(code: int, remedy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "open", _failing("open", code))
+    with pytest.raises(OutputError, match=remedy):
+        write_bytes_atomic(tmp_path / "a.bin", b"one")

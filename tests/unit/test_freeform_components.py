@@ -116,3 +116,10 @@ def test_fronts_meet_across_the_borders_of_strips(row: float) -> None:
     made.advance(5)
     upper = [contour for contour in contours(made) if contour.bounding_box[0][1] < 450]
     assert sum(contour.signed_area > 0 for contour in upper) == 1
+
+
+@pytest.mark.parametrize(("shape", "radius"), [((1, 1), 40), ((1, 140), 6), ((5, 1), 40)])
+def test_no_hole_is_left_without_a_region(shape: tuple[int, int], radius: float) -> None:
+    """A start wider than the image is turned inside out; the table had a hole in nothing."""
+    result = ffseg.segment(np.zeros(shape, np.uint8), {"init.radius": radius})
+    assert (result.mask.any(), result.contours, result.num_holes) == (False, (), 0)

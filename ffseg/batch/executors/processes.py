@@ -183,7 +183,8 @@ class Processes:
         if not count:
             raise UsageError(f"no worker process can be started ({reason}); raise the limits of ulimit -n and -u")
         self._num_workers = count
-        self._news.append(Note(f"only {count} worker processes can be started ({reason}); the run goes on with them"))
+        started = f"only {count} worker process{'es' * (count > 1)} can be started"
+        self._news.append(Note(f"{started} ({reason}); the run goes on with {'them' if count > 1 else 'it'}"))
         return None
 
     def _adopt(self, process: Process) -> Worker:

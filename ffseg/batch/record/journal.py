@@ -14,8 +14,8 @@ from typing import Any, BinaryIO
 from ffseg.batch.discover import STATE_FOLDER
 from ffseg.batch.record.streams import atomic_stream
 from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record, record_line
-from ffseg.errors import OutputError, UsageError
-from ffseg.formats.files import printable
+from ffseg.errors import UsageError
+from ffseg.formats.files import printable, unwritten
 
 FORMAT = 2
 """Version of the lines; a journal of another one is not read."""
@@ -118,6 +118,7 @@ class Journal:
         self._others: dict[str, int] = {}
         self._unwritten: dict[int, Record] = {}
         self._end = 0
+        refuse_special(self._path)
         with atomic_stream(self._path) as file:
             self._write(file, json_line({"format": FORMAT, **header}))
             self._take_over(folder, {name: index for index, name in enumerate(names)}, file)
@@ -196,8 +197,7 @@ class Journal:
             place = self._append(record_line(record))
         except OSError as error:
             self._unwritten[index] = record
-            reason = os.strerror(error.errno or 0)
-            raise OutputError(f"{printable(self._path)} cannot be written ({reason}); free some space") from error
+            raise unwritten(self._path, error) from error
         self._unwritten.pop(index, None)
         self._places[index] = place
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 from collections.abc import Iterable, Iterator
 from typing import BinaryIO
 
-from ffseg.errors import OutputError
-from ffseg.formats.files import printable, require_replaceable, temporary_path
+from ffseg.formats.files import require_replaceable, temporary_path, unwritten
 
 _BUFFER = 1 << 20
 
@@ -32,8 +30,7 @@ def atomic_stream(path: str) -> Iterator[BinaryIO]:
             os.fsync(file.fileno())
         os.replace(temporary, path)
     except OSError as error:
-        remedy = "free some space" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "check the folder"
-        raise OutputError(f"{printable(path)} cannot be written ({os.strerror(error.errno or 0)}); {remedy}") from error
+        raise unwritten(path, error) from error
     finally:
         with contextlib.suppress(OSError):  # it has got its name, or was never made
             os.unlink(temporary)

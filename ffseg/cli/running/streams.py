@@ -42,13 +42,15 @@ def harden() -> None:
     """Give the program standard streams that cannot end it.
 
     A stream that was closed when the program began becomes ``/dev/null``: otherwise the next file that is opened would
-    take its number, and what is printed would go into that file.
+    take its number, and what is printed would go into that file. For stdout it is opened to be read only, so that data
+    which is lost there counts as lost.
     """
     for descriptor in _STANDARD:
         try:
             os.fstat(descriptor)
         except OSError:
-            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # takes the lowest free number: this one
+            flags = os.O_RDONLY if descriptor == 1 else os.O_RDWR
+            os.set_inheritable(os.open(os.devnull, flags), True)  # takes the lowest free number: this one
     sys.stdout, sys.stderr = _tolerant(1, sys.stdout), _tolerant(2, sys.stderr)
 
 
