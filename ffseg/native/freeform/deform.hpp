@@ -69,26 +69,28 @@ template <int D>
 void displace(Contour<D>& contour, int i, const Motion<D>& motion) {
     Patch<D>& patch = contour[i];
     const Patch<D>& prev = contour[patch.prev];
-    patch.steady = patch.reverted = 0;
+    unsigned steady = 0;
     double free = contour.field.free_reach(motion.points[D]);
     bool near_edges = free <= 0;
     for (int k = D - 1; k >= 0; --k) {
         const double ahead = free;
         free = contour.field.free_reach(motion.points[k]);
         // Could the curve between this sample and the next, wherever they move now, be near anything blocked?
-        near_edges = near_edges || free + ahead < kBulge * motion.chord[k] + 2 * contour.options.balloon;
+        near_edges |= free + ahead < kBulge * motion.chord[k] + 2 * contour.options.balloon;
         const Vec2 tangent = k > 0 ? motion.tangent[k] : unit(motion.tangent[0] + prev.end_tangent);
         const Vec2 normal{tangent.y, -tangent.x};
         const double s = reach(contour.field, motion.points[k], normal, contour.options.balloon, free);
         Vec2 to = motion.points[k] + s * normal;
-        if (free > s + 1.0) {  // even out the spacing along the tangent; the shape keeps to first order
-            const double back = k > 0 ? motion.chord[k - 1] : prev.last_chord;
-            to += std::min(std::max(0.25 * (motion.chord[k] - back), -1.0), 1.0) * tangent;
-        }
-        if (s < kSteady) patch.steady |= static_cast<std::uint8_t>(1u << k);
+        // Well off edges the spacing is evened out along the tangent; the shape keeps to first order.
+        const double back = k > 0 ? motion.chord[k - 1] : prev.last_chord;
+        const double aside = std::min(std::max(0.25 * (motion.chord[k] - back), -1.0), 1.0);
+        to += (free > s + 1.0 ? aside : 0.0) * tangent;
+        steady |= static_cast<unsigned>(s < kSteady) << k;
         patch.before[k] = to;  // swapped with m when every sample has its target
     }
     patch.near_edges = near_edges;
+    patch.steady = static_cast<std::uint8_t>(steady);
+    patch.reverted = 0;
 }
 
 // All samples move at once (Eq. 7 with displacements along the normals, at a joint along the mean of both patches').

@@ -29,7 +29,7 @@ bool open_ahead(const Contour<D>& contour, const Spread<D>& points, int k, doubl
     constexpr int kSub = Basis<D>::kSub, kSteps = static_cast<int>(kUncovered / kMarchStep);
     const int apart = chord <= 3.0 ? 4 : chord <= 6.0 ? 2 : 1;
     const int pieces = kClosely ? static_cast<int>(std::ceil(chord / (kSub * kCloseTest))) : 1;
-    const Places<D> first(kBasis<D>.places[k], points), stride(kBasis<D>.strides[k], points);
+    const Places<D> first(kBasis<D>.places[k], points);
     Places<D> along(kBasis<D>.headings[k], points);
     std::array<bool, kSub> wanted{};
     std::array<float, kSub> dx, dy, size;
@@ -44,11 +44,14 @@ bool open_ahead(const Contour<D>& contour, const Spread<D>& points, int k, doubl
     std::memcpy(&along.y, dy.data(), sizeof dy);
     for (int j = 0; j < kSub; j += apart) wanted[j] = size[j] > 0;
     for (int piece = kClosely ? 1 : 0; piece < pieces; ++piece) {
-        const float u = static_cast<float>(piece) / static_cast<float>(pieces);
         Places<D> at = first;
-        for (int q = 0; q < Places<D>::kFours; ++q) {
-            at.x[q] = at.x[q] + stride.x[q] * u;
-            at.y[q] = at.y[q] + stride.y[q] * u;
+        if constexpr (kClosely) {
+            const Places<D> stride(kBasis<D>.strides[k], points);
+            const float u = static_cast<float>(piece) / static_cast<float>(pieces);
+            for (int q = 0; q < Places<D>::kFours; ++q) {
+                at.x[q] = at.x[q] + stride.x[q] * u;
+                at.y[q] = at.y[q] + stride.y[q] * u;
+            }
         }
         std::array<bool, kSub> free = wanted;
         free[0] = free[0] && piece > 0;  // the first is a sample

@@ -66,6 +66,10 @@ bool sweep(Contour<D>& contour, Visit visit) {
     for (const int i : contour.order) {
         const Box& box = contour.box(i);
         const bool moves = moving[static_cast<std::size_t>(i)] != 0;
+        if (count == 1) {
+            strips[0].push(box, i, moves);
+            continue;
+        }
         for (std::size_t at = strip_of(box.y0), last = strip_of(box.y1); at <= last; ++at)
             strips[at].push(box, i, moves);
     }

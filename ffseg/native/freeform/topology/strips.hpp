@@ -41,7 +41,10 @@ public:
         const std::size_t count = count_;
         std::fill_n(left_.begin() + static_cast<std::ptrdiff_t>(count), kBlock, std::numeric_limits<float>::infinity());
         next_moving_[count] = count;
-        for (std::size_t at = count; at-- > 0;) next_moving_[at] = moving_[at] != 0 ? at : next_moving_[at + 1];
+        for (std::size_t at = count, next = count; at-- > 0;) {
+            next = moving_[at] != 0 ? at : next;
+            next_moving_[at] = next;
+        }
         bool any = false;
         for (std::size_t at = 0; at < count; ++at) {
             const bool moving = moving_[at] != 0;
