@@ -114,6 +114,16 @@ class Region(Section):
     border: str = declared(
         "free", Text(("free", "outside")), "outside = the image's border lies outside the region, as round a thing"
     )
+    weight: float = declared(
+        0.0,
+        Number(0, 10),
+        "of colour in the balloon's pressure: 1 + weight x log odds of swept ground against the rest; 0 = edges alone",
+    )
+    window: float = declared(
+        0.0,
+        Number(0, 10_000),
+        "px, 16 or more; colours are compared within windows so wide and those beside; 0 = the whole image",
+    )
     islands: bool = declared(
         True,
         Flag(),

@@ -136,8 +136,20 @@ class EvolutionOptions:
     @ridge_low.setter
     def ridge_low(self, arg: float, /) -> None: ...
 
+    @property
+    def weight(self) -> float: ...
+
+    @weight.setter
+    def weight(self, arg: float, /) -> None: ...
+
+    @property
+    def window(self) -> float: ...
+
+    @window.setter
+    def window(self, arg: float, /) -> None: ...
+
 class Evolution:
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], edges: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, options: EvolutionOptions) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], edges: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, options: EvolutionOptions, image: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order='C', device='cpu', writable=False)] | None = None) -> None: ...
 
     def advance(self, iterations: int) -> bool:
         """Runs iterations; False once the contour has stopped."""
@@ -171,6 +183,16 @@ class RowSums:
         """
         Sums over the region of closed contours, over its inner and over its outer band, into rows of `out`.
         """
+
+class Pressure:
+    """The balloon's pressure by colour."""
+
+    def __init__(self, image: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], weight: float, window: float) -> None: ...
+
+    def fit(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], degree: int, closes_in: bool) -> None: ...
+
+    def at(self, x: float, y: float) -> float:
+        """The share of the full pressure there."""
 
 def path_text(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], degree: int) -> str:
     """

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed, unpacked
 from ffseg.image.edges import GRADIENT_SCALE
@@ -39,7 +42,11 @@ def run(view: View) -> Outcome:
     shrinking = params.contour.balloon < 0
     oriented = tuple(c.reversed() for c in starts) if shrinking else starts
     evolution = _core.Evolution(
-        *packed(oriented), edge_map.edges, edge_map.domain, native_options(params, edge_map.thresholds[0])
+        *packed(oriented),
+        edge_map.edges,
+        edge_map.domain,
+        native_options(params, edge_map.thresholds[0]),
+        _colours(view),
     )
     if evolution.stop_reason == "blocked":
         raise BlockedStartError("move init.center, change init.radius or raise edges.canny")
@@ -76,7 +83,15 @@ def native_options(params: Parameters, low: float) -> _core.EvolutionOptions:
     options.clearance = contour.clearance
     options.settle = contour.settle
     options.ridge_low = RIDGE_SHARE * low * GRADIENT_SCALE
+    options.weight, options.window = params.region.weight, params.region.window
     return options
+
+
+def _colours(view: View) -> NDArray[np.uint8] | None:
+    """The image by channels, shape (H, W, C), where its colours have a weight."""
+    if view.params.region.weight == 0:
+        return None
+    return np.ascontiguousarray(view.image[..., None] if view.image.ndim == 2 else view.image)
 
 
 def _stats(evolution: _core.Evolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]) -> Stats:

@@ -110,10 +110,14 @@ def evolve(core: ModuleType, draws: Draws) -> None:
         {
             "degree": range(1, 7), "split_threshold": (8, 14), "balloon": (1, 2, 4), "refine": (0, 1),
             "topology": (0, 1), "max_iterations": (3, 2000), "clearance": (0, 0, 3), "settle": (0, 4, 16),
-            "ridge_low": (0, 1),
+            "ridge_low": (0, 1), "weight": (0, 1), "window": (0, 16),
         },
     )  # fmt: skip
-    evolution = core.Evolution(*draws.contours(max(1, min(6, options.degree))), draws.marks(), draws.domain(), options)
+    contours, image = (
+        draws.contours(max(1, min(6, options.degree))),
+        draws.plane(np.uint8, 256, int(draws.rng.integers(1, 5))),
+    )
+    evolution = core.Evolution(*contours, draws.marks(), draws.domain(), options, image if draws.once(2) else None)
     evolution.advance(int(draws.rng.integers(-1, 6)))
     evolution.settle(draws.plane(np.uint16, 1 << 16))
     found, ends = evolution.contours()

@@ -12,7 +12,7 @@ import pytest
 from ffseg.errors import ParameterError
 from ffseg.image.edges import GRADIENT_SCALE
 from ffseg.native import _core
-from ffseg.parameters import Contour, Edges, Init, Parameters, load_params, presets
+from ffseg.parameters import Contour, Edges, Init, Parameters, Region, load_params, presets
 from ffseg.schema.sections import leaves
 from ffseg.segmenters.freeform import native_options
 
@@ -163,9 +163,10 @@ def test_the_core_has_no_defaults_of_its_own(name: str) -> None:
 
 def test_every_option_of_the_evolution_comes_from_the_parameters() -> None:
     contour = Contour(2, 8, 31.0, -3.0, max_iterations=7, clearance=9.0, settle=2.5)
-    options = native_options(Parameters(contour=contour), 20.0)
+    options = native_options(Parameters(contour=contour, region=Region(weight=0.5, window=64)), 20.0)
     found = {key: getattr(options, key) for key in dir(options) if not key.startswith("_")}
     assert found == {
         "degree": 2, "split_threshold": 31.0, "balloon": 3.0, "refine": True, "topology": True, "max_iterations": 7,
         "clearance": 9.0, "settle": 2.5, "ridge_low": 10 * GRADIENT_SCALE,
+        "weight": 0.5, "window": 64.0,
     }  # fmt: skip

@@ -17,6 +17,7 @@ using ffseg::Bytes;
 using ffseg::Indices;
 using ffseg::Points;
 using ffseg::Words;
+using Colours = ffseg::Array<const std::uint8_t, nb::ndim<3>>;
 
 ffseg::freeform::ContourSet contour_set(const Points& points, const Indices& offsets, int degree) {
     ffseg::freeform::ContourSet set{ffseg::points_of(points, std::numeric_limits<double>::max()), {}};
@@ -28,18 +29,20 @@ ffseg::freeform::ContourSet contour_set(const Points& points, const Indices& off
 void check(const ffseg::freeform::EvolutionOptions& o) {
     const bool sane = o.degree >= 1 && o.degree <= 6 && o.split_threshold >= 1 && o.split_threshold <= 1e6 &&
                       o.balloon > 0 && o.balloon <= 1e3 && o.max_iterations >= 0 && o.clearance >= 0 &&
-                      o.clearance <= 1e4 && o.settle >= 0 && o.settle <= 16 && o.ridge_low >= 0;
+                      o.clearance <= 1e4 && o.settle >= 0 && o.settle <= 16 && o.ridge_low >= 0 && o.weight >= 0 &&
+                      o.weight <= 1e3 && o.window >= 0 && o.window <= 1e5;
     if (!sane) throw std::invalid_argument("an evolution option is out of range");
 }
 
 // Holds the evolution only: edge map and domain are read while it is made.
 struct PyEvolution {
+    std::optional<Colours> image;  // looked at as the evolution goes on
     std::unique_ptr<ffseg::freeform::Evolution> evolution;
     std::size_t height, width;
 
     PyEvolution(const Points& points, const Indices& offsets, const Bytes& edges, std::optional<Bytes> domain,
-                const ffseg::freeform::EvolutionOptions& options)
-        : height(edges.shape(0)), width(edges.shape(1)) {
+                const ffseg::freeform::EvolutionOptions& options, const std::optional<Colours>& given)
+        : image(given), height(edges.shape(0)), width(edges.shape(1)) {
         check(options);
         if (height == 0 || width == 0 || height > 65535 || width > 65535) {
             throw std::invalid_argument("the edge map must have 1 to 65535 pixels a side");
@@ -47,11 +50,20 @@ struct PyEvolution {
         if (domain && (domain->shape(0) != height || domain->shape(1) != width)) {
             throw std::invalid_argument("the domain differs in size from the edge map");
         }
+        ffseg::freeform::ColourView colours;
+        if (image) {
+            if (image->shape(0) != height || image->shape(1) != width) {
+                throw std::invalid_argument("the image differs in size from the edge map");
+            }
+            const std::size_t channels = image->shape(2);
+            if (channels < 1 || channels > 3) throw std::invalid_argument("one to three channels");
+            colours = {image->data(), static_cast<int>(channels)};
+        }
         const ffseg::freeform::ContourSet starts = contour_set(points, offsets, options.degree);
         const std::uint8_t* limits = domain ? domain->data() : nullptr;
         nb::gil_scoped_release release;
         evolution = ffseg::freeform::make_evolution(starts, edges.data(), limits, static_cast<int>(height),
-                                                    static_cast<int>(width), options);
+                                                    static_cast<int>(width), options, colours);
     }
 
     bool advance(int iterations) {
@@ -111,10 +123,13 @@ void bind_freeform(nb::module_& m) {
         .def_rw("max_iterations", &Options::max_iterations)
         .def_rw("clearance", &Options::clearance)
         .def_rw("settle", &Options::settle)
-        .def_rw("ridge_low", &Options::ridge_low);
+        .def_rw("ridge_low", &Options::ridge_low)
+        .def_rw("weight", &Options::weight)
+        .def_rw("window", &Options::window);
     nb::class_<PyEvolution>(m, "Evolution")
-        .def(nb::init<const Points&, const Indices&, const Bytes&, std::optional<Bytes>, const Options&>(), "points"_a,
-             "offsets"_a, "edges"_a, "domain"_a.none(), "options"_a)
+        .def(nb::init<const Points&, const Indices&, const Bytes&, std::optional<Bytes>, const Options&,
+                      const std::optional<Colours>&>(),
+             "points"_a, "offsets"_a, "edges"_a, "domain"_a.none(), "options"_a, "image"_a.none() = nb::none())
         .def("advance", &PyEvolution::advance, "iterations"_a, "Runs iterations; False once the contour has stopped.")
         .def("settle", &PyEvolution::settle, "gradient"_a, "Attracts the contour to the ridge of the gradient.")
         .def("contours", &PyEvolution::contours, "Control points (M, 2) of all contours and their offsets.")

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <unordered_set>
 #include <utility>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "freeform/ground/field.hpp"
 #include "freeform/pool.hpp"
 #include "freeform/topology/strips.hpp"
+#include "region/pressure.hpp"
 
 namespace ffseg::freeform {
 
@@ -203,6 +205,7 @@ public:
 
     EvolutionOptions options;
     ground::Field field;
+    std::unique_ptr<region::Pressure> pressure;  // by colour, where it has any weight
     EvolutionCounts counts;
     std::vector<int> active, order, freed;
     std::size_t num_ordered = 0;
@@ -212,5 +215,11 @@ public:
     Effort effort;
     Buffers<D> buffers;
 };
+
+// Does the colour there stop the front (region.weight)?
+template <int D>
+bool colour_stops(const Contour<D>& contour, Vec2 p) {
+    return contour.pressure != nullptr && contour.pressure->stops(p);
+}
 
 }  // namespace ffseg::freeform

@@ -17,6 +17,8 @@ constexpr double kCautiousStep = 2.0;
 // Discs round two samples whose radii sum to this many times the distance between them hold the curve in between: two
 // equal ones reach 0.41 of the distance to the side of its middle.
 constexpr double kBulge = 1.3;
+// An edge so few pixels ahead decides alone, whatever the colours say (region.weight): they are seen less sharply.
+constexpr double kEdgeAhead = 2.0;
 // A sample that moved less than half a march step is steady.
 constexpr double kSteady = 0.25;
 
@@ -60,6 +62,11 @@ void measure(Contour<D>& contour, int i, Motion<D>& motion) {
     for (int k = 0; k <= D; ++k) scale[k] = 1.0 / size[k];
     for (int k = 0; k <= D; ++k) slope[k] = size[k] > 0 ? scale[k] * slope[k] : Vec2{};
     std::copy_n(slope.begin(), D, motion.tangent.begin());
+    if (contour.pressure != nullptr) {
+        for (int k = 0; k < D; ++k) {
+            contour.pressure->prefetch(motion.points[k] + contour.options.balloon * Vec2{slope[k].y, -slope[k].x});
+        }
+    }
     contour[i].end_tangent = slope[D];
     std::copy_n(size.begin() + D + 1, D, motion.chord.begin());
     contour[i].last_chord = motion.chord[D - 1];
@@ -79,7 +86,10 @@ void displace(Contour<D>& contour, int i, const Motion<D>& motion) {
         near_edges |= free + ahead < kBulge * motion.chord[k] + 2 * contour.options.balloon;
         const Vec2 tangent = k > 0 ? motion.tangent[k] : unit(motion.tangent[0] + prev.end_tangent);
         const Vec2 normal{tangent.y, -tangent.x};
-        const double s = reach(contour.field, motion.points[k], normal, contour.options.balloon, free);
+        double s = reach(contour.field, motion.points[k], normal, contour.options.balloon, free);
+        if (contour.pressure != nullptr && s >= std::min(kEdgeAhead, contour.options.balloon)) {
+            s = contour.pressure->reach(motion.points[k], normal, s);
+        }
         Vec2 to = motion.points[k] + s * normal;
         // Well off edges the spacing is evened out along the tangent; the shape keeps to first order.
         const double back = k > 0 ? motion.chord[k - 1] : prev.last_chord;

@@ -23,6 +23,8 @@ using settling::Samples;
 
 // Patches there may be beside one for every 16 pixels: more only come from a contour that runs over itself for ever.
 constexpr int kMostPatches = 1000;
+// A front at rest is asked again so often whether the colours it has swept since let it on.
+constexpr int kMostRounds = 32;
 
 // The loop of Algorithm 4, which begins with a contour that needs no split or flip yet. True while the contour moves.
 template <int D>
@@ -53,7 +55,7 @@ template <int D>
 class Evolving final : public Evolution {
 public:
     Evolving(const ContourSet& starts, const std::uint8_t* edges, const std::uint8_t* domain, int height, int width,
-             const EvolutionOptions& options)
+             const EvolutionOptions& options, const ColourView& colours)
         : contour_(starts, edges, domain, height, width, options),
           most_patches_(kMostPatches + height * (width / 16) + static_cast<int>(starts.points.size())) {
         double area = 0.0;
@@ -67,6 +69,10 @@ public:
         }
         const bool fits = options.clearance <= 0 || contour_.field.close_passages(edges, samples, options.clearance);
         if (samples.empty() || !fits) reason_ = StopReason::kBlocked;
+        if (colours.data != nullptr && options.weight > 0) {
+            contour_.pressure = std::make_unique<region::Pressure>(
+                region::Picture{colours.data, height, width, colours.channels}, options.weight, options.window);
+        }
     }
 
     bool advance(int iterations) override {
@@ -75,8 +81,9 @@ public:
                 reason_ = StopReason::kMaxIterations;
             } else if (contour_.num_alive() > most_patches_) {
                 reason_ = StopReason::kMaxPatches;
-            } else if (!evolve(contour_) && !(contour_.options.refine && wake_open(contour_))) {
-                finish();
+            } else {
+                if (contour_.pressure != nullptr && contour_.counts.iterations >= next_fit_) fit_pressure();
+                if (!evolve(contour_) && !(contour_.options.refine && (wake_open(contour_) || wake_anew()))) finish();
             }
         }
         return reason_ == StopReason::kRunning;
@@ -113,6 +120,23 @@ public:
     StopReason stop_reason() const override { return reason_; }
 
 private:
+    // What has been swept is learned at the start, then whenever the iterations have doubled.
+    void fit_pressure() {
+        const ContourSet now = contours();
+        contour_.pressure->fit({now.points, now.offsets, D}, contour_.outside_filled);
+        next_fit_ = std::max(1, 2 * contour_.counts.iterations);
+    }
+
+    // A front that the colours hold is asked again by all that it has swept since. Says whether any patch was woken.
+    bool wake_anew() {
+        if (contour_.pressure == nullptr || rounds_ == kMostRounds) return false;
+        ++rounds_;
+        fit_pressure();
+        contour_.memory.retried.clear();
+        for (int i : contour_.order) contour_[i].examined = false;
+        return wake_open(contour_);
+    }
+
     void finish() {
         if (contour_.options.topology) topology::drop_nested(contour_);
         contour_.reclaim();
@@ -126,15 +150,17 @@ private:
     std::vector<Samples> settled_;  // once they have settled
     StopReason reason_ = StopReason::kRunning;
     int most_patches_;
+    int next_fit_ = 0, rounds_ = 0;  // of the pressure by colour
 };
 
 }  // namespace
 
 std::unique_ptr<Evolution> make_evolution(const ContourSet& starts, const std::uint8_t* edges,
                                           const std::uint8_t* domain, int height, int width,
-                                          const EvolutionOptions& options) {
+                                          const EvolutionOptions& options, const ColourView& colours) {
     const auto make = [&](auto degree) -> std::unique_ptr<Evolution> {
-        return std::make_unique<Evolving<decltype(degree)::value>>(starts, edges, domain, height, width, options);
+        return std::make_unique<Evolving<decltype(degree)::value>>(starts, edges, domain, height, width, options,
+                                                                   colours);
     };
     switch (options.degree) {
         case 1: return make(std::integral_constant<int, 1>{});

@@ -19,6 +19,8 @@ struct EvolutionOptions {  // defaults live with the parameters
     double clearance = 0.0;  // px
     double settle = 0.0;     // px, reach of the attraction to the ridge; 0 switches it off
     double ridge_low = 0.0;  // stored units: gradients below it are no ridge
+    double weight = 0.0;     // of colours in the pressure
+    double window = 0.0;     // px, see region::Pressure
 };
 
 struct EvolutionCounts {
@@ -31,6 +33,12 @@ enum class StopReason { kRunning, kConverged, kMaxIterations, kMaxPatches, kVani
 struct ContourSet {
     std::vector<Vec2> points;
     std::vector<std::size_t> offsets{0};
+};
+
+// The image whose colours take part in the pressure, kept by its owner as long as the evolution.
+struct ColourView {
+    const std::uint8_t* data = nullptr;  // none takes part
+    int channels = 0;
 };
 
 struct GradientView {
@@ -54,6 +62,6 @@ public:
 // The edge and domain arrays are read here only. Throws std::invalid_argument.
 std::unique_ptr<Evolution> make_evolution(const ContourSet& starts, const std::uint8_t* edges,
                                           const std::uint8_t* domain, int height, int width,
-                                          const EvolutionOptions& options);
+                                          const EvolutionOptions& options, const ColourView& colours);
 
 }  // namespace ffseg::freeform

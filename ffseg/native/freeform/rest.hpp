@@ -22,6 +22,15 @@ constexpr double kTipChord = 4.0, kTipTurn = 0.7;
 // Pixels across an edge with the band on its two sides.
 constexpr int kBandWidth = 3;
 
+// Do the colours let the front on to any of these places?
+template <int D>
+bool any_unstopped(const Contour<D>& contour, const Places<D>& at, const std::array<bool, Basis<D>::kSub>& wanted) {
+    for (std::size_t j = 0; j < wanted.size(); ++j) {
+        if (wanted[j] && !colour_stops(contour, {at.x[j / 4][j % 4], at.y[j / 4][j % 4]})) return true;
+    }
+    return false;
+}
+
 // Is there room ahead of a place between samples k and k + 1? Several are looked at side by side, a step farther along
 // their normals as long as one of them is free; once more closely, at places between those.
 template <bool kClosely, int D>
@@ -68,7 +77,7 @@ bool open_ahead(const Contour<D>& contour, const Spread<D>& points, int k, doubl
                 at.y[q] = at.y[q] - along.x[q];
             }
         }
-        if (any) return true;
+        if (any && (contour.pressure == nullptr || any_unstopped(contour, at, free))) return true;
     }
     return false;
 }
@@ -88,9 +97,12 @@ bool can_advance(const Contour<D>& contour, int i) {
     return false;
 }
 
-// Is the nearest blocked pixel farther from p, which nothing stops along the normal, than an edge band is wide?
-inline bool in_the_open(const ground::Field& field, Vec2 p) {
-    return !field.blocked_beside(p) && !field.blocked_within(p, kBandWidth);  // mostly it is the next one
+// Is the nearest blocked pixel farther from p, which nothing stops along the normal, than an edge band is wide, and no
+// colour near that stops the front?
+template <int D>
+bool in_the_open(const Contour<D>& contour, Vec2 p) {
+    if (contour.field.blocked_beside(p) || contour.field.blocked_within(p, kBandWidth)) return false;  // mostly beside
+    return contour.pressure == nullptr || !contour.pressure->stops_near(p);
 }
 
 // Does a sample that moves pass its neighbour, so that the curve would run back there?
@@ -132,7 +144,8 @@ bool move_on(Contour<D>& contour, int i, int k, Vec2 last, Vec2 tangent, int& hi
     for (std::size_t at = shut ? kFirstAslant : 0; at < kWays.size(); ++at) {
         const Way& way = kWays[at];
         const Vec2 heading = way.turn.x * normal + way.turn.y * tangent, to = from + way.length * heading;
-        if (contour.field.blocked(to) || passes(from, to, after) || passes(from, to, last)) continue;
+        if (contour.field.blocked(to) || colour_stops(contour, to) || passes(from, to, after) || passes(from, to, last))
+            continue;
         if (reach(contour.field, from, heading, way.length, 0.0) < way.length) continue;
         if (contour.memory.retried.count(contour.field.pixel(to)) != 0) continue;
         patch.m[k] = to;
@@ -197,7 +210,9 @@ bool held_back(const Contour<D>& contour, int i) {
     for (int k = 0; k < D; ++k) {
         if ((patch.reverted >> k & 1u) == 0) continue;
         const Vec2 tangent = unit(apply<D>(kBasis<D>.slope[k], points));
-        if (reach(contour.field, points[k], {tangent.y, -tangent.x}, kHeldBack, 0.0) >= kHeldBack) return true;
+        const Vec2 normal{tangent.y, -tangent.x};
+        if (colour_stops(contour, points[k] + kHeldBack * normal)) continue;
+        if (reach(contour.field, points[k], normal, kHeldBack, 0.0) >= kHeldBack) return true;
     }
     return false;
 }
@@ -207,7 +222,7 @@ template <int D>
 bool all_held(const Contour<D>& contour) {
     return std::all_of(contour.order.begin(), contour.order.end(), [&](int i) {
         const auto& samples = contour[i].m;
-        return std::none_of(samples.begin(), samples.end(), [&](Vec2 p) { return in_the_open(contour.field, p); });
+        return std::none_of(samples.begin(), samples.end(), [&](Vec2 p) { return in_the_open(contour, p); });
     });
 }
 
@@ -223,7 +238,7 @@ bool wake_open(Contour<D>& contour) {
         if (!contour[i].alive || contour[i].examined) continue;
         const auto& samples = contour[i].m;
         const auto stray =
-            std::find_if(samples.begin(), samples.end(), [&](Vec2 p) { return in_the_open(contour.field, p); });
+            std::find_if(samples.begin(), samples.end(), [&](Vec2 p) { return in_the_open(contour, p); });
         const bool open = stray != samples.end();
         contour.memory.num_stray += open;
         const bool ahead = open || (contour.splittable(i) &&

@@ -4,6 +4,7 @@
 
 #include "bindings.hpp"
 #include "common/arrays.hpp"
+#include "region/pressure.hpp"
 #include "region/sums.hpp"
 
 namespace nb = nanobind;
@@ -74,6 +75,35 @@ void measure(const RowSums& self, const Points& points, const Indices& offsets, 
     }
 }
 
+// The pressure by colour on its own, for tests: an evolution makes its own one.
+struct PyPressure {
+    Bytes image;
+    ffseg::region::Pressure pressure;
+
+    PyPressure(const Bytes& given, double weight, double window)
+        : image(given), pressure(checked(given, weight, window), weight, window) {}
+
+    static ffseg::region::Picture checked(const Bytes& image, double weight, double window) {
+        const std::size_t height = image.shape(0), width = image.shape(1), channels = image.shape(2);
+        if (height < 1 || width < 1 || height > 65535 || width > 65535 || channels < 1 || channels > 3) {
+            throw std::invalid_argument("an image of 1 to 65535 pixels a side and one to three channels");
+        }
+        if (!(weight > 0 && weight <= 1e3 && window >= 0 && window <= 1e5)) {
+            throw std::invalid_argument("the weight or the window is out of range");
+        }
+        return {image.data(), static_cast<int>(height), static_cast<int>(width), static_cast<int>(channels)};
+    }
+
+    void fit(const Points& points, const Indices& offsets, int degree, bool closes_in) {
+        if (degree < 1 || degree > ffseg::raster::kMaxDegree) throw std::invalid_argument("the degree must be 1 to 6");
+        const std::vector<ffseg::Vec2> control = ffseg::points_of(points, kFarthest);
+        const std::vector<std::size_t> ends = ffseg::patch_ends_of(offsets, control.size(), degree);
+        pressure.fit({control, ends, degree}, closes_in);
+    }
+
+    double at(double x, double y) const { return pressure.at({x, y}); }
+};
+
 }  // namespace
 
 void bind_region(nb::module_& m) {
@@ -82,4 +112,8 @@ void bind_region(nb::module_& m) {
         .def_prop_ro("length", &RowSums::length, "Sums of a set: pixels, channels, products, histogram.")
         .def("measure", &measure, "points"_a, "offsets"_a, "degree"_a, "tolerance"_a, "band"_a, "out"_a,
              "Sums over the region of closed contours, over its inner and over its outer band, into rows of `out`.");
+    nb::class_<PyPressure>(m, "Pressure", "The balloon's pressure by colour.")
+        .def(nb::init<const Bytes&, double, double>(), "image"_a, "weight"_a, "window"_a)
+        .def("fit", &PyPressure::fit, "points"_a, "offsets"_a, "degree"_a, "closes_in"_a)
+        .def("at", &PyPressure::at, "x"_a, "y"_a, "The share of the full pressure there.");
 }

@@ -100,17 +100,19 @@ void RowSums::add_span(const Span& span, std::int64_t* totals) const {
     add_pixels<C>(at(span.y, first * kBlock), span.begin - first * kBlock, -1, totals);
 }
 
+void RowSums::add(const Span& span, Totals& totals) const {
+    if (channels_ == 1) {
+        add_span<1>(span, totals.data());
+    } else if (channels_ == 2) {
+        add_span<2>(span, totals.data());
+    } else {
+        add_span<3>(span, totals.data());
+    }
+}
+
 Totals RowSums::over(const Spans& spans) const {
     Totals totals(length(), 0);
-    for (const Span& span : spans) {
-        if (channels_ == 1) {
-            add_span<1>(span, totals.data());
-        } else if (channels_ == 2) {
-            add_span<2>(span, totals.data());
-        } else {
-            add_span<3>(span, totals.data());
-        }
-    }
+    for (const Span& span : spans) add(span, totals);
     return totals;
 }
 

@@ -26,6 +26,8 @@ public:
     std::size_t length() const { return 1 + moments_ + bins_; }
 
     Totals over(const Spans& spans) const;
+    // Adds the sums of one span.
+    void add(const Span& span, Totals& totals) const;
 
 private:
     template <int C>

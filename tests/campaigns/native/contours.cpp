@@ -18,7 +18,7 @@ constexpr int kLongestMap = 65535;
 constexpr int kLongestSettled = 2048;
 
 // The binding's limits: degree 1..6, 1 <= split_threshold <= 1e6, 0 < balloon <= 1e3, max_iterations >= 0,
-// 0 <= clearance <= 1e4, 0 <= settle <= 16, ridge_low >= 0.
+// 0 <= clearance <= 1e4, 0 <= settle <= 16, ridge_low >= 0, 0 <= weight <= 1e3, 0 <= window <= 1e5.
 ffseg::freeform::EvolutionOptions draw_options(Random& random) {
     ffseg::freeform::EvolutionOptions options;
     options.degree = random.among(1, 6);
@@ -31,6 +31,8 @@ ffseg::freeform::EvolutionOptions draw_options(Random& random) {
     options.clearance = random.pick({0.0, 0.0, 0.0, 0.0, 5e-324, 1.0, 3.0, 8.0, 40.0, 1e4});
     options.settle = random.pick({0.0, 5e-324, 1.0, 4.0, 4.0, 16.0});
     options.ridge_low = random.pick({0.0, 1.0, 32.0, 1e9, kInfinite});
+    options.weight = random.pick({0.0, 0.0, 0.0, 5e-324, 0.3, 1.0, 1e3});
+    options.window = random.pick({0.0, 0.0, 5e-324, 16.0, 64.0, 1e5});
     return options;
 }
 
@@ -67,13 +69,16 @@ void draw_mask(const ffseg::freeform::ContourSet& set, int degree, Size size) {
 void evolve(Random& random) {
     const Size size = draw_size(random, 1, kLongestMap);
     const ffseg::freeform::EvolutionOptions options = draw_options(random);
+    const int channels = options.weight > 0 ? random.among(1, 3) : 0;
+    std::vector<std::uint8_t> image(size.count() * static_cast<std::size_t>(channels));  // as long as the evolution
+    for (std::uint8_t& level : image) level = static_cast<std::uint8_t>(random.below(256));
     std::unique_ptr<ffseg::freeform::Evolution> evolution;
     {
         const std::vector<std::uint8_t> edge_map = draw_marks(random, size), domain = draw_domain(random, size);
         const ffseg::freeform::ContourSet starts = draw_starts(random, size, options.degree);
-        evolution =
-            ffseg::freeform::make_evolution(starts, edge_map.data(), or_null(domain), size.height, size.width, options);
-    }  // nothing of the input is read after this
+        evolution = ffseg::freeform::make_evolution(starts, edge_map.data(), or_null(domain), size.height, size.width,
+                                                    options, {or_null(image), channels});
+    }  // nothing else of the input is read after this
     const int most = size.count() > 4000 ? 4 : 40;
     for (int rounds = random.pick({0, 1, 2, 3, 4}); rounds > 0; --rounds) {
         if (!evolution->advance(static_cast<int>(random.scale(1, most)))) break;

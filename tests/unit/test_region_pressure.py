@@ -1,0 +1,156 @@
+"""region.weight: the colours of swept ground against the rest, in the balloon's pressure."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import ffseg
+from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.ragged import packed
+from ffseg.native import _core
+from tests import naive_region
+
+SHAPE = (300, 400)
+GROUND, OTHER = (90.0, 100.0, 110.0), (110.0, 130.0, 90.0)
+NO_EDGES = {"edges.source": "gradient", "edges.canny": [9000, 9999]}
+"""No gradient of 8-bit levels is so strong: what stops the front is colour."""
+
+
+def region() -> NDArray[np.bool_]:
+    """An ellipse with a round hole."""
+    y, x = np.indices(SHAPE)
+    hole = (x - 250) ** 2 + (y - 160) ** 2 < 25**2
+    return (((x - 200) / 150) ** 2 + ((y - 150) / 110) ** 2 < 1) & ~hole
+
+
+def picture(noise: float = 6.0) -> NDArray[np.uint8]:
+    levels = np.where(region()[..., None], GROUND, OTHER) + np.random.default_rng(0).normal(0, noise, (*SHAPE, 3))
+    return np.clip(levels, 0, 255).astype(np.uint8)
+
+
+def iou(result: ffseg.Segmentation, truth: NDArray[np.bool_]) -> float:
+    return float((result.mask & truth).sum() / (result.mask | truth).sum())
+
+
+SLACK = 2.0
+"""Pixels the contour may lie off on the mean: the front looks a pixel ahead, at the mean of three pixels each way."""
+
+LEAST = 1 - SLACK * (822 + 157) / 49_852
+"""IoU, by the perimeters of ellipse (Ramanujan) and hole, and the area."""
+
+
+@pytest.mark.parametrize("window", [0, 96])
+@pytest.mark.parametrize("weight", [0.5, 1.0])
+def test_colours_alone_stop_the_front_and_leave_a_hole(weight: float, window: float) -> None:
+    overrides = {**NO_EDGES, "region.weight": weight, "region.window": window, "init.center": [130, 150]}
+    result = ffseg.segment(picture(), overrides)
+    assert result.num_holes == 1
+    assert iou(result, region()) >= LEAST
+    without = ffseg.segment(picture(), {**overrides, "region.weight": 0})
+    assert without.mask.sum() >= without.mask.size - 4  # nothing else stops it; the corners are cut
+
+
+def test_the_front_that_closes_in_stops_as_well() -> None:
+    truth = (np.indices(SHAPE)[1] - 200) ** 2 + (np.indices(SHAPE)[0] - 150) ** 2 < 80**2
+    noise = np.random.default_rng(1).normal(0, 6, (*SHAPE, 3))
+    image = np.clip(np.where(truth[..., None], GROUND, OTHER) + noise, 0, 255).astype(np.uint8)
+    start = {"init.boxes": [[20, 20, 380, 280]], "contour.balloon": -8}
+    result = ffseg.segment(image, {**NO_EDGES, **start, "region.weight": 1})
+    assert iou(result, truth) >= 1 - 2 * SLACK / 80  # area pi r^2: a ring of SLACK px is 2 SLACK / r of it
+
+
+def test_grey_images_have_one_colour_a_pixel() -> None:
+    result = ffseg.segment(picture()[..., 1], {**NO_EDGES, "region.weight": 1, "init.center": [130, 150]})
+    assert iou(result, region()) >= LEAST
+
+
+def test_edges_stand_where_they_stood() -> None:
+    """Where an edge stops the front too, its place is the edge's to a fraction of a pixel."""
+    image = picture(2.0)
+    plain = {"edges.source": "gradient", "init.center": [130, 150]}
+    without, result = (ffseg.segment(image, {**plain, "region.weight": weight}) for weight in (0, 0.5))
+    assert iou(result, region()) >= iou(without, region()) - 0.0003  # the loss that a region's evidence may cost
+
+
+def test_a_gap_in_the_edge_does_not_leak() -> None:
+    """A wall open over 40 px between two grounds: colours hold the front where no edge does."""
+    truth = np.zeros(SHAPE, np.bool_)
+    truth[:, :200] = True
+    soft = np.clip((np.arange(400) - 180) / 40, 0, 1)[None, :, None]  # no edge
+    levels = np.array(GROUND) * (1 - soft) + np.array(OTHER) * soft + np.zeros((*SHAPE, 1))
+    levels[:130, 198:202] = levels[170:, 198:202] = 20
+    image = np.clip(levels + np.random.default_rng(2).normal(0, 3, levels.shape), 0, 255).astype(np.uint8)
+    start = {"edges.source": "gradient", "edges.canny": [20, 40], "init.center": [80, 150]}
+    without, result = (ffseg.segment(image, {**start, "region.weight": weight}) for weight in (0, 1))
+    assert without.mask[:, 210:].mean() > 0.9
+    assert result.mask[:, 230:].sum() == 0
+
+
+def test_weight_zero_looks_at_no_colour() -> None:
+    ground = np.zeros(SHAPE, np.uint8)
+    options = _core.EvolutionOptions()
+    options.degree, options.split_threshold, options.balloon, options.max_iterations = 3, 40.0, 8.0, 12
+    options.refine = options.topology = True
+    start = FreeForm(np.array([150, 150]) + 20 * circle(13 * 3), 3)
+    found = []
+    for image in (None, picture()):
+        evolution = _core.Evolution(*packed([start]), ground, None, options, image)
+        evolution.advance(12)
+        found.append(evolution.contours()[0])
+    np.testing.assert_array_equal(found[0], found[1])
+
+
+def circle(count: int) -> NDArray[np.float64]:
+    angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    return np.stack([np.cos(angle), np.sin(angle)], 1)
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3])
+@pytest.mark.parametrize("closes_in", [False, True])
+def test_the_pressure_is_that_of_two_gaussians(channels: int, closes_in: bool) -> None:
+    rng = np.random.default_rng(channels)
+    swept = np.zeros((128, 160), np.bool_)
+    swept[20:90, 30:110] = True
+    image = np.clip(rng.normal(110, 20, (128, 160, channels)) + 12.0 * swept[..., None], 0, 255).astype(np.uint8)
+    corners = np.array([[29.5, 19.5], [109.5, 19.5], [109.5, 89.5], [29.5, 89.5]])
+    pressure = _core.Pressure(image, 0.1, 0.0)
+    points = corners[::-1] if closes_in else corners
+    pressure.fit(np.ascontiguousarray(points), np.array([0, 4]), 1, closes_in)
+    values = []
+    for x, y in rng.integers(0, (160, 128), (60, 2)):
+        expected = naive_region.pressure(image, swept ^ closes_in, (int(x), int(y)), 0.1, floor=9.0, every=8)
+        values.append(expected)
+        assert pressure.at(float(x), float(y)) == pytest.approx(expected, abs=1e-9)  # sums are whole numbers
+    assert len(set(values)) > 10  # not all cut to 0 or 1
+
+
+def test_windows_see_what_is_near_them() -> None:
+    """Ground that changes its colour slowly: each window has its own, the whole image has both."""
+    x = np.arange(640)
+    levels = np.tile((60 + x / 5)[None, :, None], (128, 1, 3)) + np.random.default_rng(3).normal(0, 2, (128, 640, 3))
+    levels[64:] += 60  # the other ground
+    image = np.clip(levels, 0, 255).astype(np.uint8)
+    corners = np.array([[-0.5, -0.5], [639.5, -0.5], [639.5, 63.5], [-0.5, 63.5]])
+    shares = {}
+    for window in (0.0, 64.0):
+        pressure = _core.Pressure(image, 1.0, window)
+        pressure.fit(corners, np.array([0, 4]), 1, False)
+        shares[window] = pressure.at(100.0, 100.0), pressure.at(100.0, 30.0)
+    assert shares[64.0] == (0.0, 1.0)
+    assert shares[0.0][0] == 1.0  # as bright as the first ground is farther right
+
+
+def test_what_makes_no_sense_is_refused() -> None:
+    image = np.zeros((20, 20, 3), np.uint8)
+    for weight, window in ((0.0, 0.0), (float("nan"), 0.0), (1.0, -1.0), (1.0, float("nan"))):
+        with pytest.raises(ValueError, match="out of range"):
+            _core.Pressure(image, weight, window)
+    with pytest.raises(ValueError, match="channels"):
+        _core.Pressure(np.zeros((20, 20, 4), np.uint8), 1.0, 0.0)
+    options = _core.EvolutionOptions()
+    options.degree, options.split_threshold, options.balloon, options.max_iterations = 1, 40.0, 8.0, 1
+    start = packed([FreeForm(10 + 4 * circle(8), 1)])
+    with pytest.raises(ValueError, match="differs in size"):
+        _core.Evolution(*start, np.zeros((20, 21), np.uint8), None, options, image)
