@@ -90,6 +90,50 @@ def test_members_stay_inside_the_output_folder(images: Path, tmp_path: Path) -> 
     assert not list(tmp_path.glob("deep/*.png"))
 
 
+def _second_header(data: bytearray) -> int:
+    return data.index(b"./b/a10.png")
+
+
+DAMAGE = {
+    "cut in a header": lambda data: data[: _second_header(data) + 300],
+    "cut in a member": lambda data: data[: _second_header(data) + 520],
+    "a changed byte in a header": lambda data: data.replace(b"./b/a10.png", b"./b/a11.png", 1),
+    "a header of zeros": lambda data: data.replace(
+        data[_second_header(data) : _second_header(data) + 512], bytes(512), 1
+    ),
+    "a long tail of zeros": lambda data: data[: _second_header(data)] + bytes(1 << 21),
+    "another archive behind it": lambda data: data + data,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
+def test_an_archive_that_is_cut_or_damaged_is_refused(damage, images: Path, tmp_path: Path) -> None:
+    """Its images up to the damage were run, the others missed, with exit code 0."""
+    archive = tmp_path / "all.tar"
+    with tarfile.open(archive, "w", format=tarfile.USTAR_FORMAT) as file:  # headers of one block
+        for name in NAMES:
+            file.add(images / name, f"./{name}")
+    archive.write_bytes(damage(bytearray(archive.read_bytes())))
+    with pytest.raises(
+        UsageError, match=r"all\.tar cannot be read as a tar file \((it is cut or damaged|unexpected end)"
+    ):
+        discover([str(archive)])
+
+
+@pytest.mark.parametrize("end", [0, 512, 1024, 10240])
+def test_an_archive_may_end_with_its_last_member(end: int, images: Path, tmp_path: Path) -> None:
+    archive = packed(images, tmp_path / "all.tar")
+    data = archive.read_bytes().rstrip(b"\0")
+    archive.write_bytes(data + bytes(-len(data) % 512 + end))
+    assert len(discover([str(archive)])) == 3
+
+
+def test_a_list_that_ends_with_nul_asks_for_its_option(tmp_path: Path) -> None:
+    (tmp_path / "list").write_bytes(b"a.png\0b.png\0")
+    with pytest.raises(UsageError, match="list holds NUL bytes, which no path does; add -0"):
+        listed(str(tmp_path / "list"))
+
+
 def test_archives_that_cannot_be_read_in_place_are_refused(images: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="is compressed"):
         discover([str(packed(images, tmp_path / "all.tar.gz", mode="w:gz"))])

@@ -37,6 +37,10 @@ def listed(path: str, *, nul: bool = False) -> list[Source]:
     """
     end = b"\0" if nul else b"\n"
     paths = [os.fsdecode(line) for line in _content(path).split(end) if line.strip()]
+    if any("\0" in one for one in paths):
+        raise UsageError(
+            f"--list: {printable(path)} holds NUL bytes, which no path does; add -0 if its paths end with them"
+        )
     paths = [text if nul else text.rstrip("\r") for text in paths]
     if not paths:
         raise UsageError(f"--list: {printable(path)} names no image; write one path a line")
