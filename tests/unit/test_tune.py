@@ -12,10 +12,11 @@ import cv2
 import numpy as np
 import pytest
 
+from ffseg.batch.learning.choice import Trial
 from ffseg.batch.learning.gather import gather
 from ffseg.batch.learning.page import to_html, to_yaml, told
-from ffseg.batch.learning.space import applied, halton, settings
-from ffseg.batch.learning.tune import Trial, Tuned, _better, _left_out, _sensitivity, _worth, before_and_after, tune
+from ffseg.batch.learning.space import MOST_SETTINGS, applied, halton, levels, settings
+from ffseg.batch.learning.tune import Tuned, _sensitivity, before_and_after, tune
 from ffseg.parameters import load_params
 
 SHAPE = (90, 130)
@@ -92,6 +93,7 @@ def test_where_nothing_is_better_the_parameters_are_kept(tmp_path: Path) -> None
 def test_settings_are_spread_and_differ() -> None:
     drawn = list(islice(settings(), 100))
     assert len({str(one) for one in drawn}) == 100
+    assert len({str(one) for one in settings()}) == MOST_SETTINGS
     assert len({str(one["edges.canny"]) for one in drawn}) == 10
     assert [halton(index, 2) for index in (1, 2, 3, 4)] == [0.5, 0.25, 0.75, 0.125]
     params = applied(load_params(), drawn[0])
@@ -99,40 +101,21 @@ def test_settings_are_spread_and_differ() -> None:
     assert load_params(None, {key: list(v) if isinstance(v, tuple) else v for key, v in drawn[0].items()}) == params
 
 
-def test_an_image_is_measured_with_what_is_best_on_the_others() -> None:
-    one, two = Trial({"a": 1}, {0: 0.9, 1: 0.2, 2: 0.2}), Trial({"a": 2}, {0: 0.1, 1: 0.8, 2: 0.7})
-    assert _left_out([one, two], 3) == (
-        0.1,
-        0.2,
-        0.2,
-    )  # the others of 0 speak for the second, those of 1 and 2 for the first
-
-
-def test_thresholds_in_grey_levels_must_be_better_by_a_handicap() -> None:
-    free, fixed = ({"edges.canny": value} for value in ("auto", (2.0, 4.0)))
-    little, much = (Trial(fixed, dict.fromkeys(range(3), value)) for value in (0.55, 0.65))
-    none = Trial(free, dict.fromkeys(range(3), 0.5))
-    assert max([none, little], key=_worth) is none
-    assert max([none, much], key=_worth) is much
-    assert _left_out([none, little], 3) == (0.5, 0.5, 0.5)
-    assert _left_out([none, much], 3) == (0.65, 0.65, 0.65)
-
-
-@pytest.mark.parametrize(
-    ("gains", "better"),
-    [
-        ((0.3, 0.3, 0.3), True),
-        ((0.07, 0.07, 0.07), False),
-        ((0.1, 0.1, 0.1), True),
-        ((0.9, -0.1, -0.1), False),
-        ((0.3, 0.2, 0.05), True),
-    ],
-)
-def test_a_gain_must_be_above_the_noise(gains: tuple[float, ...], better: bool) -> None:
-    plain = Trial({}, dict.fromkeys(range(3), 0.5))
-    best = Trial({"a": 1}, dict(enumerate(0.5 + gain for gain in gains)))
-    assert _better([0.5 + gain for gain in gains], plain, best) is better
-    assert not _better([0.9, 0.9, 0.9], plain, plain)
+def test_levels_lie_round_the_one_at_hand_where_there_is_a_probability() -> None:
+    assert [one["region.probability"] for one in levels(load_params())] == [
+        0.62,
+        0.38,
+        0.73,
+        0.27,
+        0.82,
+        0.18,
+        0.88,
+        0.12,
+    ]
+    moved = [float(str(one["region.probability"])) for one in levels(load_params(None, {"region.probability": 0.95}))]
+    assert moved == pytest.approx([0.97, 0.92, 0.98, 0.87, 0.99, 0.81, 0.72], abs=0.011)  # two digits
+    assert levels(load_params(None, {"edges.source": "gradient"})) == []
+    assert len(levels(load_params(None, {"edges.source": "prior"}))) == 8
 
 
 def test_sensitivity_is_the_span_of_the_means() -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import exp, log
 
+from ffseg.image.edges import source_of
 from ffseg.parameters import Parameters
 
 Setting = dict[str, object]
@@ -17,9 +19,22 @@ CLEARANCES = (0.0, 0.0, 3.0, 6.0, 10.0, 16.0, 24.0)
 """px; none at all is tried twice as often as any other."""
 AUTO_SHARE = 0.2
 """Part of the settings that leave the thresholds to the image."""
+LIGHTS = (("linear", 0.0), ("root", 11.0))
+"""Grey levels of which gradients are taken, and px of the highlights that are taken out: as they are, or with shade evened out
+and without gloss and painted lines."""
 
-BASES = (2, 3, 5, 7)
+MOST_SETTINGS = 240
+"""Half of all there are: among more, few masks find others that are no better on the rest."""
+
+BASES = (2, 3, 5, 7, 11)
 THRESHOLDS = "edges.canny"
+LEVEL = "region.probability"
+LEVEL_STEP, LEVEL_STEPS = 0.5, 4
+"""Log odds between one level of probability and the next, and levels to each side of the one at hand."""
+LEAST_LEVEL = 0.01
+"""No level is lower, and none higher than the rest to one."""
+JUDGED = ("auto", "prior", "model")
+"""Edge sources that tell a probability, by which a level can be moved."""
 SHARED = "gradient"
 """The edge source whose maps many settings share; one that chooses for itself would not ask for the thresholds."""
 
@@ -42,25 +57,39 @@ def halton(index: int, base: int) -> float:
     return value
 
 
+def odds(probability: float) -> float:
+    """Log odds."""
+    return log(probability / (1 - probability))
+
+
+def levels(params: Parameters) -> list[Setting]:
+    """Levels of probability round the one at hand, the nearest first, where the parameters ask for probabilities."""
+    if source_of(params) not in JUDGED:
+        return []
+    own = params.region.probability
+    steps = [sign * step for step in range(1, LEVEL_STEPS + 1) for sign in (1, -1)]
+    moved = [1 / (1 + exp(-odds(own) - LEVEL_STEP * step)) for step in steps]
+    return [{LEVEL: round(level, 2)} for level in moved if LEAST_LEVEL <= level <= 1 - LEAST_LEVEL]
+
+
 def settings() -> Iterator[Setting]:
-    """Settings without end, each different from the ones before it."""
+    """So many settings, each different from the ones before it."""
     seen: set[tuple[object, ...]] = set()
     index = 0
-    while index < MOST_SETTINGS:
+    while len(seen) < MOST_SETTINGS:
         index += 1
-        first, second, third, fourth = (halton(index, base) for base in BASES)
+        first, second, third, fourth, fifth = (halton(index, base) for base in BASES)
         high = HIGHS[int(first * len(HIGHS))]
+        grey, highlights = LIGHTS[int(fifth * len(LIGHTS))]
         setting: Setting = {
             "edges.source": SHARED,
             THRESHOLDS: "auto" if third < AUTO_SHARE else (high / 2, high),
             "edges.sigma": SIGMAS[int(second * len(SIGMAS))],
             "contour.clearance": CLEARANCES[int(fourth * len(CLEARANCES))],
+            "edges.levels": grey,
+            "edges.highlights": highlights,
         }
         key = tuple(map(str, setting.values()))
         if key not in seen:
             seen.add(key)
             yield setting
-
-
-MOST_SETTINGS = 5000
-"""Draws after which hardly a setting is new."""

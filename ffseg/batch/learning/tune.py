@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import islice
-from statistics import mean, pstdev
+from statistics import mean
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.batch.learning.choice import Trial, Tried
 from ffseg.batch.learning.gather import Labelled
-from ffseg.batch.learning.space import SHARED, THRESHOLDS, Setting, applied, settings
+from ffseg.batch.learning.space import SHARED, Setting, applied, levels, settings
 from ffseg.errors import SegmentationError
 from ffseg.image.edges import EdgeMap
 from ffseg.metrics import iou
@@ -26,34 +27,13 @@ BRACKET = 24
 FIRST_IMAGES = 2
 """Images that every setting is tried on."""
 
-LEAST_GAIN = 0.01
-"""A mean IoU that is higher by less is not worth other parameters."""
-
-PRIOR_SPREAD = 0.15
-"""How far apart gains on images of one kind lie, where a few images do not show it: their mean is known to no better than
-this over the root of their number."""
-
-HANDICAP = 0.1
-"""Mean IoU by which thresholds in grey levels must be better than none: the best of many that suit a few images leaks or
-stops short in the next. Without it, three masks of floors chose settings that did worse on the rest than the defaults."""
+LEVELS_SHARE = 0.5
+"""Part of the budget after which no other level of probability is tried."""
 
 MOST_CACHED = 256 << 20
 """Bytes of edge maps that are kept to be shared."""
 
 Tell = Callable[[str], None]
-
-
-@dataclass(slots=True)
-class Trial:
-    """A setting and its IoU on the images it was tried on, by their number."""
-
-    setting: Setting
-    found: dict[int, float] = field(default_factory=dict)
-
-    @property
-    def mean(self) -> float:
-        """Mean IoU on the images so far."""
-        return mean(self.found.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +75,10 @@ class Bench:
         self._maps: dict[tuple[object, ...], EdgeMap] = {}
         self._bytes = 0
 
+    def tried(self, setting: Setting) -> Trial:
+        """A setting tried on all images."""
+        return Trial(setting, {number: self.overlap(number, setting) for number in range(len(self._labelled))})
+
     def overlap(self, number: int, setting: Setting) -> float:
         """IoU on one image; 0 where it cannot be segmented."""
         mask = self.mask(number, setting)
@@ -125,37 +109,30 @@ class Bench:
 
 
 def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
-    """Try settings for about `budget` seconds.
-
-    Notes
-    -----
-    The parameters as they are stay unless the setting that is best on the other images beats them on the image left out:
-    by at least ``LEAST_GAIN`` in the mean, and by more than one standard error, which is not taken for small because a
-    few images agree (``PRIOR_SPREAD``).
-    """
+    """Try settings for about `budget` seconds; `Tried` says which is taken."""
     begin = time.monotonic()
     bench, count = Bench(labelled), len(labelled)
-    plain = Trial({}, {number: bench.overlap(number, {}) for number in range(count)})
-    trials, source = [plain], settings()
+    plain, trials, source = bench.tried({}), list[Trial](), settings()
+    end = begin + LEVELS_SHARE * budget
+    moved = [bench.tried(setting) for setting in levels(labelled[0].params) if time.monotonic() < end]
     while time.monotonic() - begin < budget:
         bracket = [Trial(setting) for setting in islice(source, BRACKET)]
         if not bracket:
             break
         _halve(bracket, bench, count, begin + budget)
         trials += bracket
-        tell(f"{len(trials) - 1} settings tried, best {max(_whole(trials, count), key=_worth).mean:.3f}")
-    whole = _whole(trials, count)
-    best = max(whole, key=_worth)
-    left_out = _left_out(whole, count)
-    kept = not _better(left_out, plain, best)
+        tell(f"{len(moved) + len(trials)} settings tried, best {_best([plain, *moved, *trials], count).mean:.3f}")
+    tried = Tried(plain, labelled[0].params.region.probability, moved, [it for it in trials if len(it.found) == count])
+    taken = tried.chosen(tried.images)
+    best = tried.best() if taken is plain else taken
     found = Tuned(
-        setting={} if kept else best.setting,
+        setting=taken.setting,
         best=best.setting,
-        before=tuple(plain.found[number] for number in range(count)),
+        before=tuple(plain.found.values()),
         after=tuple(best.found[number] for number in range(count)),
-        left_out=left_out,
-        sensitivity=_sensitivity(trials),
-        tried=len(trials) - 1,
+        left_out=tried.left_out(),
+        sensitivity=_sensitivity([*moved, *trials]),
+        tried=len(moved) + len(trials),
         seconds=0.0,
     )
     return replace(found, seconds=time.monotonic() - begin)
@@ -183,39 +160,13 @@ def _halve(bracket: list[Trial], bench: Bench, count: int, end: float) -> None:
             if time.monotonic() > end and seen == 0:
                 break
         seen = upto
-        left = sorted((trial for trial in left if len(trial.found) == seen), key=_worth, reverse=True)
+        left = sorted((trial for trial in left if len(trial.found) == seen), key=lambda trial: trial.mean, reverse=True)
         left = left[: max(1, len(left) // 2)]
 
 
-def _whole(trials: Sequence[Trial], count: int) -> list[Trial]:
-    return [trial for trial in trials if len(trial.found) == count]
-
-
-def _worth(trial: Trial) -> float:
-    return trial.mean - _handicap(trial)
-
-
-def _handicap(trial: Trial) -> float:
-    return HANDICAP if trial.setting.get(THRESHOLDS, "auto") != "auto" else 0.0
-
-
-def _left_out(whole: Sequence[Trial], count: int) -> tuple[float, ...]:
-    """IoU of each image with the setting that is best on the others; from one image, with the first."""
-    if count < 2:
-        return tuple(whole[0].found.values())
-    found = []
-    for number in range(count):
-        others = [mean(v for at, v in one.found.items() if at != number) - _handicap(one) for one in whole]
-        found.append(whole[others.index(max(others))].found[number])
-    return tuple(found)
-
-
-def _better(left_out: Sequence[float], plain: Trial, best: Trial) -> bool:
-    gains = [after - plain.found[number] for number, after in enumerate(left_out)]
-    if best is plain or len(gains) < 2:
-        return False
-    noise = max(PRIOR_SPREAD / len(gains) ** 0.5, pstdev(gains) / (len(gains) - 1) ** 0.5)
-    return bool(mean(gains) > max(LEAST_GAIN, noise))
+def _best(trials: Sequence[Trial], count: int) -> Trial:
+    """The best of those that all images have seen."""
+    return max((trial for trial in trials if len(trial.found) == count), key=lambda trial: trial.mean)
 
 
 def _sensitivity(trials: Sequence[Trial]) -> tuple[tuple[str, float], ...]:
