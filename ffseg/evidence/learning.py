@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import UsageError
-from ffseg.evidence.base import base, joined, mean_overlap, odds_of, serves
+from ffseg.evidence.base import base, enough_of, joined, mean_overlap, odds_of
 from ffseg.evidence.features import (
     KNOWN,
     NAMES,
@@ -245,16 +245,45 @@ def trusting(forest: Forest, odds: float = TRUST) -> Forest:
     return joined(forest, Forest({name: np.asarray(values) for name, values in tree.items()}, (TRUSTED,)))
 
 
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """Whether masks correct the base, and by what that was decided: mean IoU on the pixels of their samples.
+
+    Attributes
+    ----------
+    corrected : bool
+    base : float
+        What the base has by itself.
+    enough : float
+        From which on it is corrected, whatever the masks teach each other.
+    taught : float or None
+        What the masks teach each other; None where that was not asked: it was enough, or there is one mask.
+    """
+
+    corrected: bool
+    base: float
+    enough: float
+    taught: float | None
+
+
+def beginning(chosen: Sequence[Samples], odds: Sequence[Odds]) -> Beginning:
+    """Whether the base, which gives these log odds, is corrected: where it serves, or the masks teach each other less."""
+    own, enough = mean_overlap(odds, [one.inside for one in chosen]), enough_of(len(chosen))
+    taught = None if own >= enough or len(chosen) < 2 else _taught_by_others(chosen)
+    return Beginning(own >= enough or (taught is not None and own > taught), own, enough, taught)
+
+
 def learn(
     chosen: Sequence[Samples], size: int = WORKING_SIZE, about: dict[str, Any] | None = None, *, searched: bool = True
 ) -> Model:
     """A model of what lies inside, and, unless no start will be `searched` for, of where to start."""
     start = grow(chosen, WITHOUT_START) if searched else None
-    return Model(grow_inside(chosen), start, size, about or {}, exposed=True)
+    inside, begun = grow_inside(chosen)
+    return Model(inside, start, size, {"base": asdict(begun), **(about or {})}, exposed=True)
 
 
-def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> Forest:
-    """The forest that tells what lies inside: the base, corrected, if it serves these masks, else one of their own.
+def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, Beginning]:
+    """The forest that tells what lies inside: the base, corrected, if it serves these masks, else one of their own; and which.
 
     Notes
     -----
@@ -265,11 +294,11 @@ def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> Forest:
     trusted; it is (``TRUST``), which over fifteen choices gives unseen floors .02 more, road frames .005 less.
     """
     odds = [odds_of(base(), one.rows) for one in chosen]
-    inside = [one.inside for one in chosen]
-    if serves(odds, inside) or (len(chosen) > 1 and mean_overlap(odds, inside) > _taught_by_others(chosen)):
-        return joined(base(), grow(chosen, trees=round(trees * CORRECTED), begin=odds))
+    begun = beginning(chosen, odds)
+    if begun.corrected:
+        return joined(base(), grow(chosen, trees=round(trees * CORRECTED), begin=odds)), begun
     found = grow(chosen, trees=trees)
-    return trusting(found) if len(chosen) == 1 else found
+    return trusting(found) if len(chosen) == 1 else found, begun
 
 
 def _taught_by_others(chosen: Sequence[Samples]) -> float:

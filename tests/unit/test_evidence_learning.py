@@ -172,7 +172,7 @@ def test_a_forest_is_the_mean_of_two_of_which_one_sees_no_open_ground() -> None:
 
 
 def test_one_mask_trusts_open_ground(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ffseg.evidence.learning.serves", lambda *_: False)
+    monkeypatch.setattr("ffseg.evidence.learning.enough_of", lambda _: 2.0)
     one, two = (learn([samples(example(seed)) for seed in seeds]) for seeds in ((1,), (1, 2)))
     last = one.inside.arrays["feature"][-1]
     assert one.inside.features[last] == TRUSTED

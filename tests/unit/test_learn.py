@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,11 +12,13 @@ import cv2
 import numpy as np
 import pytest
 
+from ffseg.batch.learning import learn as learning
 from ffseg.batch.learning.gather import gather
 from ffseg.batch.learning.learn import Figures, _worth_drawing, learned
 from ffseg.cli.commands.learning.learn import sentences
 from ffseg.errors import UsageError
-from ffseg.evidence.forest import load_model
+from ffseg.evidence.forest import Model, load_model
+from ffseg.evidence.learning import Beginning, Example, grow_inside, samples
 from ffseg.image.nets.pockets import starts_beyond
 from ffseg.parameters import load_params
 
@@ -66,7 +69,10 @@ def test_learn_then_run(folder: Path) -> None:
     assert told["helps"] is True
     assert told["following"] in {"3.png", "4.png"}
     assert [number for number, _ in told["curve"]] == [1, 2]
-    assert load_model(model).about["images"] == ["0.png", "1.png", "2.png"]
+    about = load_model(model).about
+    assert about["images"] == ["0.png", "1.png", "2.png"]
+    assert about["base"] == told["base"]
+    assert told["base"]["corrected"] is (told["base"]["base"] >= told["base"]["enough"])
     arguments = [
         "--out",
         str(folder / "out"),
@@ -114,6 +120,40 @@ def test_what_is_said() -> None:
     assert any("no better than without" in line for line in worse)
     assert any("3 more masks" in line for line in worse)
     assert "most useful to draw next: b.png" in worse
+
+
+@pytest.mark.parametrize(
+    ("base", "said"),
+    [
+        (Beginning(True, 0.81, 0.64, None), "^corrects the forest .* 0.81 on the masks, and from 0.64 on"),
+        (Beginning(True, 0.52, 0.64, 0.41), "^corrects the forest .* 0.52 on the masks, where .* 0.41$"),
+        (Beginning(False, 0.42, 0.64, 0.58), "^grown from the masks alone, .* 0.42 on the masks, where .* 0.58$"),
+        (Beginning(False, 0.42, 0.75, None), "^grown from the masks alone, .* 0.42 on the masks, and from 0.75 on"),
+    ],
+)
+def test_it_says_whether_the_base_was_corrected_and_why(base: Beginning, said: str) -> None:
+    lines = sentences(Figures(4, 0.6, 0.1, 0.5, 0.1, True, base=base), "a.ffmodel")
+    assert re.search(said, lines[1])
+
+
+def test_the_curve_scores_contours_of_models_as_they_are_used(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With votes of neighbours and from the start, on the whole image: what `learned` measures left out, with more trees."""
+    params = load_params()
+    labelled = gather([str(folder / "in")], str(folder / "truth"), params, str(folder / "starts.csv")).labelled
+    chosen = [samples(Example(one.image, one.truth, one.start, 5)) for one in labelled]
+    maps: list[np.ndarray] = []
+    plain = learning._contoured
+    monkeypatch.setattr(learning, "_contoured", lambda one, own, told: maps.append(told) or plain(one, own, told))
+    curve = learning._curve(labelled, chosen)
+    assert [number for number, _ in curve] == [1, 2]
+    assert len(maps) == 3 * (2 + 1)
+    models = [Model(grow_inside([one], learning.CURVE_TREES)[0], exposed=True) for one in chosen]
+    used = [model.map(model.look(one.image, one.start)) for model in models for one in labelled]
+    assert all(any(np.array_equal(one, other) for other in used) for one in maps[:6])  # those of one mask
+    monkeypatch.setattr(learning, "MOST_TESTED", 1)
+    maps.clear()
+    learning._curve(labelled, chosen)
+    assert len(maps) == 3 * (1 + 1)
 
 
 def test_masks_are_worth_drawing_while_the_curve_rises() -> None:

@@ -14,20 +14,19 @@ from ffseg.batch.discover import Source
 from ffseg.batch.learning.gather import Gathered, Labelled, start_region
 from ffseg.batch.workers.sources import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
-from ffseg.evidence.features import KNOWN, Features, exposed, features
-from ffseg.evidence.forest import Forest, Model
+from ffseg.evidence.features import KNOWN, exposed, features
+from ffseg.evidence.forest import Model
 from ffseg.evidence.learning import (
+    Beginning,
     Example,
     Samples,
     grow_inside,
-    known_pixels,
     learn,
     samples,
     uncertainty,
 )
 from ffseg.evidence.source import model_start
 from ffseg.metrics import iou
-from ffseg.native import _core
 from ffseg.parameters import Parameters
 from ffseg.segmenters.registry import segment
 
@@ -37,8 +36,8 @@ FOLDS = 10
 CURVE_TREES = 40
 """Trees of the forests that only show how figures rise with the number of masks."""
 
-DRAWS = 3
-"""Random choices of masks at each number."""
+DRAWS, MOST_TESTED = 3, 10
+"""Random choices of masks at each number, and images that each is tested on."""
 
 WORTH = 0.005
 """A mask that raises the mean IoU by less is not worth drawing."""
@@ -66,11 +65,13 @@ class Figures:
     helps : bool
         Whether the mean of the differences is above zero by more than its noise.
     curve : tuple of (int, float)
-        Number of masks and mean IoU on the others, of small forests.
+        Number of masks and mean IoU of the contours on others, of small forests used as models are.
     more : int
         How many more masks may each still raise the mean by ``WORTH``.
     following : str
         The image to draw a mask of next; empty where all have one.
+    base : Beginning or None
+        Whether the forest that comes with ffseg was corrected, and why.
     """
 
     masks: int
@@ -82,6 +83,7 @@ class Figures:
     curve: tuple[tuple[int, float], ...] = ()
     more: int = 0
     following: str = ""
+    base: Beginning | None = None
 
 
 def learned(gathered: Gathered, params: Parameters, tell: Tell) -> tuple[Model, Figures]:
@@ -99,7 +101,7 @@ def learned(gathered: Gathered, params: Parameters, tell: Tell) -> tuple[Model, 
     model = learn(chosen)
     tell(f"grown from {len(chosen)} masks")
     figures = _figures(gathered.labelled, chosen, tell)
-    figures = replace(figures, following=_next(gathered, model, params, tell))
+    figures = replace(figures, following=_next(gathered, model, params, tell), base=Beginning(**model.about["base"]))
     about = {"ffseg": __version__, "images": [one.name for one in gathered.labelled][:100], **_told(figures)}
     return replace(model, about=about), figures
 
@@ -143,15 +145,18 @@ def _overlap(one: Labelled, model: Model | None) -> float:
         circle = model_start(one.image, model, params.init.radius)
         params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
         start = start_region(one.image.shape[:2], params)
+    return _contoured(one, params, None if model is None or start is None else model.map(model.look(one.image, start)))
+
+
+def _contoured(one: Labelled, params: Parameters, evidence: NDArray[np.float32] | None) -> float:
     try:
-        evidence = None if model is None or start is None else model.map(model.look(one.image, start))
         return iou(segment(one.image, params, evidence=evidence).mask, one.truth)
     except SegmentationError:
         return 0.0
 
 
 def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tuple[int, float], ...]:
-    """Mean overlap of small forests of 1, 2, 4, ... masks with the masks of the others, at the reduced size."""
+    """Mean IoU of the contours that models of 1, 2, 4, ... masks, of small forests, give on others."""
     count, rng = len(chosen), np.random.default_rng(0)
     if any(one.start is None for one in labelled):
         return ()
@@ -161,19 +166,11 @@ def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tup
         found = []
         for _ in range(DRAWS):
             drawn = rng.permutation(count)
-            forest = grow_inside([chosen[i] for i in drawn[:number]], CURVE_TREES)
-            found += [_reduced_overlap(forest, seen[i], labelled[i].truth) for i in drawn[number:]]
+            model = Model(grow_inside([chosen[i] for i in drawn[:number]], CURVE_TREES)[0], exposed=True)
+            tested = drawn[number:][:MOST_TESTED]
+            found += [_contoured(labelled[i], labelled[i].params, model.map(seen[i])) for i in tested]
         points.append((number, round(mean(found), 4)))
     return tuple(points)
-
-
-def _reduced_overlap(forest: Forest, seen: Features, truth: NDArray[np.uint8]) -> float:
-    inside = forest.probability(seen.planes) >= 0.5
-    planes = np.empty((5, *inside.shape), np.float32)
-    _core.evidence_barrier(np.where(inside, np.float32(0), np.float32(1)), seen.inside, 1.0, planes)
-    known = known_pixels(truth, seen.factor)
-    levels = np.where(known < 0, np.uint8(128), np.where(known > 0, np.uint8(255), np.uint8(0)))
-    return iou((planes[0] == 0) & inside, levels)
 
 
 def _worth_drawing(curve: Sequence[tuple[int, float]], count: int) -> int:

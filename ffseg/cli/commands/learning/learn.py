@@ -17,6 +17,7 @@ from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
     from ffseg.batch.learning.learn import Figures
+    from ffseg.evidence.learning import Beginning
 
 SUFFIX = ".ffmodel"
 
@@ -62,6 +63,8 @@ def learn(  # noqa: PLR0913 - the options of the command
 def sentences(figures: Figures, out: str) -> list[str]:
     """What there is to say of a model."""
     lines = [f"{out}: learned from {figures.masks} mask{'s' if figures.masks > 1 else ''}"]
+    if figures.base is not None:
+        lines.append(begun(figures.base))
     if figures.masks < 2:
         lines.append("not measured: that takes a second mask")
     else:
@@ -79,6 +82,15 @@ def sentences(figures: Figures, out: str) -> list[str]:
         lines.append(f"most useful to draw next: {figures.following}")
     lines.append(f"use it with --set edges.model={out}")
     return lines
+
+
+def begun(base: Beginning) -> str:
+    """Whether the forest that comes with ffseg was corrected, and why."""
+    shipped, own = "the forest that comes with ffseg", f"by itself it has an IoU of {base.base:.2f} on the masks"
+    how = f"corrects {shipped}" if base.corrected else f"grown from the masks alone, without {shipped}"
+    if base.taught is not None:
+        return f"{how}: {own}, where they teach each other {base.taught:.2f}"
+    return f"{how}: {own}, and from {base.enough:.2f} on it is corrected"
 
 
 def _tell(text: str) -> None:
