@@ -21,11 +21,15 @@ Circle = tuple[float, float, float]
 Box = tuple[float, float, float, float]
 Seed = tuple[float, float] | tuple[float, float, float]
 
+FARTHEST = 100_000
+"""Pixels: no image has a longer side, and a start of this size can still be cut into patches."""
+STILL = "contour.balloon: 0 moves no free-form contour; write a number above 0 to grow, below 0 to close in"
 _POSITIVE = Number(0, above=True)
-_POINT = Row(("x", "y"), (Number(), Number()))
-_CIRCLE = Row(("x", "y", "radius"), (Number(), Number(), _POSITIVE))
-_SEED = Row(("x", "y", "radius"), (Number(), Number(), _POSITIVE), fewest=2)
-_BOX = Row(("left", "top", "right", "bottom"), (Number(),) * 4)
+_PLACE, _RADIUS = Number(-FARTHEST, FARTHEST), Number(0, FARTHEST, above=True)
+_POINT = Row(("x", "y"), (_PLACE, _PLACE))
+_CIRCLE = Row(("x", "y", "radius"), (_PLACE, _PLACE, _RADIUS))
+_SEED = Row(("x", "y", "radius"), (_PLACE, _PLACE, _RADIUS), fewest=2)
+_BOX = Row(("left", "top", "right", "bottom"), (_PLACE,) * 4)
 _THRESHOLDS = Row(("low", "high"), (Number(0, 10_000),) * 2, ascending=True)  # no magnitude of 8-bit grey exceeds 1443
 _MOST_STARTS = 1000
 
@@ -82,7 +86,7 @@ class Init(Section):
     center: Point | Literal["auto"] = declared(
         "auto", OrWord("auto", _POINT), "px; auto = image centre, or the camera's principal point"
     )
-    radius: float = declared(40.0, _POSITIVE, "px, radius of the start circle")
+    radius: float = declared(40.0, _RADIUS, "px, radius of the start circle")
     circles: tuple[Circle, ...] = declared((), Many(_CIRCLE, _MOST_STARTS), "start circles instead of center, radius")
     boxes: tuple[Box, ...] = declared((), Many(_BOX, _MOST_STARTS), "start boxes instead of center, radius")
     mask: str | None = declared(None, FilePath(), "image whose outlines are the start contours")

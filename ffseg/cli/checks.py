@@ -75,7 +75,7 @@ def checked_params(config: str | None, settings: Sequence[str] | None = None) ->
     """
     from ffseg.errors import ParameterError
     from ffseg.formats.files import printable
-    from ffseg.parameters import load_params
+    from ffseg.parameters import STILL, load_params
 
     params = load_params(config, settings)
     masks = {
@@ -85,12 +85,14 @@ def checked_params(config: str | None, settings: Sequence[str] | None = None) ->
         "edges.model": params.edges.model,
     }
     missing = [
-        f"{printable(config) + ': ' if config else ''}{key}: {_complaint(path)}"
+        f"{printable(config) + ': ' if config else ''}{key}: {_complaint(key, path)}"
         for key, path in masks.items()
         if path is not None and not os.path.isfile(path)
     ]
     if params.domain.mask is not None and params.domain.masks is not None:
         missing.append("domain.mask and domain.masks do not go together; leave out one of them")
+    if params.method == "freeform" and params.contour.balloon == 0:
+        missing.append(f"{printable(config) + ': ' if config else ''}{STILL}")
     if missing:
         raise ParameterError("\n".join(missing))
     if params.edges.model is not None:
@@ -100,9 +102,10 @@ def checked_params(config: str | None, settings: Sequence[str] | None = None) ->
     return params
 
 
-def _complaint(path: str) -> str:
+def _complaint(key: str, path: str) -> str:
     from ffseg.formats.files import printable
 
     if os.path.lexists(path):
-        return f"{printable(path)} is not a file that can be read as an image; name a PNG, TIFF, ..."
+        what = "a model; name a .ffmodel or .onnx file" if key == "edges.model" else "an image; name a PNG, TIFF, ..."
+        return f"{printable(path)} is not a file that can be read as {what}"
     return f"there is no file {printable(path)}; names in a parameter file are relative to that file"

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 
 from ffseg.errors import ParameterError
 from ffseg.formats.files import printable
-from ffseg.parameters import Parameters
+from ffseg.parameters import FARTHEST, Parameters
 from ffseg.schema.nodes import Problems
 from ffseg.schema.strict_csv import finite, rows_of
 from ffseg.schema.strict_yaml import read_text
 
 HEADERS = (["image", "x", "y"], ["image", "x", "y", "radius"])
-MAX_PIXELS = 1e6
+MAX_PIXELS = float(FARTHEST)
 """Positions and radii beyond this lie in no image that is read."""
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed, unpacked
 from ffseg.image.edges import GRADIENT_SCALE
 from ffseg.native import _core
-from ffseg.parameters import Parameters
+from ffseg.parameters import STILL, Parameters
 from ffseg.segmenters.base import BlockedStartError, Outcome, Progress, Stats, View
 
 RIDGE_SHARE = 0.5
@@ -32,6 +33,8 @@ def run(view: View) -> Outcome:
     ------
     BlockedStartError
         If every sample of every start lies on an edge or outside the domain; its text is the remedy.
+    ParameterError
+        If ``contour.balloon`` is 0, which only the snake and the level set can do with.
 
     Notes
     -----
@@ -39,6 +42,8 @@ def run(view: View) -> Outcome:
     on the way in and out.
     """
     edge_map, starts, params, callback = view.edges, view.starts, view.params, view.callback
+    if params.contour.balloon == 0:
+        raise ParameterError(STILL)
     shrinking = params.contour.balloon < 0
     oriented = tuple(c.reversed() for c in starts) if shrinking else starts
     evolution = _core.Evolution(

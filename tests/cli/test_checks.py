@@ -20,6 +20,12 @@ USAGE = {
     "no such method": (["--set", "method=freefrm"], "did you mean 'freeform'?"),
     "no such mask": (["--set", "domain.mask=nofile.png"], "domain.mask: there is no file nofile.png"),
     "no such start": (["--set", "init.mask=nofile.png"], "init.mask: there is no file nofile.png"),
+    "a balloon that moves nothing": (["--set", "contour.balloon=0"], "contour.balloon: 0 moves no free-form contour"),
+    "a pipe for a model": (
+        ["--set", "edges.model=/dev/zero"],
+        "edges.model: /dev/zero is not a file that can be read as a model",
+    ),
+    "a start beyond all images": (["--set", "init.radius=1e6"], "is not a number above 0 and up to 100000"),
     "a device for a mask": (["--set", "domain.mask=/dev/zero"], "domain.mask: /dev/zero is not a file"),
 }
 

@@ -17,6 +17,8 @@ from PIL import Image
 
 import ffseg
 from ffseg.formats.exports import geojson_document
+from ffseg.schema.kinds import Integer, Number
+from ffseg.schema.sections import leaves
 from ffseg.segmenters import registry
 from ffseg.segmenters.saving.kinds import annotated
 from tests.masks import read_mask
@@ -104,6 +106,40 @@ def test_other_arguments_are_told_in_one_sentence_what_they_must_be(extra: dict[
     with pytest.raises(ffseg.FfsegError) as caught:
         ffseg.segment(DISC, SMALL, **extra)
     assert said in str(caught.value)
+
+
+def _limits() -> list[dict[str, object]]:
+    """Every number of the parameters at its limits, and as near to zero as it may be; starts that are far away."""
+    kinds = {key: leaf.kind for key, leaf in leaves(ffseg.Parameters).items()}
+    numbers = {key: kind for key, kind in kinds.items() if isinstance(kind, Integer | Number)}
+    values = [(key, value) for key, kind in numbers.items() for value in (kind.low, kind.high, 0, 1e-300, 1e300)]
+    values += [
+        ("init.circles", [[20, 15, 1e5]]),
+        ("init.boxes", [[-1e5, -1e5, 1e5, 1e5]]),
+        ("init.center", [1e5, -1e5]),
+    ]
+    values += [("init.background", [[1e5, 0, 1e-300]]), ("edges.canny", [0, 0]), ("levelset.stop_speed", 1e-300)]
+    return [{key: value} for key, value in values]
+
+
+@pytest.mark.parametrize("method", ["freeform", "snake", "levelset", "paper", "cv_floodfill"])
+def test_parameters_at_their_limits_give_a_region_or_a_sentence(method: str) -> None:
+    """A start a million pixels wide and a balloon of 0 went through to the core, which raised its own errors."""
+    image = DISC[30:60, 40:80]
+    refused = {}
+    for values in _limits():
+        try:
+            result = ffseg.segment(image, {"init.radius": 6, "contour.max_iterations": 20, **values}, method)
+        except ffseg.FfsegError as error:
+            refused[next(iter(values.items()))[0]] = str(error)
+        else:
+            assert all(np.isfinite(contour.control_points).all() for contour in result.contours), values
+    assert refused["init.radius"] == "overrides: init.radius: 1e+300 is not a number above 0 and up to 100000"
+
+
+def test_a_balloon_of_nothing_is_told_before_the_core_is_asked() -> None:
+    with pytest.raises(ffseg.ParameterError, match=r"contour\.balloon: 0 moves no free-form contour"):
+        ffseg.segment(DISC, {**SMALL, "contour.balloon": 0})
 
 
 REMEDIES = ("unit floats", "floats", "16 bits", "bool", "channels first", "stack", "alpha", "one channel", "pillow")
