@@ -115,7 +115,7 @@ def _limits() -> list[dict[str, object]]:
     values = [(key, value) for key, kind in numbers.items() for value in (kind.low, kind.high, 0, 1e-300, 1e300)]
     values += [
         ("init.circles", [[20, 15, 1e5]]),
-        ("init.boxes", [[-1e5, -1e5, 1e5, 1e5]]),
+        ("init.boxes", [[-1e3, -1e3, 1e3, 1e3]]),
         ("init.center", [1e5, -1e5]),
     ]
     values += [("init.background", [[1e5, 0, 1e-300]]), ("edges.canny", [0, 0]), ("levelset.stop_speed", 1e-300)]
