@@ -87,7 +87,7 @@ class SkimageSnake(Section):
     """scikit-image active_contour, closing in from an ellipse in the image: it has no balloon to grow with."""
 
     sigma: float = declared(3.0, _SIGMA, "px, smoothing of the image")
-    points: int = declared(400, Integer(5, 100_000), "points")
+    points: int = declared(400, Integer(5, 2000), "points; it solves a dense system of them")
     alpha: float = declared(0.01, Number(0, 1000), "weight of the length")
     beta: float = declared(0.1, Number(0, 1000), "weight of the smoothness")
     gamma: float = declared(0.001, Number(0, 1000, above=True), "time step")
@@ -109,7 +109,7 @@ class SitkGac(Section):
 
     sigma: float = declared(0.8, _SIGMA, _SIGMA_DOC)
     threshold: float = declared(8.0, _THRESHOLD, _THRESHOLD_DOC)
-    scale: float = declared(2.0, Number(0, 1000, above=True), "gradient at which the stopping function is one half")
+    scale: float = declared(2.0, Number(1e-6, 1000), "gradient at which the stopping function is one half")
     propagation: float = declared(0.3, Number(0, 1000), "weight of the balloon")
     curvature: float = declared(0.1, Number(0, 1000), "weight of the smoothness")
     advection: float = declared(3.0, Number(0, 1000), "weight of the pull to edges")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from ffseg.methods import METHODS, PEERS
 from ffseg.metrics import scores
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters, SkimageGac, load_peer_parameters
+from ffseg.schema.kinds import Integer, Number
+from ffseg.schema.sections import leaves
 from ffseg.segmenters import peers
 from ffseg.segmenters.base import Segmentation
 from ffseg.segmenters.registry import segment
@@ -135,3 +138,33 @@ def test_peers_can_share_one_edge_map() -> None:
     assert peers.edge_parameters("cv_edges", edges, own).sigma == own.cv_edges.sigma
     assert peers.edge_parameters("cv_edges", edges, shared) == edges
     assert peers.edge_parameters("cv_floodfill", edges, own) == edges
+
+
+def at_their_limits() -> list[tuple[str, dict[str, float]]]:
+    """Every number of the peers' parameters at its limits, and as near to zero as it may be, with few iterations."""
+    kinds = {key: leaf.kind for key, leaf in leaves(PeerParameters).items() if isinstance(leaf.kind, Integer | Number)}
+    cases = []
+    for name, kind in kinds.items():
+        peer, key = name.split(".")
+        few = {"iterations": 2} if f"{peer}.iterations" in kinds and key != "iterations" else {}
+        values = {kind.low, kind.high, 1e-300} if key != "iterations" else {kind.low}
+        cases += [(peer, {**few, key: value}) for value in values]
+    return cases
+
+
+@pytest.mark.parametrize("name", [name for name in PEERS if METHODS[name].installed])
+def test_parameters_at_their_limits_give_a_region_or_a_sentence(name: str, tmp_path: Path) -> None:
+    """100,000 points of scikit-image's snake asked for 75 GB."""
+    image = disc()[0][20:100:2, 20:140:2].copy()
+    params = load_params(None, {"init.radius": 6})
+    for peer, values in at_their_limits():
+        if peer != name:
+            continue
+        (tmp_path / "peers.yaml").write_text(json.dumps({peer: values}))
+        try:
+            peers_params = load_peer_parameters(tmp_path / "peers.yaml")
+            own, options = peers.configured(params, name, peers_params)
+            result = segment(image, own, name, options=options)
+        except (ParameterError, SegmentationError):
+            continue
+        assert result.mask.shape == image.shape, values
