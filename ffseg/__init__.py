@@ -13,7 +13,6 @@ from importlib.util import module_from_spec
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ffseg.api import ParametersLike as ParametersLike
     from ffseg.api import segment as segment
     from ffseg.camera import Camera as Camera
     from ffseg.camera import Motion as Motion
@@ -50,6 +49,7 @@ if TYPE_CHECKING:
     from ffseg.parameters import Obstacles as Obstacles
     from ffseg.parameters import Paper as Paper
     from ffseg.parameters import Parameters as Parameters
+    from ffseg.parameters import ParametersLike as ParametersLike
     from ffseg.parameters import Region as Region
     from ffseg.parameters import Snake as Snake
     from ffseg.parameters import load_params as load_params
@@ -66,7 +66,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "segment": "ffseg.api",
-    "ParametersLike": "ffseg.api",
+    "ParametersLike": "ffseg.parameters",
     "load_params": "ffseg.parameters",
     "presets": "ffseg.parameters",
     "Parameters": "ffseg.parameters",

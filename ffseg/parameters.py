@@ -254,6 +254,24 @@ def load_params(source: str | os.PathLike[str] | None = None, overrides: Overrid
     return build(Parameters, values)
 
 
+ParametersLike = Parameters | str | os.PathLike[str] | Mapping[str, object] | None
+"""A parameter set, a preset's name, a parameter file, overrides of the defaults, or None for the defaults."""
+
+
+def parameter_set(params: ParametersLike) -> Parameters:
+    """A parameter set from whatever `segment` takes for one."""
+    if isinstance(params, Parameters):
+        return params
+    if isinstance(params, Mapping):
+        return load_params(None, params)
+    if params is None or isinstance(params, str | os.PathLike):
+        return load_params(params)
+    raise ParameterError(
+        f"params is of type {type(params).__name__}; give a preset's name, a file, a dict such as {{'init.radius': 20}}, "
+        "or what ffseg.load_params returns"
+    )
+
+
 def presets() -> dict[str, Path]:
     """Parameter files that come with ffseg, by name."""
     here = Path(__file__).parent
@@ -286,7 +304,7 @@ def _override_nodes(overrides: Overrides | None, problems: Problems) -> list[Nod
         return []
     if isinstance(overrides, Mapping):
         return [wrap(overrides, Source("overrides"))]
-    if isinstance(overrides, str):
+    if not isinstance(overrides, list | tuple) or not all(isinstance(text, str) for text in overrides):
         raise ParameterError("overrides must be a mapping or a list of 'KEY=VALUE' texts; put the text into a list")
     return [_assignment(text, problems) for text in overrides]
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ffseg.camera.model import Camera
 from ffseg.camera.projections import Array
+from ffseg.errors import CalibrationError
 
 Origin = Literal["poses", "poses, refined on the ground", "ground points"]
 
@@ -153,6 +154,18 @@ def rotation_matrices(vectors: Array) -> Array:
     return turned
 
 
+def require_camera(camera: object) -> None:
+    """Refuse what is no camera, such as the name of its file.
+
+    Raises
+    ------
+    CalibrationError
+        Saying what it is.
+    """
+    if not isinstance(camera, Camera):
+        raise CalibrationError(f"the camera is of type {type(camera).__name__}; give what ffseg.load_camera returns")
+
+
 def planar_pose(camera: Camera, x: float, y: float, theta: float, sigmas: tuple[float, float] | None = None) -> Pose:
     """Pose of a camera that moves over level ground, as in a row of a poses file.
 
@@ -173,7 +186,16 @@ def planar_pose(camera: Camera, x: float, y: float, theta: float, sigmas: tuple[
     -------
     Pose
         Levelled camera frame turned by `theta` and moved to (x, y, 0).
+
+    Raises
+    ------
+    CalibrationError
+        When the camera is none, or a number is not finite.
     """
+    require_camera(camera)
+    for name, value in (("x", x), ("y", y), ("theta", theta)):
+        if not isinstance(value, float | int | np.floating | np.integer) or not np.isfinite(value):
+            raise CalibrationError(f"{name} is {value!r}; give a finite number, in metres or radians")
     return Pose(_turn(theta) @ camera.level(), np.array([x, y, 0.0]), sigmas, theta)
 
 

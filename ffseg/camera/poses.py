@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Pose, planar_pose
+from ffseg.camera.motion import Pose, planar_pose, require_camera
 from ffseg.errors import CalibrationError
 from ffseg.schema.nodes import Problems
 from ffseg.schema.strict_csv import finite, rows_of
@@ -48,6 +48,7 @@ def load_poses(path: str | os.PathLike[str], images: Sequence[str], camera: Came
     CalibrationError
         One line for each thing wrong, with file and line; also when no image has a row.
     """
+    require_camera(camera)
     problems = Problems()
     name = os.fspath(path)
     text = read_text(name, problems)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Motion, Pose, planar_parameters, relative_motion
-from ffseg.errors import SegmentationError
+from ffseg.camera.motion import Motion, Pose, planar_parameters, relative_motion, require_camera
+from ffseg.errors import CalibrationError, SegmentationError
 from ffseg.freespace.altitudes import altitude_points
 from ffseg.freespace.motion.egomotion import pair_motion
 from ffseg.freespace.motion.evidence import Scenery, outer_joints
@@ -25,8 +25,9 @@ from ffseg.freespace.window import NO_SAMPLES, WINDOW, Earlier, Link, judged
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.components import Component, contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
-from ffseg.parameters import Parameters
+from ffseg.parameters import Parameters, ParametersLike, parameter_set
 from ffseg.segmenters.base import Progress, Segmentation, Segmenter, Timings
+from ffseg.segmenters.given import checked_image
 from ffseg.segmenters.registry import segment
 
 START_MARGIN = 8.0
@@ -85,6 +86,11 @@ class Frame:
     links: tuple[Link, ...] = ()
     contradicted: bool = False
     samples: NDArray[np.float64] = field(default_factory=lambda: NO_SAMPLES)
+
+    def __repr__(self) -> str:
+        verdicts = Counter(row.verdict for row in self.components)
+        told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(verdicts.items())) or "none enclosed"
+        return f"<Frame: {np.count_nonzero(self.mask)} px free; components: {told}; {self.note}>"
 
 
 def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters:
@@ -299,9 +305,17 @@ class Sequence:
     Parameters
     ----------
     camera : Camera
-    params : Parameters
+    params : Parameters, str, path or mapping, optional
+        As `ffseg.segment` takes them.
     method : str, optional
         Segmenter; ``params.method`` without it.
+
+    Raises
+    ------
+    CalibrationError
+        When the camera is none, or has no mount_height.
+    ParameterError
+        When a parameter is wrong.
 
     Examples
     --------
@@ -311,10 +325,12 @@ class Sequence:
     ...     frame.mask
     """
 
-    def __init__(self, camera: Camera, params: Parameters, method: str | None = None) -> None:
+    def __init__(self, camera: Camera, params: ParametersLike = None, method: str | None = None) -> None:
+        require_camera(camera)
         camera.mounting()
         self._camera = camera
-        self._params = params if method is None else replace(params, method=method)
+        chosen = parameter_set(params)
+        self._params = chosen if method is None else replace(chosen, method=method)
         self._earlier: deque[tuple[str, Grey, Pose | None]] = deque(maxlen=WINDOW)
         self._tracks = Tracks(WINDOW + 1)
         self._paint: dict[int, str] = {}
@@ -334,10 +350,14 @@ class Sequence:
         Raises
         ------
         CalibrationError
-            When the image has another size than the calibration; the sequence stays as it was.
+            When the image has another size than the calibration, or the pose is none; the sequence stays as it was.
         SegmentationError
-            When the image cannot be segmented; the sequence goes on from it all the same.
+            When the image is none, with the sequence as it was; when it cannot be segmented, and the sequence goes on from
+            it all the same.
         """
+        image = checked_image(image)
+        if pose is not None and not isinstance(pose, Pose):
+            raise CalibrationError(f"the pose is of type {type(pose).__name__}; give what ffseg.planar_pose returns")
         self._camera.check_size(image.shape[1], image.shape[0], "the image")
         name, self._count = str(self._count), self._count + 1
         window = list(self._earlier)

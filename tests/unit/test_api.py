@@ -87,7 +87,8 @@ def test_what_is_no_image_is_told_in_one_sentence_how_to_become_one(image: objec
     assert "\n" not in str(caught.value)
 
 
-OTHER = ffseg.edge_map(DISC[:50, :50], ffseg.load_params().edges)
+EDGES = ffseg.load_params().edges
+OTHER = ffseg.edge_map(DISC[:50, :50], EDGES)
 EXTRAS = {
     "no method": ({"method": ""}, "method is ''; give a name such as 'freeform', or a function"),
     "a number for a method": ({"method": 3}, "method is 3; give a name"),
@@ -106,6 +107,21 @@ def test_other_arguments_are_told_in_one_sentence_what_they_must_be(extra: dict[
     with pytest.raises(ffseg.FfsegError) as caught:
         ffseg.segment(DISC, SMALL, **extra)
     assert said in str(caught.value)
+
+
+NO_EDGES = {
+    "floats": ((DISC / 255, EDGES), "the image must be an array of uint8"),
+    "none": ((None, EDGES), "the image must be an array of uint8"),
+    "all parameters": ((DISC, ffseg.load_params()), "give the edges of a parameter set: params.edges"),
+    "another domain": ((DISC, EDGES, np.ones((3, 3), np.uint8)), "must be an array of uint8 of the image's size"),
+}
+
+
+@pytest.mark.parametrize(("given", "said"), NO_EDGES.values(), ids=NO_EDGES)
+def test_an_edge_map_is_made_of_an_image_alone(given: tuple[typing.Any, ...], said: str) -> None:
+    """An image from 0 to 1 gave a map without an edge."""
+    with pytest.raises(ffseg.SegmentationError, match=said):
+        ffseg.edge_map(*given)
 
 
 def _limits() -> list[dict[str, object]]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
+from pathlib import Path
 
 import cv2
 import naive_camera
@@ -11,8 +13,9 @@ import numpy as np
 import pytest
 from campaigns.freespace import run, true_poses
 
-from ffseg.camera.motion import planar_parameters, relative_motion
-from ffseg.errors import CalibrationError
+from ffseg.camera.motion import planar_parameters, planar_pose, relative_motion
+from ffseg.camera.poses import load_poses
+from ffseg.errors import CalibrationError, ParameterError, SegmentationError
 from ffseg.freespace.motion.egomotion import pair_motion
 from ffseg.freespace.motion.evidence import Scenery, gathered
 from ffseg.freespace.motion.ground import fit_ground, prior_sigmas
@@ -293,3 +296,32 @@ def test_unrelated_grounds_have_no_motion() -> None:
     found = pair_motion(first.camera, images, None, Scenery(first.current.truth), EPSILON)
     assert found.motion is None
     assert "no motion" in found.note
+
+
+def test_a_sequence_takes_what_segment_takes_and_says_what_it_cannot(tmp_path: Path) -> None:
+    """A preset's name was kept for a parameter set, and failed at the first image."""
+    rendered = pair(1)
+    camera, image = rendered.camera, rendered.previous.image
+    plain = Sequence(camera, load_params("omni-indoor")).feed(image)
+    assert np.array_equal(Sequence(camera, "omni-indoor").feed(image).mask, plain.mask)
+    assert Sequence(camera, {"contour.max_iterations": 3}).feed(image).segmentation.stats.iterations == 3
+    sequence = Sequence(camera)
+    for wrong, said in (("0001.png", "the image is a file name"), (image / 255, "must be uint8"), (None, "is None")):
+        with pytest.raises(SegmentationError, match=said):
+            sequence.feed(wrong)  # type: ignore[arg-type]
+    with pytest.raises(CalibrationError, match=r"the pose is of type tuple; give what ffseg\.planar_pose returns"):
+        sequence.feed(image, (0.0, 0.0, 0.0))  # type: ignore[arg-type]
+    assert sequence.feed(image).note.startswith("first image")  # none of these counted
+    for call in (Sequence, partial(planar_pose, x=0, y=0, theta=0), partial(load_poses, tmp_path, [])):
+        with pytest.raises(CalibrationError, match=r"the camera is of type str; give what ffseg\.load_camera returns"):
+            call(camera="camera.yaml")
+    with pytest.raises(CalibrationError, match="theta is nan; give a finite number"):
+        planar_pose(camera, 0, 0, np.nan)
+    with pytest.raises(ParameterError, match="did you mean 'omni-indoor'"):
+        Sequence(camera, "omni-indor")
+
+
+def test_a_frame_is_told_in_a_line() -> None:
+    rendered = pair(1)
+    frame = Sequence(rendered.camera).feed(rendered.previous.image)
+    assert re.fullmatch(r"<Frame: \d+ px free; components: \d untested; first image: .*>", repr(frame))
