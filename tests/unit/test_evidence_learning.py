@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 from ffseg.errors import UsageError
+from ffseg.evidence.base import base
 from ffseg.evidence.features import KNOWN, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.learning import (
+    CORRECTED,
+    PART,
     PIXELS,
     TAUGHT,
+    TREES,
     TRUST,
     TRUSTED,
     WITHOUT_START,
@@ -171,10 +175,14 @@ def test_a_forest_is_the_mean_of_two_of_which_one_sees_no_open_ground() -> None:
     assert len(alone.arrays["root"]) == 10
 
 
-def test_one_mask_trusts_open_ground(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ffseg.evidence.learning.enough_of", lambda _: 2.0)
-    one, two = (learn([samples(example(seed)) for seed in seeds]) for seeds in ((1,), (1, 2)))
+@pytest.mark.parametrize(("enough", "trees"), [(0.0, round(CORRECTED * TREES)), (2.0, TREES)])
+def test_one_mask_corrects_the_base_and_trusts_open_ground(
+    enough: float, trees: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ffseg.evidence.learning.enough_of", lambda _: enough)
+    one = learn([samples(example(1))], searched=False)
     last = one.inside.arrays["feature"][-1]
     assert one.inside.features[last] == TRUSTED
     assert one.inside.arrays["value"][-2:].tolist() == [-TRUST, TRUST]
-    assert len(one.inside.arrays["root"]) == len(two.inside.arrays["root"]) + 1
+    assert len(one.inside.arrays["root"]) == len(base().arrays["root"]) + 2 * round(PART * trees) + 1
+    assert iou(predicted(one, example(2)) > 0.5, example(2).truth) > 0.8

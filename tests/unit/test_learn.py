@@ -128,7 +128,7 @@ def test_what_is_said() -> None:
         (Beginning(True, 0.81, 0.64, None), "^corrects the forest .* 0.81 on the masks, and from 0.64 on"),
         (Beginning(True, 0.52, 0.64, 0.41), "^corrects the forest .* 0.52 on the masks, where .* 0.41$"),
         (Beginning(False, 0.42, 0.64, 0.58), "^grown from the masks alone, .* 0.42 on the masks, where .* 0.58$"),
-        (Beginning(False, 0.42, 0.75, None), "^grown from the masks alone, .* 0.42 on the masks, and from 0.75 on"),
+        (Beginning(True, 0.42, 0.75, None), "^corrects the forest .* 0.42 on the masks; one mask alone is too little"),
     ],
 )
 def test_it_says_whether_the_base_was_corrected_and_why(base: Beginning, said: str) -> None:

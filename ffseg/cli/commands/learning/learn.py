@@ -90,6 +90,8 @@ def begun(base: Beginning) -> str:
     how = f"corrects {shipped}" if base.corrected else f"grown from the masks alone, without {shipped}"
     if base.taught is not None:
         return f"{how}: {own}, where they teach each other {base.taught:.2f}"
+    if base.base < base.enough:
+        return f"{how}: {own}; one mask alone is too little to begin with"
     return f"{how}: {own}, and from {base.enough:.2f} on it is corrected"
 
 
