@@ -58,6 +58,14 @@ def test_a_class_number_is_inside_when_it_is_named(number: int, dtype: type, tmp
     assert caught.value.reason == "truth"
 
 
+def test_soft_edges_are_told_from_class_numbers(tmp_path: Path) -> None:
+    soft = np.linspace(0, 255, 192).astype(np.uint8).reshape(12, 16)  # a brush that fades
+    with pytest.raises(ImageReadError, match=r"holds 192 levels, as a soft brush or JPEG leaves .* hard brush"):
+        read_truth(stored(tmp_path, soft), (12, 16))
+    with pytest.raises(ImageReadError, match=r"holds the levels 0, 1, 2, 3, 4, 5, \.\.\."):
+        read_truth(stored(tmp_path, (soft // 8).astype(np.uint8)), (12, 16))  # 32 of them
+
+
 def test_a_truth_in_colours_counts_only_where_it_is_plain(tmp_path: Path) -> None:
     levels = np.zeros((12, 16, 3), np.uint8)
     levels[INSIDE] = (0, 0, 255)

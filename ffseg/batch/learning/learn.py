@@ -23,6 +23,7 @@ from ffseg.evidence.learning import (
     grow_inside,
     learn,
     samples,
+    starts_in,
     uncertainty,
 )
 from ffseg.evidence.source import model_start
@@ -156,12 +157,17 @@ def _contoured(one: Labelled, params: Parameters, evidence: NDArray[np.float32] 
 
 
 def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tuple[int, float], ...]:
-    """Mean IoU of the contours that models of 1, 2, 4, ... masks, of small forests, give on others."""
-    count, rng = len(chosen), np.random.default_rng(0)
-    if any(one.start is None for one in labelled):
-        return ()
+    """Mean IoU of the contours that models of 1, 2, 4, ... masks, of small forests, give on others.
+
+    Notes
+    -----
+    Where no start is named it is drawn inside the mask: the curve shows what masks teach, not how well starts are found.
+    """
+    count, rng, points = len(chosen), np.random.default_rng(0), []
+    labelled = [_started(one, rng) for one in labelled]
     seen = [features(exposed(one.image), one.start, names=KNOWN) for one in labelled if one.start is not None]
-    points = []
+    if len(seen) < count:
+        return ()
     for number in sorted({*(2**power for power in range(count.bit_length()) if 2**power < count), count - 1}):
         found = []
         for _ in range(DRAWS):
@@ -171,6 +177,16 @@ def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tup
             found += [_contoured(labelled[i], labelled[i].params, model.map(seen[i])) for i in tested]
         points.append((number, round(mean(found), 4)))
     return tuple(points)
+
+
+def _started(one: Labelled, rng: np.random.Generator) -> Labelled:
+    """The image with a start drawn inside its mask if it has none, and its mask has the room."""
+    drawn = [] if one.start is not None else starts_in(Example(one.image, one.truth, None, one.params.init.radius), rng)
+    if not drawn:
+        return one
+    y, x = (float(places.mean()) for places in np.nonzero(drawn[0]))
+    circle = (x, y, float(np.sqrt(np.count_nonzero(drawn[0]) / np.pi)))
+    return replace(one, start=drawn[0], params=replace(one.params, init=replace(one.params.init, circles=(circle,))))
 
 
 def _worth_drawing(curve: Sequence[tuple[int, float]], count: int) -> int:

@@ -19,6 +19,8 @@ Labels = NDArray[Any]
 _DEEP = 257
 """A level of 8 bits is this many of 16."""
 _SHOWN = 6
+_MOST_CLASSES = 32
+"""More levels than this are soft edges rather than class numbers."""
 
 
 def read_truth(
@@ -76,6 +78,11 @@ def _levels(labels: Labels) -> NDArray[np.uint8]:
         return np.where(labels == 1, np.uint8(INSIDE), np.uint8(0))
     if set(found.tolist()) <= {0, IGNORED * _DEEP, INSIDE * _DEEP}:
         return (labels // _DEEP).astype(np.uint8)
+    if len(found) > _MOST_CLASSES:
+        raise ValueError(
+            f"holds {len(found)} levels, as a soft brush or JPEG leaves at edges; 255 is inside, 128 ignored and 0 outside: "
+            "draw it with a hard brush, save it as PNG; or say --truth-label K if they are class numbers"
+        )
     shown = ", ".join(map(str, found[:_SHOWN].tolist())) + (", ..." if len(found) > _SHOWN else "")
     raise ValueError(
         f"holds the levels {shown}; 255 is inside, 128 ignored and 0 outside: say --truth-label K if they are class "

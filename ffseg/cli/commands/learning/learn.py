@@ -86,13 +86,12 @@ def sentences(figures: Figures, out: str) -> list[str]:
 
 def begun(base: Beginning) -> str:
     """Whether the forest that comes with ffseg was corrected, and why."""
-    shipped, own = "the forest that comes with ffseg", f"by itself it has an IoU of {base.base:.2f} on the masks"
+    shipped, own = "the forest that comes with ffseg", f"an IoU of {base.base:.2f} on these masks by itself"
     how = f"corrects {shipped}" if base.corrected else f"grown from the masks alone, without {shipped}"
     if base.taught is not None:
-        return f"{how}: {own}, where they teach each other {base.taught:.2f}"
-    if base.base < base.enough:
-        return f"{how}: {own}; one mask alone is too little to begin with"
-    return f"{how}: {own}, and from {base.enough:.2f} on it is corrected"
+        return f"{how}, which has {own} (they teach each other {base.taught:.2f})"
+    why = f"{base.enough:.2f} is enough" if base.base >= base.enough else "one mask is too little to begin with"
+    return f"{how}, which has {own} ({why})"
 
 
 def _tell(text: str) -> None:
