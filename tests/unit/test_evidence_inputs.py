@@ -150,3 +150,28 @@ def test_a_coloured_map_is_refused(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "a.png"), np.array([[[1, 2, 3]]], np.uint8))
     with pytest.raises(ImageReadError, match="save it in grey"):
         read_evidence(str(tmp_path / "a.png"))
+
+
+def test_damaged_headers_of_arrays_are_refused_by_name(tmp_path: Path) -> None:
+    """One with a bracket too few ended `ffseg segment` as something unexpected: it is parsed as Python."""
+    np.save(tmp_path / "a.npy", np.full((5, 6), 0.5, np.float32))
+    good, random = (tmp_path / "a.npy").read_bytes(), np.random.default_rng(7)
+    cases = [good.replace(b"(5, 6)", b"(5, 6 "), good.replace(b"(5, 6)", b"9**99 ")]
+    for _ in range(300):
+        case = bytearray(good)
+        for place in random.integers(0, 128, 3):
+            case[place] = random.integers(0, 256)
+        cases.append(bytes(case))
+    refused = 0
+    for case in cases:
+        (tmp_path / "a.npy").write_bytes(case)
+        try:
+            assert read_evidence(str(tmp_path / "a.npy")).dtype == np.float32
+        except ImageReadError as error:
+            refused += "a.npy cannot be used: " in str(error)
+    assert refused > 200
+
+
+def test_an_array_of_truth_values_is_a_map(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.eye(3, dtype=np.bool_))
+    assert np.array_equal(read_evidence(str(tmp_path / "a.npy")), np.eye(3, dtype=np.float32))

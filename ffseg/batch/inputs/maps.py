@@ -86,12 +86,14 @@ def _levels(data: bytes, limits: Limits) -> NDArray[np.float32]:
 def _array(data: bytes) -> NDArray[np.float32]:
     try:
         values = np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
-    except (ValueError, EOFError, OSError, TypeError, SyntaxError, MemoryError) as error:
+    except Exception as error:  # the header is Python text, whose parser raises many kinds
         raise ValueError("it is no NumPy array file (.npy) of numbers") from error
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.size == 0:
         raise ValueError("it does not hold one value for each pixel, shape (H, W)")
     if values.dtype in _WHITE:
         return (values / np.float32(_WHITE[values.dtype])).astype(np.float32)
+    if values.dtype == np.bool_:
+        return values.astype(np.float32)
     if values.dtype.kind != "f" or not (np.isfinite(values).all() and values.min() >= 0 and values.max() <= 1):
         raise ValueError(f"its {values.dtype} values are not all from 0 to 1")
     return np.ascontiguousarray(values, np.float32)
