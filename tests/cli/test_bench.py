@@ -105,6 +105,16 @@ def test_usage_errors_exit_with_2(
     assert done.stdout == ""
 
 
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, '{"format": 1, "quick": true, "figures": [{"key": "a", "steady": 1' + "0" * 400 + "}]}"]
+)
+def test_a_baseline_that_no_parser_takes_is_refused(text: str, ffseg_command: Command, tmp_path: Path) -> None:
+    (tmp_path / "odd.json").write_text(text)
+    done = ffseg_command("bench", "--quick", "--out", "out", "--baseline", "odd.json", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "odd.json is no bench.json; give that of an earlier run" in done.stderr
+
+
 def test_a_baseline_without_a_common_figure_cannot_pass(
     report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path
 ) -> None:

@@ -124,6 +124,17 @@ def test_a_killed_shard_is_named_and_resumed(images: Path, tmp_path: Path) -> No
     assert tree(out)["coco.json"] == tree(tmp_path / "one")["coco.json"]
 
 
+@pytest.mark.parametrize("text", ["[" * 100_000, "[1]", "{", None], ids=["deep", "list", "cut", "pipe"])
+def test_a_shard_whose_end_cannot_be_read_did_not_finish(text: str | None, images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    for part in ("1/2", "2/2"):
+        run_shard(images, out, part)
+    end = out / ".ffseg" / "shards" / "2-of-2" / "run.json"
+    end.unlink()
+    os.mkfifo(end) if text is None else end.write_text(text)
+    assert merge_shards(str(out)).problems == ["shard 2/2 did not finish; run it again with --shard 2/2"]
+
+
 def test_shards_that_do_not_belong_together_are_refused_by_name(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     with pytest.raises(UsageError, match="holds no shards"):

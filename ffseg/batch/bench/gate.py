@@ -73,7 +73,7 @@ def read_baseline(path: Path, max_ratio: float, *, quick: bool) -> Baseline:
         steady = {figure["key"]: float(figure["steady"]) for figure in document["figures"]}
     except OSError as error:
         raise UsageError(f"{name} cannot be read ({error.strerror}); give the bench.json of an earlier run") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise UsageError(f"{name} is no bench.json; give that of an earlier run") from error
     return Baseline({key: value for key, value in steady.items() if value > 0}, max_ratio)
 

@@ -26,10 +26,12 @@ from ffseg.batch.record.tables import RUN, Tables, remove_old
 from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.batch.shards.assign import Shard, shard_of_folder
 from ffseg.batch.shards.sort import Keyed, sorted_lines
-from ffseg.errors import UsageError
-from ffseg.formats.files import is_temporary, printable
+from ffseg.errors import ImageReadError, UsageError
+from ffseg.formats.files import is_temporary, printable, read_bytes
 
 SHARDS = "shards"
+_MOST_RUN = 1 << 30
+"""Bytes of a ``run.json``: it names every image that is no longer as it was."""
 
 
 @dataclass(slots=True)
@@ -220,8 +222,8 @@ def find_parts(out: str) -> list[Part]:
 def _part(folder: str, shard: Shard) -> Part:
     header = read_header(folder) if os.path.isdir(folder) else None
     try:
-        run = json.loads(Path(folder, RUN).read_bytes())
-    except (OSError, ValueError):
+        run = json.loads(read_bytes(os.path.join(folder, RUN), _MOST_RUN))
+    except (ImageReadError, ValueError, RecursionError):
         run = {}
     part = Part(shard, folder, header, run if isinstance(run, dict) else {})
     if header is None:
