@@ -31,7 +31,7 @@ TAKEN = (*SEEN, *SURROUNDINGS)
 SMOOTHING = 1.0
 """Reduced pixels, afterwards."""
 
-LEAST_START = 4.0
+LEAST_START = 6.0
 """Reduced pixels; radius below which a start does not show what its region looks like, and is looked at with its surroundings."""
 
 CERTAIN = 7.0
@@ -106,9 +106,9 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
     return Prior(whole)
 
 
-def look(image: NDArray[np.uint8], starts: NDArray[np.bool_], size: int) -> Features:
-    """The features that the prior's planes are made of, at most so many pixels a side."""
-    return features(exposed(image), starts, size, PLAIN, LEAST_START)
+def look(image: NDArray[np.uint8], starts: NDArray[np.bool_], size: int, least: float = LEAST_START) -> Features:
+    """The features that the prior's planes are made of, at most so many pixels a side, from a start of `least` or more."""
+    return features(exposed(image), starts, size, PLAIN, least)
 
 
 def all_planes(seen: Features) -> NDArray[np.float32]:

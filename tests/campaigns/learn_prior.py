@@ -57,6 +57,8 @@ OTHERS = {
 }
 DRAWN = 300
 """Looks at each kind of drawn pictures."""
+LEARNED_START = 4.0
+"""Reduced pixels; the forest learns from smaller starts than it is asked with (`prior.LEAST_START`)."""
 RADII = (6.0, 24.0)
 """px, of the starts that are drawn."""
 
@@ -127,7 +129,7 @@ class Samples:
 
 def samples(seen: Sight, rng: np.random.Generator, pixels: int = PIXELS) -> Samples:
     """Some pixels that are known, half of them inside."""
-    found = prior.look(seen.image, start_of(seen), WORKING_SIZE)
+    found = prior.look(seen.image, start_of(seen), WORKING_SIZE, LEARNED_START)
     known = known_pixels(seen.truth, found.factor)[::STRIDE, ::STRIDE]
     return picked(prior.all_planes(found), known, rng, pixels)
 
