@@ -121,7 +121,9 @@ def test_levels_lie_round_the_one_at_hand_where_there_is_a_probability() -> None
 def test_sensitivity_is_the_span_of_the_means() -> None:
     trials = [Trial({}, {0: 1.0, 1: 1.0}), Trial({"a": 1, "b": 1}, {0: 0.2, 1: 0.4}),
               Trial({"a": 2, "b": 1}, {0: 0.8, 1: 0.8}), Trial({"a": 2, "b": 2}, {0: 0.6})]  # fmt: skip
-    assert dict(_sensitivity(trials)) == pytest.approx({"a": 0.5, "b": 0.0})
+    assert dict(_sensitivity(trials)) == pytest.approx({"a": 0.5})  # of b, the second value was tried on one image only
+    second = Trial({"a": 1, "b": 2}, {0: 0.4, 1: 0.4})
+    assert dict(_sensitivity([*trials, second])) == pytest.approx({"a": 0.45, "b": 0.15})
 
 
 def test_thresholds_survive_their_file(tmp_path: Path) -> None:
@@ -135,3 +137,4 @@ def test_thresholds_survive_their_file(tmp_path: Path) -> None:
 def test_one_image_says_nothing_of_others() -> None:
     found = Tuned({}, {"edges.sigma": 2.0}, (0.5,), (0.9,), (0.5,), (), 3, 1.0)
     assert not any("others" in line for line in told(found))
+    assert any("one image may be chance: they are kept" in line for line in told(found))

@@ -38,8 +38,10 @@ def told(tuned: Tuned) -> list[str]:
         )
     if tuned.setting:
         lines.append(f"with the setting below, on all of them: {mean(tuned.after):.3f}")
-    else:
+    elif count > 1:
         lines.append("no setting beats them beyond the noise: they are kept")
+    else:
+        lines.append("what suits one image may be chance: they are kept; draw a second mask")
     spans = ", ".join(f"{key} {span:.3f}" for key, span in tuned.sensitivity)
     if spans:
         lines.append(f"how much hangs on each key (best less worst mean): {spans}")

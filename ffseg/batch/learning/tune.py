@@ -170,7 +170,7 @@ def _best(trials: Sequence[Trial], count: int) -> Trial:
 
 
 def _sensitivity(trials: Sequence[Trial]) -> tuple[tuple[str, float], ...]:
-    """How far the means of the values of each key lie apart, on the images that all settings were tried on."""
+    """How far the means of the values of each key that has several lie apart, on the images that all were tried on."""
     figures = []
     keys = dict.fromkeys(key for trial in trials for key in trial.setting)
     for key in keys:
@@ -180,5 +180,6 @@ def _sensitivity(trials: Sequence[Trial]) -> tuple[tuple[str, float], ...]:
                 first = [trial.found[number] for number in range(FIRST_IMAGES)]
                 groups.setdefault(str(trial.setting[key]), []).append(mean(first))
         means = [mean(group) for group in groups.values()]
-        figures.append((key, max(means) - min(means) if means else 0.0))
+        if len(means) > 1:
+            figures.append((key, max(means) - min(means)))
     return tuple(sorted(figures, key=lambda one: -one[1]))

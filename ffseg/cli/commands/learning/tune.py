@@ -72,7 +72,8 @@ def tune(  # noqa: PLR0913 - the options of the command
     if as_json:
         console.data(json.dumps({"out": os.fspath(out), **asdict(tuned)}, indent=2))
     else:
-        console.data("\n".join([*told(tuned), f"use it with --config {out}"]))
+        use = f"use it with --config {out}" if tuned.setting else f"{out} changes nothing"
+        console.data("\n".join([*told(tuned), use]))
 
 
 def _tell(text: str) -> None:
