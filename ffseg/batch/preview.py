@@ -17,6 +17,7 @@ from ffseg.batch.workers.freshness import kept_outputs, read_task
 from ffseg.batch.workers.messages import Setup, Task
 from ffseg.errors import ImageReadError, OutputError, UsageError
 from ffseg.formats.files import printable
+from ffseg.formats.images import Limits, inspect
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +28,7 @@ class Preview:
     ----------
     job : Job
     status : str
-        ``unchanged``, ``failed`` (it cannot even be read) or ``to do``.
+        ``unchanged``, ``failed`` (it cannot be read, or its header says that it will not be) or ``to do``.
     error : str
         ``reason: text`` of a failed one.
     missing : tuple of str
@@ -80,12 +81,22 @@ def _preview(plan: Plan, job: Job, setup: Setup, record: Record | None) -> Previ
     except ImageReadError as error:
         return Preview(job, "failed", f"{error.reason}: {error}")
     if record is None or record.content != read.evidence.content:
-        return Preview(job, "to do", missing=outputs)
+        wrong = _header_problem(read.data, setup)
+        return Preview(job, "failed", wrong) if wrong else Preview(job, "to do", missing=outputs)
     kept = set(kept_outputs(plan.out, record.known))
     missing = tuple(path for path in outputs if path not in kept)
     if missing or (job.truth and read.evidence.truth != record.truth):
         return Preview(job, "to do", missing=missing)
     return Preview(job, "unchanged")
+
+
+def _header_problem(data: bytes, setup: Setup) -> str:
+    """Why no decoder would be given the bytes of an image; empty if one would, which may refuse them still."""
+    try:
+        inspect(data, Limits(setup.max_bytes, setup.max_pixels))
+    except ImageReadError as error:
+        return f"{error.reason}: {error}"
+    return ""
 
 
 def _refuse_locked(out: str, folder: str) -> None:

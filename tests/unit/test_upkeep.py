@@ -235,6 +235,18 @@ def test_pipes_in_the_place_of_outputs_are_not_replaced(images: Path, tmp_path: 
     assert "is a named pipe and is not replaced" in table(out / "timings.csv")[0]["error"]
 
 
+def test_a_preview_looks_at_the_headers_of_what_is_to_do(images: Path, tmp_path: Path) -> None:
+    """It said "to do", and ended with 0, of a text file called a.png; the run ended with 3."""
+    (images / "a.png").write_text("no image at all")
+    plan = make_plan([str(images)], str(tmp_path / "out"))
+    found = {one.job.source.name: one for one in preview(plan, Setup(params=load_params()))}
+    assert {one.status for name, one in found.items() if name != "a.png"} == {"to do"}
+    assert found["a.png"].status == "failed"
+    assert found["a.png"].error.startswith("not-an-image: the content looks like a text file")
+    large = list(preview(plan, Setup(params=load_params(), max_pixels=100)))
+    assert {one.error.partition(":")[0] for one in large} == {"not-an-image", "too-many-pixels"}
+
+
 @pytest.mark.parametrize("name", ["timings.csv", "run.json", "coco.json"])
 def test_pipes_in_the_place_of_tables_are_not_replaced(name: str, images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
