@@ -54,6 +54,11 @@ class Source:
         """What `read_input` reads: the path, or that of the member in an archive."""
         return self.path if self.span is None else member_path(self.path, self.name, self.span)
 
+    @property
+    def told(self) -> str:
+        """The path as people know it: that of a member stands behind its archive's."""
+        return self.path if self.span is None else f"{self.path}/{self.name}"
+
 
 def natural_key(name: str) -> tuple[tuple[tuple[bool, int, str], ...], ...]:
     """Sort key that puts ``a2`` before ``a10`` and keeps each folder together."""

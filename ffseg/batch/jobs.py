@@ -263,14 +263,14 @@ def _refuse_collisions(plan: Plan) -> None:
         taken = next((stem + suffix for suffix in (".png", ".svg") if stem + suffix in folders), None)
         if taken:
             raise UsageError(
-                f"the output masks/{printable(taken)} of {printable(job.source.path)} is also the folder "
+                f"the output masks/{printable(taken)} of {printable(job.source.told)} is also the folder "
                 "of other outputs; rename the image or the folder"
             )
 
 
 def _shared(jobs: Sequence[Job]) -> str:
     """Sentence about images that would share an output."""
-    *others, last = (printable(job.source.path) for job in jobs)
+    *others, last = (printable(job.source.told) for job in jobs)
     if len({job.source.name for job in jobs}) == len(jobs):
         remedy = "use --keep-suffix, rename all but one, or run them into several output folders"
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import sys
 import tarfile
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 from batches import make_images, run_batch, snapshot, table
 
-from ffseg.batch.discover import discover
+from ffseg.batch.discover import discover, natural_key
 from ffseg.batch.executors.choice import Choice
 from ffseg.batch.inputs.listing import listed
 from ffseg.batch.inputs.reading import read_input
@@ -70,6 +71,20 @@ def test_the_disk_is_asked_once_for_an_archive(tmp_path: Path, monkeypatch: pyte
         monkeypatch.setattr(os, name, counting(getattr(os, name)))
     assert len(make_plan([str(archive)], str(tmp_path / "out"), wanted=Wanted(pack=True)).jobs) == 50
     assert len(asked) < 10, "however many members it has"
+
+
+def test_messages_name_the_member_and_not_the_archive_alone(images: Path, tmp_path: Path, ffseg_command) -> None:
+    (images / "a.png").write_text("no image")
+    archive = packed(images, tmp_path / "all.tar")
+    done = ffseg_command("run", archive, "--out", tmp_path / "out", "-v")
+    assert f"ffseg: {archive}/a.png: not-an-image: " in done.stderr
+    assert f"{archive}/b/a9.png" in done.stderr
+    plan = ffseg_command("run", archive, "--out", tmp_path / "new", "--dry-run", "--json")
+    assert [row["image"] for row in json.loads(plan.stdout)["images"]] == [
+        f"{archive}/{name}" for name in sorted(NAMES, key=natural_key)
+    ]
+    twice = ffseg_command("run", archive, images, "--out", tmp_path / "new")
+    assert f"{archive}/a.png and {images}/a.png would share the output masks/a.png" in twice.stderr
 
 
 def test_members_stay_inside_the_output_folder(images: Path, tmp_path: Path) -> None:

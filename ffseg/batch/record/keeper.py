@@ -177,7 +177,7 @@ class Keeper:
         if isinstance(reply, Failed):
             reason, message = reply.reason, reply.message
             if reply.traceback:
-                self._log(f"{printable(job.source.path)}\n{reason}: {message}\n{reply.traceback}\n")
+                self._log(f"{printable(job.source.told)}\n{reason}: {message}\n{reply.traceback}\n")
                 message += f"; see {self._log_name()} in the output folder"
         else:
             reason, message = "output", problem

@@ -60,11 +60,11 @@ class Progress:
         if told and not (self._quiet and status != "failed"):
             self._told[status] += 1
             if self._told[status] <= _MOST_TOLD:
-                self.note(f"{printable(job.source.path)}: {told}")
+                self.note(f"{printable(job.source.told)}: {told}")
             elif self._told[status] == _MOST_TOLD + 1:
                 self.note(f"further {'failures' if status == 'failed' else 'notes'} are in timings.csv only")
         elif self._verbose:
-            self.note(f"{printable(job.source.path)}: {'unchanged' if status == 'unchanged' else 'done'}")
+            self.note(f"{printable(job.source.told)}: {'unchanged' if status == 'unchanged' else 'done'}")
         if self._bar is not None:
             self._bar.update()
 
@@ -103,7 +103,7 @@ def show_plan(previews: Iterable[Preview], plan: Plan, *, as_json: bool) -> bool
 def _planned(one: Preview, plan: Plan) -> dict[str, Any]:
     job = one.job
     return {
-        "image": job.source.path,
+        "image": job.source.told,
         "status": one.status,
         "outputs": list(plan.outputs(job)),
         "truth": told(job.truth),
@@ -118,7 +118,7 @@ def _plan_line(one: Preview) -> str:
     where = " (start at " + "; ".join(map(_circle_told, circles)) + ")" if circles else ""
     words = {"failed": f"failed: {one.error}", "unchanged": "unchanged"}
     what = words.get(one.status) or ", ".join(map(printable, one.missing)) or "the IoU"
-    return f"{printable(job.source.path)}{where} -> {what}"
+    return f"{printable(job.source.told)}{where} -> {what}"
 
 
 def _circle_told(one: Start) -> str:
