@@ -16,7 +16,7 @@ from ffseg.batch.runner import refuse_foreign
 from ffseg.batch.workers.freshness import kept_outputs, read_task
 from ffseg.batch.workers.messages import Setup, Task
 from ffseg.errors import ImageReadError, OutputError, UsageError
-from ffseg.formats.files import printable
+from ffseg.formats.files import printable, unwritten
 from ffseg.formats.images import Limits, inspect
 
 
@@ -104,8 +104,10 @@ def _refuse_locked(out: str, folder: str) -> None:
     refuse_special(path)
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
-    except OSError:
+    except FileNotFoundError:
         return
+    except OSError as error:
+        raise unwritten(path, error) from error
     try:
         fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:

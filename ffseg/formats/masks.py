@@ -56,11 +56,15 @@ def read_levels(path: str | os.PathLike[str], limits: Limits | None = None) -> N
 
 
 def holds_other_than_mask(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is an image with anything but 0 and 255 in it; one that cannot be read as an image is none."""
+    """Whether a file is, or may be, an image with anything but 0 and 255 in it."""
     try:
         image = read_image(path)
     except ImageReadError as error:
-        return error.reason in ("too-many-pixels", "too-many-bytes", "unsupported-pixels")
+        return error.reason not in (
+            "missing",
+            "empty",
+            "not-an-image",
+        )  # others are images, whole or not, or not to be read
     return image.ndim != 2 or not np.isin(image, (0, 255)).all()
 
 

@@ -86,11 +86,15 @@ def test_usage_errors(arguments: list[str], said: str, tmp_path: Path, ffseg_com
     assert (tmp_path / "toy.png").read_bytes() == TOY.read_bytes()
 
 
+@pytest.mark.parametrize("length", [None, 600], ids=["whole", "cut"])
 @pytest.mark.parametrize(("out", "kind"), [("b.png", []), ("b.jpg", []), ("b.png", ["--as", "svg"])])
-def test_a_picture_is_not_replaced_unasked(out: str, kind: list[str], tmp_path: Path, ffseg_command: Run) -> None:
+def test_a_picture_is_not_replaced_unasked(
+    out: str, kind: list[str], length: int | None, tmp_path: Path, ffseg_command: Run
+) -> None:
     """`ffseg segment *.png` in a folder of two must not turn the second photograph into a mask of the first."""
     photo = np.random.default_rng(0).integers(0, 256, (30, 40, 3), np.uint8)
     Image.fromarray(photo).save(tmp_path / out)
+    (tmp_path / out).write_bytes((tmp_path / out).read_bytes()[:length])
     before = (tmp_path / out).read_bytes()
     done = ffseg_command("segment", TOY, out, *kind, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (

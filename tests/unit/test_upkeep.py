@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -19,7 +20,7 @@ from ffseg.batch.outputs.table import Wanted
 from ffseg.batch.preview import preview
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.workers.messages import Setup
-from ffseg.errors import UsageError
+from ffseg.errors import OutputError, UsageError
 from ffseg.parameters import load_params
 
 NAMES = [f"{name}.png" for name in "abcdef"]
@@ -233,6 +234,27 @@ def test_pipes_in_the_place_of_outputs_are_not_replaced(images: Path, tmp_path: 
     summary = run_in(images, out)
     assert (summary.unchanged, summary.failed) == (4, 2)
     assert "is a named pipe and is not replaced" in table(out / "timings.csv")[0]["error"]
+
+
+def test_a_preview_of_a_record_that_cannot_be_opened_says_what_the_run_will(
+    images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It passed over a state folder without permissions, and said that all is to be done."""
+    run_in(images, tmp_path / "out")
+    lock, real = str(tmp_path / "out" / ".ffseg" / "lock"), os.open
+
+    def locked(path: str, *arguments: int, **options: int) -> int:
+        if path == lock:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return real(path, *arguments, **options)
+
+    monkeypatch.setattr(os, "open", locked)
+    plan = make_plan([str(images)], str(tmp_path / "out"))
+    said = r"lock cannot be written \(Permission denied\); check the folder"
+    with pytest.raises(OutputError, match=said):
+        run_in(images, tmp_path / "out")
+    with pytest.raises(OutputError, match=said):
+        list(preview(plan, Setup(params=load_params())))
 
 
 def test_a_preview_looks_at_the_headers_of_what_is_to_do(images: Path, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from types import TracebackType
 from ffseg.batch.discover import STATE_FOLDER
 from ffseg.batch.record.journal import refuse_special
 from ffseg.errors import OutputError, UsageError
-from ffseg.formats.files import make_folder, printable
+from ffseg.formats.files import make_folder, printable, unwritten
 
 
 class OutputLock:
@@ -39,7 +39,7 @@ class OutputLock:
         try:
             self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         except OSError as error:
-            raise OutputError(f"{printable(path)} cannot be written ({os.strerror(error.errno or 0)})") from error
+            raise unwritten(path, error) from error
         try:
             fcntl.lockf(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
