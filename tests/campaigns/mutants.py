@@ -164,6 +164,22 @@ NATIVE = [
         FREEFORM + "evolution.cpp",
         ("if (options.topology) settling::Untangle<D>(settled_).run();", ""),
         ("if (contour_.options.topology) topology::drop_nested(contour_);", ""),
+        ("contour_.counts.iterations >= next_fit_", "next_fit_ == 0"),
+        ("(wake_open(contour_) || wake_anew())", "wake_open(contour_)"),
+    ),
+    *_of(
+        FREEFORM + "rest.hpp",
+        ("(contour.pressure == nullptr || any_unstopped(contour, at, free))", "true"),
+        ("contour.pressure == nullptr || !contour.pressure->stops_near(p)", "true"),
+    ),
+    *_of(
+        "native/region/pressure.cpp",
+        ("closes_in ? log_odds(other, one, weight_) : log_odds(one, other, weight_)", "log_odds(one, other, weight_)"),
+        ("for (std::size_t i = 0; i < within.size(); ++i) outside[i] -= within[i];", ""),
+        ("if (closes_in && count > 0) std::reverse(first + 1, first + count);", ""),
+        ("if (one.count < kFewest || other.count < kFewest) return unless;", ""),
+        ("rest.log_volume - swept.log_volume", "swept.log_volume - rest.log_volume"),
+        ("ahead > kNearest ? std::max(0.5 * ahead, kNearest) : 0", "0"),
     ),
 ]  # fmt: skip
 

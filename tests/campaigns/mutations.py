@@ -47,7 +47,7 @@ NEAREST = {
     "native": (
         "tests/unit/test_freeform_flips.py", "tests/unit/test_freeform_repairs.py", "tests/unit/test_freeform_steps.py",
         "tests/unit/test_samples_segmented.py", "tests/unit/test_freeform_components.py",
-        "tests/unit/test_core_regressions.py",
+        "tests/unit/test_region_pressure.py", "tests/unit/test_core_regressions.py",
     ),
     "structural": ("tests/unit/test_structural_votes.py",),
     "motion": (

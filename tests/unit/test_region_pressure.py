@@ -88,6 +88,23 @@ def test_a_gap_in_the_edge_does_not_leak() -> None:
     assert result.mask[:, 230:].sum() == 0
 
 
+def test_the_last_pixels_are_swept_as_well() -> None:
+    """Of a rest of a few pixels no colours are known."""
+    image = np.clip(np.random.default_rng(4).normal(100, 3, (*SHAPE, 3)), 0, 255).astype(np.uint8)
+    result = ffseg.segment(image, {**NO_EDGES, "region.weight": 1})
+    assert result.mask.mean() > 0.999  # the corners are cut
+
+
+@pytest.mark.parametrize(("brightest", "balloon", "most", "reached"), [(110, 8, 100, 300), (250, 3, 2000, 395)])
+def test_what_is_swept_teaches_what_may_be_swept(brightest: int, balloon: float, most: int, reached: int) -> None:
+    """Where ground changes slowly the front learns as it goes; where faster, again when it has come to rest."""
+    levels = np.linspace(30, brightest, SHAPE[1])[None, :, None] + np.zeros((*SHAPE, 3))
+    image = np.clip(levels + np.random.default_rng(5).normal(0, 3, levels.shape), 0, 255).astype(np.uint8)
+    start = {"init.center": [40, 150], "init.radius": 30, "contour.balloon": balloon, "contour.max_iterations": most}
+    result = ffseg.segment(image, {**NO_EDGES, **start, "region.weight": 0.2})
+    assert np.flatnonzero(result.mask.any(axis=0)).max() >= reached
+
+
 def test_weight_zero_looks_at_no_colour() -> None:
     ground = np.zeros(SHAPE, np.uint8)
     options = _core.EvolutionOptions()
