@@ -14,7 +14,7 @@ import pytest
 
 from ffseg.batch.learning.choice import Trial
 from ffseg.batch.learning.gather import gather
-from ffseg.batch.learning.page import to_html, to_yaml, told
+from ffseg.batch.learning.page import given, to_html, to_yaml, told
 from ffseg.batch.learning.space import MOST_SETTINGS, applied, halton, levels, settings
 from ffseg.batch.learning.tune import Tuned, _sensitivity, before_and_after, tune
 from ffseg.parameters import load_params
@@ -138,3 +138,21 @@ def test_one_image_says_nothing_of_others() -> None:
     found = Tuned({}, {"edges.sigma": 2.0}, (0.5,), (0.9,), (0.5,), (), 3, 1.0)
     assert not any("others" in line for line in told(found))
     assert any("one image may be chance: they are kept" in line for line in told(found))
+
+
+def test_the_file_holds_what_tuning_began_with(tmp_path: Path) -> None:
+    """`--config toy-full --set contour.degree=2` were left out of the file that is to be used with --config alone."""
+    (tmp_path / "mask.png").write_bytes(b"")
+    began = load_params(
+        "toy-full",
+        {
+            "contour.degree": 2, "method": "snake", "init.circles": [[1.5, 2, 3], [4, 5, 6]], "init.center": [7, 123.4567891],
+            "edges.canny": [3, 6], "contour.refine": False, "domain.mask": str(tmp_path / "mask.png"),
+        },
+    )  # fmt: skip
+    path = tmp_path / "sub" / "t.yaml"
+    path.parent.mkdir()
+    for setting in ({}, {"edges.canny": (8.0, 16.0), "edges.sigma": 2.0}):
+        path.write_text(to_yaml(Tuned(setting, setting, (0.5, 0.5), (0.9, 0.9), (0.9, 0.9), (), 3, 1.0), began))
+        assert load_params(path) == load_params("toy-full", {**given(began), **setting})
+    assert "contour" not in to_yaml(Tuned({}, {}, (0.5,), (0.9,), (0.9,), (), 3, 1.0), load_params())

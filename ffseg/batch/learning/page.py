@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import base64
 import html
+import os
 from collections.abc import Sequence
 from statistics import mean, pstdev
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,10 @@ from ffseg.batch.learning.tune import Tuned
 from ffseg.formats.files import printable
 from ffseg.formats.masks import encode_png
 from ffseg.metrics import IGNORED, INSIDE
+from ffseg.parameter_text import yaml_value
+from ffseg.parameters import Parameters
+from ffseg.schema.kinds import FilePath
+from ffseg.schema.sections import flat, leaves
 
 MOST_SHOWN = 60
 """Images on the page."""
@@ -48,17 +54,46 @@ def told(tuned: Tuned) -> list[str]:
     return lines
 
 
-def to_yaml(tuned: Tuned) -> str:
-    """A parameter file of the keys that tuning sets, with what was measured as a comment."""
+def to_yaml(tuned: Tuned, params: Parameters | None = None) -> str:
+    """A parameter file of the keys that tuning sets, with what was measured as a comment.
+
+    Parameters
+    ----------
+    tuned : Tuned
+    params : Parameters, optional
+        What tuning began with: where it differs from the defaults it stands in the file as well, which is then all that a
+        run needs.
+    """
     lines = [f"# ffseg tune {__version__}", *(f"# {line}" for line in told(tuned))]
+    values = (given(params) if params is not None else {}) | tuned.setting
     sections: dict[str, list[str]] = {}
-    for key, value in tuned.setting.items():
-        section, _, name = key.partition(".")
-        text = f"[{', '.join(f'{one:g}' for one in value)}]" if isinstance(value, tuple) else str(value)
-        sections.setdefault(section, []).append(f"  {name}: {text}")
+    for key, value in values.items():
+        section, _, name = key.rpartition(".")
+        text = f"[{', '.join(map(_short, value))}]" if _is_row(value) else yaml_value(value)
+        sections.setdefault(section, []).append(f"{'  ' if section else ''}{name}: {text}")
+    lines += sections.pop("", [])
     for section, entries in sections.items():
         lines += [f"{section}:", *entries]
-    return "\n".join([*lines, *([] if sections else ["{}"])]) + "\n"
+    return "\n".join([*lines, *([] if values else ["{}"])]) + "\n"
+
+
+def given(params: Parameters) -> dict[str, object]:
+    """Where a parameter set differs from the defaults; names of files are absolute, for a file may lie anywhere."""
+    defaults, kinds = flat(Parameters()), leaves(Parameters)
+    return {
+        key: os.path.abspath(value) if isinstance(kinds[key].kind, FilePath) and isinstance(value, str) else value
+        for key, value in flat(params).items()
+        if value != defaults[key]
+    }
+
+
+def _short(number: float) -> str:
+    """The shortest text that is read back as the same number."""
+    return f"{number:g}" if float(f"{number:g}") == number else repr(number)
+
+
+def _is_row(value: object) -> TypeGuard[tuple[float, ...]]:
+    return isinstance(value, tuple) and all(isinstance(one, float | int) for one in value)
 
 
 def to_html(

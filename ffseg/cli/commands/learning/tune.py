@@ -46,8 +46,8 @@ def tune(  # noqa: PLR0913 - the options of the command
 ) -> None:
     """Look for settings that agree with a few masks, and keep those at hand where none is better.
 
-    Writes a YAML file of the keys that differ, with what was measured on images left out. Exit code: 0 done; 2 nothing
-    was written.
+    Writes a YAML file of all keys that differ from the defaults, with what was measured on images left out. Exit code:
+    0 done; 2 nothing was written.
     """
     if out.suffix not in (".yaml", ".yml"):
         raise UsageError(f"--out {out}: the settings are a YAML file; name it .yaml")
@@ -58,21 +58,21 @@ def tune(  # noqa: PLR0913 - the options of the command
             output_file(option, path)
     params = checked_params(config, settings)
     from ffseg.batch.learning.gather import gather
-    from ffseg.batch.learning.page import to_html, to_yaml, told
+    from ffseg.batch.learning.page import given, to_html, to_yaml, told
     from ffseg.batch.learning.tune import before_and_after
     from ffseg.batch.learning.tune import tune as search
     from ffseg.formats.files import write_bytes_atomic
 
     found = gather(inputs, os.fspath(truth), params, starts_file(starts, params), truth_label)
     tuned = search(found.labelled, budget, _silent if quiet else _tell)
-    write_bytes_atomic(os.fspath(out), to_yaml(tuned).encode())
+    write_bytes_atomic(os.fspath(out), to_yaml(tuned, params).encode())
     if page is not None:
         masks = before_and_after(found.labelled, tuned)
         write_bytes_atomic(os.fspath(page), to_html(tuned, found.labelled, masks).encode())
     if as_json:
         console.data(json.dumps({"out": os.fspath(out), **asdict(tuned)}, indent=2))
     else:
-        use = f"use it with --config {out}" if tuned.setting else f"{out} changes nothing"
+        use = f"use it with --config {out}" if tuned.setting or given(params) else f"{out} changes nothing"
         console.data("\n".join([*told(tuned), use]))
 
 
