@@ -168,7 +168,7 @@ NATIVE = [
         ("(wake_open(contour_) || wake_anew())", "wake_open(contour_)"),
     ),
     *_of(
-        FREEFORM + "rest.hpp",
+        FREEFORM + "resting/rest.hpp",
         ("(contour.pressure == nullptr || any_unstopped(contour, at, free))", "true"),
         ("contour.pressure == nullptr || !contour.pressure->stops_near(p)", "true"),
     ),

@@ -11,7 +11,7 @@
 #include "freeform/deform.hpp"
 #include "freeform/guard.hpp"
 #include "freeform/refine.hpp"
-#include "freeform/rest.hpp"
+#include "freeform/resting/rest.hpp"
 #include "freeform/settling/settle.hpp"
 #include "freeform/settling/untangle.hpp"
 #include "freeform/topology/flip.hpp"
@@ -30,11 +30,11 @@ constexpr int kMostRounds = 32;
 template <int D>
 bool evolve(Contour<D>& contour) {
     ++contour.counts.iterations;
-    deform(contour);           // sample each patch, compute the deformation there, deform the patch (Eq. 7)
-    hold_at_edges(contour);    // nothing enters an edge (Section 3.2)
-    split_and_prune(contour);  // split and insert (Algorithm 2)
+    deform(contour);                  // sample each patch, compute the deformation there, deform the patch (Eq. 7)
+    hold_at_edges(contour);           // nothing enters an edge (Section 3.2)
+    split_and_prune(contour);         // split and insert (Algorithm 2)
     if (contour.options.topology) topology::flip_crossings(contour);  // flip (Algorithm 3)
-    bring_to_rest(contour);    // what has converged moves no more
+    resting::bring_to_rest(contour);  // what has converged moves no more
     contour.reclaim();
     return !contour.active.empty();
 }
@@ -83,7 +83,8 @@ public:
                 reason_ = StopReason::kMaxPatches;
             } else {
                 if (contour_.pressure != nullptr && contour_.counts.iterations >= next_fit_) fit_pressure();
-                if (!evolve(contour_) && !(contour_.options.refine && (wake_open(contour_) || wake_anew()))) finish();
+                if (!evolve(contour_) && !(contour_.options.refine && (resting::wake_open(contour_) || wake_anew())))
+                    finish();
             }
         }
         return reason_ == StopReason::kRunning;
@@ -134,7 +135,7 @@ private:
         fit_pressure();
         contour_.memory.retried.clear();
         for (int i : contour_.order) contour_[i].examined = false;
-        return wake_open(contour_);
+        return resting::wake_open(contour_);
     }
 
     void finish() {
@@ -143,7 +144,7 @@ private:
         reason_ = contour_.order.empty()          ? StopReason::kVanished
                   : contour_.memory.num_stray > 0 ? StopReason::kStalled
                                                   : StopReason::kConverged;
-        assert(reason_ != StopReason::kConverged || !contour_.options.refine || all_held(contour_));
+        assert(reason_ != StopReason::kConverged || !contour_.options.refine || resting::all_held(contour_));
     }
 
     Contour<D> contour_;
