@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
 import ffseg
+from ffseg.image.edges import edge_map
 from tests import labyrinths
 from tests.campaigns import corridors
 
@@ -50,6 +52,32 @@ def test_defaults_go_to_the_end(kind: str, width: float) -> None:
 def test_passages_of_seven_pixels_are_entered_at_every_angle(angle: int) -> None:
     scene = labyrinths.Plan("straight", 0, float(angle), 30.0).drawn(7.0)
     assert corridors.iou_off_border(corridors.segmented(scene, {}).mask, scene.truth) >= corridors.LEAST_IOU
+
+
+def is_open(scene: labyrinths.Labyrinth, far: tuple[int, int]) -> bool:
+    """Do squares of two by two free pixels lead from the start to ``far`` (column, row), side by side?"""
+    edges = edge_map(scene.image, ffseg.load_params(None, {"edges.source": "gradient"}).edges).edges
+    free = cv2.dilate(edges, np.ones((3, 3), np.uint8)) == 0
+    squares = free[:-1, :-1] & free[:-1, 1:] & free[1:, :-1] & free[1:, 1:]
+    covered = np.zeros_like(free)
+    for rows in (slice(None, -1), slice(1, None)):
+        for columns in (slice(None, -1), slice(1, None)):
+            covered[rows, columns] |= squares
+    _, labels = cv2.connectedComponents(covered.astype(np.uint8), connectivity=4)
+    column, row = (round(v) for v in scene.start)
+    return bool(labels[far[1], far[0]] == labels[row, column] != 0)
+
+
+@pytest.mark.parametrize("width", [5.0, 6.0, 6.25, 6.5, 6.75])
+def test_passages_are_entered_where_the_edge_map_leaves_them_open(width: float) -> None:
+    """From 6 px on all of them, from 6.5 px on at every angle; narrower ones at least not where they are shut."""
+    for angle in np.arange(0.0, 90.1, 7.5):
+        scene = labyrinths.passage(width, float(angle))
+        far = round(labyrinths.SIZE - scene.start[0]), round(labyrinths.SIZE - scene.start[1])
+        entered = bool(corridors.segmented(scene, {}).mask[far[1], far[0]])
+        assert entered <= is_open(scene, far), angle
+        assert entered or width < 6.0 or not is_open(scene, far), angle
+        assert entered or width < 6.5, angle
 
 
 @pytest.mark.parametrize("angle", [0.0, 27.0, 45.0])

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "freeform/guard.hpp"
 
@@ -23,11 +24,17 @@ constexpr double kUncovered = 2.0;
 // A sample put back with more room ahead of it than this is moved on with more samples beside it.
 constexpr double kHeldBack = 1.0;
 // Where the front squeezes through a passage of a few pixels its samples lie no farther apart, or it turns by more than
-// the angle with this cosine (45 degrees).
+// the angle with this cosine (45 degrees); at its very tip it turns back.
 constexpr double kTipChord = 4.0, kTipTurn = 0.7;
 
 // Does a sample that moves pass its neighbour, so that the curve would run back there?
 inline bool passes(Vec2 from, Vec2 to, Vec2 neighbour) { return dot(neighbour - to, neighbour - from) <= 0; }
+
+// Does what arrives and then leaves turn as it does at a tip?
+inline bool turns(Vec2 arriving, Vec2 leaving) {
+    const double along = dot(arriving, leaving);
+    return along <= 0 || along * along <= kTipTurn * kTipTurn * norm2(arriving) * norm2(leaving);
+}
 
 // The middle of a patch's chord: another one once the patch is split.
 template <int D>
@@ -54,31 +61,84 @@ constexpr std::array<Way, 6> kWays{{{{1.0, 0.0}, kUncovered},
                                     {{0.5, 0.866}, kUncovered},
                                     {{0.5, -0.866}, kUncovered}}};
 constexpr std::size_t kFirstAslant = 2;
+// From pixel to pixel it may move so far back for each pixel of the way: sideways, round the corners of its ground.
+constexpr double kSideways = -0.75;
 
-// Moves sample k of patch i, which lies between `last` and the next one, the first way that is free. Where only the
-// curve meets an edge there, `hindered` becomes the patch with too few samples to follow.
+// A sample that may move on: which one, and the one before it.
+struct Resting {
+    int patch, k;
+    Vec2 last;
+};
+
+// Moves a sample so far along a heading, if the way is free. Where only the curve meets an edge then, `hindered`
+// becomes the patch with too few samples to follow.
 template <int D>
-bool move_on(Contour<D>& contour, int i, int k, Vec2 last, Vec2 tangent, int& hindered) {
-    Patch<D>& patch = contour[i];
-    const Vec2 from = patch.m[k], after = k + 1 < D ? patch.m[k + 1] : contour.end(i), normal{tangent.y, -tangent.x};
+bool try_way(Contour<D>& contour, const Resting& at, Vec2 heading, double length, int& hindered) {
+    Patch<D>& patch = contour[at.patch];
+    const Vec2 from = patch.m[at.k], after = at.k + 1 < D ? patch.m[at.k + 1] : contour.end(at.patch);
+    const Vec2 to = from + length * heading;
+    if (contour.field.blocked(to) || colour_stops(contour, to) || passes(from, to, after) || passes(from, to, at.last))
+        return false;
+    if (reach(contour.field, from, heading, length, 0.0) < length) return false;
+    if (contour.memory.retried.count(contour.field.pixel(to)) != 0) return false;
+    patch.m[at.k] = to;
+    const int meeting = meets_edge(contour, at.patch)                  ? at.patch
+                        : at.k == 0 && meets_edge(contour, patch.prev) ? patch.prev
+                                                                       : -1;
+    if (meeting < 0) {
+        first_try(contour, to);
+        return true;
+    }
+    patch.m[at.k] = from;
+    hindered = meeting;
+    return false;
+}
+
+// Moves a sample the first way that is free.
+template <int D>
+bool move_on(Contour<D>& contour, const Resting& at, Vec2 tangent, int& hindered) {
+    const Vec2 from = contour[at.patch].m[at.k], normal{tangent.y, -tangent.x};
     const bool shut = contour.field.blocked(from + kMarchStep * normal);  // mostly it is: no way straight ahead
-    for (std::size_t at = shut ? kFirstAslant : 0; at < kWays.size(); ++at) {
-        const Way& way = kWays[at];
-        const Vec2 heading = way.turn.x * normal + way.turn.y * tangent, to = from + way.length * heading;
-        if (contour.field.blocked(to) || colour_stops(contour, to) || passes(from, to, after) || passes(from, to, last))
-            continue;
-        if (reach(contour.field, from, heading, way.length, 0.0) < way.length) continue;
-        if (contour.memory.retried.count(contour.field.pixel(to)) != 0) continue;
-        patch.m[k] = to;
-        const int meeting = meets_edge(contour, i) ? i : k == 0 && meets_edge(contour, patch.prev) ? patch.prev : -1;
-        if (meeting < 0) {
-            first_try(contour, to);
-            return true;
-        }
-        patch.m[k] = from;
-        hindered = meeting;
+    for (std::size_t way = shut ? kFirstAslant : 0; way < kWays.size(); ++way) {
+        const Vec2 heading = kWays[way].turn.x * normal + kWays[way].turn.y * tangent;
+        if (try_way(contour, at, heading, kWays[way].length, hindered)) return true;
     }
     return false;
+}
+
+// Calls visit(pixel) for the middle of each pixel beside p, until it returns true; whether it did.
+template <typename Visit>
+bool visit_beside(Vec2 p, Visit visit) {
+    for (const double dy : {-1.0, 0.0, 1.0}) {
+        for (const double dx : {-1.0, 0.0, 1.0}) {
+            if ((dx != 0 || dy != 0) && visit(Vec2{std::floor(p.x + 0.5) + dx, std::floor(p.y + 0.5) + dy}))
+                return true;
+        }
+    }
+    return false;
+}
+
+// Moves a sample at which the curve turns back to the middle of a pixel beside it, the one most ahead first, if free
+// ground goes on there: in a passage at an angle it leads from pixel to pixel, at times sideways, where no straight
+// step stays in it.
+template <int D>
+bool move_to_pixel(Contour<D>& contour, const Resting& at, Vec2 next, int& hindered) {
+    const Vec2 from = contour[at.patch].m[at.k], ahead = unit(unit(from - at.last) + unit(from - next));
+    const auto gets_on = [&](Vec2 p) { return dot(p - from, ahead) > 0 && !contour.field.blocked(p); };
+    std::array<std::pair<double, Vec2>, 8> ways;
+    std::size_t count = 0;
+    visit_beside(from, [&](Vec2 to) {
+        const double along = dot(unit(to - from), ahead);
+        if (along > kSideways && !contour.field.blocked(to) && (gets_on(to) || visit_beside(to, gets_on))) {
+            ways[count++] = {along, to - from};
+        }
+        return false;
+    });
+    const auto end = ways.begin() + static_cast<std::ptrdiff_t>(count);
+    std::stable_sort(ways.begin(), end, [](const auto& a, const auto& b) { return a.first > b.first; });
+    return std::any_of(ways.begin(), end, [&](const auto& way) {
+        return try_way(contour, at, unit(way.second), norm(way.second), hindered);
+    });
 }
 
 // Splits a patch at rest, if its halves are not so short that they are pruned.
@@ -99,17 +159,20 @@ bool slide(Contour<D>& contour, int i) {
     int hindered = -1;
     Points<D> points = contour.samples(i);
     for (int k = 0; k < D; ++k) {
-        const double ahead = norm2(points[k + 1] - points[k]);
         const Vec2 last = k > 0 ? points[k - 1] : contour[patch.prev].m[D - 1];
-        const double behind = norm2(points[k] - last);
-        const bool is_tip = std::min(ahead, behind) <= kTipChord * kTipChord;
-        if (!is_tip && k > 0) continue;  // the curve does not turn there
+        const Vec2 behind = points[k] - last, ahead = points[k + 1] - points[k];
+        const bool is_tip = std::min(norm2(ahead), norm2(behind)) <= kTipChord * kTipChord;
+        const bool turns_back = dot(behind, ahead) < 0;
+        if (!is_tip && !turns_back && k > 0) continue;  // the curve does not turn there
         const Vec2 leaving = apply<D>(kBasis<D>.slope[k], points);
         const Vec2 arriving = k > 0 ? leaving : apply<D>(kBasis<D>.slope[D], contour.samples(patch.prev));
-        const double along = dot(leaving, arriving);
-        if (!is_tip && along > 0 && along * along > kTipTurn * kTipTurn * norm2(leaving) * norm2(arriving)) continue;
+        if (!is_tip && !turns_back && !turns(arriving, leaving)) continue;
         const Vec2 in = unit(leaving), tangent = unit(in + (k > 0 ? in : unit(arriving)));
-        if (!move_on(contour, i, k, last, tangent, hindered)) continue;
+        const Resting at{i, k, last};
+        if (!move_on(contour, at, tangent, hindered) &&
+            !(turns_back && move_to_pixel(contour, at, points[k + 1], hindered))) {
+            continue;
+        }
         points[k] = patch.m[k];
         any = true;
     }
