@@ -272,7 +272,7 @@ def _shared(jobs: Sequence[Job]) -> str:
     """Sentence about images that would share an output."""
     *others, last = (printable(job.source.told) for job in jobs)
     if len({job.source.name for job in jobs}) == len(jobs):
-        remedy = "use --keep-suffix, rename all but one, or run them into several output folders"
+        remedy = "use --keep-suffix of 'ffseg run', rename all but one, or run them into several output folders"
     else:
         remedy = "rename all but one, or run them into several output folders"
     return f"{', '.join(others)} and {last} would share the output masks/{printable(jobs[0].stem)}.png; {remedy}"

@@ -115,6 +115,14 @@ def test_a_mask_and_what_is_no_picture_are_replaced(mask: np.ndarray, tmp_path: 
     assert "<title>toy.png</title>" in (tmp_path / "a.svg").read_text("utf-8")
 
 
+def test_frames_that_are_not_read_are_told(tmp_path: Path, ffseg_command: Run) -> None:
+    frames = [Image.new("L", (40, 30), level) for level in (60, 200)]
+    frames[0].save(tmp_path / "film.gif", save_all=True, append_images=frames[1:])
+    done = ffseg_command("segment", "film.gif", "a.png", "--set", "init.radius=5", cwd=tmp_path)
+    assert done.returncode == 0
+    assert done.stderr.startswith("ffseg: only the first frame was read; the GIF file has more\n")
+
+
 def test_pipes_and_devices_stay_what_they_are(tmp_path: Path, ffseg_command: Run) -> None:
     os.mkfifo(tmp_path / "a.png")
     done = ffseg_command("segment", TOY, "a.png", cwd=tmp_path)

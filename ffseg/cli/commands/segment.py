@@ -70,7 +70,7 @@ def segment(  # noqa: PLR0913 - the options of the command
     from ffseg.segmenters.saving.source import Source
 
     try:
-        pixels = _read(image)
+        pixels, note = _read(image)
         result = segment_pixels(pixels, params, evidence=_evidence(evidence))
         source = Source("" if image == PIPE else os.path.basename(image), pixels)
         for path, output in wanted:
@@ -80,7 +80,7 @@ def segment(  # noqa: PLR0913 - the options of the command
         console.error(str(error))
         raise typer.Exit(FAILED_IMAGES) from error
     if not quiet:
-        for text in result.messages:
+        for text in filter(None, (note, *result.messages)):
             console.message(f"ffseg: {text}")
         console.message(_told(result))
 
@@ -139,18 +139,27 @@ def _same(path: str, image: str) -> bool:
         return False
 
 
-def _read(image: str) -> NDArray[np.uint8]:
-    from ffseg.formats.images import Limits, decode_image, read_image
+def _read(image: str) -> tuple[NDArray[np.uint8], str]:
+    """Pixels of an image, and what there is to say of frames that were not read."""
+    from ffseg.formats.files import printable, read_bytes
+    from ffseg.formats.images import Limits, decode_image, frames_note
 
-    if image != PIPE:
-        return read_image(image)
     limits = Limits()
-    data = sys.stdin.buffer.read(limits.max_bytes + 1) if sys.stdin is not None else b""
+    try:
+        data = _stdin(limits.max_bytes) if image == PIPE else read_bytes(image, limits.max_bytes)
+        return decode_image(data, limits), frames_note(data, limits)
+    except ImageReadError as error:
+        name = "" if image == PIPE else f"{printable(image)}: "
+        raise ImageReadError(error.reason, f"{name}{error}") from None
+
+
+def _stdin(most: int) -> bytes:
+    data = sys.stdin.buffer.read(most + 1) if sys.stdin is not None else b""
     if not data:
         raise ImageReadError("empty", "stdin is empty; send an image: ffseg segment - OUT < IMAGE")
-    if len(data) > limits.max_bytes:
-        raise ImageReadError("too-many-bytes", f"stdin holds more than {limits.max_bytes} bytes")
-    return decode_image(data, limits)
+    if len(data) > most:
+        raise ImageReadError("too-many-bytes", f"stdin holds more than {most} bytes")
+    return data
 
 
 def _write(path: str, data: bytes) -> None:
