@@ -93,6 +93,7 @@ def decode_image(data: bytes, limits: Limits | None = None) -> NDArray[np.uint8]
     probes = header.check()
     image = _decoded(header.still or data, header)
     if image is None:
+        _require_memory(header)
         raise _undecodable(header)
     if {image.shape[0], image.shape[1]} != {header.height, header.width}:
         raise ImageReadError("damaged", f"the {header.format} pixels have not the size its header claims; convert it")
@@ -112,6 +113,8 @@ def _decoded(data: bytes, header: Header) -> NDArray[np.uint8] | None:
     return None if decoded is None else np.asarray(decoded, np.uint8)
 
 
+_DECODER_BYTES, _DECODER_LEAST = 8, 1 << 20
+"""Bytes a pixel, and besides, of a decoder at work: three channels, twice, and tables."""
 _TRANSPOSED = (5, 6, 7, 8)
 _FLIPPED = {2: (0, 1), 3: (1, 1), 4: (1, 0), 6: (0, 1), 7: (1, 1), 8: (1, 0)}
 """After the transposition, whether rows and columns are reversed."""
@@ -180,6 +183,17 @@ _PARSERS: tuple[tuple[bytes, Callable[[bytes], Header]], ...] = (
 
 def _parser_of(data: bytes) -> Callable[[bytes], Header] | None:
     return next((parser for start, parser in _PARSERS if re.match(start, data, re.DOTALL)), None)
+
+
+def _require_memory(header: Header) -> None:
+    """Tell an image that cannot be decoded from one for which there is no memory, of which OpenCV does not say either.
+
+    Raises
+    ------
+    MemoryError
+        If there is not as much as a decoder takes.
+    """
+    np.empty(_DECODER_BYTES * header.width * header.height + _DECODER_LEAST, np.uint8)
 
 
 def _undecodable(header: Header) -> ImageReadError:

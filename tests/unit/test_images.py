@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import os
+import subprocess
+import sys
 import time
 import tracemalloc
 from pathlib import Path
@@ -75,6 +77,29 @@ def test_limits_are_kept() -> None:
     with pytest.raises(ImageReadError) as caught:
         decode_image(data, Limits(max_pixels=64 * 48 - 1))
     assert caught.value.reason == "too-many-pixels"
+
+
+STARVED = """
+import resource, sys
+from pathlib import Path
+from ffseg.formats.images import decode_image
+data = Path(sys.argv[1]).read_bytes()
+used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + (16 << 20),) * 2)
+try:
+    decode_image(data)
+except MemoryError:
+    print("no memory")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_an_image_for_which_there_is_no_memory_is_not_called_damaged(tmp_path: Path) -> None:
+    """OpenCV's decoder gives nothing in both cases, and the advice was to copy the file again."""
+    Image.new("RGB", (4000, 4000), (9, 99, 199)).save(tmp_path / "large.png")
+    command = [sys.executable, "-c", STARVED, tmp_path / "large.png"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout == "no memory\n", done.stderr
 
 
 def test_file_above_the_byte_limit_is_refused(tmp_path: Path) -> None:

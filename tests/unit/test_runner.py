@@ -9,6 +9,7 @@ import shutil
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import stand_in
@@ -19,6 +20,8 @@ import ffseg.batch.runner as runner_module
 from ffseg.batch.executors import processes as pool
 from ffseg.batch.outputs.table import Wanted
 from ffseg.batch.runner import TIMING_COLUMNS
+from ffseg.batch.workers import work
+from ffseg.batch.workers.messages import Failed, Setup, Task
 from ffseg.errors import OutputError, UsageError
 from ffseg.parameters import load_params
 
@@ -140,6 +143,21 @@ def test_crash_hang_memory_and_defects_cost_only_their_image(workers: int, tmp_p
     assert (summary.done, summary.failed) == (6, 6)
     assert "ZeroDivisionError" in (out / ".ffseg" / "errors.log").read_text()
     assert "SIGSEGV" in next(row["error"] for row in table(out / "timings.csv") if row["image"] == NAMES[2])
+
+
+def test_opencv_without_memory_is_out_of_memory(images: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its error is no MemoryError: the row said "internal" and showed the source line of OpenCV."""
+
+    def starved(*_: object) -> None:
+        error = cv2.error("(-4:Insufficient memory)")
+        error.code = cv2.Error.StsNoMem
+        raise error
+
+    monkeypatch.setattr(work, "decode_image", starved)
+    task = Task(0, str(images / NAMES[0]), "", "", ("masks/a.png", "contours/a.svg"), None, NAMES[0])
+    reply = work.Workbench(Setup(params=load_params())).reply(task)
+    assert isinstance(reply, Failed)
+    assert reply.reason == "out-of-memory"
 
 
 def test_failed_images_are_tried_again_by_the_next_run(tmp_path: Path) -> None:

@@ -30,6 +30,9 @@ from ffseg.segmenters.base import Segmentation
 if TYPE_CHECKING:
     from ffseg.batch.workers.frames import FrameBench
 
+_NO_MEMORY = -4
+"""Code of OpenCV's error when it gets no memory."""
+
 
 class Workbench:
     """What a worker has ready between images; none of it depends on the images it has seen.
@@ -74,10 +77,10 @@ class Workbench:
             return Failed(task.index, "calibration", str(error))
         except FfsegError as error:
             return Failed(task.index, "parameters", str(error))
-        except MemoryError:
-            text = "more memory than a worker may use; raise --memory or scale it down"
-            return Failed(task.index, "out-of-memory", text)
         except Exception as error:  # noqa: BLE001 - a defect costs one image, and is written down
+            if isinstance(error, MemoryError) or getattr(error, "code", 0) == _NO_MEMORY:
+                text = "more memory than a worker may use; raise --memory or scale it down"
+                return Failed(task.index, "out-of-memory", text)
             import traceback
 
             return Failed(task.index, "internal", f"{type(error).__name__}: {error}", traceback.format_exc())
