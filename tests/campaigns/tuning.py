@@ -1,6 +1,6 @@
 """What ``ffseg tune`` makes of a few masks, beside the defaults and the one setting that is best on the images it has not seen.
 
-Run ``python -m tests.campaigns.tuning --priors DIR [--data DATA] [--sets a,b] [--masks 3] [--draws 3] [--budget 10]``.
+Run ``python -m tests.campaigns.tuning --priors DIR [--data DATA] [--sets a,b] [--masks 3] [--draws 3] [--budget 25]``.
 DATA (or FFSEG_DATA) holds the folders of `real_images.SETS`. The prior that comes with ffseg has seen these images: each set
 is segmented with one made of the other sets, which is written to DIR and used again. ``edges.source: auto`` with that prior
 is the default that tuning has to beat. The best setting is looked for among all that tuning would try (or the first
@@ -59,7 +59,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--sets", default=",".join(SETS), help="folders separated by commas")
     parser.add_argument("--masks", type=int, default=3, help="masks to tune on")
     parser.add_argument("--draws", type=int, default=3, help="random choices of masks")
-    parser.add_argument("--budget", type=float, default=10.0, help="seconds of each tuning")
+    parser.add_argument("--budget", type=float, default=25.0, help="seconds of each tuning, as of the command")
     parser.add_argument(
         "--settings", type=int, default=MOST_SETTINGS, help="settings among which the best is looked for"
     )
