@@ -18,6 +18,9 @@ GRID = 200
 DARKEST = 0.3
 """Corners brighter than this part of the image's bright level belong to the scene (real surrounds: up to 0.22)."""
 
+BRIGHT = 0.95
+"""Part of the pixels that the bright level is not below."""
+
 CONTRAST = 40.0
 """Grey levels between surround and bright level, from which a circle can be told from noise."""
 
@@ -83,14 +86,20 @@ def valid_disc(image: Image) -> Disc | None:
     small = image[step // 2 :: step, step // 2 :: step]
     if surround > DARKEST * 255 or min(small.shape[:2]) < 8:
         return None
-    grey = np.ascontiguousarray(small.max(axis=2) if small.ndim == 3 else small)
-    level = float(np.percentile(grey, 95))
+    grey = np.ascontiguousarray(_brightest(small))
+    counts = cv2.calcHist([grey], [0], None, [256], [0, 256]).cumsum()
+    level = float(np.searchsorted(counts, BRIGHT * grey.size))
     if surround > DARKEST * level or level - surround < CONTRAST:
         return None
+    seen: NDArray[np.bool_] | None = None
     for part in LEVELS:
-        found = _circle_round(grey > surround + part * (level - surround), grey)
+        bright = grey > surround + part * (level - surround)
+        if seen is not None and np.array_equal(bright, seen):
+            continue  # two tones: what was no disc is none
+        found = _circle_round(bright, grey)
         if found is not None:
             return Disc(found.x * step + step // 2, found.y * step + step // 2, found.radius * step)
+        seen = bright
     return None
 
 
@@ -99,7 +108,15 @@ def _corner_level(image: Image, step: int) -> float:
     size = max(1, min(image.shape[:2]) // 16)
     rows, columns = (slice(0, size, step), slice(-size, None, step)), (slice(0, size, step), slice(-size, None, step))
     corners = (image[y, x] for y in rows for x in columns)
-    return max(float((corner.max(axis=2) if corner.ndim == 3 else corner).mean()) for corner in corners)
+    return max(float(_brightest(corner).mean()) for corner in corners)
+
+
+def _brightest(image: Image) -> Image:
+    """The brightest channel of each pixel."""
+    if image.ndim == 2:
+        return image
+    found: Image = np.maximum.reduce([image[..., channel] for channel in range(image.shape[2])])
+    return found
 
 
 def _circle_round(bright: NDArray[np.bool_], grey: Image) -> Disc | None:
