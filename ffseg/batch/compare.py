@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
 from statistics import median
 
@@ -18,11 +21,11 @@ from ffseg.batch.jobs import Job, make_plan, with_domains, with_evidence, with_s
 from ffseg.batch.workers.sources import read_source
 from ffseg.batch.workers.truth import read_truth
 from ffseg.errors import ImageReadError, UsageError
-from ffseg.formats.files import make_folder, printable, write_bytes_atomic
+from ffseg.formats.files import make_folder, printable, read_bytes, unprintable, write_bytes_atomic
 from ffseg.formats.images import single_thread
 from ffseg.formats.overlays import polylines
 from ffseg.formats.panels import Tile, encode_panel
-from ffseg.formats.tables import csv_table
+from ffseg.formats.tables import csv_table, meant_by
 from ffseg.methods import METHODS, PEERS, SEGMENTERS
 from ffseg.metrics import scores
 from ffseg.schema.kinds import nearest_word
@@ -31,6 +34,8 @@ from ffseg.segmenters.peers import configured
 from ffseg.segmenters.registry import segment
 
 _LONGEST_ERROR = 300
+_MOST_TABLE = 1 << 28
+"""Bytes of an earlier table that is looked at."""
 
 
 def choose_methods(text: str) -> tuple[str, ...]:
@@ -102,12 +107,31 @@ def compare(task: Comparison, tell: Callable[[Row], None]) -> list[Row]:
     make_folder(task.out)
     masks = named_masks(task.params)
     rows: list[Row] = []
+    old = panels_of(task.out)
     for job in task.jobs:
-        made = _compare_image(task, job, masks, tell)
+        made, panel = _compare_image(task, job, masks, tell)
         rows += made
+        old.discard(panel)
+    for panel in old:  # of images that are not compared any more, or could not be read
+        with suppress(OSError):
+            os.unlink(panel)
     write_bytes_atomic(os.path.join(task.out, "compare.csv"), table(rows))
     write_bytes_atomic(os.path.join(task.out, "compare.md"), markdown(task, rows).encode("utf-8"))
     return rows
+
+
+def panels_of(out: str) -> set[str]:
+    """Paths that the panels of the comparison in a folder have; none where ``compare.csv`` is not one of ours."""
+    try:
+        text = read_bytes(os.path.join(out, "compare.csv"), _MOST_TABLE).decode("utf-8")
+        head, *rows = list(csv.reader(io.StringIO(text, newline="")))
+    except (ImageReadError, ValueError, csv.Error):
+        return set()
+    if tuple(head) != COLUMNS:
+        return set()
+    names = (unprintable(name) for row in rows if row for name in meant_by(row[0]))
+    stems = {os.path.splitext(name)[0] for name in names if ".." not in name.split("/") and not name.startswith("/")}
+    return {os.path.join(out, "panels", f"{stem}.png") for stem in stems if "\0" not in stem}
 
 
 def table(rows: Iterable[Row]) -> bytes:
@@ -136,8 +160,8 @@ def missed_gates(rows: Sequence[Row], gates: dict[str, float]) -> list[str]:
     return missed
 
 
-def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row], None]) -> list[Row]:
-    """Rows of one image; its panel is written."""
+def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row], None]) -> tuple[list[Row], str]:
+    """Rows of one image, and its panel, which is written; empty where the image cannot be read."""
     name = printable(job.source.name)
     try:
         image = read_source(job.source)
@@ -149,7 +173,7 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
         rows = [Row(name, method, status="failed", error=f"{error.reason}: {error}") for method in task.methods]
         for row in rows:
             tell(row)
-        return rows
+        return rows, ""
     # Method after method in every round, so that whatever else the machine does falls on all alike.
     params = job.start.placed(task.params) if job.start else task.params
     one = replace(task, params=params)
@@ -164,7 +188,7 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
     panel = os.path.join(task.out, "panels", f"{job.stem}.png")
     make_folder(os.path.dirname(panel))
     write_bytes_atomic(panel, encode_panel(image, tiles))
-    return rows
+    return rows, panel
 
 
 _Run = tuple[Row, Segmentation | None]

@@ -85,3 +85,19 @@ def test_the_terminal_gets_a_summary_of_each_method(tmp_path: Path) -> None:
     assert (first.split()[:3], second.split()[:2]) == (["freeform", "(FF)", "3"], ["cv_edges", "3"])
     assert where == f"every image: {tmp_path / 'out' / 'compare.md'}"
     assert "IoU" not in ffseg(samples / "toy.png", "--out", tmp_path / "alone", *methods).stdout
+
+
+def test_panels_that_belong_to_no_row_are_removed(tmp_path: Path) -> None:
+    """Those of images left out, or no longer to be read, stayed beside the new table; files of others do stay."""
+    write_case(tmp_path)
+    folder, panels = tmp_path / "in", tmp_path / "out" / "panels"
+    for name in ("a.png", "b.png", "sub/c.png"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes((tmp_path / "disc.png").read_bytes())
+    command = (folder, "--out", tmp_path / "out", "--methods", "cv_edges", "--set", "init.radius=8", "-q")
+    assert ffseg(*command).returncode == 0
+    (panels / "mine.png").write_bytes(b"mine")
+    (folder / "a.png").write_text("no image")
+    (folder / "sub" / "c.png").unlink()
+    assert ffseg(*command).returncode == 3
+    assert sorted(path.name for path in panels.rglob("*.png")) == ["b.png", "mine.png"]
