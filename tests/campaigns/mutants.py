@@ -173,6 +173,14 @@ NATIVE = [
         ("contour.pressure == nullptr || !contour.pressure->stops_near(p)", "true"),
     ),
     *_of(
+        FREEFORM + "resting/slide.hpp",
+        ("dot(behind, ahead) < 0", "false"),
+        ("a.first > b.first", "a.first < b.first"),
+        ("along > kSideways", "along > 0"),
+        ("(gets_on(to) || visit_beside(to, gets_on))", "gets_on(to)"),
+        ("contour.memory.retried.count(contour.field.pixel(to)) != 0", "false"),
+    ),
+    *_of(
         "native/region/pressure.cpp",
         ("closes_in ? log_odds(other, one, weight_) : log_odds(one, other, weight_)", "log_odds(one, other, weight_)"),
         ("for (std::size_t i = 0; i < within.size(); ++i) outside[i] -= within[i];", ""),

@@ -48,6 +48,7 @@ NEAREST = {
         "tests/unit/test_freeform_flips.py", "tests/unit/test_freeform_repairs.py", "tests/unit/test_freeform_steps.py",
         "tests/unit/test_samples_segmented.py", "tests/unit/test_freeform_components.py",
         "tests/unit/test_region_pressure.py", "tests/unit/test_core_regressions.py",
+        "tests/unit/test_corridors.py",
     ),
     "structural": ("tests/unit/test_structural_votes.py",),
     "motion": (
