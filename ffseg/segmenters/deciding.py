@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, Scene
 from ffseg.image.raster import rasterize
+from ffseg.parameters import Parameters
 from ffseg.segmenters.base import BlockedStartError, Outcome, Segmenter, View
 from ffseg.segmenters.starting.sides import on_one_side
 from ffseg.segmenters.starts import circle_start
@@ -91,7 +92,7 @@ def decide(run: Segmenter, view: View) -> Decision:
     begin = perf_counter()
     own, told = on_one_side(view)  # the prior holds the start to be inside, whatever the image's own edges are
     first = _first(run, replace(own, callback=None)) if _is_promising(run, own) else None
-    across = MET if view.params.contour.clearance > 0 else 0.0  # a passage that is shut ends in open ground
+    across = MET if _ends_in_open_ground(view.params) else 0.0
     if first is not None and (boundary := Boundary(first.contours, view.edges)).is_clear(across):
         if view.callback is not None:
             first = run(own)
@@ -135,6 +136,11 @@ def trusted(run: Segmenter, view: View) -> Decision:
     outcome = run(own)
     evolve_ms = (perf_counter() - begin) * 1e3
     return Decision(outcome, view.edges, "", Boundary(outcome.contours, view.edges).clear_share(), 0.0, evolve_ms, told)
+
+
+def _ends_in_open_ground(params: Parameters) -> bool:
+    """Whether parts of a boundary lie on no edge though nothing leaks: at shut passages, and in a snake's slits."""
+    return params.contour.clearance > 0 or params.method == "snake"
 
 
 def _first(run: Segmenter, view: View) -> Outcome | None:

@@ -39,6 +39,12 @@ def test_clear_edges_decide_alone(number: int, monkeypatch: pytest.MonkeyPatch) 
     assert found.score > 0.9
 
 
+def test_slits_of_a_snake_ask_for_no_prior() -> None:
+    """It cannot part where it meets itself behind an obstacle: its slits there lie on no edge."""
+    params = load_params(None, {**_start(), "method": "snake"})
+    assert segment(scene(0).image, params).source == "gradient"
+
+
 def test_texture_is_left_to_the_prior() -> None:
     image, truth = faint(25, 12)
     start = {"init.center": [120, 100], "init.radius": 20}
