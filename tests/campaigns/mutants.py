@@ -175,7 +175,6 @@ NATIVE = [
     *_of(
         FREEFORM + "resting/slide.hpp",
         ("dot(behind, ahead) < 0", "false"),
-        ("a.first > b.first", "a.first < b.first"),
         ("along > kSideways", "along > 0"),
         ("(gets_on(to) || visit_beside(to, gets_on))", "gets_on(to)"),
         ("contour.memory.retried.count(contour.field.pixel(to)) != 0", "false"),

@@ -62,6 +62,14 @@ def test_ordinary_images_have_no_disc() -> None:
         assert valid_disc(scenes.scene(seed).image) is None
 
 
+def test_a_reflection_beside_the_disc_does_not_hide_it() -> None:
+    image = mirror((300, 400), (170.0, 150.0, 100.0))
+    image[146:154, 290:298] = 230  # the box round what is bright is wider than high
+    found = valid_disc(image)
+    assert found is not None
+    assert found.radius == pytest.approx(100, rel=0.02)
+
+
 def test_discs_of_real_images(data_folder: Path) -> None:
     """Known circles of mirrors and lenses; streets, floors and things have none."""
     known = {

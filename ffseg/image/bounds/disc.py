@@ -45,6 +45,9 @@ LEAST_OUTSIDE = 0.03
 LEAST_SPREAD = 20.0
 """Standard deviation of the grey levels inside: a mirror shows a scene (50 to 80), a plain round thing does not."""
 
+MOST_OBLONG = 1.25
+"""Sides of the box round a circle that the image holds whole; real ones are square to 1.01; more for a reflection beside."""
+
 MARGIN = 0.01
 """Part of the radius by which the disc is grown: an edge at the rim stops a contour first, the disc what leaks there."""
 
@@ -120,7 +123,10 @@ def _brightest(image: Image) -> Image:
 
 
 def _circle_round(bright: NDArray[np.bool_], grey: Image) -> Disc | None:
-    outline = _outline(cv2.medianBlur(bright.astype(np.uint8), 3) > 0)
+    smooth = cv2.medianBlur(bright.astype(np.uint8), 3) > 0
+    if not _may_be_round(smooth):
+        return None
+    outline = _outline(smooth)
     if len(outline) < 40:
         return None
     disc, on = _fit(outline)
@@ -134,6 +140,17 @@ def _circle_round(bright: NDArray[np.bool_], grey: Image) -> Disc | None:
         return None
     within = disc.mask(bright.shape, -2 * SLACK) > 0
     return disc if float(grey[within].std()) >= LEAST_SPREAD else None
+
+
+def _may_be_round(bright: NDArray[np.bool_]) -> bool:
+    """Whether what is bright is about as wide as high, or the image cuts it."""
+    rows, columns = (np.flatnonzero(bright.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return False
+    if rows[0] == 0 or columns[0] == 0 or rows[-1] == bright.shape[0] - 1 or columns[-1] == bright.shape[1] - 1:
+        return True
+    height, width = rows[-1] - rows[0] + 1, columns[-1] - columns[0] + 1
+    return bool(max(height, width) <= MOST_OBLONG * min(height, width))
 
 
 def _outline(bright: NDArray[np.bool_]) -> Points:
