@@ -52,10 +52,11 @@ def open_sides(free: Mask, least: int) -> NDArray[np.int32]:
     square = np.ones((2, 2), np.uint8)
     fits = cv2.erode(free.astype(np.uint8), square, anchor=(0, 0))  # squares by their upper left pixels
     opened = cv2.dilate(fits, square, anchor=(1, 1))
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=4)
-    number = np.arange(len(stats), dtype=np.int32)
-    number[stats[:, cv2.CC_STAT_AREA] < least] = 0
-    return np.asarray(number[labels], np.int32)
+    count, found = cv2.connectedComponents(opened, connectivity=4)  # the one with areas also sums up centroids
+    labels = np.asarray(found, np.int32)
+    number = np.arange(count, dtype=np.int32)
+    number[np.bincount(labels.ravel(), minlength=count) < least] = 0
+    return np.take(number, labels)
 
 
 def _distance(free: Mask) -> NDArray[np.float32]:
