@@ -87,6 +87,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         If there is no such method.
     """
     name = method or params.method
+    if isinstance(name, str):
+        params = replace(params, method=name)  # what is asked of the view's parameters is true of the method
     shape = _checked_shape(image, domain)
     if name in METHODS and METHODS[str(name)].module and options is None:
         from ffseg.segmenters.peers import configured

@@ -42,7 +42,10 @@ def test_clear_edges_decide_alone(number: int, monkeypatch: pytest.MonkeyPatch) 
 def test_slits_of_a_snake_ask_for_no_prior() -> None:
     """It cannot part where it meets itself behind an obstacle: its slits there lie on no edge."""
     params = load_params(None, {**_start(), "method": "snake"})
-    assert segment(scene(0).image, params).source == "gradient"
+    found = segment(scene(0).image, params)
+    assert found.source == "gradient"
+    named = segment(scene(0).image, PARAMS, "snake")  # as `ffseg compare` and callers from Python do
+    assert (named.source, np.array_equal(named.mask, found.mask)) == ("gradient", True)
 
 
 def test_texture_is_left_to_the_prior() -> None:
