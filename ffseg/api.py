@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.formats.masks import load_mask
+from ffseg.given import checked_image
 from ffseg.image.edges import EdgeMap
 from ffseg.parameters import ParametersLike, parameter_set
 from ffseg.segmenters import registry
 from ffseg.segmenters.base import Progress, Segmentation, Segmenter
-from ffseg.segmenters.given import checked_image
 
 
 def segment(  # noqa: PLR0913 - everything that is particular to one image has its name here

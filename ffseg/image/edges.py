@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
+from ffseg.given import checked_image
 from ffseg.image.light.evening import evened
 from ffseg.methods import EDGE_SOURCES, load
 from ffseg.native import _core
@@ -119,13 +120,13 @@ def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] 
     params : Edges
         ``levels`` and ``highlights`` prepare the image; ``sigma`` in pixels, ``canny`` thresholds in grey levels per pixel
         of the smoothed image, or ``auto``.
-    domain : ndarray of uint8, shape (H, W), optional
+    domain : ndarray of uint8 or bool, shape (H, W), optional
         Nonzero where the contour may go; ``auto`` thresholds are measured inside it.
 
     Raises
     ------
     SegmentationError
-        If the image or the parameters are none, or the domain has another size.
+        If the image or the parameters are none, or the domain has another size or type.
 
     Notes
     -----
@@ -133,28 +134,24 @@ def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] 
     noise: the median gradient in windows of 64 pixels, held near that of the quieter windows, so that neither shading
     nor a noisy sensor asks for other parameters and texture does not pass for noise.
     """
-    _check(image, params, domain)
-    shape = (image.shape[0], image.shape[1])
+    shape = checked_image(image).shape[:2]
+    if not isinstance(params, Edges):
+        raise SegmentationError(
+            f"params is of type {type(params).__name__}; give the edges of a parameter set: params.edges"
+        )
+    domain = _checked_domain(domain, shape)
     gradient, edges = np.empty(shape, np.uint16), np.empty(shape, np.uint8)
     _core.gradient_and_ridges(np.ascontiguousarray(evened(image, params)), params.sigma, gradient, edges)
     thresholds = _canny(gradient, params, domain, edges)
     return EdgeMap(gradient, edges, domain, thresholds)
 
 
-def _check(image: object, params: object, domain: object) -> None:
-    if (
-        not isinstance(image, np.ndarray)
-        or image.dtype != np.uint8
-        or image.shape[2:] not in ((), (3,))
-        or not image.size
-    ):
-        raise SegmentationError("the image must be an array of uint8, shape (H, W) or (H, W, 3)")
-    if not isinstance(params, Edges):
-        raise SegmentationError(
-            f"params is of type {type(params).__name__}; give the edges of a parameter set: params.edges"
-        )
-    if domain is not None and (not isinstance(domain, np.ndarray) or domain.shape != image.shape[:2]):
-        raise SegmentationError("the domain must be an array of uint8 of the image's size")
+def _checked_domain(domain: object, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
+    if domain is None:
+        return None
+    if not isinstance(domain, np.ndarray) or domain.dtype not in (np.uint8, np.bool_) or domain.shape != shape:
+        raise SegmentationError(f"the domain must be an array of uint8 or bool of the image's shape {shape}")
+    return domain.astype(np.uint8, copy=False)
 
 
 def _canny(

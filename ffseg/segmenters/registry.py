@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import unpacked
+from ffseg.given import checked_image
 from ffseg.image.bounds.disc import valid_disc
 from ffseg.image.edges import EdgeMap, Scene, edges_from_source, source_of
 from ffseg.image.raster import rasterize
@@ -216,9 +217,7 @@ def _rows(altitudes: NDArray[np.float64] | None) -> NDArray[np.float64]:
 
 
 def _checked_shape(image: NDArray[np.uint8], domain: NDArray[np.uint8] | None) -> tuple[int, int]:
-    if image.dtype != np.uint8 or image.ndim not in (2, 3) or image.size == 0:
-        raise SegmentationError(f"the image must be uint8 (H, W) or (H, W, 3), not {image.dtype} {image.shape}")
-    check_sides(image.shape)
+    check_sides(checked_image(image).shape)
     shape = (image.shape[0], image.shape[1])
     if domain is not None and domain.shape != shape:
         raise SegmentationError(

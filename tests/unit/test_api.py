@@ -110,10 +110,12 @@ def test_other_arguments_are_told_in_one_sentence_what_they_must_be(extra: dict[
 
 
 NO_EDGES = {
-    "floats": ((DISC / 255, EDGES), "the image must be an array of uint8"),
-    "none": ((None, EDGES), "the image must be an array of uint8"),
+    "floats": ((DISC / 255, EDGES), "the image must be uint8 of shape"),
+    "none": ((None, EDGES), "the image is None"),
+    "a row": ((DISC[0], EDGES), "this one has shape"),
     "all parameters": ((DISC, ffseg.load_params()), "give the edges of a parameter set: params.edges"),
-    "another domain": ((DISC, EDGES, np.ones((3, 3), np.uint8)), "must be an array of uint8 of the image's size"),
+    "another domain": ((DISC, EDGES, np.ones((3, 3), np.uint8)), "of the image's shape"),
+    "a domain of floats": ((DISC, EDGES, np.full(DISC.shape, 0.5)), "an array of uint8 or bool"),
 }
 
 
@@ -122,6 +124,15 @@ def test_an_edge_map_is_made_of_an_image_alone(given: tuple[typing.Any, ...], sa
     """An image from 0 to 1 gave a map without an edge."""
     with pytest.raises(ffseg.SegmentationError, match=said):
         ffseg.edge_map(*given)
+
+
+def test_the_domain_of_an_edge_map_may_hold_truth_values() -> None:
+    domain = np.zeros(DISC.shape, np.bool_)
+    domain[:, :60] = True
+    found = ffseg.edge_map(DISC, EDGES, domain)
+    assert found.domain is not None
+    assert (found.domain.dtype, np.array_equal(found.domain > 0, domain)) == (np.uint8, True)
+    assert found.thresholds == ffseg.edge_map(DISC, EDGES, np.where(domain, np.uint8(255), np.uint8(0))).thresholds
 
 
 def _limits() -> list[dict[str, object]]:
