@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
@@ -244,6 +245,8 @@ def load_params(source: str | os.PathLike[str] | None = None, overrides: Overrid
     ParameterError
         One line for everything that is wrong: where, which key, what is allowed, the nearest key.
     """
+    if source is None and overrides is None:
+        return _defaults()
     problems = Problems()
     roots = [] if source is None else [_file(source, problems)]
     roots += _override_nodes(overrides, problems)
@@ -252,6 +255,12 @@ def load_params(source: str | os.PathLike[str] | None = None, overrides: Overrid
         values.update(collect(Parameters, root, problems))
     problems.raise_as(ParameterError)
     return build(Parameters, values)
+
+
+@cache
+def _defaults() -> Parameters:
+    """The set nobody has changed: it cannot be, so that one is enough."""
+    return Parameters()
 
 
 ParametersLike = Parameters | str | os.PathLike[str] | Mapping[str, object] | None

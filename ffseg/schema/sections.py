@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, field, fields
-from typing import TypeVar
+from functools import cache
+from typing import Any, TypeVar, cast
 
 from ffseg.errors import ParameterError
 from ffseg.schema.kinds import BAD, Kind
@@ -70,11 +71,15 @@ class Leaf:
     doc: str
 
 
-def declarations(section: type[Section]) -> Iterator[tuple[str, Kind, str]]:
+def declarations(section: type[Section]) -> tuple[tuple[str, Kind, str], ...]:
     """Name, kind and description of every plain key of a section."""
-    for item in fields(section):
-        if "kind" in item.metadata:
-            yield item.name, item.metadata["kind"], item.metadata["doc"]
+    return _declarations(cast(Any, section))
+
+
+@cache
+def _declarations(section: Any) -> tuple[tuple[str, Kind, str], ...]:  # noqa: ANN401 - mypy knows no hash of a class
+    kept = (item for item in fields(section) if "kind" in item.metadata)
+    return tuple((item.name, item.metadata["kind"], item.metadata["doc"]) for item in kept)
 
 
 def subsections(section: type[Section]) -> dict[str, type[Section]]:

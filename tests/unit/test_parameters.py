@@ -34,6 +34,13 @@ def test_no_source_gives_the_defaults() -> None:
     assert load_params(None, {}) == load_params(None, []) == Parameters()
 
 
+def test_defaults_are_checked_once() -> None:
+    """They cannot be changed, so that every image may have the same set."""
+    assert load_params() is load_params()
+    with pytest.raises(FrozenInstanceError):
+        load_params().method = "snake"  # type: ignore[misc]
+
+
 def test_every_preset_loads_and_default_is_the_default() -> None:
     assert {"default", "toy-fixed", "toy-refined", "toy-full", "omni-indoor", "omni-outdoor"} <= set(presets())
     loaded = {name: load_params(name) for name in presets()}
