@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache
 from math import comb
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,6 +39,7 @@ class FreeForm:
 
     control_points: Points
     degree: int
+    _area: float | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         bezier.check_degree(self.degree)
@@ -151,9 +153,11 @@ class FreeForm:
         The shoelace integral of ``(x dy - y dx) / 2`` in closed form. What is run round twice counts twice; loops of
         opposite turn cancel. The first point is subtracted first, so a small contour far away loses no digits.
         """
-        local = self.patches - self.control_points[0]
-        moments = bezier.combined(_area_matrix(self.degree).T, local[..., :1])
-        return float(np.sum(moments[..., 0] * local[..., 1]))
+        if self._area is None:
+            local = self.patches - self.control_points[0]
+            moments = bezier.combined(_area_matrix(self.degree).T, local[..., :1])
+            object.__setattr__(self, "_area", float(np.sum(moments[..., 0] * local[..., 1])))
+        return cast(float, self._area)
 
     @property
     def control_box(self) -> Points:
@@ -252,6 +256,7 @@ def _set(contour: FreeForm, points: Points, degree: int) -> None:
     points.setflags(write=False)
     object.__setattr__(contour, "control_points", points)
     object.__setattr__(contour, "degree", degree)
+    object.__setattr__(contour, "_area", None)
 
 
 @cache
