@@ -91,7 +91,8 @@ def decide(run: Segmenter, view: View) -> Decision:
         return replace(trusted(run, view), source="gradient")
     begin = perf_counter()
     own, told = on_one_side(view)  # the prior holds the start to be inside, whatever the image's own edges are
-    first = _first(run, replace(own, callback=None)) if _is_promising(run, own) else None
+    quiet = own if own.callback is None else replace(own, callback=None)
+    first = _first(run, quiet) if _is_promising(run, quiet) else None
     across = MET if _ends_in_open_ground(view.params) else 0.0
     if first is not None and (boundary := Boundary(first.contours, view.edges)).is_clear(across):
         if view.callback is not None:
@@ -159,7 +160,7 @@ def _is_promising(run: Segmenter, view: View) -> bool:
     if np.count_nonzero(clear) >= PROMISING * len(clear):
         return True
     short = replace(view.params, contour=replace(view.params.contour, max_iterations=PROBE))
-    met = _first(run, replace(view, params=short, callback=None))
+    met = _first(run, replace(view, params=short))
     return met is not None and Boundary(met.contours, view.edges).is_clear(MET)
 
 
@@ -229,8 +230,7 @@ def _strength(contours: tuple[FreeForm, ...], edges: EdgeMap) -> NDArray[np.floa
             for dy in (-MARGIN, 0, MARGIN):
                 free &= edges.domain[y + dy, x + dx] > 0
         x, y = x[free], y[free]
-    largest = np.zeros(len(x), edges.gradient.dtype)
-    for dx in (-1, 0, 1):
-        for dy in (-1, 0, 1):
-            np.maximum(largest, edges.gradient[y + dy, x + dx], out=largest)
-    return largest / _needed(edges)
+    around = np.add.outer(np.arange(-1, 2) * width, np.arange(-1, 2)).reshape(9, 1)
+    largest = np.take(edges.gradient, y * width + x + around).max(axis=0)
+    found: NDArray[np.float64] = largest / _needed(edges)
+    return found

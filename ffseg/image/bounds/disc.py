@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
@@ -85,9 +86,9 @@ def valid_disc(image: Image) -> Disc | None:
     at the cost of reading these; one with dark corners fails at the circle.
     """
     step = -(-max(image.shape[:2]) // GRID)
-    surround = _corner_level(image, step)
     small = image[step // 2 :: step, step // 2 :: step]
-    if surround > DARKEST * 255 or min(small.shape[:2]) < 8:
+    surround = _corner_level(image, step)
+    if surround is None or min(small.shape[:2]) < 8:
         return None
     grey = np.ascontiguousarray(_brightest(small))
     counts = cv2.calcHist([grey], [0], None, [256], [0, 256]).cumsum()
@@ -106,19 +107,24 @@ def valid_disc(image: Image) -> Disc | None:
     return None
 
 
-def _corner_level(image: Image, step: int) -> float:
-    """Mean of the brightest of the four corners."""
+def _corner_level(image: Image, step: int) -> float | None:
+    """Mean of the brightest of the four corners; None as soon as one is too bright for a surround."""
     size = max(1, min(image.shape[:2]) // 16)
-    rows, columns = (slice(0, size, step), slice(-size, None, step)), (slice(0, size, step), slice(-size, None, step))
-    corners = (image[y, x] for y in rows for x in columns)
-    return max(float(_brightest(corner).mean()) for corner in corners)
+    ends, brightest = (slice(0, size, step), slice(-size, None, step)), 0.0
+    for y, x in product(ends, ends):
+        brightest = max(brightest, float(_brightest(image[y, x]).mean()))
+        if brightest > DARKEST * 255:
+            return None
+    return brightest
 
 
 def _brightest(image: Image) -> Image:
     """The brightest channel of each pixel."""
     if image.ndim == 2:
         return image
-    found: Image = np.maximum.reduce([image[..., channel] for channel in range(image.shape[2])])
+    found = image[..., 0]
+    for channel in range(1, image.shape[2]):
+        found = np.maximum(found, image[..., channel])
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import hypot
+from math import ceil, hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +55,10 @@ def on_one_side(view: View) -> tuple[View, tuple[str, ...]]:
     are looked at, and not those round a camera, which sees its own robot in them. A mark that lies in a circle whole has
     no side on its rim.
     """
-    crossed = [at for at, start in enumerate(view.starts) if _is_circle(start) and _holds_edge(start, view)]
-    if not crossed or view.fixed or view.params.contour.balloon < 0:
+    if view.fixed or view.params.contour.balloon < 0:
+        return view, ()
+    crossed = [at for at, start in enumerate(view.starts) if _holds_edge(start, view) and _is_circle(start)]
+    if not crossed:
         return view, ()
     open_ground = free_pixels(view.edges.edges, view.domain)
     crossed = [at for at in crossed if _has_sides(view.starts[at], open_ground)]
@@ -119,9 +121,9 @@ def _is_circle(start: FreeForm) -> bool:
 
 def _holds_edge(start: FreeForm, view: View) -> bool:
     """Whether an edge lies in the box round a start: mostly none does, and that is known at once."""
-    left, top = np.floor(np.maximum(start.control_points.min(axis=0) - 1, 0)).astype(int)
-    right, bottom = np.ceil(np.maximum(start.control_points.max(axis=0) + 2, 0)).astype(int)
-    return bool(view.edges.edges[top:bottom, left:right].any())
+    low, high = start.control_points.min(axis=0).tolist(), start.control_points.max(axis=0).tolist()
+    columns, rows = (slice(int(max(a - 1, 0)), ceil(max(b + 2, 0))) for a, b in zip(low, high, strict=True))
+    return bool(view.edges.edges[rows, columns].any())
 
 
 def _num_sides(start: FreeForm, sides: NDArray[np.int32]) -> int:
