@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +25,7 @@ def folder(text: str) -> Path:
     if text == "-":
         raise typer.BadParameter("- is no folder; write ./- if it is called so")
     path = Path(text).expanduser() if text == "~" or text.startswith("~/") else Path(text)
-    if path.exists() and not path.is_dir():
+    if os.path.exists(path) and not os.path.isdir(path):  # Path's own raise where a name is too long or not to be seen
         raise typer.BadParameter(f"{text} is a file; name a folder")
     return path
 
@@ -47,14 +49,21 @@ def output_file(option: str, path: Path) -> None:
     from ffseg.formats.files import printable, require_replaceable
 
     folder = path.parent
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise UsageError(f"{option}: there is no folder {printable(folder)}; make it or choose another name")
-    if path.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
+    if not (_may_be_a_file(path) and os.access(folder, os.W_OK | os.X_OK)):
         raise UsageError(f"{option}: {printable(path)} cannot be written; choose another name")
     try:
         require_replaceable(os.fspath(path))
     except OutputError as error:
         raise UsageError(f"{option}: {error}") from error
+
+
+def _may_be_a_file(path: Path) -> bool:
+    try:
+        return not stat.S_ISDIR(path.stat().st_mode)
+    except OSError as error:
+        return error.errno == errno.ENOENT
 
 
 def require_truth(truth: Path | None, label: int | None) -> None:

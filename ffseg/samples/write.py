@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ffseg.errors import ImageReadError, OutputError
-from ffseg.formats.files import SKIP_FILE, printable, read_bytes, write_bytes_atomic
+from ffseg.formats.files import SKIP_FILE, make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.rendering import CAMERA_YAML, poses_csv, render_pair
 from ffseg.samples.png import encode
 from ffseg.samples.scenes import SCENES
@@ -75,10 +75,7 @@ def write_samples(folder: Path, pairs: int = 1) -> list[Path]:
     files = {folder / name: content for name, content in sample_files(pairs).items()}
     missing = [path for path, content in files.items() if not _is_there(path, content)]
     for path in missing:
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"{path} cannot be written ({error.strerror}); choose another folder") from error
+        make_folder(path.parent)
         write_bytes_atomic(path, files[path])
     return list(files)
 
@@ -94,7 +91,7 @@ def _is_there(path: Path, content: bytes) -> bool:
     try:
         same = read_bytes(path, len(content)) == content
     except ImageReadError as error:
-        if error.reason == "missing":
+        if error.reason in ("missing", "bad-name"):
             return False
         same = False
     if not same:

@@ -66,6 +66,7 @@ def test_an_empty_value_is_refused(command: list[str | Path], said: str, tmp_pat
 
 
 TRUTH = SAMPLES / "truth"
+LONG = "n" * 300
 WRONG = {
     "a file for a folder": (["run", SAMPLES, "--out", "file"], "'--out': file is a file; name a folder"),
     "below a file": (["run", SAMPLES, "--out", "file/out"], "(Not a directory); name another folder"),
@@ -104,6 +105,18 @@ WRONG = {
         "--truth-label 7 is in none",
     ),
     "no images to show": (["report", "there", "--images", "gone"], "--images: there is no file or folder gone"),
+    "a long name for a run": (["run", SAMPLES, "--out", LONG], "(File name too long); name another folder"),
+    "a long name for samples": (["samples", LONG], "(File name too long); name another folder"),
+    "a long name for a report": (["report", LONG], "holds neither timings.csv nor compare.csv"),
+    "a long name for images": (["bench", "--out", "there", "--images", LONG], "--images: there is no folder nnn"),
+    "a long name for a baseline": (
+        ["bench", "--out", "out", "--baseline", LONG],
+        "cannot be read (File name too long)",
+    ),
+    "a long name for settings": (
+        ["tune", SAMPLES, "--truth", TRUTH, "--out", f"{LONG}.yaml"],
+        ".yaml cannot be written; choose another name",
+    ),
 }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -104,6 +105,16 @@ def test_page_of_a_run_links_the_images_it_was_given(ffseg_command: Command, tmp
     assert len(images) == 3
     assert [(tmp_path / image["pictures"]["image"]).is_file() for image in images] == [True] * 3
     assert all(image["contours"] for image in images)
+
+
+def test_a_pattern_over_folders_names_the_images_of_one_without_folders(ffseg_command: Command, tmp_path: Path) -> None:
+    (tmp_path / "moved").mkdir()
+    shutil.copy(runs.ROOT / "samples" / "toy.png", tmp_path / "toy.png")
+    assert ffseg_command("run", "toy.png", "--out", "out", cwd=tmp_path).returncode == 0
+    (tmp_path / "toy.png").rename(tmp_path / "moved" / "toy.png")
+    done = ffseg_command("report", "out", "--images", "moved/**/*.png", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert data_of(tmp_path / "out" / "report.html")["images"][0]["pictures"]["image"] == "../moved/toy.png"
 
 
 def test_command_refuses_a_folder_of_something_else(ffseg_command: Command, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,7 +63,7 @@ def read_baseline(path: Path, max_ratio: float, *, quick: bool) -> Baseline:
         If it cannot be read, is of another format, or was made with tiny inputs while this run is not, or the reverse.
     """
     name = f"--baseline: {printable(path)}"
-    if path.exists() and not path.is_file():  # a pipe would be waited for
+    if os.path.exists(path) and not os.path.isfile(path):  # a pipe would be waited for
         raise UsageError(f"{name} is not a regular file; give the bench.json of an earlier run")
     try:
         document = json.loads(path.read_text(encoding="utf-8"))

@@ -118,14 +118,14 @@ def read_folder(path: Path, inputs: Sequence[str] = ()) -> OutputFolder:
     UsageError
         If it is none, or a table in it cannot be read.
     """
-    kind = next((kind for kind, table in TABLES.items() if (path / table).is_file()), None)
+    kind = next((kind for kind, table in TABLES.items() if os.path.isfile(path / table)), None)
     if kind is None:
         raise UsageError(
             f"{printable(path)} holds neither timings.csv nor compare.csv; give the --out folder of a run or comparison"
         )
     run = _json(path / "run.json")
     verdicts: dict[str, list[Row]] = {}
-    if (path / "obstacles.csv").is_file():
+    if os.path.isfile(path / "obstacles.csv"):
         for row in _table(path / "obstacles.csv"):
             verdicts.setdefault(row.get("image", ""), []).append(row)
     said = run.get("inputs")
@@ -184,7 +184,7 @@ def _text(path: Path, max_bytes: int = MAX_BYTES) -> str:
 
 def _json(path: Path) -> Mapping[str, Any]:
     """A JSON object; empty where the file is not there yet. Numbers that JSON has not become their names."""
-    if not path.is_file():
+    if not os.path.isfile(path):
         return {}
     try:
         value = json.loads(_text(path) or "{}", parse_constant=str)

@@ -36,5 +36,5 @@ def report(
 def _require_there(images: Sequence[str]) -> None:
     """Refuse a place that is named and is not there; those that ``run.json`` names may be gone."""
     for text in images:
-        if not (os.path.exists(text) or glob.glob(text)):
+        if not (os.path.exists(text) or any(glob.iglob(text, recursive=True))):
             raise UsageError(f"--images: there is no file or folder {printable(text)}; check the name")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -188,7 +189,7 @@ def _drawn(seed: int, width: int, name: str = "scene") -> Picture:
 
 def _folder(folder: Path) -> Iterator[Picture]:
     """Images of a folder; ``NAME_truth.png`` and ``truth/NAME.png`` are their truths."""
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise UsageError(f"--images: there is no folder {printable(folder)}; check the name")
     paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
     paths = [path for path in paths if not path.stem.endswith("_truth")]
