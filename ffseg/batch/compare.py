@@ -21,11 +21,11 @@ from ffseg.batch.jobs import Job, make_plan, with_domains, with_evidence, with_s
 from ffseg.batch.workers.sources import read_source
 from ffseg.batch.workers.truth import read_truth
 from ffseg.errors import ImageReadError, UsageError
-from ffseg.formats.files import make_folder, printable, read_bytes, unprintable, write_bytes_atomic
+from ffseg.formats.files import make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.formats.images import single_thread
 from ffseg.formats.overlays import polylines
 from ffseg.formats.panels import Tile, encode_panel
-from ffseg.formats.tables import csv_table, meant_by
+from ffseg.formats.tables import csv_table, names_meant_by
 from ffseg.methods import METHODS, PEERS, SEGMENTERS
 from ffseg.metrics import scores
 from ffseg.schema.kinds import nearest_word
@@ -129,9 +129,8 @@ def panels_of(out: str) -> set[str]:
         return set()
     if tuple(head) != COLUMNS:
         return set()
-    names = (unprintable(name) for row in rows if row for name in meant_by(row[0]))
-    stems = {os.path.splitext(name)[0] for name in names if ".." not in name.split("/") and not name.startswith("/")}
-    return {os.path.join(out, "panels", f"{stem}.png") for stem in stems if "\0" not in stem}
+    stems = {os.path.splitext(name)[0] for row in rows if row for name in names_meant_by(row[0])}
+    return {os.path.join(out, "panels", f"{stem}.png") for stem in stems}
 
 
 def table(rows: Iterable[Row]) -> bytes:

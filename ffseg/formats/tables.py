@@ -5,7 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import math
+import os
 from collections.abc import Iterable, Iterator, Sequence
+
+from ffseg.formats.files import unprintable
 
 Cell = str | int | float | None
 _FORMULA_STARTS = ("=", "+", "-", "@")
@@ -32,6 +35,12 @@ def neutral(cell: Cell) -> str:
 def meant_by(cell: str) -> list[str]:
     """Texts that `neutral` writes as this cell: one that begins with an apostrophe may have been given it."""
     return [cell[1:], cell] if cell.startswith("'") else [cell]
+
+
+def names_meant_by(cell: str) -> list[str]:
+    """Relative names of images that a table shows as this cell; none that leads out of its folder."""
+    names = [unprintable(text) for text in meant_by(cell)]
+    return [name for name in names if ".." not in name.split("/") and not os.path.isabs(name) and "\0" not in name]
 
 
 def csv_row(cells: Iterable[Cell]) -> str:

@@ -20,8 +20,8 @@ from typing import Any
 from ffseg.batch.packing.index import listed
 from ffseg.batch.packing.members import Member, output_bytes, tar_name
 from ffseg.errors import ImageReadError, UsageError
-from ffseg.formats.files import printable, read_bytes, unprintable
-from ffseg.formats.tables import meant_by
+from ffseg.formats.files import printable, read_bytes
+from ffseg.formats.tables import names_meant_by
 
 TABLES = {"run": "timings.csv", "compare": "compare.csv"}
 MAX_BYTES = 1 << 26
@@ -78,7 +78,7 @@ class OutputFolder:
     def output(self, kind: str, image: str) -> str:
         """Path below the folder of an image's overlay, panel, mask or contours; empty where there is none."""
         suffix = _OUTPUTS[kind]
-        for name in _names(image):
+        for name in names_meant_by(image):
             for below in (os.path.splitext(name)[0] + suffix, name + suffix):
                 if os.path.isfile(os.path.join(self.path, kind, below)) or f"{kind}/{below}" in self.members:
                     return f"{kind}/{below}"
@@ -148,7 +148,7 @@ def sources(folder: OutputFolder, images: Sequence[str]) -> dict[str, str]:
     places = [place for text in folder.inputs if (place := _place(text)) is not None]
     found = {}
     for image in images:
-        names = _names(image)
+        names = names_meant_by(image)
         candidates = [files[name] for name in names if name in files]
         candidates += (path for name in names for place in places if os.path.isfile(path := os.path.join(place, name)))
         if candidates:
@@ -165,12 +165,6 @@ def _place(text: str) -> str | None:
     parts = text.split("/")
     fixed = next(index for index, part in enumerate(parts) if glob.has_magic(part))
     return "/".join(parts[:fixed]) + ("/" if fixed else "")
-
-
-def _names(image: str) -> list[str]:
-    """Relative names that a table shows like this; none that leads out of its folder."""
-    names = [unprintable(text) for text in meant_by(image)]
-    return [name for name in names if ".." not in name.split("/") and not os.path.isabs(name) and "\0" not in name]
 
 
 def _text(path: Path, max_bytes: int = MAX_BYTES) -> str:
