@@ -23,7 +23,8 @@ def run(view: View) -> Outcome:
     Parameters
     ----------
     view : View
-        Of its parameters ``contour`` is used. A negative ``contour.balloon`` closes in from outside.
+        Of its parameters ``contour``, ``region.weight`` and ``region.window`` are used; of the image, where that weight is
+        above 0, the colours. A negative ``contour.balloon`` closes in from outside.
 
     Returns
     -------

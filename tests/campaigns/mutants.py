@@ -165,7 +165,7 @@ NATIVE = [
         ("if (options.topology) settling::Untangle<D>(settled_).run();", ""),
         ("if (contour_.options.topology) topology::drop_nested(contour_);", ""),
         ("contour_.counts.iterations >= next_fit_", "next_fit_ == 0"),
-        ("(wake_open(contour_) || wake_anew())", "wake_open(contour_)"),
+        ("(resting::wake_open(contour_) || wake_anew())", "resting::wake_open(contour_)"),
     ),
     *_of(
         FREEFORM + "resting/rest.hpp",
