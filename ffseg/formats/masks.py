@@ -60,11 +60,7 @@ def holds_other_than_mask(path: str | os.PathLike[str]) -> bool:
     try:
         image = read_image(path)
     except ImageReadError as error:
-        return error.reason not in (
-            "missing",
-            "empty",
-            "not-an-image",
-        )  # others are images, whole or not, or not to be read
+        return error.reason not in ("missing", "empty", "not-an-image")  # the others may be images
     return image.ndim != 2 or not np.isin(image, (0, 255)).all()
 
 

@@ -37,6 +37,11 @@ def meant_by(cell: str) -> list[str]:
     return [cell[1:], cell] if cell.startswith("'") else [cell]
 
 
+def counted(number: int, what: str) -> str:
+    """A number of things in words: ``1 hole``, ``2 holes``."""
+    return f"{number} {what}{'s' * (number != 1)}"
+
+
 def names_meant_by(cell: str) -> list[str]:
     """Relative names of images that a table shows as this cell; none that leads out of its folder."""
     names = [unprintable(text) for text in meant_by(cell)]

@@ -203,6 +203,8 @@ def test_short_texts(result: ffseg.Segmentation) -> None:
         r"<Segmentation of 120 x 90 px: 28\d\d px inside, 1 region, 0 holes; converged after \d+ iterations>",
         repr(result),
     )
+    once = ffseg.segment(DISC, {**SMALL, "contour.max_iterations": 1})
+    assert repr(once).endswith("max_iterations after 1 iteration>")
     assert re.fullmatch(r"<FreeForm of degree 3: \d+ patches, signed area 28\d\d\.\d px\^2>", repr(result.contours[0]))
 
 

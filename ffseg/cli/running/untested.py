@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ffseg.formats.tables import counted
+
 _MOST_REASONS = 5
 """Reasons said; the column ``note`` of ``timings.csv`` has one for each image."""
 
@@ -30,7 +32,8 @@ def nothing_tested(rows: Sequence[Mapping[str, Any]], out: str) -> list[str]:
     if not verdicts or set(verdicts) != {"untested"}:
         return []
     notes = [row["note"] for row in rows if row.get("note") and row["image"] in images]
-    said = f"nothing was tested: {_count(verdicts.total(), 'enclosed component')} of {_count(len(images), 'image')} stay untested"
+    components, of = counted(verdicts.total(), "enclosed component"), counted(len(images), "image")
+    said = f"nothing was tested: {components} of {of} stay untested"
     return [said, *_reasons(notes, "image")]
 
 
@@ -38,7 +41,7 @@ def untested_pairs(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Lines for people: how many of the pairs could not be tested and why; none when all were."""
     pairs = [row for row in rows if row.get("pair") in ("tested", "untested")]
     notes = [row["note"] for row in pairs if row["pair"] == "untested"]
-    return [f"{len(notes)} of {_count(len(pairs), 'pair')} untested:", *_reasons(notes, "pair")] if notes else []
+    return [f"{len(notes)} of {counted(len(pairs), 'pair')} untested:", *_reasons(notes, "pair")] if notes else []
 
 
 def motions(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -52,7 +55,7 @@ def _reasons(notes: Sequence[str], what: str) -> list[str]:
     for note in notes:
         examples.setdefault(_alike(note), note)
     counts = Counter(map(_alike, notes)).most_common()
-    lines = [f"  {_count(count, what)}: {examples[key]}" for key, count in counts[:_MOST_REASONS]]
+    lines = [f"  {counted(count, what)}: {examples[key]}" for key, count in counts[:_MOST_REASONS]]
     return [*lines, "  further reasons are in the column note of timings.csv"] if len(counts) > _MOST_REASONS else lines
 
 
@@ -68,7 +71,3 @@ def _verdicts(path: str) -> tuple[Counter[str], set[str]]:
 def _alike(note: str) -> str:
     """A note without its numbers: those of one reason are one."""
     return re.sub(r"\d+(\.\d+)?", "#", note)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'s' * (number != 1)}"

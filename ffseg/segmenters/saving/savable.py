@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import OutputError
+from ffseg.formats.tables import counted
 from ffseg.segmenters.saving.source import NO_SOURCE, Source
 
 if TYPE_CHECKING:
@@ -82,11 +83,11 @@ class Savable:
     def __repr__(self) -> str:
         result = self._result()
         height, width = result.mask.shape
-        regions = sum(contour.signed_area > 0 for contour in result.contours)
+        regions = counted(sum(contour.signed_area > 0 for contour in result.contours), "region")
         return (
-            f"<Segmentation of {width} x {height} px: {np.count_nonzero(result.mask)} px inside, {regions} "
-            f"region{'s' * (regions != 1)}, {result.num_holes} hole{'s' * (result.num_holes != 1)}; "
-            f"{result.stats.stop_reason} after {result.stats.iterations} iterations>"
+            f"<Segmentation of {width} x {height} px: {np.count_nonzero(result.mask)} px inside, {regions}, "
+            f"{counted(result.num_holes, 'hole')}; {result.stats.stop_reason} after "
+            f"{counted(result.stats.iterations, 'iteration')}>"
         )
 
     def _repr_png_(self) -> bytes:
