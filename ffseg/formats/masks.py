@@ -120,3 +120,13 @@ def decode_labels(data: bytes, limits: Limits | None = None) -> NDArray[np.uint8
     if labels.ndim == 3 and (labels[:, :, 1:] == labels[:, :, :1]).all():
         labels = labels[:, :, 0]
     return labels
+
+
+def hides_levels(data: bytes) -> bool:
+    """Whether a PNG has levels other than 0 where it is wholly transparent: what is seen of it is not what is stored."""
+    if data[:8] != b"\x89PNG\r\n\x1a\n" or data[25:26] not in (b"\x04", b"\x06"):  # its kinds with transparency
+        return False
+    stored: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if stored is None or stored.ndim < 3 or stored.shape[2] < 4:
+        return False
+    return bool(stored[stored[:, :, 3] == 0][:, :3].any())

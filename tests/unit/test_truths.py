@@ -66,6 +66,30 @@ def test_soft_edges_are_told_from_class_numbers(tmp_path: Path) -> None:
         read_truth(stored(tmp_path, (soft // 8).astype(np.uint8)), (12, 16))  # 32 of them
 
 
+def test_a_jpeg_has_no_class_numbers(tmp_path: Path) -> None:
+    """A mask of two levels saved as JPEG holds a dozen: they were taken for classes, and --truth-label was the advice."""
+    path = tmp_path / "truth.jpg"
+    cv2.imwrite(str(path), expected(void=True))
+    with pytest.raises(ImageReadError, match="as a soft brush or JPEG leaves at edges; .* save it as PNG"):
+        read_truth(str(path), (12, 16))
+
+
+def test_a_truth_drawn_on_a_transparent_layer(tmp_path: Path) -> None:
+    """White strokes on transparent white, as some paint programs store them, were read as all inside."""
+    layer = np.full((12, 16, 4), 255, np.uint8)
+    layer[~INSIDE, 3] = 0
+    with pytest.raises(ImageReadError, match="under transparent pixels; .* without transparency") as caught:
+        read_truth(stored(tmp_path, layer), (12, 16))
+    assert caught.value.reason == "truth"
+    layer[~INSIDE, :3] = 0
+    np.testing.assert_array_equal(read_truth(stored(tmp_path, layer), (12, 16)), expected())
+
+
+def test_a_truth_of_another_size_says_what_it_should_be(tmp_path: Path) -> None:
+    with pytest.raises(ImageReadError, match="has 16x12, the image 32x24 pixels; it must have the image's size"):
+        read_truth(stored(tmp_path, expected()), (24, 32))
+
+
 def test_a_truth_in_colours_counts_only_where_it_is_plain(tmp_path: Path) -> None:
     levels = np.zeros((12, 16, 3), np.uint8)
     levels[INSIDE] = (0, 0, 255)

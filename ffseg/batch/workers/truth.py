@@ -11,7 +11,7 @@ from ffseg.batch.inputs.reading import read_input, told
 from ffseg.errors import ImageReadError
 from ffseg.formats.files import printable
 from ffseg.formats.images import Limits
-from ffseg.formats.masks import decode_labels
+from ffseg.formats.masks import decode_labels, hides_levels
 from ffseg.metrics import IGNORED, INSIDE
 
 Labels = NDArray[Any]
@@ -21,6 +21,8 @@ _DEEP = 257
 _SHOWN = 6
 _MOST_CLASSES = 32
 """More levels than this are soft edges rather than class numbers."""
+_LOSSY = (".jpg", ".jpeg", ".jpe")
+"""Suffixes of files whose levels are not those that were drawn, however few there are."""
 
 
 def read_truth(
@@ -52,19 +54,23 @@ def read_truth(
     """
     name, limits = printable(told(path)), limits or Limits()
     try:
-        labels = decode_labels(read_input(path, limits.max_bytes), limits)
+        data = read_input(path, limits.max_bytes)
+        labels = decode_labels(data, limits)
     except ImageReadError as error:
         raise ImageReadError("truth", f"the true mask {name} cannot be used: {error.reason}: {error}") from error
+    if hides_levels(data):
+        hidden = "has other levels than 0 under transparent pixels; fill those with 0 or 255 and save it without transparency"
+        raise ImageReadError("truth", f"the true mask {name} {hidden}")
     if labels.shape[:2] != shape:
         sizes = f"{labels.shape[1]}x{labels.shape[0]}, the image {shape[1]}x{shape[0]}"
-        raise ImageReadError("truth", f"the true mask {name} has {sizes} pixels")
+        raise ImageReadError("truth", f"the true mask {name} has {sizes} pixels; it must have the image's size")
     try:
-        return _levels(labels) if label is None else _chosen(labels, label)
+        return _levels(labels, lossy=name.lower().endswith(_LOSSY)) if label is None else _chosen(labels, label)
     except ValueError as error:
         raise ImageReadError("truth", f"the true mask {name} {error}") from None
 
 
-def _levels(labels: Labels) -> NDArray[np.uint8]:
+def _levels(labels: Labels, *, lossy: bool) -> NDArray[np.uint8]:
     """Levels of a truth that must say by itself what is inside."""
     if labels.ndim > 2:  # a picture of a mask: what counts is whether a pixel has any colour
         strongest = labels.max(axis=2)
@@ -78,7 +84,7 @@ def _levels(labels: Labels) -> NDArray[np.uint8]:
         return np.where(labels == 1, np.uint8(INSIDE), np.uint8(0))
     if set(found.tolist()) <= {0, IGNORED * _DEEP, INSIDE * _DEEP}:
         return (labels // _DEEP).astype(np.uint8)
-    if len(found) > _MOST_CLASSES:
+    if lossy or len(found) > _MOST_CLASSES:
         raise ValueError(
             f"holds {len(found)} levels, as a soft brush or JPEG leaves at edges; 255 is inside, 128 ignored and 0 outside: "
             "draw it with a hard brush, save it as PNG; or say --truth-label K if they are class numbers"
