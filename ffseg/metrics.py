@@ -11,8 +11,8 @@ from ffseg.native import _core
 
 Mask = NDArray[np.bool_]
 
-INSIDE, IGNORED = 255, 128
-"""Grey levels of a truth image: the region, and what does not count; every other level is outside."""
+INSIDE, IGNORED, OUTSIDE = 255, 128, 0
+"""Grey levels of a truth image: the region, what does not count, and all else; any other level is outside too."""
 
 BOUNDARY_TOLERANCE = 2.0
 """Pixels within which a boundary point counts as found (boundary F)."""

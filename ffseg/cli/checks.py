@@ -111,6 +111,26 @@ def checked_params(config: str | None, settings: Sequence[str] | None = None) ->
     return params
 
 
+def require_source(params: Parameters, evidence: Path | None = None) -> None:
+    """Refuse an edge source whose model or maps are not named: no image could be segmented.
+
+    Raises
+    ------
+    ParameterError
+        Naming what is missing.
+    """
+    from ffseg.errors import ParameterError
+
+    if params.edges.model is not None or evidence is not None:
+        return
+    if params.edges.source == "model":
+        raise ParameterError("edges.source: model needs a model; set edges.model to a file")
+    if params.edges.source == "evidence":
+        raise ParameterError(
+            "edges.source: evidence needs a map of each image; name them with --evidence of run, compare or segment"
+        )
+
+
 def _complaint(key: str, path: str) -> str:
     from ffseg.formats.files import printable
 

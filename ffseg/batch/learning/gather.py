@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import mean
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,15 @@ from ffseg.formats.files import printable
 from ffseg.formats.images import single_thread
 from ffseg.formats.starts import Start, load_starts
 from ffseg.image.raster import rasterize
-from ffseg.metrics import INSIDE
+from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.parameters import Parameters
 from ffseg.segmenters.starts import start_contours
+
+MOST_NAMED = 4
+"""Images that a message names."""
+
+LEAST_KNOWN = 0.5
+"""Part of the pixels; figures from masks that know less say little of where the region ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +79,7 @@ def gather(
     Raises
     ------
     UsageError
-        If an input or the folder is missing, an image or mask cannot be read, or no mask has a pixel inside.
+        If an input or the folder is missing, an image or mask cannot be read, or a mask shows one side only.
     ParameterError
         If the starts file is wrong, or has no row for an image.
     """
@@ -86,7 +93,17 @@ def gather(
     if labelled and not any((one.truth == INSIDE).any() for one in labelled):
         class_number = "" if label is None else f", and --truth-label {label} is in none of them"
         raise UsageError(f"--truth: no mask has a pixel inside{class_number}; 255 is inside, or the class you name")
+    for one in labelled:
+        _require_both_sides(one)
     return Gathered(labelled, [one for one in sources if one.name not in truths], known)
+
+
+def _require_both_sides(one: Labelled) -> None:
+    for side, level in (("inside", INSIDE), ("outside", OUTSIDE)):
+        if not (one.truth == level).any():
+            raise UsageError(
+                f"{printable(one.name)}: the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both"
+            )
 
 
 def _read(source: Source, truth: str, params: Parameters, starts: dict[str, Start], label: int | None) -> Labelled:
@@ -105,3 +122,45 @@ def start_region(shape: tuple[int, ...], params: Parameters) -> NDArray[np.bool_
     if init.center == "auto" and not init.circles and not init.boxes and not init.mask:
         return None
     return rasterize(start_contours((shape[0], shape[1]), params), (shape[0], shape[1]))
+
+
+def starts_off(labelled: Sequence[Labelled]) -> list[str]:
+    """Names of the images whose start lies wholly where their mask says outside; a model finds its own starts.
+
+    Raises
+    ------
+    UsageError
+        If that is all of them: nothing grows into a region from without.
+    """
+    names = []
+    for one in labelled:
+        if one.start is None and one.params.edges.model is not None:
+            continue
+        shape = (one.image.shape[0], one.image.shape[1])
+        start = rasterize(start_contours(shape, one.params), shape)
+        if not (start & (one.truth != OUTSIDE)).any():
+            names.append(printable(one.name))
+    if names and len(names) == len(labelled):
+        raise UsageError(
+            f"the start lies outside the mask of {'the image' if len(names) == 1 else 'all images'} ({named(names)}); say "
+            "where the region is with --starts FILE or --set 'init.center=[x, y]'"
+        )
+    return names
+
+
+def known_share(labelled: Sequence[Labelled]) -> float:
+    """Part of the pixels of which the masks know something, mean over the images."""
+    return float(mean(np.count_nonzero(one.truth != IGNORED) / one.truth.size for one in labelled))
+
+
+def counted(share: float) -> list[str]:
+    """What to say where figures count few of the pixels, as of masks that are scribbles."""
+    if share >= LEAST_KNOWN:
+        return []
+    return [f"the masks know {share:.1%} of the pixels; the figures of IoU count no others"]
+
+
+def named(names: Sequence[str]) -> str:
+    """Some names, and how many more there are."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(names[:MOST_NAMED]) + more

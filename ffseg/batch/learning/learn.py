@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ffseg import __version__
 from ffseg.batch.discover import Source
-from ffseg.batch.learning.gather import Gathered, Labelled, start_region
+from ffseg.batch.learning.gather import Gathered, Labelled, known_share, start_region
 from ffseg.batch.workers.sources import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.evidence.features import KNOWN, exposed, features
@@ -73,6 +73,10 @@ class Figures:
         The image to draw a mask of next; empty where all have one.
     base : Beginning or None
         Whether the forest that comes with ffseg was corrected, and why.
+    known : float
+        Part of the pixels of which the masks know something.
+    searched : bool
+        Whether the starts of images are looked for; without a model they are grown from the middle then.
     """
 
     masks: int
@@ -85,6 +89,8 @@ class Figures:
     more: int = 0
     following: str = ""
     base: Beginning | None = None
+    known: float = 1.0
+    searched: bool = False
 
 
 def learned(gathered: Gathered, params: Parameters, tell: Tell) -> tuple[Model, Figures]:
@@ -102,7 +108,13 @@ def learned(gathered: Gathered, params: Parameters, tell: Tell) -> tuple[Model, 
     model = learn(chosen)
     tell(f"grown from {len(chosen)} masks")
     figures = _figures(gathered.labelled, chosen, tell)
-    figures = replace(figures, following=_next(gathered, model, params, tell), base=Beginning(**model.about["base"]))
+    figures = replace(
+        figures,
+        following=_next(gathered, model, params, tell),
+        base=Beginning(**model.about["base"]),
+        known=known_share(gathered.labelled),
+        searched=any(one.start is None for one in gathered.labelled),
+    )
     about = {"ffseg": __version__, "images": [one.name for one in gathered.labelled][:100], **_told(figures)}
     return replace(model, about=about), figures
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.learning.choice import Trial, Tried
-from ffseg.batch.learning.gather import Labelled
+from ffseg.batch.learning.gather import Labelled, known_share
 from ffseg.batch.learning.space import SHARED, Setting, applied, levels, settings
 from ffseg.errors import SegmentationError
 from ffseg.image.edges import EdgeMap
@@ -55,6 +55,8 @@ class Tuned:
     tried : int
         Settings that were tried.
     seconds : float
+    known : float
+        Part of the pixels of which the masks know something.
     """
 
     setting: Setting
@@ -65,6 +67,7 @@ class Tuned:
     sensitivity: tuple[tuple[str, float], ...]
     tried: int
     seconds: float
+    known: float = 1.0
 
 
 class Bench:
@@ -112,8 +115,10 @@ def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
     """Try settings for about `budget` seconds; `Tried` says which is taken."""
     begin = time.monotonic()
     bench, count = Bench(labelled), len(labelled)
-    plain, trials, source = bench.tried({}), list[Trial](), settings()
-    end = begin + LEVELS_SHARE * budget
+    plain, trials = bench.tried({}), list[Trial]()
+    modelled = labelled[0].params.edges.model is not None  # whose level alone can be moved: it does not ask for thresholds
+    source = iter(()) if modelled else settings()
+    end = begin + (1 if modelled else LEVELS_SHARE) * budget
     moved = [bench.tried(setting) for setting in levels(labelled[0].params) if time.monotonic() < end]
     while time.monotonic() - begin < budget:
         bracket = [Trial(setting) for setting in islice(source, BRACKET)]
@@ -122,6 +127,8 @@ def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
         _halve(bracket, bench, count, begin + budget)
         trials += bracket
         tell(f"{len(moved) + len(trials)} settings tried, best {_best([plain, *moved, *trials], count).mean:.3f}")
+    if modelled:
+        tell(f"{len(moved)} levels tried, best {_best([plain, *moved], count).mean:.3f}")
     tried = Tried(plain, labelled[0].params.region.probability, moved, [it for it in trials if len(it.found) == count])
     taken = tried.chosen(tried.images)
     best = tried.best() if taken is plain else taken
@@ -134,6 +141,7 @@ def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
         sensitivity=_sensitivity([*moved, *trials]),
         tried=len(moved) + len(trials),
         seconds=0.0,
+        known=known_share(labelled),
     )
     return replace(found, seconds=time.monotonic() - begin)
 

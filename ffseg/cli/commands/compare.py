@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import completion, console
-from ffseg.cli.checks import checked_params, require_truth
+from ffseg.cli.checks import checked_params, require_source, require_truth
 from ffseg.cli.options import Config, Evidence, Inputs, Out, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
@@ -71,6 +71,7 @@ def compare(  # noqa: PLR0913 - the options of the command
     chosen = work.choose_methods(methods)
     gates = _gates(min_iou or [], chosen, with_truth=truth is not None)
     params, peer_params = checked_params(config, settings), load_peer_parameters(peers)
+    require_source(params, evidence)
     folder = os.fspath(out)
     folders = (os.fspath(path) if path else "" for path in (truth, evidence))
     starting = starts_file(starts, params)

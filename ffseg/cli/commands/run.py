@@ -13,7 +13,7 @@ import typer
 
 from ffseg.batch.workers.launch import Process, launch, take
 from ffseg.cli import completion
-from ffseg.cli.checks import MOST_MEGABYTES, MOST_SECONDS, checked_params, number, require_truth
+from ffseg.cli.checks import MOST_MEGABYTES, MOST_SECONDS, checked_params, number, require_source, require_truth
 from ffseg.cli.options import (
     Config,
     Evidence,
@@ -146,6 +146,7 @@ def run(  # noqa: PLR0913 - the options of the command
         interruption = cleanup.enter_context(Interruption("run it again to go on"))
         require_truth(truth, truth_label)
         params = checked_params(config, with_background(settings, outside))
+        require_source(params, evidence)
         wanted = read_wanted(export or (), pack, overlay=overlay, animate=animate)
         choice = Chosen(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul)
         plan = with_maps(read_plan(choice, out, wanted, truth, starts, params), evidence, camera)

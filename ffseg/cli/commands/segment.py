@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import completion, console
-from ffseg.cli.checks import checked_params
+from ffseg.cli.checks import checked_params, require_source
 from ffseg.cli.options import Config, Outside, Settings, with_background
 from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError
 
@@ -64,6 +64,7 @@ def segment(  # noqa: PLR0913 - the options of the command
     if not overwrite:
         _require_no_pictures(outputs)
     params = checked_params(config, with_background(settings, outside))
+    require_source(params, evidence)
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from ffseg.api import segment as segment_pixels
     from ffseg.segmenters.saving.kinds import encoded

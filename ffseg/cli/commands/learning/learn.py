@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import console
-from ffseg.cli.checks import checked_params, output_file
+from ffseg.cli.checks import checked_params, output_file, require_source
+from ffseg.cli.commands.learning.telling import progress, warn_of_starts
 from ffseg.cli.options import Config, Inputs, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
@@ -45,13 +46,15 @@ def learn(  # noqa: PLR0913 - the options of the command
         raise UsageError(f"--out {out}: a model is a {SUFFIX} file; name it so")
     output_file("--out", out)
     params = checked_params(config, settings)
+    require_source(params)
     from ffseg.batch.learning.gather import gather
     from ffseg.batch.learning.learn import learned
     from ffseg.evidence.forest import to_bytes
     from ffseg.formats.files import write_bytes_atomic
 
     found = gather(inputs, os.fspath(truth), params, starts_file(starts, params), truth_label)
-    model, figures = learned(found, params, _silent if quiet else _tell)
+    warn_of_starts([one for one in found.labelled if one.start is not None])
+    model, figures = learned(found, params, progress(quiet=quiet))
     write_bytes_atomic(os.fspath(out), to_bytes(model))
     if as_json:
         plain = {key: None if value != value else value for key, value in asdict(figures).items()}
@@ -62,6 +65,8 @@ def learn(  # noqa: PLR0913 - the options of the command
 
 def sentences(figures: Figures, out: str) -> list[str]:
     """What there is to say of a model."""
+    from ffseg.batch.learning.gather import counted
+
     lines = [f"{out}: learned from {figures.masks} mask{'s' if figures.masks > 1 else ''}"]
     if figures.base is not None:
         lines.append(begun(figures.base))
@@ -69,7 +74,9 @@ def sentences(figures: Figures, out: str) -> list[str]:
         lines.append("not measured: that takes a second mask")
     else:
         lines.append(f"IoU on images left out: {figures.iou:.3f} (spread {figures.spread:.3f})")
-        lines.append(f"without the model:       {figures.without:.3f} (spread {figures.without_spread:.3f})")
+        middle = ", from the middle of the images: no start is named" if figures.searched else ""
+        lines.append(f"without the model:       {figures.without:.3f} (spread {figures.without_spread:.3f}){middle}")
+        lines += counted(figures.known)
         if not figures.helps:
             lines.append("this is no better than without the model beyond the noise; draw more masks, or do without it")
     if figures.curve:
@@ -92,11 +99,3 @@ def begun(base: Beginning) -> str:
         return f"{how}, which has {own} (they teach each other {base.taught:.2f})"
     why = f"{base.enough:.2f} is enough" if base.base >= base.enough else "one mask is too little to begin with"
     return f"{how}, which has {own} ({why})"
-
-
-def _tell(text: str) -> None:
-    console.message(f"ffseg: {text}")
-
-
-def _silent(text: str) -> None:
-    """Say nothing."""

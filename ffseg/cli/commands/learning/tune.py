@@ -11,7 +11,8 @@ from typing import Annotated
 import typer
 
 from ffseg.cli import console
-from ffseg.cli.checks import checked_params, number, output_file
+from ffseg.cli.checks import checked_params, number, output_file, require_source
+from ffseg.cli.commands.learning.telling import progress, warn_of_starts
 from ffseg.cli.options import Config, Inputs, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
@@ -57,6 +58,7 @@ def tune(  # noqa: PLR0913 - the options of the command
         if path is not None:
             output_file(option, path)
     params = checked_params(config, settings)
+    require_source(params)
     from ffseg.batch.learning.gather import gather
     from ffseg.batch.learning.page import given, to_html, to_yaml, told
     from ffseg.batch.learning.tune import before_and_after
@@ -64,7 +66,8 @@ def tune(  # noqa: PLR0913 - the options of the command
     from ffseg.formats.files import write_bytes_atomic
 
     found = gather(inputs, os.fspath(truth), params, starts_file(starts, params), truth_label)
-    tuned = search(found.labelled, budget, _silent if quiet else _tell)
+    warn_of_starts(found.labelled)
+    tuned = search(found.labelled, budget, progress(quiet=quiet))
     write_bytes_atomic(os.fspath(out), to_yaml(tuned, params).encode())
     if page is not None:
         masks = before_and_after(found.labelled, tuned)
@@ -74,11 +77,3 @@ def tune(  # noqa: PLR0913 - the options of the command
     else:
         use = f"use it with --config {out}" if tuned.setting or given(params) else f"{out} changes nothing"
         console.data("\n".join([*told(tuned), use]))
-
-
-def _tell(text: str) -> None:
-    console.message(f"ffseg: {text}")
-
-
-def _silent(text: str) -> None:
-    """Say nothing."""
