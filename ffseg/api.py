@@ -12,9 +12,12 @@ from ffseg.errors import ParameterError, SegmentationError
 from ffseg.formats.masks import load_mask
 from ffseg.given import checked_image
 from ffseg.image.edges import EdgeMap
-from ffseg.parameters import ParametersLike, parameter_set
+from ffseg.parameters import FARTHEST, ParametersLike, parameter_set
 from ffseg.segmenters import registry
 from ffseg.segmenters.base import Progress, Segmentation, Segmenter
+
+WIDEST = 10_000
+"""Pixels: the largest radius round a matched interest point."""
 
 
 def segment(  # noqa: PLR0913 - everything that is particular to one image has its name here
@@ -118,28 +121,40 @@ def _check_extras(image: NDArray[np.uint8], edges: object, center: object, altit
         raise SegmentationError(
             f"the edge map has {columns} x {rows} pixels, the image {width} x {height}; give the map of this image"
         )
-    if center is not None and _shape(center) != (2,):
+    if center is not None and _numbers(center).shape != (2,):
         raise SegmentationError(f"center is {center!r}; give (x, y) in pixels")
-    if altitudes is not None and (len(_shape(altitudes)) != 2 or _shape(altitudes)[1] != 4):
+    if altitudes is None:
+        return
+    rows = _numbers(altitudes)
+    if rows.ndim != 2 or rows.shape[1] != 4:
         raise SegmentationError("altitudes must be an array of shape (K, 4): x, y, altitude in metres, radius")
+    places, radii = rows[:, :2], rows[:, 3]
+    if not (
+        np.isfinite(rows).all() and (np.abs(places) <= FARTHEST).all() and ((radii >= 0) & (radii <= WIDEST)).all()
+    ):
+        raise SegmentationError(
+            f"altitudes must be finite, with x and y from -{FARTHEST} to {FARTHEST} and radii from 0 to {WIDEST} pixels"
+        )
 
 
-def _shape(numbers: Any) -> tuple[int, ...]:  # noqa: ANN401 - whatever somebody gives
-    """Shape of what can be an array of numbers; that of a single one otherwise."""
+def _numbers(values: Any) -> NDArray[np.float64]:  # noqa: ANN401 - whatever somebody gives
+    """What can be an array of numbers as one; a single number, which is none, otherwise."""
     try:
-        return np.asarray(numbers, np.float64).shape
+        return np.asarray(values, np.float64)
     except (TypeError, ValueError):
-        return ()
+        return np.asarray(np.nan)
 
 
 def _evidence(values: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
     """A map of evidence as the segmenters take it."""
     if values is None:
         return None
-    found = np.ascontiguousarray(values, np.float32)
-    if found.ndim != 2 or not (np.isfinite(found).all() and found.min() >= 0 and found.max() <= 1):
-        raise SegmentationError("evidence must be an array of shape (H, W) with values from 0 to 1")
-    return found
+    given = np.asarray(values)
+    if given.ndim == 2 and given.dtype.kind in "biuf":
+        found = np.ascontiguousarray(given, np.float32)
+        if ((found >= 0) & (found <= 1)).all():
+            return found
+    raise SegmentationError("evidence must be an array of shape (H, W) with values from 0 to 1")
 
 
 def _mask(

@@ -97,6 +97,12 @@ EXTRAS = {
     "another image's edge map": ({"edges": OTHER}, "the edge map has 50 x 50 pixels, the image 120 x 90"),
     "no point": ({"center": 5}, "center is 5; give (x, y) in pixels"),
     "a name for a point": ({"center": ("x", "y")}, "give (x, y) in pixels"),
+    "interest points nowhere": ({"altitudes": np.full((1, 4), np.nan)}, "altitudes must be finite"),
+    "interest points of no size": ({"altitudes": [[1, 2, 0.1, -1]]}, "radii from 0 to 10000"),
+    "interest points far away": ({"altitudes": [[1e6, 2, 0.1, 1]]}, "x and y from -100000 to 100000"),
+    "no evidence": ({"evidence": np.ones((0, 5))}, "evidence"),
+    "a name for evidence": ({"evidence": "a.png"}, "evidence must be an array of shape (H, W)"),
+    "evidence that is no number": ({"evidence": np.full((90, 120), np.nan)}, "with values from 0 to 1"),
     "no interest points": ({"altitudes": np.ones((2, 3))}, "altitudes must be an array of shape (K, 4)"),
 }
 
