@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/picture.hpp"
 #include "common/vec.hpp"
 
 namespace ffseg {
@@ -20,6 +21,16 @@ using Points = Array<const double, nanobind::shape<-1, 2>>;
 using Indices = Array<const std::int64_t, nanobind::ndim<1>>;
 using Bytes = Array<const std::uint8_t, nanobind::ndim<2>>;
 using Words = Array<const std::uint16_t, nanobind::ndim<2>>;
+using Colours = Array<const std::uint8_t, nanobind::ndim<3>>;
+
+// The image in an array of 1 to 65535 pixels a side and one to three channels, which keeps it.
+inline Picture picture_of(const Colours& image) {
+    const std::size_t height = image.shape(0), width = image.shape(1), channels = image.shape(2);
+    if (height < 1 || width < 1 || height > 65535 || width > 65535 || channels < 1 || channels > kMostChannels) {
+        throw std::invalid_argument("an image must have 1 to 65535 pixels a side and one to three channels");
+    }
+    return {image.data(), static_cast<int>(height), static_cast<int>(width), static_cast<int>(channels)};
+}
 
 // The points, whose coordinates must be numbers of at most this size.
 inline std::vector<Vec2> points_of(const Points& points, double farthest) {

@@ -14,10 +14,10 @@ using namespace nb::literals;
 namespace {
 
 using ffseg::Bytes;
+using ffseg::Colours;
 using ffseg::Indices;
 using ffseg::Points;
 using ffseg::Words;
-using Colours = ffseg::Array<const std::uint8_t, nb::ndim<3>>;
 
 ffseg::freeform::ContourSet contour_set(const Points& points, const Indices& offsets, int degree) {
     ffseg::freeform::ContourSet set{ffseg::points_of(points, std::numeric_limits<double>::max()), {}};
@@ -50,15 +50,10 @@ struct PyEvolution {
         if (domain && (domain->shape(0) != height || domain->shape(1) != width)) {
             throw std::invalid_argument("the domain differs in size from the edge map");
         }
-        ffseg::freeform::ColourView colours;
-        if (image) {
-            if (image->shape(0) != height || image->shape(1) != width) {
-                throw std::invalid_argument("the image differs in size from the edge map");
-            }
-            const std::size_t channels = image->shape(2);
-            if (channels < 1 || channels > 3) throw std::invalid_argument("one to three channels");
-            colours = {image->data(), static_cast<int>(channels)};
+        if (image && (image->shape(0) != height || image->shape(1) != width)) {
+            throw std::invalid_argument("the image differs in size from the edge map");
         }
+        const ffseg::Picture colours = image ? ffseg::picture_of(*image) : ffseg::Picture{};
         const ffseg::freeform::ContourSet starts = contour_set(points, offsets, options.degree);
         const std::uint8_t* limits = domain ? domain->data() : nullptr;
         nb::gil_scoped_release release;

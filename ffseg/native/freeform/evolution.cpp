@@ -55,7 +55,7 @@ template <int D>
 class Evolving final : public Evolution {
 public:
     Evolving(const ContourSet& starts, const std::uint8_t* edges, const std::uint8_t* domain, int height, int width,
-             const EvolutionOptions& options, const ColourView& colours)
+             const EvolutionOptions& options, const Picture& colours)
         : contour_(starts, edges, domain, height, width, options),
           most_patches_(kMostPatches + height * (width / 16) + static_cast<int>(starts.points.size())) {
         double area = 0.0;
@@ -69,9 +69,8 @@ public:
         }
         const bool fits = options.clearance <= 0 || contour_.field.close_passages(edges, samples, options.clearance);
         if (samples.empty() || !fits) reason_ = StopReason::kBlocked;
-        if (colours.data != nullptr && options.weight > 0) {
-            contour_.pressure = std::make_unique<region::Pressure>(
-                region::Picture{colours.data, height, width, colours.channels}, options.weight, options.window);
+        if (colours.pixels != nullptr && options.weight > 0) {
+            contour_.pressure = std::make_unique<region::Pressure>(colours, options.weight, options.window);
         }
     }
 
@@ -158,7 +157,7 @@ private:
 
 std::unique_ptr<Evolution> make_evolution(const ContourSet& starts, const std::uint8_t* edges,
                                           const std::uint8_t* domain, int height, int width,
-                                          const EvolutionOptions& options, const ColourView& colours) {
+                                          const EvolutionOptions& options, const Picture& colours) {
     const auto make = [&](auto degree) -> std::unique_ptr<Evolution> {
         return std::make_unique<Evolving<decltype(degree)::value>>(starts, edges, domain, height, width, options,
                                                                    colours);

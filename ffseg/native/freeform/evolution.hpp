@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/picture.hpp"
 #include "common/vec.hpp"
 
 namespace ffseg::freeform {
@@ -35,12 +36,6 @@ struct ContourSet {
     std::vector<std::size_t> offsets{0};
 };
 
-// The image whose colours take part in the pressure, kept by its owner as long as the evolution.
-struct ColourView {
-    const std::uint8_t* data = nullptr;  // none takes part
-    int channels = 0;
-};
-
 struct GradientView {
     const std::uint16_t* data;
     int height, width;
@@ -59,9 +54,10 @@ public:
 };
 
 // `starts`: control points of closed contours of degree options.degree, free space on the side of positive area.
-// The edge and domain arrays are read here only. Throws std::invalid_argument.
+// The edge and domain arrays are read here only. `colours`: the image whose colours take part in the pressure, of the
+// edge map's size and kept as long as the evolution; or none. Throws std::invalid_argument.
 std::unique_ptr<Evolution> make_evolution(const ContourSet& starts, const std::uint8_t* edges,
                                           const std::uint8_t* domain, int height, int width,
-                                          const EvolutionOptions& options, const ColourView& colours);
+                                          const EvolutionOptions& options, const Picture& colours);
 
 }  // namespace ffseg::freeform

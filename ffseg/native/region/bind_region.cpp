@@ -12,8 +12,8 @@ using namespace nb::literals;
 
 namespace {
 
-using Bytes = ffseg::Array<const std::uint8_t, nb::ndim<3>>;
 using Table = nb::ndarray<std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using ffseg::Colours;
 using ffseg::Indices;
 using ffseg::Points;
 using ffseg::region::RowSums;
@@ -22,17 +22,12 @@ using ffseg::region::Spans;
 constexpr double kFarthest = 1e100;  // beyond it, products in the exact side test would overflow
 constexpr double kWidestBand = 1000.0;
 
-void init(RowSums* self, const Bytes& image, int bins) {
-    const std::size_t channels = image.shape(2);
-    if (channels < 1 || channels > ffseg::region::kMostChannels) throw std::invalid_argument("one to three channels");
-    if (image.shape(0) > 65535 || image.shape(1) > 65535) {
-        throw std::invalid_argument("the image is larger than 65535 pixels a side");
-    }
-    if (bins < 0 || bins > 256 || std::pow(bins, channels) > ffseg::region::kMostBins) {
+void init(RowSums* self, const Colours& image, int bins) {
+    const ffseg::Picture picture = ffseg::picture_of(image);
+    if (bins < 0 || bins > 256 || std::pow(bins, picture.channels) > ffseg::region::kMostBins) {
         throw std::invalid_argument("the bins of all channels together must be at most 512");
     }
-    new (self) RowSums(image.data(), static_cast<int>(image.shape(0)), static_cast<int>(image.shape(1)),
-                       static_cast<int>(channels), bins);
+    new (self) RowSums(picture, bins);
 }
 
 std::vector<ffseg::raster::Edge> edges_of(const Points& points, const Indices& offsets, int degree,
@@ -77,21 +72,17 @@ void measure(const RowSums& self, const Points& points, const Indices& offsets, 
 
 // The pressure by colour on its own, for tests: an evolution makes its own one.
 struct PyPressure {
-    Bytes image;
+    Colours image;
     ffseg::region::Pressure pressure;
 
-    PyPressure(const Bytes& given, double weight, double window)
+    PyPressure(const Colours& given, double weight, double window)
         : image(given), pressure(checked(given, weight, window), weight, window) {}
 
-    static ffseg::region::Picture checked(const Bytes& image, double weight, double window) {
-        const std::size_t height = image.shape(0), width = image.shape(1), channels = image.shape(2);
-        if (height < 1 || width < 1 || height > 65535 || width > 65535 || channels < 1 || channels > 3) {
-            throw std::invalid_argument("an image of 1 to 65535 pixels a side and one to three channels");
-        }
+    static ffseg::Picture checked(const Colours& image, double weight, double window) {
         if (!(weight > 0 && weight <= 1e3 && window >= 0 && window <= 1e5)) {
             throw std::invalid_argument("the weight or the window is out of range");
         }
-        return {image.data(), static_cast<int>(height), static_cast<int>(width), static_cast<int>(channels)};
+        return ffseg::picture_of(image);
     }
 
     void fit(const Points& points, const Indices& offsets, int degree, bool closes_in) {
@@ -113,7 +104,7 @@ void bind_region(nb::module_& m) {
         .def("measure", &measure, "points"_a, "offsets"_a, "degree"_a, "tolerance"_a, "band"_a, "out"_a,
              "Sums over the region of closed contours, over its inner and over its outer band, into rows of `out`.");
     nb::class_<PyPressure>(m, "Pressure", "The balloon's pressure by colour.")
-        .def(nb::init<const Bytes&, double, double>(), "image"_a, "weight"_a, "window"_a)
+        .def(nb::init<const Colours&, double, double>(), "image"_a, "weight"_a, "window"_a)
         .def("fit", &PyPressure::fit, "points"_a, "offsets"_a, "degree"_a, "closes_in"_a)
         .def("at", &PyPressure::at, "x"_a, "y"_a, "The share of the full pressure there.");
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <type_traits>
 
 #include "raster/raster.hpp"
 
@@ -74,14 +73,6 @@ FFSEG_INLINE std::array<int, C> nine_at(const Picture& from, int x, int y) {
     return found;
 }
 
-// Calls one of its three forms by the number of channels.
-template <typename Visit>
-FFSEG_INLINE auto by_channels(int channels, Visit visit) {
-    if (channels == 3) return visit(std::integral_constant<int, 3>{});
-    if (channels == 1) return visit(std::integral_constant<int, 1>{});
-    return visit(std::integral_constant<int, 2>{});
-}
-
 int seen(int side) { return (side + kEvery - 1) / kEvery; }
 
 RowSums sums_of(const Picture& picture) {
@@ -97,7 +88,7 @@ RowSums sums_of(const Picture& picture) {
             }
         }
     });
-    return {colours.data(), height, width, picture.channels, 0};
+    return {{colours.data(), height, width, picture.channels}, 0};
 }
 
 LogOdds log_odds(const Gaussian& swept, const Gaussian& rest, double weight) {

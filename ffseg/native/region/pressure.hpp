@@ -2,9 +2,9 @@
 #pragma once
 #include <array>
 #include <cstddef>
-#include <cstdint>
 #include <vector>
 
+#include "common/picture.hpp"
 #include "common/vec.hpp"
 #include "region/sums.hpp"
 
@@ -15,12 +15,6 @@ struct Outlines {
     const std::vector<Vec2>& points;
     const std::vector<std::size_t>& offsets;
     int degree;
-};
-
-// An image of `channels` bytes a pixel, kept by its owner.
-struct Picture {
-    const std::uint8_t* pixels;
-    int height, width, channels;
 };
 
 // 1 + weight times log(p_swept / p_rest) of two Gaussians, as a polynomial of a colour x off the centre.

@@ -16,24 +16,18 @@ std::size_t power(std::size_t base, int exponent) {
 
 }  // namespace
 
-RowSums::RowSums(const std::uint8_t* pixels, int height, int width, int channels, int bins)
-    : height_(height),
-      width_(width),
-      channels_(channels),
+RowSums::RowSums(const Picture& picture, int bins)
+    : height_(picture.height),
+      width_(picture.width),
+      channels_(picture.channels),
       levels_(bins),
-      blocks_(static_cast<std::size_t>(width) / kBlock + 1),
-      moments_(static_cast<std::size_t>(channels + channels * (channels + 1) / 2)),
-      bins_(bins == 0 ? 0 : power(static_cast<std::size_t>(bins), channels)),
-      pixels_(pixels, pixels + static_cast<std::size_t>(height) * width * channels),
-      before_(static_cast<std::size_t>(height) * blocks_ * moments_),
-      counts_before_(static_cast<std::size_t>(height) * blocks_ * bins_) {
-    if (channels == 1) {
-        fill<1>();
-    } else if (channels == 2) {
-        fill<2>();
-    } else {
-        fill<3>();
-    }
+      blocks_(static_cast<std::size_t>(width_) / kBlock + 1),
+      moments_(static_cast<std::size_t>(channels_ + channels_ * (channels_ + 1) / 2)),
+      bins_(bins == 0 ? 0 : power(static_cast<std::size_t>(bins), channels_)),
+      pixels_(picture.pixels, picture.pixels + static_cast<std::size_t>(height_) * width_ * channels_),
+      before_(static_cast<std::size_t>(height_) * blocks_ * moments_),
+      counts_before_(static_cast<std::size_t>(height_) * blocks_ * bins_) {
+    by_channels(channels_, [this](auto channels) { fill<channels()>(); });
 }
 
 template <int C>
@@ -101,13 +95,7 @@ void RowSums::add_span(const Span& span, std::int64_t* totals) const {
 }
 
 void RowSums::add(const Span& span, Totals& totals) const {
-    if (channels_ == 1) {
-        add_span<1>(span, totals.data());
-    } else if (channels_ == 2) {
-        add_span<2>(span, totals.data());
-    } else {
-        add_span<3>(span, totals.data());
-    }
+    by_channels(channels_, [&](auto channels) { add_span<channels()>(span, totals.data()); });
 }
 
 Totals RowSums::over(const Spans& spans) const {

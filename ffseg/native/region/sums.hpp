@@ -4,11 +4,11 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/picture.hpp"
 #include "region/spans.hpp"
 
 namespace ffseg::region {
 
-constexpr int kMostChannels = 3;
 constexpr int kMostBins = 512;  // of all channels together
 
 // Exact sums over a set: first the number of pixels, then each channel's sum, then the products of channels
@@ -18,8 +18,8 @@ using Totals = std::vector<std::int64_t>;
 // An image and its running sums. A span costs a look at both ends and up to 31 pixels at each, however long it is.
 class RowSums {
 public:
-    // `pixels`: height rows of width pixels of `channels` bytes, copied. `bins` per channel: 0 for no histogram.
-    RowSums(const std::uint8_t* pixels, int height, int width, int channels, int bins);
+    // The pixels are copied. `bins` per channel: 0 for no histogram.
+    RowSums(const Picture& picture, int bins);
 
     int height() const { return height_; }
     int width() const { return width_; }

@@ -77,7 +77,7 @@ void evolve(Random& random) {
         const std::vector<std::uint8_t> edge_map = draw_marks(random, size), domain = draw_domain(random, size);
         const ffseg::freeform::ContourSet starts = draw_starts(random, size, options.degree);
         evolution = ffseg::freeform::make_evolution(starts, edge_map.data(), or_null(domain), size.height, size.width,
-                                                    options, {or_null(image), channels});
+                                                    options, {or_null(image), size.height, size.width, channels});
     }  // nothing else of the input is read after this
     const int most = size.count() > 4000 ? 4 : 40;
     for (int rounds = random.pick({0, 1, 2, 3, 4}); rounds > 0; --rounds) {
