@@ -127,7 +127,7 @@ class Region(Section):
     window: float = declared(
         0.0,
         Number(0, 10_000),
-        "px, 16 or more; colours are compared within windows so wide and those beside; 0 = the whole image",
+        "px; colours are compared within windows so wide, 16 at least, and those beside; 0 = the whole image",
     )
     islands: bool = declared(
         True,

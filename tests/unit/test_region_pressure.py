@@ -159,6 +159,17 @@ def test_windows_see_what_is_near_them() -> None:
     assert shares[0.0][0] == 1.0  # as bright as the first ground is farther right
 
 
+def test_narrower_windows_are_sixteen_pixels_wide() -> None:
+    image = np.random.default_rng(6).integers(0, 256, (64, 96, 3), np.uint8)
+    corners = np.array([[-0.5, -0.5], [47.5, -0.5], [47.5, 63.5], [-0.5, 63.5]])
+    found = []
+    for window in (1e-9, 5.0, 16.0, 32.0):
+        pressure = _core.Pressure(image, 0.1, window)
+        pressure.fit(corners, np.array([0, 4]), 1, False)
+        found.append([pressure.at(float(x), 30.0) for x in range(96)])
+    assert found[0] == found[1] == found[2] != found[3]
+
+
 def test_what_makes_no_sense_is_refused() -> None:
     image = np.zeros((20, 20, 3), np.uint8)
     for weight, window in ((0.0, 0.0), (float("nan"), 0.0), (1.0, -1.0), (1.0, float("nan"))):
