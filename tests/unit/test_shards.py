@@ -124,6 +124,20 @@ def test_a_killed_shard_is_named_and_resumed(images: Path, tmp_path: Path) -> No
     assert tree(out)["coco.json"] == tree(tmp_path / "one")["coco.json"]
 
 
+def test_outputs_that_are_gone_are_named_until_their_shard_has_run_again(images: Path, tmp_path: Path) -> None:
+    """Those of a part that was not copied: the table said ok for each."""
+    out = tmp_path / "out"
+    for part in ("1/2", "2/2"):
+        run_shard(images, out, part)
+    lost = f"masks/{NAMES[1]}"
+    (out / lost).unlink()
+    assert merge_shards(str(out)).problems == [f"{lost} is gone; run its shard again"]
+    run_shard(images, out, f"{number_of(NAMES[1], 2)}/2")
+    assert merge_shards(str(out)).problems == []
+    shutil.rmtree(out / "masks")
+    assert len(merge_shards(str(out)).problems) == 20
+
+
 @pytest.mark.parametrize("text", ["[" * 100_000, "[1]", "{", None], ids=["deep", "list", "cut", "pipe"])
 def test_a_shard_whose_end_cannot_be_read_did_not_finish(text: str | None, images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"

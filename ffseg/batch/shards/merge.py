@@ -67,7 +67,7 @@ class Merge:
     counts : dict of int
         Images by status.
     problems : list of str
-        Shards that never ran or did not finish, and tables that cannot be written.
+        Shards that never ran or did not finish, outputs that are gone, and tables that cannot be written.
     """
 
     out: str
@@ -146,6 +146,7 @@ def merge_shards(out: str, *, parquet: bool = False) -> Merge:
 def _write_journal(
     merge: Merge, records: MergedRecords, header: Mapping[str, Any], lines: Iterable[tuple[Record, bytes]]
 ) -> None:
+    gone: list[str] = []
     with atomic_stream(records.path) as file:
         file.write(json_line(header))
         for record, line in lines:
@@ -153,6 +154,14 @@ def _write_journal(
             records.note(record)
             merge.counts["total"] += 1
             merge.counts[record.status] += 1
+            gone += _gone(merge.out, record)[: _NAMED - len(gone)]
+    merge.problems += [f"{printable(path)} is gone; run its shard again" for path in gone]
+
+
+def _gone(out: str, record: Record) -> list[str]:
+    """Outputs with files of their own that are no longer there, or were left on another machine."""
+    files = (path for path in record.outputs if path not in record.members)
+    return [path for path in files if not os.path.lexists(os.path.join(out, path))]
 
 
 def _write_packed(
