@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import log
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,7 @@ from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
 
 LEVEL = 0.5
-"""Probability at which the region ends."""
+"""Probability at which the region ends; another one asked for becomes this (`at_level`)."""
 
 SMOOTHING = 1.0
 """px; a map of zeros and ones has steps of pixels, which this turns into a level between them."""
@@ -31,6 +33,11 @@ TALLEST = 65535.0
 
 STRENGTH = 128.0
 """Grey levels per pixel that an edge strength of one stands for."""
+
+
+def log_odds(probability: float) -> float:
+    """Log odds of a probability above 0 and below 1."""
+    return log(probability / (1 - probability))
 
 
 def at_level(probability: NDArray[np.float32], level: float) -> NDArray[np.float32]:

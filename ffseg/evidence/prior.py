@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import log
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from ffseg.evidence.features import PLACE, PLAIN, Features, enlarged, exposed, features
 from ffseg.evidence.forest import Model, load_model
-from ffseg.evidence.maps import evidence_edges
+from ffseg.evidence.maps import evidence_edges, log_odds
 from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, voted
 from ffseg.image.edges import EdgeMap, Scene, gradient_edges
 from ffseg.native import _core
@@ -52,7 +51,7 @@ class Prior:
 
     def at(self, level: float) -> Prior:
         """The evidence whose odds are divided by those of a level, which becomes one half."""
-        shift = np.float32(log(level / (1 - level)))
+        shift = np.float32(log_odds(level))
         return Prior(self.odds - shift) if shift else self
 
     def map(self) -> NDArray[np.float32]:

@@ -7,7 +7,8 @@ from collections.abc import Callable
 import pytest
 
 from ffseg.batch.learning.choice import ERRORS, LEAST_GAIN, LEAST_SPREAD, Trial, Tried
-from ffseg.batch.learning.space import LEVEL, levels, odds
+from ffseg.batch.learning.space import LEVEL, levels
+from ffseg.evidence.maps import log_odds
 from ffseg.parameters import load_params
 
 PLAIN = (0.5, 0.4, 0.6)
@@ -17,7 +18,7 @@ def tried(gain: Callable[[float, int], float], others: tuple[Trial, ...] = ()) -
     """Levels whose gain on an image is a function of how far they are moved, in log odds."""
     moved = []
     for setting in levels(load_params()):
-        far = odds(float(str(setting[LEVEL])))
+        far = log_odds(float(str(setting[LEVEL])))
         moved.append(Trial(setting, {number: own + gain(far, number) for number, own in enumerate(PLAIN)}))
     return Tried(Trial({}, dict(enumerate(PLAIN))), 0.5, moved, others)
 

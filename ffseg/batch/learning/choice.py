@@ -8,7 +8,8 @@ from statistics import mean, stdev
 
 import numpy as np
 
-from ffseg.batch.learning.space import LEVEL, Setting, odds
+from ffseg.batch.learning.space import LEVEL, Setting
+from ffseg.evidence.maps import log_odds
 
 LEAST_GAIN = 0.01
 """A mean IoU that is higher by less is not worth other parameters; nor is one that is higher by less for each unit of log
@@ -103,7 +104,9 @@ class Tried:
         where its top is: it is the mean of the levels, each counted by its worth.
         """
         tried = [self.plain, *self.levels]
-        moved = np.array([0.0, *(odds(float(str(one.setting[LEVEL]))) - odds(self.level) for one in self.levels)])
+        moved = np.array(
+            [0.0, *(log_odds(float(str(one.setting[LEVEL]))) - log_odds(self.level) for one in self.levels)]
+        )
         worth = np.array([self._worth(one, images, far) for one, far in zip(tried, moved.tolist(), strict=True)])
         if worth.argmax() == 0:
             return self.plain

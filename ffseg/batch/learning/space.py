@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import exp, log
+from math import exp
 
+from ffseg.evidence.maps import log_odds
 from ffseg.image.edges import source_of
 from ffseg.parameters import Parameters
 
@@ -57,18 +58,13 @@ def halton(index: int, base: int) -> float:
     return value
 
 
-def odds(probability: float) -> float:
-    """Log odds."""
-    return log(probability / (1 - probability))
-
-
 def levels(params: Parameters) -> list[Setting]:
     """Levels of probability round the one at hand, the nearest first, where the parameters ask for probabilities."""
     if source_of(params) not in JUDGED:
         return []
     own = params.region.probability
     steps = [sign * step for step in range(1, LEVEL_STEPS + 1) for sign in (1, -1)]
-    moved = [1 / (1 + exp(-odds(own) - LEVEL_STEP * step)) for step in steps]
+    moved = [1 / (1 + exp(-log_odds(own) - LEVEL_STEP * step)) for step in steps]
     return [{LEVEL: round(level, 2)} for level in moved if LEAST_LEVEL <= level <= 1 - LEAST_LEVEL]
 
 
