@@ -41,6 +41,8 @@ ARRAYS = (
 )
 """Name, type and count of each array, in the order of the file. A child below zero is the leaf ``-1 - child``."""
 Plane = NDArray[np.float32]
+MOST_PRIOR = 10.0
+"""Weight of the prior."""
 VOTE = 14.0
 """Log odds up to which a pixel has a say among its neighbours."""
 OPEN_NAMES = frozenset(OPEN)
@@ -127,6 +129,8 @@ class Model:
         What it was learned from and how well it did, for people.
     exposed : bool
         Whether it was shown images without haze and in even exposure (see `exposed`), as the prior is.
+    prior : float
+        Weight of the prior's log odds, which are added to its own; 0 = the prior is not asked.
     """
 
     inside: Forest
@@ -134,6 +138,7 @@ class Model:
     size: int = WORKING_SIZE
     about: dict[str, Any] = field(default_factory=dict)
     exposed: bool = False
+    prior: float = 0.0
 
     def look(self, image: NDArray[np.uint8], start: NDArray[np.bool_]) -> Features:
         """The features that the model needs of an image, seen from a start region (see `features`)."""
@@ -144,8 +149,15 @@ class Model:
         """The image as the model looks at it."""
         return exposed(image) if self.exposed else image
 
-    def map(self, seen: Features, native: _core.EvidenceForest | None = None) -> Plane:
+    def map(self, seen: Features, native: _core.EvidenceForest | None = None, prior: Plane | None = None) -> Plane:
         """Probability of inside for each pixel of the image, shape (H, W).
+
+        Parameters
+        ----------
+        seen : Features
+        native : EvidenceForest, optional
+        prior : ndarray of float32, shape (H, W)
+            The prior's log odds, needed where the model asks it.
 
         Notes
         -----
@@ -156,7 +168,11 @@ class Model:
         planes = np.empty((len(self.inside.features), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
         every(seen, self.inside.features, planes)
         smooth = voted(np.clip(self.inside.log_odds(planes, native), -VOTE, VOTE), seen)
-        return enlarged(_probability(smooth), seen.factor, seen.shape, STRIDE)
+        if not self.prior:
+            return enlarged(_probability(smooth), seen.factor, seen.shape, STRIDE)
+        if prior is None:
+            raise ValueError("this model asks the prior; give its log odds")
+        return _probability(enlarged(smooth, seen.factor, seen.shape, STRIDE) + np.float32(self.prior) * prior)
 
 
 def _probability(odds: Plane) -> Plane:
@@ -171,6 +187,7 @@ def to_bytes(model: Model) -> bytes:
         "size": model.size,
         "about": model.about,
         **({"exposed": True} if model.exposed else {}),
+        **({"prior": model.prior} if model.prior else {}),
         "forests": {name: _described(forest) for name, forest in forests.items() if forest is not None},
     }
     text = json.dumps(header, allow_nan=False).encode()
@@ -238,7 +255,8 @@ def from_bytes(data: bytes, known: tuple[str, ...] = KNOWN) -> Model:
         arrays = {key: np.frombuffer(piece, kind) for (key, kind, _), piece in zip(ARRAYS, own, strict=True)}
         forests[name] = Forest(arrays, tuple(one["features"]), float(one["bias"]))
         forests[name].compiled()
-    return Model(forests["inside"], forests.get("start"), header["size"], header["about"], header["exposed"])
+    said = header["size"], header["about"], header["exposed"], float(header["prior"])
+    return Model(forests["inside"], forests.get("start"), *said)
 
 
 def _header(text: bytes, known: tuple[str, ...]) -> dict[str, Any]:
@@ -249,7 +267,10 @@ def _header(text: bytes, known: tuple[str, ...]) -> dict[str, Any]:
         raise ValueError("its header is not JSON") from error
     if isinstance(header, dict):
         header.setdefault("exposed", False)  # as the prior's has none
-    _require_keys(header, {"size", "about", "forests", "exposed"}, "its header")
+        header.setdefault("prior", 0.0)
+    _require_keys(header, {"size", "about", "forests", "exposed", "prior"}, "its header")
+    if type(header["prior"]) not in (int, float) or not 0 <= header["prior"] <= MOST_PRIOR:
+        raise ValueError(f"prior in its header is not a number from 0 to {MOST_PRIOR:g}")
     if not isinstance(header["exposed"], bool):
         raise ValueError("exposed in its header is neither true nor false")
     _require_whole(header, "size", 16, MAX_SIZE)

@@ -24,6 +24,7 @@ from ffseg.evidence.features import (
 )
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.openings import OPEN
+from ffseg.evidence.prior import prior
 from ffseg.metrics import IGNORED, INSIDE
 
 STARTS = 5
@@ -65,6 +66,10 @@ PART = 0.7
 CORRECTED = 0.4
 """Part of the trees where they correct the base: with all of them, few masks unlearn what it knows, and unseen floors come out
 worse by .02."""
+
+PRIOR_WEIGHT = 1.0
+"""Of the prior's log odds beside a model's own: two witnesses that do not know of each other. With half of it things, floors
+and mirrors gain less, and roads lose less where the prior is asked in vain."""
 
 THIN = 5
 """Every fifth pixel is enough to see how well masks teach each other; so many starts lie one behind another."""
@@ -112,10 +117,13 @@ class Samples:
     rows : ndarray of float32, shape (N, F)
         Features in the order of ``KNOWN``.
     inside : ndarray of bool, shape (N,)
+    prior : ndarray of float32, shape (N,), or None
+        Log odds that the prior gives; None where it was not asked.
     """
 
     rows: NDArray[np.float32]
     inside: NDArray[np.bool_]
+    prior: NDArray[np.float32] | None = None
 
 
 def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Samples:
@@ -127,7 +135,7 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
         If the mask knows no pixel inside, or none outside.
     """
     rng, image = np.random.default_rng(seed), exposed(example.image)
-    rows, labels = [], []
+    rows, labels, odds = [], [], []
     for start in starts_in(example, rng):
         seen = features(image, start, size, KNOWN)
         known = known_pixels(example.truth, seen.factor)
@@ -135,11 +143,12 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
         found = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1)[:, chosen].T)
         rows += [found, mirrored(found)]
         labels += [known.ravel()[chosen] > 0] * 2
+        odds += [reduced_mean(prior(example.image, start).odds, seen.factor).ravel()[chosen]] * 2
     inside = np.concatenate(labels) if labels else np.zeros(0, np.bool_)
     if inside.all() or not inside.any():
         side = "outside" if inside.any() else "inside"
         raise UsageError(f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both")
-    return Samples(np.concatenate(rows), inside)
+    return Samples(np.concatenate(rows), inside, np.concatenate(odds))
 
 
 def starts_in(example: Example, rng: np.random.Generator) -> list[NDArray[np.bool_]]:
@@ -278,13 +287,68 @@ def beginning(chosen: Sequence[Samples], odds: Sequence[Odds]) -> Beginning:
     return Beginning(own >= enough or taught is None or own > taught, own, enough, taught)
 
 
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Whether a model asks the prior too, and by what that was decided: mean IoU on the pixels of the samples.
+
+    Attributes
+    ----------
+    asked : bool
+    prior : float
+        What the prior has by itself.
+    enough : float
+        From which on it is asked, whatever the masks teach each other.
+    taught : float or None
+        What the masks teach each other; None where that was not asked: it was enough, or there is one mask.
+    """
+
+    asked: bool
+    prior: float
+    enough: float
+    taught: float | None
+
+
+def asking(chosen: Sequence[Samples], taught: float | None = None) -> Asked | None:
+    """Whether the prior is asked: where it serves, or the masks teach each other less; None where its odds are not known.
+
+    Notes
+    -----
+    By the same measure as the base (see `beginning`), except that one mask, which does not show what prior there is to
+    doubt, asks it only where it serves. ``taught`` is what the masks teach each other, if that is known.
+    """
+    odds = [one.prior for one in chosen if one.prior is not None]
+    if len(odds) < len(chosen):
+        return None
+    own, enough = mean_overlap(odds, [one.inside for one in chosen]), enough_of(len(chosen))
+    if own >= enough or len(chosen) < 2:
+        return Asked(own >= enough, own, enough, None)
+    taught = _taught_by_others(chosen) if taught is None else taught
+    return Asked(own > taught, own, enough, taught)
+
+
 def learn(
     chosen: Sequence[Samples], size: int = WORKING_SIZE, about: dict[str, Any] | None = None, *, searched: bool = True
 ) -> Model:
     """A model of what lies inside, and, unless no start will be `searched` for, of where to start."""
     start = grow(chosen, WITHOUT_START) if searched else None
-    inside, begun = grow_inside(chosen)
-    return Model(inside, start, size, {"base": asdict(begun), **(about or {})}, exposed=True)
+    model = grown(chosen)
+    return replace(model, start=start, size=size, about={**model.about, **(about or {})})
+
+
+def grown(chosen: Sequence[Samples], trees: int = TREES) -> Model:
+    """A model of what lies inside: its forest (see `grow_inside`), and the prior where it is asked (see `asking`).
+
+    Notes
+    -----
+    The log odds of both are added. Over ten choices of one, two, three and five masks, with a prior that has not seen
+    the set, that gives floors an IoU higher by .02, .01, .02 and .01, things one by 0, .10, .03 and .07, mirrors (of
+    one to three masks) one by .03, .03 and 0; road frames, of which it knows little, .02 less from two masks, else the same.
+    """
+    inside, begun = grow_inside(chosen, trees)
+    asked = asking(chosen, begun.taught)
+    about = {"base": asdict(begun), "prior": None if asked is None else asdict(asked)}
+    weight = PRIOR_WEIGHT if asked is not None and asked.asked else 0.0
+    return Model(inside, None, about=about, exposed=True, prior=weight)
 
 
 def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, Beginning]:

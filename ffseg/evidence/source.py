@@ -14,6 +14,7 @@ from ffseg.errors import ImageReadError, ParameterError, SegmentationError
 from ffseg.evidence.features import Features, features, reduction
 from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.maps import LEVEL, at_level, evidence_edges, strength_edges
+from ffseg.evidence.prior import prior
 from ffseg.formats.files import printable, read_bytes
 from ffseg.image.edges import EdgeMap, Scene, edge_map
 from ffseg.native import _core
@@ -49,9 +50,22 @@ def model_edges(scene: Scene) -> EdgeMap:
     else:
         if scene.starts is None:
             raise SegmentationError("a model needs a start region; set init")
-        model = ready(path)
-        probability = model[0].map(model[0].look(scene.image, scene.starts), model[1])
+        probability = told(ready(path)[0], scene.image, scene.starts, ready(path)[1])
     return _edges(probability, own, scene.params)
+
+
+def told(
+    model: Model, image: NDArray[np.uint8], start: NDArray[np.bool_], native: _core.EvidenceForest | None = None
+) -> NDArray[np.float32]:
+    """What a model says of an image, seen from a start region, and of the prior where it asks it.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W)
+        Probability of inside.
+    """
+    seen = model.look(image, start)
+    return model.map(seen, native, prior(image, start).odds if model.prior else None)
 
 
 def _network_map(scene: Scene, path: str) -> NDArray[np.float32]:

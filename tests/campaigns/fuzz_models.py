@@ -29,7 +29,7 @@ def sample() -> bytes:
         "root": np.array([0, 2, 3], np.int32),
         "value": np.linspace(-1, 1, 7).astype(np.float32),
     }
-    return to_bytes(Model(Forest(arrays), Forest(arrays, NAMES[:9]), about={"masks": 3}, exposed=True))
+    return to_bytes(Model(Forest(arrays), Forest(arrays, NAMES[:9]), about={"masks": 3}, exposed=True, prior=0.5))
 
 
 def spoiled(data: bytes, rng: np.random.Generator) -> bytes:

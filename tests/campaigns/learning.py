@@ -1,11 +1,12 @@
 """How well a model of a few masks does on real images that it has not seen, and what it costs.
 
-Run ``python -m tests.campaigns.learning --bases DIR [--data DATA] [--sets a,b] [--masks 1,3,5,10] [--draws 5]``. DATA
-(or FFSEG_DATA) holds the folders of `real_images.SETS`. ``road`` is learned at even places of the sorted names and tested at
+Run ``python -m tests.campaigns.learning --bases DIR --priors DIR [--data DATA] [--sets a,b] [--masks 1,3,5,10] [--draws 5]``.
+DATA (or FFSEG_DATA) holds the folders of `real_images.SETS`. ``road`` is learned at even places of the sorted names and tested at
 odd ones; of the other sets some images are drawn to learn from, and the rest is tested. Each figure is the mean over the
-draws of the mean IoU of the contour. The base that comes with ffseg has seen these images: ``--bases DIR`` takes one made of
-the other sets, which is written to DIR and used again. ``--rivals`` grows scikit-learn's forests on the same pixels.
-``--times`` compares the parts of using a model with LightGBM's own prediction, in ms of processor time.
+draws of the mean IoU of the contour. The base and the prior that come with ffseg have seen these images: ``--bases DIR`` and
+``--priors DIR``, two folders, take those made of the other sets, which are written there and used again. ``--rivals`` grows
+scikit-learn's forests on the same pixels. ``--times`` compares the parts of using a model with LightGBM's own prediction, in ms
+of processor time.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from statistics import mean, median, pstdev
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence import base
+from ffseg.evidence import base, prior
 from ffseg.evidence.features import KNOWN, enlarged, exposed, features
 from ffseg.evidence.forest import Model, to_bytes
 from ffseg.evidence.learning import (
@@ -39,13 +40,14 @@ from ffseg.evidence.learning import (
 )
 from ffseg.evidence.maps import evidence_edges
 from ffseg.evidence.openings import OPEN
+from ffseg.evidence.source import told
 from ffseg.formats.files import write_bytes_atomic
 from ffseg.formats.images import single_thread
 from ffseg.image.edges import edge_map
 from ffseg.metrics import iou
 from ffseg.parameters import Edges, load_params
 from ffseg.segmenters.registry import segment
-from tests.campaigns import learn_base
+from tests.campaigns import learn_base, learn_prior
 from tests.campaigns.real_images import SETS, Photograph, load
 from tests.real_data import data_folder
 
@@ -64,6 +66,7 @@ def main() -> int:
             say(f"skipped: {folder} is not in {options.data}; name the folder with --data or FFSEG_DATA")
             continue
         use_base(folder, options.data, options.bases)
+        use_prior(folder, options.data, options.priors)
         chosen = [samples(Example(p.image, p.truth, start_of(p), p.circle[2])) for p in photographs]
         evaluate(photographs, chosen, [int(number) for number in options.masks.split(",")], options.draws)
         if options.rivals:
@@ -80,6 +83,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--masks", default="1,3,5,10", help="numbers of masks to learn from")
     parser.add_argument("--draws", type=int, default=5, help="random choices of masks at each number")
     parser.add_argument("--bases", type=Path, help="folder of the bases made without a set")
+    parser.add_argument("--priors", type=Path, help="folder of the priors made without a set")
     parser.add_argument("--rivals", action="store_true", help="compare with scikit-learn's forests, from five masks")
     parser.add_argument("--times", action="store_true", help="measure what using a model costs")
     return parser.parse_args()
@@ -96,6 +100,20 @@ def use_base(folder: str, data: Path, bases: Path | None) -> None:
         write_bytes_atomic(path, to_bytes(learn_base.grow(others, f"without {folder}")))
     base.BASE = path
     base.base.cache_clear()
+
+
+def use_prior(folder: str, data: Path, priors: Path | None) -> None:
+    """Take a prior that has not seen the set; without a folder for it, the one that comes with ffseg, and say so."""
+    if priors is None:
+        say(f"{folder}: with the prior that comes with ffseg, which has seen these images; name --priors")
+        return
+    path = priors / f"without-{folder.replace('/', '-')}.ffmodel"
+    if not path.is_file():
+        others = [one for one in load(data, list(SETS)) if one.folder != folder]
+        drawn = learn_prior.drawn_samples(learn_prior.DRAWN)
+        write_bytes_atomic(path, to_bytes(learn_prior.grow(others, drawn, f"without {folder}")))
+    prior.MODEL = path
+    prior._model.cache_clear()
 
 
 def start_of(photograph: Photograph) -> NDArray[np.bool_]:
@@ -189,7 +207,7 @@ def _histogram(chosen: Sequence[Samples]) -> Says:
 
 def overlap(one: Photograph, model: Model | None) -> float:
     """IoU of the contour from the start circle."""
-    return contoured(one, None if model is None else model.map(model.look(one.image, start_of(one))))
+    return contoured(one, None if model is None else told(model, one.image, start_of(one)))
 
 
 def contoured(one: Photograph, evidence: NDArray[np.float32] | None) -> float:
@@ -207,12 +225,13 @@ def costs(one: Photograph, chosen: Sequence[Samples]) -> None:
     data = lightgbm.Dataset(chosen[0].rows, chosen[0].inside.astype(np.float32))
     booster = lightgbm.train({**SETTINGS, "learning_rate": RATE}, data, TREES)
     for image, start in ((one.image, start_of(one)), stretched(one)):
-        seen, native = model.look(image, start), model.inside.compiled()
+        seen, native, odds = model.look(image, start), model.inside.compiled(), prior.prior(image, start).odds
         rows = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1).T)
-        probability, own = model.map(seen, native), edge_map(image, Edges())
+        probability, own = model.map(seen, native, odds), edge_map(image, Edges())
         parts: dict[str, Callable[[], object]] = {
             "features": lambda image=image, start=start: model.look(image, start),
-            "forest": lambda seen=seen, native=native: model.map(seen, native),
+            "forest": lambda seen=seen, native=native, odds=odds: model.map(seen, native, odds),
+            "prior": lambda image=image, start=start: prior.prior(image, start),
             "edges": lambda probability=probability, own=own: evidence_edges(probability, own),
             "LightGBM": lambda rows=rows: booster.predict(rows, num_threads=1),
         }

@@ -22,13 +22,9 @@ import numpy as np
 from ffseg.batch.learning.gather import Labelled
 from ffseg.batch.learning.space import LIGHTS, MOST_SETTINGS, Setting, levels, settings
 from ffseg.batch.learning.tune import Bench, tune
-from ffseg.evidence import prior
-from ffseg.evidence.forest import to_bytes
-from ffseg.formats.files import write_bytes_atomic
 from ffseg.formats.images import single_thread
 from ffseg.parameters import load_params
-from tests.campaigns import learn_prior
-from tests.campaigns.learning import start_of
+from tests.campaigns.learning import start_of, use_prior
 from tests.campaigns.real_images import SETS, Photograph, load
 from tests.real_data import data_folder
 
@@ -47,7 +43,7 @@ def main() -> int:
         if not photographs:
             say(f"skipped: {folder} is not in {options.data}; name the folder with --data or FFSEG_DATA")
             continue
-        _use_prior(folder, everything, options.priors)
+        use_prior(folder, options.data, options.priors)
         missed += tuned_set([labelled_of(one) for one in photographs], folder, options)
     return 1 if missed else 0
 
@@ -70,16 +66,6 @@ def labelled_of(photograph: Photograph) -> Labelled:
     """What ``ffseg tune`` would have read of it."""
     params = photograph.placed(load_params())
     return Labelled(photograph.name, photograph.image, photograph.truth, params, start_of(photograph))
-
-
-def _use_prior(folder: str, everything: Sequence[Photograph], priors: Path) -> None:
-    path = priors / f"without-{folder.replace('/', '-')}.ffmodel"
-    if not path.is_file():
-        drawn = learn_prior.drawn_samples(learn_prior.DRAWN)
-        made = learn_prior.grow([one for one in everything if one.folder != folder], drawn, f"without {folder}")
-        write_bytes_atomic(path, to_bytes(made))
-    prior.MODEL = path
-    prior._model.cache_clear()
 
 
 def tuned_set(labelled: Sequence[Labelled], folder: str, options: argparse.Namespace) -> int:

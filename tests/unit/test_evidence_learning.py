@@ -30,6 +30,7 @@ from ffseg.evidence.learning import (
     uncertainty,
 )
 from ffseg.evidence.openings import OPEN
+from ffseg.evidence.source import told
 from ffseg.metrics import iou
 
 lightgbm = pytest.importorskip("lightgbm")
@@ -54,7 +55,7 @@ def example(seed: int, *, start: bool = True) -> Example:
 
 
 def predicted(model: Model, one: Example) -> np.ndarray:
-    return model.map(model.look(one.image, one.start))
+    return told(model, one.image, one.start)
 
 
 def test_two_masks_teach_what_is_inside() -> None:

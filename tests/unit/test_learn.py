@@ -17,8 +17,9 @@ from ffseg.batch.learning.gather import gather
 from ffseg.batch.learning.learn import Figures, _worth_drawing, learned
 from ffseg.cli.commands.learning.learn import sentences
 from ffseg.errors import UsageError
-from ffseg.evidence.forest import Model, load_model
-from ffseg.evidence.learning import Beginning, Example, grow_inside, samples
+from ffseg.evidence.forest import load_model
+from ffseg.evidence.learning import Beginning, Example, grown, samples
+from ffseg.evidence.source import told
 from ffseg.image.nets.pockets import starts_beyond
 from ffseg.parameters import load_params
 
@@ -72,6 +73,8 @@ def test_learn_then_run(folder: Path) -> None:
     about = load_model(model).about
     assert about["images"] == ["0.png", "1.png", "2.png"]
     assert about["base"] == told["base"]
+    assert about["prior"] == told["prior"]
+    assert told["prior"]["asked"] is (told["prior"]["prior"] >= told["prior"]["enough"])
     assert told["base"]["corrected"] is (told["base"]["base"] >= told["base"]["enough"])
     arguments = [
         "--out",
@@ -154,8 +157,8 @@ def test_the_curve_scores_contours_of_models_as_they_are_used(folder: Path, monk
     curve = learning._curve(labelled, chosen)
     assert [number for number, _ in curve] == [1, 2]
     assert len(maps) == 3 * (2 + 1)
-    models = [Model(grow_inside([one], learning.CURVE_TREES)[0], exposed=True) for one in chosen]
-    used = [model.map(model.look(one.image, one.start)) for model in models for one in labelled]
+    models = [grown([one], learning.CURVE_TREES) for one in chosen]
+    used = [told(model, one.image, one.start) for model in models for one in labelled]
     assert all(any(np.array_equal(one, other) for other in used) for one in maps[:6])  # those of one mask
     monkeypatch.setattr(learning, "MOST_TESTED", 1)
     maps.clear()

@@ -17,16 +17,18 @@ from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.evidence.features import KNOWN, exposed, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.learning import (
+    Asked,
     Beginning,
     Example,
     Samples,
-    grow_inside,
+    grown,
     learn,
     samples,
     starts_in,
     uncertainty,
 )
-from ffseg.evidence.source import model_start
+from ffseg.evidence.prior import prior
+from ffseg.evidence.source import model_start, told
 from ffseg.metrics import iou
 from ffseg.parameters import Parameters
 from ffseg.segmenters.registry import segment
@@ -73,6 +75,8 @@ class Figures:
         The image to draw a mask of next; empty where all have one.
     base : Beginning or None
         Whether the forest that comes with ffseg was corrected, and why.
+    prior : Asked or None
+        Whether the prior that comes with ffseg is asked too, and why.
     known : float
         Part of the pixels of which the masks know something.
     searched : bool
@@ -89,6 +93,7 @@ class Figures:
     more: int = 0
     following: str = ""
     base: Beginning | None = None
+    prior: Asked | None = None
     known: float = 1.0
     searched: bool = False
 
@@ -112,6 +117,7 @@ def learned(gathered: Gathered, params: Parameters, tell: Tell) -> tuple[Model, 
         figures,
         following=_next(gathered, model, params, tell),
         base=Beginning(**model.about["base"]),
+        prior=None if model.about["prior"] is None else Asked(**model.about["prior"]),
         known=known_share(gathered.labelled),
         searched=any(one.start is None for one in gathered.labelled),
     )
@@ -158,7 +164,7 @@ def _overlap(one: Labelled, model: Model | None) -> float:
         circle = model_start(one.image, model, params.init.radius)
         params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
         start = start_region(one.image.shape[:2], params)
-    return _contoured(one, params, None if model is None or start is None else model.map(model.look(one.image, start)))
+    return _contoured(one, params, None if model is None or start is None else told(model, one.image, start))
 
 
 def _contoured(one: Labelled, params: Parameters, evidence: NDArray[np.float32] | None) -> float:
@@ -178,15 +184,16 @@ def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tup
     count, rng, points = len(chosen), np.random.default_rng(0), []
     labelled = [_started(one, rng) for one in labelled]
     seen = [features(exposed(one.image), one.start, names=KNOWN) for one in labelled if one.start is not None]
+    odds = [prior(one.image, one.start).odds for one in labelled if one.start is not None]
     if len(seen) < count:
         return ()
     for number in sorted({*(2**power for power in range(count.bit_length()) if 2**power < count), count - 1}):
         found = []
         for _ in range(DRAWS):
             drawn = rng.permutation(count)
-            model = Model(grow_inside([chosen[i] for i in drawn[:number]], CURVE_TREES)[0], exposed=True)
+            model = grown([chosen[i] for i in drawn[:number]], CURVE_TREES)
             tested = drawn[number:][:MOST_TESTED]
-            found += [_contoured(labelled[i], labelled[i].params, model.map(seen[i])) for i in tested]
+            found += [_contoured(labelled[i], labelled[i].params, model.map(seen[i], prior=odds[i])) for i in tested]
         points.append((number, round(mean(found), 4)))
     return tuple(points)
 

@@ -116,7 +116,8 @@ def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
     begin = time.monotonic()
     bench, count = Bench(labelled), len(labelled)
     plain, trials = bench.tried({}), list[Trial]()
-    modelled = labelled[0].params.edges.model is not None  # whose level alone can be moved: it does not ask for thresholds
+    # of a model the level alone can be moved: it does not ask for thresholds
+    modelled = labelled[0].params.edges.model is not None
     source = iter(()) if modelled else settings()
     end = begin + (1 if modelled else LEVELS_SHARE) * budget
     moved = [bench.tried(setting) for setting in levels(labelled[0].params) if time.monotonic() < end]

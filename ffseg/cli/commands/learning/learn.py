@@ -18,7 +18,7 @@ from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
     from ffseg.batch.learning.learn import Figures
-    from ffseg.evidence.learning import Beginning
+    from ffseg.evidence.learning import Asked, Beginning
 
 SUFFIX = ".ffmodel"
 
@@ -70,6 +70,8 @@ def sentences(figures: Figures, out: str) -> list[str]:
     lines = [f"{out}: learned from {figures.masks} mask{'s' if figures.masks > 1 else ''}"]
     if figures.base is not None:
         lines.append(begun(figures.base))
+    if figures.prior is not None:
+        lines.append(asked(figures.prior))
     if figures.masks < 2:
         lines.append("not measured: that takes a second mask")
     else:
@@ -99,3 +101,12 @@ def begun(base: Beginning) -> str:
         return f"{how}, which has {own} (they teach each other {base.taught:.2f})"
     why = f"{base.enough:.2f} is enough" if base.base >= base.enough else "one mask is too little to begin with"
     return f"{how}, which has {own} ({why})"
+
+
+def asked(prior: Asked) -> str:
+    """Whether the model asks the prior too, and why."""
+    own = f"an IoU of {prior.prior:.2f} on these masks by itself"
+    how = "asks the prior that comes with ffseg too" if prior.asked else "does not ask the prior that comes with ffseg"
+    if prior.taught is not None:
+        return f"{how}, which has {own} (they teach each other {prior.taught:.2f})"
+    return f"{how}, which has {own} ({prior.enough:.2f} is {'enough' if prior.asked else 'wanted'})"

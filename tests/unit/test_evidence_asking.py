@@ -1,0 +1,92 @@
+"""Models that ask the prior too: where, what is added, and what their file remembers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ffseg.cli.commands.learning.learn import asked
+from ffseg.evidence.base import enough_of
+from ffseg.evidence.features import KNOWN
+from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
+from ffseg.evidence.learning import Asked, Samples, asking, learn, samples
+from ffseg.evidence.prior import prior
+from ffseg.evidence.source import told
+from tests.unit.test_evidence_base import halves, stump
+from tests.unit.test_evidence_learning import example
+
+
+def sampled(share: float) -> Samples:
+    """Pixels on which the prior has an IoU of `share`."""
+    odds, inside = halves(share)
+    return Samples(np.zeros((len(inside), len(KNOWN)), np.float32), inside, odds)
+
+
+@pytest.mark.parametrize(
+    ("count", "share", "taught", "found"),
+    [
+        (1, 0.8, None, True),  # it serves: what the masks teach each other is not asked
+        (3, 0.7, None, True),
+        (1, 0.7, None, False),
+        (3, 0.6, 0.59, True),
+        (3, 0.6, 0.61, False),
+    ],
+)
+def test_the_prior_is_asked_where_it_serves_or_masks_teach_less(
+    count: int, share: float, taught: float | None, found: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ffseg.evidence.learning._taught_by_others", lambda _: taught)
+    chosen = [sampled(share)] * count
+    decided = asking(chosen)
+    assert decided is not None
+    assert (decided.asked, decided.enough, decided.taught) == (found, enough_of(count), taught)
+    assert decided.prior == pytest.approx(share)
+    known = asking(chosen, 0.61)
+    assert known is not None
+    assert known.taught in (None, 0.61)  # what is known is not measured again
+    assert asking([*chosen, Samples(chosen[0].rows, chosen[0].inside)]) is None
+
+
+def test_a_model_adds_the_log_odds_of_the_prior() -> None:
+    one = example(1)
+    even = Forest({**stump("x", 0.5).arrays, "value": np.ones(2, np.float32)}, bias=0.25)
+    alone, both = (Model(even, exposed=True, prior=weight) for weight in (0.0, 0.5))
+    np.testing.assert_allclose(told(alone, one.image, one.start), 1 / (1 + np.exp(-1.25)), rtol=1e-6)
+    sums = 1.25 + 0.5 * prior(one.image, one.start).odds
+    np.testing.assert_allclose(told(both, one.image, one.start), 1 / (1 + np.exp(-sums)), rtol=1e-5)  # single precision
+    with pytest.raises(ValueError, match="asks the prior"):
+        both.map(both.look(one.image, one.start))
+
+
+def test_the_file_remembers_the_prior() -> None:
+    asks, own = Model(stump("x", 0.5), prior=0.75), Model(stump("x", 0.5))
+    assert from_bytes(to_bytes(asks)).prior == 0.75
+    assert from_bytes(to_bytes(own)).prior == 0.0
+    assert b"prior" not in to_bytes(own)
+
+
+@pytest.mark.parametrize(("taught", "weight"), [(0.0, 1.0), (1.0, 0.0)])
+def test_learning_decides_and_says_so(taught: float, weight: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("lightgbm")
+    monkeypatch.setattr("ffseg.evidence.learning.enough_of", lambda _: 2.0)
+    monkeypatch.setattr("ffseg.evidence.learning._taught_by_others", lambda _: taught)
+    chosen = [samples(example(seed)) for seed in (1, 2)]
+    assert all(one.prior is not None and one.prior.shape == one.inside.shape for one in chosen)
+    model = learn(chosen, searched=False)
+    assert model.prior == weight
+    said = model.about["prior"]
+    assert (said["asked"], said["enough"], said["taught"]) == (weight > 0, 2.0, taught)
+    assert "they teach each other" in asked(Asked(**said))
+
+
+def test_samples_hold_the_odds_of_their_own_pixels() -> None:
+    """Of the start and the place of each: pixels inside are told from others as the prior tells them."""
+    one = samples(example(1))
+    assert one.prior is not None
+    overlap = np.count_nonzero((one.prior >= 0) & one.inside) / np.count_nonzero((one.prior >= 0) | one.inside)
+    assert overlap > 0.8
+
+
+def test_what_is_said_of_one_mask() -> None:
+    assert asked(Asked(True, 0.8, 0.75, None)).startswith("asks the prior that comes with ffseg too, which has an IoU of 0.80")
+    assert asked(Asked(False, 0.3, 0.75, None)).endswith("(0.75 is wanted)")
