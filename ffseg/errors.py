@@ -39,3 +39,12 @@ class CalibrationError(FfsegError):
 
 class OutputError(FfsegError):
     """An output cannot be written; the text names the path."""
+
+
+_NO_MEMORY = -4
+"""Code of OpenCV's error when it gets no memory."""
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether an error says that there is no memory, of Python, NumPy, the core or OpenCV."""
+    return isinstance(error, MemoryError) or getattr(error, "code", 0) == _NO_MEMORY

@@ -20,7 +20,7 @@ from ffseg.batch.inputs.masks import Masks, named_masks
 from ffseg.batch.jobs import Job, make_plan, with_domains, with_evidence, with_starts
 from ffseg.batch.workers.sources import read_source
 from ffseg.batch.workers.truth import read_truth
-from ffseg.errors import ImageReadError, UsageError
+from ffseg.errors import ImageReadError, UsageError, is_out_of_memory
 from ffseg.formats.files import make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.formats.images import single_thread
 from ffseg.formats.overlays import polylines
@@ -33,6 +33,7 @@ from ffseg.segmenters.base import Segmentation
 from ffseg.segmenters.peers import configured
 from ffseg.segmenters.registry import segment
 
+NO_MEMORY = "out-of-memory: there is not enough memory for it; scale it down"
 _LONGEST_ERROR = 300
 _MOST_TABLE = 1 << 28
 """Bytes of an earlier table that is looked at."""
@@ -168,8 +169,9 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
         truth = read_truth(job.truth, (height, width), task.truth_label) if job.truth else None
         masks = replace(masks, evidence=read_evidence(job.evidence) if job.evidence else None)
         masks = masks.within(job.domain)
-    except ImageReadError as error:
-        rows = [Row(name, method, status="failed", error=f"{error.reason}: {error}") for method in task.methods]
+    except (ImageReadError, MemoryError) as error:
+        told = f"{error.reason}: {error}" if isinstance(error, ImageReadError) else NO_MEMORY
+        rows = [Row(name, method, status="failed", error=told) for method in task.methods]
         for row in rows:
             tell(row)
         return rows, ""
@@ -201,7 +203,8 @@ def _run(task: Comparison, image: NDArray[np.uint8], row: Row, masks: Masks) -> 
     try:
         result = _segment(task, image, row.method, masks)
     except Exception as error:  # noqa: BLE001 - a package may raise anything; the others are compared all the same
-        text = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_ERROR]
+        told = NO_MEMORY if is_out_of_memory(error) else f"{type(error).__name__}: {error}"
+        text = " ".join(told.split())[:_LONGEST_ERROR]
         return replace(row, status="failed", error=text), None
     times = {key: getattr(result.timings, key) for key in _TIMES}
     counts = {} if chosen.module else {key: getattr(result.stats, key) for key in _COUNTS}

@@ -12,11 +12,14 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+import typer
 from PIL import Image
 
 import ffseg
+from ffseg.cli.commands.segment import segment
 from tests.masks import read_mask
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -121,6 +124,22 @@ def test_frames_that_are_not_read_are_told(tmp_path: Path, ffseg_command: Run) -
     done = ffseg_command("segment", "film.gif", "a.png", "--set", "init.radius=5", cwd=tmp_path)
     assert done.returncode == 0
     assert done.stderr.startswith("ffseg: only the first frame was read; the GIF file has more\n")
+
+
+@pytest.mark.parametrize("error", [MemoryError(), cv2.error("no memory")], ids=["Python", "OpenCV"])
+def test_an_image_without_memory_is_no_defect(
+    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def starved(*_: object, **__: object) -> None:
+        raise error
+
+    if isinstance(error, cv2.error):
+        error.code = cv2.Error.StsNoMem
+    monkeypatch.setattr("ffseg.api.segment", starved)
+    with pytest.raises(typer.Exit) as ended:
+        segment(str(TOY), [str(tmp_path / "a.png")])
+    assert ended.value.exit_code == 3
+    assert capsys.readouterr().err == "ffseg: error: there is not enough memory for the image; scale it down\n"
 
 
 def test_pipes_and_devices_stay_what_they_are(tmp_path: Path, ffseg_command: Run) -> None:

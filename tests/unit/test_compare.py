@@ -110,6 +110,26 @@ def test_an_unreadable_image_fails_every_method(tmp_path: Path) -> None:
     assert rows[2].status == "ok"
 
 
+@pytest.mark.parametrize("place", ["read_source", "segment"])
+def test_an_image_without_memory_fails_alone(place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It ended the comparison, and the images after it were not compared."""
+    write_case(tmp_path)
+    write_case(tmp_path, "second.png")
+    task = replace(task_of(tmp_path, "cv_edges"), repeat=1)
+    real, calls = getattr(work, place), []
+
+    def starved(*given: object, **named: object) -> object:
+        calls.append(given)
+        if len(calls) == 1:
+            raise MemoryError
+        return real(*given, **named)
+
+    monkeypatch.setattr(work, place, starved)
+    first, second = work.compare(task, silent)
+    assert (first.status, first.error) == ("failed", "out-of-memory: there is not enough memory for it; scale it down")
+    assert second.status == "ok"
+
+
 def test_holes_are_counted_as_a_run_counts_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_case(tmp_path)
     mask = np.ones((90, 120), np.bool_)

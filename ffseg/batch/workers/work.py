@@ -20,7 +20,7 @@ from ffseg.batch.outputs.table import Output, resolve
 from ffseg.batch.packing.members import digest, output_bytes
 from ffseg.batch.workers.freshness import Read, kept_outputs, read_task
 from ffseg.batch.workers.messages import Done, Encoded, Failed, Known, Reply, Setup, Task, Unchanged
-from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError
+from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError, is_out_of_memory
 from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, frames_note, single_thread
 from ffseg.formats.masks import decode_mask
 from ffseg.formats.overlays import FLATNESS, Polyline, polylines
@@ -29,9 +29,6 @@ from ffseg.segmenters.base import Segmentation
 
 if TYPE_CHECKING:
     from ffseg.batch.workers.frames import FrameBench
-
-_NO_MEMORY = -4
-"""Code of OpenCV's error when it gets no memory."""
 
 
 class Workbench:
@@ -78,7 +75,7 @@ class Workbench:
         except FfsegError as error:
             return Failed(task.index, "parameters", str(error))
         except Exception as error:  # noqa: BLE001 - a defect costs one image, and is written down
-            if isinstance(error, MemoryError) or getattr(error, "code", 0) == _NO_MEMORY:
+            if is_out_of_memory(error):
                 text = "more memory than a worker may use; raise --memory or scale it down"
                 return Failed(task.index, "out-of-memory", text)
             import traceback

@@ -12,7 +12,7 @@ import typer
 from ffseg.cli import completion, console
 from ffseg.cli.checks import checked_params, require_source
 from ffseg.cli.options import Config, Outside, Settings, with_background
-from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError
+from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError, is_out_of_memory
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -77,8 +77,11 @@ def segment(  # noqa: PLR0913 - the options of the command
         for path, output in wanted:
             suffix = ".png" if path == PIPE else os.path.splitext(path)[1].lower()
             _write(path, encoded(result, output, source, suffix))
-    except FfsegError as error:
-        console.error(str(error))
+    except Exception as error:
+        if not (isinstance(error, FfsegError) or is_out_of_memory(error)):
+            raise
+        told = str(error) if isinstance(error, FfsegError) else "there is not enough memory for the image; scale it down"
+        console.error(told)
         raise typer.Exit(FAILED_IMAGES) from error
     if not quiet:
         for text in filter(None, (note, *result.messages)):
