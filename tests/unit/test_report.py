@@ -136,6 +136,15 @@ def test_report_of_a_run(tmp_path: Path) -> None:
     assert images[0]["thumbnail"].startswith("data:image/webp;base64,")
 
 
+def test_pictures_for_which_there_is_no_memory_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def starved(*_: object) -> None:
+        raise MemoryError
+
+    runs.sample_run(tmp_path)
+    monkeypatch.setattr("ffseg.formats.report.thumbnails.decode_image", starved)
+    assert {image["thumbnail"] for image in data_of(write_report(tmp_path))["images"]} == {""}
+
+
 def test_parameters_that_differ_are_marked(tmp_path: Path) -> None:
     runs.sample_run(tmp_path)
     lines = {key: (value, changed) for key, value, changed in data_of(write_report(tmp_path))["parameters"]}

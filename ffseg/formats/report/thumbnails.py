@@ -28,10 +28,10 @@ def thumbnail(path: str | os.PathLike[str]) -> str:
 
 
 def thumbnail_of(data: bytes) -> str:
-    """The same of the content of a file."""
+    """The same of the content of a file; empty also where there is no memory for it."""
     try:
         image = decode_image(data, _LIMITS)
-    except ImageReadError:
+    except (ImageReadError, MemoryError):
         return ""
     height, width = image.shape[:2]
     scale = min(1.0, WIDTH / max(width, height))
