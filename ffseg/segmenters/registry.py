@@ -57,6 +57,8 @@ def segmenter(name: str) -> Segmenter:
         found: Segmenter = load(row.home)
     except ValueError as error:
         raise ParameterError(f"method: {error}") from error
+    if not callable(found):
+        raise ParameterError(f"method: {name} is no function; name one that takes a view")
     return found
 
 
@@ -88,14 +90,14 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         If there is no such method.
     """
     name = method or params.method
-    if isinstance(name, str):
-        params = replace(params, method=name)  # what is asked of the view's parameters is true of the method
     shape = _checked_shape(image, domain)
     if name in METHODS and METHODS[str(name)].module and options is None:
         from ffseg.segmenters.peers import configured
 
         params, options = configured(params, str(name))
     run = segmenter(name) if isinstance(name, str) else name
+    if isinstance(name, str) and name != params.method:
+        params = replace(params, method=name)  # what is asked of the view's parameters is true of the method
     if params.edges.model is not None and start_mask is None and center is None:
         from ffseg.evidence.source import with_model_start
 
