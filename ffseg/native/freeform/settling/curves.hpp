@@ -81,22 +81,44 @@ inline double distance2(Vec2 p, Vec2 a, Vec2 b) {
     return norm2(p - (a + t * along));
 }
 
+inline Box box_of(const Vec2* points, std::size_t count) {
+    Box box;
+    for (std::size_t i = 0; i < count; ++i) box.add(points[i]);
+    return box;
+}
+
+inline Box widened(const Box& box, double by) { return {box.x0 - by, box.y0 - by, box.x1 + by, box.y1 + by}; }
+
+// The chords of a line that come into a box: mostly few do, of two lines that hardly meet.
+template <std::size_t N>
+struct Near {
+    std::array<Box, N> boxes;
+    std::array<std::size_t, N> chords;
+    std::size_t count = 0;
+    Box around;
+
+    Near(const std::array<Vec2, N>& line, const Box& within) {
+        for (std::size_t j = 0; j + 1 < N; ++j) {
+            const Box box = box_of(&line[j], 2);
+            if (!box.meets(within)) continue;
+            boxes[count] = box;
+            chords[count++] = j;
+            around = joined(around, box);
+        }
+    }
+};
+
 // Do two lines of chords cross, or come nearer than `near` to each other a little off the end of the first?
 template <std::size_t N>
 bool touch(const std::array<Vec2, N>& p, const std::array<Vec2, N>& q, double near) {
-    Box around;
-    for (const Vec2 point : q) around.add(point);
-    for (std::size_t i = 0; i + 1 < N; ++i) {
-        Box box;
-        box.add({std::min(p[i].x, p[i + 1].x) - near, std::min(p[i].y, p[i + 1].y) - near});
-        box.add({std::max(p[i].x, p[i + 1].x) + near, std::max(p[i].y, p[i + 1].y) + near});
-        if (!box.meets(around)) continue;
+    const Near<N> reached(q, widened(box_of(p.data(), N), near));
+    for (std::size_t i = 0; reached.count > 0 && i + 1 < N; ++i) {
+        const Box box = widened(box_of(&p[i], 2), near);
+        if (!box.meets(reached.around)) continue;
         const bool off_joint = norm2(p[i] - p.back()) > 25 * near * near;
-        for (std::size_t j = 0; j + 1 < N; ++j) {
-            Box other;
-            other.add(q[j]);
-            other.add(q[j + 1]);
-            if (!box.meets(other)) continue;
+        for (std::size_t k = 0; k < reached.count; ++k) {
+            if (!box.meets(reached.boxes[k])) continue;
+            const std::size_t j = reached.chords[k];
             if (segments_cross(p[i], p[i + 1], q[j], q[j + 1])) return true;
             if (near > 0 && off_joint && distance2(p[i], q[j], q[j + 1]) < near * near) return true;
         }
