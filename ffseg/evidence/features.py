@@ -235,19 +235,9 @@ def enlarged(plane: NDArray[np.float32], factor: int, shape: tuple[int, int], st
     -------
     ndarray of float32, shape (H, W)
     """
-    down = _weights(shape[0], plane.shape[0], factor, stride)
-    right = _weights(shape[1], plane.shape[1], factor, stride)
-    wide = plane[:, right[0]] * (1 - right[2]) + plane[:, right[1]] * right[2]
-    return np.ascontiguousarray(wide[down[0]] * (1 - down[2])[:, None] + wide[down[1]] * down[2][:, None], np.float32)
-
-
-def _weights(
-    length: int, blocks: int, factor: int, stride: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
-    """The values before and after each pixel, and the weight of the one after."""
-    place = np.clip(((np.arange(length) + 0.5) / factor - 0.5) / stride, 0, blocks - 1)
-    before = np.minimum(place.astype(np.intp), blocks - 1)
-    return before, np.minimum(before + 1, blocks - 1), (place - before).astype(np.float32)
+    whole = np.empty(shape, np.float32)
+    _core.evidence_enlarge(np.ascontiguousarray(plane), factor, stride, whole)
+    return whole
 
 
 def _likeness(found: Features) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence.features import BARRIER, SCALES, STEP, WAYS, Features, reduced_region, way
+from ffseg.evidence.features import BARRIER, SCALES, STEP, WAY_SCALE, WAYS, Features, reduced_region, reduced_shape, way
 from ffseg.evidence.openings import widened
 from ffseg.native import _core
 
@@ -18,7 +18,7 @@ KEPT, CONTRAST, STEPS = 0.02, 2.0, 40
 """Neighbours vote, so that the seams of tiles and specks of light do not make islands, but not across edges: the weight of
 a pixel's own odds, the difference of L, a, b that ends a neighbour's say, and steps of diffusion on the pixels asked."""
 
-FINEST = tuple(f"{name}@{SCALES[0]:g}" for name in ("light", "red", "blue"))
+FINEST, COLOURS = (tuple(f"{name}@{scale:g}" for name in ("light", "red", "blue")) for scale in (SCALES[0], WAY_SCALE))
 
 FRAME = 0.03
 """Width of the border whose colours are compared, in parts of the root of the image's area."""
@@ -71,8 +71,8 @@ def surroundings(seen: Features, out: Plane) -> None:
     slopes = {name: _steepest(seen[f"slope@{name}"]) for name in (*FINE, "3")}
     ways = _ways(slopes, start)
     crossed = {FINE[0]: thinned(seen[f"barrier@{FINE[0]}"]), FINE[1]: ways[0]}
-    light = seen.names.index("light@1.5")
-    colours = np.ascontiguousarray(seen.planes[light : light + 3, ::STRIDE, ::STRIDE])
+    colours = np.empty((len(COLOURS), *start.shape), np.float32)
+    every(seen, COLOURS, colours)
     planes = [
         *ways,
         *_likenesses(seen, colours),
@@ -87,8 +87,8 @@ def surroundings(seen: Features, out: Plane) -> None:
 
 def every(seen: Features, names: tuple[str, ...], out: Plane) -> None:
     """Write every ``STRIDE``-th pixel each way of the planes of those names."""
-    for to, name in zip(out, names, strict=True):
-        to[:] = seen[name][::STRIDE, ::STRIDE]
+    places = {name: place for place, name in enumerate(seen.names)}
+    _core.evidence_thin(seen.planes, np.array([places[name] for name in names], np.int32), out)
 
 
 def voted(odds: Plane, seen: Features) -> Plane:
@@ -148,14 +148,16 @@ def _busy(slope: Plane, inside: NDArray[np.bool_]) -> list[Plane]:
 
 def _steepest(slope: Plane) -> Plane:
     """The largest gradient of each ``STRIDE`` x ``STRIDE`` pixels, so that no way leads between two of them."""
-    padded = np.pad(slope, [(0, -length % STRIDE) for length in slope.shape], mode="edge")
-    found: Plane = np.maximum.reduce([padded[y::STRIDE, x::STRIDE] for y in range(STRIDE) for x in range(STRIDE)])
+    found = np.empty(reduced_shape(slope.shape, STRIDE), np.float32)
+    _core.evidence_steepest(np.ascontiguousarray(slope), found)
     return found
 
 
 def thinned(plane: Plane) -> Plane:
     """Every ``STRIDE``-th pixel each way."""
-    return np.ascontiguousarray(plane[::STRIDE, ::STRIDE])
+    found = np.empty(reduced_shape(plane.shape, STRIDE), np.float32)
+    _core.evidence_thin(plane[None], np.zeros(1, np.int32), found[None])
+    return found
 
 
 def _frame(shape: tuple[int, int], width: int) -> NDArray[np.uint8]:

@@ -24,6 +24,17 @@ def canny(gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), or
 def evidence_lab(image: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], factor: int, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
     """L, a, b of the means of blocks of `factor` x `factor` pixels."""
 
+def evidence_thin(planes: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], places: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
+    """Every second pixel each way of the planes at these places."""
+
+def evidence_steepest(plane: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """The largest value of each 2 x 2 pixels."""
+
+def evidence_enlarge(plane: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], factor: int, stride: int, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    A plane whose values are `stride` blocks of `factor` pixels apart at each pixel, linear between them.
+    """
+
 def evidence_blur(plane: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], sigma: float, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu')]) -> None:
     """Gaussian smoothing; outside, the border repeats."""
 

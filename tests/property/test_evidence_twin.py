@@ -67,6 +67,51 @@ def test_lab_of_known_colours() -> None:
     np.testing.assert_allclose(lab[:, 0].T, [[100, 0, 0], [0, 0, 0], [53.24, 80.09, 67.20]], atol=0.05)
 
 
+@given(hilly())
+@settings(max_examples=60, deadline=None)
+def test_thinned_planes_and_their_largest(drawn: tuple[np.ndarray, np.ndarray]) -> None:
+    plane, _ = drawn
+    planes, small = np.stack([plane, plane + 1, -plane]), tuple(-(-length // 2) for length in plane.shape)
+    thin = made((2, *small), _core.evidence_thin, planes, np.array([2, 0], np.int32))
+    np.testing.assert_array_equal(thin, planes[[2, 0], ::2, ::2])
+    padded = np.pad(plane, [(0, length % 2) for length in plane.shape], mode="edge")
+    blocks = padded.reshape(small[0], 2, small[1], 2)
+    np.testing.assert_array_equal(made(small, _core.evidence_steepest, plane), blocks.max(axis=(1, 3)))
+
+
+def test_a_plane_that_is_not_there_is_not_thinned() -> None:
+    for place in (-1, 2):
+        with pytest.raises(ValueError, match="no plane of that number"):
+            made((1, 1, 1), _core.evidence_thin, np.zeros((2, 2, 2), np.float32), np.array([place], np.int32))
+    with pytest.raises(ValueError, match="differ in size"):
+        made((1, 2, 1), _core.evidence_thin, np.zeros((2, 2, 2), np.float32), np.zeros(1, np.int32))
+
+
+@given(hilly(), st.integers(1, 4), st.integers(1, 3), st.tuples(st.integers(1, 40), st.integers(1, 40)))
+@settings(max_examples=60, deadline=None)
+def test_enlarging_is_linear_between_the_middles_of_blocks(
+    drawn: tuple[np.ndarray, np.ndarray], factor: int, stride: int, shape: tuple[int, int]
+) -> None:
+    plane, _ = drawn
+    found = made(shape, _core.evidence_enlarge, plane, factor, stride)
+    middles = [(np.arange(length) * stride + 0.5) * factor - 0.5 for length in plane.shape]
+    wide = np.stack([np.interp(np.arange(shape[1]), middles[1], row) for row in plane])
+    twin = np.stack([np.interp(np.arange(shape[0]), middles[0], column) for column in wide.T], axis=1)
+    np.testing.assert_allclose(found, twin, rtol=0, atol=1e-4)  # single precision: values up to 90
+
+
+@pytest.mark.parametrize("sigma", [0.7, 1.5, 3.0])
+def test_a_pixel_is_smoothed_alike_in_wide_and_narrow_planes(sigma: float) -> None:
+    """Pixels of wide planes are worked on side by side, and must have the bits of each by itself."""
+    plane = np.random.default_rng(7).normal(0, 40, (30, 150)).astype(np.float32)
+    found, reach = made(plane.shape, _core.evidence_blur, plane, sigma), int(np.ceil(3 * sigma))
+    for x in range(reach, plane.shape[1] - reach):
+        narrow = plane[:, x - reach : x + reach + 1]
+        for part in (narrow, np.pad(narrow, [(0, 0), (16 - reach, 0)], mode="edge")):
+            alone = made(part.shape, _core.evidence_blur, np.ascontiguousarray(part), sigma)
+            np.testing.assert_array_equal(alone[:, -reach - 1], found[:, x])
+
+
 @given(coloured(), st.floats(0.2, 7))
 @settings(max_examples=40, deadline=None)
 def test_texture_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], sigma: float) -> None:

@@ -75,6 +75,46 @@ void py_lab(const Bytes& image, int factor, OutPlanes out) {
     evidence::reduced_lab(pixels, factor, out.data());
 }
 
+void check_halved(std::size_t height, std::size_t width, Size size) {
+    const Size small = evidence::halved(size);
+    require(height == static_cast<std::size_t>(small.height) && width == static_cast<std::size_t>(small.width),
+            "the arrays differ in size");
+}
+
+void py_thin(const InPlanes& planes, const Whole& places, OutPlanes out) {
+    const Size size = check_planes(planes, planes.shape(0));
+    require(out.shape(0) == places.shape(0), "there are more or fewer planes than this needs");
+    check_halved(out.shape(1), out.shape(2), size);
+    const std::size_t pixels = evidence::halved(size).count();
+    for (std::size_t k = 0; k < places.shape(0); ++k) {
+        require(places.data()[k] >= 0 && static_cast<std::size_t>(places.data()[k]) < planes.shape(0),
+                "there is no plane of that number");
+    }
+    nb::gil_scoped_release release;
+    for (std::size_t k = 0; k < places.shape(0); ++k) {
+        const auto place = static_cast<std::size_t>(places.data()[k]);
+        evidence::thin(planes.data() + place * size.count(), size, out.data() + k * pixels);
+    }
+}
+
+void py_steepest(const InPlane& plane, OutPlane out) {
+    const Size size = size_of(plane);
+    check_halved(out.shape(0), out.shape(1), size);
+    nb::gil_scoped_release release;
+    evidence::steepest(plane.data(), size, out.data());
+}
+
+void py_enlarge(const InPlane& plane, int factor, int stride, OutPlane out) {
+    require(plane.shape(0) > 0 && plane.shape(1) > 0 && out.shape(0) > 0 && out.shape(1) > 0, "the plane is empty");
+    require(plane.shape(0) <= 65535 && plane.shape(1) <= 65535 && out.shape(0) <= 65535 && out.shape(1) <= 65535,
+            "the plane is larger than 65535 pixels a side");
+    require(factor >= 1 && factor <= 65535 && stride >= 1 && stride <= 65535, "the factor is out of range");
+    const Size size{static_cast<int>(plane.shape(0)), static_cast<int>(plane.shape(1))};
+    const Size whole{static_cast<int>(out.shape(0)), static_cast<int>(out.shape(1))};
+    nb::gil_scoped_release release;
+    evidence::enlarge(plane.data(), size, {whole, factor, stride}, out.data());
+}
+
 void py_blur(const InPlane& plane, double sigma, OutPlane out) {
     require(plane.shape(0) > 0 && plane.shape(1) > 0, "the plane is empty");
     require(plane.shape(0) <= 65535 && plane.shape(1) <= 65535, "the plane is larger than 65535 pixels a side");
@@ -184,6 +224,11 @@ void py_score(const evidence::Forest& forest, const InPlanes& planes, OutPlane o
 void bind_evidence(nb::module_& m) {
     m.def("evidence_lab", &py_lab, "image"_a, "factor"_a, "out"_a,
           "L, a, b of the means of blocks of `factor` x `factor` pixels.");
+    m.def("evidence_thin", &py_thin, "planes"_a, "places"_a, "out"_a,
+          "Every second pixel each way of the planes at these places.");
+    m.def("evidence_steepest", &py_steepest, "plane"_a, "out"_a, "The largest value of each 2 x 2 pixels.");
+    m.def("evidence_enlarge", &py_enlarge, "plane"_a, "factor"_a, "stride"_a, "out"_a,
+          "A plane whose values are `stride` blocks of `factor` pixels apart at each pixel, linear between them.");
     m.def("evidence_blur", &py_blur, "plane"_a, "sigma"_a, "out"_a, "Gaussian smoothing; outside, the border repeats.");
     m.def("evidence_texture", &py_look<evidence::texture, evidence::kTexturePlanes>, "lab"_a, "sigma"_a, "out"_a,
           "L, a, b smoothed; gradient of L, of a and b, of all; eigenvalues of structure tensor and Hessian of L.");

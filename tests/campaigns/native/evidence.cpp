@@ -51,6 +51,11 @@ void features(Random& random) {
     expect(std::all_of(lab.begin(), lab.end(), [](float v) { return std::abs(v) < 150; }), "a colour out of range");
     if (random.once_in(4)) lab = draw_floats(random, lab.size());
     std::vector<float> out(evidence::kTexturePlanes * size.count());
+    std::vector<float> small(evidence::halved(size).count()),
+        large(pixels.height * static_cast<std::size_t>(pixels.width));
+    evidence::thin(lab.data(), size, small.data());
+    evidence::steepest(lab.data() + size.count(), size, small.data());
+    evidence::enlarge(lab.data(), size, {{pixels.height, pixels.width}, factor, random.among(1, 3)}, large.data());
     evidence::texture(lab.data(), size, random.pick({0.01, 0.7, 6.0, 32.0}), out.data());
     const std::vector<std::uint8_t> inside = draw_marks(random, {size.height, size.width});
     evidence::relative_colour(lab.data(), inside.data(), size, random.pick({1e-6, 1.5}), out.data());
