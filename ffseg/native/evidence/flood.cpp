@@ -121,12 +121,23 @@ void barrier(const std::uint16_t* heights, const std::uint8_t* inside, Size size
         if (inside[plain] != 0) buckets.put(0, at);
     });
     const int steps[4] = {-found.width(), -1, 1, found.width()};
-    buckets.empty([&](std::size_t level, std::size_t, int pixel) {
-        for (const int step : steps) {
-            const int next = pixel + step;
-            if (found[next] != kUnseen) continue;
-            found[next] = std::max(high[next], static_cast<std::uint16_t>(level));
-            buckets.put(found[next], next);
+    std::vector<int> lower;  // what is reached at once needs not wait
+    buckets.empty([&](std::size_t level, std::size_t, int first) {
+        lower.push_back(first);
+        while (!lower.empty()) {
+            const int pixel = lower.back();
+            lower.pop_back();
+            for (const int step : steps) {
+                const int next = pixel + step;
+                if (found[next] != kUnseen) continue;
+                const bool waits = high[next] > level;
+                found[next] = waits ? high[next] : static_cast<std::uint16_t>(level);
+                if (waits) {
+                    buckets.put(high[next], next);
+                } else {
+                    lower.push_back(next);
+                }
+            }
         }
     });
     found.each([&](std::uint16_t value, std::size_t plain, int) {
@@ -145,11 +156,15 @@ void barrier_planes(const float* heights, const std::uint8_t* inside, Size size,
     const double unit = median_inside(levels, inside);
     const auto class_of = [&](int level) { return static_cast<std::size_t>(kClasses * std::log(2.0 * level + 1)); };
     std::vector<std::size_t> alike(class_of(kHighest) + 1);
-    for (int level = 0; level <= kHighest; ++level) alike[class_of(level)] += pixels[static_cast<std::size_t>(level)];
+    std::vector<int> present;
+    for (int level = 0; level <= kHighest; ++level) {
+        if (pixels[static_cast<std::size_t>(level)] > 0) present.push_back(level);
+    }
+    for (const int level : present) alike[class_of(level)] += pixels[static_cast<std::size_t>(level)];
     std::vector<float> table(static_cast<std::size_t>(kHighest + 1) * kBarrierPlanes);
     const double share = 1.0 / static_cast<double>(count);
     std::size_t below = 0;
-    for (int level = 0; level <= kHighest; ++level) {
+    for (const int level : present) {
         const std::size_t same = pixels[static_cast<std::size_t>(level)];
         below += same;
         float* row = table.data() + static_cast<std::size_t>(level) * kBarrierPlanes;

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "common/lanes.hpp"
+
 namespace ffseg::evidence {
 namespace {
 
@@ -26,11 +28,10 @@ Table tabled(Function function) {
     return table;
 }
 
-float looked_up(const Table& table, float value) {
-    const float place = std::clamp(value, 0.0F, 1.0F) * kSteps;
+FFSEG_PART inline float looked_up(const float* table, float value) {
+    const float place = std::min(std::max(value, 0.0F), 1.0F) * kSteps;
     const int at = static_cast<int>(place);
-    const float low = table[static_cast<std::size_t>(at)], high = table[static_cast<std::size_t>(at) + 1];
-    return low + (place - static_cast<float>(at)) * (high - low);
+    return table[at] + (place - static_cast<float>(at)) * (table[at + 1] - table[at]);
 }
 
 // sRGB to XYZ over the white point D65; each row sums to 1.
@@ -38,25 +39,43 @@ constexpr float kToX[3] = {0.4339530F, 0.3762190F, 0.1898280F};
 constexpr float kToY[3] = {0.2126710F, 0.7151600F, 0.0721690F};
 constexpr float kToZ[3] = {0.0177576F, 0.1094769F, 0.8727655F};
 
+FFSEG_CLONES
+void add_bytes(const std::uint8_t* bytes, std::size_t count, std::uint16_t* sums) {
+    FFSEG_APART
+    for (std::size_t i = 0; i < count; ++i) sums[i] = static_cast<std::uint16_t>(sums[i] + bytes[i]);
+}
+
+// Sums over the rows of a row of blocks, one a byte; there are `rows` of them, at most 256.
+struct Columns {
+    std::vector<std::uint16_t> sums;
+    int rows = 0;
+
+    void take(const Pixels& image, int first, int factor) {
+        sums.assign(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.channels), 0);
+        rows = std::min(factor, image.height - first);
+        const std::uint8_t* row =
+            image.data + static_cast<std::ptrdiff_t>(first) * static_cast<std::ptrdiff_t>(sums.size());
+        for (int k = 0; k < rows; ++k, row += sums.size()) add_bytes(row, sums.size(), sums.data());
+    }
+};
+
 // Sums of blue, green and red over some pixels.
 struct Sums {
     unsigned of[3] = {0, 0, 0};
     int count = 0;
 };
 
-Sums sums_of(const Pixels& image, int factor, int y, int x) {
-    const int y1 = std::min(y + factor, image.height), x1 = std::min(x + factor, image.width);
+Sums sums_of(const Columns& columns, const Pixels& image, int factor, int x) {
+    const int x1 = std::min(x + factor, image.width);
     Sums sums;
     const int green = image.channels == 1 ? 0 : 1, red = image.channels == 1 ? 0 : 2;
-    for (int row = y; row < y1; ++row) {
-        const std::uint8_t* at = image.data + (static_cast<std::ptrdiff_t>(row) * image.width + x) * image.channels;
-        for (int column = x; column < x1; ++column, at += image.channels) {
-            sums.of[0] += at[0];
-            sums.of[1] += at[green];
-            sums.of[2] += at[red];
-        }
+    const std::uint16_t* at = columns.sums.data() + static_cast<std::ptrdiff_t>(x) * image.channels;
+    for (int column = x; column < x1; ++column, at += image.channels) {
+        sums.of[0] += at[0];
+        sums.of[1] += at[green];
+        sums.of[2] += at[red];
     }
-    sums.count = (y1 - y) * (x1 - x);
+    sums.count = columns.rows * (x1 - x);
     return sums;
 }
 
@@ -73,15 +92,35 @@ private:
     static float of_mean(unsigned sum, int count) {
         static const Table light = tabled(linear);
         const float scale = 1.0F / (255.0F * static_cast<float>(count));
-        return looked_up(light, static_cast<float>(sum) * scale);
+        return looked_up(light.data(), static_cast<float>(sum) * scale);
     }
 
     int count_;
     std::vector<float> lights_;
 };
 
-float weighed(const float* weights, float red, float green, float blue) {
+FFSEG_PART inline float weighed(const float* weights, float red, float green, float blue) {
     return weights[0] * red + weights[1] * green + weights[2] * blue;
+}
+
+// Linear light of a row of the reduced image.
+struct Row {
+    Plane blue, green, red;
+};
+
+// L, a and b of a row; `roots` is the table of cube roots.
+FFSEG_CLONES
+void lab_of_row(const Row& row, const float* roots, int width, float* light, float* a, float* b) {
+    const float *blue = row.blue.data(), *green = row.green.data(), *red = row.red.data();
+    FFSEG_APART
+    for (int x = 0; x < width; ++x) {
+        const float fx = looked_up(roots, weighed(kToX, red[x], green[x], blue[x]));
+        const float fy = looked_up(roots, weighed(kToY, red[x], green[x], blue[x]));
+        const float fz = looked_up(roots, weighed(kToZ, red[x], green[x], blue[x]));
+        light[x] = 116 * fy - 16;
+        a[x] = 500 * (fx - fy);
+        b[x] = 200 * (fy - fz);
+    }
 }
 
 }  // namespace
@@ -95,19 +134,20 @@ void reduced_lab(const Pixels& image, int factor, float* lab) {
     const Light light(factor * factor);
     const Size size = reduced(image, factor);
     const std::size_t count = size.count();
-    std::size_t at = 0;
+    const auto width = static_cast<std::size_t>(size.width);
+    Row row{Plane(width), Plane(width), Plane(width)};
+    Columns columns;
     for (int y = 0; y < size.height; ++y) {
-        for (int x = 0; x < size.width; ++x, ++at) {
-            const Sums sums = sums_of(image, factor, y * factor, x * factor);
-            const float blue = light.of(sums.of[0], sums.count), green = light.of(sums.of[1], sums.count);
-            const float red = light.of(sums.of[2], sums.count);
-            const float fx = looked_up(roots, weighed(kToX, red, green, blue));
-            const float fy = looked_up(roots, weighed(kToY, red, green, blue));
-            const float fz = looked_up(roots, weighed(kToZ, red, green, blue));
-            lab[at] = 116 * fy - 16;
-            lab[count + at] = 500 * (fx - fy);
-            lab[2 * count + at] = 200 * (fy - fz);
+        columns.take(image, y * factor, factor);
+        for (int x = 0; x < size.width; ++x) {
+            const Sums sums = sums_of(columns, image, factor, x * factor);
+            const auto at = static_cast<std::size_t>(x);
+            row.blue[at] = light.of(sums.of[0], sums.count);
+            row.green[at] = light.of(sums.of[1], sums.count);
+            row.red[at] = light.of(sums.of[2], sums.count);
         }
+        float* to = lab + static_cast<std::size_t>(y) * width;
+        lab_of_row(row, roots.data(), size.width, to, to + count, to + 2 * count);
     }
 }
 

@@ -9,49 +9,87 @@
 namespace ffseg::evidence {
 namespace {
 
-// Three rows with a pixel repeated at both ends.
+// Three rows with a pixel repeated at both ends, going down a plane.
 class Window {
 public:
-    explicit Window(int width) : rows_{Plane(size_of(width)), Plane(size_of(width)), Plane(size_of(width))} {}
+    Window(const float* plane, Size size)
+        : plane_(plane), size_(size), rows_{Plane(size_of(size)), Plane(size_of(size)), Plane(size_of(size))} {
+        take(0, rows_[1]);
+        take(1, rows_[2]);
+        rows_[0] = rows_[1];
+    }
 
-    void take(const float* plane, Size size, int y) {
-        for (int k = 0; k < 3; ++k) {
-            const int from = std::clamp(y + k - 1, 0, size.height - 1);
-            const float* row = plane + static_cast<std::ptrdiff_t>(from) * size.width;
-            Plane& to = rows_[k];
-            to.front() = row[0];
-            std::copy(row, row + size.width, to.begin() + 1);
-            to.back() = row[size.width - 1];
-        }
+    // The next row becomes the one in the middle.
+    void move_to(int y) {
+        if (y == 0) return;
+        rows_[0].swap(rows_[1]);
+        rows_[1].swap(rows_[2]);
+        take(y + 1, rows_[2]);
     }
     const float* operator[](int k) const { return rows_[k].data() + 1; }
 
 private:
-    static std::size_t size_of(int width) { return static_cast<std::size_t>(width) + 2; }
+    static std::size_t size_of(Size size) { return static_cast<std::size_t>(size.width) + 2; }
+    void take(int y, Plane& to) const {
+        const float* row = plane_ + static_cast<std::ptrdiff_t>(std::min(y, size_.height - 1)) * size_.width;
+        to.front() = row[0];
+        std::copy(row, row + size_.width, to.begin() + 1);
+        to.back() = row[size_.width - 1];
+    }
+
+    const float* plane_;
+    Size size_;
     Plane rows_[3];
 };
+
+struct Slope {
+    float across, down;
+};
+
+FFSEG_PART inline Slope slope_at(const float* above, const float* here, const float* below, int x) {
+    const float left = (above[x - 1] + below[x - 1]) + 2 * here[x - 1];
+    const float right = (above[x + 1] + below[x + 1]) + 2 * here[x + 1];
+    const float up = (above[x - 1] + above[x + 1]) + 2 * above[x];
+    const float down = (below[x - 1] + below[x + 1]) + 2 * below[x];
+    return {(right - left) * 0.125F, (down - up) * 0.125F};
+}
 
 FFSEG_CLONES
 void slope_rows(const float* above, const float* here, const float* below, float* gx, float* gy, int count) {
     FFSEG_APART
     for (int x = 0; x < count; ++x) {
-        const float left = (above[x - 1] + below[x - 1]) + 2 * here[x - 1];
-        const float right = (above[x + 1] + below[x + 1]) + 2 * here[x + 1];
-        const float up = (above[x - 1] + above[x + 1]) + 2 * above[x];
-        const float down = (below[x - 1] + below[x + 1]) + 2 * below[x];
-        gx[x] = (right - left) * 0.125F;
-        gy[x] = (down - up) * 0.125F;
+        const Slope slope = slope_at(above, here, below, x);
+        gx[x] = slope.across;
+        gy[x] = slope.down;
+    }
+}
+
+// Adds the squares of slopes that nothing else is asked of.
+FFSEG_CLONES
+void square_rows(const float* above, const float* here, const float* below, float* sums, int count) {
+    FFSEG_APART
+    for (int x = 0; x < count; ++x) {
+        const Slope slope = slope_at(above, here, below, x);
+        sums[x] = sums[x] + (slope.across * slope.across + slope.down * slope.down);
     }
 }
 
 void slopes(const float* plane, Size size, Plane& gx, Plane& gy) {
     gx.resize(size.count());
     gy.resize(size.count());
-    Window window(size.width);
+    Window window(plane, size);
     for (int y = 0; y < size.height; ++y) {
-        window.take(plane, size, y);
+        window.move_to(y);
         const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * size.width;
         slope_rows(window[0], window[1], window[2], gx.data() + at, gy.data() + at, size.width);
+    }
+}
+
+void add_squares(const float* plane, Size size, float* sums) {
+    Window window(plane, size);
+    for (int y = 0; y < size.height; ++y) {
+        window.move_to(y);
+        square_rows(window[0], window[1], window[2], sums + static_cast<std::ptrdiff_t>(y) * size.width, size.width);
     }
 }
 
@@ -66,12 +104,6 @@ void eigenvalues(const float* a, const float* b, const float* c, float* larger_o
         larger_one[i] = mean + spread;
         smaller_one[i] = mean - spread;
     }
-}
-
-FFSEG_CLONES
-void add_squares(const float* gx, const float* gy, float* sums, std::size_t count) {
-    FFSEG_APART
-    for (std::size_t i = 0; i < count; ++i) sums[i] = sums[i] + (gx[i] * gx[i] + gy[i] * gy[i]);
 }
 
 FFSEG_CLONES
@@ -91,16 +123,14 @@ void sizes(float* light, float* colour, float* both, std::size_t count) {
     }
 }
 
-// L, a, b smoothed, and the squares of their gradients: of light, and of colour. The slopes of L are left behind.
-void smooth(const float* lab, Size size, double sigma, float* out, float* light, float* colour, Plane& gx, Plane& gy) {
+// L, a, b smoothed, and the squares of their gradients: of light, and of colour.
+void smooth(const float* lab, Size size, double sigma, float* out, float* light, float* colour) {
     const std::size_t count = size.count();
     std::fill(light, light + count, 0.0F);
     std::fill(colour, colour + count, 0.0F);
     for (std::size_t c = 3; c-- > 0;) {
-        float* plane = out + c * count;
-        blur(lab + c * count, size, sigma, plane);
-        slopes(plane, size, gx, gy);
-        add_squares(gx.data(), gy.data(), c == 0 ? light : colour, count);
+        blur(lab + c * count, size, sigma, out + c * count);
+        add_squares(out + c * count, size, c == 0 ? light : colour);
     }
 }
 
@@ -110,7 +140,8 @@ void texture(const float* lab, Size size, double sigma, float* out) {
     const std::size_t count = size.count();
     const auto plane = [&](int index) { return out + static_cast<std::size_t>(index) * count; };
     Plane gx, gy, hxx, hxy, unused, hyy;
-    smooth(lab, size, sigma, out, plane(3), plane(4), gx, gy);
+    smooth(lab, size, sigma, out, plane(3), plane(4));
+    slopes(out, size, gx, gy);
     sizes(plane(3), plane(4), plane(5), count);
     slopes(gx.data(), size, hxx, hxy);
     slopes(gy.data(), size, unused, hyy);
@@ -124,8 +155,8 @@ void texture(const float* lab, Size size, double sigma, float* out) {
 
 void colour(const float* lab, Size size, double sigma, float* out) {
     const std::size_t count = size.count();
-    Plane gx, gy, light(count), tint(count);
-    smooth(lab, size, sigma, out, light.data(), tint.data(), gx, gy);
+    Plane light(count), tint(count);
+    smooth(lab, size, sigma, out, light.data(), tint.data());
     sizes(light.data(), tint.data(), out + 3 * count, count);
 }
 
