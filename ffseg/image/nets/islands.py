@@ -38,16 +38,20 @@ def islands(odds: NDArray[np.float32], starts: NDArray[np.bool_], most: float) -
         The deepest first.
     """
     levels, begun = np.ascontiguousarray(odds[::STRIDE, ::STRIDE]), starts[::STRIDE, ::STRIDE]
-    _, parts, figures, _ = cv2.connectedComponentsWithStats((levels > 0).astype(np.uint8), connectivity=4)
-    known = np.setdiff1d(parts[begun], [0])
-    area = LEAST_SHARE * float(figures[known, cv2.CC_STAT_AREA].sum())
-    large = np.setdiff1d(np.flatnonzero(figures[:, cv2.CC_STAT_AREA] >= area), [0, *known]).tolist()
+    _, parts = cv2.connectedComponents((levels > 0).astype(np.uint8), connectivity=4)
+    known, areas = np.setdiff1d(parts[begun], [0]), np.bincount(parts.ravel())
+    least_area = LEAST_SHARE * float(areas[known].sum())
+    large = np.setdiff1d(np.flatnonzero(areas >= least_area), [0, *known]).tolist()
     if not large:
         return ()
     around = np.isin(parts, known) & ~begun
     if not around.any():
         return ()
     least = max(LEAST_ODDS, SURE * float(np.median(levels[around])))
-    chosen = [part for part in large if float(np.median(levels[parts == part])) >= least]
-    small = discs(depths((parts > 0).astype(np.uint8)), parts, figures, chosen, most / STRIDE)
+    boxes = {}
+    for part in large:
+        inside = parts == part
+        if float(np.median(levels[inside])) >= least:
+            boxes[part] = cv2.boundingRect(inside.astype(np.uint8))
+    small = discs(depths((parts > 0).astype(np.uint8)), parts, boxes, most / STRIDE)
     return tuple((STRIDE * x, STRIDE * y, STRIDE * radius) for x, y, radius in small)

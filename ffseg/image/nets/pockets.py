@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import cv2
@@ -43,7 +44,7 @@ def starts_beyond(walls: NDArray[np.uint8], starts: NDArray[np.bool_], most: flo
     count, parts, figures, _ = cv2.connectedComponentsWithStats((depth >= NARROW).astype(np.uint8), connectivity=8)
     known = set(np.unique(parts[starts]).tolist())
     chosen = [part for part in range(1, count) if part not in known and figures[part, cv2.CC_STAT_AREA] >= LEAST_PIXELS]
-    return discs(depth, parts, figures, chosen, most)
+    return discs(depth, parts, {part: figures[part, :4] for part in chosen}, most)
 
 
 def depths(region: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -53,9 +54,7 @@ def depths(region: NDArray[np.uint8]) -> NDArray[np.float32]:
     return depth
 
 
-def discs(
-    depth: NDArray[np.float32], parts: NDArray[Any], figures: NDArray[Any], chosen: list[int], most: float
-) -> tuple[Circle, ...]:
+def discs(depth: NDArray[np.float32], parts: NDArray[Any], boxes: Mapping[int, Any], most: float) -> tuple[Circle, ...]:
     """A disc round the deepest pixel of each part chosen, the largest first.
 
     Parameters
@@ -63,15 +62,13 @@ def discs(
     depth : ndarray of float32, shape (H, W)
     parts : ndarray of int32, shape (H, W)
         Number of the part each pixel belongs to.
-    figures : ndarray of int32, shape (N, 5)
-        Box and area of each part, as OpenCV counts them.
-    chosen : list of int
+    boxes : mapping
+        Column, row, width and height of the box round each part chosen, by its number.
     most : float
         px; the largest radius of a disc.
     """
     found = []
-    for part in chosen:
-        x, y, width, height = figures[part, :4]
+    for part, (x, y, width, height) in boxes.items():
         inside = np.where(parts[y : y + height, x : x + width] == part, depth[y : y + height, x : x + width], 0)
         row, column = np.unravel_index(int(inside.argmax()), inside.shape)
         found.append((float(x + column), float(y + row), min(most, START_SHARE * float(inside.max()))))
