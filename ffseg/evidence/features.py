@@ -250,11 +250,19 @@ def _likeness(found: Features) -> None:
 
 def _place(inside: NDArray[np.uint8], out: NDArray[np.float32]) -> None:
     height, width = inside.shape
-    rows, columns = np.nonzero(inside)
-    y, x = np.arange(height, dtype=np.float32)[:, None], np.arange(width, dtype=np.float32)
-    out[0], out[1] = (x + 0.5) / width, (y + 0.5) / height
-    out[2], out[3] = (x - columns.mean()) / width, (y - rows.mean()) / width
-    out[4] = np.sqrt(out[2] * out[2] + out[3] * out[3])
+    x, y = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
+    across, along = (
+        ((places - _middle(inside.sum(axis=axis, dtype=np.int64))) / width).astype(np.float32)
+        for axis, places in enumerate((x, y))
+    )
+    out[0], out[1] = (x + 0.5) / width, ((y + 0.5) / height)[:, None]
+    out[2], out[3] = across, along[:, None]
+    out[4] = np.sqrt((across * across) + (along * along)[:, None])
+
+
+def _middle(counts: NDArray[np.int64]) -> np.float64:
+    """The mean place of what is counted at each."""
+    return np.float64(counts @ np.arange(len(counts))) / np.float64(counts.sum())
 
 
 def exposed(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

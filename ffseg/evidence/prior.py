@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ffseg.evidence.features import PLACE, PLAIN, Features, enlarged, exposed, features
 from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.maps import evidence_edges, log_odds
-from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, voted
+from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, thinned, voted
 from ffseg.image.edges import EdgeMap, Scene, gradient_edges
 from ffseg.native import _core
 
@@ -71,10 +71,9 @@ class Prior:
         Probabilities below one half count as none: there are many of them far off, where they say more of the size of
         the image than of the region.
         """
-        odds = self.odds[::STRIDE, ::STRIDE]
-        every = np.where(odds > 0, 1 / (1 + np.exp(-odds)), np.float32(0))
-        inside = mask[::STRIDE, ::STRIDE]
-        both = float(every[inside].sum(dtype=np.float64))
+        odds, inside = thinned(self.odds), mask[::STRIDE, ::STRIDE]
+        every = (odds > 0) / (1 + np.exp(-odds))  # products and quotients, where choices would wait for each pixel
+        both = float((every * inside).sum(dtype=np.float64))
         either = float(np.count_nonzero(inside)) + float(every.sum(dtype=np.float64)) - both
         return both / either if either > 0 else 0.0
 
