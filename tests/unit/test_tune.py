@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
+from ffseg.batch.learning import tune as tuning
 from ffseg.batch.learning.choice import Trial
-from ffseg.batch.learning.gather import gather
+from ffseg.batch.learning.gather import Labelled, gather
 from ffseg.batch.learning.page import given, to_html, to_yaml, told
 from ffseg.batch.learning.space import MOST_SETTINGS, applied, halton, levels, settings
 from ffseg.batch.learning.tune import Tuned, _sensitivity, before_and_after, tune
@@ -116,6 +117,24 @@ def test_levels_lie_round_the_one_at_hand_where_there_is_a_probability() -> None
     assert moved == pytest.approx([0.97, 0.92, 0.98, 0.87, 0.99, 0.81, 0.72], abs=0.011)  # two digits
     assert levels(load_params(None, {"edges.source": "gradient"})) == []
     assert len(levels(load_params(None, {"edges.source": "prior"}))) == 8
+
+
+@pytest.mark.parametrize(("budget", "most"), [(5, 10), (30, 40), (60, 68), (90, 98)])
+def test_the_budget_is_kept(budget: int, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once the first images were seen the rest of a bracket was finished, however long that took."""
+    seen: list[int] = []
+    monkeypatch.setattr(tuning.time, "monotonic", lambda: float(len(seen)))
+    monkeypatch.setattr(tuning.Bench, "overlap", lambda _self, number, _setting: seen.append(number) or 0.5)
+    params = load_params(None, {"edges.source": "gradient"})
+    image = np.zeros((8, 8), np.uint8)
+    found = tune([Labelled(str(n), image, image, params, None) for n in range(8)], budget, lambda _: None)
+    assert found.seconds == len(seen) <= most  # 8 for the parameters at hand, and at most a round of 2, 4 and 8 images
+    assert found.tried + found.left == MOST_SETTINGS
+    assert f"for {found.left} there was no time" in told(found)[0]
+
+
+def test_what_had_its_time_says_nothing_of_it() -> None:
+    assert "budget" not in told(Tuned({}, {}, (0.5, 0.5), (0.5, 0.5), (0.5, 0.5), (), 249, 1.0))[0]
 
 
 def test_sensitivity_is_the_span_of_the_means() -> None:

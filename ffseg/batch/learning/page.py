@@ -33,8 +33,9 @@ WIDEST = 360
 def told(tuned: Tuned) -> list[str]:
     """What there is to say, line by line."""
     count = len(tuned.before)
+    more = f"; for {tuned.left} there was no time: a longer --budget tries more" if tuned.left else ""
     lines = [
-        f"{tuned.tried} settings tried on {count} image{'s' if count > 1 else ''} in {tuned.seconds:.0f} s",
+        f"{tuned.tried} settings tried on {count} image{'s' if count > 1 else ''} in {tuned.seconds:.0f} s{more}",
         f"IoU with the parameters as they were: {mean(tuned.before):.3f} (spread {pstdev(tuned.before):.3f})",
     ]
     lines += counted(tuned.known)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ffseg.batch.learning.choice import Trial, Tried
 from ffseg.batch.learning.gather import Labelled, known_share
-from ffseg.batch.learning.space import SHARED, Setting, applied, levels, settings
+from ffseg.batch.learning.space import MOST_SETTINGS, SHARED, Setting, applied, levels, settings
 from ffseg.errors import SegmentationError
 from ffseg.image.edges import EdgeMap
 from ffseg.metrics import iou
@@ -57,6 +57,8 @@ class Tuned:
     seconds : float
     known : float
         Part of the pixels of which the masks know something.
+    left : int
+        Settings for which there was no time.
     """
 
     setting: Setting
@@ -68,6 +70,7 @@ class Tuned:
     tried: int
     seconds: float
     known: float = 1.0
+    left: int = 0
 
 
 class Bench:
@@ -120,13 +123,14 @@ def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
     modelled = labelled[0].params.edges.model is not None
     source = iter(()) if modelled else settings()
     end = begin + (1 if modelled else LEVELS_SHARE) * budget
-    moved = [bench.tried(setting) for setting in levels(labelled[0].params) if time.monotonic() < end]
+    wanted = levels(labelled[0].params)
+    moved = [bench.tried(setting) for setting in wanted if time.monotonic() < end]
     while time.monotonic() - begin < budget:
         bracket = [Trial(setting) for setting in islice(source, BRACKET)]
         if not bracket:
             break
         _halve(bracket, bench, count, begin + budget)
-        trials += bracket
+        trials += [trial for trial in bracket if trial.found]
         tell(f"{len(moved) + len(trials)} settings tried, best {_best([plain, *moved, *trials], count).mean:.3f}")
     if modelled:
         tell(f"{len(moved)} levels tried, best {_best([plain, *moved], count).mean:.3f}")
@@ -143,6 +147,7 @@ def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
         tried=len(moved) + len(trials),
         seconds=0.0,
         known=known_share(labelled),
+        left=len(wanted) + (0 if modelled else MOST_SETTINGS) - len(moved) - len(trials),
     )
     return replace(found, seconds=time.monotonic() - begin)
 
@@ -159,14 +164,17 @@ def before_and_after(labelled: Sequence[Labelled], tuned: Tuned) -> list[tuple[N
 
 
 def _halve(bracket: list[Trial], bench: Bench, count: int, end: float) -> None:
-    """Try all on the first images, the better half on as many more, and so on until all images are seen."""
+    """Try all on the first images, the better half on as many more, and so on until all images are seen.
+
+    After `end` no other begins a round, so that the best is still seen by all.
+    """
     left, seen = bracket, 0
     while left and seen < count:
         upto = min(count, max(FIRST_IMAGES, 2 * seen))
         for trial in left:
             for number in range(seen, upto):
                 trial.found[number] = bench.overlap(number, trial.setting)
-            if time.monotonic() > end and seen == 0:
+            if time.monotonic() > end:  # of those that went on, the best has come first
                 break
         seen = upto
         left = sorted((trial for trial in left if len(trial.found) == seen), key=lambda trial: trial.mean, reverse=True)
