@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from ffseg.batch.learning import learn as learning
 from ffseg.batch.learning.gather import counted, gather, known_share, starts_off
 from ffseg.batch.learning.learn import Figures
 from ffseg.batch.learning.page import told
-from ffseg.batch.learning.tune import tune
+from ffseg.batch.learning.tune import Bench, tune
 from ffseg.cli.app import app
 from ffseg.cli.commands.learning.learn import sentences
 from ffseg.errors import ParameterError, UsageError
@@ -99,6 +100,41 @@ def test_without_a_start_the_figure_to_beat_says_where_it_grew_from() -> None:
     lines = sentences(Figures(3, 0.9, 0.1, 0.0, 0.0, helps=True, searched=True), "a.ffmodel")
     assert "without the model:       0.000 (spread 0.000), from the middle of the images: no start is named" in lines
     assert "middle" not in " ".join(sentences(Figures(3, 0.9, 0.1, 0.0, 0.0, helps=True), "a.ffmodel"))
+
+
+def test_domains_starts_and_grounds_of_the_parameters_count(folder: Path) -> None:
+    """They were read by nobody: figures were those of contours that may go everywhere, from a circle in the middle."""
+    cut = np.full(SHAPE, 255, np.uint8)
+    cut[30:] = 0  # the lower half of each disc
+    start, ground = disc(20, 26, 4).astype(np.uint8) * np.uint8(255), np.zeros(SHAPE, np.uint8)
+    ground[18:23] = 255
+    for name, mask in (("cut", cut), ("start", start), ("ground", ground)):
+        cv2.imwrite(str(folder / f"{name}.png"), mask)
+    start_at = {"init.mask": str(folder / "start.png"), "edges.source": "gradient"}
+    _, labelled = gathered(folder, start_at)
+    for one in labelled:
+        np.testing.assert_array_equal(one.start, start > 0)
+    assert Bench(labelled).overlap(0, {}) > 0.95
+    _, labelled = gathered(folder, {**start_at, "domain.mask": str(folder / "cut.png")})
+    assert Bench(labelled).overlap(0, {}) == pytest.approx(0.5, abs=0.06)
+    assert learning._contoured(labelled[0], labelled[0].params, None) == pytest.approx(0.5, abs=0.06)
+    _, labelled = gathered(folder, {**start_at, "init.background_mask": str(folder / "ground.png")})
+    assert Bench(labelled).overlap(0, {}) < 0.9
+    (folder / "domains").mkdir()
+    (folder / "domains" / "0.png").write_bytes((folder / "cut.png").read_bytes())
+    with pytest.raises(UsageError, match=r"domain\.masks: 1\.png has no mask"):
+        gathered(folder, {**start_at, "domain.masks": str(folder / "domains")})
+
+
+def test_a_domain_of_another_size_is_refused(folder: Path) -> None:
+    cv2.imwrite(str(folder / "cut.png"), np.full((20, 30), 255, np.uint8))
+    with pytest.raises(UsageError, match=r"0\.png: domain\.mask has 30 x 20 pixels, the image 90 x 60"):
+        gathered(folder, {"init.center": [20, 30], "domain.mask": str(folder / "cut.png")})
+
+
+def test_a_start_outside_the_image_is_refused_by_name(folder: Path) -> None:
+    with pytest.raises(UsageError, match=r"0\.png: the start circle at \(200, 30\)"):
+        gathered(folder, {"init.center": [200, 30]})
 
 
 @pytest.mark.parametrize("source", ["model", "evidence"])

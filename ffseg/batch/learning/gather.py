@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.discover import Source, discover
+from ffseg.batch.inputs.domains import find_domains
+from ffseg.batch.inputs.masks import Masks, named_masks
 from ffseg.batch.inputs.truths import find_truths
 from ffseg.batch.workers.sources import read_source
 from ffseg.batch.workers.truth import read_truth
-from ffseg.errors import ImageReadError, UsageError
+from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.formats.files import printable
 from ffseg.formats.images import single_thread
 from ffseg.formats.starts import Start, load_starts
@@ -28,6 +30,9 @@ MOST_NAMED = 4
 
 LEAST_KNOWN = 0.5
 """Part of the pixels; figures from masks that know less say little of where the region ends."""
+
+
+NO_MASKS = Masks()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,6 +49,8 @@ class Labelled:
         With its own start, if it has one.
     start : ndarray of bool, shape (H, W), or None
         The start region; None where neither a file nor the parameters name one.
+    masks : Masks
+        Where the contour may go, start and may not be, as far as the parameters say.
     """
 
     name: str
@@ -51,6 +58,7 @@ class Labelled:
     truth: NDArray[np.uint8]
     params: Parameters
     start: NDArray[np.bool_] | None
+    masks: Masks = NO_MASKS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,11 +72,14 @@ class Gathered:
         Images without a mask.
     starts : dict
         Start circles by name, of all images; empty without a file.
+    masks : Masks
+        Those that hold for all images.
     """
 
     labelled: list[Labelled]
     others: list[Source]
     starts: dict[str, Start]
+    masks: Masks = NO_MASKS
 
 
 def gather(
@@ -89,13 +100,18 @@ def gather(
     used = {os.path.realpath(path) for path in truths.values()}
     sources = [one for one in sources if os.path.realpath(one.content) not in used and not one.problem]
     known = dict(load_starts(starts, [one.name for one in sources])) if starts else {}
-    labelled = [_read(one, truths[one.name], params, known, label) for one in sources if one.name in truths]
+    masks, chosen = named_masks(params), [one for one in sources if one.name in truths]
+    domains = find_domains(chosen, params.domain.masks) if params.domain.masks else {}
+    labelled = []
+    for source in chosen:
+        own = known[source.name].placed(params) if source.name in known else params
+        labelled.append(_read(source, truths[source.name], own, masks.within(domains.get(source.name, "")), label))
     if labelled and not any((one.truth == INSIDE).any() for one in labelled):
         class_number = "" if label is None else f", and --truth-label {label} is in none of them"
         raise UsageError(f"--truth: no mask has a pixel inside{class_number}; 255 is inside, or the class you name")
     for one in labelled:
         _require_both_sides(one)
-    return Gathered(labelled, [one for one in sources if one.name not in truths], known)
+    return Gathered(labelled, [one for one in sources if one.name not in truths], known, masks)
 
 
 def _require_both_sides(one: Labelled) -> None:
@@ -106,22 +122,32 @@ def _require_both_sides(one: Labelled) -> None:
             )
 
 
-def _read(source: Source, truth: str, params: Parameters, starts: dict[str, Start], label: int | None) -> Labelled:
+def _read(source: Source, truth: str, params: Parameters, masks: Masks, label: int | None) -> Labelled:
     try:
         image = read_source(source)
         levels = read_truth(truth, (image.shape[0], image.shape[1]), label)
-    except ImageReadError as error:
+        _require_size(masks, image.shape)
+        start = start_region(image.shape[:2], params, masks.start)
+    except (ImageReadError, SegmentationError) as error:
         raise UsageError(f"{printable(source.name)}: {error}") from error
-    own = starts[source.name].placed(params) if source.name in starts else params
-    return Labelled(source.name, image, levels, own, start_region(image.shape[:2], own))
+    return Labelled(source.name, image, levels, params, start, masks)
 
 
-def start_region(shape: tuple[int, ...], params: Parameters) -> NDArray[np.bool_] | None:
-    """Pixels in the start that the parameters name; None where they name none."""
+def _require_size(masks: Masks, shape: tuple[int, ...]) -> None:
+    for key, mask in (("domain.mask", masks.domain), ("init.background_mask", masks.background)):
+        if mask is not None and mask.shape != shape[:2]:
+            sizes = f"{mask.shape[1]} x {mask.shape[0]} pixels, the image {shape[1]} x {shape[0]}"
+            raise SegmentationError(f"{key} has {sizes}; it must have the image's size")
+
+
+def start_region(
+    shape: tuple[int, ...], params: Parameters, mask: NDArray[np.uint8] | None = None
+) -> NDArray[np.bool_] | None:
+    """Pixels in the start that the parameters, or a mask, name; None where they name none."""
     init = params.init
-    if init.center == "auto" and not init.circles and not init.boxes and not init.mask:
+    if init.center == "auto" and not init.circles and not init.boxes and mask is None:
         return None
-    return rasterize(start_contours((shape[0], shape[1]), params), (shape[0], shape[1]))
+    return rasterize(start_contours((shape[0], shape[1]), params, mask), (shape[0], shape[1]))
 
 
 def starts_off(labelled: Sequence[Labelled]) -> list[str]:
@@ -137,7 +163,7 @@ def starts_off(labelled: Sequence[Labelled]) -> list[str]:
         if one.start is None and one.params.edges.model is not None:
             continue
         shape = (one.image.shape[0], one.image.shape[1])
-        start = rasterize(start_contours(shape, one.params), shape)
+        start = rasterize(start_contours(shape, one.params), shape) if one.start is None else one.start
         if not (start & (one.truth != OUTSIDE)).any():
             names.append(printable(one.name))
     if names and len(names) == len(labelled):

@@ -168,8 +168,17 @@ def _overlap(one: Labelled, model: Model | None) -> float:
 
 
 def _contoured(one: Labelled, params: Parameters, evidence: NDArray[np.float32] | None) -> float:
+    masks = one.masks
     try:
-        return iou(segment(one.image, params, evidence=evidence).mask, one.truth)
+        found = segment(
+            one.image,
+            params,
+            domain=masks.domain,
+            start_mask=masks.start,
+            background=masks.background,
+            evidence=evidence,
+        )
+        return iou(found.mask, one.truth)
     except SegmentationError:
         return 0.0
 
@@ -238,7 +247,7 @@ def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters)
     except ImageReadError:
         return -1.0
     own = gathered.starts[source.name].placed(params) if source.name in gathered.starts else params
-    start = start_region(image.shape[:2], own)
+    start = start_region(image.shape[:2], own, gathered.masks.start)
     if start is None:
         circle = model_start(image, model, params.init.radius)
         if circle is None:

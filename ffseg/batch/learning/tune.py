@@ -96,7 +96,10 @@ class Bench:
         params = applied(one.params, setting)
         try:
             shared = params.edges.source == SHARED and params.edges.model is None
-            return segment(one.image, params, edges=self._edges(number, params) if shared else None).mask
+            edges, masks = self._edges(number, params) if shared else None, one.masks
+            return segment(
+                one.image, params, edges=edges, domain=masks.domain, start_mask=masks.start, background=masks.background
+            ).mask
         except SegmentationError:
             return None
 
@@ -104,8 +107,8 @@ class Bench:
         key = (number, params.edges)
         if key not in self._maps:
             one = self._labelled[number]
-            starts = start_contours((one.image.shape[0], one.image.shape[1]), params)
-            made = edges_of(one.image, starts, params)
+            starts = start_contours((one.image.shape[0], one.image.shape[1]), params, one.masks.start)
+            made = edges_of(one.image, starts, params, one.masks.domain)
             self._bytes += made.gradient.nbytes + made.edges.nbytes
             while self._bytes > MOST_CACHED and self._maps:
                 old = self._maps.pop(next(iter(self._maps)))
