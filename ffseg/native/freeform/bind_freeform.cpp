@@ -34,9 +34,9 @@ void check(const ffseg::freeform::EvolutionOptions& o) {
     if (!sane) throw std::invalid_argument("an evolution option is out of range");
 }
 
-// Holds the evolution only: edge map and domain are read while it is made.
+// Holds the evolution, and the image it goes on looking at: edge map and domain are read while it is made.
 struct PyEvolution {
-    std::optional<Colours> image;  // looked at as the evolution goes on
+    std::optional<Colours> image;
     std::unique_ptr<ffseg::freeform::Evolution> evolution;
     std::size_t height, width;
 
