@@ -109,6 +109,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         edges = edges_of(image, starts, params, domain, evidence)
         if name in GROWING and edges.walled:
             starts = (*starts, *_parts(edges, starts, params))
+    elif domain is not None:
+        edges = _within(edges, domain)
     edges = _bounded(edges, starts, params, background)
     edges_ms = (perf_counter() - begin) * 1e3
     fixed = center is not None and params.init.center == "auto"
@@ -157,6 +159,11 @@ def _disc(image: NDArray[np.uint8], starts: tuple[FreeForm, ...], params: Parame
     if found is None or not all(found.holds(start.control_points.mean(axis=0)) for start in starts):
         return None
     return found.mask((image.shape[0], image.shape[1]))
+
+
+def _within(edges: EdgeMap, domain: NDArray[np.uint8]) -> EdgeMap:
+    """An edge map of the caller's with a domain, beside its own if it has one."""
+    return replace(edges, domain=domain if edges.domain is None else np.where(edges.domain > 0, domain, np.uint8(0)))
 
 
 def _parts(edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters) -> tuple[FreeForm, ...]:

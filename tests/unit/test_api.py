@@ -117,6 +117,20 @@ def test_other_arguments_are_told_in_one_sentence_what_they_must_be(extra: dict[
     assert said in str(caught.value)
 
 
+@pytest.mark.parametrize("method", ["freeform", "snake", "levelset", "cv_floodfill"])
+def test_a_domain_bounds_the_contour_on_a_given_edge_map_too(method: str) -> None:
+    """It was taken and forgotten, so was the file of domain.mask."""
+    flat = np.full((60, 80), 120, np.uint8)
+    left, upper = np.zeros(flat.shape, np.bool_), np.zeros(flat.shape, np.bool_)
+    left[:, :50] = upper[:40] = True
+    start = {"init.center": [20, 20], "init.radius": 6, "edges.source": "gradient"}
+    own = ffseg.segment(flat, start, method, domain=left & upper)
+    given = ffseg.segment(flat, start, method, domain=left, edges=ffseg.edge_map(flat, EDGES, upper))
+    assert own.mask.sum() > 0.8 * (left & upper).sum()  # a snake cuts corners
+    assert not given.mask[~(left & upper)].any()
+    assert np.array_equal(given.mask, own.mask)
+
+
 NO_EDGES = {
     "floats": ((DISC / 255, EDGES), "the image must be uint8 of shape"),
     "none": ((None, EDGES), "the image is None"),
