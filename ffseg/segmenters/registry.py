@@ -109,7 +109,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         edges = edges_of(image, starts, params, domain, evidence)
         if name in GROWING and edges.walled:
             starts = (*starts, *_parts(edges, starts, params))
-    elif domain is not None:
+    elif domain is not None and edges.domain is not domain:
         edges = _within(edges, domain)
     edges = _bounded(edges, starts, params, background)
     edges_ms = (perf_counter() - begin) * 1e3
