@@ -20,7 +20,7 @@ from ffseg.batch.inputs.masks import Masks, named_masks
 from ffseg.batch.jobs import Job, make_plan, with_domains, with_evidence, with_starts
 from ffseg.batch.workers.sources import read_source
 from ffseg.batch.workers.truth import read_truth
-from ffseg.errors import ImageReadError, UsageError, is_out_of_memory
+from ffseg.errors import ImageReadError, ParameterError, UsageError, is_out_of_memory
 from ffseg.formats.files import make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.formats.images import single_thread
 from ffseg.formats.overlays import polylines
@@ -169,9 +169,8 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
         truth = read_truth(job.truth, (height, width), task.truth_label) if job.truth else None
         masks = replace(masks, evidence=read_evidence(job.evidence) if job.evidence else None)
         masks = masks.within(job.domain)
-    except (ImageReadError, MemoryError) as error:
-        told = f"{error.reason}: {error}" if isinstance(error, ImageReadError) else NO_MEMORY
-        rows = [Row(name, method, status="failed", error=told) for method in task.methods]
+    except (ImageReadError, ParameterError, MemoryError) as error:
+        rows = [Row(name, method, status="failed", error=_told(error)) for method in task.methods]
         for row in rows:
             tell(row)
         return rows, ""
@@ -190,6 +189,13 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
     make_folder(os.path.dirname(panel))
     write_bytes_atomic(panel, encode_panel(image, tiles))
     return rows, panel
+
+
+def _told(error: Exception) -> str:
+    """Reason and sentence of a failed image, as of a run."""
+    if isinstance(error, ImageReadError):
+        return f"{error.reason}: {error}"
+    return f"parameters: {error}" if isinstance(error, ParameterError) else NO_MEMORY
 
 
 _Run = tuple[Row, Segmentation | None]

@@ -130,6 +130,20 @@ def test_an_image_without_memory_fails_alone(place: str, tmp_path: Path, monkeyp
     assert second.status == "ok"
 
 
+def test_a_domain_of_one_image_that_cannot_be_read_fails_that_image(tmp_path: Path) -> None:
+    """It ended the comparison with no table, where a run has a failed row."""
+    write_case(tmp_path)
+    write_case(tmp_path, "second.png")
+    (tmp_path / "domains").mkdir()
+    (tmp_path / "domains" / "disc.png").write_text("no image")
+    cv2.imwrite(str(tmp_path / "domains" / "second.png"), np.full((90, 120), 255, np.uint8))
+    images = [str(tmp_path / name) for name in ("disc.png", "second.png")]
+    jobs = work.plan_comparison(images, str(tmp_path / "out"), domains=str(tmp_path / "domains"))
+    first, second = work.compare(replace(task_of(tmp_path, "cv_edges"), jobs=jobs), silent)
+    assert (first.status, second.status) == ("failed", "ok")
+    assert first.error.startswith("parameters: domain.masks: ")
+
+
 def test_holes_are_counted_as_a_run_counts_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_case(tmp_path)
     mask = np.ones((90, 120), np.bool_)
