@@ -32,6 +32,9 @@ from ffseg.segmenters.base import (
 from ffseg.segmenters.deciding import Decision, decide, trusted
 from ffseg.segmenters.starts import circle_start, start_contours
 
+TELLING = ("evidence", "model")
+"""Sources that tell what is inside, whatever the image's own edges are."""
+
 GROWING = ("freeform", "levelset")
 """Methods that take several starts and merge what grows from them."""
 
@@ -115,6 +118,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     edges_ms = (perf_counter() - begin) * 1e3
     fixed = center is not None and params.init.center == "auto"
     view = View(image, edges, starts, params, options, _rows(altitudes), callback, fixed=fixed)
+    unheard = _unheard(source, edges, params)
     found, messages = _freed(decide if source == "auto" else trusted, run, view)
     begin = perf_counter()
     outcome = found.outcome
@@ -125,7 +129,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     edges_ms = edges_ms + found.edges_ms if counted else 0.0
     timings = Timings(edges_ms, found.evolve_ms, edges_ms + found.evolve_ms + rasterized_ms)
     used, thresholds = found.source or source, found.edges.thresholds
-    return Segmentation(mask, contours, outcome.stats, timings, messages, used, found.score, thresholds)
+    return Segmentation(mask, contours, outcome.stats, timings, (*unheard, *messages), used, found.score, thresholds)
 
 
 def _source(params: Parameters, edges: EdgeMap | None, evidence: NDArray[np.float32] | None) -> str:
@@ -159,6 +163,15 @@ def _disc(image: NDArray[np.uint8], starts: tuple[FreeForm, ...], params: Parame
     if found is None or not all(found.holds(start.control_points.mean(axis=0)) for start in starts):
         return None
     return found.mask((image.shape[0], image.shape[1]))
+
+
+def _unheard(source: str, edges: EdgeMap, params: Parameters) -> tuple[str, ...]:
+    """What to say where a map or a model tells of no region, so that the image's own edges decide."""
+    if source not in TELLING or params.edges.evidence == "edges" or edges.walled:
+        return ()
+    who = "the map of evidence" if source == "evidence" else "the model"
+    level = f"the probability {params.region.probability:g} at which the region ends"
+    return (f"{who} nowhere crosses {level}: the image's own edges decide",)
 
 
 def _within(edges: EdgeMap, domain: NDArray[np.uint8]) -> EdgeMap:

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
+from ffseg import api
 from ffseg.batch.discover import discover
 from ffseg.batch.inputs.maps import find_evidence, read_evidence
 from ffseg.errors import ImageReadError, UsageError
@@ -144,6 +145,32 @@ def test_broken_arrays_are_refused(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "a.npy").write_bytes(data)
     with pytest.raises(ImageReadError, match=r"a\.npy"):
         read_evidence(str(tmp_path / "a.npy"))
+
+
+def test_a_mask_of_0_and_1_is_no_map(tmp_path: Path) -> None:
+    """It was a map that is sure of the outside everywhere, and so the image's own edges decided, without a word."""
+    mask = np.eye(3, dtype=np.uint8)
+    for name, levels in (("a.png", mask), ("b.png", mask.astype(np.uint16))):
+        cv2.imwrite(str(tmp_path / name), levels)
+        with pytest.raises(ImageReadError, match=rf"{name} .* nothing but 0 and 1, .* multiply it by (255|65535)$"):
+            read_evidence(str(tmp_path / name))
+    np.save(tmp_path / "a.npy", mask)
+    with pytest.raises(ImageReadError, match="nothing but 0 and 1"):
+        read_evidence(str(tmp_path / "a.npy"))
+    cv2.imwrite(str(tmp_path / "even.png"), np.zeros((3, 3), np.uint8))
+    assert not read_evidence(str(tmp_path / "even.png")).any()
+
+
+def test_a_map_that_tells_of_no_region_is_named() -> None:
+    image, start = np.full((*SHAPE, 3), 120, np.uint8), {"init.radius": 8}
+    low, high = np.full(SHAPE, 0.2, np.float32), np.full(SHAPE, 0.2, np.float32)
+    high[20:40, 20:60] = 0.8
+    said = "the map of evidence nowhere crosses the probability 0.5 at which the region ends: the image's own edges decide"
+    assert said in api.segment(image, start, evidence=low).messages
+    assert said not in api.segment(image, start, evidence=high).messages
+    higher = api.segment(image, {**start, "region.probability": 0.9}, evidence=high).messages
+    assert said.replace("0.5", "0.9") in higher
+    assert said not in api.segment(image, {**start, "edges.evidence": "edges"}, evidence=low).messages
 
 
 def test_a_coloured_map_is_refused(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +81,15 @@ def _levels(data: bytes, limits: Limits) -> NDArray[np.float32]:
     levels = decode_labels(data, limits)
     if levels.ndim != 2:
         raise ValueError("it is in colour; save it in grey")
-    return (levels / np.float32(_WHITE[levels.dtype])).astype(np.float32)
+    return _parts(levels)
+
+
+def _parts(levels: NDArray[Any]) -> NDArray[np.float32]:
+    """Whole numbers as parts of the largest of their kind."""
+    white = _WHITE[levels.dtype]
+    if levels.max(initial=0) == 1:
+        raise ValueError(f"it holds nothing but 0 and 1, where {white:.0f} is certain; multiply it by {white:.0f}")
+    return (levels / np.float32(white)).astype(np.float32)
 
 
 def _array(data: bytes) -> NDArray[np.float32]:
@@ -91,7 +100,7 @@ def _array(data: bytes) -> NDArray[np.float32]:
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.size == 0:
         raise ValueError("it does not hold one value for each pixel, shape (H, W)")
     if values.dtype in _WHITE:
-        return (values / np.float32(_WHITE[values.dtype])).astype(np.float32)
+        return _parts(values)
     if values.dtype == np.bool_:
         return values.astype(np.float32)
     if values.dtype.kind != "f" or not (np.isfinite(values).all() and values.min() >= 0 and values.max() <= 1):
