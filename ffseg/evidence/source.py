@@ -167,6 +167,15 @@ def ready(path: str) -> tuple[Model, _core.EvidenceForest]:
     return _model(path, _mark(path))
 
 
+def learned_from(params: Parameters) -> frozenset[str]:
+    """Names of the images that ``edges.model`` was learned from, as far as its file tells."""
+    path = params.edges.model
+    if path is None or not path.endswith(FOREST_SUFFIX):
+        return frozenset()
+    names = ready(path)[0].about.get("images")
+    return frozenset(one for one in names if isinstance(one, str)) if isinstance(names, list) else frozenset()
+
+
 def check_model(path: str) -> None:
     """Refuse a model that cannot be used before anything is run.
 

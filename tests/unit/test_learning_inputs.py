@@ -18,6 +18,7 @@ from ffseg.cli.app import app
 from ffseg.cli.commands.learning.learn import sentences
 from ffseg.errors import ParameterError, UsageError
 from ffseg.evidence import base
+from ffseg.evidence.forest import Model, to_bytes
 from ffseg.parameters import Parameters, load_params
 
 SHAPE = (60, 90)
@@ -149,6 +150,16 @@ def test_a_source_without_its_file_is_refused_before_the_work(folder: Path, comm
     assert isinstance(done.exception, ParameterError)
     assert str(done.exception).startswith(f"edges.source: {source} needs a m")
     assert sorted(path.name for path in folder.iterdir()) == ["in", "truth"]
+
+
+def test_images_that_the_model_has_learned_from_are_named(folder: Path) -> None:
+    """The level was tuned on masks that the model knows, where it needs no other."""
+    model = folder / "a.ffmodel"
+    for about, warned in (({"images": ["1.png", "x.png", 3]}, True), ({"images": 7}, False), ({}, False)):
+        model.write_bytes(to_bytes(Model(base.base(), about=about)))
+        code, said = ran(folder, "--set", f"edges.model={model}", "--set", "init.center=[20,30]", "--set", "init.radius=5")
+        assert code == 0
+        assert ("warning: edges.model has learned from images called 1.png;" in said) is warned
 
 
 @pytest.mark.parametrize(("level", "side"), [(0, "inside"), (255, "outside"), (128, "inside")])

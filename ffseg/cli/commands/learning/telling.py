@@ -31,6 +31,20 @@ def warn_of_starts(labelled: Sequence[Labelled]) -> None:
         console.message(f"ffseg: warning: the start lies outside the mask of {named(names)}; correct one of the two")
 
 
+def warn_of_seen(labelled: Sequence[Labelled]) -> None:
+    """Say which images the model of the parameters has learned from, by their names."""
+    from ffseg.batch.learning.gather import named
+    from ffseg.evidence.source import learned_from
+    from ffseg.formats.files import printable
+
+    seen = learned_from(labelled[0].params)
+    names = [printable(one.name) for one in labelled if one.name in seen]
+    if names:
+        console.message(
+            f"ffseg: warning: edges.model has learned from images called {named(names)}; on those it does too well to be tuned"
+        )
+
+
 def _tell(text: str) -> None:
     console.message(f"ffseg: {text}")
 

@@ -12,7 +12,7 @@ import typer
 
 from ffseg.cli import console
 from ffseg.cli.checks import checked_params, number, output_file, require_source
-from ffseg.cli.commands.learning.telling import progress, warn_of_starts
+from ffseg.cli.commands.learning.telling import progress, warn_of_seen, warn_of_starts
 from ffseg.cli.options import Config, Inputs, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
@@ -67,6 +67,7 @@ def tune(  # noqa: PLR0913 - the options of the command
 
     found = gather(inputs, os.fspath(truth), params, starts_file(starts, params), truth_label)
     warn_of_starts(found.labelled)
+    warn_of_seen(found.labelled)
     tuned = search(found.labelled, budget, progress(quiet=quiet))
     write_bytes_atomic(os.fspath(out), to_yaml(tuned, params).encode())
     if page is not None:
