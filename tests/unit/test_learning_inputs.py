@@ -162,6 +162,21 @@ def test_images_that_the_model_has_learned_from_are_named(folder: Path) -> None:
         assert ("warning: edges.model has learned from images called 1.png;" in said) is warned
 
 
+def test_images_and_masks_side_by_side_need_other_names(folder: Path) -> None:
+    """The mask was taken for the photograph, and the photograph was blamed for being a mask in colour."""
+    for number in range(3):
+        image = cv2.imread(str(folder / "in" / f"{number}.png"))
+        (folder / "in" / f"{number}.png").write_bytes((folder / "truth" / f"{number}.png").read_bytes())
+        cv2.imwrite(str(folder / "in" / f"{number}.jpg"), image)
+    with pytest.raises(UsageError, match=r"0\.jpg and 0\.png could each be the mask of the other; .* NAME_truth\.png"):
+        gather([str(folder / "in")], str(folder / "in"), load_params())
+    for number in range(3):
+        (folder / "in" / f"{number}.png").rename(folder / "in" / f"{number}_truth.png")
+    found = gather([str(folder / "in")], str(folder / "in"), load_params())
+    assert [one.name for one in found.labelled] == ["0.jpg", "1.jpg", "2.jpg"]
+    assert found.others == []
+
+
 @pytest.mark.parametrize(("level", "side"), [(0, "inside"), (255, "outside"), (128, "inside")])
 def test_a_mask_of_one_side_is_refused(folder: Path, level: int, side: str) -> None:
     """`tune` counted an empty mask as 0 whatever was found, and one that is all inside as better the more leaked."""
