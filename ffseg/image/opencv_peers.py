@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.errors import SegmentationError
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.peer_parameters import EdgeComponents, EdgeOpened, FloodFill, GrabCut, Watershed
 
@@ -71,6 +72,8 @@ def grabcut(image: Image, seeds: Mask, params: GrabCut) -> Mask:
     labels = np.full(seeds.shape, cv2.GC_BGD, np.uint8)
     labels[1:-1, 1:-1] = np.where(near(seeds, params.probable), cv2.GC_PR_FGD, cv2.GC_PR_BGD)[1:-1, 1:-1]
     labels[seeds] = cv2.GC_FGD
+    if np.isin(labels, (cv2.GC_FGD, cv2.GC_PR_FGD)).all():
+        raise SegmentationError("the start leaves no pixel outside to learn from; change init.radius")
     cv2.setRNGSeed(0)
     background, foreground = np.zeros((1, 65)), np.zeros((1, 65))
     cv2.grabCut(colour, labels, None, background, foreground, params.iterations, cv2.GC_INIT_WITH_MASK)  # type: ignore[call-overload]

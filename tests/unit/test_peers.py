@@ -140,6 +140,12 @@ def test_peers_can_share_one_edge_map() -> None:
     assert peers.edge_parameters("cv_floodfill", edges, own) == edges
 
 
+def test_grabcut_says_that_a_start_leaves_nothing_outside() -> None:
+    """It was the assertion of OpenCV, with the place in its source."""
+    with pytest.raises(SegmentationError, match="the start leaves no pixel outside to learn from; change init.radius"):
+        segment(disc()[0], load_params(None, {"init.radius": 1000}), "cv_grabcut")
+
+
 def at_their_limits() -> list[tuple[str, dict[str, float]]]:
     """Every number of the peers' parameters at its limits, and as near to zero as it may be, with few iterations."""
     kinds = {key: leaf.kind for key, leaf in leaves(PeerParameters).items() if isinstance(leaf.kind, Integer | Number)}
