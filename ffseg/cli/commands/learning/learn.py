@@ -84,7 +84,8 @@ def sentences(figures: Figures, out: str) -> list[str]:
     if figures.curve:
         lines.append("by number of masks: " + ", ".join(f"{number}: {value:.3f}" for number, value in figures.curve))
         if figures.more:
-            lines.append(f"about {figures.more} more masks may each still raise it by .005 or more")
+            more = "1 more mask may" if figures.more == 1 else f"{figures.more} more masks may each"
+            lines.append(f"about {more} still raise it by .005 or more")
         else:
             lines.append("more masks of this kind will hardly raise it")
     if figures.following:

@@ -59,6 +59,7 @@ def tune(  # noqa: PLR0913 - the options of the command
             output_file(option, path)
     params = checked_params(config, settings)
     require_source(params)
+    _require_edges(params.method)
     from ffseg.batch.learning.gather import gather
     from ffseg.batch.learning.page import given, to_html, to_yaml, told
     from ffseg.batch.learning.tune import before_and_after
@@ -78,3 +79,11 @@ def tune(  # noqa: PLR0913 - the options of the command
     else:
         use = f"use it with --config {out}" if tuned.setting or given(params) else f"{out} changes nothing"
         console.data("\n".join([*told(tuned), use]))
+
+
+def _require_edges(method: str) -> None:
+    """Refuse a peer that does not look at the edge map, which is what is tuned."""
+    from ffseg.methods import METHODS
+
+    if method in METHODS and not METHODS[method].uses_edges:
+        raise UsageError(f"method: {method} does not look at the edge map, which tune is for; choose another method")
