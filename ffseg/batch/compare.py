@@ -233,16 +233,7 @@ def _middle(runs: Sequence[_Run]) -> _Run:
 
 def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: Masks) -> Segmentation:
     params, options = configured(task.params, method, task.peers)
-    return segment(
-        image,
-        params,
-        method,
-        domain=masks.domain,
-        start_mask=masks.start,
-        background=masks.background,
-        evidence=masks.evidence,
-        options=options,
-    )
+    return segment(image, params, method, evidence=masks.evidence, options=options, **masks.bounds)
 
 
 def _scored(row: Row, result: Segmentation, truth: NDArray[np.uint8] | None) -> Row:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,14 @@ from numpy.typing import NDArray
 from ffseg.formats.images import Limits
 from ffseg.formats.masks import load_mask
 from ffseg.parameters import Parameters
+
+
+class Bounds(TypedDict):
+    """Where the contour may go, start and may not be, as arguments of `ffseg.segment`."""
+
+    domain: NDArray[np.uint8] | None
+    start_mask: NDArray[np.uint8] | None
+    background: NDArray[np.uint8] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,6 +36,11 @@ class Masks:
     start: NDArray[np.uint8] | None = None
     background: NDArray[np.uint8] | None = None
     evidence: NDArray[np.float32] | None = None
+
+    @property
+    def bounds(self) -> Bounds:
+        """All but the evidence."""
+        return {"domain": self.domain, "start_mask": self.start, "background": self.background}
 
     def within(self, path: str, limits: Limits | None = None) -> Masks:
         """With the domain of one image out of ``domain.masks``; the same without a path.

@@ -168,17 +168,8 @@ def _overlap(one: Labelled, model: Model | None) -> float:
 
 
 def _contoured(one: Labelled, params: Parameters, evidence: NDArray[np.float32] | None) -> float:
-    masks = one.masks
     try:
-        found = segment(
-            one.image,
-            params,
-            domain=masks.domain,
-            start_mask=masks.start,
-            background=masks.background,
-            evidence=evidence,
-        )
-        return iou(found.mask, one.truth)
+        return iou(segment(one.image, params, evidence=evidence, **one.masks.bounds).mask, one.truth)
     except SegmentationError:
         return 0.0
 

@@ -96,10 +96,8 @@ class Bench:
         params = applied(one.params, setting)
         try:
             shared = params.edges.source == SHARED and params.edges.model is None
-            edges, masks = self._edges(number, params) if shared else None, one.masks
-            return segment(
-                one.image, params, edges=edges, domain=masks.domain, start_mask=masks.start, background=masks.background
-            ).mask
+            edges = self._edges(number, params) if shared else None
+            return segment(one.image, params, edges=edges, **one.masks.bounds).mask
         except SegmentationError:
             return None
 

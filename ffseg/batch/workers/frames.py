@@ -55,16 +55,8 @@ class FrameBench:
         SegmentationError
             As `ffseg.segment`.
         """
-        camera, masks = self.views.camera, self.masks
-        segmenting = partial(
-            segment_view,
-            image,
-            camera,
-            self.params,
-            domain=masks.domain,
-            start_mask=masks.start,
-            background=masks.background,
-        )
+        camera = self.views.camera
+        segmenting = partial(segment_view, image, camera, self.params, **self.masks.bounds)
         frame = segment_frame(image, earlier, camera, self.params, segmenting, callback)
         unposed = " and ".join(map(printable, self.views.unposed(name)))
         return replace(frame, note=f"no pose of {unposed}; {frame.note}") if unposed else frame

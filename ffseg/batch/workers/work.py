@@ -124,7 +124,7 @@ class Workbench:
             segment = self._segment if film is None else partial(self._segment, callback=film)
             if task.evidence:
                 segment = partial(segment, evidence=self._evidence(task.evidence))
-            result = segment(image, params, domain=masks.domain, start_mask=masks.start, background=masks.background)
+            result = segment(image, params, **masks.bounds)
             lines = polylines(result.contours) if overlay else []
             return _Found(result, lines, film)
         from ffseg.batch.workers.frames import (

@@ -80,7 +80,9 @@ def segment(  # noqa: PLR0913 - the options of the command
     except Exception as error:
         if not (isinstance(error, FfsegError) or is_out_of_memory(error)):
             raise
-        told = str(error) if isinstance(error, FfsegError) else "there is not enough memory for the image; scale it down"
+        told = (
+            str(error) if isinstance(error, FfsegError) else "there is not enough memory for the image; scale it down"
+        )
         console.error(told)
         raise typer.Exit(FAILED_IMAGES) from error
     if not quiet:
