@@ -11,11 +11,8 @@
 
 #if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
 #define FFSEG_CLONES __attribute__((target_clones("avx2", "default")))
-// The same for loops over vectors of 64 bytes.
-#define FFSEG_WIDE_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
 #else
 #define FFSEG_CLONES
-#define FFSEG_WIDE_CLONES
 #endif
 
 // What a cloned loop calls must become part of it, else it is compiled once, for the portable version only.

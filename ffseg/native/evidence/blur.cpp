@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "common/lanes.hpp"
 
@@ -23,48 +22,38 @@ std::vector<float> weights_of(double sigma) {
     return scaled;
 }
 
-// A row, and rows to both sides of it in pairs, each weighed: `rows` are the row itself and then before and after. What
-// is worked on side by side stays in registers from the first pair to the last; sums have the same order everywhere.
-#if defined(__GNUC__)
-using Floats = float __attribute__((vector_size(64)));
-constexpr int kLanes = 16, kTogether = 4;
-
-template <int N>
-FFSEG_PART inline void weigh_at(const float* const* rows, const std::vector<float>& weights, int x, float* out) {
-    Floats sums[N];
-    std::memcpy(sums, rows[0] + x, sizeof sums);
-    for (Floats& one : sums) one = weights[0] * one;
-    for (std::size_t pair = 1; pair < weights.size(); ++pair) {
-        const float *to_before = rows[2 * pair - 1] + x, *to_after = rows[2 * pair] + x;
-        for (int k = 0; k < N; ++k) {
-            Floats before, after;
-            std::memcpy(&before, to_before + k * kLanes, sizeof before);
-            std::memcpy(&after, to_after + k * kLanes, sizeof after);
-            sums[k] = sums[k] + weights[pair] * (before + after);
-        }
-    }
-    std::memcpy(out + x, sums, sizeof sums);
+FFSEG_CLONES
+void begin_row(const float* row, float weight, float* out, int count) {
+    FFSEG_APART
+    for (int x = 0; x < count; ++x) out[x] = weight * row[x];
 }
 
-FFSEG_WIDE_CLONES
-void weigh(const float* const* rows, const std::vector<float>& weights, float* out, int count) {
-    int x = 0;
-    for (; x + kLanes * kTogether <= count; x += kLanes * kTogether) weigh_at<kTogether>(rows, weights, x, out);
-    for (; x + kLanes <= count; x += kLanes) weigh_at<1>(rows, weights, x, out);
-    for (; x < count; ++x) {
-        float sum = weights[0] * rows[0][x];
-        for (std::size_t k = 1; k < weights.size(); ++k) sum += weights[k] * (rows[2 * k - 1][x] + rows[2 * k][x]);
-        out[x] = sum;
-    }
+FFSEG_CLONES
+void add_pair(const float* before, const float* after, float weight, float* out, int count) {
+    FFSEG_APART
+    for (int x = 0; x < count; ++x) out[x] = out[x] + weight * (before[x] + after[x]);
 }
-#else
-void weigh(const float* const* rows, const std::vector<float>& weights, float* out, int count) {
-    for (int x = 0; x < count; ++x) out[x] = weights[0] * rows[0][x];
-    for (std::size_t k = 1; k < weights.size(); ++k) {
-        for (int x = 0; x < count; ++x) out[x] += weights[k] * (rows[2 * k - 1][x] + rows[2 * k][x]);
-    }
+
+// Two pairs at once: half the traffic, the same order of sums.
+FFSEG_CLONES
+void add_pairs(const float* const* rows, const float* weights, float* out, int count) {
+    const float first = weights[0], second = weights[1];
+    const float *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3];
+    FFSEG_APART
+    for (int x = 0; x < count; ++x) out[x] = (out[x] + first * (a[x] + b[x])) + second * (c[x] + d[x]);
 }
-#endif
+
+// Adds the pairs `before(k)`, `after(k)` of all k from 1 on.
+template <class Before, class After>
+void add_all(const std::vector<float>& weights, const Before& before, const After& after, float* out, int count) {
+    const int radius = static_cast<int>(weights.size()) - 1;
+    int k = 1;
+    for (; k + 1 <= radius; k += 2) {
+        const float* rows[4] = {before(k), after(k), before(k + 1), after(k + 1)};
+        add_pairs(rows, weights.data() + k, out, count);
+    }
+    if (k <= radius) add_pair(before(k), after(k), weights[static_cast<std::size_t>(k)], out, count);
+}
 
 // Weight between a pixel and the one `step` further on.
 float weight(const float* lab, std::size_t count, std::size_t at, std::size_t step, float falloff) {
@@ -120,28 +109,23 @@ void blur(const float* plane, Size size, double sigma, float* out) {
     const std::vector<float> weights = weights_of(sigma);
     const int radius = static_cast<int>(weights.size()) - 1, width = size.width;
     Plane padded(static_cast<std::size_t>(width + 2 * radius)), across(size.count());
-    std::vector<const float*> rows(2 * weights.size() - 1);
-    const auto take = [&](auto row_at) {
-        rows[0] = row_at(0);
-        for (int k = 1; k <= radius; ++k) {
-            rows[static_cast<std::size_t>(2 * k - 1)] = row_at(-k);
-            rows[static_cast<std::size_t>(2 * k)] = row_at(k);
-        }
-    };
-    const float* middle = padded.data() + radius;
-    take([middle](int k) { return middle + k; });
     for (int y = 0; y < size.height; ++y) {
         const float* row = plane + static_cast<std::ptrdiff_t>(y) * width;
+        float* middle = padded.data() + radius;
         std::fill(padded.begin(), padded.begin() + radius, row[0]);
-        std::copy(row, row + width, padded.begin() + radius);
+        std::copy(row, row + width, middle);
         std::fill(padded.end() - radius, padded.end(), row[width - 1]);
-        weigh(rows.data(), weights, across.data() + static_cast<std::ptrdiff_t>(y) * width, width);
+        float* target = across.data() + static_cast<std::ptrdiff_t>(y) * width;
+        begin_row(middle, weights[0], target, width);
+        add_all(weights, [&](int k) { return middle - k; }, [&](int k) { return middle + k; }, target, width);
     }
+    const auto row_at = [&](int y) {
+        return across.data() + static_cast<std::ptrdiff_t>(std::clamp(y, 0, size.height - 1)) * width;
+    };
     for (int y = 0; y < size.height; ++y) {
-        take([&](int k) {
-            return across.data() + static_cast<std::ptrdiff_t>(std::clamp(y + k, 0, size.height - 1)) * width;
-        });
-        weigh(rows.data(), weights, out + static_cast<std::ptrdiff_t>(y) * width, width);
+        float* target = out + static_cast<std::ptrdiff_t>(y) * width;
+        begin_row(row_at(y), weights[0], target, width);
+        add_all(weights, [&](int k) { return row_at(y - k); }, [&](int k) { return row_at(y + k); }, target, width);
     }
 }
 

@@ -7,8 +7,9 @@
 
 #include "common/lanes.hpp"
 
-#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
+#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__)
 #include <immintrin.h>
+#define FFSEG_WIDER __attribute__((target("avx2")))
 #define FFSEG_WIDEST __attribute__((target("avx512f,avx512cd")))
 #endif
 
@@ -82,13 +83,22 @@ std::uint32_t bits(std::size_t first, std::size_t end) {
 // The leaves that pixels can reach in a tree: those that no split has ruled out. Some pixels are worked on from the
 // first split to the last, so that their leaves stay in registers.
 #if defined(__GNUC__)
-using Floats = float __attribute__((vector_size(32)));
-using Leaves = std::int32_t __attribute__((vector_size(32)));
-constexpr int kLanes = 8, kTogether = 4;
-static_assert(kBlock % (kLanes * kTogether) == 0);
+struct Narrow {
+    using Floats = float __attribute__((vector_size(16)));
+    using Leaves = std::int32_t __attribute__((vector_size(16)));
+};
+struct Wide {
+    using Floats = float __attribute__((vector_size(32)));
+    using Leaves = std::int32_t __attribute__((vector_size(32)));
+};
 
-FFSEG_CLONES
-void rule_out(const ForestSplit* splits, std::size_t count, const float* block, std::uint32_t* reachable) {
+template <class Registers>
+FFSEG_PART inline void rule_out(const ForestSplit* splits, std::size_t count, const float* block,
+                                std::uint32_t* reachable) {
+    using Floats = typename Registers::Floats;
+    using Leaves = typename Registers::Leaves;
+    constexpr int kLanes = sizeof(Floats) / sizeof(float), kTogether = 4;
+    static_assert(kBlock % (kLanes * kTogether) == 0);
     for (int first = 0; first < kBlock; first += kLanes * kTogether) {
         Leaves left[kTogether];
         for (Leaves& one : left) one = Leaves{} - 1;
@@ -106,6 +116,9 @@ void rule_out(const ForestSplit* splits, std::size_t count, const float* block, 
     }
 }
 #else
+struct Narrow {};
+
+template <class>
 void rule_out(const ForestSplit* splits, std::size_t count, const float* block, std::uint32_t* reachable) {
     std::fill(reachable, reachable + kBlock, ~std::uint32_t{0});
     for (std::size_t s = 0; s < count; ++s) {
@@ -130,16 +143,25 @@ int lowest_bit(std::uint32_t number) {
 // Adds the leaf that each pixel reaches in a tree to its sum.
 void add_tree(const ForestSplit* splits, std::size_t count, const float* leaves, const float* block, float* sums) {
     std::uint32_t reachable[kBlock];
-    rule_out(splits, count, block, reachable);
+    rule_out<Narrow>(splits, count, block, reachable);
     for (int i = 0; i < kBlock; ++i) sums[i] += leaves[lowest_bit(reachable[i])];
 }
 
 using AddTree = decltype(&add_tree);
 
 #if defined(FFSEG_WIDEST)
+FFSEG_WIDER
+void add_tree_wider(const ForestSplit* splits, std::size_t count, const float* leaves, const float* block,
+                    float* sums) {
+    std::uint32_t reachable[kBlock];
+    rule_out<Wide>(splits, count, block, reachable);
+    for (int i = 0; i < kBlock; ++i) sums[i] += leaves[lowest_bit(reachable[i])];
+}
+
 // The same where sixteen pixels are compared at once and 32 leaves fit into two registers.
 FFSEG_WIDEST
-void add_tree_wide(const ForestSplit* splits, std::size_t count, const float* leaves, const float* block, float* sums) {
+void add_tree_widest(const ForestSplit* splits, std::size_t count, const float* leaves, const float* block,
+                     float* sums) {
     constexpr int kWide = 16, kGroups = kBlock / kWide;
     const __m512i none = _mm512_setzero_si512(), whole = _mm512_set1_epi32(-1);
     __m512i left[kGroups];
@@ -163,7 +185,8 @@ void add_tree_wide(const ForestSplit* splits, std::size_t count, const float* le
 }
 
 AddTree fastest() {
-    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512cd") ? add_tree_wide : add_tree;
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512cd")) return add_tree_widest;
+    return __builtin_cpu_supports("avx2") ? add_tree_wider : add_tree;
 }
 #else
 AddTree fastest() { return add_tree; }
