@@ -145,7 +145,7 @@ void py_relative(const InPlanes& lab, const Region& inside, double floor, OutPla
 
 // The region of a binned colour may not be asked of NaN.
 void check_finite(const float* values, std::size_t count) {
-    for (std::size_t i = 0; i < count; ++i) require(std::abs(values[i]) <= 1e6F, "a value is not finite or beyond 1e6");
+    require(evidence::within(values, count, 1e6F), "a value is not finite or beyond 1e6");
 }
 
 void py_likelihood(const InPlanes& lab, const Region& inside, OutPlane out) {

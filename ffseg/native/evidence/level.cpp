@@ -125,6 +125,18 @@ private:
     float reach_;
 };
 
+// Whether the map has decided, far from its level, in some pixels.
+FFSEG_CLONES
+bool far_from_all(const float* above, const float* distances, int count, float undecided, float reach) {
+    int near = 0;
+    FFSEG_APART
+    for (int i = 0; i < count; ++i) near |= (std::abs(above[i]) < undecided) | !(distances[i] > reach);
+    return near == 0;
+}
+
+// Pixels that are looked at together, most of them far from the level.
+constexpr int kTogether = 32;
+
 }  // namespace
 
 void level_edges(const float* above, Size size, const LevelOptions& options, std::uint16_t* gradient,
@@ -132,18 +144,27 @@ void level_edges(const float* above, Size size, const LevelOptions& options, std
     const float reach = kFarBell * std::max(options.snap, options.width);
     const std::vector<std::uint8_t> crossing = crossings(above, size);
     const Plane distances = Distances(above, size, reach).from(crossing);
-    for (std::size_t i = 0; i < size.count(); ++i) {
-        const bool undecided = std::abs(above[i]) < options.undecided;
-        if (!undecided && distances[i] > reach) {
-            gradient[i] = 0;
-            edges[i] = 0;
+    for (std::size_t first = 0; first < size.count(); first += kTogether) {
+        const std::size_t end = std::min(size.count(), first + kTogether);
+        if (far_from_all(above + first, distances.data() + first, static_cast<int>(end - first), options.undecided,
+                         reach)) {
+            std::fill(gradient + first, gradient + end, std::uint16_t{0});
+            std::fill(edges + first, edges + end, std::uint8_t{0});
             continue;
         }
-        const float share = undecided ? 1.0F : bell(distances[i], options.snap);
-        const float ridge = options.height * bell(distances[i], options.width);
-        const float sum = static_cast<float>(gradient[i]) * share + ridge;
-        gradient[i] = static_cast<std::uint16_t>(std::min(sum + 0.5F, 65535.0F));
-        edges[i] = (above[i] < 0 && crossing[i] != 0) || (undecided && edges[i] != 0) ? 255 : 0;
+        for (std::size_t i = first; i < end; ++i) {
+            const bool undecided = std::abs(above[i]) < options.undecided;
+            if (!undecided && distances[i] > reach) {
+                gradient[i] = 0;
+                edges[i] = 0;
+                continue;
+            }
+            const float share = undecided ? 1.0F : bell(distances[i], options.snap);
+            const float ridge = options.height * bell(distances[i], options.width);
+            const float sum = static_cast<float>(gradient[i]) * share + ridge;
+            gradient[i] = static_cast<std::uint16_t>(std::min(sum + 0.5F, 65535.0F));
+            edges[i] = (above[i] < 0 && crossing[i] != 0) || (undecided && edges[i] != 0) ? 255 : 0;
+        }
     }
 }
 

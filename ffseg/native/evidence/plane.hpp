@@ -12,6 +12,9 @@ struct Size {
 
 using Plane = std::vector<float>;
 
+// Whether no value is larger than `most`, below zero or above it, or no number.
+bool within(const float* values, std::size_t count, float most);
+
 // Rows and columns of every second pixel.
 inline Size halved(Size size) { return {(size.height + 1) / 2, (size.width + 1) / 2}; }
 
