@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from ffseg.freespace.structural import ComponentVerdict as ComponentVerdict
     from ffseg.freespace.window import Link as Link
     from ffseg.geometry.freeform import FreeForm as FreeForm
+    from ffseg.image.bounds.own import own_image as own_image
     from ffseg.image.edges import EdgeMap as EdgeMap
     from ffseg.image.edges import Scene as Scene
     from ffseg.image.edges import edge_map as edge_map
@@ -80,6 +81,7 @@ _HOMES = {
     "EdgeMap": "ffseg.image.edges",
     "Scene": "ffseg.image.edges",
     "edge_map": "ffseg.image.edges",
+    "own_image": "ffseg.image.bounds.own",
     "FreeForm": "ffseg.geometry.freeform",
     "Camera": "ffseg.camera",
     "load_camera": "ffseg.camera",

@@ -22,6 +22,7 @@ COMMANDS = {
     "compare": "ffseg.cli.commands.compare",
     "learn": "ffseg.cli.commands.learning.learn",
     "tune": "ffseg.cli.commands.learning.tune",
+    "domain": "ffseg.cli.commands.domain",
     "bench": "ffseg.cli.commands.bench",
     "config": "ffseg.cli.commands.config",
     "samples": "ffseg.cli.commands.samples",

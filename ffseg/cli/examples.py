@@ -18,6 +18,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "ffseg run own --out learned --set edges.model=own.ffmodel --truth masks",
     ),
     "tune": ("ffseg tune own --truth masks --out tuned.yaml --budget 3",),
+    "domain": (
+        "ffseg samples seen --pairs 3 && ffseg domain 'seen/pair*' --out own.png",
+        "ffseg run 'seen/pair*' --out within --set domain.mask=own.png --set 'init.center=[400,450]'",
+    ),
     "compare": (
         "ffseg compare pictures --out table --truth pictures/truth",
         "ffseg compare photos --out peers --methods freeform,cv_edges_opened --truth pictures/truth --min-iou freeform=0.99",

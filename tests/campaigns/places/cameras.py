@@ -41,11 +41,11 @@ def perspective(rng: Generator, *, road: bool) -> Camera:
     up = rng.uniform(0.9, 1.8) if road else rng.choice([rng.uniform(0.12, 0.5), rng.uniform(0.5, 1.7)])
     y, x = np.mgrid[:height, :width]
     rays = np.stack([np.ones(y.shape), (width / 2 - x) / focal, (height / 2 - y) / focal], -1)
-    rays = rays @ _turn(roll, 1, 2).T @ _turn(-pitch, 0, 2).T @ _turn(yaw, 0, 1).T
+    rays = rays @ rotation(roll, 1, 2).T @ rotation(-pitch, 0, 2).T @ rotation(yaw, 0, 1).T
     return Camera(np.array([0, 0, up]), rays / np.linalg.norm(rays, axis=2)[..., None])
 
 
-def _turn(angle: float, one: int, other: int) -> Array:
+def rotation(angle: float, one: int, other: int) -> Array:
     """Rotation in the plane of two axes."""
     found = np.eye(3)
     found[[one, other], [one, other]] = np.cos(angle)
@@ -79,13 +79,13 @@ def photographed(scene: Scene, camera: Camera, rng: Generator, *, road: bool) ->
     found, hits = shaded(scene, camera.origin, camera.rays.reshape(-1, 3), rng)
     light, ground = np.maximum(found, 0).reshape(*shape, 3), (hits.index == GROUND).reshape(shape)
     if camera.radii is not None:
-        _housing(light, ground, camera.radii, rng)
+        housing(light, ground, camera.radii, rng)
         lit = camera.radii <= 1
     else:
         lit = np.ones(shape, np.bool_)
         _vignette(light, rng)
         if road and rng.random() < 0.5:
-            _bonnet(light, ground, rng)
+            bonnet(light, ground, rng)
     light = light * (1 + rng.normal(0, 0.06, 3)) / (np.median(light[lit]) + 1e-3) * rng.uniform(0.1, 0.45)
     if road and ground.any() and rng.random() < 0.5:
         light = light * rng.uniform(0.02, 0.15) / (np.median(light[ground]) + 1e-3)
@@ -99,7 +99,7 @@ def _vignette(light: Array, rng: Generator) -> None:
     light *= (1 - rng.uniform(0, 0.35) * away**2)[..., None]
 
 
-def _housing(light: Array, ground: Array, radii: Array, rng: Generator) -> None:
+def housing(light: Array, ground: Array, radii: Array, rng: Generator) -> None:
     """The dark round a mirror, the camera's own image in its middle, sometimes a rod across."""
     light *= (1 - rng.uniform(0, 0.5) * np.clip(radii, 0, 1) ** 2)[..., None]
     height, width = radii.shape
@@ -113,7 +113,7 @@ def _housing(light: Array, ground: Array, radii: Array, rng: Generator) -> None:
         ground &= ~region
 
 
-def _bonnet(light: Array, ground: Array, rng: Generator) -> None:
+def bonnet(light: Array, ground: Array, rng: Generator) -> None:
     """The car's own bonnet at the lower border."""
     height, width = ground.shape
     y, x = np.mgrid[:height, :width]
@@ -122,15 +122,15 @@ def _bonnet(light: Array, ground: Array, rng: Generator) -> None:
     ground &= ~own
 
 
-def developed(light: Array, rng: Generator, *, hazy: bool = False) -> Array:
-    """What a camera makes of that light: a tone curve, haze, blur, noise, compression; bytes."""
+def developed(light: Array, rng: Generator, *, hazy: bool = False, noise: Generator | None = None) -> Array:
+    """What a camera makes of that light: a tone curve, haze, blur, noise (of its own, if given), compression; bytes."""
     found = 1 - np.exp(-1.6 * light) if rng.random() < 0.5 else np.clip(light, 0, 1)
     found = np.clip(found, 0, 1) ** (1 / rng.uniform(1.3, 2.2))
     if hazy and rng.random() < 0.2:
         veil = rng.uniform(0.05, 0.6)
         found = veil + (1 - veil) * found
     found = cv2.GaussianBlur(found.astype(np.float32), (0, 0), float(rng.uniform(0.5, 1.1)))
-    found = found + rng.normal(0, rng.uniform(0.002, 0.015), found.shape)
+    found = found + (noise or rng).normal(0, rng.uniform(0.002, 0.015), found.shape)
     levels = np.clip(found * 255, 0, 255).astype(np.uint8)
     if rng.random() < 0.75:
         packed = cv2.imencode(".jpg", levels, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(50, 95))])[1]

@@ -64,7 +64,7 @@ def picture(kind: str, rng: np.random.Generator, behind: list[Array]) -> tuple[A
         return thing(rng, behind)
     if kind == "mirror":
         camera = mirror(rng)
-        scene = street(rng) if rng.random() < 0.25 else _round_the_robot(room(rng), rng)
+        scene = street(rng) if rng.random() < 0.25 else seen_from_the_middle(room(rng), rng)
         return photographed(_clear(scene), camera, rng, road=False)
     road = kind == "street"
     return photographed(_clear(street(rng) if road else room(rng)), perspective(rng, road=road), rng, road=road)
@@ -76,7 +76,7 @@ def _clear(scene: Scene) -> Scene:
     return replace(scene, boxes=[box for box in scene.boxes if box.inner or box.distance(origin)[0] > CLEAR_OF_CAMERA])
 
 
-def _round_the_robot(scene: Scene, rng: np.random.Generator) -> Scene:
+def seen_from_the_middle(scene: Scene, rng: np.random.Generator) -> Scene:
     """The room seen from about its middle."""
     walls = scene.boxes[0]
     foot = np.array([rng.uniform(-0.2, 0.2) * walls.size[0], *walls.foot[1:]])

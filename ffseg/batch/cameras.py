@@ -1,0 +1,117 @@
+"""The cameras' own images in folders of frames: one mask for each folder, or one for all images."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.discover import Source
+from ffseg.batch.workers.sources import read_source
+from ffseg.errors import ImageReadError, SegmentationError, UsageError
+from ffseg.formats.files import printable, write_bytes_atomic
+from ffseg.formats.masks import encode_mask
+from ffseg.image.bounds.own import own_image
+
+MASK = ".png"
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """Images of one camera, and the mask to be written of them.
+
+    Attributes
+    ----------
+    out : str
+    images : tuple of Source
+        In the order of the inputs.
+    """
+
+    out: str
+    images: tuple[Source, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What was found in a camera's images.
+
+    Attributes
+    ----------
+    out : str
+        The mask that was written; empty if there is none.
+    images, looked : int
+        How many there are, and how many were looked at.
+    own : float
+        Share of the mask that is 0.
+    problems : tuple of str
+        Images that cannot be read, and why there is no mask.
+    """
+
+    out: str
+    images: int
+    looked: int
+    own: float
+    problems: tuple[str, ...]
+
+
+def cameras(sources: Sequence[Source], out: str) -> list[Camera]:
+    """Images sorted by camera: all are of one if `out` names a PNG file, else those of a folder, named after it.
+
+    Raises
+    ------
+    UsageError
+        If `out` is a folder and an image lies in none, so that no mask could be named after it.
+    """
+    if out.lower().endswith(MASK):
+        return [Camera(out, tuple(sources))]
+    folders: dict[str, list[Source]] = {}
+    for source in sources:
+        folder = os.path.dirname(source.name)
+        if not folder:
+            raise UsageError(
+                f"{printable(source.told)} lies in no folder below the input, and masks in {printable(out)} are named "
+                f"after folders; for one mask of all images name a file: --out {printable(out.rstrip('/'))}{MASK}"
+            )
+        folders.setdefault(folder, []).append(source)
+    return [Camera(os.path.join(out, folder) + MASK, tuple(images)) for folder, images in folders.items()]
+
+
+def write_own_image(camera: Camera, most: int) -> Found:
+    """Look at up to `most` evenly spaced images of a camera, and write a mask that is 0 on its own image.
+
+    Raises
+    ------
+    OutputError
+        If the mask cannot be written.
+    """
+    images, problems = len(camera.images), list[str]()
+    places = np.rint(np.linspace(0, images - 1, min(most, images))).astype(int)
+    try:
+        own = own_image(_read([camera.images[place] for place in places], problems))
+    except SegmentationError as error:
+        problems.append(f"no mask {printable(camera.out)}: {error}")
+        return Found("", images, len(places), 0.0, tuple(problems))
+    os.makedirs(os.path.dirname(camera.out) or ".", exist_ok=True)
+    write_bytes_atomic(camera.out, encode_mask(~own))
+    return Found(camera.out, images, len(places), float(own.mean()), tuple(problems))
+
+
+def _read(sources: Sequence[Source], problems: list[str]) -> Iterator[NDArray[np.uint8]]:
+    """The images that can be read, of one size; what is wrong with others is added to the problems."""
+    shape: tuple[int, ...] | None = None
+    for source in sources:
+        try:
+            image = read_source(source)
+        except ImageReadError as error:
+            problems.append(str(error))
+            continue
+        if image.shape[:2] != (shape or image.shape[:2]):
+            raise SegmentationError(
+                f"{printable(source.told)} has another size than the images before it; take those of one camera, or "
+                "sort them into a folder each and name a folder with --out"
+            )
+        shape = image.shape[:2]
+        yield image

@@ -1,0 +1,90 @@
+"""``ffseg domain``: a camera's own image, found in what it took, as a mask for ``domain.mask`` or ``domain.masks``."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ffseg.cli import console
+from ffseg.cli.checks import folder as named
+from ffseg.cli.checks import output_file
+from ffseg.cli.options import Inputs
+from ffseg.errors import UsageError
+
+if TYPE_CHECKING:
+    from ffseg.batch.cameras import Found
+
+INCOMPLETE = 3
+"""Exit code when an image could not be read, or there is no mask of a folder."""
+
+
+def domain(
+    inputs: Inputs,
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="FILE|DIR", help="A .png mask of all images, or a folder: one for each folder."),
+    ],
+    sample: Annotated[
+        int, typer.Option("--sample", min=5, max=200, metavar="N", help="Images of a camera looked at, evenly spaced.")
+    ] = 24,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of sentences.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; the findings only.")] = False,
+) -> None:
+    """Find what stays in its place while a camera moves: its own mount, a bonnet, the dark round a mirror.
+
+    Writes masks that are 0 there and 255 elsewhere, for --set domain.mask=FILE or --set domain.masks=DIR of the other
+    commands. Look at them: they are found, not known. Exit code: 0 done; 2 nothing was written; 3 an image cannot be
+    read, or a folder shows no camera that moves: it is named, and the other masks are written.
+    """
+    single = _is_mask(out)
+    if single:
+        output_file("--out", out)
+    from ffseg.batch.cameras import cameras, write_own_image
+    from ffseg.batch.discover import discover
+
+    found: list[Found] = []
+    planned = cameras(discover(inputs), os.fspath(out))
+    for number, camera in enumerate(planned, 1):
+        if not quiet:
+            seen = min(sample, len(camera.images))
+            console.message(f"ffseg: mask {number} of {len(planned)}: reading {seen} of {len(camera.images)} images")
+        found.append(write_own_image(camera, sample))
+        for problem in found[-1].problems:
+            console.message(f"ffseg: {problem}")
+    written = [one for one in found if one.out]
+    if as_json:
+        console.data(json.dumps({"out": os.fspath(out), "masks": [asdict(one) for one in found]}, indent=2))
+    elif written:
+        console.data("\n".join([*map(_sentence, written), f"use {'it' if single else 'them'} with --set {_key(out)}"]))
+    if not written:
+        raise typer.Exit(2)
+    if any(one.problems for one in found):
+        raise typer.Exit(INCOMPLETE)
+
+
+def _is_mask(out: Path) -> bool:
+    """Whether that is the name of a mask; else it is one of a folder."""
+    from ffseg.batch.discover import SUFFIXES
+
+    suffix = out.suffix.lower()
+    if suffix in SUFFIXES - {".png"} and not out.is_dir():
+        raise UsageError(f"--out {out}: masks are PNG files; name it .png, or name a folder")
+    if suffix != ".png":
+        named(os.fspath(out))
+    return suffix == ".png"
+
+
+def _key(out: Path) -> str:
+    return f"domain.mask{'' if _is_mask(out) else 's'}={out}"
+
+
+def _sentence(found: Found) -> str:
+    seen = f"{found.looked} of {found.images} images" if found.looked < found.images else f"{found.images} images"
+    if not found.own:
+        return f"{found.out}: nothing stays in its place in {seen}; 255 everywhere"
+    return f"{found.out}: {100 * found.own:.1f} % stays in its place in {seen}, and is 0"

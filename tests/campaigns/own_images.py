@@ -1,0 +1,155 @@
+"""Cameras that see themselves, drawn: how well ``ffseg domain`` finds it; run ``python -m tests.campaigns.own_images``.
+
+A robot's or a car's camera moves through a street or a room, a mirror or fisheye through a room: with a bonnet at the lower
+border, or a dark surround, a mount in the middle and perhaps a rod across; and without. The light changes by a third from image
+to image. Says for each kind how many of the cameras' own images were found (IoU of 0.8 or more) and what share of the scene was
+taken for one, at most and in the mean. Exit code 1 if more than 2 % of a scene is lost where the camera has moved well.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from statistics import mean
+
+import numpy as np
+
+from ffseg.errors import SegmentationError
+from ffseg.formats.images import single_thread
+from ffseg.image.bounds.own import own_image
+from tests.campaigns.places.cameras import Camera, bonnet, developed, housing, mirror, perspective, rotation
+from tests.campaigns.places.drawn import seen_from_the_middle
+from tests.campaigns.places.rays import Scene, shaded
+from tests.campaigns.places.rooms import room
+from tests.campaigns.places.skins import Array
+from tests.campaigns.places.streets import street
+
+KINDS = ("street", "room", "mirror")
+FOUND, MOST_LOST = 0.8, 0.02
+CLEAR = 0.25
+"""Metres round each place of the camera that no box reaches."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """A camera's way: metres and radians (of a mirror six times as many) between images, and how many there are."""
+
+    step: float
+    turn: float
+    images: int
+
+
+DRIVES = (Drive(0.6, 0.15, 12), Drive(0.3, 0.0, 12), Drive(0.6, 0.15, 6), Drive(0.05, 0.01, 12))
+WELL = DRIVES[:3]
+"""Those on which the camera has moved well."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One camera on its way."""
+
+    kind: str
+    seed: int
+    drive: Drive
+    sees_itself: bool
+
+
+def frames(case: Case) -> tuple[list[Array], Array]:
+    """The images of a case, and the camera's own image, (H, W) bool."""
+    rng = np.random.default_rng([KINDS.index(case.kind), case.seed])
+    scene = street(rng) if case.kind == "street" else room(rng)
+    camera = mirror(rng) if case.kind == "mirror" else perspective(rng, road=True)
+    if case.kind != "street":
+        scene = seen_from_the_middle(scene, rng)
+    exposure = float(rng.uniform(0.1, 0.45))
+    found, own, level = list[Array](), np.zeros(0, np.bool_), 0.0
+    for at, jolt in _way(camera, case):
+        light, own = _light(scene, at, case)
+        level = level or float(np.median(light)) + 1e-3
+        light *= exposure * jolt.uniform(0.75, 1.3) / level
+        found.append(developed(light, np.random.default_rng([case.seed, 1]), noise=jolt))
+    return found, own
+
+
+def _way(camera: Camera, case: Case) -> Iterator[tuple[Camera, np.random.Generator]]:
+    """The camera at each of its places, and what is left to chance there."""
+    place = np.zeros(3)
+    for number in range(case.drive.images):
+        rng = np.random.default_rng([case.seed, 2, number])
+        spin = case.drive.turn * (6 if case.kind == "mirror" else 1) * rng.normal()
+        if case.kind != "street":
+            place = np.array([*rng.normal(0, case.drive.step, 2), 0])
+        yield replace(camera, origin=camera.origin + place, rays=camera.rays @ rotation(spin, 0, 1).T), rng
+        place = place + [case.drive.step * rng.uniform(0.7, 1.3), rng.normal(0, case.drive.step / 4), 0]
+
+
+def _light(scene: Scene, camera: Camera, case: Case) -> tuple[Array, Array]:
+    """What reaches the camera, (H, W, 3), and the camera's own image."""
+    foot = (camera.origin * [1, 1, 0])[None]
+    clear = replace(scene, boxes=[box for box in scene.boxes if box.inner or box.distance(foot)[0] > CLEAR])
+    rng = np.random.default_rng([case.seed, 3])
+    shape = camera.rays.shape[:2]
+    light = np.maximum(shaded(clear, camera.origin, camera.rays.reshape(-1, 3), rng)[0], 0).reshape(*shape, 3)
+    ground = np.ones(shape, np.bool_)
+    if case.sees_itself and camera.radii is not None:
+        housing(light, ground, camera.radii, np.random.default_rng([case.seed, 4]))
+    elif case.sees_itself:
+        bonnet(light, ground, np.random.default_rng([case.seed, 4]))
+    return light, ~ground
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What was found: IoU with the camera's own image, share of the scene lost; whether the camera was said to stand."""
+
+    case: Case
+    overlap: float
+    lost: float
+    refused: bool
+
+
+def judged(case: Case) -> Outcome:
+    """Look for the own image of one case."""
+    single_thread()
+    images, own = frames(case)
+    try:
+        found = own_image(images)
+    except SegmentationError:
+        return Outcome(case, 0.0, 0.0, refused=True)
+    either = np.count_nonzero(found | own)
+    return Outcome(case, np.count_nonzero(found & own) / either if either else 1.0, float((found & ~own).mean()), False)
+
+
+def main() -> int:
+    """Draw, look, tell."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=12, help="of each kind, way, and sort of camera")
+    parser.add_argument("--first", type=int, default=0, help="number of the first")
+    options = parser.parse_args()
+    seeds = range(options.first, options.first + options.cases)
+    groups = [(kind, drive, itself) for drive in DRIVES for kind in KINDS for itself in (True, False)]
+    worst = 0.0
+    with ProcessPoolExecutor() as pool:
+        for kind, drive, itself in groups:
+            outcomes = list(pool.map(judged, [Case(kind, seed, drive, itself) for seed in seeds]))
+            print(_told(kind, drive, itself, outcomes), flush=True)
+            if drive in WELL:
+                worst = max(worst, *(one.lost for one in outcomes))
+    return int(worst > MOST_LOST)
+
+
+def _told(kind: str, drive: Drive, itself: bool, outcomes: list[Outcome]) -> str:
+    lost = [one.lost for one in outcomes]
+    what = f"{kind:7}{drive.images:3} images, {drive.step:.2f} m, {drive.turn:.2f} rad  "
+    text = f"lost {mean(lost):.4f}, at most {max(lost):.4f}; refused {sum(one.refused for one in outcomes)}"
+    if not itself:
+        return f"{what}sees nothing of itself: {text}"
+    found = [one.overlap for one in outcomes if one.overlap >= FOUND]
+    return f"{what}own image found {len(found)} of {len(outcomes)}, IoU {mean(found) if found else 0:.3f}: {text}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,113 @@
+"""``ffseg domain``: one mask of all images or one for each folder, and a run that uses them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+BONNET = np.indices((90, 120))[0] > 70
+
+
+def images(folder: Path, count: int = 8, own: bool = True) -> None:
+    folder.mkdir(parents=True)
+    for number in range(count):
+        rng = np.random.default_rng(number)
+        image = np.full((90, 120, 3), 120, np.uint8)
+        for _ in range(15):
+            x, y, w, h = rng.integers((0, 0, 8, 8), (120, 90, 50, 40))
+            cv2.rectangle(image, (int(x), int(y)), (int(x + w), int(y + h)), rng.integers(60, 220, 3).tolist(), -1)
+        if own:
+            image[BONNET] = 30
+        cv2.imwrite(str(folder / f"{number}.png"), image)
+
+
+def grey(path: Path) -> np.ndarray:
+    return cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+
+
+def test_one_mask_of_all_images(ffseg_command: Command, tmp_path: Path) -> None:
+    images(tmp_path / "in")
+    done = ffseg_command("domain", "in", "--out", "own.png", cwd=tmp_path)
+    assert done.returncode == 0
+    mask = grey(tmp_path / "own.png")
+    assert np.count_nonzero((mask == 0) != BONNET) <= 240  # two rows: the limit lies on the crest of the gradient
+    assert done.stdout.startswith("own.png: ")
+    assert "stays in its place in 8 images" in done.stdout
+    assert done.stdout.endswith("use it with --set domain.mask=own.png\n")
+    settings = ("domain.mask=own.png", "init.center=[60,30]", "init.radius=10", "edges.canny=[250,255]")
+    run = ffseg_command("run", "in/3.png", "--out", "out", *(f"--set={one}" for one in settings), cwd=tmp_path)
+    assert run.returncode == 0
+    region = grey(tmp_path / "out" / "masks" / "3.png") > 0
+    assert region.any()
+    beyond = cv2.erode((mask == 0).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    assert not region[beyond].any()  # patches cut the corners of a domain by less than a pixel
+
+
+def test_a_mask_for_each_folder_of_images(ffseg_command: Command, tmp_path: Path) -> None:
+    images(tmp_path / "in" / "left")
+    images(tmp_path / "in" / "day1" / "right", own=False)
+    done = ffseg_command("domain", "in", "--out", "own", "--json", cwd=tmp_path)
+    assert done.returncode == 0
+    told = json.loads(done.stdout)["masks"]
+    assert {one["out"]: (one["images"], one["problems"]) for one in told} == {
+        "own/left.png": (8, []),
+        "own/day1/right.png": (8, []),
+    }
+    assert (grey(tmp_path / "own" / "left.png")[BONNET] == 0).mean() > 0.9
+    assert (grey(tmp_path / "own" / "day1" / "right.png") == 255).all()
+    settings = ("--set", "domain.masks=own", "--set", "init.center=[60,30]", "--set", "init.radius=10")
+    assert ffseg_command("run", "in", "--out", "out", *settings, cwd=tmp_path).returncode == 0
+
+
+def test_what_goes_wrong_in_one_folder_is_named_and_the_rest_done(ffseg_command: Command, tmp_path: Path) -> None:
+    images(tmp_path / "in" / "left")
+    images(tmp_path / "in" / "few", 3)
+    (tmp_path / "in" / "left" / "broken.png").write_bytes(b"no image")
+    done = ffseg_command("domain", "in", "--out", "own", cwd=tmp_path)
+    assert done.returncode == 3
+    assert "in/left/broken.png: " in done.stderr
+    assert "no mask own/few.png: 3 images are too few; take 5 or more of one camera" in done.stderr
+    assert [path.name for path in (tmp_path / "own").iterdir()] == ["left.png"]
+
+
+def test_a_sample_is_spread_over_all_images(ffseg_command: Command, tmp_path: Path) -> None:
+    images(tmp_path / "in", 12)
+    done = ffseg_command("domain", "in", "--out", "own.png", "--sample", "5", cwd=tmp_path)
+    assert "in 5 of 12 images" in done.stdout
+    for number in (0, 3, 6, 8, 11):
+        (tmp_path / "in" / f"{number}.png").write_bytes(b"")
+    done = ffseg_command("domain", "in", "--out", "own.png", "--sample", "5", cwd=tmp_path)
+    assert "0 images are too few" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("in", "--out", "own"), "for one mask of all images name a file: --out own.png"),
+        (("in", "--out", "own.jpg"), "masks are PNG files; name it .png"),
+        (("in", "--out", "no/own.png"), "there is no folder no"),
+        (("none", "--out", "own.png"), "there is no file or folder none"),
+        (("in", "few", "--out", "own.png"), "has another size than the images before it"),
+        (("few", "--out", "own.png"), "3 images are too few"),
+    ],
+)
+def test_nothing_is_written_where_nothing_can_be_found(
+    ffseg_command: Command, tmp_path: Path, arguments: tuple[str, ...], words: str
+) -> None:
+    images(tmp_path / "in")
+    images(tmp_path / "few", 3)
+    for path in (tmp_path / "few").iterdir():
+        cv2.imwrite(str(path), cv2.imread(str(path))[:50])
+    before = sorted(tmp_path.iterdir())
+    done = ffseg_command("domain", *arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert words in " ".join(done.stderr.split())
+    assert done.stdout == ""
+    assert sorted(tmp_path.iterdir()) == before
