@@ -165,7 +165,9 @@ def test_a_map_that_tells_of_no_region_is_named() -> None:
     image, start = np.full((*SHAPE, 3), 120, np.uint8), {"init.radius": 8}
     low, high = np.full(SHAPE, 0.2, np.float32), np.full(SHAPE, 0.2, np.float32)
     high[20:40, 20:60] = 0.8
-    said = "the map of evidence nowhere crosses the probability 0.5 at which the region ends: the image's own edges decide"
+    said = (
+        "the map of evidence nowhere crosses the probability 0.5 at which the region ends: the image's own edges decide"
+    )
     assert said in api.segment(image, start, evidence=low).messages
     assert said not in api.segment(image, start, evidence=high).messages
     higher = api.segment(image, {**start, "region.probability": 0.9}, evidence=high).messages

@@ -157,7 +157,9 @@ def test_images_that_the_model_has_learned_from_are_named(folder: Path) -> None:
     model = folder / "a.ffmodel"
     for about, warned in (({"images": ["1.png", "x.png", 3]}, True), ({"images": 7}, False), ({}, False)):
         model.write_bytes(to_bytes(Model(base.base(), about=about)))
-        code, said = ran(folder, "--set", f"edges.model={model}", "--set", "init.center=[20,30]", "--set", "init.radius=5")
+        code, said = ran(
+            folder, "--set", f"edges.model={model}", "--set", "init.center=[20,30]", "--set", "init.radius=5"
+        )
         assert code == 0
         assert ("warning: edges.model has learned from images called 1.png;" in said) is warned
 
@@ -184,7 +186,9 @@ def test_a_method_without_edges_is_refused(folder: Path) -> None:
     assert "method: cv_floodfill does not look at the edge map" in said
 
 
-@pytest.mark.parametrize(("more", "said"), [(1, "about 1 more mask may still"), (3, "about 3 more masks may each still")])
+@pytest.mark.parametrize(
+    ("more", "said"), [(1, "about 1 more mask may still"), (3, "about 3 more masks may each still")]
+)
 def test_one_more_mask_is_one(more: int, said: str) -> None:
     lines = sentences(Figures(3, 0.9, 0.1, 0.5, 0.1, helps=True, curve=((1, 0.5), (2, 0.6)), more=more), "a.ffmodel")
     assert any(line.startswith(said) for line in lines)
