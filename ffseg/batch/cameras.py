@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ffseg.batch.discover import Source
 from ffseg.batch.workers.sources import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
-from ffseg.formats.files import printable, write_bytes_atomic
-from ffseg.formats.masks import encode_mask
+from ffseg.formats.files import make_folder, printable, write_bytes_atomic
+from ffseg.formats.masks import encode_mask, holds_other_than_mask
 from ffseg.image.bounds.own import own_image
 
 MASK = ".png"
@@ -43,7 +43,7 @@ class Found:
     out : str
         The mask that was written; empty if there is none.
     images, looked : int
-        How many there are, and how many were looked at.
+        How many there are, and how many could be looked at.
     own : float
         Share of the mask that is 0.
     problems : tuple of str
@@ -63,8 +63,19 @@ def cameras(sources: Sequence[Source], out: str) -> list[Camera]:
     Raises
     ------
     UsageError
-        If `out` is a folder and an image lies in none, so that no mask could be named after it.
+        If `out` is a folder and an image lies in none, so that no mask could be named after it; or if a mask would
+        replace a picture.
     """
+    found = _by_camera(sources, out)
+    for camera in found:
+        if os.path.isfile(camera.out) and holds_other_than_mask(camera.out):
+            raise UsageError(
+                f"{printable(camera.out)} is a picture that is there already; choose another name for --out"
+            )
+    return found
+
+
+def _by_camera(sources: Sequence[Source], out: str) -> list[Camera]:
     if out.lower().endswith(MASK):
         return [Camera(out, tuple(sources))]
     folders: dict[str, list[Source]] = {}
@@ -87,26 +98,26 @@ def write_own_image(camera: Camera, most: int) -> Found:
     OutputError
         If the mask cannot be written.
     """
-    images, problems = len(camera.images), list[str]()
+    images, unread = len(camera.images), list[str]()
     places = np.rint(np.linspace(0, images - 1, min(most, images))).astype(int)
     try:
-        own = own_image(_read([camera.images[place] for place in places], problems))
+        own = own_image(_read([camera.images[place] for place in places], unread))
     except SegmentationError as error:
-        problems.append(f"no mask {printable(camera.out)}: {error}")
-        return Found("", images, len(places), 0.0, tuple(problems))
-    os.makedirs(os.path.dirname(camera.out) or ".", exist_ok=True)
+        problems = (*unread, f"no mask {printable(camera.out)}: {error}")
+        return Found("", images, len(places) - len(unread), 0.0, problems)
+    make_folder(os.path.dirname(camera.out) or ".")
     write_bytes_atomic(camera.out, encode_mask(~own))
-    return Found(camera.out, images, len(places), float(own.mean()), tuple(problems))
+    return Found(camera.out, images, len(places) - len(unread), float(own.mean()), tuple(unread))
 
 
-def _read(sources: Sequence[Source], problems: list[str]) -> Iterator[NDArray[np.uint8]]:
-    """The images that can be read, of one size; what is wrong with others is added to the problems."""
+def _read(sources: Sequence[Source], unread: list[str]) -> Iterator[NDArray[np.uint8]]:
+    """The images that can be read, of one size; what is wrong with others is added to `unread`."""
     shape: tuple[int, ...] | None = None
     for source in sources:
         try:
             image = read_source(source)
         except ImageReadError as error:
-            problems.append(str(error))
+            unread.append(str(error))
             continue
         if image.shape[:2] != (shape or image.shape[:2]):
             raise SegmentationError(

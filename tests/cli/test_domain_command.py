@@ -73,6 +73,7 @@ def test_what_goes_wrong_in_one_folder_is_named_and_the_rest_done(ffseg_command:
     done = ffseg_command("domain", "in", "--out", "own", cwd=tmp_path)
     assert done.returncode == 3
     assert "in/left/broken.png: " in done.stderr
+    assert "in 8 of 9 images" in done.stdout
     assert "no mask own/few.png: 3 images are too few; take 5 or more of one camera" in done.stderr
     assert [path.name for path in (tmp_path / "own").iterdir()] == ["left.png"]
 
@@ -96,6 +97,7 @@ def test_a_sample_is_spread_over_all_images(ffseg_command: Command, tmp_path: Pa
         (("none", "--out", "own.png"), "there is no file or folder none"),
         (("in", "few", "--out", "own.png"), "has another size than the images before it"),
         (("few", "--out", "own.png"), "3 images are too few"),
+        (("in", "--out", "few/0.png"), "few/0.png is a picture that is there already"),
     ],
 )
 def test_nothing_is_written_where_nothing_can_be_found(

@@ -50,7 +50,7 @@ BLUR = 3
 LEAST_AREA = 0.002
 """Of a part, as a share of the image."""
 
-QUIET = 0.25
+QUIET = 0.12
 """A part belongs to the camera if edges come and go on so small a share of it, compared with the liveliest part."""
 
 MOVED = 0.15
