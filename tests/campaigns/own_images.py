@@ -3,7 +3,7 @@
 A robot's or a car's camera moves through a street or a room, a mirror or fisheye through a room: with a bonnet at the lower
 border, or a dark surround, a mount in the middle and perhaps a rod across; and without. The light changes by a third from image
 to image. Says for each kind how many of the cameras' own images were found (IoU of 0.8 or more) and what share of the scene was
-taken for one, at most and in the mean. Exit code 1 if more than 2 % of a scene is lost where the camera has moved well.
+taken for one, at most and in the mean. Exit code 1 if that is more than 2 % where the camera has moved well and turned.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class Drive:
 
 
 DRIVES = (Drive(0.6, 0.15, 12), Drive(0.3, 0.0, 12), Drive(0.6, 0.15, 6), Drive(0.05, 0.01, 12))
-WELL = DRIVES[:3]
-"""Those on which the camera has moved well."""
+WELL = (DRIVES[0], DRIVES[2])
+"""Those on which the camera has moved well, and turned."""
 
 
 @dataclass(frozen=True, slots=True)
