@@ -29,8 +29,8 @@ MAGIC = b"ffmodel 1\n"
 MAX_BYTES = 16 << 20
 """A forest of a thousand trees of 32 leaves takes 0.6 MB."""
 MAX_HEADER = 1 << 16
-MAX_SIZE = 4096
-"""Pixels a side that the native core works on at most."""
+LEAST_SIZE, MAX_SIZE = 256, 4096
+"""Pixels a side: the native core reduces images, of up to 65535, by 256 at most, and works on no more than the other."""
 ARRAYS = (
     ("feature", "<i4", "nodes"),
     ("threshold", "<f4", "nodes"),
@@ -273,7 +273,7 @@ def _header(text: bytes, known: tuple[str, ...]) -> dict[str, Any]:
         raise ValueError(f"prior in its header is not a number from 0 to {MOST_PRIOR:g}")
     if not isinstance(header["exposed"], bool):
         raise ValueError("exposed in its header is neither true nor false")
-    _require_whole(header, "size", 16, MAX_SIZE)
+    _require_whole(header, "size", LEAST_SIZE, MAX_SIZE)
     if not isinstance(header["about"], dict):
         raise ValueError("about in its header is not a table")
     forests = header["forests"]

@@ -98,10 +98,10 @@ def test_a_forest_of_few_features_asks_for_those_only() -> None:
 
 
 def test_a_model_may_hold_a_second_forest(tmp_path: Path) -> None:
-    both = Model(stump("x", 0.5).inside, stump("y", 0.25).inside, size=100)
+    both = Model(stump("x", 0.5).inside, stump("y", 0.25).inside, size=300)
     (tmp_path / "a.ffmodel").write_bytes(to_bytes(both))
     again = load_model(tmp_path / "a.ffmodel")
-    assert again.size == 100
+    assert again.size == 300
     assert again.start is not None
     assert again.start.arrays["threshold"].tolist() == [0.25]
     assert again.inside.arrays["threshold"].tolist() == [0.5]
@@ -139,6 +139,7 @@ HOSTILE = {
     "list": (sealed([1], BODY), "does not have the keys"),
     "missing": (sealed({"nodes": 1}, BODY), "does not have the keys"),
     "size": (sealed({**HEADER, "size": 1 << 20}, BODY), "size in its header"),
+    "a size to which no large image is reduced": (sealed({**HEADER, "size": 255}, BODY), "size in its header"),
     "prior": (sealed({**HEADER, "prior": 11}, BODY), "prior in its header"),
     "nan-prior": (sealed(json.dumps({**HEADER, "prior": float("nan")}).encode(), BODY), "prior in its header"),
     "text-prior": (sealed({**HEADER, "prior": True}, BODY), "prior in its header"),
