@@ -12,6 +12,7 @@ import ffseg
 from ffseg.errors import SegmentationError
 from ffseg.image.bounds.own import LEAST_IMAGES, own_image
 from ffseg.samples.write import write_samples
+from tests.campaigns.own_images import DRIVES, FOUND, KINDS, MOST_LOST, Case, judged
 
 SHAPE = (180, 240)
 ROWS, COLUMNS = np.indices(SHAPE)
@@ -110,3 +111,12 @@ def test_the_robot_under_a_mirror_and_the_dark_round_it(tmp_path: Path) -> None:
     rows, columns = np.indices(images[0].shape[:2])
     robot = np.hypot(columns - camera.center[0], rows - camera.center[1]) <= camera.robot_radius
     assert overlap(own_image(images), ~camera.domain() | robot) > 0.97  # the limit is known to a pixel of 400
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_cameras_that_are_drawn_on_their_way(kind: str) -> None:
+    """The short form of ``tests.campaigns.own_images``."""
+    itself, nothing = (judged(Case(kind, 42, DRIVES[2], sees_itself)) for sees_itself in (True, False))
+    assert itself.overlap >= FOUND
+    assert itself.lost <= MOST_LOST
+    assert nothing.lost <= MOST_LOST
