@@ -13,7 +13,7 @@ from ffseg.batch.discover import Source
 from ffseg.batch.workers.sources import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.formats.files import make_folder, printable, write_bytes_atomic
-from ffseg.formats.masks import encode_mask, holds_other_than_mask
+from ffseg.formats.masks import encode_mask
 from ffseg.image.bounds.own import own_image
 
 MASK = ".png"
@@ -57,26 +57,20 @@ class Found:
     problems: tuple[str, ...]
 
 
+def names_a_mask(out: str) -> bool:
+    """Whether that is the name of a mask; else it is one of a folder."""
+    return out.lower().endswith(MASK)
+
+
 def cameras(sources: Sequence[Source], out: str) -> list[Camera]:
     """Images sorted by camera: all are of one if `out` names a PNG file, else those of a folder, named after it.
 
     Raises
     ------
     UsageError
-        If `out` is a folder and an image lies in none, so that no mask could be named after it; or if a mask would
-        replace a picture.
+        If `out` is a folder and an image lies in none, so that no mask could be named after it.
     """
-    found = _by_camera(sources, out)
-    for camera in found:
-        if os.path.isfile(camera.out) and holds_other_than_mask(camera.out):
-            raise UsageError(
-                f"{printable(camera.out)} is a picture that is there already; choose another name for --out"
-            )
-    return found
-
-
-def _by_camera(sources: Sequence[Source], out: str) -> list[Camera]:
-    if out.lower().endswith(MASK):
+    if names_a_mask(out):
         return [Camera(out, tuple(sources))]
     folders: dict[str, list[Source]] = {}
     for source in sources:

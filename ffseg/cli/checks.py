@@ -66,6 +66,23 @@ def _may_be_a_file(path: Path) -> bool:
         return error.errno == errno.ENOENT
 
 
+def refuse_pictures(paths: Sequence[str], remedy: str) -> None:
+    """Refuse to replace a picture that is no mask; what an earlier call wrote as a mask, and other files, may go.
+
+    Raises
+    ------
+    UsageError
+        Naming the picture.
+    """
+    from ffseg.errors import UsageError
+    from ffseg.formats.files import printable
+    from ffseg.formats.masks import holds_other_than_mask
+
+    for path in paths:
+        if os.path.isfile(path) and holds_other_than_mask(path):
+            raise UsageError(f"{printable(path)} is a picture that is there already; {remedy}")
+
+
 def require_truth(truth: Path | None, label: int | None) -> None:
     """Refuse a class number without masks that it could be in."""
     from ffseg.errors import UsageError

@@ -94,11 +94,7 @@ def use_base(folder: str, data: Path, bases: Path | None) -> None:
     if bases is None:
         say(f"{folder}: with the base that comes with ffseg, which has seen these images; name --bases")
         return
-    path = bases / f"without-{folder.replace('/', '-')}.ffmodel"
-    if not path.is_file():
-        others = [one for one in load(data, list(SETS)) if one.folder != folder]
-        write_bytes_atomic(path, to_bytes(learn_base.grow(others, f"without {folder}")))
-    base.BASE = path
+    base.BASE = _made_without(folder, data, bases, learn_base.grow)
     base.base.cache_clear()
 
 
@@ -107,13 +103,21 @@ def use_prior(folder: str, data: Path, priors: Path | None) -> None:
     if priors is None:
         say(f"{folder}: with the prior that comes with ffseg, which has seen these images; name --priors")
         return
-    path = priors / f"without-{folder.replace('/', '-')}.ffmodel"
+
+    def grow(others: Sequence[Photograph], about: str) -> Model:
+        return learn_prior.grow(others, learn_prior.drawn_samples(learn_prior.DRAWN), about)
+
+    prior.MODEL = _made_without(folder, data, priors, grow)
+    prior._model.cache_clear()
+
+
+def _made_without(folder: str, data: Path, kept: Path, grow: Callable[[Sequence[Photograph], str], Model]) -> Path:
+    """File of a model of the other sets; made if it is not kept yet."""
+    path = kept / f"without-{folder.replace('/', '-')}.ffmodel"
     if not path.is_file():
         others = [one for one in load(data, list(SETS)) if one.folder != folder]
-        drawn = learn_prior.drawn_samples(learn_prior.DRAWN)
-        write_bytes_atomic(path, to_bytes(learn_prior.grow(others, drawn, f"without {folder}")))
-    prior.MODEL = path
-    prior._model.cache_clear()
+        write_bytes_atomic(path, to_bytes(grow(others, f"without {folder}")))
+    return path
 
 
 def start_of(photograph: Photograph) -> NDArray[np.bool_]:

@@ -21,7 +21,7 @@ from ffseg.errors import SegmentationError
 from ffseg.formats.images import single_thread
 from ffseg.image.bounds.own import own_image
 from tests.campaigns.places.cameras import Camera, bonnet, developed, housing, mirror, perspective, rotation
-from tests.campaigns.places.drawn import seen_from_the_middle
+from tests.campaigns.places.drawn import clear_of, seen_from_the_middle
 from tests.campaigns.places.rays import Scene, shaded
 from tests.campaigns.places.rooms import room
 from tests.campaigns.places.skins import Array
@@ -29,8 +29,6 @@ from tests.campaigns.places.streets import street
 
 KINDS = ("street", "room", "mirror")
 FOUND, MOST_LOST = 0.8, 0.02
-CLEAR = 0.25
-"""Metres round each place of the camera that no box reaches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +86,7 @@ def _way(camera: Camera, case: Case) -> Iterator[tuple[Camera, np.random.Generat
 
 def _light(scene: Scene, camera: Camera, case: Case) -> tuple[Array, Array]:
     """What reaches the camera, (H, W, 3), and the camera's own image."""
-    foot = (camera.origin * [1, 1, 0])[None]
-    clear = replace(scene, boxes=[box for box in scene.boxes if box.inner or box.distance(foot)[0] > CLEAR])
+    clear = clear_of(scene, camera.origin * [1, 1, 0])
     rng = np.random.default_rng([case.seed, 3])
     shape = camera.rays.shape[:2]
     light = np.maximum(shaded(clear, camera.origin, camera.rays.reshape(-1, 3), rng)[0], 0).reshape(*shape, 3)

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ffseg.batch.learning import learn as learning
-from ffseg.batch.learning.gather import counted, gather, known_share, starts_off
+from ffseg.batch.learning.gather import few_known, gather, known_share, starts_off
 from ffseg.batch.learning.learn import Figures
 from ffseg.batch.learning.page import told
 from ffseg.batch.learning.tune import Bench, tune
@@ -94,7 +94,7 @@ def test_scribbles_say_what_the_figures_count(folder: Path) -> None:
     assert line in told(tune(labelled, 0.1, lambda _: None))
     figures = Figures(3, 1.0, 0.0, 1.0, 0.0, helps=False, known=known_share(labelled))
     assert line in sentences(figures, "a.ffmodel")
-    assert counted(0.5) == []
+    assert few_known(0.5) == []
 
 
 def test_without_a_start_the_figure_to_beat_says_where_it_grew_from() -> None:

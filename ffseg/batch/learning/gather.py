@@ -192,7 +192,7 @@ def known_share(labelled: Sequence[Labelled]) -> float:
     return float(mean(np.count_nonzero(one.truth != IGNORED) / one.truth.size for one in labelled))
 
 
-def counted(share: float) -> list[str]:
+def few_known(share: float) -> list[str]:
     """What to say where figures count few of the pixels, as of masks that are scribbles."""
     if share >= LEAST_KNOWN:
         return []

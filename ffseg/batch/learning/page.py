@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg import __version__
-from ffseg.batch.learning.gather import Labelled, counted
+from ffseg.batch.learning.gather import Labelled, few_known
 from ffseg.batch.learning.tune import Tuned
 from ffseg.formats.files import printable
 from ffseg.formats.masks import encode_png
@@ -38,7 +38,7 @@ def told(tuned: Tuned) -> list[str]:
         f"{tuned.tried} settings tried on {count} image{'s' if count > 1 else ''} in {tuned.seconds:.0f} s{more}",
         f"IoU with the parameters as they were: {mean(tuned.before):.3f} (spread {pstdev(tuned.before):.3f})",
     ]
-    lines += counted(tuned.known)
+    lines += few_known(tuned.known)
     if count > 1:
         lines.append(
             f"of each image with what is best on the others: {mean(tuned.left_out):.3f} "

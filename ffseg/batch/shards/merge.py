@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from itertools import groupby
+from itertools import groupby, islice
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -154,14 +154,14 @@ def _write_journal(
             records.note(record)
             merge.counts["total"] += 1
             merge.counts[record.status] += 1
-            gone += _gone(merge.out, record)[: _NAMED - len(gone)]
+            gone += islice(_gone(merge.out, record), _NAMED - len(gone))
     merge.problems += [f"{printable(path)} is gone; run its shard again" for path in gone]
 
 
-def _gone(out: str, record: Record) -> list[str]:
+def _gone(out: str, record: Record) -> Iterator[str]:
     """Outputs with files of their own that are no longer there, or were left on another machine."""
     files = (path for path in record.outputs if path not in record.members)
-    return [path for path in files if not os.path.lexists(os.path.join(out, path))]
+    return (path for path in files if not os.path.lexists(os.path.join(out, path)))
 
 
 def _write_packed(

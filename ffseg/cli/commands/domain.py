@@ -12,7 +12,7 @@ import typer
 
 from ffseg.cli import console
 from ffseg.cli.checks import folder as named
-from ffseg.cli.checks import output_file
+from ffseg.cli.checks import output_file, refuse_pictures
 from ffseg.cli.options import Inputs
 from ffseg.errors import UsageError
 
@@ -41,14 +41,14 @@ def domain(
     commands. Look at them: they are found, not known. Exit code: 0 done; 2 nothing was written; 3 an image cannot be
     read, or a folder shows no camera that moves: it is named, and the other masks are written.
     """
-    single = _is_mask(out)
-    if single:
-        output_file("--out", out)
-    from ffseg.batch.cameras import cameras, write_own_image
+    from ffseg.batch.cameras import cameras, names_a_mask, write_own_image
     from ffseg.batch.discover import discover
 
+    single = names_a_mask(os.fspath(out))
+    _require_output(out, single=single)
     found: list[Found] = []
     planned = cameras(discover(inputs), os.fspath(out))
+    refuse_pictures([camera.out for camera in planned], "choose another name for --out")
     for number, camera in enumerate(planned, 1):
         if not quiet:
             seen = min(sample, len(camera.images))
@@ -60,27 +60,24 @@ def domain(
     if as_json:
         console.data(json.dumps({"out": os.fspath(out), "masks": [asdict(one) for one in found]}, indent=2))
     elif written:
-        console.data("\n".join([*map(_sentence, written), f"use {'it' if single else 'them'} with --set {_key(out)}"]))
+        use = "it with --set domain.mask" if single else "them with --set domain.masks"
+        console.data("\n".join([*map(_sentence, written), f"use {use}={out}"]))
     if not written:
         raise typer.Exit(2)
     if any(one.problems for one in found):
         raise typer.Exit(INCOMPLETE)
 
 
-def _is_mask(out: Path) -> bool:
-    """Whether that is the name of a mask; else it is one of a folder."""
+def _require_output(out: Path, *, single: bool) -> None:
+    """Refuse a mask or a folder of masks that could not be written."""
     from ffseg.batch.discover import SUFFIXES
 
-    suffix = out.suffix.lower()
-    if suffix in SUFFIXES - {".png"} and not out.is_dir():
+    if single:
+        output_file("--out", out)
+        return
+    if out.suffix.lower() in SUFFIXES and not out.is_dir():
         raise UsageError(f"--out {out}: masks are PNG files; name it .png, or name a folder")
-    if suffix != ".png":
-        named(os.fspath(out))
-    return suffix == ".png"
-
-
-def _key(out: Path) -> str:
-    return f"domain.mask{'' if _is_mask(out) else 's'}={out}"
+    named(os.fspath(out))
 
 
 def _sentence(found: Found) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import completion, console
-from ffseg.cli.checks import checked_params, require_source
+from ffseg.cli.checks import checked_params, refuse_pictures, require_source
 from ffseg.cli.options import Config, Outside, Settings, with_background
 from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError, is_out_of_memory
 
@@ -62,7 +62,7 @@ def segment(  # noqa: PLR0913 - the options of the command
     wanted = [(path, _kind(path, kind)) for path in outputs]
     _require_other_names(image, wanted)
     if not overwrite:
-        _require_no_pictures(outputs)
+        refuse_pictures([path for path in outputs if path != PIPE], "choose another name or add --overwrite")
     params = checked_params(config, with_background(settings, outside))
     require_source(params, evidence)
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
@@ -127,15 +127,6 @@ def _require_other_names(image: str, wanted: Sequence[tuple[str, str]]) -> None:
                 f"{first[output]} and {path} would be the same {kind}; 'ffseg segment' takes one image, 'ffseg run' many"
             )
         first[output] = path
-
-
-def _require_no_pictures(outputs: Sequence[str]) -> None:
-    """Refuse to replace a picture that is no mask; what an earlier call wrote as a mask, and other files, may go."""
-    from ffseg.formats.masks import holds_other_than_mask
-
-    for path in outputs:
-        if path != PIPE and os.path.isfile(path) and holds_other_than_mask(path):
-            raise UsageError(f"{path} is a picture that is there already; choose another name or add --overwrite")
 
 
 def _same(path: str, image: str) -> bool:

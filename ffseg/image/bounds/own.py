@@ -113,7 +113,8 @@ def own_image(images: Iterable[Image]) -> Mask:
 def _look(images: Iterable[Image]) -> tuple[tuple[int, int], _Seen]:
     """Height and width of the images, and what they say together."""
     shape: tuple[int, int] | None = None
-    tensors, strengths, discs = list[Plane](), list[Plane](), list[Disc | None]()
+    tensor: Plane = np.zeros((3, 1, 1), np.float32)
+    strengths, discs = list[Plane](), list[Disc | None]()
     for number, image in enumerate(images, 1):
         height, width = image.shape[:2]
         if (height, width) != (shape or (height, width)):
@@ -122,12 +123,12 @@ def _look(images: Iterable[Image]) -> tuple[tuple[int, int], _Seen]:
         x, y = _gradient(_reduced(image))
         strength = np.hypot(x, y)
         weight = (_beside_crests(x, y) / (strength**2 + NOISE**2)).astype(np.float32)
-        tensors.append(np.stack([x * x, y * y, x * y]) * weight)
+        tensor = cast("Plane", tensor + np.stack([x * x, y * y, x * y]) * weight)
         strengths.append(strength)
         discs.append(valid_disc(image))
     if shape is None or len(strengths) < LEAST_IMAGES:
         raise SegmentationError(f"{len(strengths)} images are too few; take {LEAST_IMAGES} or more of one camera")
-    xx, yy, xy = np.mean(tensors, axis=0)
+    xx, yy, xy = tensor / np.float32(len(strengths))
     stays = (xx + yy) / 2 + np.sqrt((xx - yy) ** 2 / 4 + xy**2)
     middle, upper = np.quantile(np.stack(strengths), (0.5, 0.9), axis=0)
     return shape, _Seen(stays, middle.astype(np.float32), upper - middle >= CLEAR, _usual(discs))

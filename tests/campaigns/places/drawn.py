@@ -70,10 +70,14 @@ def picture(kind: str, rng: np.random.Generator, behind: list[Array]) -> tuple[A
     return photographed(_clear(street(rng) if road else room(rng)), perspective(rng, road=road), rng, road=road)
 
 
+def clear_of(scene: Scene, foot: Array) -> Scene:
+    """The scene with nothing where the camera stands, (3,) on the ground."""
+    boxes = [box for box in scene.boxes if box.inner or box.distance(foot[None])[0] > CLEAR_OF_CAMERA]
+    return replace(scene, boxes=boxes)
+
+
 def _clear(scene: Scene) -> Scene:
-    """Nothing stands where the camera is."""
-    origin = np.zeros((1, 3))
-    return replace(scene, boxes=[box for box in scene.boxes if box.inner or box.distance(origin)[0] > CLEAR_OF_CAMERA])
+    return clear_of(scene, np.zeros(3))
 
 
 def seen_from_the_middle(scene: Scene, rng: np.random.Generator) -> Scene:

@@ -65,7 +65,7 @@ def learn(  # noqa: PLR0913 - the options of the command
 
 def sentences(figures: Figures, out: str) -> list[str]:
     """What there is to say of a model."""
-    from ffseg.batch.learning.gather import counted
+    from ffseg.batch.learning.gather import few_known
 
     lines = [f"{out}: learned from {figures.masks} mask{'s' if figures.masks > 1 else ''}"]
     if figures.base is not None:
@@ -78,7 +78,7 @@ def sentences(figures: Figures, out: str) -> list[str]:
         lines.append(f"IoU on images left out: {figures.iou:.3f} (spread {figures.spread:.3f})")
         middle = ", from the middle of the images: no start is named" if figures.searched else ""
         lines.append(f"without the model:       {figures.without:.3f} (spread {figures.without_spread:.3f}){middle}")
-        lines += counted(figures.known)
+        lines += few_known(figures.known)
         if not figures.helps:
             lines.append("this is no better than without the model beyond the noise; draw more masks, or do without it")
     if figures.curve:
