@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import json
 import multiprocessing
 import os
@@ -32,6 +33,13 @@ pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's own, of every kind
 
 NAMES = [f"i{index}.png" for index in range(60)]
 ALL = Wanted(True, ("coco",))
+
+
+@pytest.fixture(autouse=True)
+def no_client_left() -> Iterator[None]:
+    """Clients that never connected end here: collected while another one starts, they would wait for it for ever."""
+    yield
+    gc.collect()
 
 
 @pytest.fixture
