@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 import ffseg
 from ffseg.camera.motion import planar_pose
-from ffseg.formats.film.animation import animation_bytes
-from ffseg.formats.film.snapshots import scaled_contour, scaled_down
-from ffseg.formats.film.strip import film_strip_svg
-from ffseg.formats.overlays import Kind, Polyline, draw_overlay
 from ffseg.freespace.sequence import Sequence
+from ffseg.io.animation import animation_bytes
+from ffseg.io.overlays import Kind, Polyline, draw_overlay
+from ffseg.io.snapshots import scaled_contour, scaled_down
+from ffseg.io.strip import film_strip_svg
 from ffseg.rendering.pairs import render_pair
 from ffseg.samples import texture
 from ffseg.samples.paint import Paper, coverage
@@ -180,7 +180,7 @@ def report() -> None:
     import chromium
     import runs
 
-    from ffseg.batch.report import write_report
+    from ffseg.batch.report.write import write_report
 
     program = chromium.find()
     if program is None:

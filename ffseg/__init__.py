@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from ffseg.errors import ParameterError as ParameterError
     from ffseg.errors import SegmentationError as SegmentationError
     from ffseg.errors import UsageError as UsageError
-    from ffseg.formats.images import Limits as Limits
-    from ffseg.formats.images import read_image as read_image
     from ffseg.freespace.motion.ground import Doubt as Doubt
     from ffseg.freespace.motion.ground import GroundFit as GroundFit
     from ffseg.freespace.sequence import Frame as Frame
@@ -37,10 +35,19 @@ if TYPE_CHECKING:
     from ffseg.freespace.structural import ComponentVerdict as ComponentVerdict
     from ffseg.freespace.window import Link as Link
     from ffseg.geometry.freeform import FreeForm as FreeForm
-    from ffseg.image.bounds.own import own_image as own_image
     from ffseg.image.edges import EdgeMap as EdgeMap
     from ffseg.image.edges import Scene as Scene
     from ffseg.image.edges import edge_map as edge_map
+    from ffseg.image.own import own_image as own_image
+    from ffseg.io.images import Limits as Limits
+    from ffseg.io.images import read_image as read_image
+    from ffseg.methods.base import Outcome as Outcome
+    from ffseg.methods.base import Progress as Progress
+    from ffseg.methods.base import Segmentation as Segmentation
+    from ffseg.methods.base import Segmenter as Segmenter
+    from ffseg.methods.base import Stats as Stats
+    from ffseg.methods.base import Timings as Timings
+    from ffseg.methods.base import View as View
     from ffseg.parameters import Contour as Contour
     from ffseg.parameters import Domain as Domain
     from ffseg.parameters import Edges as Edges
@@ -55,13 +62,6 @@ if TYPE_CHECKING:
     from ffseg.parameters import Snake as Snake
     from ffseg.parameters import load_params as load_params
     from ffseg.parameters import presets as presets
-    from ffseg.segmenters.base import Outcome as Outcome
-    from ffseg.segmenters.base import Progress as Progress
-    from ffseg.segmenters.base import Segmentation as Segmentation
-    from ffseg.segmenters.base import Segmenter as Segmenter
-    from ffseg.segmenters.base import Stats as Stats
-    from ffseg.segmenters.base import Timings as Timings
-    from ffseg.segmenters.base import View as View
 
 __version__ = "0.1.0"
 
@@ -71,17 +71,17 @@ _HOMES = {
     "load_params": "ffseg.parameters",
     "presets": "ffseg.parameters",
     "Parameters": "ffseg.parameters",
-    "Segmentation": "ffseg.segmenters.base",
-    "Stats": "ffseg.segmenters.base",
-    "Timings": "ffseg.segmenters.base",
-    "Progress": "ffseg.segmenters.base",
-    "Segmenter": "ffseg.segmenters.base",
-    "View": "ffseg.segmenters.base",
-    "Outcome": "ffseg.segmenters.base",
+    "Segmentation": "ffseg.methods.base",
+    "Stats": "ffseg.methods.base",
+    "Timings": "ffseg.methods.base",
+    "Progress": "ffseg.methods.base",
+    "Segmenter": "ffseg.methods.base",
+    "View": "ffseg.methods.base",
+    "Outcome": "ffseg.methods.base",
     "EdgeMap": "ffseg.image.edges",
     "Scene": "ffseg.image.edges",
     "edge_map": "ffseg.image.edges",
-    "own_image": "ffseg.image.bounds.own",
+    "own_image": "ffseg.image.own",
     "FreeForm": "ffseg.geometry.freeform",
     "Camera": "ffseg.camera",
     "load_camera": "ffseg.camera",
@@ -92,7 +92,7 @@ _HOMES = {
     "Sequence": "ffseg.freespace.sequence",
     "Frame": "ffseg.freespace.sequence",
     "ComponentVerdict": "ffseg.freespace.structural",
-    "read_image": "ffseg.formats.images",
+    "read_image": "ffseg.io.images",
     "FfsegError": "ffseg.errors",
     "ParameterError": "ffseg.errors",
     "UsageError": "ffseg.errors",
@@ -107,7 +107,7 @@ _HOMES = {
     "Obstacles": "ffseg.parameters",
     "Snake": "ffseg.parameters",
     "LevelSet": "ffseg.parameters",
-    "Limits": "ffseg.formats.images",
+    "Limits": "ffseg.io.images",
     "Projection": "ffseg.camera.projections",
     "Paper": "ffseg.parameters",
     "Link": "ffseg.freespace.window",

@@ -8,7 +8,7 @@ import sys
 
 def main() -> None:
     """Run the command line; never returns."""
-    from ffseg.cli.running.streams import harden, lost_output
+    from ffseg.cli.streams import harden, lost_output
 
     harden()
     if sys.argv[1:2] == ["run"] and not {"-h", "--help", "--dry-run"} & set(sys.argv):

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg import pipeline as registry
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.formats.masks import load_mask
-from ffseg.given import checked_image
+from ffseg.image.checked import checked_image
 from ffseg.image.edges import EdgeMap
+from ffseg.io.masks import load_mask
+from ffseg.methods.base import Progress, Segmentation, Segmenter
 from ffseg.parameters import FARTHEST, ParametersLike, parameter_set
-from ffseg.segmenters import registry
-from ffseg.segmenters.base import Progress, Segmentation, Segmenter
 
 WIDEST = 10_000
 """Pixels: the largest radius round a matched interest point."""

@@ -21,7 +21,7 @@ class ImageReadError(FfsegError):
     Attributes
     ----------
     reason : str
-        One of the closed list of reasons in ``ffseg.formats.images``.
+        One of the closed list of reasons in ``ffseg.io.images``.
     """
 
     def __init__(self, reason: str, message: str) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from ffseg.errors import ParameterError
-from ffseg.methods import EDGE_SOURCES, METHODS
+from ffseg.plugins import EDGE_SOURCES, METHODS
 from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Name, Number, OrWord, Row, Text
 from ffseg.schema.nodes import Node, Problems, Source, wrap
 from ffseg.schema.sections import Section, build, collect, declared, nearest, subsection

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.formats.masks import decode_mask
+from ffseg.io.masks import decode_mask
 
 
 def read_mask(path: str | Path) -> NDArray[np.bool_]:

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 import ffseg
-from ffseg.formats.files import printable
-from ffseg.formats.masks import encode_mask
-from ffseg.formats.overlays import Polyline, encode_overlay
-from ffseg.formats.svg import svg_document
-from ffseg.formats.tables import csv_table
+from ffseg.io.files import printable
+from ffseg.io.masks import encode_mask
+from ffseg.io.overlays import Polyline, encode_overlay
+from ffseg.io.svg import svg_document
+from ffseg.io.tables import csv_table
 from ffseg.samples.scenes import SCENES
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
+from ffseg.methods.base import Segmentation, Stats, Timings
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Segmentation, Stats, Timings
 
 NAME = "stand_in:segment"
 CRASH, HANG, EAT, FAIL, DEFECT = 251, 252, 253, 254, 255

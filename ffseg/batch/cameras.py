@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.discover import Source
+from ffseg.batch.plan.discover import Source
 from ffseg.batch.workers.sources import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
-from ffseg.formats.files import make_folder, printable, write_bytes_atomic
-from ffseg.formats.masks import encode_mask
-from ffseg.image.bounds.own import own_image
+from ffseg.image.own import own_image
+from ffseg.io.files import make_folder, printable, write_bytes_atomic
+from ffseg.io.masks import encode_mask
 
 MASK = ".png"
 

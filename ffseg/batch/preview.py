@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ffseg import __version__
-from ffseg.batch.jobs import Job, Plan
+from ffseg.batch.plan.jobs import Job, Plan
 from ffseg.batch.record.header import refuse_other_packing, refuse_other_parameters, run_header
 from ffseg.batch.record.journal import last_records, refuse_special, state_folder
 from ffseg.batch.record.values import Record
@@ -16,8 +16,8 @@ from ffseg.batch.runner import refuse_foreign
 from ffseg.batch.workers.freshness import kept_outputs, read_task
 from ffseg.batch.workers.messages import Setup, Task
 from ffseg.errors import ImageReadError, OutputError, UsageError
-from ffseg.formats.files import printable, unwritten
-from ffseg.formats.images import Limits, inspect
+from ffseg.io.files import printable, unwritten
+from ffseg.io.images import Limits, inspect
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,20 +16,20 @@ from ffseg import __version__
 from ffseg.batch.executors.base import Executor
 from ffseg.batch.executors.choice import Choice, Start, start
 from ffseg.batch.executors.chunks import left_over, numbered
-from ffseg.batch.jobs import Job, Plan, foreign_outputs, output_folders, prepare_output
-from ffseg.batch.packing.finish import StoppedError, find_moved, put_in_order
-from ffseg.batch.packing.ordered import packs_of, remove_packs
-from ffseg.batch.packing.writer import PackWriter, new_pack
+from ffseg.batch.plan.jobs import Job, Plan, foreign_outputs, output_folders, prepare_output
 from ffseg.batch.record.header import refuse_other_packing, refuse_other_parameters, run_header
 from ffseg.batch.record.journal import Journal, read_header, state_folder
 from ffseg.batch.record.keeper import Keeper, Settled
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.record.standing import Standing, survey, tidy
 from ffseg.batch.record.tables import OBSTACLES, PARQUET, RUN, START_COLUMNS, TIMING_COLUMNS, Tables, remove_old
+from ffseg.batch.tar.finish import StoppedError, find_moved, put_in_order
+from ffseg.batch.tar.ordered import packs_of, remove_packs
+from ffseg.batch.tar.writer import PackWriter, new_pack
 from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Failed, Note, Ready, Reply, Setup, Task
 from ffseg.errors import FfsegError, OutputError, UsageError
-from ffseg.formats.files import is_temporary, printable, sync_folders
+from ffseg.io.files import is_temporary, printable, sync_folders
 
 __all__ = ["JOB_REASONS", "TIMING_COLUMNS", "Observer", "Options", "Run", "Stop", "Summary"]
 
@@ -45,7 +45,7 @@ JOB_REASONS = {
     "out-of-memory": "it needed more memory than --memory allows",
     "internal": "a defect of ffseg; the traceback is in the error log",
 }
-"""Reasons of a failed row beside those of ``ffseg.formats.images.REASONS``."""
+"""Reasons of a failed row beside those of ``ffseg.io.images.REASONS``."""
 
 
 _TOGETHER_MS = 20
@@ -373,7 +373,7 @@ class Run:
         return [*before, *plan.tars]
 
     def _write_report(self) -> None:
-        from ffseg.batch.report import write_report
+        from ffseg.batch.report.write import write_report
 
         try:
             write_report(self._plan.out)

@@ -46,7 +46,7 @@ def output_file(option: str, path: Path) -> None:
         Naming the option.
     """
     from ffseg.errors import OutputError, UsageError
-    from ffseg.formats.files import printable, require_replaceable
+    from ffseg.io.files import printable, require_replaceable
 
     folder = path.parent
     if not os.path.isdir(folder):
@@ -75,8 +75,8 @@ def refuse_pictures(paths: Sequence[str], remedy: str) -> None:
         Naming the picture.
     """
     from ffseg.errors import UsageError
-    from ffseg.formats.files import printable
-    from ffseg.formats.masks import holds_other_than_mask
+    from ffseg.io.files import printable
+    from ffseg.io.masks import holds_other_than_mask
 
     for path in paths:
         if os.path.isfile(path) and holds_other_than_mask(path):
@@ -100,7 +100,7 @@ def checked_params(config: str | None, settings: Sequence[str] | None = None) ->
         One line for everything that is wrong.
     """
     from ffseg.errors import ParameterError
-    from ffseg.formats.files import printable
+    from ffseg.io.files import printable
     from ffseg.parameters import STILL, load_params
 
     params = load_params(config, settings)
@@ -149,7 +149,7 @@ def require_source(params: Parameters, evidence: Path | None = None) -> None:
 
 
 def _complaint(key: str, path: str) -> str:
-    from ffseg.formats.files import printable
+    from ffseg.io.files import printable
 
     if os.path.lexists(path):
         what = "a model; name a .ffmodel or .onnx file" if key == "edges.model" else "an image; name a PNG, TIFF, ..."

@@ -37,7 +37,7 @@ def settings(incomplete: str) -> list[str]:
 
 def methods(incomplete: str) -> list[str]:
     """Lists of methods: the last name is completed."""
-    from ffseg.methods import METHODS
+    from ffseg.plugins import METHODS
 
     return _listed((*METHODS, "peers", "all"), incomplete)
 

@@ -89,7 +89,7 @@ def starts_file(starts: Path | None, params: Parameters) -> str:
     """
     if starts is None:
         return ""
-    from ffseg.formats.starts import check_starts
+    from ffseg.io.starts import check_starts
 
     check_starts(params, starts)
     return os.fspath(starts)

@@ -22,7 +22,7 @@ from ffseg.errors import ImageReadError, ParameterError
 from ffseg.evidence.features import KNOWN, NAMES, WORKING_SIZE, Features, enlarged, exposed, features
 from ffseg.evidence.openings import OPEN
 from ffseg.evidence.surroundings import STRIDE, every, voted
-from ffseg.formats.files import printable, read_bytes
+from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 
 MAGIC = b"ffmodel 1\n"

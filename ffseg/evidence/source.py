@@ -15,8 +15,8 @@ from ffseg.evidence.features import Features, features, reduction
 from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.maps import LEVEL, at_level, evidence_edges, strength_edges
 from ffseg.evidence.prior import prior
-from ffseg.formats.files import printable, read_bytes
 from ffseg.image.edges import EdgeMap, Scene, edge_map
+from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 from ffseg.parameters import Parameters
 
@@ -69,7 +69,7 @@ def told(
 
 
 def _network_map(scene: Scene, path: str) -> NDArray[np.float32]:
-    from ffseg.image.nets.onnx import map_of  # loads OpenCV's networks
+    from ffseg.image.onnx import map_of  # loads OpenCV's networks
 
     try:
         return map_of(scene.image, _net(path, _mark(path)), scene.params.network)
@@ -209,7 +209,7 @@ def _model(path: str, mark: tuple[int, int, int]) -> tuple[Model, _core.Evidence
 
 @lru_cache(maxsize=2)
 def _net(path: str, mark: tuple[int, int, int]) -> Any:  # noqa: ANN401, ARG001 - OpenCV's; part of the key
-    from ffseg.image.nets.onnx import load_net
+    from ffseg.image.onnx import load_net
 
     try:
         return load_net(read_bytes(path, MAX_NETWORK_BYTES))

@@ -23,12 +23,12 @@ from ffseg.freespace.structural import ComponentVerdict, ImagePair
 from ffseg.freespace.tracks import Tracks
 from ffseg.freespace.window import NO_SAMPLES, WINDOW, Earlier, Link, judged
 from ffseg.geometry.freeform import FreeForm
-from ffseg.given import checked_image
+from ffseg.image.checked import checked_image
 from ffseg.image.components import Component, contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
+from ffseg.methods.base import Progress, Segmentation, Segmenter, Timings
 from ffseg.parameters import Parameters, ParametersLike, parameter_set
-from ffseg.segmenters.base import Progress, Segmentation, Segmenter, Timings
-from ffseg.segmenters.registry import segment
+from ffseg.pipeline import segment
 
 START_MARGIN = 8.0
 """Pixels between the robot's disc and the start circle: the disc's border is an edge some 5 px wide."""

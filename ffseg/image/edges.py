@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
-from ffseg.given import checked_image
-from ffseg.image.light.evening import evened
-from ffseg.methods import EDGE_SOURCES, load
+from ffseg.image.checked import checked_image
+from ffseg.image.evening import evened
 from ffseg.native import _core
 from ffseg.parameters import Edges, Parameters
+from ffseg.plugins import EDGE_SOURCES, load
 
 GRADIENT_SCALE = 32.0
 """Units of ``EdgeMap.gradient`` per grey level and pixel: 255/2*sqrt(2)*32 stays below 2**16."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ffseg.errors import ImageReadError, OutputError
-from ffseg.formats.files import SKIP_FILE, make_folder, printable, read_bytes, write_bytes_atomic
+from ffseg.io.files import SKIP_FILE, make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.rendering import CAMERA_YAML, poses_csv, render_pair
 from ffseg.samples.png import encode
 from ffseg.samples.scenes import SCENES

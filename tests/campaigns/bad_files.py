@@ -26,7 +26,7 @@ READ_ONE = """
 import json, re, sys, time
 from pathlib import Path
 from ffseg.errors import ImageReadError
-from ffseg.formats.images import read_image
+from ffseg.io.images import read_image
 
 def peak_kb():
     return int(re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
@@ -58,7 +58,7 @@ class Figures:
 
 def campaign(folder: Path, work: Path) -> Figures:
     """Read every file of a folder alone, then run over all of them."""
-    from ffseg.formats.images import REASONS
+    from ffseg.io.images import REASONS
 
     figures = Figures()
     paths = sorted(path for path in folder.iterdir() if path.suffix not in (".npy", ".json"))
@@ -70,7 +70,7 @@ def campaign(folder: Path, work: Path) -> Figures:
 
 def read_alone(path: Path, figures: Figures) -> None:
     """Read one file in a process of its own and note what it cost."""
-    from ffseg.formats.images import REASONS
+    from ffseg.io.images import REASONS
 
     figures.files += 1
     done = subprocess.run([sys.executable, "-c", READ_ONE, str(path)], capture_output=True, timeout=60, check=False)

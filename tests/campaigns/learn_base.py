@@ -15,9 +15,9 @@ import numpy as np
 
 from ffseg.evidence.features import NAMES, PLACE
 from ffseg.evidence.forest import Model, to_bytes
-from ffseg.evidence.learning import known_pixels
-from ffseg.formats.files import write_bytes_atomic
-from ffseg.formats.images import single_thread
+from ffseg.io.files import write_bytes_atomic
+from ffseg.io.images import single_thread
+from ffseg.learning.training import known_pixels
 from tests.campaigns import learn_prior
 from tests.campaigns.learn_prior import DRAWN, Samples, looked, picked
 from tests.campaigns.places.drawn import Sight

@@ -27,10 +27,10 @@ from numpy.typing import NDArray
 from ffseg.evidence import prior
 from ffseg.evidence.features import WORKING_SIZE, Features, exposed, features
 from ffseg.evidence.forest import Model, to_bytes
-from ffseg.evidence.learning import SETTINGS, converted, known_pixels
 from ffseg.evidence.surroundings import STRIDE
-from ffseg.formats.files import write_bytes_atomic
-from ffseg.formats.images import single_thread
+from ffseg.io.files import write_bytes_atomic
+from ffseg.io.images import single_thread
+from ffseg.learning.training import SETTINGS, converted, known_pixels
 from ffseg.metrics import INSIDE
 from ffseg.parameters import load_params
 from tests.campaigns.places.drawn import KINDS, Sight

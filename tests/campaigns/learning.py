@@ -24,7 +24,13 @@ from numpy.typing import NDArray
 from ffseg.evidence import base, prior
 from ffseg.evidence.features import KNOWN, enlarged, exposed, features
 from ffseg.evidence.forest import Model, to_bytes
-from ffseg.evidence.learning import (
+from ffseg.evidence.maps import evidence_edges
+from ffseg.evidence.openings import OPEN
+from ffseg.evidence.source import told
+from ffseg.image.edges import edge_map
+from ffseg.io.files import write_bytes_atomic
+from ffseg.io.images import single_thread
+from ffseg.learning.training import (
     LEAST_IN_LEAF,
     LEAVES_OF_AN_IMAGE,
     PART,
@@ -38,15 +44,9 @@ from ffseg.evidence.learning import (
     learn,
     samples,
 )
-from ffseg.evidence.maps import evidence_edges
-from ffseg.evidence.openings import OPEN
-from ffseg.evidence.source import told
-from ffseg.formats.files import write_bytes_atomic
-from ffseg.formats.images import single_thread
-from ffseg.image.edges import edge_map
 from ffseg.metrics import iou
 from ffseg.parameters import Edges, load_params
-from ffseg.segmenters.registry import segment
+from ffseg.pipeline import segment
 from tests.campaigns import learn_base, learn_prior
 from tests.campaigns.real_images import SETS, Photograph, load
 from tests.real_data import data_folder

@@ -18,8 +18,8 @@ from statistics import mean
 import numpy as np
 
 from ffseg.errors import SegmentationError
-from ffseg.formats.images import single_thread
-from ffseg.image.bounds.own import own_image
+from ffseg.image.own import own_image
+from ffseg.io.images import single_thread
 from tests.campaigns.places.cameras import Camera, bonnet, developed, housing, mirror, perspective, rotation
 from tests.campaigns.places.drawn import clear_of, seen_from_the_middle
 from tests.campaigns.places.rays import Scene, shaded

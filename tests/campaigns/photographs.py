@@ -28,21 +28,21 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.compare import compare, plan_comparison
-from ffseg.batch.comparison.values import Comparison, Row
-from ffseg.batch.jobs import Job
+from ffseg.batch.plan.jobs import Job
+from ffseg.compare.run import compare, plan_comparison
+from ffseg.compare.values import Comparison, Row
 from ffseg.errors import FfsegError
-from ffseg.formats.files import write_bytes_atomic
-from ffseg.formats.images import read_image, single_thread
-from ffseg.formats.masks import read_levels
-from ffseg.formats.tables import csv_table
-from ffseg.methods import PEERS, SEGMENTERS
+from ffseg.io.files import write_bytes_atomic
+from ffseg.io.images import read_image, single_thread
+from ffseg.io.masks import read_levels
+from ffseg.io.tables import csv_table
+from ffseg.methods.base import Segmentation
+from ffseg.methods.peers import configured
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters
-from ffseg.segmenters.base import Segmentation
-from ffseg.segmenters.peers import configured
-from ffseg.segmenters.registry import segment
+from ffseg.pipeline import segment
+from ffseg.plugins import PEERS, SEGMENTERS
 from tests.real_data import data_folder
 
 SETS = ("road", "seeded_objects")

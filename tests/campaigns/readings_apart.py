@@ -90,7 +90,7 @@ def _peak_kb() -> int:
 
 def _read(data: bytes) -> tuple[Any, dict[str, Any]]:
     from ffseg.errors import ImageReadError
-    from ffseg.formats.images import decode_image
+    from ffseg.io.images import decode_image
 
     Path("/proc/self/clear_refs").write_text("5")  # forget the peak of what was read before
     base, begin = _peak_kb(), time.perf_counter()

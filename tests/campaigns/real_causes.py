@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.formats.masks import encode_png
 from ffseg.image.edges import EdgeMap, edge_map
+from ffseg.io.masks import encode_png
 from ffseg.metrics import IGNORED, INSIDE
 from ffseg.parameters import Edges
 from tests.campaigns.real_images import Outcome

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ffseg.errors import FfsegError
 from ffseg.metrics import INSIDE, iou
 from ffseg.parameters import Parameters
-from ffseg.segmenters.registry import segment
+from ffseg.pipeline import segment
 from tests import scenes
 from tests.campaigns.real_images import Photograph
 

@@ -23,9 +23,9 @@ from statistics import mean, median
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.formats.files import write_bytes_atomic
-from ffseg.formats.images import single_thread
-from ffseg.formats.tables import csv_table
+from ffseg.io.files import write_bytes_atomic
+from ffseg.io.images import single_thread
+from ffseg.io.tables import csv_table
 from ffseg.metrics import INSIDE
 from ffseg.parameters import load_params
 from tests.campaigns import real_causes, real_invariance

@@ -19,10 +19,10 @@ from statistics import mean
 
 import numpy as np
 
-from ffseg.batch.learning.gather import Labelled
-from ffseg.batch.learning.space import LIGHTS, MOST_SETTINGS, Setting, levels, settings
-from ffseg.batch.learning.tune import Bench, tune
-from ffseg.formats.images import single_thread
+from ffseg.io.images import single_thread
+from ffseg.learning.gather import Labelled
+from ffseg.learning.space import LIGHTS, MOST_SETTINGS, Setting, levels, settings
+from ffseg.learning.tune import Bench, tune
 from ffseg.parameters import load_params
 from tests.campaigns.learning import start_of, use_prior
 from tests.campaigns.real_images import SETS, Photograph, load

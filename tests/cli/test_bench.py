@@ -12,8 +12,8 @@ from subprocess import CompletedProcess
 
 import pytest
 
-from ffseg.batch.bench import plots
-from ffseg.batch.bench.figures import Figure
+from ffseg.bench import plots
+from ffseg.bench.figures import Figure
 
 Command = Callable[..., CompletedProcess[str]]
 QUICK = ("bench", "--quick", "--suite", "patches", "--out")
@@ -125,7 +125,7 @@ def test_a_baseline_without_a_common_figure_cannot_pass(
 
 
 def test_a_suite_that_fails_leaves_what_was_measured_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from ffseg.batch.bench.suites import processes
+    from ffseg.bench.suites import processes
     from ffseg.cli.commands.bench import bench
     from ffseg.errors import FfsegError
 

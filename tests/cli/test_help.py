@@ -12,8 +12,8 @@ from pathlib import Path
 import documented_blocks as documented
 import pytest
 
-from ffseg.batch.bench.session import SUITES
 from ffseg.batch.outputs.table import EXPORTS
+from ffseg.bench.session import SUITES
 from ffseg.cli import completion
 from ffseg.cli.app import COMMANDS
 from ffseg.cli.commands import config

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 import runs
 
-from ffseg.batch.report import write_report
-from ffseg.formats.tables import csv_table
+from ffseg.batch.report.write import write_report
+from ffseg.io.tables import csv_table
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 HOSTILE = "<img src=x onerror=alert(1)><script>document.title='taken'</script>.png"

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
+from ffseg.methods import levelset
+from ffseg.methods.base import View
 from ffseg.native import _core
 from ffseg.parameters import load_params
-from ffseg.segmenters.base import View
-from ffseg.segmenters.baselines import levelset
 
 TIME_TOLERANCE = 1e-9
 """The twins do the same sums in another order of terms: a few units in the last place of times up to 1e4."""

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import edge_map
 from ffseg.image.raster import rasterize
+from ffseg.methods import freeform
+from ffseg.methods.base import Progress, View
+from ffseg.methods.region import Colours, ColourSums, bhattacharyya, contrast, histogram_distance
 from ffseg.parameters import load_params
-from ffseg.segmenters import freeform
-from ffseg.segmenters.base import Progress, View
-from ffseg.segmenters.region import Colours, ColourSums, bhattacharyya, contrast, histogram_distance
-from ffseg.segmenters.starts import start_contours
+from ffseg.starts.given import start_contours
 from tests import naive_region, scenes
 from tests import strategies as own
 

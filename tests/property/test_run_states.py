@@ -23,8 +23,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition,
 from ffseg.batch.executors.choice import Choice
 from ffseg.batch.outputs.table import OUTPUTS, Wanted
 from ffseg.errors import UsageError
-from ffseg.formats.files import printable
-from ffseg.formats.masks import encode_mask
+from ffseg.io.files import printable
+from ffseg.io.masks import encode_mask
 from ffseg.parameters import Parameters, load_params
 
 NAMES = ("a.png", "b.png", "s/d.png", "s/c.jpg")

@@ -16,11 +16,11 @@ import pytest
 from PIL import Image
 
 import ffseg
-from ffseg.formats.exports import geojson_document
+from ffseg import pipeline as registry
+from ffseg.io.exports import geojson_document
+from ffseg.io.saving.kinds import annotated
 from ffseg.schema.kinds import Integer, Number
 from ffseg.schema.sections import leaves
-from ffseg.segmenters import registry
-from ffseg.segmenters.saving.kinds import annotated
 from tests.masks import read_mask
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,19 +8,19 @@ import cv2
 import numpy as np
 import pytest
 
-from ffseg.batch.bench.session import Order, Outcome, run_bench
-from ffseg.batch.bench.suites import bare, children, drawing, pictures
-from ffseg.batch.bench.suites.patches import evolution_options, patches
-from ffseg.batch.bench.suites.settings import Settings
+from ffseg.bench.session import Order, Outcome, run_bench
+from ffseg.bench.suites import bare, children, drawing, pictures
+from ffseg.bench.suites.patches import evolution_options, patches
+from ffseg.bench.suites.settings import Settings
 from ffseg.errors import FfsegError, UsageError
-from ffseg.formats.masks import encode_mask
 from ffseg.image.edges import edge_map
 from ffseg.image.reference import one_thread, reference_kernel
-from ffseg.methods import PEERS
+from ffseg.io.masks import encode_mask
+from ffseg.methods.peers import geodesic
 from ffseg.metrics import iou
 from ffseg.parameters import Parameters
 from ffseg.peer_parameters import SkimageGac
-from ffseg.segmenters.peers import geodesic
+from ffseg.plugins import PEERS
 from tests.masks import read_mask
 
 

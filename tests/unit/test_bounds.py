@@ -10,8 +10,8 @@ import pytest
 
 import ffseg
 from ffseg.errors import SegmentationError
-from ffseg.image.bounds.disc import Disc, valid_disc
-from ffseg.image.bounds.free import free_pixels, ground_under, room_round
+from ffseg.image.disc import Disc, valid_disc
+from ffseg.image.free import free_pixels, ground_under, room_round
 from tests import scenes
 
 

@@ -11,15 +11,15 @@ import cv2
 import numpy as np
 import pytest
 
-from ffseg.batch import compare as work
-from ffseg.batch.comparison.text import markdown
+from ffseg.compare import run as work
+from ffseg.compare.text import markdown
 from ffseg.errors import ParameterError, SegmentationError, UsageError
-from ffseg.formats.overlays import Polyline
-from ffseg.formats.panels import STRIP, TILE_WIDTH, Tile, encode_panel
 from ffseg.geometry.freeform import FreeForm
+from ffseg.io.overlays import Polyline
+from ffseg.io.panels import STRIP, TILE_WIDTH, Tile, encode_panel
+from ffseg.methods.base import Segmentation, Stats, Timings
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters
-from ffseg.segmenters.base import Segmentation, Stats, Timings
 
 CONTRACT = [
     *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),
@@ -85,7 +85,7 @@ def test_a_method_that_fails_leaves_the_others(tmp_path: Path, monkeypatch: pyte
     def broken(*args: object, **kwargs: object) -> None:
         raise RuntimeError("package\nbroke")
 
-    monkeypatch.setattr("ffseg.segmenters.peers.cv_edges", broken)
+    monkeypatch.setattr("ffseg.methods.peers.cv_edges", broken)
     rows = work.compare(task_of(tmp_path, "cv_edges,freeform"), silent)
     assert [row.status for row in rows] == ["failed", "ok"]
     assert rows[0].error == "RuntimeError: package broke"

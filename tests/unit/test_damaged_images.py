@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from ffseg.errors import ImageReadError
-from ffseg.formats.images import Limits, decode_image, inspect
+from ffseg.io.images import Limits, decode_image, inspect
 from ffseg.native import _core
 
 SOURCES = damage.sources()

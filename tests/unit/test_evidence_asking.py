@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ffseg.cli.commands.learning.learn import asked
+from ffseg.cli.commands.learn import asked
 from ffseg.evidence.base import enough_of
 from ffseg.evidence.features import KNOWN
 from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
-from ffseg.evidence.learning import Asked, Samples, asking, learn, samples
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import told
+from ffseg.learning.training import Asked, Samples, asking, learn, samples
 from tests.unit.test_evidence_base import halves, stump
 from tests.unit.test_evidence_learning import example
 
@@ -35,7 +35,7 @@ def sampled(share: float) -> Samples:
 def test_the_prior_is_asked_where_it_serves_or_masks_teach_less(
     count: int, share: float, taught: float | None, found: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ffseg.evidence.learning._taught_by_others", lambda _: taught)
+    monkeypatch.setattr("ffseg.learning.training._taught_by_others", lambda _: taught)
     chosen = [sampled(share)] * count
     decided = asking(chosen)
     assert decided is not None
@@ -68,8 +68,8 @@ def test_the_file_remembers_the_prior() -> None:
 @pytest.mark.parametrize(("taught", "weight"), [(0.0, 1.0), (1.0, 0.0)])
 def test_learning_decides_and_says_so(taught: float, weight: float, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("lightgbm")
-    monkeypatch.setattr("ffseg.evidence.learning.enough_of", lambda _: 2.0)
-    monkeypatch.setattr("ffseg.evidence.learning._taught_by_others", lambda _: taught)
+    monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 2.0)
+    monkeypatch.setattr("ffseg.learning.training._taught_by_others", lambda _: taught)
     chosen = [samples(example(seed)) for seed in (1, 2)]
     assert all(one.prior is not None and one.prior.shape == one.inside.shape for one in chosen)
     model = learn(chosen, searched=False)

@@ -8,8 +8,8 @@ import pytest
 from ffseg.evidence.base import base, enough_of, joined, odds_of
 from ffseg.evidence.features import KNOWN, NAMES, exposed, features
 from ffseg.evidence.forest import MAGIC, Forest, Model, from_bytes, to_bytes
-from ffseg.evidence.learning import TAUGHT, Samples, _taught_by_others, beginning, grow, learn, samples
 from ffseg.evidence.openings import OPEN
+from ffseg.learning.training import TAUGHT, Samples, _taught_by_others, beginning, grow, learn, samples
 from ffseg.metrics import iou
 from tests.unit.test_evidence_learning import example, predicted
 
@@ -62,7 +62,7 @@ def test_joined_forests_add_their_odds() -> None:
 def test_few_masks_must_show_more(count: int, share: float, served: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     odds, inside = zip(*(halves(share) for _ in range(count)), strict=True)
     chosen = [Samples(np.zeros((len(one), len(KNOWN)), np.float32), one) for one in inside]
-    monkeypatch.setattr("ffseg.evidence.learning._taught_by_others", lambda _: 1.0)
+    monkeypatch.setattr("ffseg.learning.training._taught_by_others", lambda _: 1.0)
     found = beginning(chosen, odds)
     assert found.corrected is (served or count == 1)  # one mask is too little to begin with
     assert (found.base, found.enough) == (pytest.approx(share, abs=0.001), enough_of(count))  # of 1000 pixels
@@ -72,8 +72,8 @@ def test_few_masks_must_show_more(count: int, share: float, served: bool, monkey
 def test_masks_correct_a_base_that_serves_them(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("lightgbm")
     own = stump("likeness", 0.0)
-    monkeypatch.setattr("ffseg.evidence.learning.base", lambda: own)
-    monkeypatch.setattr("ffseg.evidence.learning.enough_of", lambda _: 0.0)
+    monkeypatch.setattr("ffseg.learning.training.base", lambda: own)
+    monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 0.0)
     chosen = [samples(example(seed)) for seed in (1, 2)]
     model = learn(chosen, searched=False)
     more = grow(chosen, trees=40, begin=[odds_of(own, one.rows) for one in chosen])
@@ -81,8 +81,8 @@ def test_masks_correct_a_base_that_serves_them(monkeypatch: pytest.MonkeyPatch) 
         total = odds_of(own, one.rows) + odds_of(more, one.rows)
         np.testing.assert_allclose(odds_of(model.inside, one.rows), total, atol=1e-4)  # sums in another order
     assert iou(predicted(model, example(3)) > 0.5, example(3).truth) > 0.9
-    monkeypatch.setattr("ffseg.evidence.learning.enough_of", lambda _: 2.0)
-    monkeypatch.setattr("ffseg.evidence.learning._taught_by_others", lambda _: 1.0)
+    monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 2.0)
+    monkeypatch.setattr("ffseg.learning.training._taught_by_others", lambda _: 1.0)
     assert learn(chosen, searched=False).inside.features == TAUGHT
 
 
@@ -98,8 +98,8 @@ def test_a_base_is_corrected_where_masks_teach_each_other_less(
     taught: float, corrected: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("lightgbm")
-    monkeypatch.setattr("ffseg.evidence.learning.enough_of", lambda _: 2.0)
-    monkeypatch.setattr("ffseg.evidence.learning._taught_by_others", lambda _: taught)
+    monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 2.0)
+    monkeypatch.setattr("ffseg.learning.training._taught_by_others", lambda _: taught)
     model = learn([samples(example(seed)) for seed in (1, 2)], searched=False)
     assert (model.inside.features == KNOWN) is corrected
     assert (model.inside.features == TAUGHT) is not corrected

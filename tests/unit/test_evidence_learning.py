@@ -9,7 +9,9 @@ from ffseg.errors import UsageError
 from ffseg.evidence.base import base
 from ffseg.evidence.features import KNOWN, features
 from ffseg.evidence.forest import Model
-from ffseg.evidence.learning import (
+from ffseg.evidence.openings import OPEN
+from ffseg.evidence.source import told
+from ffseg.learning.training import (
     CORRECTED,
     PART,
     PIXELS,
@@ -29,8 +31,6 @@ from ffseg.evidence.learning import (
     trusting,
     uncertainty,
 )
-from ffseg.evidence.openings import OPEN
-from ffseg.evidence.source import told
 from ffseg.metrics import iou
 
 lightgbm = pytest.importorskip("lightgbm")
@@ -180,7 +180,7 @@ def test_a_forest_is_the_mean_of_two_of_which_one_sees_no_open_ground() -> None:
 def test_one_mask_corrects_the_base_and_trusts_open_ground(
     enough: float, trees: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ffseg.evidence.learning.enough_of", lambda _: enough)
+    monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: enough)
     one = learn([samples(example(1))], searched=False)
     last = one.inside.arrays["feature"][-1]
     assert one.inside.features[last] == TRUSTED

@@ -17,7 +17,10 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from shapely.geometry import shape as shapely_shape
 
-from ffseg.formats.exports import (
+from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.regions import group_regions
+from ffseg.image.raster import rasterize
+from ffseg.io.exports import (
     AnnotatedImage,
     PaintedRegion,
     coco_document,
@@ -27,9 +30,6 @@ from ffseg.formats.exports import (
     merged_coco,
     run_lengths,
 )
-from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.regions import group_regions
-from ffseg.image.raster import rasterize
 
 # pycocotools 2.0.11 predates the copy keyword of NumPy 2's __array__
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")

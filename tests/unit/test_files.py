@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from ffseg.errors import OutputError
-from ffseg.formats.files import printable, write_all_atomic, write_bytes_atomic
+from ffseg.io.files import printable, write_all_atomic, write_bytes_atomic
 
 CALLS = ("open", "write", "fsync", "close", "replace")
 

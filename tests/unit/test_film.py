@@ -15,12 +15,12 @@ import pytest
 from PIL import Image
 
 import ffseg
-from ffseg.formats.film.animation import FRAME_MS, LAST_MS, animation_bytes
-from ffseg.formats.film.snapshots import scaled_contour, scaled_down, spread
-from ffseg.formats.film.strip import film_strip_svg
-from ffseg.formats.report.contours import read_contours
+from ffseg.batch.report.contours import read_contours
 from ffseg.geometry.freeform import FreeForm
-from ffseg.segmenters.base import Progress
+from ffseg.io.animation import FRAME_MS, LAST_MS, animation_bytes
+from ffseg.io.snapshots import scaled_contour, scaled_down, spread
+from ffseg.io.strip import film_strip_svg
+from ffseg.methods.base import Progress
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -13,9 +13,9 @@ from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import edge_map
 from ffseg.image.raster import rasterize
+from ffseg.methods.base import View
 from ffseg.parameters import load_params
-from ffseg.segmenters.base import View
-from ffseg.segmenters.registry import segmenter
+from ffseg.pipeline import segmenter
 from tests.campaigns import stress
 
 ROOT = Path(__file__).resolve().parents[2]

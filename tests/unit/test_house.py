@@ -1,9 +1,8 @@
-"""The house rules that no linter checks: sizes of files, functions, folders and parameter lists."""
+"""The house rules that no linter checks: sizes of files, functions and parameter lists."""
 
 from __future__ import annotations
 
 import ast
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,7 +13,6 @@ SOURCES = sorted(path for path in PACKAGE.rglob("*") if path.suffix in {".py", "
 MODULES = [path for path in SOURCES if path.suffix == ".py"]
 FILE_LINES = 500
 FUNCTION_LINES = 40
-FOLDER_FILES = 9
 NAMES = [str(path.relative_to(PACKAGE)) for path in MODULES]
 
 
@@ -44,8 +42,3 @@ def test_no_file_is_too_long() -> None:
 @pytest.mark.parametrize("path", MODULES, ids=NAMES)
 def test_no_function_is_too_long(path: Path) -> None:
     assert {item.name: lines_of(item) for item in functions(path) if lines_of(item) > FUNCTION_LINES} == {}
-
-
-def test_no_folder_holds_too_many_files() -> None:
-    counts = Counter(path.parent.relative_to(PACKAGE) for path in MODULES if path.stem != "__init__")
-    assert {str(folder): count for folder, count in counts.items() if count > FOLDER_FILES} == {}

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from ffseg.errors import ImageReadError
-from ffseg.formats.images import REASONS, Limits, decode_image, frames_note, inspect, read_image
+from ffseg.io.images import REASONS, Limits, decode_image, frames_note, inspect, read_image
 
 CASES = bad_images.all_cases()
 
@@ -82,7 +82,7 @@ def test_limits_are_kept() -> None:
 STARVED = """
 import resource, sys
 from pathlib import Path
-from ffseg.formats.images import decode_image
+from ffseg.io.images import decode_image
 data = Path(sys.argv[1]).read_bytes()
 used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (used + (16 << 20),) * 2)

@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 from batches import make_images, run_batch, snapshot, table
 
-from ffseg.batch.discover import discover, natural_key
 from ffseg.batch.executors.choice import Choice
-from ffseg.batch.inputs.listing import listed
-from ffseg.batch.inputs.reading import read_input
-from ffseg.batch.jobs import make_plan
 from ffseg.batch.outputs.table import Wanted
+from ffseg.batch.plan.discover import discover, natural_key
+from ffseg.batch.plan.jobs import make_plan
+from ffseg.batch.plan.listing import listed
+from ffseg.batch.plan.reading import read_input
 from ffseg.batch.runner import Options
 from ffseg.errors import ImageReadError, UsageError
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ffseg.evidence import auto as deciding
 from ffseg.evidence import prior as evidence
-from ffseg.image.nets.islands import islands
 from ffseg.parameters import load_params
-from ffseg.segmenters import deciding
-from ffseg.segmenters.registry import segment
+from ffseg.pipeline import segment
+from ffseg.starts.islands import islands
 
 SHAPE = (120, 200)
 

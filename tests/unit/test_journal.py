@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ffseg.batch.discover import natural_key
+from ffseg.batch.plan.discover import natural_key
 from ffseg.batch.record.journal import Journal, read_header
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.record.order import order_key

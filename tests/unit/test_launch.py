@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from ffseg.batch.bench.suites.drawing import draw
 from ffseg.batch.workers import launch as launching
-from ffseg.formats.masks import encode_png
+from ffseg.bench.suites.drawing import draw
+from ffseg.io.masks import encode_png
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="workers are copies on Linux only")
 

@@ -12,16 +12,16 @@ import cv2
 import numpy as np
 import pytest
 
-from ffseg.batch.learning import learn as learning
-from ffseg.batch.learning.gather import gather
-from ffseg.batch.learning.learn import Figures, _worth_drawing, learned
-from ffseg.cli.commands.learning.learn import sentences
+from ffseg.cli.commands.learn import sentences
 from ffseg.errors import UsageError
 from ffseg.evidence.forest import load_model
-from ffseg.evidence.learning import Beginning, Example, grown, samples
 from ffseg.evidence.source import told
-from ffseg.image.nets.pockets import starts_beyond
+from ffseg.learning import learn as learning
+from ffseg.learning.gather import gather
+from ffseg.learning.learn import Figures, _worth_drawing, learned
+from ffseg.learning.training import Beginning, Example, grown, samples
 from ffseg.parameters import load_params
+from ffseg.starts.pockets import starts_beyond
 
 pytest.importorskip("lightgbm")
 SHAPE = (80, 120)

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from ffseg.batch.learning import learn as learning
-from ffseg.batch.learning.gather import few_known, gather, known_share, starts_off
-from ffseg.batch.learning.learn import Figures
-from ffseg.batch.learning.page import told
-from ffseg.batch.learning.tune import Bench, tune
 from ffseg.cli.app import app
-from ffseg.cli.commands.learning.learn import sentences
+from ffseg.cli.commands.learn import sentences
 from ffseg.errors import ParameterError, UsageError
 from ffseg.evidence import base
 from ffseg.evidence.forest import Model, to_bytes
+from ffseg.learning import learn as learning
+from ffseg.learning.gather import few_known, gather, known_share, starts_off
+from ffseg.learning.learn import Figures
+from ffseg.learning.page import told
+from ffseg.learning.tune import Bench, tune
 from ffseg.parameters import Parameters, load_params
 
 SHAPE = (60, 90)

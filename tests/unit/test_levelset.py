@@ -10,10 +10,10 @@ from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.raster import rasterize
+from ffseg.methods import levelset
+from ffseg.methods.base import View
 from ffseg.native import _core
 from ffseg.parameters import Parameters, load_params
-from ffseg.segmenters.base import View
-from ffseg.segmenters.baselines import levelset
 
 SHAPE = (120, 160)
 

@@ -8,7 +8,7 @@ import pytest
 
 import ffseg
 from ffseg.image.edges import edge_map
-from ffseg.image.light.evening import evened, without_streaks
+from ffseg.image.evening import evened, without_streaks
 from ffseg.metrics import iou
 from ffseg.parameters import Edges
 

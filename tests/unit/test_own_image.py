@@ -10,7 +10,7 @@ import pytest
 
 import ffseg
 from ffseg.errors import SegmentationError
-from ffseg.image.bounds.own import LEAST_IMAGES, own_image
+from ffseg.image.own import LEAST_IMAGES, own_image
 from ffseg.samples.write import write_samples
 from tests.campaigns.own_images import DRIVES, FOUND, KINDS, MOST_LOST, Case, judged
 

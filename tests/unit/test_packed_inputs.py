@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from batches import run_batch, snapshot, table
 
-from ffseg.batch.discover import discover
 from ffseg.batch.executors.choice import Choice
-from ffseg.batch.inputs.maps import find_evidence
-from ffseg.batch.inputs.reading import parted, read_input, told
-from ffseg.batch.inputs.truths import find_truths
-from ffseg.batch.jobs import make_plan
+from ffseg.batch.plan.discover import discover
+from ffseg.batch.plan.jobs import make_plan
+from ffseg.batch.plan.maps import find_evidence
+from ffseg.batch.plan.reading import parted, read_input, told
+from ffseg.batch.plan.truths import find_truths
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.parameters import load_params
 
@@ -101,7 +101,7 @@ def test_methods_are_compared_on_images_in_a_tar_file(
 
 
 def test_learning_takes_images_in_a_tar_file(images: Path, truths: Path) -> None:
-    from ffseg.batch.learning.gather import gather
+    from ffseg.learning.gather import gather
 
     found = gather([str(packed(images))], str(truths), load_params())
     assert [one.name for one in found.labelled] == ["a.png", "sub/b.png"]

@@ -18,15 +18,15 @@ import stand_in
 from batches import Silent, make_images, run_batch, table, tree
 
 from ffseg.batch.executors.choice import Choice
-from ffseg.batch.jobs import make_plan
 from ffseg.batch.outputs.table import Wanted
-from ffseg.batch.packing.members import output_bytes
-from ffseg.batch.packing.writer import PackWriter, head, head_size
+from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.record.journal import last_records
-from ffseg.batch.report import write_report
+from ffseg.batch.report.write import write_report
 from ffseg.batch.runner import Options, Run
 from ffseg.batch.shards.assign import only, read_shard
 from ffseg.batch.shards.merge import merge_shards
+from ffseg.batch.tar.members import output_bytes
+from ffseg.batch.tar.writer import PackWriter, head, head_size
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import OutputError, UsageError
 from ffseg.parameters import load_params
@@ -190,10 +190,10 @@ def kill(images: Path, out: Path, where: tuple[str, str, str], count: int, *, be
     assert killed.returncode == -signal.SIGKILL, killed.stderr.decode()
 
 
-APPEND = ("ffseg.batch.packing.writer", "module.PackWriter", "append")
+APPEND = ("ffseg.batch.tar.writer", "module.PackWriter", "append")
 ADD = ("ffseg.batch.record.journal", "module.Journal", "add")
 REPLACE = ("os", "module", "replace")
-COMPLETE = ("ffseg.batch.packing.ordered", "module.OrderedPacks", "complete")
+COMPLETE = ("ffseg.batch.tar.ordered", "module.OrderedPacks", "complete")
 
 
 @pytest.mark.parametrize(
@@ -355,7 +355,7 @@ def test_an_append_that_fails_is_not_seen(call: str, tmp_path: Path, monkeypatch
 def test_a_disk_that_is_full_at_the_end_costs_nothing_that_was_done(
     images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from ffseg.batch.packing.ordered import OrderedPacks
+    from ffseg.batch.tar.ordered import OrderedPacks
 
     out = tmp_path / "out"
 

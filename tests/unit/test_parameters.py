@@ -11,10 +11,10 @@ import pytest
 
 from ffseg.errors import ParameterError
 from ffseg.image.edges import GRADIENT_SCALE
+from ffseg.methods.freeform import native_options
 from ffseg.native import _core
 from ffseg.parameters import Contour, Edges, Init, Parameters, Region, load_params, presets
 from ffseg.schema.sections import leaves
-from ffseg.segmenters.freeform import native_options
 
 
 def file_with(text: str, folder: Path) -> Path:

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.opencv_peers import connected, grown
 from ffseg.image.raster import rasterize
-from ffseg.methods import METHODS, PEERS
+from ffseg.methods import peers
+from ffseg.methods.base import Segmentation
 from ffseg.metrics import scores
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters, SkimageGac, load_peer_parameters
+from ffseg.pipeline import segment
+from ffseg.plugins import METHODS, PEERS
 from ffseg.schema.kinds import Integer, Number
 from ffseg.schema.sections import leaves
-from ffseg.segmenters import peers
-from ffseg.segmenters.base import Segmentation
-from ffseg.segmenters.registry import segment
 
 SHAPE = (120, 160)
 PARAMS = load_params(None, {"init.center": [80, 60], "init.radius": 12})

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ffseg.evidence import auto as deciding
 from ffseg.evidence.features import MIDDLE, exposed
 from ffseg.evidence.prior import CERTAIN, LEAST_START, Prior, look, prior
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, Scene, gradient_edges
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
-from ffseg.segmenters import deciding
-from ffseg.segmenters.registry import segment
+from ffseg.pipeline import segment
 from tests.scenes import START, START_RADIUS, scene
 
 PARAMS = load_params(None, {"init.center": list(START), "init.radius": START_RADIUS})

@@ -16,16 +16,16 @@ import runs
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ffseg.batch import report
-from ffseg.batch.report import write_report
-from ffseg.batch.reporting import folder as report_folder
+from ffseg.batch.report import folder as report_folder
+from ffseg.batch.report import write as report
+from ffseg.batch.report.contours import UNITS, centroid, packed_components, packed_path, read_contours
+from ffseg.batch.report.page import page, script_json
+from ffseg.batch.report.write import write_report
 from ffseg.errors import UsageError
-from ffseg.formats.files import printable, unprintable
-from ffseg.formats.report.contours import UNITS, centroid, packed_components, packed_path, read_contours
-from ffseg.formats.report.page import page, script_json
-from ffseg.formats.svg import DECIMALS, svg_document
-from ffseg.formats.tables import csv_table, meant_by, neutral
 from ffseg.geometry.freeform import FreeForm
+from ffseg.io.files import printable, unprintable
+from ffseg.io.svg import DECIMALS, svg_document
+from ffseg.io.tables import csv_table, meant_by, neutral
 
 HOSTILE = "</script><img src=x onerror=alert(1)>&amp;\"'.png"
 
@@ -141,7 +141,7 @@ def test_pictures_for_which_there_is_no_memory_are_left_out(tmp_path: Path, monk
         raise MemoryError
 
     runs.sample_run(tmp_path)
-    monkeypatch.setattr("ffseg.formats.report.thumbnails.decode_image", starved)
+    monkeypatch.setattr("ffseg.batch.report.thumbnails.decode_image", starved)
     assert {image["thumbnail"] for image in data_of(write_report(tmp_path))["images"]} == {""}
 
 

@@ -15,7 +15,7 @@ import ffseg
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.edges import edge_map
 from ffseg.metrics import iou
-from ffseg.segmenters.starting.rivals import bounded
+from ffseg.starts.rivals import bounded
 
 
 def rooms(gap: int = 30) -> np.ndarray:

@@ -12,7 +12,7 @@ CODE = """
 import hashlib
 import numpy as np
 import ffseg
-from ffseg.formats.svg import svg_document
+from ffseg.io.svg import svg_document
 from ffseg.geometry import bezier
 from ffseg.samples.scenes import SCENES
 

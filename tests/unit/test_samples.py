@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from PIL import Image
 
-from ffseg.batch.discover import discover
+from ffseg.batch.plan.discover import discover
 from ffseg.errors import OutputError
 from ffseg.parameters import Parameters
 from ffseg.samples import png, texture

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import shapely
 
-from ffseg.formats.exports import AnnotatedImage, PaintedRegion, coco_document, geojson_document
-from ffseg.formats.svg import svg_document
 from ffseg.geometry.regions import group_regions
 from ffseg.image.raster import rasterize
+from ffseg.io.exports import AnnotatedImage, PaintedRegion, coco_document, geojson_document
+from ffseg.io.svg import svg_document
+from ffseg.methods.base import Segmentation
 from ffseg.parameters import load_params
-from ffseg.segmenters.base import Segmentation
-from ffseg.segmenters.registry import segment
+from ffseg.pipeline import segment
 from tests.crossings import self_intersections
 from tests.real_data import data_folder
 

@@ -21,8 +21,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ffseg.batch.executors.choice import Choice
-from ffseg.batch.jobs import make_plan
 from ffseg.batch.outputs.table import Wanted
+from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.record.order import order_key
 from ffseg.batch.record.values import Record, record_line
 from ffseg.batch.runner import Options, Run

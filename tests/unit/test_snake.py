@@ -10,10 +10,10 @@ from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.raster import rasterize
+from ffseg.methods import snake
+from ffseg.methods.base import Progress, View
 from ffseg.native import _core
 from ffseg.parameters import Parameters, load_params
-from ffseg.segmenters.base import Progress, View
-from ffseg.segmenters.baselines import snake
 
 SHAPE = (160, 200)
 START = FreeForm.circle((100, 80), 14, 13, 3)

@@ -8,11 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 import ffseg
-from ffseg.image.bounds.free import free_pixels, ground_under, open_sides, room_round
+from ffseg.image.free import free_pixels, ground_under, open_sides, room_round
 from ffseg.image.raster import rasterize
-from ffseg.segmenters.starting import sides
-from ffseg.segmenters.starting.freed import SPARE, placed
-from ffseg.segmenters.starts import circle_start
+from ffseg.starts import sides
+from ffseg.starts.given import circle_start
+from ffseg.starts.moved import SPARE, placed
 
 CENTER, RADIUS, START = (110.0, 100.0), 60.0, 14.0
 

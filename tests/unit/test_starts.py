@@ -11,17 +11,17 @@ from batches import Silent, table
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ffseg.batch.compare import compare, plan_comparison
-from ffseg.batch.comparison.values import Comparison
-from ffseg.batch.jobs import make_plan, with_starts
+from ffseg.batch.plan.jobs import make_plan, with_starts
 from ffseg.batch.runner import Options, Run, Summary
 from ffseg.batch.workers.messages import Setup
+from ffseg.compare.run import compare, plan_comparison
+from ffseg.compare.values import Comparison
 from ffseg.errors import FfsegError, ParameterError
-from ffseg.formats.starts import Start, check_starts, load_starts
+from ffseg.io.starts import Start, check_starts, load_starts
+from ffseg.methods.peers import PEERS
 from ffseg.parameters import Parameters, load_params
 from ffseg.peer_parameters import PeerParameters
 from ffseg.schema.strict_yaml import MAX_BYTES
-from ffseg.segmenters.peers import PEERS
 
 LEFT, RIGHT = (30, 40), (90, 40)
 """Centres of the two discs of `two_discs`, of radius 20."""

@@ -14,10 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ffseg.formats.svg import CUBIC_TOLERANCE, DECIMALS, escape, number, path_data, svg_document
 from ffseg.geometry import bezier
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.raster import rasterize
+from ffseg.io.svg import CUBIC_TOLERANCE, DECIMALS, escape, number, path_data, svg_document
 from ffseg.native import _core
 from tests import strategies as own
 

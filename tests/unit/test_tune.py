@@ -12,12 +12,12 @@ import cv2
 import numpy as np
 import pytest
 
-from ffseg.batch.learning import tune as tuning
-from ffseg.batch.learning.choice import Trial
-from ffseg.batch.learning.gather import Labelled, gather
-from ffseg.batch.learning.page import given, to_html, to_yaml, told
-from ffseg.batch.learning.space import MOST_SETTINGS, applied, halton, levels, settings
-from ffseg.batch.learning.tune import Tuned, _sensitivity, before_and_after, tune
+from ffseg.learning import tune as tuning
+from ffseg.learning.choice import Trial
+from ffseg.learning.gather import Labelled, gather
+from ffseg.learning.page import given, to_html, to_yaml, told
+from ffseg.learning.space import MOST_SETTINGS, applied, halton, levels, settings
+from ffseg.learning.tune import Tuned, _sensitivity, before_and_after, tune
 from ffseg.parameters import load_params
 
 SHAPE = (90, 130)

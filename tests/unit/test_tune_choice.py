@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
-from ffseg.batch.learning.choice import ERRORS, LEAST_GAIN, LEAST_SPREAD, Trial, Tried
-from ffseg.batch.learning.space import LEVEL, levels
 from ffseg.evidence.maps import log_odds
+from ffseg.learning.choice import ERRORS, LEAST_GAIN, LEAST_SPREAD, Trial, Tried
+from ffseg.learning.space import LEVEL, levels
 from ffseg.parameters import load_params
 
 PLAIN = (0.5, 0.4, 0.6)

@@ -15,8 +15,8 @@ from batches import Silent, make_images, run_batch, snapshot, table
 from PIL import Image
 
 from ffseg.batch.executors.choice import Choice
-from ffseg.batch.jobs import make_plan
 from ffseg.batch.outputs.table import Wanted
+from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.preview import preview
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.workers.messages import Setup

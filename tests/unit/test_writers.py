@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from ffseg.errors import ParameterError
-from ffseg.formats.images import Limits
-from ffseg.formats.masks import encode_mask, load_mask, read_levels
-from ffseg.formats.overlays import COLOURS, Polyline, draw_overlay, encode_overlay
-from ffseg.formats.tables import csv_table
+from ffseg.io.images import Limits
+from ffseg.io.masks import encode_mask, load_mask, read_levels
+from ffseg.io.overlays import COLOURS, Polyline, draw_overlay, encode_overlay
+from ffseg.io.tables import csv_table
 from tests.masks import read_mask
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from ffseg.batch.record.values import json_line, parsed_line
 from ffseg.batch.workers.messages import Done, Encoded, Evidence, Failed, Reply, Unchanged
-from ffseg.formats.files import make_folder
+from ffseg.io.files import make_folder
 
 CHUNKS = "chunks"
 _GOING = ".going"

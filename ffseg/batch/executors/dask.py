@@ -18,11 +18,11 @@ from ffseg.batch.executors.choice import Start
 from ffseg.batch.executors.chunks import Chunks, numbered, replies, reply_line
 from ffseg.batch.executors.held import end_idle, interrupt, lend, worker_process
 from ffseg.batch.executors.processes import WorkerLostError
-from ffseg.batch.packing.members import digest
-from ffseg.batch.packing.writer import PackWriter, new_pack
+from ffseg.batch.tar.members import digest
+from ffseg.batch.tar.writer import PackWriter, new_pack
 from ffseg.batch.workers.messages import Done, Event, Failed, Note, Ready, Reply, Setup, Task
 from ffseg.errors import OutputError, UsageError
-from ffseg.formats.files import printable, write_all_atomic
+from ffseg.io.files import printable, write_all_atomic
 
 CHUNKS_EACH = 4
 """Chunks of a worker that what is left is cut into, so that all workers end at about the same time."""

@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.outputs.table import Output, resolve
-from ffseg.formats.files import printable
-from ffseg.formats.masks import encode_mask
-from ffseg.formats.overlays import Polyline, encode_overlay, jpeg_address
-from ffseg.formats.svg import svg_document
 from ffseg.image.raster import rasterize
-from ffseg.segmenters.base import Progress, Segmentation
+from ffseg.io.files import printable
+from ffseg.io.masks import encode_mask
+from ffseg.io.overlays import Polyline, encode_overlay, jpeg_address
+from ffseg.io.svg import svg_document
+from ffseg.methods.base import Progress, Segmentation
 
 if TYPE_CHECKING:
-    from ffseg.formats.exports import AnnotatedImage
+    from ffseg.io.exports import AnnotatedImage
 
 FILM_FRAMES = 120
 """Frames of an animation at most: eleven seconds, and bounded memory however long an evolution takes."""
@@ -78,8 +78,8 @@ class Made:
     @cached_property
     def annotated(self) -> AnnotatedImage:
         """What exports know of the image."""
-        from ffseg.formats.exports import AnnotatedImage, PaintedRegion
         from ffseg.geometry.regions import group_regions
+        from ffseg.io.exports import AnnotatedImage, PaintedRegion
 
         height, width = self.image.shape[:2]
         regions = group_regions(self.result.contours)
@@ -121,7 +121,7 @@ def overlay(made: Made, _: str) -> bytes:
 
 def coco(made: Made, _: str) -> bytes:
     """COCO document of the image."""
-    from ffseg.formats.exports import coco_document, json_text
+    from ffseg.io.exports import coco_document, json_text
 
     return json_text(coco_document(made.annotated)).encode("ascii")
 
@@ -130,7 +130,7 @@ def labelme(made: Made, target: str) -> bytes:
     """LabelMe document of the image, which names it by the path from `target`."""
     from dataclasses import replace
 
-    from ffseg.formats.exports import json_text, labelme_document
+    from ffseg.io.exports import json_text, labelme_document
 
     folder = os.path.realpath(os.path.dirname(target))  # LabelMe opens the path from there, without following links
     image = _readable(os.path.relpath(os.path.realpath(made.path), folder).replace(os.sep, "/"))
@@ -139,7 +139,7 @@ def labelme(made: Made, target: str) -> bytes:
 
 def geojson(made: Made, _: str) -> bytes:
     """GeoJSON document of the image."""
-    from ffseg.formats.exports import geojson_document, json_text
+    from ffseg.io.exports import geojson_document, json_text
 
     return json_text(geojson_document(made.annotated)).encode("ascii")
 
@@ -157,20 +157,20 @@ def drawing(made: Made, _: str) -> bytes:
 
 def film(made: Made, _: str) -> bytes:
     """The evolution as an animated WebP file."""
-    from ffseg.formats.film.animation import animation_bytes
+    from ffseg.io.animation import animation_bytes
 
     return animation_bytes(made.image, made.film)
 
 
 def strip(made: Made, _: str) -> bytes:
     """Six snapshots of the evolution as an SVG file."""
-    from ffseg.formats.film.strip import film_strip_svg
+    from ffseg.io.strip import film_strip_svg
 
     return film_strip_svg(made.image, made.film).encode("utf-8")
 
 
 def coco_of_all(contents: Callable[[], Iterable[bytes]]) -> Iterator[bytes]:
     """One COCO document of those of all images."""
-    from ffseg.formats.exports import merged_coco
+    from ffseg.io.exports import merged_coco
 
     return merged_coco(lambda: map(json.loads, contents()))

@@ -9,7 +9,7 @@ from itertools import islice
 from typing import Any
 
 from ffseg.errors import OutputError, UsageError
-from ffseg.formats.files import printable, require_replaceable, temporary_path
+from ffseg.io.files import printable, require_replaceable, temporary_path
 
 _BATCH = 20_000
 _TEXTS = frozenset({"image", "status", "error", "method", "stop_reason", "note", "source", "pair"})

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
-from ffseg.batch.packing.members import digest
 from ffseg.batch.record.journal import read_header, read_records
+from ffseg.batch.tar.members import digest
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import ImageReadError, UsageError
-from ffseg.formats.files import printable, read_bytes
+from ffseg.io.files import printable, read_bytes
 from ffseg.parameters import Parameters
 from ffseg.schema.kinds import FilePath
 from ffseg.schema.sections import Section, declarations

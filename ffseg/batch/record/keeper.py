@@ -12,17 +12,17 @@ from time import perf_counter
 from typing import Any
 
 from ffseg import __version__
-from ffseg.batch.inputs.reading import place_of
-from ffseg.batch.jobs import Job, Plan
-from ffseg.batch.packing.members import Member, output_digest
-from ffseg.batch.packing.writer import PackWriter
+from ffseg.batch.plan.jobs import Job, Plan
+from ffseg.batch.plan.reading import place_of
 from ffseg.batch.record.journal import Journal, state_folder
 from ffseg.batch.record.order import order_key
 from ffseg.batch.record.values import Record
+from ffseg.batch.tar.members import Member, output_digest
+from ffseg.batch.tar.writer import PackWriter
 from ffseg.batch.workers.freshness import mark_of
 from ffseg.batch.workers.messages import Done, Failed, Mark, Reply, Unchanged
 from ffseg.errors import OutputError
-from ffseg.formats.files import printable, require_replaceable, write_all_atomic
+from ffseg.io.files import printable, require_replaceable, write_all_atomic
 
 Outputs = Mapping[str, tuple[str, Mark]]
 

@@ -7,10 +7,10 @@ import fcntl
 import os
 from types import TracebackType
 
-from ffseg.batch.discover import STATE_FOLDER
+from ffseg.batch.plan.discover import STATE_FOLDER
 from ffseg.batch.record.journal import refuse_special
 from ffseg.errors import OutputError, UsageError
-from ffseg.formats.files import make_folder, printable, unwritten
+from ffseg.io.files import make_folder, printable, unwritten
 
 
 class OutputLock:

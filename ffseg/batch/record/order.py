@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ffseg.batch.discover import natural_key
+from ffseg.batch.plan.discover import natural_key
 
 _END, _PART, _NUMBER = "\x00\x00", "\x00\x01", "\x00\x02"
 """Marks after a piece of a name; they begin with what no name holds, so that a shorter piece comes first."""

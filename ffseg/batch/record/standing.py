@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 from ffseg import __version__
-from ffseg.batch.jobs import Plan
+from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.record.journal import Journal
 from ffseg.batch.record.keeper import retire
 from ffseg.batch.record.values import Record

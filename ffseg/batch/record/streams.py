@@ -1,4 +1,4 @@
-"""Files of any length written piece by piece, whole or absent like those of `ffseg.formats.files`."""
+"""Files of any length written piece by piece, whole or absent like those of `ffseg.io.files`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable, Iterator
 from typing import BinaryIO
 
-from ffseg.formats.files import require_replaceable, temporary_path, unwritten
+from ffseg.io.files import require_replaceable, temporary_path, unwritten
 
 _BUFFER = 1 << 20
 

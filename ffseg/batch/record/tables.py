@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from ffseg.batch.outputs.table import OUTPUTS, Output, resolve
-from ffseg.batch.packing.members import output_bytes
 from ffseg.batch.record.streams import write_stream
 from ffseg.batch.record.values import Record
+from ffseg.batch.tar.members import output_bytes
 from ffseg.errors import ImageReadError, OutputError
-from ffseg.formats.files import printable, write_all_atomic
-from ffseg.formats.tables import csv_lines
+from ffseg.io.files import printable, write_all_atomic
+from ffseg.io.tables import csv_lines
 
 TIMING_COLUMNS = (
     "image", "status", "error", "width", "height", "method", "initial_points", "final_points", "patches", "iterations",

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ffseg.batch.packing.members import Member
+from ffseg.batch.tar.members import Member
 from ffseg.batch.workers.messages import Known, Mark
 
 File = tuple[str, str, Mark]

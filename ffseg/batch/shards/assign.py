@@ -6,7 +6,7 @@ import hashlib
 import re
 from dataclasses import dataclass, replace
 
-from ffseg.batch.jobs import Plan
+from ffseg.batch.plan.jobs import Plan
 from ffseg.errors import UsageError
 
 MOST_SHARDS = 100_000

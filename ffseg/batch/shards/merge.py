@@ -14,9 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ffseg import __version__
-from ffseg.batch.discover import STATE_FOLDER
-from ffseg.batch.packing.finish import is_gone, relocated
-from ffseg.batch.packing.ordered import OrderedPacks, packs_of, publish, remove_packs
+from ffseg.batch.plan.discover import STATE_FOLDER
 from ffseg.batch.record.header import changes
 from ffseg.batch.record.journal import FORMAT, JOURNAL, read_header
 from ffseg.batch.record.lock import OutputLock
@@ -26,8 +24,10 @@ from ffseg.batch.record.tables import RUN, Tables, remove_old
 from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.batch.shards.assign import Shard, shard_of_folder
 from ffseg.batch.shards.sort import Keyed, sorted_lines
+from ffseg.batch.tar.finish import is_gone, relocated
+from ffseg.batch.tar.ordered import OrderedPacks, packs_of, publish, remove_packs
 from ffseg.errors import ImageReadError, UsageError
-from ffseg.formats.files import is_temporary, printable, read_bytes
+from ffseg.io.files import is_temporary, printable, read_bytes
 
 SHARDS = "shards"
 _MOST_RUN = 1 << 30

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.inputs.masks import Masks
+from ffseg.batch.plan.masks import Masks
 from ffseg.batch.views import Views
 from ffseg.errors import ImageReadError
-from ffseg.formats.files import printable
-from ffseg.formats.images import Limits, decode_image
-from ffseg.formats.overlays import Kind, Polyline
 from ffseg.freespace.sequence import Frame, segment_frame, segment_view
 from ffseg.freespace.window import FIRST_IMAGE, NOTHING_ENCLOSED, Earlier
+from ffseg.io.files import printable
+from ffseg.io.images import Limits, decode_image
+from ffseg.io.overlays import Kind, Polyline
+from ffseg.methods.base import Progress, Segmentation
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Progress, Segmentation
 
 Callback = Callable[[Progress], None] | None
 

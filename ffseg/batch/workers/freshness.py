@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ffseg.batch.inputs.reading import member_path, parted, place_of, read_input, told
-from ffseg.batch.packing.members import Member, digest, output_digest
+from ffseg.batch.plan.reading import member_path, parted, place_of, read_input, told
+from ffseg.batch.tar.members import Member, digest, output_digest
 from ffseg.batch.workers.messages import Evidence, Known, Mark, Setup, Task
 from ffseg.errors import ImageReadError
-from ffseg.formats.files import printable
+from ffseg.io.files import printable
 
 if TYPE_CHECKING:
     from ffseg.batch.views import Views

@@ -134,7 +134,7 @@ def _fork(tasks: int, replies: int, log: int) -> Handle:
 
     import ffseg.batch.workers.messages
     import ffseg.batch.workers.process
-    import ffseg.formats.files  # noqa: F401
+    import ffseg.io.files  # noqa: F401
 
     parent = os.getpid()
     pid = os.fork()

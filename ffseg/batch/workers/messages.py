@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, Wanted
-from ffseg.batch.packing.members import Member
+from ffseg.batch.tar.members import Member
 from ffseg.parameters import Parameters
 
 if TYPE_CHECKING:
     from ffseg.batch.views import Views
-    from ffseg.formats.starts import Start
+    from ffseg.io.starts import Start
 
 _LENGTH_BYTES = 8
 
@@ -43,7 +43,7 @@ class Setup:
     """
 
     params: Parameters
-    segmenter: str = "ffseg.segmenters.registry:segment"
+    segmenter: str = "ffseg.pipeline:segment"
     views: Views | None = None
     wanted: Wanted = MASKS_AND_CONTOURS
     max_pixels: int = 100_000_000

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.discover import Source
-from ffseg.batch.inputs.reading import read_input, told
+from ffseg.batch.plan.discover import Source
+from ffseg.batch.plan.reading import read_input, told
 from ffseg.errors import ImageReadError
-from ffseg.formats.files import printable
-from ffseg.formats.images import Limits, decode_image
+from ffseg.io.files import printable
+from ffseg.io.images import Limits, decode_image
 
 
 def read_source(source: Source, limits: Limits | None = None) -> NDArray[np.uint8]:

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.inputs.reading import read_input, told
+from ffseg.batch.plan.reading import read_input, told
 from ffseg.errors import ImageReadError
-from ffseg.formats.files import printable
-from ffseg.formats.images import Limits
-from ffseg.formats.masks import decode_labels, hides_levels
+from ffseg.io.files import printable
+from ffseg.io.images import Limits
+from ffseg.io.masks import decode_labels, hides_levels
 from ffseg.metrics import IGNORED, INSIDE
 
 Labels = NDArray[Any]

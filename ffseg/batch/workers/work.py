@@ -14,18 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg import __version__
-from ffseg.batch.inputs.masks import named_masks
 from ffseg.batch.outputs.encoding import Film, Made
 from ffseg.batch.outputs.table import Output, resolve
-from ffseg.batch.packing.members import digest, output_bytes
+from ffseg.batch.plan.masks import named_masks
+from ffseg.batch.tar.members import digest, output_bytes
 from ffseg.batch.workers.freshness import Read, kept_outputs, read_task
 from ffseg.batch.workers.messages import Done, Encoded, Failed, Known, Reply, Setup, Task, Unchanged
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError, is_out_of_memory
-from ffseg.formats.images import OPENCV_VERSION, Limits, decode_image, frames_note, single_thread
-from ffseg.formats.masks import decode_mask
-from ffseg.formats.overlays import FLATNESS, Polyline, polylines
+from ffseg.io.images import OPENCV_VERSION, Limits, decode_image, frames_note, single_thread
+from ffseg.io.masks import decode_mask
+from ffseg.io.overlays import FLATNESS, Polyline, polylines
+from ffseg.methods.base import Segmentation
 from ffseg.parameters import Parameters
-from ffseg.segmenters.base import Segmentation
 
 if TYPE_CHECKING:
     from ffseg.batch.workers.frames import FrameBench
@@ -144,7 +144,7 @@ class Workbench:
         return _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame))
 
     def _evidence(self, path: str) -> NDArray[np.float32]:
-        from ffseg.batch.inputs.maps import read_evidence
+        from ffseg.batch.plan.maps import read_evidence
 
         return read_evidence(path, self._limits)
 

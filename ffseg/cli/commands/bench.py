@@ -12,7 +12,7 @@ from ffseg.cli import completion, console
 from ffseg.cli.checks import folder, number
 
 if TYPE_CHECKING:
-    from ffseg.batch.bench.session import Outcome
+    from ffseg.bench.session import Outcome
 
 MISSED_GATE = 4
 """Exit code when a figure is slower than the baseline allows."""
@@ -59,11 +59,11 @@ def bench(  # noqa: PLR0913 - the options of the command
     Writes bench.json, bench.csv and bench.md after every suite, so that one that fails loses nothing measured before it,
     and, with matplotlib, plots at the end. Exit code 4: a figure missed the baseline.
     """
-    from ffseg.batch.bench import plots
-    from ffseg.batch.bench.gate import read_baseline
-    from ffseg.batch.bench.measure import Effort, Skipped
-    from ffseg.batch.bench.session import Order, run_bench
-    from ffseg.formats.files import make_folder, write_bytes_atomic
+    from ffseg.bench import plots
+    from ffseg.bench.gate import read_baseline
+    from ffseg.bench.measure import Effort, Skipped
+    from ffseg.bench.session import Order, run_bench
+    from ffseg.io.files import make_folder, write_bytes_atomic
 
     known = read_baseline(baseline, max_ratio, quick=quick) if baseline else None
     make_folder(out)
@@ -87,8 +87,8 @@ def bench(  # noqa: PLR0913 - the options of the command
 
 def _write(out: Path, outcome: Outcome) -> dict[str, bytes]:
     """Write the tables of what is measured so far; their contents by name."""
-    from ffseg.batch.bench.report import to_csv, to_json, to_markdown
-    from ffseg.formats.files import write_bytes_atomic
+    from ffseg.bench.report import to_csv, to_json, to_markdown
+    from ffseg.io.files import write_bytes_atomic
 
     tables = {
         "bench.json": to_json(outcome),

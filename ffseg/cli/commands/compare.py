@@ -17,7 +17,7 @@ from ffseg.cli.options import Config, Evidence, Inputs, Out, Settings, Starts, T
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
-    from ffseg.batch.comparison.values import Row
+    from ffseg.compare.values import Row
 
 FAILED_IMAGES, MISSED_GATE = 3, 4
 """Exit codes."""
@@ -60,11 +60,11 @@ def compare(  # noqa: PLR0913 - the options of the command
     Writes compare.csv, compare.md and panels/. Exit code: 0 done; 2 nothing was run; 3 a method failed on an image; 4 a
     gate was missed. Peers that are not installed are named and skipped.
     """
-    from ffseg.batch import compare as work
-    from ffseg.batch.comparison.text import SUMMARY, summary_cells
-    from ffseg.batch.comparison.values import Comparison
-    from ffseg.cli.running.interruption import Interruption
-    from ffseg.cli.running.reporting import DISAGREE, disagree
+    from ffseg.cli.interruption import Interruption
+    from ffseg.cli.reporting import DISAGREE, disagree
+    from ffseg.compare import run as work
+    from ffseg.compare.text import SUMMARY, summary_cells
+    from ffseg.compare.values import Comparison
     from ffseg.peer_parameters import load_peer_parameters
 
     require_truth(truth, truth_label)

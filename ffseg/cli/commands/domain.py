@@ -42,7 +42,7 @@ def domain(
     read, or a folder shows no camera that moves: it is named, and the other masks are written.
     """
     from ffseg.batch.cameras import cameras, names_a_mask, write_own_image
-    from ffseg.batch.discover import discover
+    from ffseg.batch.plan.discover import discover
 
     single = names_a_mask(os.fspath(out))
     _require_output(out, single=single)
@@ -70,7 +70,7 @@ def domain(
 
 def _require_output(out: Path, *, single: bool) -> None:
     """Refuse a mask or a folder of masks that could not be written."""
-    from ffseg.batch.discover import SUFFIXES
+    from ffseg.batch.plan.discover import SUFFIXES
 
     if single:
         output_file("--out", out)

@@ -29,7 +29,7 @@ def merge(
     Exit code: 0 every image done; 2 nothing was written; 3 an image failed, or a shard never ran or did not finish: it is
     named, and the tables hold what is there.
     """
-    from ffseg.batch.report import write_report
+    from ffseg.batch.report.write import write_report
     from ffseg.batch.shards.merge import merge_shards
     from ffseg.cli.commands.run import read_tables
 

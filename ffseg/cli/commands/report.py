@@ -13,7 +13,7 @@ import typer
 from ffseg.cli import console
 from ffseg.cli.checks import folder as named
 from ffseg.errors import UsageError
-from ffseg.formats.files import printable
+from ffseg.io.files import printable
 
 
 def report(
@@ -27,7 +27,7 @@ def report(
 
     The page needs no network and no server: open it in a browser.
     """
-    from ffseg.batch.report import write_report
+    from ffseg.batch.report.write import write_report
 
     _require_there(images or ())
     console.data(console.escape(str(write_report(folder, images or ()))))

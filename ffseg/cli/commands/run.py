@@ -31,8 +31,8 @@ from ffseg.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ffseg.batch.jobs import Plan
     from ffseg.batch.outputs.table import Wanted
+    from ffseg.batch.plan.jobs import Plan
     from ffseg.batch.views import Views
     from ffseg.batch.workers.messages import Setup
     from ffseg.parameters import Parameters
@@ -137,8 +137,8 @@ def run(  # noqa: PLR0913 - the options of the command
     from ffseg.batch.executors.choice import Choice
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
-    from ffseg.cli.running.interruption import Interruption
-    from ffseg.cli.running.reporting import Progress, show_result
+    from ffseg.cli.interruption import Interruption
+    from ffseg.cli.reporting import Progress, show_result
 
     with contextlib.ExitStack() as cleanup:
         for process in early:
@@ -178,7 +178,7 @@ def limited(setup: Setup, max_pixels: int, megabytes: int) -> Setup:
 def show_preview(plan: Plan, setup: Setup, *, overwrite: bool, as_json: bool) -> int:
     """Show what a run would do; its exit code as far as that is known."""
     from ffseg.batch.preview import preview
-    from ffseg.cli.running.reporting import show_plan
+    from ffseg.cli.reporting import show_plan
 
     return 0 if show_plan(preview(plan, setup, overwrite=overwrite), plan, as_json=as_json) else FAILED_IMAGES
 
@@ -238,8 +238,8 @@ def read_plan(
     choice: Chosen, out: Path, wanted: Wanted, truth: Path | None, starts: Path | None, params: Parameters
 ) -> Plan:
     """Images of a run with their outputs, truths, starts and domains."""
-    from ffseg.batch.inputs.listing import listed
-    from ffseg.batch.jobs import make_plan, with_domains, with_starts
+    from ffseg.batch.plan.jobs import make_plan, with_domains, with_starts
+    from ffseg.batch.plan.listing import listed
 
     starting, domains = starts_file(starts, params), params.domain.masks
 
@@ -273,14 +273,14 @@ def with_maps(plan: Plan, evidence: Path | None, camera: Path | None) -> Plan:
             "--evidence and --camera do not go together: the images of a camera are segmented without maps; leave out one "
             "of them, or name the network or .ffmodel that made the maps as edges.model"
         )
-    from ffseg.batch.jobs import with_evidence
+    from ffseg.batch.plan.jobs import with_evidence
 
     return with_evidence(plan, os.fspath(evidence))
 
 
 def in_sequence(plan: Plan, views: Views | None, shard: str) -> tuple[Plan, Views | None]:
     """The plan with the images before each image, if there is a camera, and what they came from."""
-    from ffseg.batch.jobs import with_earlier
+    from ffseg.batch.plan.jobs import with_earlier
 
     return part_of(with_earlier(plan, views.chain) if views else plan, shard), views
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ffseg.segmenters.base import Segmentation
+    from ffseg.methods.base import Segmentation
 
 FAILED_IMAGES = 3
 """Exit code when the image cannot be read or segmented, or an output cannot be written."""
@@ -67,8 +67,8 @@ def segment(  # noqa: PLR0913 - the options of the command
     require_source(params, evidence)
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from ffseg.api import segment as segment_pixels
-    from ffseg.segmenters.saving.kinds import encoded
-    from ffseg.segmenters.saving.source import Source
+    from ffseg.io.saving.kinds import encoded
+    from ffseg.io.saving.source import Source
 
     try:
         pixels, note = _read(image)
@@ -94,7 +94,7 @@ def segment(  # noqa: PLR0913 - the options of the command
 def _evidence(path: Path | None) -> NDArray[np.float32] | None:
     if path is None:
         return None
-    from ffseg.batch.inputs.maps import read_evidence
+    from ffseg.batch.plan.maps import read_evidence
 
     return read_evidence(os.fspath(path))
 
@@ -107,7 +107,7 @@ def _kind(path: str, named: str | None) -> str:
         raise UsageError(f"--as {named}: choose one of {', '.join(KINDS)}{nearest_word(named, KINDS)}")
     if named is not None or path == PIPE:
         return named or "mask"
-    from ffseg.segmenters.saving.suffixes import kind_of
+    from ffseg.io.saving.suffixes import kind_of
 
     try:
         return kind_of(path)
@@ -138,8 +138,8 @@ def _same(path: str, image: str) -> bool:
 
 def _read(image: str) -> tuple[NDArray[np.uint8], str]:
     """Pixels of an image, and what there is to say of frames that were not read."""
-    from ffseg.formats.files import printable, read_bytes
-    from ffseg.formats.images import Limits, decode_image, frames_note
+    from ffseg.io.files import printable, read_bytes
+    from ffseg.io.images import Limits, decode_image, frames_note
 
     limits = Limits()
     try:
@@ -162,11 +162,11 @@ def _stdin(most: int) -> bytes:
 def _write(path: str, data: bytes) -> None:
     """Write a file whole or not at all, or to stdout."""
     if path != PIPE:
-        from ffseg.formats.files import write_bytes_atomic
+        from ffseg.io.files import write_bytes_atomic
 
         write_bytes_atomic(path, data)
         return
-    from ffseg.cli.running.streams import lost_output
+    from ffseg.cli.streams import lost_output
 
     if sys.stdout.isatty() and b"\0" in data:
         raise OutputError("stdout is a terminal, which shows no pictures; redirect it: ffseg segment IN - > OUT")

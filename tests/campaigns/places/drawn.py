@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.formats.files import write_bytes_atomic
-from ffseg.formats.masks import encode_png
+from ffseg.io.files import write_bytes_atomic
+from ffseg.io.masks import encode_png
 from ffseg.metrics import IGNORED, INSIDE
 from tests.campaigns.places.cameras import CLEAR_OF_CAMERA, mirror, perspective, photographed
 from tests.campaigns.places.figures import thing

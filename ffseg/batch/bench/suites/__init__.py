@@ -1,1 +1,0 @@
-"""The suites: what is measured, on which inputs."""

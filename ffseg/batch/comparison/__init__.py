@@ -1,1 +1,0 @@
-"""What a comparison finds, as values and as text."""

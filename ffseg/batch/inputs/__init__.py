@@ -1,1 +1,0 @@
-"""What a run is given beside the images it finds in folders."""

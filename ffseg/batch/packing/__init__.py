@@ -1,1 +1,0 @@
-"""Outputs in tar files: appended while a run works, put in order when it is finished."""

@@ -1,0 +1,219 @@
+"""Inputs of a run: files, folders walked in natural order, and patterns, as one list without doubles."""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from ffseg.batch.outputs.table import OUTPUT_FOLDERS
+from ffseg.batch.plan.reading import member_path
+from ffseg.errors import UsageError
+from ffseg.io.files import SKIP_FILE, is_temporary, printable
+
+_READ = ".png .jpg .jpeg .jpe .jfif .tif .tiff .bmp .dib .webp .gif .ppm .pgm .pbm .pnm .jp2 .avif"
+_REFUSED = ".heic .heif .jxl .exr .hdr .pfm .pam .j2k .jpx .psd"
+SUFFIXES = frozenset(f"{_READ} {_REFUSED}".split())
+"""Files of a folder that count as images, also those of formats that are refused: they get a row that says so. A file
+that is named itself is taken whatever its suffix."""
+STATE_FOLDER = ".ffseg"
+"""Folder under the output with the lock, the journal and the error log; it marks a folder of ours."""
+
+_CHECK = "check the name"
+_DIGITS = re.compile(r"([0-9]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One input image.
+
+    Attributes
+    ----------
+    path : str
+        To open it.
+    name : str
+        Relative to the INPUT it was found under, with ``/`` between folders; outputs mirror it.
+    problem : str
+        Why it cannot even be tried (``reason: text``), else empty.
+    place : int
+        Number of the INPUT it was found under: images stand in the order of these, then of their names.
+    span : tuple of (int, int) or None
+        Offset and length in the archive that `path` names.
+    """
+
+    path: str
+    name: str
+    problem: str = ""
+    place: int = 0
+    span: tuple[int, int] | None = None
+
+    @property
+    def content(self) -> str:
+        """What `read_input` reads: the path, or that of the member in an archive."""
+        return self.path if self.span is None else member_path(self.path, self.name, self.span)
+
+    @property
+    def told(self) -> str:
+        """The path as people know it: that of a member stands behind its archive's."""
+        return self.path if self.span is None else f"{self.path}/{self.name}"
+
+
+def natural_key(name: str) -> tuple[tuple[tuple[bool, int, str], ...], ...]:
+    """Sort key that puts ``a2`` before ``a10`` and keeps each folder together."""
+    return tuple(_part_key(part) for part in name.split("/"))
+
+
+def _part_key(part: str) -> tuple[tuple[bool, int, str], ...]:
+    pieces = enumerate(_DIGITS.split(part))  # every second piece is digits
+    return tuple((bool(index % 2), int(piece) if index % 2 else 0, piece) for index, piece in pieces)
+
+
+def discover(inputs: Sequence[str]) -> list[Source]:
+    """Images named by files, folders and patterns, each once.
+
+    Parameters
+    ----------
+    inputs : sequence of str
+        Each a file, a folder (walked recursively, natural order), or a pattern with ``*``, ``?``, ``[...]`` or ``**``.
+
+    Raises
+    ------
+    UsageError
+        If an input does not exist, or holds no image.
+    """
+    found: dict[tuple[str, str], Source] = {}
+    for place, text in enumerate(inputs):
+        sources = _expand(text)
+        if not sources:
+            raise UsageError(
+                f"{printable(text)} holds no image; hidden files, outputs of ffseg and folders below with a file "
+                f"{SKIP_FILE} are left out, and images in a folder need one of the suffixes {_READ}"
+            )
+        places: dict[str, str] = {}  # of archives: their members need not ask the disk each
+        for source in sources:
+            identity = places.get(source.path) or _identity_of(source)
+            if source.span is not None:
+                places[source.path] = identity
+            found.setdefault((identity, source.name), replace(source, place=place))
+    return list(found.values())
+
+
+def _identity_of(source: Source) -> str:
+    return source.path if "://" in source.path else os.path.realpath(source.path)
+
+
+def _expand(text: str) -> list[Source]:
+    from ffseg.batch.plan.archives import is_archive, members
+    from ffseg.batch.plan.remote import is_remote, remote_sources
+
+    if is_remote(text):
+        return remote_sources(text)
+    if os.path.isdir(text):
+        return sorted(_walk(text), key=_source_key)
+    if is_archive(text) and os.path.isfile(text):
+        return sorted(members(text), key=_source_key)
+    if os.path.lexists(text):
+        return [Source(text, os.path.basename(text))]
+    if not glob.has_magic(text):
+        remedy = "write --list - for names and 'ffseg segment - OUT' for an image on stdin" if text == "-" else _CHECK
+        raise UsageError(f"there is no file or folder {printable(text)}; {remedy}")
+    return _expand_pattern(text)
+
+
+def _expand_pattern(pattern: str) -> list[Source]:
+    base = _fixed_folder(pattern)
+    if ".." in pattern[len(base) :].split("/"):  # the name of an output would lead out of the output folder
+        raise UsageError(f"the pattern {printable(pattern)} has '..' behind a wildcard; write the folder it leads to")
+    matches = sorted(glob.iglob(pattern, recursive=True), key=lambda path: natural_key(_relative(path, base)))
+    if not matches:
+        raise UsageError(f"the pattern {printable(pattern)} matches no file; check the folder it starts in")
+    sources: list[Source] = []
+    for match in matches:
+        if os.path.isdir(match):
+            if "**" not in pattern:  # '**' names the files below as well
+                below = sorted(_walk(match), key=_source_key)
+                sources += [Source(found.path, _relative(found.path, base), found.problem) for found in below]
+        elif _is_image_name(os.path.basename(match)) and not _is_output(_relative(match, base), base):
+            sources.append(Source(match, _relative(match, base)))
+    return sources
+
+
+def _fixed_folder(pattern: str) -> str:
+    """Longest leading folder of a pattern without wildcards; empty for the current one."""
+    parts = pattern.split("/")
+    fixed = next(index for index, part in enumerate(parts) if glob.has_magic(part))
+    return "/".join(parts[:fixed]) + ("/" if fixed else "")
+
+
+def _relative(path: str, base: str) -> str:
+    return os.path.relpath(path, base or ".").replace(os.sep, "/")
+
+
+def _is_output(name: str, base: str) -> bool:
+    """Whether a relative name leads through an output folder, told by the state folder beside it."""
+    parts = name.split("/")
+    return any(
+        part in OUTPUT_FOLDERS and os.path.isdir(os.path.join(base, *parts[:index], STATE_FOLDER))
+        for index, part in enumerate(parts[:-1])
+    )
+
+
+def _is_image_name(name: str) -> bool:
+    if name.startswith(".") or is_temporary(name):
+        return False
+    return os.path.splitext(name)[1].lower() in SUFFIXES
+
+
+def _source_key(source: Source) -> tuple[tuple[tuple[bool, int, str], ...], ...]:
+    return natural_key(source.name)
+
+
+def _walk(root: str) -> Iterator[Source]:
+    """Images below a folder; every real folder is entered once, first by its own name, then by links to it."""
+    visited: set[tuple[int, int] | None] = set()
+    folders, links = [(root, "")], list[tuple[str, str]]()
+    while folders or links:
+        folder, prefix = folders.pop() if folders else links.pop(0)
+        identity = _identity(folder)
+        if identity in visited:
+            continue
+        visited.add(identity)
+        entries = _entries(folder)
+        if isinstance(entries, str):
+            yield Source(folder, prefix.rstrip("/") or os.path.basename(folder), f"unreadable: {entries}")
+            continue
+        if prefix and any(entry.name == SKIP_FILE for entry in entries):
+            continue
+        skipped = OUTPUT_FOLDERS if any(entry.name == STATE_FOLDER for entry in entries) else ()
+        for entry in entries:
+            if entry.name.startswith(".") or entry.name in skipped:
+                continue
+            if _is_folder(entry):
+                (links if entry.is_symlink() else folders).append((entry.path, f"{prefix}{entry.name}/"))
+            elif _is_image_name(entry.name):
+                yield Source(entry.path, prefix + entry.name)
+
+
+def _entries(folder: str) -> list[os.DirEntry[str]] | str:
+    try:
+        with os.scandir(folder) as entries:
+            return sorted(entries, key=lambda entry: natural_key(entry.name))
+    except OSError as error:
+        return f"the folder cannot be listed ({os.strerror(error.errno or 0)}); check its permissions"
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:  # a link that leads back to itself
+        return False
+
+
+def _identity(path: str) -> tuple[int, int] | None:
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino

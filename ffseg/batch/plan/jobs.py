@@ -1,0 +1,358 @@
+"""The plan of a run: one job for each image, and everything refused before the first one starts."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+
+from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, OUTPUT_FOLDERS, Wanted
+from ffseg.batch.plan.discover import STATE_FOLDER, Source, discover
+from ffseg.batch.plan.domains import find_domains
+from ffseg.batch.plan.maps import find_evidence
+from ffseg.batch.plan.reading import parted, place_of
+from ffseg.batch.plan.truths import find_truths
+from ffseg.batch.tar.members import PACKS, tar_name
+from ffseg.errors import OutputError, UsageError
+from ffseg.io.files import make_folder, printable, write_bytes_atomic
+from ffseg.io.starts import Start, load_starts
+
+MAX_NAME_BYTES = 255
+"""The longest file name of the file systems in use."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One image of a run.
+
+    Attributes
+    ----------
+    index : int
+        Place in the input order.
+    source : Source
+    stem : str
+        Name of its outputs below ``masks/`` and so on, without the suffix.
+    truth : str
+        Path of the true mask, for `read_input`; or empty.
+    earlier : tuple of str
+        Paths of the images before it in its sequence, the nearest first.
+    start : Start or None
+        Its own start circle; None leaves the parameters'.
+    depends : tuple of str
+        Paths of further files that its result depends on, such as its own domain or evidence map. Whatever is added to a
+        job and read from a file belongs here: with another content the image is done again.
+    evidence : str
+        Path of its map of evidence, or empty; also one of `depends`.
+    domain : str
+        Path of its own domain, or empty; also one of `depends`.
+    """
+
+    index: int
+    source: Source
+    stem: str
+    truth: str = ""
+    earlier: tuple[str, ...] = ()
+    start: Start | None = None
+    depends: tuple[str, ...] = ()
+    evidence: str = ""
+    domain: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a run is going to do.
+
+    Attributes
+    ----------
+    out : str
+    jobs : tuple of Job
+    wanted : Wanted
+    with_truth : bool
+    inputs : tuple of str
+        What was asked for, as absolute paths and patterns: how the images are found again.
+    shard : str
+        Name of the shard this is, as ``3-of-8``; empty when it is the whole.
+    whole : int
+        Images of all shards together.
+    """
+
+    out: str
+    jobs: tuple[Job, ...]
+    wanted: Wanted = MASKS_AND_CONTOURS
+    with_truth: bool = False
+    inputs: tuple[str, ...] = ()
+    shard: str = ""
+    whole: int = 0
+
+    def outputs(self, job: Job) -> tuple[str, ...]:
+        """Outputs of a job, relative to `out`."""
+        return tuple(kind.path(job.stem) for kind in self.wanted.kinds)
+
+    @property
+    def tars(self) -> tuple[str, ...]:
+        """Tar files of the outputs, relative to `out`; none where each is a file of its own."""
+        folders = dict.fromkeys(kind.folder for kind in self.wanted.kinds if self.wanted.pack)
+        return tuple(map(tar_name, folders))
+
+    def written(self, job: Job) -> tuple[str, ...]:
+        """Files that a job's outputs are written to, relative to `out`."""
+        return self.tars or self.outputs(job)
+
+
+def make_plan(
+    inputs: Sequence[str],
+    out: str,
+    *,
+    wanted: Wanted = MASKS_AND_CONTOURS,
+    truth: str = "",
+    exclude: Sequence[str] = (),
+    keep_suffix: bool = False,
+    listed: Sequence[Source] = (),
+) -> Plan:
+    """Find the inputs, pair them with their outputs and truths, and refuse what cannot work.
+
+    Nothing is written.
+
+    Parameters
+    ----------
+    inputs : sequence of str
+    out : str
+    wanted : Wanted
+    truth : str
+        Folder or tar file of true masks, or empty.
+    exclude : sequence of str
+        Patterns of relative names, or of folders or files in them, that are left out.
+    keep_suffix : bool
+        Outputs keep the suffix of their image before their own, so that ``a.jpg`` and ``a.png`` do not collide.
+    listed : sequence of Source
+        Images named one by one, before those of the inputs.
+
+    Raises
+    ------
+    UsageError
+        If an input is missing, two inputs share an output, or an output would replace an input.
+    """
+    sources = without([*listed, *discover(inputs)], exclude)
+    truths: dict[str, str] = {}
+    if truth:
+        truths = find_truths(sources, truth)
+        used = {os.path.realpath(path) for path in truths.values()}
+        sources = [source for source in sources if os.path.realpath(source.content) not in used]
+    stem = _whole_name if keep_suffix else _stem
+    jobs = tuple(
+        Job(index, _checked_name(source, stem(source), wanted), stem(source), truths.get(source.name, ""))
+        for index, source in enumerate(sources)
+    )
+    asked = tuple(map(place_of, inputs))
+    plan = Plan(out, jobs, wanted, with_truth=bool(truth), inputs=asked)
+    _refuse_collisions(plan)
+    _refuse_outputs_over_inputs(plan)
+    return plan
+
+
+def with_earlier(plan: Plan, chain: Callable[[str], Iterable[str]]) -> Plan:
+    """The plan with the images before each image, whose names the chain gives, the nearest first."""
+    paths = {job.source.name: job.source.content for job in plan.jobs}
+    jobs = tuple(replace(job, earlier=tuple(paths[name] for name in chain(job.source.name))) for job in plan.jobs)
+    return replace(plan, jobs=jobs)
+
+
+def with_starts(plan: Plan, path: str) -> Plan:
+    """The plan with each image's start circle out of a file; images that cannot even be tried need none.
+
+    Raises
+    ------
+    ParameterError
+        If the file is wrong, or has no row for an image.
+    """
+    starts = load_starts(path, [source.name for source in _tried(plan)])
+    return replace(plan, jobs=tuple(replace(job, start=starts.get(job.source.name)) for job in plan.jobs))
+
+
+def with_evidence(plan: Plan, folder: str) -> Plan:
+    """The plan with each image's map of evidence; images that cannot even be tried need none.
+
+    Raises
+    ------
+    UsageError
+        If there is no such folder, or an image has no map in it.
+    """
+    maps = find_evidence(_tried(plan), folder)
+    return _depending(plan, maps, lambda job, path: replace(job, evidence=path))
+
+
+def with_domains(plan: Plan, folder: str) -> Plan:
+    """The plan with each image's own domain; images that cannot even be tried need none.
+
+    Raises
+    ------
+    UsageError
+        If there is no such folder, or an image has no mask in it.
+    """
+    masks = find_domains(_tried(plan), folder)
+    return _depending(plan, masks, lambda job, path: replace(job, domain=path))
+
+
+def _tried(plan: Plan) -> list[Source]:
+    """The images that can be tried."""
+    return [job.source for job in plan.jobs if not job.source.problem]
+
+
+def _depending(plan: Plan, files: Mapping[str, str], given: Callable[[Job, str], Job]) -> Plan:
+    """The plan with each image given its file, by its name, which its result depends on."""
+
+    def one(job: Job) -> Job:
+        path = files.get(job.source.name, "")
+        return replace(given(job, path), depends=(*job.depends, path)) if path else job
+
+    return replace(plan, jobs=tuple(map(one, plan.jobs)))
+
+
+def _whole_name(source: Source) -> str:
+    return source.name
+
+
+def _stem(source: Source) -> str:
+    return os.path.splitext(source.name)[0]
+
+
+def without(sources: Sequence[Source], exclude: Sequence[str]) -> list[Source]:
+    """Sources without those whose name, or a folder or the file in it, matches a pattern.
+
+    Raises
+    ------
+    UsageError
+        If none is left.
+    """
+    left = [source for source in sources if not any(_matches(source.name, pattern) for pattern in exclude)]
+    if sources and not left:
+        raise UsageError(f"--exclude leaves no image; the patterns are {', '.join(map(printable, exclude))}")
+    return left
+
+
+def _matches(name: str, pattern: str) -> bool:
+    return fnmatchcase(name, pattern) or any(fnmatchcase(part, pattern.rstrip("/")) for part in name.split("/"))
+
+
+def _checked_name(source: Source, stem: str, wanted: Wanted) -> Source:
+    *folders, last = stem.split("/")
+    longest = max(len(os.fsencode(part)) for part in (*folders, ""))
+    suffix = max(len(kind.suffix) for kind in wanted.kinds)
+    if source.problem:
+        return source
+    if {"", ".", ".."} & set(folders) or last in ("", ".", ".."):  # its outputs would leave the output folder
+        return replace(source, problem="bad-name: the name leads out of its folder; rename the file")
+    if max(longest, len(os.fsencode(last)) + suffix) <= MAX_NAME_BYTES:
+        return source
+    return replace(source, problem="bad-name: its outputs' names would be too long; rename the file")
+
+
+def _refuse_collisions(plan: Plan) -> None:
+    fold = str.casefold if _ignores_case(plan.out) else str
+    owners: dict[str, Job] = {}
+    sharing: dict[str, list[Job]] = {}
+    for job in plan.jobs:
+        other = owners.setdefault(fold(job.stem), job)
+        if other is not job:
+            sharing.setdefault(fold(job.stem), [other]).append(job)
+    if sharing:
+        raise UsageError("\n".join(_shared(jobs) for jobs in sharing.values()))
+    folders = {fold(folder) for job in plan.jobs for folder in _parents(job.stem)}
+    for stem, job in owners.items():
+        taken = next((stem + suffix for suffix in (".png", ".svg") if stem + suffix in folders), None)
+        if taken:
+            raise UsageError(
+                f"the output masks/{printable(taken)} of {printable(job.source.told)} is also the folder "
+                "of other outputs; rename the image or the folder"
+            )
+
+
+def _shared(jobs: Sequence[Job]) -> str:
+    """Sentence about images that would share an output."""
+    *others, last = (printable(job.source.told) for job in jobs)
+    if len({job.source.name for job in jobs}) == len(jobs):
+        remedy = "use --keep-suffix of 'ffseg run', rename all but one, or run them into several output folders"
+    else:
+        remedy = "rename all but one, or run them into several output folders"
+    return f"{', '.join(others)} and {last} would share the output masks/{printable(jobs[0].stem)}.png; {remedy}"
+
+
+def _parents(stem: str) -> Iterable[str]:
+    while "/" in stem:
+        stem = stem.rsplit("/", 1)[0]
+        yield stem
+
+
+def _ignores_case(folder: str) -> bool:
+    """Whether the file system of an output folder takes ``A`` and ``a`` for one name."""
+    while not os.path.isdir(folder):
+        folder = os.path.dirname(os.path.abspath(folder))
+    swapped = os.path.abspath(folder).swapcase()
+    try:
+        return swapped != os.path.abspath(folder) and os.path.samefile(folder, swapped)
+    except OSError:
+        return False
+
+
+def _refuse_outputs_over_inputs(plan: Plan) -> None:
+    read = {path for job in plan.jobs for path in (job.source.path, job.truth, job.evidence, job.domain)}
+    inputs = {_identity(file) for file in {parted(path)[0] for path in read - {""}}} - {None}
+    for job in plan.jobs[:1] if plan.tars else plan.jobs:
+        for output in plan.written(job):
+            path = os.path.join(plan.out, output)
+            if _identity(path) in inputs:
+                raise UsageError(
+                    f"the output {printable(path)} would replace an input image; choose another output folder"
+                )
+
+
+def _identity(path: str) -> tuple[int, int] | None:
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_dev, status.st_ino
+
+
+def foreign_outputs(plan: Plan) -> str:
+    """First planned output that exists although no run has left its state in the output folder; else empty."""
+    if os.path.isdir(os.path.join(plan.out, STATE_FOLDER)):
+        return ""
+    if not plan.tars and not any(os.path.isdir(os.path.join(plan.out, folder)) for folder in OUTPUT_FOLDERS):
+        return ""
+    jobs = plan.jobs[:1] if plan.tars else plan.jobs
+    paths = (os.path.join(plan.out, output) for job in jobs for output in plan.written(job))
+    return next((path for path in paths if os.path.lexists(path)), "")
+
+
+def output_folders(plan: Plan) -> list[str]:
+    """Folders of all outputs of a plan that are files; what cannot even be tried has none."""
+    if plan.tars:
+        return []
+    jobs = (job for job in plan.jobs if not job.source.problem)
+    folders = {os.path.dirname(output) for job in jobs for output in plan.outputs(job)}
+    return [os.path.join(plan.out, folder) for folder in sorted(folders)]
+
+
+def prepare_output(plan: Plan, state: str) -> None:
+    """Make every output folder and prove that a file can be written to the folder of the run's state.
+
+    Raises
+    ------
+    OutputError
+        Naming the folder and the system's reason.
+    """
+    packs = [os.path.join(state, PACKS)] if plan.tars else []
+    for folder in (state, *packs, *output_folders(plan)):
+        make_folder(folder)
+    probe = os.path.join(state, "probe")
+    try:
+        write_bytes_atomic(probe, bytes(PROBE_BYTES))
+        os.unlink(probe)
+    except OSError as error:
+        raise OutputError(f"{printable(plan.out)} cannot be written ({os.strerror(error.errno or 0)})") from error
+
+
+PROBE_BYTES = 1 << 16
+"""A disk that cannot take this much more cannot take the outputs of one image."""

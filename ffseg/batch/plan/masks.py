@@ -1,0 +1,68 @@
+"""The masks that come with images: those the parameters name for all, and an image's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.io.images import Limits
+from ffseg.io.masks import load_mask
+from ffseg.parameters import Parameters
+
+
+class Bounds(TypedDict):
+    """Where the contour may go, start and may not be, as arguments of `ffseg.segment`."""
+
+    domain: NDArray[np.uint8] | None
+    start_mask: NDArray[np.uint8] | None
+    background: NDArray[np.uint8] | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Masks:
+    """What is known of an image's pixels before it is segmented.
+
+    Attributes
+    ----------
+    domain, start, background : ndarray of uint8, shape (H, W), or None
+        255 or 0, as `load_mask` gives them.
+    evidence : ndarray of float32, shape (H, W), or None
+    """
+
+    domain: NDArray[np.uint8] | None = None
+    start: NDArray[np.uint8] | None = None
+    background: NDArray[np.uint8] | None = None
+    evidence: NDArray[np.float32] | None = None
+
+    @property
+    def bounds(self) -> Bounds:
+        """All but the evidence."""
+        return {"domain": self.domain, "start_mask": self.start, "background": self.background}
+
+    def within(self, path: str, limits: Limits | None = None) -> Masks:
+        """With the domain of one image out of ``domain.masks``; the same without a path.
+
+        Raises
+        ------
+        ParameterError
+            If it cannot be read.
+        """
+        return replace(self, domain=load_mask("domain.masks", path, limits)) if path else self
+
+
+def named_masks(params: Parameters, limits: Limits | None = None) -> Masks:
+    """The masks that the parameters name.
+
+    Raises
+    ------
+    ParameterError
+        If one cannot be read.
+    """
+    return Masks(
+        load_mask("domain.mask", params.domain.mask, limits),
+        load_mask("init.mask", params.init.mask, limits),
+        load_mask("init.background_mask", params.init.background_mask, limits),
+    )

@@ -1,0 +1,82 @@
+"""Reading an input wherever it is: a file, a part of one, or a URL."""
+
+from __future__ import annotations
+
+import os
+import re
+
+from ffseg.errors import ImageReadError
+from ffseg.io.files import read_bytes
+
+Span = tuple[int, int]
+"""Offset and length of a member inside an archive."""
+
+_MEMBER = re.compile(r"(.+)#([0-9]+)\+([0-9]+)", re.DOTALL)
+_ARCHIVE = re.compile(r"\.tar/", re.IGNORECASE)
+
+
+def member_path(archive: str, name: str, span: Span) -> str:
+    """One text for a member of a tar file, ``photos.tar/a.png#1536+2048``, that is read like the path of a file."""
+    return f"{archive}/{name}#{span[0]}+{span[1]}"
+
+
+def parted(path: str) -> tuple[str, str, Span | None]:
+    """File that a path leads to, and name and span of the member it stands for; the name is empty for a whole file."""
+    found = _MEMBER.fullmatch(path)
+    if found is None:
+        return path, "", None
+    for place in _ARCHIVE.finditer(found[1]):
+        file = path[: place.end() - 1]
+        if os.path.isfile(file):  # a folder may have such a name, and a member
+            return file, path[place.end() : found.end(1)], (int(found[2]), int(found[3]))
+    return path, "", None
+
+
+def told(path: str) -> str:
+    """A path as people know it."""
+    file, name, _ = parted(path)
+    return f"{file}/{name}" if name else file
+
+
+def read_input(path: str, max_bytes: int, span: Span | None = None) -> bytes:
+    """Content of an input; without a span that of a file, or of the member that the path stands for.
+
+    Raises
+    ------
+    ImageReadError
+        As `read_bytes`.
+    """
+    if "://" in path:
+        from ffseg.batch.plan.remote import is_remote, read_remote
+
+        if is_remote(path):
+            return read_remote(path, max_bytes)
+    if span is None:
+        path, _, span = parted(path)
+    return read_bytes(path, max_bytes) if span is None else _part(path, span, max_bytes)
+
+
+def _part(path: str, span: Span, max_bytes: int) -> bytes:
+    offset, length = span
+    if not length:
+        raise ImageReadError("empty", "the member is empty; pack it again")
+    if length > max_bytes:
+        raise ImageReadError("too-many-bytes", f"the member has {length} bytes, the limit is {max_bytes}")
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+    except OSError as error:
+        raise ImageReadError("unreadable", f"the archive cannot be read ({os.strerror(error.errno or 0)})") from error
+    try:
+        data = os.pread(descriptor, length, offset)
+    except OSError as error:
+        raise ImageReadError("unreadable", f"the archive cannot be read ({os.strerror(error.errno or 0)})") from error
+    finally:
+        os.close(descriptor)
+    if len(data) < length:
+        raise ImageReadError("truncated", "the archive ends before the member does; copy it again")
+    return data
+
+
+def place_of(path: str) -> str:
+    """Where an input is, independent of the working folder."""
+    return path if "://" in path else os.path.abspath(path)

@@ -1,1 +1,0 @@
-"""What the report page is made from."""

@@ -1,0 +1,118 @@
+"""A tar file that grows by whole images: what has been appended is on the disk, and what failed is not seen."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import tarfile
+import uuid
+from collections.abc import Sequence
+
+from ffseg.batch.tar.members import BLOCK, PACKS, Member, padding
+from ffseg.errors import OutputError
+from ffseg.io.files import make_folder, printable
+
+_TIME = 315_532_800
+"""Time of change of every member, the first of 1980: the same outputs are the same bytes, and no program doubts it."""
+_NAME_BYTES = tarfile.LENGTH_NAME
+_CLOSED = -1
+
+
+def head(path: str, length: int) -> bytes:
+    """Header of a member, in GNU's format, which holds names of any bytes and length."""
+    member = tarfile.TarInfo(path)
+    member.size, member.mtime = length, _TIME
+    return member.tobuf(tarfile.GNU_FORMAT, "utf-8", "surrogateescape")
+
+
+def head_size(path: str) -> int:
+    """Bytes of `head`."""
+    length = len(path.encode("utf-8", "surrogateescape"))
+    more = 0 if length <= _NAME_BYTES else BLOCK + length + 1 + padding(length + 1)
+    return BLOCK + more
+
+
+def unwritable(path: str, error: OSError) -> OutputError:
+    """What to say of a tar file that cannot be written."""
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+    remedy = "free some space, then run again to go on" if full else "check the folder, then run again to go on"
+    return OutputError(f"{printable(path)} cannot be written ({os.strerror(error.errno or 0)}); {remedy}")
+
+
+def new_pack(out: str, state: str) -> str:
+    """Name below the output folder of a tar file that nobody else writes to."""
+    folder = os.path.relpath(os.path.join(state, PACKS), out).replace(os.sep, "/")
+    return f"{folder}/{uuid.uuid4().hex[:12]}.tar"
+
+
+class PackWriter:
+    """Appends outputs to a tar file of its own, which is made with the first of them.
+
+    Parameters
+    ----------
+    out : str
+        Output folder.
+    pack : str
+        The tar file, below it.
+    """
+
+    def __init__(self, out: str, pack: str) -> None:
+        self._pack = pack
+        self._path = os.path.join(out, pack)
+        self._descriptor = _CLOSED
+        self._end = 0
+
+    def append(self, files: Sequence[tuple[str, bytes]]) -> dict[str, Member]:
+        """Append outputs, all of them or none, and wait until they are on the disk.
+
+        Parameters
+        ----------
+        files : sequence of (path, data)
+            Paths below the output folder.
+
+        Returns
+        -------
+        dict
+            Where each lies.
+
+        Raises
+        ------
+        OutputError
+            Naming the tar file and the system's reason.
+        """
+        members: dict[str, Member] = {}
+        data = bytearray()
+        for path, content in files:
+            data += head(path, len(content))
+            members[path] = (self._pack, self._end + len(data), len(content))
+            data += content + bytes(padding(len(content)))
+        if data:
+            self._write(data)
+        return members
+
+    def _write(self, data: bytearray) -> None:
+        try:
+            if self._descriptor == _CLOSED:
+                make_folder(os.path.dirname(self._path))
+                self._descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+            os.lseek(self._descriptor, self._end, os.SEEK_SET)  # over what an append that failed has left
+            view = memoryview(data)
+            while view:
+                view = view[os.write(self._descriptor, view) :]
+            os.fsync(self._descriptor)
+        except OSError as error:
+            if self._descriptor != _CLOSED:
+                with contextlib.suppress(OSError):
+                    os.ftruncate(self._descriptor, self._end)
+            raise unwritable(self._path, error) from error
+        self._end += len(data)
+
+    def close(self) -> None:
+        """Close the file; one that holds nothing is removed."""
+        descriptor, self._descriptor = self._descriptor, _CLOSED
+        if descriptor != _CLOSED:
+            os.close(descriptor)
+            if not self._end:
+                with contextlib.suppress(OSError):
+                    os.unlink(self._path)

@@ -1,0 +1,1 @@
+"""ffseg bench: ratios measured in one run, and the gate on them."""

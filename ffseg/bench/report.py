@@ -1,0 +1,135 @@
+"""``bench.json``, ``bench.csv`` and ``bench.md`` of a bench run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+
+from ffseg.bench.figures import Figure, growths
+from ffseg.bench.gate import FORMAT
+from ffseg.bench.session import Outcome
+from ffseg.io.tables import Cell, csv_table
+
+COLUMNS = (
+    "suite", "case", "quantity", "x", "unit", "median", "first_quartile", "third_quartile", "least", "robust_median", "samples",
+    "k_ms", "ratio_to_k", "steady",
+)  # fmt: skip
+SIGNIFICANT = 4
+"""Digits of a figure in tables; the samples are whole in ``bench.json``."""
+
+
+def to_json(outcome: Outcome) -> bytes:
+    """The whole run: raw samples, facts, machine and versions."""
+    document = {
+        "format": FORMAT,
+        "quick": outcome.quick,
+        "started": outcome.started,
+        "machine": dict(outcome.machine),
+        "versions": dict(outcome.versions),
+        "figures": [_figure(figure) for figure in outcome.figures],
+        "comparisons": [asdict(item) for item in outcome.comparisons],
+        "growth": [asdict(growth) for growth in growths(outcome.figures)],
+        "facts": {name: dict(facts) for name, facts in outcome.facts.items()},
+        "skipped": [asdict(skipped) for skipped in outcome.skipped],
+        "slower": [{**asdict(item), "ratio": item.ratio} for item in outcome.slower],
+    }
+    return (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode("utf-8")
+
+
+def _figure(figure: Figure) -> dict[str, object]:
+    samples = {name: [round(value, 6) for value in values] for name, values in asdict(figure).items() if name in _RAW}
+    named = {name: value for name, value in asdict(figure).items() if name not in _RAW}
+    derived = {
+        "key": figure.key,
+        "median": figure.median,
+        "robust_median": figure.robust_median,
+        "ratio_to_k": figure.ratio,
+        "steady": figure.steady,
+    }
+    return {**derived, **named, **samples}
+
+
+_RAW = {"values", "robust", "kernel_values", "kernel_robust"}
+
+
+def to_csv(outcome: Outcome) -> bytes:
+    """One row for each figure."""
+    return csv_table(COLUMNS, (_row(figure) for figure in outcome.figures))
+
+
+def _row(figure: Figure) -> list[Cell]:
+    low, high = figure.quartiles
+    named: list[Cell] = [figure.suite, figure.case, figure.quantity, figure.x or None, figure.unit]
+    times = [_short(value) for value in (figure.median, low, high, min(figure.values), figure.robust_median)]
+    ratio = None if figure.ratio is None else _short(figure.ratio)
+    return [*named, *times, len(figure.values), _short(figure.kernel), ratio, _short(figure.steady)]
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{SIGNIFICANT}g}")
+
+
+def to_markdown(outcome: Outcome) -> str:
+    """The tables to read."""
+    lines = ["# ffseg bench", "", _circumstances(outcome), ""]
+    if outcome.quick:
+        lines += ["Made with `--quick`: tiny inputs, figures without meaning.", ""]
+    if outcome.slower:
+        lines += ["## Slower than the baseline", "", *(f"- {item}" for item in outcome.slower), ""]
+    for suite in dict.fromkeys(figure.suite for figure in outcome.figures):
+        lines += _suite_section(outcome, suite)
+    if outcome.skipped:
+        lines += ["## Skipped", "", *(f"- {part.suite}: {part.name}, {part.reason}" for part in outcome.skipped), ""]
+    return "\n".join(lines)
+
+
+def _circumstances(outcome: Outcome) -> str:
+    versions = ", ".join(f"{name} {version}" for name, version in outcome.versions.items())
+    machine = outcome.machine
+    return (
+        f"{outcome.started}; {machine['processor']}, {machine['cores']} cores, load {machine['load']}; {versions}. "
+        "K is Gaussian blur, Canny and flood fill of the same grey image, measured in turns with each figure; "
+        "median, quartiles and least are wall time; processor time, which waiting for a turn is not in, makes the ratios "
+        "to K and the exponents. One OpenCV thread."
+    )
+
+
+def _suite_section(outcome: Outcome, suite: str) -> list[str]:
+    figures = [figure for figure in outcome.figures if figure.suite == suite]
+    head = ("case", "quantity", "median", "quartiles", "least", "processor", "K ms", "in K")
+    lines = [f"## {suite}", "", *_table(head, (_cells(figure) for figure in figures)), ""]
+    found = [growth for growth in growths(figures) if growth.suite == suite]
+    if found:
+        rows = ((growth.series, f"{growth.exponent:.3f}", f"{growth.upper:.3f}") for growth in found)
+        lines += ["Fitted exponents:", "", *_table(("series", "all", "upper half"), rows), ""]
+    ratios = [item for item in outcome.comparisons if item.suite == suite]
+    if ratios:
+        rows = ((item.title, f"{item.ratio:.3f}", f"{item.robust_ratio:.3f}") for item in ratios)
+        lines += [*_table(("ratio of medians", "wall time or memory", "processor time or memory"), rows), ""]
+    facts = {name: facts for name, facts in outcome.facts.items() if name.startswith(f"{suite}/") and facts}
+    if facts:
+        names = list(dict.fromkeys(name for values in facts.values() for name in values))
+        cells = (
+            [key.partition("/")[2], *(str(values.get(name, "")) for name in names)] for key, values in facts.items()
+        )
+        lines += [*_table(("case", *names), cells), ""]
+    return lines
+
+
+def _cells(figure: Figure) -> list[str]:
+    low, high = figure.quartiles
+    ratio = "" if figure.ratio is None else f"{figure.ratio:.3g}"
+    numbers = [f"{figure.median:.4g} {figure.unit}", f"{low:.4g} - {high:.4g}", f"{min(figure.values):.4g}"]
+    numbers += [f"{figure.robust_median:.4g}"]
+    return [figure.case, figure.quantity, *numbers, f"{figure.kernel:.3g}", ratio]
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """A Markdown table padded so that it reads as plain text too."""
+    cells = [[cell.replace("|", "\\|") for cell in row] for row in (head, *rows)]
+    widths = [max(len(row[column]) for row in cells) for column in range(len(head))]
+    lines = [
+        "| " + " | ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) + " |" for row in cells
+    ]
+    return [lines[0], "|" + "|".join("-" * (width + 2) for width in widths) + "|", *lines[1:]]

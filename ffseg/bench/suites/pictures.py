@@ -1,0 +1,206 @@
+"""Suites on images: ``scenes``, ``method`` and ``peers`` at one size, ``size`` over many."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.workers.truth import read_truth
+from ffseg.bench.measure import Comparison, Fact, Group, Skipped, Task, timed
+from ffseg.bench.suites.drawing import Drawing, draw
+from ffseg.bench.suites.settings import Settings
+from ffseg.errors import UsageError
+from ffseg.image.edges import EdgeMap, edge_map
+from ffseg.image.keypoints import grey_image
+from ffseg.image.raster import rasterize
+from ffseg.io.files import printable
+from ffseg.io.images import read_image
+from ffseg.methods.base import Segmentation, View
+from ffseg.methods.peers import configured, geodesic
+from ffseg.metrics import iou
+from ffseg.parameters import Parameters, load_params
+from ffseg.peer_parameters import SkimageGac
+from ffseg.pipeline import segment, segmenter
+from ffseg.plugins import PEERS, SEGMENTERS
+from ffseg.samples.scenes import SCENES
+from ffseg.starts.given import start_contours
+
+Image = NDArray[np.uint8]
+
+SUFFIXES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm"}
+NUM_DRAWN = 4
+WIDTHS = (400, 800, 1600, 3200, 6400)
+QUICK_WIDTHS = (100, 150, 200)
+QUICK_ITERATIONS = 20
+SAME = 0.999
+"""IoU from which on a peer has reached its result: the one pixel by which it may still move is far less."""
+LONG = 1_000_000
+"""Iterations: a large image takes as many as it needs."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """An image to measure on, its truth (255 inside, 128 ignored, 0 outside) if known, and parameters."""
+
+    name: str
+    image: Image
+    truth: Image | None
+    params: Parameters
+
+
+def scenes(settings: Settings) -> Iterator[Group]:
+    """Edge map, evolution and the whole segmentation of the user's images, or of samples and drawn scenes."""
+    for picture in _folder(settings.images) if settings.images else _own(settings):
+        yield _segmented("scenes", picture, "freeform", picture.name)
+
+
+def method(settings: Settings) -> Iterator[Group | Skipped]:
+    """Every segmenter there is on a simple and a complex image."""
+    for picture in _own(settings):
+        if picture.name not in ("simple", "complex", "small"):
+            continue
+        for name in sorted(SEGMENTERS):
+            yield _segmented("method", picture, name, f"{picture.name} by {name}")
+
+
+def size(settings: Settings) -> Iterator[Group]:
+    """The same scene from 400x300 to 6400x4800 pixels; what is measured grows with the pixels."""
+    for width in QUICK_WIDTHS if settings.quick else WIDTHS:
+        picture = _drawn(1, width)
+        name = f"{picture.image.shape[1]}x{picture.image.shape[0]}"
+        yield _segmented("size", picture, "freeform", f"scene, {name}", x=picture.image.size)
+
+
+def peers(settings: Settings) -> Iterator[Group | Skipped]:
+    """The free form beside the peers it has to beat, each pair in turns, on the user's images or the samples."""
+    pictures = _folder(settings.images) if settings.images else _own(settings)
+    for picture in pictures:
+        if picture.name.startswith("drawn"):
+            continue
+        for name in ("sitk_fast_marching", "cv_edges_opened", "skimage_gac"):
+            if PEERS[name].installed:
+                yield _beside(picture, name, quick=settings.quick)
+            else:
+                yield Skipped("peers", f"{picture.name}, {name}", f"{PEERS[name].package} is not installed")
+
+
+def _beside(picture: Picture, name: str, *, quick: bool) -> Group:
+    """A peer and the free form on one picture: what comes after the edge map, on the edge map each has by default.
+
+    With ``cv_edges_opened`` it is the whole segmentation, because edges are all that peer does. Making a peer's start
+    region is not counted.
+    """
+    image, params, peer = picture.image, picture.params, segmenter(name)
+    shape = (image.shape[0], image.shape[1])
+    theirs, section = configured(params, name)
+    edges, seen, starts = edge_map(image, params.edges), edge_map(image, theirs.edges), start_contours(shape, params)
+    facts: dict[str, Fact] = {"size": f"{shape[1]}x{shape[0]}"}
+    if isinstance(section, SkimageGac):
+        seeds = rasterize(starts, shape)
+        section = enough(seen, seeds, replace(section, iterations=QUICK_ITERATIONS) if quick else section)
+        facts["peer iterations"] = section.iterations
+    cases = f"{picture.name}, freeform beside {name}", f"{picture.name}, {name}"
+    works: tuple[Callable[[], object], Callable[[], object]]
+    if name == "cv_edges_opened":
+        stage, ratio = "segment", Comparison(f"{picture.name}: freeform over {name}", *cases)
+        works = (
+            lambda: segment(image, params),
+            lambda: peer(View(image, edge_map(image, theirs.edges), starts, theirs, section)),
+        )
+    else:
+        stage, ratio = "evolve", Comparison(f"{picture.name}: {name} over freeform", *cases[::-1])
+        run = segmenter("freeform")
+        works = (lambda: run(View(image, edges, starts, params))), lambda: peer(view)
+    view = View(image, seen, starts, theirs, section)
+    if picture.truth is not None:
+        facts["iou"] = round(iou(segment(image, params).mask, picture.truth), 5)
+        facts["peer iou"] = round(iou(segment(image, theirs, name, options=section).mask, picture.truth), 5)
+    tasks = [Task(case, stage, timed(work)) for case, work in zip(cases, works, strict=True)]
+    return Group("peers", f"{picture.name}, {name}", grey_image(image), tasks, facts, [ratio])
+
+
+def enough(edges: EdgeMap, seeds: NDArray[np.bool_], section: SkimageGac) -> SkimageGac:
+    """No more iterations than reach, to an IoU of 0.999, the region that all of them reach."""
+    passed: list[NDArray[np.uint8]] = []
+    final = geodesic(edges, seeds, section, lambda levels: passed.append(np.packbits(levels > 0)))
+    packed, count = np.packbits(final), len(passed)
+    while count > 1 and _agree(passed[count - 2], packed):
+        count -= 1
+    return replace(section, iterations=max(1, count - 1))  # the first that is heard of is the start
+
+
+def _agree(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
+    """Whether two packed masks have an IoU of `SAME`."""
+    both, either = (int(np.count_nonzero(np.unpackbits(bits))) for bits in (one & other, one | other))
+    return both >= SAME * either
+
+
+def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: float = 0.0) -> Group:
+    """Tasks for the three stages of a segmentation, and what it found."""
+    image, params, run = picture.image, picture.params, segmenter(method_name)
+    shape = (image.shape[0], image.shape[1])
+    edges = edge_map(image, params.edges)
+    tasks = (
+        Task(case, "edges", timed(lambda: edge_map(image, params.edges)), x),
+        Task(case, "evolve", timed(lambda: run(View(image, edges, start_contours(shape, params), params))), x),
+        Task(case, "segment", timed(lambda: segment(image, params, method_name)), x),
+    )
+    facts = _facts(segment(image, params, method_name), picture.truth)
+    return Group(suite, case, grey_image(image), tasks, {"size": f"{shape[1]}x{shape[0]}", **facts})
+
+
+def _facts(result: Segmentation, truth: Image | None) -> dict[str, Fact]:
+    stats = result.stats
+    facts: dict[str, Fact] = {
+        "iterations": stats.iterations,
+        "patches": stats.patches,
+        "flips": stats.flips,
+        "holes": sum(contour.signed_area < 0 for contour in result.contours),
+        "stopped": stats.stop_reason,
+    }
+    if truth is not None:
+        facts["iou"] = round(iou(result.mask, truth), 5)
+    return facts
+
+
+def _own(settings: Settings) -> Iterator[Picture]:
+    """The project's samples and some drawn scenes."""
+    if settings.quick:
+        yield _drawn(1, 160, "small")
+        return
+    for name, scene in SCENES.items():
+        drawing = scene()
+        image = drawing.image if drawing.image.ndim == 2 else np.ascontiguousarray(drawing.image[:, :, ::-1])
+        yield Picture(name, image, drawing.truth, Parameters())
+    for seed in range(NUM_DRAWN):
+        yield _drawn(seed, 800, f"drawn {seed}")
+
+
+def _drawn(seed: int, width: int, name: str = "scene") -> Picture:
+    drawing: Drawing = draw(seed, width, width * 3 // 4)
+    params = load_params(None, {"init.radius": drawing.start_radius, "contour.max_iterations": LONG})
+    return Picture(name, drawing.image, None, params)
+
+
+def _folder(folder: Path) -> Iterator[Picture]:
+    """Images of a folder; ``NAME_truth.png`` and ``truth/NAME.png`` are their truths."""
+    if not os.path.isdir(folder):
+        raise UsageError(f"--images: there is no folder {printable(folder)}; check the name")
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+    paths = [path for path in paths if not path.stem.endswith("_truth")]
+    if not paths:
+        raise UsageError(f"--images: {printable(folder)} holds no image; give a folder of images")
+    for path in paths:
+        image = read_image(path)
+        truth = _truth_of(path, (image.shape[0], image.shape[1]))
+        yield Picture(printable(path.stem), image, truth, Parameters())
+
+
+def _truth_of(path: Path, shape: tuple[int, int]) -> Image | None:
+    places = (path.with_name(f"{path.stem}_truth.png"), path.parent / "truth" / f"{path.stem}.png")
+    return next((read_truth(str(place), shape) for place in places if place.is_file()), None)

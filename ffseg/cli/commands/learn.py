@@ -1,0 +1,113 @@
+"""``ffseg learn``: a model of what is inside, from a few masks."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ffseg.cli import console
+from ffseg.cli.checks import checked_params, output_file, require_source
+from ffseg.cli.commands.telling import progress, warn_of_starts
+from ffseg.cli.options import Config, Inputs, Settings, Starts, TruthLabel, starts_file
+from ffseg.errors import UsageError
+
+if TYPE_CHECKING:
+    from ffseg.learning.learn import Figures
+    from ffseg.learning.training import Asked, Beginning
+
+SUFFIX = ".ffmodel"
+
+
+def learn(  # noqa: PLR0913 - the options of the command
+    inputs: Inputs,
+    truth: Annotated[
+        Path, typer.Option("--truth", metavar="DIR", help="Masks (NAME.png): 255 inside, 0 outside, 128 unknown.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Model to write, a .ffmodel file.")],
+    truth_label: TruthLabel = None,
+    starts: Starts = None,
+    config: Config = None,
+    settings: Settings = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of sentences.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; the figures only.")] = False,
+) -> None:
+    """Learn from a few masks what is inside, for --set edges.model=FILE of the other commands.
+
+    Each image that has a mask is learned from; masks may be scribbles on 128. Measures the model on images left out,
+    says what more masks would bring, and names the image to draw a mask of next. Needs ffseg[learn]. Exit code: 0
+    done; 2 nothing was written.
+    """
+    if out.suffix != SUFFIX:
+        raise UsageError(f"--out {out}: a model is a {SUFFIX} file; name it so")
+    output_file("--out", out)
+    params = checked_params(config, settings)
+    require_source(params)
+    from ffseg.evidence.forest import to_bytes
+    from ffseg.io.files import write_bytes_atomic
+    from ffseg.learning.gather import gather
+    from ffseg.learning.learn import learned
+
+    found = gather(inputs, os.fspath(truth), params, starts_file(starts, params), truth_label)
+    warn_of_starts([one for one in found.labelled if one.start is not None])
+    model, figures = learned(found, params, progress(quiet=quiet))
+    write_bytes_atomic(os.fspath(out), to_bytes(model))
+    if as_json:
+        plain = {key: None if value != value else value for key, value in asdict(figures).items()}
+        console.data(json.dumps({"out": os.fspath(out), **plain}, indent=2))
+    else:
+        console.data("\n".join(sentences(figures, os.fspath(out))))
+
+
+def sentences(figures: Figures, out: str) -> list[str]:
+    """What there is to say of a model."""
+    from ffseg.learning.gather import few_known
+
+    lines = [f"{out}: learned from {figures.masks} mask{'s' if figures.masks > 1 else ''}"]
+    if figures.base is not None:
+        lines.append(begun(figures.base))
+    if figures.prior is not None:
+        lines.append(asked(figures.prior))
+    if figures.masks < 2:
+        lines.append("not measured: that takes a second mask")
+    else:
+        lines.append(f"IoU on images left out: {figures.iou:.3f} (spread {figures.spread:.3f})")
+        middle = ", from the middle of the images: no start is named" if figures.searched else ""
+        lines.append(f"without the model:       {figures.without:.3f} (spread {figures.without_spread:.3f}){middle}")
+        lines += few_known(figures.known)
+        if not figures.helps:
+            lines.append("this is no better than without the model beyond the noise; draw more masks, or do without it")
+    if figures.curve:
+        lines.append("by number of masks: " + ", ".join(f"{number}: {value:.3f}" for number, value in figures.curve))
+        if figures.more:
+            more = "1 more mask may" if figures.more == 1 else f"{figures.more} more masks may each"
+            lines.append(f"about {more} still raise it by .005 or more")
+        else:
+            lines.append("more masks of this kind will hardly raise it")
+    if figures.following:
+        lines.append(f"most useful to draw next: {figures.following}")
+    lines.append(f"use it with --set edges.model={out}")
+    return lines
+
+
+def begun(base: Beginning) -> str:
+    """Whether the forest that comes with ffseg was corrected, and why."""
+    shipped, own = "the forest that comes with ffseg", f"an IoU of {base.base:.2f} on these masks by itself"
+    how = f"corrects {shipped}" if base.corrected else f"grown from the masks alone, without {shipped}"
+    if base.taught is not None:
+        return f"{how}, which has {own} (they teach each other {base.taught:.2f})"
+    why = f"{base.enough:.2f} is enough" if base.base >= base.enough else "one mask is too little to begin with"
+    return f"{how}, which has {own} ({why})"
+
+
+def asked(prior: Asked) -> str:
+    """Whether the model asks the prior too, and why."""
+    own = f"an IoU of {prior.prior:.2f} on these masks by itself"
+    how = "asks the prior that comes with ffseg too" if prior.asked else "does not ask the prior that comes with ffseg"
+    if prior.taught is not None:
+        return f"{how}, which has {own} (they teach each other {prior.taught:.2f})"
+    return f"{how}, which has {own} ({prior.enough:.2f} is {'enough' if prior.asked else 'wanted'})"

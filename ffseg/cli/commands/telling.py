@@ -1,0 +1,53 @@
+"""What both commands say while they work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from ffseg.cli import console
+
+if TYPE_CHECKING:
+    from ffseg.learning.gather import Labelled
+
+
+def progress(*, quiet: bool) -> Callable[[str], None]:
+    """What takes lines on the progress: stderr, or nothing."""
+    return _silent if quiet else _tell
+
+
+def warn_of_starts(labelled: Sequence[Labelled]) -> None:
+    """Say which images have a start outside their mask.
+
+    Raises
+    ------
+    UsageError
+        If all have.
+    """
+    from ffseg.learning.gather import named, starts_off
+
+    names = starts_off(labelled)
+    if names:
+        console.message(f"ffseg: warning: the start lies outside the mask of {named(names)}; correct one of the two")
+
+
+def warn_of_seen(labelled: Sequence[Labelled]) -> None:
+    """Say which images the model of the parameters has learned from, by their names."""
+    from ffseg.evidence.source import learned_from
+    from ffseg.io.files import printable
+    from ffseg.learning.gather import named
+
+    seen = learned_from(labelled[0].params)
+    names = [printable(one.name) for one in labelled if one.name in seen]
+    if names:
+        console.message(
+            f"ffseg: warning: edges.model has learned from images called {named(names)}; on those it does too well to be tuned"
+        )
+
+
+def _tell(text: str) -> None:
+    console.message(f"ffseg: {text}")
+
+
+def _silent(text: str) -> None:
+    """Say nothing."""

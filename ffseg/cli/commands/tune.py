@@ -1,0 +1,89 @@
+"""``ffseg tune``: the settings that suit a few masks best, if any suit them better than those at hand."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ffseg.cli import console
+from ffseg.cli.checks import checked_params, number, output_file, require_source
+from ffseg.cli.commands.telling import progress, warn_of_seen, warn_of_starts
+from ffseg.cli.options import Config, Inputs, Settings, Starts, TruthLabel, starts_file
+from ffseg.errors import UsageError
+
+
+def tune(  # noqa: PLR0913 - the options of the command
+    inputs: Inputs,
+    truth: Annotated[
+        Path, typer.Option("--truth", metavar="DIR", help="Masks (NAME.png): 255 inside, 0 outside, 128 unknown.")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Parameter file to write, for --config.")],
+    page: Annotated[
+        Path | None, typer.Option("--page", metavar="FILE", help="Also write a page with each image before and after.")
+    ] = None,
+    budget: Annotated[
+        float,
+        typer.Option(
+            "--budget",
+            min=1,
+            max=86400,
+            callback=number,
+            metavar="SECONDS",
+            help="How long to look.",
+            show_default=True,
+        ),
+    ] = 25.0,
+    truth_label: TruthLabel = None,
+    starts: Starts = None,
+    config: Config = None,
+    settings: Settings = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of sentences.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; the figures only.")] = False,
+) -> None:
+    """Look for settings that agree with a few masks, and keep those at hand where none is better.
+
+    Writes a YAML file of all keys that differ from the defaults, with what was measured on images left out. Exit code:
+    0 done; 2 nothing was written.
+    """
+    if out.suffix not in (".yaml", ".yml"):
+        raise UsageError(f"--out {out}: the settings are a YAML file; name it .yaml")
+    if page is not None and page.suffix not in (".html", ".htm"):
+        raise UsageError(f"--page {page}: the page is an HTML file; name it .html")
+    for option, path in (("--out", out), ("--page", page)):
+        if path is not None:
+            output_file(option, path)
+    params = checked_params(config, settings)
+    require_source(params)
+    _require_edges(params.method)
+    from ffseg.io.files import write_bytes_atomic
+    from ffseg.learning.gather import gather
+    from ffseg.learning.page import given, to_html, to_yaml, told
+    from ffseg.learning.tune import before_and_after
+    from ffseg.learning.tune import tune as search
+
+    found = gather(inputs, os.fspath(truth), params, starts_file(starts, params), truth_label)
+    warn_of_starts(found.labelled)
+    warn_of_seen(found.labelled)
+    tuned = search(found.labelled, budget, progress(quiet=quiet))
+    write_bytes_atomic(os.fspath(out), to_yaml(tuned, params).encode())
+    if page is not None:
+        masks = before_and_after(found.labelled, tuned)
+        write_bytes_atomic(os.fspath(page), to_html(tuned, found.labelled, masks).encode())
+    if as_json:
+        console.data(json.dumps({"out": os.fspath(out), **asdict(tuned)}, indent=2))
+    else:
+        use = f"use it with --config {out}" if tuned.setting or given(params) else f"{out} changes nothing"
+        console.data("\n".join([*told(tuned), use]))
+
+
+def _require_edges(method: str) -> None:
+    """Refuse a peer that does not look at the edge map, which is what is tuned."""
+    from ffseg.plugins import METHODS
+
+    if method in METHODS and not METHODS[method].uses_edges:
+        raise UsageError(f"method: {method} does not look at the edge map, which tune is for; choose another method")

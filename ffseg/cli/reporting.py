@@ -1,0 +1,192 @@
+"""What a run tells while it works and at its end."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from ffseg.batch.plan.jobs import Job, Plan
+from ffseg.batch.plan.reading import told
+from ffseg.batch.preview import Preview
+from ffseg.batch.runner import Run, Summary
+from ffseg.cli import console
+from ffseg.cli.untested import motions, nothing_tested, untested_pairs
+from ffseg.io.files import printable
+from ffseg.io.starts import Start
+
+_MOST_TOLD = 100
+"""Failures, and as many notes, told on the terminal; ``timings.csv`` has them all."""
+
+DISAGREE = (
+    "every IoU is 0: the true masks hold nothing of what was found; look at --truth, at --truth-label and at the start"
+)
+
+
+def disagree(overlaps: Iterable[float | None]) -> bool:
+    """Whether masks were compared and not one agrees anywhere, as when the class or the folder is another."""
+    known = [value for value in overlaps if value is not None]
+    return bool(known) and max(known) == 0
+
+
+class Progress:
+    """Progress bar and messages on stderr.
+
+    Parameters
+    ----------
+    total : int
+    bar : bool
+        Show a bar, if stderr is a terminal.
+    verbose : bool
+        Say a line for each image.
+    quiet : bool
+        Say failures only.
+    """
+
+    def __init__(self, total: int, *, bar: bool, verbose: bool, quiet: bool = False) -> None:
+        self._verbose, self._quiet = verbose, quiet
+        self._told: Counter[str] = Counter()
+        self._bar: Any = None
+        if bar and total > 1 and sys.stderr.isatty():
+            from tqdm import tqdm
+
+            self._bar = tqdm(total=total, unit="image", file=sys.stderr, dynamic_ncols=True)
+
+    def finished(self, job: Job, status: str, told: str) -> None:
+        """Count an image, and name it when it failed or there is something to tell."""
+        if told and not (self._quiet and status != "failed"):
+            self._told[status] += 1
+            if self._told[status] <= _MOST_TOLD:
+                self.note(f"{printable(job.source.told)}: {told}")
+            elif self._told[status] == _MOST_TOLD + 1:
+                self.note(f"further {'failures' if status == 'failed' else 'notes'} are in timings.csv only")
+        elif self._verbose:
+            self.note(f"{printable(job.source.told)}: {'unchanged' if status == 'unchanged' else 'done'}")
+        if self._bar is not None:
+            self._bar.update()
+
+    def note(self, text: str) -> None:
+        """Say a line without tearing the bar."""
+        if self._bar is not None:
+            self._bar.clear()
+        console.message(f"ffseg: {text}")
+        if self._bar is not None:
+            self._bar.refresh()
+
+    def close(self) -> None:
+        """Leave the terminal as it was."""
+        if self._bar is not None:
+            self._bar.close()
+
+
+def show_plan(previews: Iterable[Preview], plan: Plan, *, as_json: bool) -> bool:
+    """Print what a run would do, one line an image, or as one JSON document; False if an image is known to fail."""
+    images, failed, unchanged = [], 0, 0
+    for one in previews:
+        failed, unchanged = failed + (one.status == "failed"), unchanged + (one.status == "unchanged")
+        if as_json:
+            images.append(_planned(one, plan))
+        else:
+            console.data(_plan_line(one))
+    if as_json:
+        console.data(json.dumps({"out": plan.out, "images": images}, indent=2))
+    else:
+        count = len(plan.jobs)
+        parts = f"{count - failed - unchanged} to do, {unchanged} unchanged, {failed} failed"
+        console.message(f"ffseg: {count} images into {printable(plan.out)}: {parts}; nothing was written")
+    return not failed
+
+
+def _planned(one: Preview, plan: Plan) -> dict[str, Any]:
+    job = one.job
+    return {
+        "image": job.source.told,
+        "status": one.status,
+        "outputs": list(plan.outputs(job)),
+        "truth": told(job.truth),
+        "problem": one.error,
+        "start": _start_told(job.start) if job.start else None,
+    }
+
+
+def _plan_line(one: Preview) -> str:
+    job = one.job
+    circles = (job.start, *job.start.others) if job.start else ()
+    where = " (start at " + "; ".join(map(_circle_told, circles)) + ")" if circles else ""
+    words = {"failed": f"failed: {one.error}", "unchanged": "unchanged"}
+    what = words.get(one.status) or ", ".join(map(printable, one.missing)) or "the IoU"
+    return f"{printable(job.source.told)}{where} -> {what}"
+
+
+def _circle_told(one: Start) -> str:
+    return f"{one.x:g}, {one.y:g}" + ("" if one.radius is None else f", radius {one.radius:g}")
+
+
+def _start_told(start: Start) -> dict[str, Any]:
+    """As JSON; `others` only where there are any."""
+    return {key: value for key, value in asdict(start).items() if key != "others" or value}
+
+
+def show_result(run: Run, out: str, *, as_json: bool, verbose: bool = False) -> None:
+    """Print how a run ended: the summary table, or one JSON document with every row.
+
+    Pairs that could not be tested are said on stderr; with `verbose` what came of every pair.
+    """
+    summary, finished = run.summary, list(run.rows())
+    lines = [*(motions(finished) if verbose else ()), *(nothing_tested(finished, out) or untested_pairs(finished))]
+    lines += [DISAGREE] if disagree(row.get("iou") for row in finished) else []
+    for line in lines:
+        console.message(f"ffseg: {line}")
+    if as_json:
+        value = {
+            "out": out,
+            "counts": summary.counts(),
+            "seconds": round(summary.seconds, 3),
+            "problems": summary.problems,
+        }
+        rows = list(run.rows())
+        console.data(json.dumps({**value, **_figures(rows), "images": rows}, indent=2))
+        return
+    console.summary([*_lines(run, summary), ("output", printable(out))])
+
+
+def _figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """What the rows say together: images that stopped before they had converged, and the mean IoU."""
+    from statistics import fmean
+
+    overlaps = [row["iou"] for row in rows if row.get("iou") is not None]
+    stopped = sum(row.get("stop_reason") == "max_iterations" for row in rows)
+    return {"max_iterations": stopped, "mean_iou": fmean(overlaps) if overlaps else None}
+
+
+def _lines(run: Run, summary: Summary) -> list[tuple[str, str]]:
+    from statistics import median
+
+    rate = summary.done / max(summary.seconds, 1e-9)
+    left = [("stale", f"{summary.stale} no longer what was made; run.json names them")] if summary.stale else []
+    left += (
+        [("removed", f"{summary.removed} outputs of earlier runs that belong to no image")] if summary.removed else []
+    )
+    lines = [
+        ("images", f"{summary.total}"),
+        ("done", f"{summary.done}"),
+        ("unchanged", f"{summary.unchanged}"),
+        ("failed", f"{summary.failed}"),
+        *left,
+        ("time", f"{summary.seconds:.2f} s ({rate:.1f} images/s)"),
+    ]
+    good = [row for row in run.rows() if row["status"] == "ok"]
+    if good:
+        parts = ("decode_ms", "edges_ms", "evolve_ms", "write_ms", "total_ms")
+        medians = (f"{part[:-3]} {median(row[part] for row in good):.1f}" for part in parts)
+        lines.append(("median ms", ", ".join(medians)))
+    figures = _figures(good)
+    if figures["max_iterations"]:
+        lines.append(("stopped", f"{figures['max_iterations']} at contour.max_iterations, before they had converged"))
+    overlaps = [row["iou"] for row in good if row.get("iou") is not None]
+    if overlaps:
+        lines.append(("mean IoU", f"{figures['mean_iou']:.4f} (lowest {min(overlaps):.4f}, of {len(overlaps)})"))
+    return lines

@@ -1,0 +1,1 @@
+"""ffseg compare: methods side by side."""

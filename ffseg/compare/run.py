@@ -1,0 +1,258 @@
+"""Several methods on the same images: times, agreement with truth, the paper's table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, replace
+from statistics import median
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.plan.jobs import Job, make_plan, with_domains, with_evidence, with_starts
+from ffseg.batch.plan.maps import read_evidence
+from ffseg.batch.plan.masks import Masks, named_masks
+from ffseg.batch.workers.sources import read_source
+from ffseg.batch.workers.truth import read_truth
+from ffseg.compare.text import markdown
+from ffseg.compare.values import COLUMNS, Comparison, Row
+from ffseg.errors import ImageReadError, ParameterError, UsageError, is_out_of_memory
+from ffseg.io.files import make_folder, printable, read_bytes, write_bytes_atomic
+from ffseg.io.images import single_thread
+from ffseg.io.overlays import polylines
+from ffseg.io.panels import Tile, encode_panel
+from ffseg.io.tables import csv_table, names_meant_by
+from ffseg.methods.base import Segmentation
+from ffseg.methods.peers import configured
+from ffseg.metrics import scores
+from ffseg.pipeline import segment
+from ffseg.plugins import METHODS, PEERS, SEGMENTERS
+from ffseg.schema.kinds import nearest_word
+
+NO_MEMORY = "out-of-memory: there is not enough memory for it; scale it down"
+_LONGEST_ERROR = 300
+_MOST_TABLE = 1 << 28
+"""Bytes of an earlier table that is looked at."""
+
+
+def choose_methods(text: str) -> tuple[str, ...]:
+    """Methods named by a comma-separated list; ``all`` stands for every one, ``peers`` for every peer.
+
+    Raises
+    ------
+    UsageError
+        If a name is unknown.
+    """
+    groups = {"all": (*SEGMENTERS, *PEERS), "peers": tuple(PEERS)}
+    names: list[str] = []
+    for name in (part.strip() for part in text.split(",")):
+        known = groups.get(name, (name,) if name in SEGMENTERS or name in PEERS else ())
+        if not known:
+            choices = ", ".join([*SEGMENTERS, *PEERS, *groups])
+            near = nearest_word(name, (*SEGMENTERS, *PEERS, *groups)) or f"; choose from {choices}"
+            raise UsageError(f"--methods: there is no method {printable(name)!r}{near}")
+        names += [one for one in known if one not in names]
+    return tuple(names)
+
+
+def plan_comparison(
+    inputs: Sequence[str], out: str, truth: str = "", starts: str = "", evidence: str = "", domains: str = ""
+) -> tuple[Job, ...]:
+    """Images to compare on, each with its truth, start circle, map of evidence and domain out of files and folders.
+
+    Raises
+    ------
+    UsageError
+        If an input is missing, two share a name, or a panel would replace an input.
+    ParameterError
+        If the starts file is wrong, or has no row for an image.
+    """
+    plan = make_plan(inputs, out, truth=truth)
+    plan = with_starts(plan, starts) if starts else plan
+    plan = with_domains(plan, domains) if domains else plan
+    jobs = (with_evidence(plan, evidence) if evidence else plan).jobs
+    taken = {os.path.realpath(path) for job in jobs for path in (job.source.path, job.truth) if path}
+    for job in jobs:
+        panel = os.path.join(out, "panels", f"{job.stem}.png")
+        if os.path.realpath(panel) in taken:
+            raise UsageError(f"the output {printable(panel)} would replace an input image; choose another folder")
+    return jobs
+
+
+def compare(task: Comparison, tell: Callable[[Row], None]) -> list[Row]:
+    """Run every method on every image and write ``compare.csv``, ``compare.md`` and ``panels/``.
+
+    Parameters
+    ----------
+    task : Comparison
+    tell : callable
+        Called with each row when it is known.
+
+    Returns
+    -------
+    list of Row
+        Image by image, methods in the order asked for.
+
+    Raises
+    ------
+    ParameterError
+        If a mask file that the parameters name cannot be read.
+    OutputError
+        If an output cannot be written.
+    """
+    single_thread()
+    make_folder(task.out)
+    masks = named_masks(task.params)
+    rows: list[Row] = []
+    old = panels_of(task.out)
+    for job in task.jobs:
+        made, panel = _compare_image(task, job, masks, tell)
+        rows += made
+        old.discard(panel)
+    for panel in old:  # of images that are not compared any more, or could not be read
+        with suppress(OSError):
+            os.unlink(panel)
+    write_bytes_atomic(os.path.join(task.out, "compare.csv"), table(rows))
+    write_bytes_atomic(os.path.join(task.out, "compare.md"), markdown(task, rows).encode("utf-8"))
+    return rows
+
+
+def panels_of(out: str) -> set[str]:
+    """Paths that the panels of the comparison in a folder have; none where ``compare.csv`` is not one of ours."""
+    try:
+        text = read_bytes(os.path.join(out, "compare.csv"), _MOST_TABLE).decode("utf-8")
+        head, *rows = list(csv.reader(io.StringIO(text, newline="")))
+    except (ImageReadError, ValueError, csv.Error):
+        return set()
+    if tuple(head) != COLUMNS:
+        return set()
+    stems = {os.path.splitext(name)[0] for row in rows if row for name in names_meant_by(row[0])}
+    return {os.path.join(out, "panels", f"{stem}.png") for stem in stems}
+
+
+def table(rows: Iterable[Row]) -> bytes:
+    """CSV of all rows."""
+    return csv_table(COLUMNS, [[asdict(row)[column] for column in COLUMNS] for row in rows])
+
+
+def missed_gates(rows: Sequence[Row], gates: dict[str, float]) -> list[str]:
+    """One sentence for each method whose IoU lies below its gate on an image, or is not known there.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+    gates : dict of float
+        Least IoU by method; the empty name stands for every method that was run.
+    """
+    missed = []
+    for row in rows:
+        gate = gates.get(row.method, gates.get(""))
+        if gate is None or (row.status == "skipped" and row.method not in gates):
+            continue
+        if row.iou is None:
+            missed.append(f"{row.image}: {row.method} has no IoU, the gate is {gate:g}")
+        elif row.iou < gate:
+            missed.append(f"{row.image}: {row.method} has IoU {row.iou:.4f}, the gate is {gate:g}")
+    return missed
+
+
+def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row], None]) -> tuple[list[Row], str]:
+    """Rows of one image, and its panel, which is written; empty where the image cannot be read."""
+    name = printable(job.source.name)
+    try:
+        image = read_source(job.source)
+        height, width = image.shape[:2]
+        truth = read_truth(job.truth, (height, width), task.truth_label) if job.truth else None
+        masks = replace(masks, evidence=read_evidence(job.evidence) if job.evidence else None)
+        masks = masks.within(job.domain)
+    except (ImageReadError, ParameterError, MemoryError) as error:
+        rows = [Row(name, method, status="failed", error=_told(error)) for method in task.methods]
+        for row in rows:
+            tell(row)
+        return rows, ""
+    # Method after method in every round, so that whatever else the machine does falls on all alike.
+    params = job.start.placed(task.params) if job.start else task.params
+    one = replace(task, params=params)
+    rounds = [[_run(one, image, Row(name, method), masks) for method in task.methods] for _ in range(task.repeat)]
+    rows, tiles = [], []
+    for runs in zip(*rounds, strict=True):
+        row, result = _middle(runs)
+        row = row if result is None else _scored(row, result, truth)
+        tell(row)
+        rows.append(row)
+        tiles.append(_tile(row, result))
+    panel = os.path.join(task.out, "panels", f"{job.stem}.png")
+    make_folder(os.path.dirname(panel))
+    write_bytes_atomic(panel, encode_panel(image, tiles))
+    return rows, panel
+
+
+def _told(error: Exception) -> str:
+    """Reason and sentence of a failed image, as of a run."""
+    if isinstance(error, ImageReadError):
+        return f"{error.reason}: {error}"
+    return f"parameters: {error}" if isinstance(error, ParameterError) else NO_MEMORY
+
+
+_Run = tuple[Row, Segmentation | None]
+
+
+def _run(task: Comparison, image: NDArray[np.uint8], row: Row, masks: Masks) -> _Run:
+    """Run a method once: its row without scores, and its result if it has one."""
+    chosen = METHODS[row.method]
+    if not chosen.installed:
+        return replace(row, status="skipped", error=f"the package {chosen.package} is not installed"), None
+    try:
+        result = _segment(task, image, row.method, masks)
+    except Exception as error:  # noqa: BLE001 - a package may raise anything; the others are compared all the same
+        told = NO_MEMORY if is_out_of_memory(error) else f"{type(error).__name__}: {error}"
+        text = " ".join(told.split())[:_LONGEST_ERROR]
+        return replace(row, status="failed", error=text), None
+    times = {key: getattr(result.timings, key) for key in _TIMES}
+    counts = {} if chosen.module else {key: getattr(result.stats, key) for key in _COUNTS}
+    return replace(row, **times, **counts), result
+
+
+_TIMES = ("edges_ms", "evolve_ms", "total_ms")
+_COUNTS = ("initial_points", "final_points", "iterations")
+
+
+def _middle(runs: Sequence[_Run]) -> _Run:
+    """Last run with the median times of all, or the first run that failed."""
+    broken = next((run for run in runs if run[1] is None), None)
+    if broken is not None:
+        return broken
+    times = {key: round(median(getattr(row, key) for row, _ in runs), 3) for key in _TIMES}
+    row, result = runs[-1]
+    return replace(row, **times), result
+
+
+def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: Masks) -> Segmentation:
+    params, options = configured(task.params, method, task.peers)
+    return segment(image, params, method, evidence=masks.evidence, options=options, **masks.bounds)
+
+
+def _scored(row: Row, result: Segmentation, truth: NDArray[np.uint8] | None) -> Row:
+    row = replace(row, holes=result.num_holes)
+    if truth is None:
+        return row
+    found = scores(result.mask, truth)
+    return replace(
+        row,
+        iou=found.iou,
+        boundary_mean_px=found.boundary_mean,
+        boundary_max_px=found.boundary_max,
+        boundary_f_2px=found.boundary_f,
+    )
+
+
+def _tile(row: Row, result: Segmentation | None) -> Tile:
+    if result is None:
+        return Tile(f"{row.method}: {row.status}", None, ())
+    lines = polylines(result.contours)
+    label = f"{row.method}  {row.evolve_ms:.1f} ms" + ("" if row.iou is None else f"  IoU {row.iou:.4f}")
+    return Tile(label, result.mask, lines)

@@ -1,0 +1,61 @@
+"""What is compared, and what is found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ffseg.batch.plan.jobs import Job
+from ffseg.parameters import Parameters
+from ffseg.peer_parameters import PeerParameters
+
+COLUMNS = (
+    *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),
+    *("iou", "boundary_mean_px", "boundary_max_px", "holes", "status", "error", "boundary_f_2px"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One method on one image; None stands for what is not known. `status` is ok, failed or skipped."""
+
+    image: str
+    method: str
+    initial_points: int | None = None
+    final_points: int | None = None
+    iterations: int | None = None
+    edges_ms: float | None = None
+    evolve_ms: float | None = None
+    total_ms: float | None = None
+    iou: float | None = None
+    boundary_mean_px: float | None = None
+    boundary_max_px: float | None = None
+    holes: int | None = None
+    status: str = "ok"
+    error: str = ""
+    boundary_f_2px: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What is to be compared.
+
+    Attributes
+    ----------
+    jobs : tuple of Job
+    out : str
+    methods : tuple of str
+    params : Parameters
+    peers : PeerParameters
+    repeat : int
+        Runs of each method on each image; the median time counts.
+    truth_label : int or None
+        Number that means inside in true masks; None for 255.
+    """
+
+    jobs: tuple[Job, ...]
+    out: str
+    methods: tuple[str, ...]
+    params: Parameters
+    peers: PeerParameters
+    repeat: int = 1
+    truth_label: int | None = None

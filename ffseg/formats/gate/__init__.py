@@ -1,1 +1,0 @@
-"""What the header of an image file says before a decoder sees it."""

@@ -1,1 +1,0 @@
-"""Where a contour may go, found in the image itself."""

@@ -1,0 +1,206 @@
+"""A camera's own image: what stays where it is in all images of a camera that moves, and the dark round its mirror."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import cast
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import SegmentationError
+from ffseg.image.disc import Disc, valid_disc
+
+Image = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+Plane = NDArray[np.float32]
+
+LEAST_IMAGES = 5
+"""With fewer, edges of the scene may stand on one place by chance."""
+
+WORKING_SIZE = 480
+"""Pixels a side of the reduced images that are looked at; the limit is then known to half of one of these."""
+
+SIGMA = 1.0
+"""Reduced pixels, of the Gaussian before the gradient."""
+
+FAINT, CLEAR = 0.4, 1.0
+"""Units of L, a, b per reduced pixel, of an edge in one image, and of one that an outline begins with (median)."""
+
+NOISE = 0.2
+"""Below this many of these units a direction says little."""
+
+STAYS, MAY_STAY = 0.9, 0.65
+"""Share of the images in which an edge has its place and direction, of those an outline begins with and goes on with."""
+
+LONGEST_GAP = 6
+"""Reduced pixels of an outline that may be missing."""
+
+LEAST_SURE = 0.4
+"""Part of an outline that is sure (of own images mostly 0.5 to 1, of kerbs that a car drives along 0 to 0.5)."""
+
+LEAST_LENGTH = 0.06
+"""Of an outline, as a part of the longer side."""
+
+BLUR = 3
+"""Reduced pixels beside an outline in which the contrast across it may come and go."""
+
+LEAST_AREA = 0.002
+"""Of a part, as a share of the image."""
+
+QUIET = 0.12
+"""A part belongs to the camera if edges come and go on so small a share of it, compared with the liveliest part."""
+
+MOVED = 0.15
+"""Share of the liveliest part on which edges come and go, if the camera has moved (0.19 to 0.7; standing, up to 0.12)."""
+
+LARGE = 0.05
+"""Share of the image from which a part may be the liveliest."""
+
+SCENE, OWN = 1, 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """What all images say of each reduced pixel."""
+
+    stays: Plane  # share of the images with an edge here, of one direction
+    strength: Plane  # median gradient
+    lively: Mask  # where edges come and go
+    disc: Disc | None  # of the mirror or fisheye, in the image's pixels
+
+
+def own_image(images: Iterable[Image]) -> Mask:
+    """Where a camera sees itself or nothing.
+
+    Parameters
+    ----------
+    images : iterable of ndarray of uint8, shape (H, W) or (H, W, 3)
+        At least `LEAST_IMAGES` of one size, from a camera that has moved between them. About 24 are enough.
+
+    Returns
+    -------
+    ndarray of bool, shape (H, W)
+        True on the camera's own image; nowhere if there is none.
+
+    Raises
+    ------
+    SegmentationError
+        If there are too few images, they differ in size, or the camera has not moved.
+
+    Notes
+    -----
+    Not in the paper. An edge stays if nearly all images have one there, to a pixel, in one
+    direction; whether it is bright on one side or the other does not matter, as the scene behind it changes (the largest
+    eigenvalue of the mean structure tensor, each normed, of pixels beside a crest). Such edges part the image; of the
+    parts, those in which nothing comes and goes are the camera's. The limit between both runs along the crest of
+    the median gradient (a watershed). The disc that `valid_disc` finds in most of the images bounds what they show.
+    """
+    shape, seen = _look(images)
+    kinds = _parted(seen)
+    dark = np.zeros(shape, np.bool_) if seen.disc is None else seen.disc.mask(shape) == 0
+    if not (kinds == OWN).any():
+        return dark
+    relief = cv2.cvtColor(np.clip(20 * seen.strength, 0, 255).astype(np.uint8), cv2.COLOR_GRAY2BGR)
+    relief, markers = (cv2.copyMakeBorder(plane, 1, 1, 1, 1, cv2.BORDER_REPLICATE) for plane in (relief, kinds))
+    flooded = cv2.watershed(relief, markers)[1:-1, 1:-1]  # which leaves the outermost pixels out
+    own = np.where(_kept(flooded != SCENE, LEAST_AREA * flooded.size), np.uint8(255), np.uint8(0))
+    return dark | (cv2.resize(own, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR) >= 128)
+
+
+def _look(images: Iterable[Image]) -> tuple[tuple[int, int], _Seen]:
+    """Height and width of the images, and what they say together."""
+    shape: tuple[int, int] | None = None
+    tensor: Plane = np.zeros((3, 1, 1), np.float32)
+    strengths, discs = list[Plane](), list[Disc | None]()
+    for number, image in enumerate(images, 1):
+        height, width = image.shape[:2]
+        if (height, width) != (shape or (height, width)):
+            raise SegmentationError(f"image {number} has {width} x {height} pixels, another size than those before it")
+        shape = height, width
+        x, y = _gradient(_reduced(image))
+        strength = np.hypot(x, y)
+        weight = (_beside_crests(x, y) / (strength**2 + NOISE**2)).astype(np.float32)
+        tensor = cast("Plane", tensor + np.stack([x * x, y * y, x * y]) * weight)
+        strengths.append(strength)
+        discs.append(valid_disc(image))
+    if shape is None or len(strengths) < LEAST_IMAGES:
+        raise SegmentationError(f"{len(strengths)} images are too few; take {LEAST_IMAGES} or more of one camera")
+    xx, yy, xy = tensor / np.float32(len(strengths))
+    stays = (xx + yy) / 2 + np.sqrt((xx - yy) ** 2 / 4 + xy**2)
+    middle, upper = np.quantile(np.stack(strengths), (0.5, 0.9), axis=0)
+    return shape, _Seen(stays, middle.astype(np.float32), upper - middle >= CLEAR, _usual(discs))
+
+
+def _usual(discs: list[Disc | None]) -> Disc | None:
+    """The disc that most images have."""
+    found = [(disc.x, disc.y, disc.radius) for disc in discs if disc is not None]
+    return Disc(*np.median(found, axis=0).tolist()) if 2 * len(found) > len(discs) else None
+
+
+def _reduced(image: Image) -> Plane:
+    """L, a, b of the image, reduced by a whole factor."""
+    height, width = image.shape[:2]
+    factor = -(-max(height, width) // WORKING_SIZE)
+    small = cv2.resize(image, (-(-width // factor), -(-height // factor)), interpolation=cv2.INTER_AREA)
+    colour = small if small.ndim == 3 else cv2.cvtColor(small, cv2.COLOR_GRAY2BGR)
+    return cast("Plane", cv2.cvtColor(colour.astype(np.float32) / 255, cv2.COLOR_BGR2LAB))
+
+
+def _gradient(lab: Plane) -> tuple[Plane, Plane]:
+    """Of the channel in which it is largest, pixel by pixel."""
+    smooth = cv2.GaussianBlur(lab, (0, 0), SIGMA)
+    x, y = (cast("Plane", cv2.Sobel(smooth, cv2.CV_32F, *way, ksize=3, scale=0.125)) for way in ((1, 0), (0, 1)))
+    largest = (x**2 + y**2).argmax(axis=2)[..., None]
+    return np.take_along_axis(x, largest, 2)[..., 0], np.take_along_axis(y, largest, 2)[..., 0]
+
+
+def _beside_crests(x: Plane, y: Plane) -> Mask:
+    """On a crest of that gradient or next to one."""
+    x_levels, y_levels = (np.clip(256 * plane, -32768, 32767).astype(np.int16) for plane in (x, y))
+    crests = cv2.Canny(x_levels, y_levels, 256 * FAINT, 256 * FAINT, L2gradient=True)
+    return cv2.dilate(crests, np.ones((3, 3), np.uint8)) > 0
+
+
+def _outlines(seen: _Seen) -> Mask:
+    """Edges that stay: long ones that are sure somewhere, their gaps closed."""
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(
+        (seen.stays >= MAY_STAY).astype(np.uint8), connectivity=8
+    )
+    sure = np.bincount(labels[(seen.stays >= STAYS) & (seen.strength >= CLEAR)], minlength=count)
+    reach = np.maximum(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT])
+    kept = (sure >= LEAST_SURE * boxes[:, cv2.CC_STAT_AREA]) & (reach >= LEAST_LENGTH * max(labels.shape))
+    kept[0] = False
+    half = LONGEST_GAP // 2
+    padded = np.pad(kept[labels].astype(np.uint8), half, mode="edge")  # an outline ends at the image's border
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * half + 1, 2 * half + 1))
+    return cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc)[half:-half, half:-half] > 0
+
+
+def _parted(seen: _Seen) -> NDArray[np.int32]:
+    """`SCENE` and `OWN` on the parts between the outlines, 0 on these and on specks."""
+    open_ground = (~_outlines(seen)).astype(np.uint8)
+    count, labels = cv2.connectedComponents(open_ground, connectivity=4)
+    deep = cv2.distanceTransform(open_ground, cv2.DIST_L1, 3) > BLUR
+    areas, inner, changed = (
+        np.bincount(labels[mask], minlength=count) for mask in (labels > 0, deep, deep & seen.lively)
+    )
+    lively: NDArray[np.float64] = changed / np.maximum(inner, 1)
+    counted = (areas >= LEAST_AREA / 4 * labels.size) & (inner > 0)  # the limit is still to be added
+    liveliest = lively[counted & (areas >= LARGE * labels.size)].max(initial=0)
+    if liveliest < MOVED:
+        raise SegmentationError("what the images show hardly changes; take some between which the camera has moved")
+    kinds = np.where(lively >= QUIET * liveliest, SCENE, OWN) * counted
+    found: NDArray[np.int32] = kinds[labels].astype(np.int32)
+    return found
+
+
+def _kept(mask: Mask, least: float) -> Mask:
+    """Without parts smaller than that."""
+    count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
+    large = np.bincount(labels.ravel(), minlength=count) >= least
+    large[0] = False
+    kept: Mask = large[labels]
+    return kept

@@ -1,0 +1,212 @@
+"""Guarded reading of images: a header gate before the decoder, and one closed list of reasons for a refusal.
+
+Policies
+--------
+Orientation : an EXIF orientation, and the rotation and mirroring of AVIF, are applied; the array, and so every mask, is
+    upright. An orientation in XMP, or in a text chunk of PNG, is not looked at.
+Bit depth : 16 bits are scaled by the full range to 8 (65535 becomes 255), 1 bit to 0 and 255, whatever the content.
+Alpha : ignored, the colours are taken as stored, hidden ones too. TIFF files with alpha are refused.
+Palette : replaced by its colours.
+CMYK : JPEG is converted to BGR by the decoder; TIFF is refused.
+Float, signed, complex : refused, they have no fixed white level.
+Several frames or pages : the first is the image; of an animated PNG what programs show that know of no animation.
+GIF : the first frame on its canvas; transparent pixels and what it leaves open have the background colour.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import ImageReadError
+from ffseg.io.files import printable, read_bytes
+from ffseg.io.validation.base import Header, damaged
+from ffseg.io.validation.boxes import avif, jpeg2000
+from ffseg.io.validation.headers import gif, looks_like, png
+from ffseg.io.validation.jpeg import jpeg
+from ffseg.io.validation.rows import bmp, pnm
+from ffseg.io.validation.tiff import tiff
+from ffseg.io.validation.webp import webp
+
+REASONS = {
+    "missing": "no such file",
+    "link-loop": "a symbolic link that leads back to itself",
+    "bad-name": "a name the file system cannot hold",
+    "unreadable": "no permission, or the disk failed",
+    "not-a-file": "a folder, pipe, device or socket",
+    "empty": "a file without a byte",
+    "too-many-bytes": "a file above the limit in bytes",
+    "not-an-image": "the content is something else; the message says what it looks like",
+    "unsupported-pixels": "an image whose pixels have no reading that is sure to be right",
+    "no-pixels": "a width or height of zero",
+    "too-many-pixels": "an image above the limit in pixels",
+    "truncated": "the data ends before the image does",
+    "damaged": "the data contradicts itself",
+}
+"""Every reason an ``ImageReadError`` can carry."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """How large a file and an image may be before it is refused unread; no method takes a longer side."""
+
+    max_bytes: int = 1 << 30
+    max_pixels: int = 100_000_000
+    max_side: int = 65_535
+
+
+def read_image(path: str | os.PathLike[str], limits: Limits | None = None) -> NDArray[np.uint8]:
+    """Read one image file.
+
+    Parameters
+    ----------
+    path : path
+        A regular file; its format is told by its content, not its name.
+    limits : Limits, optional
+
+    Returns
+    -------
+    ndarray of uint8, shape (H, W) for grey or (H, W, 3) in BGR order
+
+    Raises
+    ------
+    ImageReadError
+        With one of ``REASONS``; the message names the file and the remedy.
+    """
+    limits = limits or Limits()
+    try:
+        return decode_image(read_bytes(path, limits.max_bytes), limits)
+    except ImageReadError as error:
+        raise ImageReadError(error.reason, f"{printable(path)}: {error}") from None
+
+
+def decode_image(data: bytes, limits: Limits | None = None) -> NDArray[np.uint8]:
+    """Decode the bytes of an image file; as `read_image`, but the message does not name the file."""
+    limits = limits or Limits()
+    header = inspect(data, limits)
+    probes = header.check()
+    image = _decoded(header.still or data, header)
+    if image is None:
+        _require_memory(header)
+        raise _undecodable(header)
+    if {image.shape[0], image.shape[1]} != {header.height, header.width}:
+        raise ImageReadError("damaged", f"the {header.format} pixels have not the size its header claims; convert it")
+    if any((_decoded(probe.data, header) is not None) != probe.decodes for probe in probes):
+        raise damaged(f"the {header.format} data has zeros where pixels should be (lost blocks?)")
+    return _upright(image, header.orientation)
+
+
+def _decoded(data: bytes, header: Header) -> NDArray[np.uint8] | None:
+    flag = cv2.IMREAD_GRAYSCALE if header.grey else cv2.IMREAD_COLOR
+    if header.orientation:
+        flag |= cv2.IMREAD_IGNORE_ORIENTATION
+    try:
+        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), flag)
+    except cv2.error:
+        return None
+    return None if decoded is None else np.asarray(decoded, np.uint8)
+
+
+_DECODER_BYTES, _DECODER_LEAST = 8, 1 << 20
+"""Bytes a pixel, and besides, of a decoder at work: three channels, twice, and tables."""
+_TRANSPOSED = (5, 6, 7, 8)
+_FLIPPED = {2: (0, 1), 3: (1, 1), 4: (1, 0), 6: (0, 1), 7: (1, 1), 8: (1, 0)}
+"""After the transposition, whether rows and columns are reversed."""
+
+
+def _upright(image: NDArray[np.uint8], orientation: int) -> NDArray[np.uint8]:
+    """The pixels turned as EXIF's number says."""
+    if orientation <= 1:
+        return image
+    turned = image.swapaxes(0, 1) if orientation in _TRANSPOSED else image
+    rows, columns = _FLIPPED.get(orientation, (0, 0))
+    return np.ascontiguousarray(turned[:: -1 if rows else 1, :: -1 if columns else 1])
+
+
+def inspect(data: bytes, limits: Limits) -> Header:
+    """Pass the bytes of a file through the gate without decoding them.
+
+    Raises
+    ------
+    ImageReadError
+        Not an image, an image above the limits, or one whose data cannot be complete.
+    """
+    parser = _parser_of(data)
+    if parser is None:
+        raise ImageReadError("not-an-image", f"the content looks like {looks_like(data)}")
+    header = parser(data)
+    if header.width <= 0 or header.height <= 0:
+        raise ImageReadError("no-pixels", f"the {header.format} header claims {header.width}x{header.height} pixels")
+    if header.width * header.height > limits.max_pixels:
+        claim = f"{header.width}x{header.height} pixels are more than the limit of {limits.max_pixels}"
+        raise ImageReadError("too-many-pixels", f"{claim}; raise the limit or scale the image down")
+    if max(header.width, header.height) > limits.max_side:
+        claim = f"{header.width}x{header.height} pixels: no side may be longer than {limits.max_side}"
+        raise ImageReadError("too-many-pixels", f"{claim}; scale the image down or cut it into pieces")
+    return header
+
+
+def frames_note(data: bytes, limits: Limits | None = None) -> str:
+    """What to say of a file that holds more than the image that is read of it; empty for others.
+
+    Raises
+    ------
+    ImageReadError
+        As `inspect`.
+    """
+    header = inspect(data, limits or Limits())
+    if not header.several:
+        return ""
+    return (
+        f"only the first {'page' if header.format == 'TIFF' else 'frame'} was read; the {header.format} file has more"
+    )
+
+
+_PARSERS: tuple[tuple[bytes, Callable[[bytes], Header]], ...] = (
+    (rb"\x89PNG\r\n\x1a\n", png),
+    (rb"\xff\xd8\xff", jpeg),
+    (rb"BM", bmp),
+    (rb"GIF8[79]a", gif),
+    (rb"II[*+]\0|MM\0[*+]", tiff),
+    (rb"RIFF....WEBP", webp),
+    (rb"P[1-6][\s#]", pnm),
+    (rb"\0\0\0\x0cjP  \r\n\x87\n", jpeg2000),
+    (rb"....ftypavi[fs]", avif),
+)
+
+
+def _parser_of(data: bytes) -> Callable[[bytes], Header] | None:
+    return next((parser for start, parser in _PARSERS if re.match(start, data, re.DOTALL)), None)
+
+
+def _require_memory(header: Header) -> None:
+    """Tell an image that cannot be decoded from one for which there is no memory, of which OpenCV does not say either.
+
+    Raises
+    ------
+    MemoryError
+        If there is not as much as a decoder takes.
+    """
+    np.empty(_DECODER_BYTES * header.width * header.height + _DECODER_LEAST, np.uint8)
+
+
+def _undecodable(header: Header) -> ImageReadError:
+    if header.format in ("AVIF", "GIF", "JPEG 2000", "TIFF"):
+        text = f"the {header.format} data is damaged, or of a kind the decoder does not read; convert it to PNG"
+    else:
+        text = f"the {header.format} data is damaged or incomplete; copy the file again"
+    return ImageReadError("damaged", text)
+
+
+OPENCV_VERSION: str = cv2.__version__
+
+
+def single_thread() -> None:
+    """Keep OpenCV to one thread: a worker has one image and one core."""
+    cv2.setNumThreads(1)

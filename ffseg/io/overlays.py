@@ -1,0 +1,126 @@
+"""Overlays: the image with its contours drawn on it."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import OutputError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.io.masks import encode_png
+
+Kind = Literal["outer", "obstacle", "false", "untested", "agrees", "differs", "silent"]
+COLOURS: dict[Kind, tuple[int, int, int]] = {
+    "outer": (80, 220, 60),
+    "obstacle": (60, 60, 240),
+    "false": (240, 180, 40),
+    "untested": (40, 200, 250),
+    "agrees": (255, 255, 120),
+    "differs": (160, 60, 255),
+    "silent": (170, 170, 170),
+}
+"""BGR: green free space, red obstacles, blue ground given back, yellow what no point tested; of points drawn on demand:
+cyan agrees with the ground, magenta differs, grey says nothing."""
+
+_TINT_SHARE = 0.25
+"""Of the green in what is inside: the picture stays readable below."""
+_TINTED = np.rint((1 - _TINT_SHARE) * np.arange(256)[:, None] + _TINT_SHARE * np.array(COLOURS["outer"])).astype(
+    np.uint8
+)[:, None, :]
+"""What each level of each channel becomes inside, shape (256, 1, 3)."""
+FLATNESS = 0.1
+"""Tolerance of the lines drawn on pictures, px: a tenth of a line's width."""
+_SHIFT = 4  # bits of a pixel fraction OpenCV draws with: 1/16 px, below what a line of one pixel can show
+_FAR = 1 << 14  # px: fixed-point coordinates overflow 32 bits beyond 2**27; 2**14 is outside every image that is read
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Polyline:
+    """One flattened closed contour.
+
+    Attributes
+    ----------
+    points : ndarray of float64, shape (n, 2)
+        Pixels, (x, y), integer values at pixel centres; the last point joins the first.
+    kind : {"outer", "obstacle", "false", "untested", "agrees", "differs", "silent"}
+    """
+
+    points: NDArray[np.float64]
+    kind: Kind
+
+
+def polylines(contours: Iterable[FreeForm], tolerance: float = FLATNESS) -> list[Polyline]:
+    """Contours within `tolerance` pixels, as lines to draw: those of positive area as outer ones, holes as obstacles."""
+    return [Polyline(one.flatten(tolerance), "outer" if one.signed_area > 0 else "obstacle") for one in contours]
+
+
+def as_colour(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The image in BGR, contiguous: itself if it is so."""
+    return np.ascontiguousarray(image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2))
+
+
+def draw_overlay(
+    image: NDArray[np.uint8], polylines: Sequence[Polyline], mask: NDArray[np.bool_] | None = None
+) -> NDArray[np.uint8]:
+    """Image with the region tinted and closed antialiased lines, outer ones last so that they stay visible.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    polylines : sequence of Polyline
+    mask : ndarray of bool, shape (H, W), optional
+        Region to tint.
+
+    Returns
+    -------
+    ndarray of uint8, shape (H, W, 3), BGR
+    """
+    canvas = as_colour(image)
+    canvas = canvas.copy() if canvas is image else canvas
+    if mask is not None:
+        inside = np.ascontiguousarray(mask).view(np.uint8)
+        canvas = np.asarray(cv2.copyTo(cv2.LUT(canvas, _TINTED), inside, canvas), np.uint8)
+    thickness = 1 if max(canvas.shape[:2]) < 1000 else 2
+    for line in sorted(polylines, key=lambda line: line.kind == "outer"):
+        fixed = np.rint(np.clip(line.points, -_FAR, _FAR) * (1 << _SHIFT)).astype(np.int32)
+        cv2.polylines(canvas, [fixed], True, COLOURS[line.kind], thickness, cv2.LINE_AA, _SHIFT)
+    return canvas
+
+
+def encode_overlay(
+    image: NDArray[np.uint8],
+    polylines: Sequence[Polyline],
+    mask: NDArray[np.bool_] | None = None,
+    suffix: str = ".png",
+) -> bytes:
+    """File of `draw_overlay`: PNG packed for speed, or JPEG or WebP by the suffix."""
+    drawn = draw_overlay(image, polylines, mask)
+    if suffix == ".png":
+        return encode_png(drawn, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    done, encoded = cv2.imencode(suffix, drawn)
+    if not done:
+        raise OutputError(f"the picture cannot be written as {suffix}; write it as .png")
+    data: bytes = encoded.tobytes()
+    return data
+
+
+def jpeg_address(image: NDArray[np.uint8], quality: int) -> str:
+    """``data:`` address of an image as a JPEG picture, to stand in a document.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    quality : int
+        0 to 100.
+    """
+    done, data = cv2.imencode(".jpg", np.ascontiguousarray(image), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not done:  # reached only when memory is gone: every uint8 image of positive size encodes
+        raise MemoryError("the JPEG encoder failed")
+    return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode("ascii")

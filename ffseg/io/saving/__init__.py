@@ -1,0 +1,1 @@
+"""What a result can be saved as."""

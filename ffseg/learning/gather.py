@@ -1,0 +1,205 @@
+"""Images with their masks and starts, read once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import mean
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.plan.discover import Source, discover
+from ffseg.batch.plan.domains import find_domains
+from ffseg.batch.plan.masks import Masks, named_masks
+from ffseg.batch.plan.truths import find_truths
+from ffseg.batch.workers.sources import read_source
+from ffseg.batch.workers.truth import read_truth
+from ffseg.errors import ImageReadError, SegmentationError, UsageError
+from ffseg.image.raster import rasterize
+from ffseg.io.files import printable
+from ffseg.io.images import single_thread
+from ffseg.io.starts import Start, load_starts
+from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
+from ffseg.parameters import Parameters
+from ffseg.starts.given import start_contours
+
+MOST_NAMED = 4
+"""Images that a message names."""
+
+LEAST_KNOWN = 0.5
+"""Part of the pixels; figures from masks that know less say little of where the region ends."""
+
+
+NO_MASKS = Masks()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Labelled:
+    """An image with its mask.
+
+    Attributes
+    ----------
+    name : str
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    truth : ndarray of uint8, shape (H, W)
+        255 inside, 128 unknown, 0 outside.
+    params : Parameters
+        With its own start, if it has one.
+    start : ndarray of bool, shape (H, W), or None
+        The start region; None where neither a file nor the parameters name one.
+    masks : Masks
+        Where the contour may go, start and may not be, as far as the parameters say.
+    """
+
+    name: str
+    image: NDArray[np.uint8]
+    truth: NDArray[np.uint8]
+    params: Parameters
+    start: NDArray[np.bool_] | None
+    masks: Masks = NO_MASKS
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gathered:
+    """What there is to learn from.
+
+    Attributes
+    ----------
+    labelled : list of Labelled
+    others : list of Source
+        Images without a mask.
+    starts : dict
+        Start circles by name, of all images; empty without a file.
+    masks : Masks
+        Those that hold for all images.
+    """
+
+    labelled: list[Labelled]
+    others: list[Source]
+    starts: dict[str, Start]
+    masks: Masks = NO_MASKS
+
+
+def gather(
+    inputs: Sequence[str], truth: str, params: Parameters, starts: str = "", label: int | None = None
+) -> Gathered:
+    """Read the images that have a mask.
+
+    Raises
+    ------
+    UsageError
+        If an input or the folder is missing, an image or mask cannot be read, or a mask shows one side only.
+    ParameterError
+        If the starts file is wrong, or has no row for an image.
+    """
+    single_thread()
+    sources = discover(inputs)
+    truths = find_truths(sources, truth)
+    _require_one_mask_of_two(sources, truths)
+    used = {os.path.realpath(path) for path in truths.values()}
+    sources = [one for one in sources if os.path.realpath(one.content) not in used and not one.problem]
+    known = dict(load_starts(starts, [one.name for one in sources])) if starts else {}
+    masks, chosen = named_masks(params), [one for one in sources if one.name in truths]
+    domains = find_domains(chosen, params.domain.masks) if params.domain.masks else {}
+    labelled = []
+    for source in chosen:
+        own = known[source.name].placed(params) if source.name in known else params
+        labelled.append(_read(source, truths[source.name], own, masks.within(domains.get(source.name, "")), label))
+    if labelled and not any((one.truth == INSIDE).any() for one in labelled):
+        class_number = "" if label is None else f", and --truth-label {label} is in none of them"
+        raise UsageError(f"--truth: no mask has a pixel inside{class_number}; 255 is inside, or the class you name")
+    for one in labelled:
+        _require_both_sides(one)
+    return Gathered(labelled, [one for one in sources if one.name not in truths], known, masks)
+
+
+def _require_one_mask_of_two(sources: Sequence[Source], truths: dict[str, str]) -> None:
+    """Refuse ``a.jpg`` and ``a.png`` side by side, each of which could be the mask of the other."""
+    inputs = {os.path.realpath(one.content): one for one in sources}
+    for one in sources:
+        other = inputs.get(os.path.realpath(truths.get(one.name, "")))
+        if other is not None and os.path.splitext(one.name)[0] == os.path.splitext(other.name)[0]:
+            raise UsageError(
+                f"--truth: {printable(other.name)} and {printable(one.name)} could each be the mask of the other; put the masks "
+                "into a folder of their own, or call them NAME_truth.png"
+            )
+
+
+def _require_both_sides(one: Labelled) -> None:
+    for side, level in (("inside", INSIDE), ("outside", OUTSIDE)):
+        if not (one.truth == level).any():
+            raise UsageError(
+                f"{printable(one.name)}: the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both"
+            )
+
+
+def _read(source: Source, truth: str, params: Parameters, masks: Masks, label: int | None) -> Labelled:
+    try:
+        image = read_source(source)
+        levels = read_truth(truth, (image.shape[0], image.shape[1]), label)
+        _require_size(masks, image.shape)
+        start = start_region(image.shape[:2], params, masks.start)
+    except (ImageReadError, SegmentationError) as error:
+        raise UsageError(f"{printable(source.name)}: {error}") from error
+    return Labelled(source.name, image, levels, params, start, masks)
+
+
+def _require_size(masks: Masks, shape: tuple[int, ...]) -> None:
+    for key, mask in (("domain.mask", masks.domain), ("init.background_mask", masks.background)):
+        if mask is not None and mask.shape != shape[:2]:
+            sizes = f"{mask.shape[1]} x {mask.shape[0]} pixels, the image {shape[1]} x {shape[0]}"
+            raise SegmentationError(f"{key} has {sizes}; it must have the image's size")
+
+
+def start_region(
+    shape: tuple[int, ...], params: Parameters, mask: NDArray[np.uint8] | None = None
+) -> NDArray[np.bool_] | None:
+    """Pixels in the start that the parameters, or a mask, name; None where they name none."""
+    init = params.init
+    if init.center == "auto" and not init.circles and not init.boxes and mask is None:
+        return None
+    return rasterize(start_contours((shape[0], shape[1]), params, mask), (shape[0], shape[1]))
+
+
+def starts_off(labelled: Sequence[Labelled]) -> list[str]:
+    """Names of the images whose start lies wholly where their mask says outside; a model finds its own starts.
+
+    Raises
+    ------
+    UsageError
+        If that is all of them: nothing grows into a region from without.
+    """
+    names = []
+    for one in labelled:
+        if one.start is None and one.params.edges.model is not None:
+            continue
+        shape = (one.image.shape[0], one.image.shape[1])
+        start = rasterize(start_contours(shape, one.params), shape) if one.start is None else one.start
+        if not (start & (one.truth != OUTSIDE)).any():
+            names.append(printable(one.name))
+    if names and len(names) == len(labelled):
+        raise UsageError(
+            f"the start lies outside the mask of {'the image' if len(names) == 1 else 'all images'} ({named(names)}); say "
+            "where the region is with --starts FILE or --set 'init.center=[x, y]'"
+        )
+    return names
+
+
+def known_share(labelled: Sequence[Labelled]) -> float:
+    """Part of the pixels of which the masks know something, mean over the images."""
+    return float(mean(np.count_nonzero(one.truth != IGNORED) / one.truth.size for one in labelled))
+
+
+def few_known(share: float) -> list[str]:
+    """What to say where figures count few of the pixels, as of masks that are scribbles."""
+    if share >= LEAST_KNOWN:
+        return []
+    return [f"the masks know {share:.1%} of the pixels; the figures of IoU count no others"]
+
+
+def named(names: Sequence[str]) -> str:
+    """Some names, and how many more there are."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(names[:MOST_NAMED]) + more

@@ -1,0 +1,249 @@
+"""A model from masks: grown, measured on images left out, with what more masks would bring and which to draw next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from statistics import mean, pstdev
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg import __version__
+from ffseg.batch.plan.discover import Source
+from ffseg.batch.workers.sources import read_source
+from ffseg.errors import ImageReadError, SegmentationError, UsageError
+from ffseg.evidence.features import KNOWN, exposed, features
+from ffseg.evidence.forest import Model
+from ffseg.evidence.prior import prior
+from ffseg.evidence.source import model_start, told
+from ffseg.learning.gather import Gathered, Labelled, known_share, start_region
+from ffseg.learning.training import (
+    Asked,
+    Beginning,
+    Example,
+    Samples,
+    grown,
+    learn,
+    samples,
+    starts_in,
+    uncertainty,
+)
+from ffseg.metrics import iou
+from ffseg.parameters import Parameters
+from ffseg.pipeline import segment
+
+FOLDS = 10
+"""Parts the images are left out in; with fewer images, each is left out alone."""
+
+CURVE_TREES = 40
+"""Trees of the forests that only show how figures rise with the number of masks."""
+
+DRAWS, MOST_TESTED = 3, 10
+"""Random choices of masks at each number, and images that each is tested on."""
+
+WORTH = 0.005
+"""A mask that raises the mean IoU by less is not worth drawing."""
+
+NOISE = 2.0
+"""Standard errors that a model's figure must be above the figure without it to be called better."""
+
+MOST_LOOKED_AT = 200
+"""Images without a mask that are looked at to name the next."""
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """How well a model does on images that it was not learned from.
+
+    Attributes
+    ----------
+    masks : int
+    iou, spread : float
+        Mean and standard deviation of the IoU over the images left out; NaN from one mask.
+    without, without_spread : float
+        The same without the model, on the same images.
+    helps : bool
+        Whether the mean of the differences is above zero by more than its noise.
+    curve : tuple of (int, float)
+        Number of masks and mean IoU of the contours on others, of small forests used as models are.
+    more : int
+        How many more masks may each still raise the mean by ``WORTH``.
+    following : str
+        The image to draw a mask of next; empty where all have one.
+    base : Beginning or None
+        Whether the forest that comes with ffseg was corrected, and why.
+    prior : Asked or None
+        Whether the prior that comes with ffseg is asked too, and why.
+    known : float
+        Part of the pixels of which the masks know something.
+    searched : bool
+        Whether the starts of images are looked for; without a model they are grown from the middle then.
+    """
+
+    masks: int
+    iou: float
+    spread: float
+    without: float
+    without_spread: float
+    helps: bool
+    curve: tuple[tuple[int, float], ...] = ()
+    more: int = 0
+    following: str = ""
+    base: Beginning | None = None
+    prior: Asked | None = None
+    known: float = 1.0
+    searched: bool = False
+
+
+def learned(gathered: Gathered, params: Parameters, tell: Tell) -> tuple[Model, Figures]:
+    """Learn a model and measure it.
+
+    Raises
+    ------
+    UsageError
+        If a mask shows one side only, or LightGBM is not installed.
+    """
+    chosen = []
+    for one in gathered.labelled:
+        tell(f"looking at {one.name}")
+        chosen.append(_samples(one, params))
+    model = learn(chosen)
+    tell(f"grown from {len(chosen)} masks")
+    figures = _figures(gathered.labelled, chosen, tell)
+    figures = replace(
+        figures,
+        following=_next(gathered, model, params, tell),
+        base=Beginning(**model.about["base"]),
+        prior=None if model.about["prior"] is None else Asked(**model.about["prior"]),
+        known=known_share(gathered.labelled),
+        searched=any(one.start is None for one in gathered.labelled),
+    )
+    about = {"ffseg": __version__, "images": [one.name for one in gathered.labelled][:100], **_told(figures)}
+    return replace(model, about=about), figures
+
+
+def _told(figures: Figures) -> dict[str, object]:
+    """Figures as JSON holds them: no NaN."""
+    return {key: None if value != value else value for key, value in asdict(figures).items()}
+
+
+def _samples(one: Labelled, params: Parameters) -> Samples:
+    try:
+        return samples(Example(one.image, one.truth, one.start, params.init.radius))
+    except UsageError as error:
+        raise UsageError(f"{one.name}: {error}") from error
+
+
+def _figures(labelled: Sequence[Labelled], chosen: Sequence[Samples], tell: Tell) -> Figures:
+    count = len(labelled)
+    if count < 2:
+        return Figures(count, float("nan"), float("nan"), float("nan"), float("nan"), helps=True)
+    own, other = [0.0] * count, [0.0] * count
+    folds = [range(part, count, min(FOLDS, count)) for part in range(min(FOLDS, count))]
+    for number, fold in enumerate(folds):
+        searched = any(labelled[i].start is None for i in fold)
+        model = learn([chosen[i] for i in range(count) if i not in fold], searched=searched)
+        for i in fold:
+            own[i] = _overlap(labelled[i], model)
+            other[i] = _overlap(labelled[i], None)
+        tell(f"left out part {number + 1} of {len(folds)}: IoU {mean(own[i] for i in fold):.3f}")
+    gains = [a - b for a, b in zip(own, other, strict=True)]
+    helps = mean(gains) > NOISE * pstdev(gains) / len(gains) ** 0.5
+    curve = _curve(labelled, chosen)
+    more = _worth_drawing(curve, count)
+    return Figures(count, mean(own), pstdev(own), mean(other), pstdev(other), helps, curve, more)
+
+
+def _overlap(one: Labelled, model: Model | None) -> float:
+    """IoU of the contour on an image, with what a model says or without."""
+    params, start = one.params, one.start
+    if start is None and model is not None:
+        circle = model_start(one.image, model, params.init.radius)
+        params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
+        start = start_region(one.image.shape[:2], params)
+    return _contoured(one, params, None if model is None or start is None else told(model, one.image, start))
+
+
+def _contoured(one: Labelled, params: Parameters, evidence: NDArray[np.float32] | None) -> float:
+    try:
+        return iou(segment(one.image, params, evidence=evidence, **one.masks.bounds).mask, one.truth)
+    except SegmentationError:
+        return 0.0
+
+
+def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tuple[int, float], ...]:
+    """Mean IoU of the contours that models of 1, 2, 4, ... masks, of small forests, give on others.
+
+    Notes
+    -----
+    Where no start is named it is drawn inside the mask: the curve shows what masks teach, not how well starts are found.
+    """
+    count, rng, points = len(chosen), np.random.default_rng(0), []
+    labelled = [_started(one, rng) for one in labelled]
+    seen = [features(exposed(one.image), one.start, names=KNOWN) for one in labelled if one.start is not None]
+    odds = [prior(one.image, one.start).odds for one in labelled if one.start is not None]
+    if len(seen) < count:
+        return ()
+    for number in sorted({*(2**power for power in range(count.bit_length()) if 2**power < count), count - 1}):
+        found = []
+        for _ in range(DRAWS):
+            drawn = rng.permutation(count)
+            model = grown([chosen[i] for i in drawn[:number]], CURVE_TREES)
+            tested = drawn[number:][:MOST_TESTED]
+            found += [_contoured(labelled[i], labelled[i].params, model.map(seen[i], prior=odds[i])) for i in tested]
+        points.append((number, round(mean(found), 4)))
+    return tuple(points)
+
+
+def _started(one: Labelled, rng: np.random.Generator) -> Labelled:
+    """The image with a start drawn inside its mask if it has none, and its mask has the room."""
+    drawn = [] if one.start is not None else starts_in(Example(one.image, one.truth, None, one.params.init.radius), rng)
+    if not drawn:
+        return one
+    y, x = (float(places.mean()) for places in np.nonzero(drawn[0]))
+    circle = (x, y, float(np.sqrt(np.count_nonzero(drawn[0]) / np.pi)))
+    return replace(one, start=drawn[0], params=replace(one.params, init=replace(one.params.init, circles=(circle,))))
+
+
+def _worth_drawing(curve: Sequence[tuple[int, float]], count: int) -> int:
+    """How many more masks each raise the mean by ``WORTH``, from a line through IoU over 1 / masks."""
+    if len(curve) < 2:
+        return 0
+    inverse, height = np.array([1 / number for number, _ in curve]), np.array([value for _, value in curve])
+    slope = -float(np.polyfit(inverse, height, 1)[0])
+    last = count
+    while slope / (last * (last + 1)) >= WORTH:
+        last += 1
+    return last - count
+
+
+def _next(gathered: Gathered, model: Model, params: Parameters, tell: Tell) -> str:
+    """The image without a mask of which the model is least sure."""
+    best, following = -1.0, ""
+    for source in gathered.others[:MOST_LOOKED_AT]:
+        doubt = _doubt(source, gathered, model, params)
+        if doubt > best:
+            best, following = doubt, source.name
+    if following:
+        tell(f"least sure of {following}")
+    return following
+
+
+def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters) -> float:
+    try:
+        image = read_source(source)
+    except ImageReadError:
+        return -1.0
+    own = gathered.starts[source.name].placed(params) if source.name in gathered.starts else params
+    start = start_region(image.shape[:2], own, gathered.masks.start)
+    if start is None:
+        circle = model_start(image, model, params.init.radius)
+        if circle is None:
+            return 1.0
+        start = start_region(image.shape[:2], replace(params, init=replace(params.init, circles=(circle,))))
+    if start is None or not start.any():
+        return 1.0
+    return uncertainty(model, model.look(image, start))

@@ -1,0 +1,140 @@
+"""What tuning gives to keep: a parameter file that says what was measured, and a page with before and after."""
+
+from __future__ import annotations
+
+import base64
+import html
+import os
+from collections.abc import Sequence
+from statistics import mean, pstdev
+from typing import TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg import __version__
+from ffseg.io.files import printable
+from ffseg.io.masks import encode_png
+from ffseg.learning.gather import Labelled, few_known
+from ffseg.learning.tune import Tuned
+from ffseg.metrics import IGNORED, INSIDE
+from ffseg.parameter_text import yaml_value
+from ffseg.parameters import Parameters
+from ffseg.schema.kinds import FilePath
+from ffseg.schema.sections import flat, leaves
+
+MOST_SHOWN = 60
+"""Images on the page."""
+
+WIDEST = 360
+"""px; pictures on the page are no wider."""
+
+
+def told(tuned: Tuned) -> list[str]:
+    """What there is to say, line by line."""
+    count = len(tuned.before)
+    more = f"; for {tuned.left} there was no time: a longer --budget tries more" if tuned.left else ""
+    lines = [
+        f"{tuned.tried} settings tried on {count} image{'s' if count > 1 else ''} in {tuned.seconds:.0f} s{more}",
+        f"IoU with the parameters as they were: {mean(tuned.before):.3f} (spread {pstdev(tuned.before):.3f})",
+    ]
+    lines += few_known(tuned.known)
+    if count > 1:
+        lines.append(
+            f"of each image with what is best on the others: {mean(tuned.left_out):.3f} "
+            f"(spread {pstdev(tuned.left_out):.3f})"
+        )
+    if tuned.setting:
+        lines.append(f"with the setting below, on all of them: {mean(tuned.after):.3f}")
+    elif count > 1:
+        lines.append("no setting beats them beyond the noise: they are kept")
+    else:
+        lines.append("what suits one image may be chance: they are kept; draw a second mask")
+    spans = ", ".join(f"{key} {span:.3f}" for key, span in tuned.sensitivity)
+    if spans:
+        lines.append(f"how much hangs on each key (best less worst mean): {spans}")
+    return lines
+
+
+def to_yaml(tuned: Tuned, params: Parameters | None = None) -> str:
+    """A parameter file of the keys that tuning sets, with what was measured as a comment.
+
+    Parameters
+    ----------
+    tuned : Tuned
+    params : Parameters, optional
+        What tuning began with: where it differs from the defaults it stands in the file as well, which is then all that a
+        run needs.
+    """
+    lines = [f"# ffseg tune {__version__}", *(f"# {line}" for line in told(tuned))]
+    values = (given(params) if params is not None else {}) | tuned.setting
+    sections: dict[str, list[str]] = {}
+    for key, value in values.items():
+        section, _, name = key.rpartition(".")
+        text = f"[{', '.join(map(_short, value))}]" if _is_row(value) else yaml_value(value)
+        sections.setdefault(section, []).append(f"{'  ' if section else ''}{name}: {text}")
+    lines += sections.pop("", [])
+    for section, entries in sections.items():
+        lines += [f"{section}:", *entries]
+    return "\n".join([*lines, *([] if values else ["{}"])]) + "\n"
+
+
+def given(params: Parameters) -> dict[str, object]:
+    """Where a parameter set differs from the defaults; names of files are absolute, for a file may lie anywhere."""
+    defaults, kinds = flat(Parameters()), leaves(Parameters)
+    return {
+        key: os.path.abspath(value) if isinstance(kinds[key].kind, FilePath) and isinstance(value, str) else value
+        for key, value in flat(params).items()
+        if value != defaults[key]
+    }
+
+
+def _short(number: float) -> str:
+    """The shortest text that is read back as the same number."""
+    return f"{number:g}" if float(f"{number:g}") == number else repr(number)
+
+
+def _is_row(value: object) -> TypeGuard[tuple[float, ...]]:
+    return isinstance(value, tuple) and all(isinstance(one, float | int) for one in value)
+
+
+def to_html(
+    tuned: Tuned, labelled: Sequence[Labelled], masks: Sequence[tuple[NDArray[np.bool_], NDArray[np.bool_]]]
+) -> str:
+    """A page that needs no other file: what was measured, and each image before and after."""
+    lines = "".join(f"<p>{html.escape(line)}</p>" for line in told(tuned))
+    rows = []
+    for one, pair, before, after in list(zip(labelled, masks, tuned.before, tuned.after, strict=True))[:MOST_SHOWN]:
+        name = html.escape(printable(one.name))
+        pictures = "".join(f'<img alt="{name}" src="{_picture(one, mask)}">' for mask in pair)
+        rows.append(f"<section><h2>{name}</h2><p>IoU {before:.3f} before, {after:.3f} after</p>{pictures}</section>")
+    return _PAGE.format(setting=html.escape(to_yaml(tuned)), lines=lines, rows="\n".join(rows))
+
+
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>ffseg tune</title>
+<style>
+body {{ font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 60rem; padding: 0 1rem }}
+img {{ max-width: 48%; margin-right: 1% }} pre {{ background: #8882; padding: 1rem; overflow: auto }}
+</style></head><body>
+<h1>Before and after tuning</h1>
+{lines}
+<pre>{setting}</pre>
+<p>Green: in the mask and found. Blue: missed. Orange: found outside the mask.</p>
+{rows}
+</body></html>
+"""
+
+_FOUND, _MISSED, _LEAKED = (90, 200, 60), (220, 120, 40), (30, 140, 255)
+"""BGR."""
+
+
+def _picture(one: Labelled, mask: NDArray[np.bool_]) -> str:
+    """The image with what was found, missed and leaked, as a data address."""
+    step = max(1, -(-one.image.shape[1] // WIDEST))
+    image, truth, found = one.image[::step, ::step], one.truth[::step, ::step], mask[::step, ::step]
+    colour = np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image.copy()
+    inside, counted = truth == INSIDE, truth != IGNORED
+    for region, paint in ((found & inside, _FOUND), (inside & ~found, _MISSED), (found & ~inside & counted, _LEAKED)):
+        colour[region] = (colour[region] // 2 + np.array(paint) // 2).astype(np.uint8)
+    return "data:image/png;base64," + base64.b64encode(encode_png(np.ascontiguousarray(colour), [])).decode("ascii")

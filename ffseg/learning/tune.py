@@ -1,0 +1,203 @@
+"""Settings from masks: many tried on few images, the better half on more, and figures on images left out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from statistics import mean
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import SegmentationError
+from ffseg.image.edges import EdgeMap
+from ffseg.learning.choice import Trial, Tried
+from ffseg.learning.gather import Labelled, known_share
+from ffseg.learning.space import MOST_SETTINGS, SHARED, Setting, applied, levels, settings
+from ffseg.metrics import iou
+from ffseg.parameters import Parameters
+from ffseg.pipeline import edges_of, segment
+from ffseg.starts.given import start_contours
+
+BRACKET = 24
+"""Settings that set out together; half of them go on to the next images."""
+
+FIRST_IMAGES = 2
+"""Images that every setting is tried on."""
+
+LEVELS_SHARE = 0.5
+"""Part of the budget after which no other level of probability is tried."""
+
+MOST_CACHED = 256 << 20
+"""Bytes of edge maps that are kept to be shared."""
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Tuned:
+    """What tuning came to.
+
+    Attributes
+    ----------
+    setting : dict
+        Overrides by key; empty where the parameters are kept.
+    best : dict
+        The setting with the highest mean, whether it is taken or not.
+    before, after : tuple of float
+        IoU of each image with the parameters as they are, and with `best`.
+    left_out : tuple of float
+        IoU of each image with what is best on the others.
+    sensitivity : tuple of (str, float)
+        For each key, how far the mean IoU of its best and worst value lie apart.
+    tried : int
+        Settings that were tried.
+    seconds : float
+    known : float
+        Part of the pixels of which the masks know something.
+    left : int
+        Settings for which there was no time.
+    """
+
+    setting: Setting
+    best: Setting
+    before: tuple[float, ...]
+    after: tuple[float, ...]
+    left_out: tuple[float, ...]
+    sensitivity: tuple[tuple[str, float], ...]
+    tried: int
+    seconds: float
+    known: float = 1.0
+    left: int = 0
+
+
+class Bench:
+    """Images on which settings are tried; edge maps are shared by the settings that ask for the same."""
+
+    def __init__(self, labelled: Sequence[Labelled]) -> None:
+        self._labelled = labelled
+        self._maps: dict[tuple[object, ...], EdgeMap] = {}
+        self._bytes = 0
+
+    def tried(self, setting: Setting) -> Trial:
+        """A setting tried on all images."""
+        return Trial(setting, {number: self.overlap(number, setting) for number in range(len(self._labelled))})
+
+    def overlap(self, number: int, setting: Setting) -> float:
+        """IoU on one image; 0 where it cannot be segmented."""
+        mask = self.mask(number, setting)
+        return 0.0 if mask is None else iou(mask, self._labelled[number].truth)
+
+    def mask(self, number: int, setting: Setting) -> NDArray[np.bool_] | None:
+        """The region on one image; None where it cannot be segmented."""
+        one = self._labelled[number]
+        params = applied(one.params, setting)
+        try:
+            shared = params.edges.source == SHARED and params.edges.model is None
+            edges = self._edges(number, params) if shared else None
+            return segment(one.image, params, edges=edges, **one.masks.bounds).mask
+        except SegmentationError:
+            return None
+
+    def _edges(self, number: int, params: Parameters) -> EdgeMap:
+        key = (number, params.edges)
+        if key not in self._maps:
+            one = self._labelled[number]
+            starts = start_contours((one.image.shape[0], one.image.shape[1]), params, one.masks.start)
+            made = edges_of(one.image, starts, params, one.masks.domain)
+            self._bytes += made.gradient.nbytes + made.edges.nbytes
+            while self._bytes > MOST_CACHED and self._maps:
+                old = self._maps.pop(next(iter(self._maps)))
+                self._bytes -= old.gradient.nbytes + old.edges.nbytes
+            self._maps[key] = made
+        return self._maps[key]
+
+
+def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
+    """Try settings for about `budget` seconds; `Tried` says which is taken."""
+    begin = time.monotonic()
+    bench, count = Bench(labelled), len(labelled)
+    plain, trials = bench.tried({}), list[Trial]()
+    # of a model the level alone can be moved: it does not ask for thresholds
+    modelled = labelled[0].params.edges.model is not None
+    source = iter(()) if modelled else settings()
+    end = begin + (1 if modelled else LEVELS_SHARE) * budget
+    wanted = levels(labelled[0].params)
+    moved = [bench.tried(setting) for setting in wanted if time.monotonic() < end]
+    while time.monotonic() - begin < budget:
+        bracket = [Trial(setting) for setting in islice(source, BRACKET)]
+        if not bracket:
+            break
+        _halve(bracket, bench, count, begin + budget)
+        trials += [trial for trial in bracket if trial.found]
+        tell(f"{len(moved) + len(trials)} settings tried, best {_best([plain, *moved, *trials], count).mean:.3f}")
+    if modelled:
+        tell(f"{len(moved)} levels tried, best {_best([plain, *moved], count).mean:.3f}")
+    tried = Tried(plain, labelled[0].params.region.probability, moved, [it for it in trials if len(it.found) == count])
+    taken = tried.chosen(tried.images)
+    best = tried.best() if taken is plain else taken
+    found = Tuned(
+        setting=taken.setting,
+        best=best.setting,
+        before=tuple(plain.found.values()),
+        after=tuple(best.found[number] for number in range(count)),
+        left_out=tried.left_out(),
+        sensitivity=_sensitivity([*moved, *trials]),
+        tried=len(moved) + len(trials),
+        seconds=0.0,
+        known=known_share(labelled),
+        left=len(wanted) + (0 if modelled else MOST_SETTINGS) - len(moved) - len(trials),
+    )
+    return replace(found, seconds=time.monotonic() - begin)
+
+
+def before_and_after(labelled: Sequence[Labelled], tuned: Tuned) -> list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+    """The region on each image with the parameters as they were, and with the best setting; empty where there is none."""
+    bench = Bench(labelled)
+    pairs = []
+    for number, one in enumerate(labelled):
+        found = [bench.mask(number, setting) for setting in ({}, tuned.best)]
+        before, after = (np.zeros(one.truth.shape, np.bool_) if mask is None else mask for mask in found)
+        pairs.append((before, after))
+    return pairs
+
+
+def _halve(bracket: list[Trial], bench: Bench, count: int, end: float) -> None:
+    """Try all on the first images, the better half on as many more, and so on until all images are seen.
+
+    After `end` no other begins a round, so that the best is still seen by all.
+    """
+    left, seen = bracket, 0
+    while left and seen < count:
+        upto = min(count, max(FIRST_IMAGES, 2 * seen))
+        for trial in left:
+            for number in range(seen, upto):
+                trial.found[number] = bench.overlap(number, trial.setting)
+            if time.monotonic() > end:  # of those that went on, the best has come first
+                break
+        seen = upto
+        left = sorted((trial for trial in left if len(trial.found) == seen), key=lambda trial: trial.mean, reverse=True)
+        left = left[: max(1, len(left) // 2)]
+
+
+def _best(trials: Sequence[Trial], count: int) -> Trial:
+    """The best of those that all images have seen."""
+    return max((trial for trial in trials if len(trial.found) == count), key=lambda trial: trial.mean)
+
+
+def _sensitivity(trials: Sequence[Trial]) -> tuple[tuple[str, float], ...]:
+    """How far the means of the values of each key that has several lie apart, on the images that all were tried on."""
+    figures = []
+    keys = dict.fromkeys(key for trial in trials for key in trial.setting)
+    for key in keys:
+        groups: dict[str, list[float]] = {}
+        for trial in trials:
+            if key in trial.setting and len(trial.found) >= FIRST_IMAGES:
+                first = [trial.found[number] for number in range(FIRST_IMAGES)]
+                groups.setdefault(str(trial.setting[key]), []).append(mean(first))
+        means = [mean(group) for group in groups.values()]
+        if len(means) > 1:
+            figures.append((key, max(means) - min(means)))
+    return tuple(sorted(figures, key=lambda one: -one[1]))

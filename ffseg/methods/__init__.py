@@ -1,0 +1,1 @@
+"""Methods: each a function from a view of the image to what it found."""

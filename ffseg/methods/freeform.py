@@ -1,0 +1,116 @@
+"""The free-form active contour (Algorithms 2 to 4): parameters and values round the native core."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import ParameterError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.ragged import packed, unpacked
+from ffseg.image.edges import GRADIENT_SCALE
+from ffseg.methods.base import BlockedStartError, Outcome, Progress, Stats, View
+from ffseg.native import _core
+from ffseg.parameters import STILL, Parameters
+
+RIDGE_SHARE = 0.5
+"""A ridge may be this much weaker than the low Canny threshold: between samples the edge fades and returns."""
+
+
+def run(view: View) -> Outcome:
+    """Evolve the start contours on an edge map until they stop (Algorithm 4), then settle them on its ridges.
+
+    Parameters
+    ----------
+    view : View
+        Of its parameters ``contour``, ``region.weight`` and ``region.window`` are used; of the image, where that weight is
+        above 0, the colours. A negative ``contour.balloon`` closes in from outside.
+
+    Returns
+    -------
+    Outcome
+
+    Raises
+    ------
+    BlockedStartError
+        If every sample of every start lies on an edge or outside the domain; its text is the remedy.
+    ParameterError
+        If ``contour.balloon`` is 0, which only the snake and the level set can do with.
+
+    Notes
+    -----
+    Differs: a contour that closes in is evolved as the hole of a growing one; its orientation is turned round
+    on the way in and out.
+    """
+    edge_map, starts, params, callback = view.edges, view.starts, view.params, view.callback
+    if params.contour.balloon == 0:
+        raise ParameterError(STILL)
+    shrinking = params.contour.balloon < 0
+    oriented = tuple(c.reversed() for c in starts) if shrinking else starts
+    evolution = _core.Evolution(
+        *packed(oriented),
+        edge_map.edges,
+        edge_map.domain,
+        native_options(params, edge_map.thresholds[0]),
+        _colours(view),
+    )
+    if evolution.stop_reason == "blocked":
+        raise BlockedStartError("move init.center, change init.radius or raise edges.canny")
+
+    def current() -> tuple[FreeForm, ...]:
+        points, offsets = evolution.contours()
+        contours = unpacked(points, offsets, params.contour.degree)
+        return tuple(c.reversed() for c in contours) if shrinking else contours
+
+    if callback is None:
+        evolution.advance(params.contour.max_iterations + 1)
+    else:
+        callback(Progress(0, starts))
+        while evolution.advance(view.every):
+            callback(Progress(evolution.counts()["iterations"], current()))
+    evolution.settle(edge_map.gradient)
+    contours = current()
+    if all(contour.signed_area < 0 for contour in contours):  # turned inside out where an image is narrower than a step
+        contours = ()
+    if callback is not None:
+        callback(Progress(evolution.counts()["iterations"], contours))
+    return Outcome(contours, _stats(evolution, starts, contours))
+
+
+def native_options(params: Parameters, low: float) -> _core.EvolutionOptions:
+    """Options of the core, which has no defaults of its own; `low` is the low Canny threshold, grey levels per pixel."""
+    contour, options = params.contour, _core.EvolutionOptions()
+    options.degree = contour.degree
+    options.split_threshold = contour.split_threshold
+    options.balloon = abs(contour.balloon)
+    options.refine = contour.refine
+    options.topology = contour.topology
+    options.max_iterations = contour.max_iterations
+    options.clearance = contour.clearance
+    options.settle = contour.settle
+    options.ridge_low = RIDGE_SHARE * low * GRADIENT_SCALE
+    options.weight, options.window = params.region.weight, params.region.window
+    return options
+
+
+def _colours(view: View) -> NDArray[np.uint8] | None:
+    """The image by channels, shape (H, W, C), where its colours have a weight."""
+    if view.params.region.weight == 0:
+        return None
+    return np.ascontiguousarray(view.image[..., None] if view.image.ndim == 2 else view.image)
+
+
+def _stats(evolution: _core.Evolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]) -> Stats:
+    counts = evolution.counts()
+    final = sum(len(c.control_points) for c in contours)
+    return Stats(
+        iterations=counts["iterations"],
+        splits=counts["splits"],
+        prunes=counts["prunes"],
+        flips=counts["flips"],
+        merges=counts["merges"],
+        initial_points=sum(len(c.control_points) for c in starts),
+        final_points=final,
+        patches=sum(len(c.control_points) // c.degree for c in contours),
+        stop_reason=evolution.stop_reason,
+    )

@@ -1,0 +1,75 @@
+"""The method as it is printed: Algorithms 1 to 4 and nothing else, to be put beside what ffseg makes of it."""
+
+from __future__ import annotations
+
+from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.ragged import packed, unpacked
+from ffseg.image.edges import EdgeMap
+from ffseg.methods.base import Outcome, Progress, Stats, View
+from ffseg.native import _core
+from ffseg.parameters import Parameters
+
+
+def run(view: View) -> Outcome:
+    """Evolve the start contours by Algorithm 4.
+
+    Parameters
+    ----------
+    view : View
+        Of its parameters ``contour`` is used but for ``clearance`` and ``settle``, ``edges.exponent`` and ``.sigma``,
+        and ``paper``. A negative ``contour.balloon`` closes in.
+
+    Returns
+    -------
+    Outcome
+
+    Notes
+    -----
+    In every iteration long patches are split (Algorithm 2) and short ones joined (the footnote on pruning), patches that
+    meet are flipped (Algorithm 3, in the order that connects), and the samples of every patch move along their normals:
+    in homogeneous ground by ``balloon * F_diff`` (Eq. 8), round an edge up the slope of the edge force. It ends when
+    at most one sample in a hundred moves by a tenth of a pixel. What the paper leaves open is listed in docs/method.md.
+    """
+    params, callback = view.params, view.callback
+    degree = params.contour.degree
+    evolution = _evolution(view.edges, view.starts, params)
+
+    def current() -> tuple[FreeForm, ...]:
+        points, offsets = evolution.contours()
+        return unpacked(points, offsets, degree)
+
+    if callback is None:
+        evolution.advance(params.contour.max_iterations + 1)
+    else:
+        callback(Progress(0, view.starts))
+        while evolution.advance(view.every):
+            callback(Progress(evolution.counts()["iterations"], current()))
+    contours = current()
+    if callback is not None:
+        callback(Progress(evolution.counts()["iterations"], contours))
+    return Outcome(contours, _stats(evolution, view.starts, contours))
+
+
+def _evolution(edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters) -> _core.PaperEvolution:
+    options = _core.PaperOptions()
+    options.degree = params.contour.degree
+    options.split_threshold = params.contour.split_threshold
+    most = params.paper.balloon
+    options.balloon = min(max(params.contour.balloon, -most), most)
+    options.refine = params.contour.refine
+    options.topology = params.contour.topology
+    options.max_iterations = params.contour.max_iterations
+    options.exponent = params.edges.exponent
+    options.sigma = params.edges.sigma
+    return _core.PaperEvolution(*packed(starts), edges.gradient, edges.edges, edges.domain, options)
+
+
+def _stats(evolution: _core.PaperEvolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]) -> Stats:
+    counts = evolution.counts()
+    return Stats(
+        **{name: counts[name] for name in ("iterations", "splits", "prunes", "flips", "merges")},
+        initial_points=sum(len(c.control_points) for c in starts),
+        final_points=sum(len(c.control_points) for c in contours),
+        patches=sum(c.num_patches for c in contours),
+        stop_reason=evolution.stop_reason,
+    )

@@ -1,0 +1,237 @@
+"""Peers: other packages' segmenters as methods, for comparison only. Skipped by name when not installed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from importlib import import_module
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import SegmentationError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image import opencv_peers
+from ffseg.image.edges import EdgeMap
+from ffseg.image.raster import rasterize
+from ffseg.methods.base import Outcome, View
+from ffseg.parameters import Edges, Parameters
+from ffseg.peer_parameters import (
+    EdgeComponents,
+    EdgeOpened,
+    FloodFill,
+    GrabCut,
+    PeerParameters,
+    SitkFastMarching,
+    SitkGac,
+    SkFmm,
+    SkimageChanVese,
+    SkimageGac,
+    SkimageSnake,
+    Watershed,
+)
+from ffseg.plugins import PEERS
+
+Mask = NDArray[np.bool_]
+Image = NDArray[np.uint8]
+
+
+def geodesic(edges: EdgeMap, seeds: Mask, params: SkimageGac, callback: Callable[[Any], object] | None = None) -> Mask:
+    """Region of scikit-image's morphological geodesic contour; `callback` hears of the level set of every iteration."""
+    skimage: Any = import_module("skimage.segmentation")
+    stopping = 1.0 / np.sqrt(1.0 + params.alpha * edges.magnitude())
+    found: Mask = skimage.morphological_geodesic_active_contour(
+        stopping,
+        params.iterations,
+        init_level_set=seeds.astype(np.int8),
+        smoothing=params.smoothing,
+        threshold=params.threshold,
+        balloon=1,
+        iter_callback=callback or (lambda _: None),
+    ).astype(np.bool_)
+    return found
+
+
+def _levels(image: Image, sigma: float) -> NDArray[np.float64]:
+    """The mean of the channels, smoothed, from 0 to 1."""
+    grey = image if image.ndim == 2 else image.mean(axis=2).astype(np.uint8)
+    return opencv_peers.smooth(grey, sigma) / 255.0
+
+
+def _skimage_chan_vese(image: Image, seeds: Mask, params: SkimageChanVese) -> Mask:
+    skimage: Any = import_module("skimage.segmentation")
+    levels = _levels(image, params.sigma)
+    phase = skimage.morphological_chan_vese(levels, params.iterations, "checkerboard", smoothing=params.smoothing) > 0
+    return opencv_peers.connected(phase if 2 * phase[seeds].sum() >= seeds.sum() else ~phase, seeds)
+
+
+def _skimage_snake(image: Image, params: SkimageSnake) -> Mask:
+    skimage: Any = import_module("skimage.segmentation")
+    levels = _levels(image, params.sigma)
+    angle = np.arange(params.points) * (2 * np.pi / params.points)
+    middle = (np.array(levels.shape) - 1) / 2  # row, column
+    ellipse = middle + (middle - _MARGIN) * np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    found = skimage.active_contour(
+        levels,
+        ellipse,
+        alpha=params.alpha,
+        beta=params.beta,
+        gamma=params.gamma,
+        w_line=0,
+        w_edge=1,
+        max_num_iter=params.iterations,
+    )
+    return rasterize([FreeForm.polygon(found[:, ::-1])], levels.shape)
+
+
+_MARGIN = 2.0
+"""Pixels the start ellipse stays inside the image."""
+
+
+def _speed(edges: EdgeMap, seeds: Mask, threshold: float) -> NDArray[np.float64]:
+    """F_diff with p = 2, zero on edges, one in the start."""
+    speed = np.where(opencv_peers.free_of_edges(edges, threshold), edges.diffusion(2.0), 0.0)
+    speed[seeds] = 1.0
+    return speed
+
+
+def _sitk_front(edges: EdgeMap, seeds: Mask, threshold: float) -> Mask:
+    sitk: Any = import_module("SimpleITK")  # its stubs are partial
+
+    sitk.ProcessObject.SetGlobalDefaultNumberOfThreads(1)
+    rows, columns = np.nonzero(seeds)
+    middle = len(rows) // 2
+    march = sitk.FastMarchingImageFilter()
+    march.SetTrialPoints([(int(columns[middle]), int(rows[middle]), 0)])
+    march.SetStoppingValue(_NEVER)
+    times = sitk.GetArrayFromImage(march.Execute(sitk.GetImageFromArray(_speed(edges, seeds, threshold))))
+    found: Mask = (times < _NEVER) | seeds
+    return found
+
+
+_NEVER = 1e9
+"""Arrival time no front reaches: 10^5 pixels at the slowest speed a threshold of 100 leaves."""
+
+
+def _sitk_gac(edges: EdgeMap, seeds: Mask, params: SitkGac) -> Mask:
+    sitk: Any = import_module("SimpleITK")  # its stubs are partial
+
+    front = sitk.GetImageFromArray(_sitk_front(edges, seeds, params.threshold).astype(np.uint8))
+    distance = sitk.SignedMaurerDistanceMap(front, insideIsPositive=False, squaredDistance=False)
+    stopping = 1.0 / (1.0 + (edges.magnitude() / params.scale) ** 2)
+    flow = sitk.GeodesicActiveContourLevelSetImageFilter()
+    flow.SetPropagationScaling(params.propagation)
+    flow.SetCurvatureScaling(params.curvature)
+    flow.SetAdvectionScaling(params.advection)
+    flow.SetNumberOfIterations(params.iterations)
+    flow.SetMaximumRMSError(_STEADY)
+    feature = sitk.GetImageFromArray(stopping.astype(np.float32))
+    level_set = flow.Execute(sitk.Cast(distance, sitk.sitkFloat32), feature)
+    found: Mask = sitk.GetArrayFromImage(level_set) <= 0
+    return found
+
+
+_STEADY = 0.001
+"""Pixels (root mean square) per iteration below which SimpleITK stops."""
+
+
+def _skfmm(edges: EdgeMap, seeds: Mask, params: SkFmm) -> Mask:
+    package: Any = import_module("skfmm")
+    speed = _speed(edges, seeds, params.threshold)
+    start = np.ma.MaskedArray(np.where(seeds, -1.0, 1.0), speed == 0)
+    times = package.travel_time(start, speed)
+    reached: Mask = ~np.ma.getmaskarray(times) | seeds
+    return opencv_peers.grown(reached, params.grow)
+
+
+def _region(mask: Mask) -> Outcome:
+    """Outcome of a peer: its mask; peers do not tell counts."""
+    return Outcome(None, mask=mask)
+
+
+def cv_floodfill(view: View) -> Outcome:
+    """OpenCV's flood fill."""
+    return _region(opencv_peers.floodfill(view.image, _seeds(view), _section(view, FloodFill)))
+
+
+def cv_edges(view: View) -> Outcome:
+    """Edge threshold and connected components."""
+    return _region(opencv_peers.edge_components(view.edges, _seeds(view), _section(view, EdgeComponents)))
+
+
+def cv_edges_opened(view: View) -> Outcome:
+    """Edge threshold, opened against gaps, and connected components."""
+    return _region(opencv_peers.edge_opened(view.edges, _seeds(view), _section(view, EdgeOpened)))
+
+
+def cv_watershed(view: View) -> Outcome:
+    """OpenCV's watershed."""
+    return _region(opencv_peers.watershed(view.image, _seeds(view), _section(view, Watershed)))
+
+
+def cv_grabcut(view: View) -> Outcome:
+    """OpenCV's GrabCut."""
+    return _region(opencv_peers.grabcut(view.image, _seeds(view), _section(view, GrabCut)))
+
+
+def skimage_gac(view: View) -> Outcome:
+    """scikit-image's morphological geodesic active contour."""
+    return _region(geodesic(view.edges, _seeds(view), _section(view, SkimageGac)))
+
+
+def skimage_chan_vese(view: View) -> Outcome:
+    """scikit-image's morphological Chan-Vese."""
+    return _region(_skimage_chan_vese(view.image, _seeds(view), _section(view, SkimageChanVese)))
+
+
+def skimage_snake(view: View) -> Outcome:
+    """scikit-image's snake."""
+    return _region(_skimage_snake(view.image, _section(view, SkimageSnake)))
+
+
+def sitk_fast_marching(view: View) -> Outcome:
+    """SimpleITK's fast marching."""
+    section = _section(view, SitkFastMarching)
+    return _region(opencv_peers.grown(_sitk_front(view.edges, _seeds(view), section.threshold), section.grow))
+
+
+def sitk_gac(view: View) -> Outcome:
+    """SimpleITK's geodesic active contour."""
+    return _region(_sitk_gac(view.edges, _seeds(view), _section(view, SitkGac)))
+
+
+def skfmm(view: View) -> Outcome:
+    """scikit-fmm's travel time."""
+    return _region(_skfmm(view.edges, _seeds(view), _section(view, SkFmm)))
+
+
+S = TypeVar("S")
+
+
+def _section(view: View, kind: type[S]) -> S:
+    return view.options if isinstance(view.options, kind) else kind()
+
+
+def _seeds(view: View) -> Mask:
+    seeds = view.start_region()
+    if not seeds.any():
+        raise SegmentationError("the start contour covers no pixel, and a peer needs one; raise init.radius")
+    return seeds
+
+
+def edge_parameters(name: str, edges: Edges, peers: PeerParameters) -> Edges:
+    """Edge map a peer is run on: its own sigma, unless all are to share one."""
+    sigma = getattr(getattr(peers, name), "sigma", edges.sigma)
+    return edges if peers.shared_edges or not PEERS[name].uses_edges else replace(edges, sigma=sigma)
+
+
+def configured(params: Parameters, name: str, peers: PeerParameters | None = None) -> tuple[Parameters, object]:
+    """Parameters and options a method is run with: a peer has its own section, and its own sigma."""
+    if name not in PEERS:
+        return params, None
+    peers = peers or PeerParameters()
+    own = edge_parameters(name, params.edges, peers)
+    if own.source == "auto":
+        own = replace(own, source="gradient")
+    return replace(params, edges=own), getattr(peers, name)

@@ -1,0 +1,117 @@
+"""The parametric snake (PM), the paper's parametric rival: parameters and values round the native core."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import SegmentationError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.methods.base import LONGEST_MARCH, Outcome, Progress, Stats, View, check_sides
+from ffseg.native import _core
+from ffseg.parameters import Parameters
+
+START_SPACING = 0.75
+"""Distance of the first points in units of ``snake.spacing``: half-way between a split and what a split leaves."""
+
+FEWEST_POINTS = 8
+
+
+def run(view: View) -> Outcome:
+    """Evolve one closed snake until it rests (Eq. 10, Section 5.1).
+
+    Parameters
+    ----------
+    view : View
+        With exactly one start. Of its parameters ``snake``; of ``contour`` the keys ``balloon``, ``refine`` and
+        ``max_iterations``; ``obstacles.altitude``.
+
+    Returns
+    -------
+    Outcome
+        One polygon (degree 1), or none when the snake has vanished; ``splits`` counts inserted points, ``prunes``
+        removed ones.
+
+    Raises
+    ------
+    SegmentationError
+        If there is more than one start contour.
+
+    Notes
+    -----
+    Kass's internal energy, solved implicitly: (I + A) v' = v + F. In homogeneous parts F is the balloon (Cohen), as
+    long as no other stretch of the snake is met; round Canny edges it is ``attraction * grad ln |grad I|`` along the
+    normal, which for an edge blurred with sigma^2 = ``attraction`` points at the ridge with the right length.
+    Points of ``view.altitudes`` below ``obstacles.altitude`` switch edges off in their zones, others double the force
+    (Eq. 11); where both lie near, the edge stands.
+    Differs: the paper's external energy is the gradient magnitude itself; its logarithm has the same minima but
+    does not depend on the contrast. The one contour does not split: round an island it closes to a slit.
+    """
+    check_sides(view.image.shape, LONGEST_MARCH, "method snake")
+    edge_map, starts, params, callback = view.edges, view.starts, view.params, view.callback
+    if len(starts) != 1:
+        raise SegmentationError(
+            f"the snake is one closed contour, but {len(starts)} starts are given; give one, or use method freeform"
+        )
+    snake = _core.Snake(
+        _points(starts[0], params.snake.spacing),
+        edge_map.gradient,
+        edge_map.edges,
+        edge_map.domain,
+        np.ascontiguousarray(view.altitudes, dtype=np.float64),
+        params.obstacles.altitude,
+        _options(params),
+    )
+    initial = len(snake.points())
+    if callback is None:
+        snake.advance(params.contour.max_iterations + 1)
+    else:
+        callback(Progress(0, starts))
+        while snake.advance(view.every):
+            callback(Progress(snake.iterations, _contours(snake)))
+    contours = _contours(snake)
+    if callback is not None:
+        callback(Progress(snake.iterations, contours))
+    return Outcome(contours, _stats(snake, initial))
+
+
+def _points(start: FreeForm, spacing: float) -> NDArray[np.float64]:
+    """Points along the start contour, equally far apart."""
+    polygon = start.flatten()
+    closed = np.concatenate([polygon, polygon[:1]])
+    at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
+    count = max(FEWEST_POINTS, round(at[-1] / (START_SPACING * spacing)))
+    wanted = np.arange(count) * (at[-1] / count)
+    return np.stack([np.interp(wanted, at, closed[:, axis]) for axis in (0, 1)], axis=1)
+
+
+def _options(params: Parameters) -> _core.SnakeOptions:
+    options = _core.SnakeOptions()
+    options.tension = params.snake.tension
+    options.rigidity = params.snake.rigidity
+    options.attraction = params.snake.attraction
+    options.spacing = params.snake.spacing
+    options.tolerance = params.snake.tolerance
+    options.balloon = params.contour.balloon
+    options.refine = params.contour.refine
+    options.max_iterations = params.contour.max_iterations
+    return options
+
+
+def _contours(snake: _core.Snake) -> tuple[FreeForm, ...]:
+    return () if snake.stop_reason == "vanished" else (FreeForm(snake.points(), 1),)
+
+
+def _stats(snake: _core.Snake, initial: int) -> Stats:
+    final = sum(len(c.control_points) for c in _contours(snake))
+    return Stats(
+        iterations=snake.iterations,
+        splits=snake.insertions,
+        prunes=snake.removals,
+        flips=0,
+        merges=0,
+        initial_points=initial,
+        final_points=final,
+        patches=final,
+        stop_reason=snake.stop_reason,
+    )

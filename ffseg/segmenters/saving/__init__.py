@@ -1,1 +1,0 @@
-"""A result as files, documents and a picture."""

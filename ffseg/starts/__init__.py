@@ -1,0 +1,1 @@
+"""Where a contour starts: as asked, moved off edges, in further parts, against rivals."""

@@ -1,0 +1,116 @@
+"""A start that lies on edges or outside the domain: moved or shrunk to the nearest free place, and said so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import SegmentationError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.free import free_pixels, ground_under, room_round
+from ffseg.image.raster import rasterize
+from ffseg.methods.base import View
+from ffseg.starts.given import circle_start
+
+SMALLEST = 2.0
+"""Pixels: radius below which a circle of patches has no sample that can move before it meets itself."""
+
+SPARE = 1.0
+"""Pixels between the start and what is not free, so that rounding puts no sample on it."""
+
+SIZE_WEIGHT = 1.05
+"""Pixels a start moves to keep a pixel of its radius: a little over one, so that it leaves a straight edge whole."""
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """A start as it is told: centre and radius in pixels."""
+
+    x: float
+    y: float
+    radius: float
+
+    def __str__(self) -> str:
+        return f"({self.x:.4g}, {self.y:.4g}), radius {self.radius:.4g}"
+
+
+def freed(view: View, remedy: str) -> tuple[View, str]:
+    """The view with every start in the nearest free place that has room for it, and a sentence that says so.
+
+    Parameters
+    ----------
+    view : View
+        Its starts become circles, each with the patches a start circle would have.
+    remedy : str
+        What to do where there is no free place at all.
+
+    Raises
+    ------
+    SegmentationError
+        If there is none.
+
+    Notes
+    -----
+    A place costs its distance from the start's centre and what the radius must shrink there; the cheapest one counts,
+    on the same side of all edges as most of the start where there is any.
+    """
+    free = free_pixels(view.edges.edges, view.domain, view.params.contour.clearance)
+    room, cause = room_round(free) - SPARE, _cause(view)
+    if float(room.max(initial=0.0)) < SMALLEST:
+        raise SegmentationError(f"the start contour lies {cause} at every sample, and there is no free place; {remedy}")
+    open_ground = free_pixels(view.edges.edges, view.domain)
+    pairs = [placed(start, room, ground_under(open_ground, rasterize([start], room.shape))) for start in view.starts]
+    moved = tuple(circle_start((new.x, new.y, new.radius), view.params) for _, new in pairs)
+    others = f", and {len(pairs) - 1} more" if len(pairs) > 1 else ""
+    told = f"the start at {pairs[0][0]} lay {cause} and was moved to {pairs[0][1]}{others}"
+    return replace(view, starts=moved), told
+
+
+def placed(start: FreeForm, room: NDArray[np.float32], own: Mask | None) -> tuple[Circle, Circle]:
+    """A start as a circle of its area, and the free one nearest to it.
+
+    Parameters
+    ----------
+    start : FreeForm
+    room : ndarray of float32, shape (H, W)
+        Radius that each pixel allows.
+    own : ndarray of bool, shape (H, W), or None
+        Ground it keeps to where there is room.
+    """
+    old = as_circle(start)
+    y, x = np.ogrid[: room.shape[0], : room.shape[1]]
+    kept = np.minimum(room, old.radius)
+    cost = np.hypot(x - old.x, y - old.y) + SIZE_WEIGHT * (old.radius - kept)
+    possible = room >= SMALLEST
+    if own is not None and (possible & own).any():
+        possible &= own
+    cost[~possible] = np.inf
+    row, column = np.unravel_index(int(np.argmin(cost)), cost.shape)
+    return old, Circle(float(column), float(row), float(max(SMALLEST, kept[row, column])))
+
+
+def as_circle(start: FreeForm) -> Circle:
+    """The circle of a start's middle and area."""
+    middle = start.control_points.mean(axis=0)
+    return Circle(float(middle[0]), float(middle[1]), sqrt(abs(start.signed_area) / pi))
+
+
+def _cause(view: View) -> str:
+    """Where the samples of the starts lie, as words to follow "lies"."""
+    points = np.rint(np.concatenate([start.flatten(0.5) for start in view.starts])).astype(int)
+    free = free_pixels(view.edges.edges, view.domain)
+    height, width = free.shape
+    inside = (points >= 0).all(axis=1) & (points[:, 0] < width) & (points[:, 1] < height)
+    columns, rows = points[inside].T
+    within = np.ones(len(rows), np.bool_) if view.domain is None else view.domain[rows, columns] > 0
+    if not within.any():
+        return "outside the domain"
+    clearance = view.params.contour.clearance
+    if clearance > 0 and free[rows, columns].any():
+        return f"nearer to an edge than half of contour.clearance ({clearance:g})"
+    return "on an edge" if within.all() else "on an edge or outside the domain"

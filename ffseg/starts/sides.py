@@ -1,0 +1,139 @@
+"""A start circle that an edge crosses: put on the side where most of it lies, and said so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import ceil, hypot
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.free import free_pixels, open_sides, room_round
+from ffseg.image.raster import rasterize
+from ffseg.methods.base import View
+from ffseg.starts.given import circle_start
+from ffseg.starts.moved import SIZE_WEIGHT, SPARE, Circle, as_circle, placed
+
+HOLLOW = 64
+"""Pixels: free ground that is smaller is no side of an edge but a hollow in one, as noise leaves."""
+
+LEAST_KEPT = 0.5
+"""A start over a boundary keeps this part of its radius, and its centre moves by no more than its radius. Where it
+could not, edges run all over it: it stays, and that is said."""
+
+FARTHEST = 1 + SIZE_WEIGHT
+"""Radii from its centre beyond which no place for a start is as cheap as the worst that would be taken."""
+
+AROUND = 8
+"""Pixels round a start in which its ground may hang together."""
+
+ROUND = 2.5
+"""Joints at one distance r from their middle are those of a circle if they enclose this times r squared: a square's
+enclose 2, a hexagon's 2.6."""
+
+FLAT = 0.05
+"""Pixels between the rim of a start and the polygon that is looked at."""
+
+
+def on_one_side(view: View) -> tuple[View, tuple[str, ...]]:
+    """The view with every start circle on one side of all edges, and sentences about those that were not.
+
+    Parameters
+    ----------
+    view : View
+
+    Returns
+    -------
+    View
+        The same if no start can be moved.
+    tuple of str
+
+    Notes
+    -----
+    Starts that close in may hold anything, and boxes and masks are drawn as they are wanted: only circles that grow
+    are looked at, and not those round a camera, which sees its own robot in them. A mark that lies in a circle whole has
+    no side on its rim.
+    """
+    if view.fixed or view.params.contour.balloon < 0:
+        return view, ()
+    crossed = [at for at, start in enumerate(view.starts) if _holds_edge(start, view) and _is_circle(start)]
+    if not crossed:
+        return view, ()
+    open_ground = free_pixels(view.edges.edges, view.domain)
+    crossed = [at for at in crossed if _has_sides(view.starts[at], open_ground)]
+    if not crossed:
+        return view, ()
+    sides = open_sides(open_ground, HOLLOW)
+    crossed = [at for at in crossed if _num_sides(view.starts[at], sides) > 1]
+    if not crossed:
+        return view, ()
+    starts, told = list(view.starts), []
+    free = free_pixels(view.edges.edges, view.domain, view.params.contour.clearance)
+    for at in crossed:
+        old, new = _moved(view.starts[at], free, sides)
+        if new.radius < LEAST_KEPT * old.radius or hypot(new.x - old.x, new.y - old.y) > old.radius:
+            told.append(f"the start at {old} lies across an edge; the contour grows on both sides of it")
+            continue
+        starts[at] = circle_start((new.x, new.y, new.radius), view.params)
+        told.append(f"the start at {old} lay across an edge and was moved to {new}")
+    kept = all(start is old for start, old in zip(starts, view.starts, strict=True))
+    return (view if kept else replace(view, starts=tuple(starts))), tuple(told)
+
+
+def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int, int]]:
+    """Rows and columns up to so far from a start's centre, and the first column and row."""
+    left, top = (max(int(at - reach), 0) for at in (start.x, start.y))
+    return np.s_[top : int(start.y + reach) + 1, left : int(start.x + reach) + 1], (left, top)
+
+
+def _has_sides(start: FreeForm, free: NDArray[np.bool_]) -> bool:
+    """Whether the ground near a start falls into parts: else it lies on one side, wherever that reaches."""
+    circle = as_circle(start)
+    window, first = _window(circle, circle.radius + AROUND)
+    near = FreeForm(start.control_points - first, start.degree)
+    return _num_sides(near, open_sides(free[window], 1)) > 1
+
+
+def _moved(start: FreeForm, free: NDArray[np.bool_], sides: NDArray[np.int32]) -> tuple[Circle, Circle]:
+    """A start as a circle, and the cheapest free one on the side that holds most of it.
+
+    Notes
+    -----
+    Places farther off than ``FARTHEST`` radii cost more than any that would be taken, and what is free a radius beyond
+    them does not matter: only that much of the image is looked at.
+    """
+    old = as_circle(start)
+    window, (left, top) = _window(old, (FARTHEST + 1) * old.radius + SPARE + 2)
+    room = room_round(free[window]) - SPARE
+    near = FreeForm(start.control_points - (left, top), start.degree)
+    counts = np.bincount(sides[window][rasterize([near], room.shape)])[1:]
+    _, new = placed(near, room, sides[window] == int(counts.argmax()) + 1 if counts.any() else None)
+    return old, replace(new, x=new.x + left, y=new.y + top)
+
+
+def _is_circle(start: FreeForm) -> bool:
+    joints = start.control_points[:: start.degree]
+    distance = np.hypot(*(joints - joints.mean(axis=0)).T)
+    radius = float(distance.mean())
+    return bool(np.ptp(distance) <= 1e-6 * radius) and start.signed_area >= ROUND * radius**2
+
+
+def _holds_edge(start: FreeForm, view: View) -> bool:
+    """Whether an edge lies in the box round a start: mostly none does, and that is known at once."""
+    low, high = start.control_points.min(axis=0).tolist(), start.control_points.max(axis=0).tolist()
+    columns, rows = (slice(int(max(a - 1, 0)), ceil(max(b + 2, 0))) for a, b in zip(low, high, strict=True))
+    return bool(view.edges.edges[rows, columns].any())
+
+
+def _num_sides(start: FreeForm, sides: NDArray[np.int32]) -> int:
+    """Sides that the rim of a start lies on, or on the last pixel before: a sample there goes on to that side."""
+    points = start.flatten(FLAT)
+    points = np.vstack([points, points[:1]])
+    passed = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    steps = np.arange(0.0, passed[-1], 0.5)
+    x, y = (np.rint(np.interp(steps, passed, points[:, axis])).astype(np.intp) + 1 for axis in (0, 1))
+    around = np.pad(sides, 2)
+    inside = (x >= 0) & (y >= 0) & (x < sides.shape[1] + 2) & (y < sides.shape[0] + 2)
+    offsets = np.mgrid[0:3, 0:3].reshape(2, 9, 1)
+    return int(np.count_nonzero(np.unique(around[y[inside] + offsets[0], x[inside] + offsets[1]])))
