@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ffseg.camera.model import Camera
-from ffseg.freespace.structural import CONFIDENT, ImagePair, match_corners
+from ffseg.freespace.corners import match_corners
+from ffseg.freespace.pairs import CONFIDENT, ImagePair
 from ffseg.image.components import Component
 from ffseg.image.keypoints import Array, Mask
 

@@ -19,7 +19,8 @@ from ffseg.freespace.altitudes import altitude_points
 from ffseg.freespace.motion.egomotion import pair_motion
 from ffseg.freespace.motion.evidence import Scenery, outer_joints
 from ffseg.freespace.motion.ground import GroundFit
-from ffseg.freespace.structural import ComponentVerdict, ImagePair
+from ffseg.freespace.pairs import ImagePair
+from ffseg.freespace.structural import ComponentVerdict
 from ffseg.freespace.tracks import Tracks
 from ffseg.freespace.window import NO_SAMPLES, WINDOW, Earlier, Link, judged
 from ffseg.geometry.freeform import FreeForm

@@ -12,7 +12,8 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, ground_points, planar_parameters
 from ffseg.freespace.motion.egomotion import PairMotion, pair_motion
 from ffseg.freespace.motion.evidence import Scenery, gathered
-from ffseg.freespace.structural import ComponentVerdict, ImagePair, structural_test, untested
+from ffseg.freespace.pairs import ImagePair
+from ffseg.freespace.structural import ComponentVerdict, structural_test, untested
 from ffseg.image.keypoints import Array, Grey, grey_image
 from ffseg.image.planes import pixel_noise
 

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose
 from ffseg.camera.projections import Affine, UnifiedSphere
+from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.sequence import free_space, segment_view
-from ffseg.freespace.structural import ImagePair, structural_test
+from ffseg.freespace.structural import structural_test
 from ffseg.image.components import contour_components
 from ffseg.image.edges import edge_map
 from ffseg.parameters import Parameters, load_params

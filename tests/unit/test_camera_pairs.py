@@ -19,8 +19,9 @@ from ffseg.errors import CalibrationError, ParameterError, SegmentationError
 from ffseg.freespace.motion.egomotion import pair_motion
 from ffseg.freespace.motion.evidence import Scenery, gathered
 from ffseg.freespace.motion.ground import fit_ground, prior_sigmas
+from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.sequence import Sequence, free_space, segment_view
-from ffseg.freespace.structural import ImagePair, structural_test
+from ffseg.freespace.structural import structural_test
 from ffseg.image.components import Component
 from ffseg.image.interest import harris_points
 from ffseg.image.keypoints import Candidates, align_patches, limited, patch_scores, plane_candidates, plane_pixels

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from ffseg.camera.motion import Motion, planar_parameters, planar_pose, relative_motion
-from ffseg.freespace import structural
+from ffseg.freespace import outlines, structural
+from ffseg.freespace.corners import Matches
+from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.sequence import Sequence
-from ffseg.freespace.structural import ImagePair, Matches, structural_test
+from ffseg.freespace.structural import structural_test
 from ffseg.image.components import Component
 from ffseg.image.keypoints import Alignments, Candidates
 from ffseg.parameters import load_params
@@ -109,7 +111,7 @@ def test_samples_speak_beyond_two_standard_deviations(
     ground = Candidates(np.array([[[100.0, 50.0], [102.0, 50.0]]]), np.zeros((1, 2, 4)))
     place = np.array([[100.0 + 2.0 * altitude, 50.0 + across]])
     aligned = Alignments(place, np.array([score]), 1e12 * np.eye(2)[None], np.ones(1))
-    flat, raised = structural._judge(aligned, ground, np.zeros((1, 2)), np.zeros((1, 2, 2)))
+    flat, raised = outlines._judge(aligned, ground, np.zeros((1, 2)), np.zeros((1, 2, 2)))
     assert {(True, False): "flat", (False, True): "raised", (False, False): "silent"}[
         bool(flat[0]), bool(raised[0])
     ] == expected
@@ -122,9 +124,9 @@ def test_doubt_about_the_motion_silences_samples_and_what_the_others_say_moves_t
     # Halfway up: 0.2 px and 0.45 px make 0.49 px, so that two standard deviations reach to 0.99 of the threshold.
     for doubt, expected in ((0.45, True), (0.47, False)):
         covariance = half * (doubt / 0.5) ** 2
-        assert structural._judge(aligned, ground, nothing, covariance)[0][0] == expected
+        assert outlines._judge(aligned, ground, nothing, covariance)[0][0] == expected
     moved = np.array([[-1.5, 0.0]])
-    assert structural._judge(aligned, ground, moved, 0.0 * half)[1][0], "2.5 px above where the others put the ground"
+    assert outlines._judge(aligned, ground, moved, 0.0 * half)[1][0], "2.5 px above where the others put the ground"
 
 
 @lru_cache(maxsize=1)

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ffseg.freespace import structural
+from ffseg.freespace import corners, outlines, structural
 from ffseg.image.keypoints import Alignments, Candidates
 
 EPSILON = 0.08
 LOW, HIGH = 0.0, 0.09
 
 
-def matches(altitudes: list[float], sigma: float = 0.01) -> structural.Matches:
+def matches(altitudes: list[float], sigma: float = 0.01) -> corners.Matches:
     count = len(altitudes)
-    return structural.Matches(
+    return corners.Matches(
         np.zeros(count, np.intp), np.zeros((count, 2)), np.zeros((count, 2)), np.array(altitudes, float),
         np.full(count, sigma), np.ones(count, np.bool_),
     )  # fmt: skip
@@ -35,7 +35,7 @@ def verdict(
     """Of one component with these corners and votes of its outline."""
     votes = np.array([flat], np.intp), np.array([raised], np.intp)
     monkeypatch.setattr(structural, "shared_doubt", lambda *_: SimpleNamespace(known=np.array([known])))
-    monkeypatch.setattr(structural, "_sway", lambda *_: SimpleNamespace(of=lambda asked: asked))
+    monkeypatch.setattr(structural, "sway_of", lambda *_: SimpleNamespace(of=lambda asked: asked))
     monkeypatch.setattr(structural, "match_corners", lambda *_: matches(altitudes))
     monkeypatch.setattr(structural, "outline_votes", lambda pair, asked, *_: tuple(v[: len(asked)] for v in votes))
     component: Any = SimpleNamespace(index=0, area=area, centroid=(5.0, 6.0))
@@ -80,7 +80,7 @@ def judged(
     at = np.array([[100.0, 50.0]])
     ground = Candidates(np.stack([at, at + [4.0, 0.0]], axis=1), np.tile([1.0, 0.0, 0.0, 1.0], (1, 2, 1)))
     aligned = Alignments(at + [shift], np.array([score]), np.array([1e6 * np.eye(2)]), np.ones(1))
-    flat, raised = structural._judge(aligned, ground, np.array([moved]), np.zeros((1, 2, 2)))
+    flat, raised = outlines._judge(aligned, ground, np.array([moved]), np.zeros((1, 2, 2)))
     return bool(flat[0]), bool(raised[0])
 
 
@@ -120,13 +120,13 @@ def corner(
     found = SimpleNamespace(pixels=at, owner=np.zeros(1, np.intp))
     rate = np.array([[10.0, 0.0]])
     nothing = np.zeros((1, 2)), np.zeros((1, 2, 2))
-    monkeypatch.setattr(structural, "harris_points", lambda *_: found)
-    monkeypatch.setattr(structural, "_sweep", lambda *_: (start, rate, np.array([near]), np.array([unique])))
+    monkeypatch.setattr(corners, "harris_points", lambda *_: found)
+    monkeypatch.setattr(corners, "_sweep", lambda *_: (start, rate, np.array([near]), np.array([unique])))
     aligned = Alignments(at + [step], np.array([score]), np.array([1e6 * np.eye(2)]), np.ones(1))
-    monkeypatch.setattr(structural, "align_patches", lambda *_: aligned)
-    monkeypatch.setattr(structural, "_swayed", lambda *_: nothing)
+    monkeypatch.setattr(corners, "align_patches", lambda *_: aligned)
+    monkeypatch.setattr(corners, "swayed", lambda *_: nothing)
     pair: Any = SimpleNamespace(current=None, previous=None, camera=SimpleNamespace(mounting=lambda: 1.0))
-    result = structural.match_corners(pair, [], EPSILON)
+    result = corners.match_corners(pair, [], EPSILON)
     return bool(result.good[0]), float(result.altitude[0])
 
 
@@ -147,12 +147,12 @@ def test_samples_in_noise_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     found = SimpleNamespace(pixels=np.zeros((3, 2)), owner=np.zeros(3, np.intp))
     ground = SimpleNamespace(pixels=np.zeros((3, 2, 2)), warps=np.zeros((3, 2, 2, 2)))
     votes = np.array([True, True, False]), np.array([False, False, True])
-    monkeypatch.setattr(structural, "outline_points", lambda *_: found)
-    monkeypatch.setattr(structural, "plane_candidates", lambda *_: ground)
-    monkeypatch.setattr(structural, "align_patches", lambda *_: None)
-    monkeypatch.setattr(structural, "_swayed", lambda *_: (None, None))
-    monkeypatch.setattr(structural, "_judge", lambda *_: votes)
-    monkeypatch.setattr(structural, "_contrast", lambda *_: np.array([1000.0, 40.0, 1000.0]))
+    monkeypatch.setattr(outlines, "outline_points", lambda *_: found)
+    monkeypatch.setattr(outlines, "plane_candidates", lambda *_: ground)
+    monkeypatch.setattr(outlines, "align_patches", lambda *_: None)
+    monkeypatch.setattr(outlines, "swayed", lambda *_: (None, None))
+    monkeypatch.setattr(outlines, "_judge", lambda *_: votes)
+    monkeypatch.setattr(outlines, "_contrast", lambda *_: np.array([1000.0, 40.0, 1000.0]))
     pair: Any = SimpleNamespace(current=None, previous=None, camera=None, motion=None, noise=2.0)  # 4 is a tenth of 40
-    flat, raised = structural.outline_votes(pair, [None], EPSILON, None)  # type: ignore[list-item, arg-type]
+    flat, raised = outlines.outline_votes(pair, [None], EPSILON, None)  # type: ignore[list-item, arg-type]
     assert (flat.tolist(), raised.tolist()) == ([1], [1])

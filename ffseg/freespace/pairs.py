@@ -1,0 +1,96 @@
+"""A pair of images, and where in the previous one the ground is to be expected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.model import Camera
+from ffseg.camera.motion import Motion
+from ffseg.freespace.motion.ground import Doubt, GroundFit, position_slopes, shared_doubt
+from ffseg.image.interest import InterestPoints
+from ffseg.image.keypoints import Array, Grey
+
+LEAST_SCORE = 0.85
+"""Correlation of a right match; wrong ones of 9x9 patches rarely pass 0.7."""
+NOISE_PX = 0.2
+"""Standard deviation of a match per axis: what rendered and measured board corners show."""
+CONFIDENT = 2.0
+"""Standard deviations that an altitude must keep from the threshold to speak."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImagePair:
+    """Two images of one camera and the motion between them.
+
+    Attributes
+    ----------
+    current, previous : ndarray of uint8, shape (H, W)
+    camera : Camera
+        With its true ``up`` at the current image.
+    motion : Motion
+    noise : float
+        Standard deviation of the pixels' noise, grey levels.
+    """
+
+    current: Grey
+    previous: Grey
+    camera: Camera
+    motion: Motion
+    noise: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sway:
+    """What the doubt about the motion comes to in the previous image, at each component.
+
+    Attributes
+    ----------
+    doubt : Doubt
+    shift : ndarray of float64, shape (count, 2)
+        Pixels by which the ground would be seen elsewhere.
+    covariance : ndarray of float64, shape (count, 2, 2)
+        Of that place, squared pixels.
+    small : bool
+        Whether it is so little that the middle of a component stands for all of it.
+    """
+
+    doubt: Doubt
+    shift: Array
+    covariance: Array
+    small: bool
+
+    def of(self, places: list[int]) -> Sway:
+        """That of some of the components."""
+        return Sway(self.doubt.of(places), self.shift[places], self.covariance[places], self.small)
+
+
+SMALL_SWAY = 0.1
+"""Pixels, half of what a match is good to: a third of it, by which a component's ends may differ, is lost in that."""
+
+
+def sway_of(pair: ImagePair, middles: Array, doubt: Doubt, fit: GroundFit | None) -> Sway:
+    """What the doubt comes to at the middles of components, shape (count, 2), pixels."""
+    slopes = position_slopes(pair.camera, pair.motion, middles) if fit is None else fit.slopes_near(middles)
+    shift, covariance = _expected(slopes, doubt, np.arange(len(middles)))
+    worst = max(np.abs(shift).max(initial=0.0), np.sqrt(np.trace(covariance, axis1=1, axis2=2).max(initial=0.0)))
+    return Sway(doubt, shift, covariance, bool(worst < SMALL_SWAY))
+
+
+def swayed(pair: ImagePair, found: InterestPoints, sway: Sway | None) -> tuple[Array, Array]:
+    """Where the others would put the ground of points, and the covariance of it."""
+    if sway is None:
+        doubt = shared_doubt(pair.motion, 1)
+        return _expected(position_slopes(pair.camera, pair.motion, found.pixels), doubt, np.zeros_like(found.owner))
+    if sway.small:
+        return sway.shift[found.owner], sway.covariance[found.owner]
+    return _expected(position_slopes(pair.camera, pair.motion, found.pixels), sway.doubt, found.owner)
+
+
+def _expected(slopes: Array, doubt: Doubt, owner: NDArray[np.intp]) -> tuple[Array, Array]:
+    """By how much the ground would put pixels elsewhere, shape (n, 2), and the covariance of it, shape (n, 2, 2)."""
+    shift = np.einsum("nij,nj->ni", slopes, doubt.steps[owner])
+    covariance: Array = slopes @ doubt.covariances[owner] @ np.swapaxes(slopes, 1, 2)
+    return shift, covariance
