@@ -39,7 +39,8 @@ Settings = Annotated[
     ),
 ]
 Starts = Annotated[
-    Path | None, typer.Option("--starts", metavar="FILE", help="CSV image,x,y[,radius]: each image's start circles.")
+    Path | None,
+    typer.Option("--starts", metavar="FILE", help="CSV image,x,y[,radius], or of ffseg pick: each image's starts."),
 ]
 Evidence = Annotated[
     Path | None,

@@ -114,7 +114,7 @@ def _planned(one: Preview, plan: Plan) -> dict[str, Any]:
 
 def _plan_line(one: Preview) -> str:
     job = one.job
-    circles = (job.start, *job.start.others) if job.start else ()
+    circles = job.start.circles if job.start else ()
     where = " (start at " + "; ".join(map(_circle_told, circles)) + ")" if circles else ""
     words = {"failed": f"failed: {one.error}", "unchanged": "unchanged"}
     what = words.get(one.status) or ", ".join(map(printable, one.missing)) or "the IoU"
@@ -126,8 +126,11 @@ def _circle_told(one: Start) -> str:
 
 
 def _start_told(start: Start) -> dict[str, Any]:
-    """As JSON; `others` only where there are any."""
-    return {key: value for key, value in asdict(start).items() if key != "others" or value}
+    """As JSON: the circle, and what else there is."""
+    more = {key: value for key, value in asdict(start).items() if key not in ("x", "y", "radius", "others") and value}
+    circle: dict[str, Any] = {"x": start.x, "y": start.y, "radius": start.radius}
+    others = [_start_told(one) | {"others": []} for one in start.others]
+    return circle | ({"others": others} if others else {}) | more
 
 
 def show_result(run: Run, out: str, *, as_json: bool, verbose: bool = False) -> None:

@@ -1,4 +1,4 @@
-"""Starts files: CSV ``image,x,y`` or ``image,x,y,radius``, the start circle or circles of each image."""
+"""Starts files: CSV that says where the contour of each image starts, and what else was picked in it."""
 
 from __future__ import annotations
 
@@ -6,50 +6,110 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from ffseg.errors import ParameterError
 from ffseg.io.files import printable
-from ffseg.parameters import FARTHEST, Parameters
+from ffseg.io.tables import csv_table, neutral
+from ffseg.parameters import FARTHEST, Box, Parameters, Seed
 from ffseg.schema.nodes import Problems
 from ffseg.schema.strict_csv import finite, rows_of
 from ffseg.schema.strict_yaml import read_text
 
-HEADERS = (["image", "x", "y"], ["image", "x", "y", "radius"])
+PICKED = ["image", "kind", "x", "y", "radius", "right", "bottom", "value"]
+"""The header of files with other rows than starts; each kind of row fills the columns that `KINDS` names."""
+HEADERS = (["image", "x", "y"], ["image", "x", "y", "radius"], PICKED)
+KINDS = {
+    "start": ("x", "y", "radius"),
+    "not": ("x", "y", "radius"),
+    "box": ("x", "y", "right", "bottom"),
+    "probability": ("value",),
+    "clearance": ("value",),
+}
+LIMITS = {"probability": (0.01, 0.99), "clearance": (0.0, 1000.0)}
+"""Values allowed, as of the parameters whose place they take."""
 MAX_PIXELS = float(FARTHEST)
 """Positions and radii beyond this lie in no image that is read."""
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Start circle of one image, and others if it has several.
+    """Start circle of one image, and what else was picked in it.
 
     Attributes
     ----------
-    x, y : float
-        Its centre, pixels.
+    x, y : float or None
+        Its centre, pixels; None where there is no circle, only what follows.
     radius : float or None
         Pixels; None leaves ``init.radius``.
     others : tuple of Start
         The circles of further rows, in their order; each without others.
+    background : tuple of (x, y) or (x, y, radius)
+        Points and circles outside the region.
+    boxes : tuple of (left, top, right, bottom)
+        Each round the object or a part of it.
+    probability, clearance : float or None
+        In place of ``region.probability`` and ``contour.clearance``.
     """
 
-    x: float
-    y: float
+    x: float | None = None
+    y: float | None = None
     radius: float | None = None
     others: tuple[Start, ...] = ()
+    background: tuple[Seed, ...] = ()
+    boxes: tuple[Box, ...] = ()
+    probability: float | None = None
+    clearance: float | None = None
+
+    @property
+    def circles(self) -> tuple[Start, ...]:
+        """The first circle, if there is one, and the others."""
+        return self.others if self.x is None else (replace(self, others=()), *self.others)
 
     def placed(self, params: Parameters) -> Parameters:
-        """The parameters with this circle, or all the circles, as their start."""
-        radius = params.init.radius if self.radius is None else self.radius
-        circles = tuple(
-            (one.x, one.y, params.init.radius if one.radius is None else one.radius) for one in (self, *self.others)
-        )
-        init = replace(params.init, center=(self.x, self.y), radius=radius, circles=circles if self.others else ())
-        return replace(params, init=init)
+        """The parameters with what was picked in this image."""
+        init, radius = params.init, params.init.radius
+        circles = [
+            (one.x, one.y, radius if one.radius is None else one.radius)
+            for one in self.circles
+            if one.x is not None and one.y is not None
+        ]
+        if len(circles) == 1:
+            init = replace(init, center=circles[0][:2], radius=circles[0][2], circles=())
+        elif circles:
+            init = replace(init, center=circles[0][:2], radius=circles[0][2], circles=tuple(circles))
+        init = replace(init, boxes=self.boxes or init.boxes, background=(*init.background, *self.background))
+        contour, region = params.contour, params.region
+        if self.clearance is not None:
+            contour = replace(contour, clearance=self.clearance)
+        if self.probability is not None:
+            region = replace(region, probability=self.probability)
+        return replace(params, init=init, contour=contour, region=region)
 
     def text(self) -> str:
         """All that it says: equal texts, equal starts."""
-        return ";".join(f"{one.x!r},{one.y!r},{one.radius!r}" for one in (self, *self.others))
+        circles = ";".join(f"{one.x!r},{one.y!r},{one.radius!r}" for one in self.circles)
+        more = (self.background, self.boxes, self.probability, self.clearance)
+        return circles if more == ((), (), None, None) else f"{circles};{more!r}"
+
+    def rows(self, image: str) -> list[list[str | float | None]]:
+        """Rows of a file with the header `PICKED`, of an image of this name."""
+        name, none = printable(image), None
+        rows: list[list[str | float | None]] = [
+            [name, "start", one.x, one.y, one.radius, none, none, none] for one in self.circles
+        ]
+        rows += [
+            [name, "not", x, y, radius[0] if radius else none, none, none, none] for x, y, *radius in self.background
+        ]
+        rows += [[name, "box", left, top, none, right, bottom, none] for left, top, right, bottom in self.boxes]
+        values = (("probability", self.probability), ("clearance", self.clearance))
+        rows += [[name, kind, none, none, none, none, none, value] for kind, value in values if value is not None]
+        return rows
+
+
+def starts_table(starts: Mapping[str, Start]) -> bytes:
+    """A starts file, of the starts by the relative names of their images."""
+    return csv_table(PICKED, (row for image, start in starts.items() for row in start.rows(image)))
 
 
 def check_starts(params: Parameters, path: str | os.PathLike[str]) -> None:
@@ -64,26 +124,34 @@ def check_starts(params: Parameters, path: str | os.PathLike[str]) -> None:
     given = next((key for key, value in others.items() if value), None)
     if given:
         raise ParameterError(
-            f"{printable(path)} gives each image its start circle, but {given} is set too; leave out one of them"
+            f"{printable(path)} gives each image its starts, but {given} is set too; leave out one of them"
         )
 
 
-def load_starts(path: str | os.PathLike[str], images: Iterable[str]) -> Mapping[str, Start]:
-    """Read the start circles of images.
+def finds_starts(params: Parameters) -> bool:
+    """Whether images that a starts file does not name are started by a model."""
+    return params.edges.model is not None and params.edges.model.endswith(".ffmodel")
+
+
+def load_starts(path: str | os.PathLike[str], images: Iterable[str], *, partial: bool = False) -> Mapping[str, Start]:
+    """Read the starts of images.
 
     Parameters
     ----------
     path : path
         CSV with the header ``image,x,y`` or ``image,x,y,radius``; rows in any order, rows of other images are ignored.
         ``image`` is the relative name with ``/``, with or without its suffix, as the tables of a run write it. An empty
-        radius leaves ``init.radius``. Several rows of one image are several circles.
+        radius leaves ``init.radius``. Several rows of one image are several circles. With the header `PICKED` a row is
+        of one of the `KINDS`: a start, a point that lies outside, a box, or a value in place of a parameter.
     images : iterable of str
         Relative names of the images that need a start.
+    partial : bool
+        Images without a row are left out instead of refused: a model finds their starts.
 
     Returns
     -------
     mapping of str to Start
-        By relative name, for every image.
+        By relative name, for every image, or with `partial` for those that have rows.
 
     Raises
     ------
@@ -95,52 +163,90 @@ def load_starts(path: str | os.PathLike[str], images: Iterable[str]) -> Mapping[
     problems.raise_as(ParameterError)
     rows = _rows(text, printable(name), problems)
     problems.raise_as(ParameterError)
-    found = {image: _row_of(image, rows, printable(name), problems) for image in images}
+    found = {image: _row_of(image, rows, printable(name), problems, partial) for image in images}
     problems.raise_as(ParameterError)
-    return {image: start for image, (_, start) in found.items()}
+    return {image: start for image, start in found.items() if start is not None}
 
 
 _Row = tuple[int, Start]
-"""Line of the first circle, and start."""
+"""Line of the first row, and start."""
 
 
 def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
     rows: dict[str, _Row] = {}
-    for line, (image, *words) in rows_of(text, name, HEADERS, problems):
+    for line, cells in rows_of(text, name, HEADERS, problems):
         where = f"{name}:{line}"
-        x, y = (_pixels(word, key, where, problems) for word, key in zip(words[:2], "xy", strict=True))
-        radius = _pixels(words[2], "radius", where, problems) if len(words) > 2 and words[2] else None
-        if radius is not None and radius <= 0:
-            problems.add(where, f"radius: {radius:g} is not above 0; leave it empty for init.radius")
+        header = PICKED if len(cells) == len(PICKED) else ["image", "x", "y", "radius"]
+        words = dict(zip(header, cells, strict=False))
+        image, kind = words["image"], words.get("kind", "start")
         if not image:
             problems.add(where, "image: the name is empty; write the image's relative name")
-        at, first = rows.get(image, (line, None))
-        one = Start(x, y, radius)
-        if first is not None and one in (replace(first, others=()), *first.others):
-            problems.add(where, f"{image[:60]!r} has this start already; keep one row of it")
-        rows[image] = at, one if first is None else replace(first, others=(*first.others, one))
+        if kind not in KINDS:
+            problems.add(where, f"kind: {kind[:40]!r} is none of {', '.join(KINDS)}")
+            continue
+        stray = [key for key in header[2:] if words.get(key) and key not in KINDS[kind]]
+        if stray:
+            problems.add(where, f"{stray[0]}: a row of the kind {kind} has none; leave it empty")
+        numbers = {key: _pixels(words.get(key, ""), key, where, problems) for key in KINDS[kind]}
+        low, high = LIMITS.get(kind, (-math.inf, math.inf))
+        if not low <= (numbers.get("value") or low) <= high:
+            problems.add(where, f"value: a {kind} is from {low:g} to {high:g}, not {numbers['value']:g}")
+        at, start = rows.get(image, (line, Start()))
+        more = _with_row(start, kind, numbers)
+        if more is None:
+            what = "this start already" if kind == "start" else f"a row for this {kind} already"
+            problems.add(where, f"{image[:60]!r} has {what}; keep one row of it")
+        rows[image] = at, more or start
     return rows
 
 
-def _pixels(word: str, key: str, where: str, problems: Problems) -> float:
+def _pixels(word: str, key: str, where: str, problems: Problems) -> float | None:
+    if key == "radius" and not word:
+        return None
     value = finite(word, MAX_PIXELS)
     if math.isnan(value):
-        problems.add(where, f"{key}: {word[:40]!r} is not a finite number of pixels up to {MAX_PIXELS:g}")
+        unit = "number" if key == "value" else "number of pixels"
+        problems.add(where, f"{key}: {word[:40]!r} is not a finite {unit} up to {MAX_PIXELS:g}")
+    if key == "radius" and value <= 0:
+        problems.add(where, f"radius: {value:g} is not above 0; leave it empty for init.radius")
     return value
 
 
-def _row_of(image: str, rows: Mapping[str, _Row], name: str, problems: Problems) -> _Row:
-    """Row of an image; a problem when it has none, or one under each of two names."""
-    names = dict.fromkeys((image, os.path.splitext(image)[0], printable(image), printable(os.path.splitext(image)[0])))
-    given = [key for key in names if key in rows]
+def _with_row(start: Start, kind: str, numbers: Mapping[str, float | None]) -> Start | None:
+    """The start with what one more row says; None where it has said so before."""
+    change: dict[str, Any]
+    if kind == "start":
+        one = Start(numbers["x"], numbers["y"], numbers["radius"])
+        if any(one.text() == other.text() for other in start.circles):
+            return None
+        first = {"x": one.x, "y": one.y, "radius": one.radius}
+        change = first if start.x is None else {"others": (*start.others, one)}
+    elif kind in LIMITS:
+        if getattr(start, kind) is not None:
+            return None
+        change = {kind: numbers["value"]}
+    else:
+        key = "background" if kind == "not" else "boxes"
+        row, there = tuple(value for value in numbers.values() if value is not None), getattr(start, key)
+        if row in there:
+            return None
+        change = {key: (*there, row)}
+    return replace(start, **change)
+
+
+def _row_of(image: str, rows: Mapping[str, _Row], name: str, problems: Problems, partial: bool) -> Start | None:
+    """What the rows of an image say; a problem when it has none, or some under each of two names."""
+    plain = (image, os.path.splitext(image)[0])
+    shown = [printable(one) for one in plain]
+    given = [key for key in dict.fromkeys((*plain, *shown, *map(neutral, shown))) if key in rows]
     if len(given) > 1:
         first, second = given[:2]
         lines = f"lines {rows[first][0]} ({first[:60]!r}) and {rows[second][0]} ({second[:60]!r})"
         problems.add(name, f"{lines} both name the image {printable(image)!r}; write the same name in both")
-    elif not given:
+    elif not given and not partial:
         hint = _nearest(image, rows) if len(problems.lines) < _MOST_COMPARED else ""
         problems.add(name, f"no row for the image {printable(image)!r}{hint}; add one, or leave the image out")
-    return rows[given[0]] if given else (0, Start(math.nan, math.nan))
+    return rows[given[0]][1] if given else None
 
 
 def _nearest(image: str, rows: Mapping[str, _Row]) -> str:

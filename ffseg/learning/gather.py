@@ -20,7 +20,7 @@ from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable
 from ffseg.io.images import single_thread
-from ffseg.io.starts import Start, load_starts
+from ffseg.io.starts import Start, finds_starts, load_starts
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.parameters import Parameters
 from ffseg.starts.given import start_contours
@@ -100,7 +100,7 @@ def gather(
     _require_one_mask_of_two(sources, truths)
     used = {os.path.realpath(path) for path in truths.values()}
     sources = [one for one in sources if os.path.realpath(one.content) not in used and not one.problem]
-    known = dict(load_starts(starts, [one.name for one in sources])) if starts else {}
+    known = dict(load_starts(starts, [one.name for one in sources], partial=finds_starts(params))) if starts else {}
     masks, chosen = named_masks(params), [one for one in sources if one.name in truths]
     domains = find_domains(chosen, params.domain.masks) if params.domain.masks else {}
     labelled = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -17,7 +18,7 @@ from ffseg.batch.workers.messages import Setup
 from ffseg.compare.run import compare, plan_comparison
 from ffseg.compare.values import Comparison
 from ffseg.errors import FfsegError, ParameterError
-from ffseg.io.starts import Start, check_starts, load_starts
+from ffseg.io.starts import Start, check_starts, finds_starts, load_starts, starts_table
 from ffseg.methods.peers import PEERS
 from ffseg.parameters import Parameters, load_params
 from ffseg.peer_parameters import PeerParameters
@@ -208,3 +209,60 @@ def test_images_that_cannot_be_tried_need_no_start(tmp_path: Path) -> None:
     assert [bool(job.source.problem) for job in plan.jobs] == [False, True]
     started = with_starts(plan, str(write(tmp_path, "image,x,y\na,1,2\n")))
     assert [job.start for job in started.jobs] == [Start(1, 2), None]
+
+
+def test_other_kinds_of_rows_are_what_was_picked_and_are_written_as_they_are_read(tmp_path: Path) -> None:
+    head = "image,kind,x,y,radius,right,bottom,value"
+    rows = (
+        "a,start,1,2,7,,,",
+        "a,start,3,4,,,,",
+        "a,not,5,6,,,,",
+        "a,not,7,8,2,,,",
+        "a,box,1,2,,30,40,",
+        "b,probability,,,,,,.3",
+    )
+    path = write(tmp_path, "\n".join([head, *rows, "b,clearance,,,,,,5", ""]))
+    found = load_starts(path, ["a", "b"])
+    background = ((5.0, 6.0), (7.0, 8.0, 2.0))
+    assert found["a"] == Start(1, 2, 7, (Start(3, 4),), background, ((1.0, 2.0, 30.0, 40.0),))
+    assert found["b"] == Start(probability=0.3, clearance=5)
+    assert load_starts(write(tmp_path, starts_table(found)), ["a", "b"]) == found
+    params = load_params(None, {"init.background": [[9, 9]]})
+    placed = found["a"].placed(params)
+    assert placed.init.circles == ((1, 2, 7), (3, 4, params.init.radius))
+    assert placed.init.background == ((9, 9), *background)
+    placed = found["b"].placed(params)
+    assert (placed.region.probability, placed.contour.clearance, placed.init) == (0.3, 5, params.init)
+    assert (
+        len({found["a"].text(), replace(found["a"], boxes=()).text(), replace(found["a"], background=()).text()}) == 3
+    )
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("a,seed,1,2,,,,", r":2: kind: 'seed' is none of start, not, box"),
+        ("a,start,1,2,,,9,", r":2: bottom: a row of the kind start has none"),
+        ("a,box,1,2,,3,,", r":2: bottom: '' is not a finite number"),
+        ("a,probability,,,,,,.3\na,probability,,,,,,.4", r":3: 'a' has a row for this probability already"),
+        ("a,probability,,,,,,1.3", r":2: value: a probability is from 0.01 to 0.99, not 1.3"),
+        ("a,clearance,,,,,,-2", r":2: value: a clearance is from 0 to 1000, not -2"),
+        ("a,not,1,2,,,,\na,not,1,2,,,,", r":3: 'a' has a row for this not already"),
+    ],
+)
+def test_rows_of_other_kinds_are_refused_by_line(row: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match=said):
+        load_starts(write(tmp_path, f"image,kind,x,y,radius,right,bottom,value\n{row}\n"), ["a"])
+
+
+def test_a_model_finds_the_starts_of_images_without_a_row(tmp_path: Path) -> None:
+    path = write(tmp_path, "image,x,y\na,1,2\n")
+    assert load_starts(path, ["a", "b"], partial=True) == {"a": Start(1, 2)}
+    assert finds_starts(load_params(None, {"edges.model": "own.ffmodel"}))
+    assert not finds_starts(load_params(None, {"edges.model": "net.onnx"}))
+    assert not finds_starts(load_params())
+
+
+def test_a_name_that_looks_like_a_formula_is_found_as_tables_write_it(tmp_path: Path) -> None:
+    names = {"=a.png": Start(1, 2), "-b,c.png": Start(3, 4), "\udcff.png": Start(5, 6)}
+    assert load_starts(write(tmp_path, starts_table(names)), names) == names

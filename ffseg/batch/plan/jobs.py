@@ -158,15 +158,15 @@ def with_earlier(plan: Plan, chain: Callable[[str], Iterable[str]]) -> Plan:
     return replace(plan, jobs=jobs)
 
 
-def with_starts(plan: Plan, path: str) -> Plan:
-    """The plan with each image's start circle out of a file; images that cannot even be tried need none.
+def with_starts(plan: Plan, path: str, *, partial: bool = False) -> Plan:
+    """The plan with each image's start out of a file; images that cannot even be tried need none, nor, with `partial`, do others.
 
     Raises
     ------
     ParameterError
         If the file is wrong, or has no row for an image.
     """
-    starts = load_starts(path, [source.name for source in _tried(plan)])
+    starts = load_starts(path, [source.name for source in _tried(plan)], partial=partial)
     return replace(plan, jobs=tuple(replace(job, start=starts.get(job.source.name)) for job in plan.jobs))
 
 

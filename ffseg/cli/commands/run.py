@@ -240,6 +240,7 @@ def read_plan(
     """Images of a run with their outputs, truths, starts and domains."""
     from ffseg.batch.plan.jobs import make_plan, with_domains, with_starts
     from ffseg.batch.plan.listing import listed
+    from ffseg.io.starts import finds_starts
 
     starting, domains = starts_file(starts, params), params.domain.masks
 
@@ -254,7 +255,7 @@ def read_plan(
         keep_suffix=choice.keep_suffix,
         listed=listed(choice.listed, nul=choice.nul) if choice.listed else (),
     )
-    plan = with_starts(plan, starting) if starting else plan
+    plan = with_starts(plan, starting, partial=finds_starts(params)) if starting else plan
     return with_domains(plan, domains) if domains else plan
 
 
