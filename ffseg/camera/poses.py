@@ -12,8 +12,7 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose, planar_pose, require_camera
 from ffseg.errors import CalibrationError
 from ffseg.schema.nodes import Problems
-from ffseg.schema.strict_csv import finite, rows_of
-from ffseg.schema.strict_yaml import read_text
+from ffseg.schema.strict_csv import finite, read_table, rows_of
 
 POSE_HEADER = ["image", "x", "y", "theta"]
 SIGMA_HEADER = [*POSE_HEADER, "sigma_xy", "sigma_theta"]
@@ -51,7 +50,7 @@ def load_poses(path: str | os.PathLike[str], images: Sequence[str], camera: Came
     require_camera(camera)
     problems = Problems()
     name = os.fspath(path)
-    text = read_text(name, problems)
+    text = read_table(name, problems)
     problems.raise_as(CalibrationError)
     head = text.lstrip("\ufeff \t\r\n").partition("\n")[0]
     if [cell.strip() for cell in head.split(",")] in (POSE_HEADER, SIGMA_HEADER):
@@ -86,7 +85,7 @@ def load_pairs(path: str | os.PathLike[str], images: Sequence[str]) -> Mapping[s
     """
     problems = Problems()
     name = os.fspath(path)
-    text = read_text(name, problems)
+    text = read_table(name, problems)
     problems.raise_as(CalibrationError)
     pairs: dict[str, str] = {}
     known = set(images)

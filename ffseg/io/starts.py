@@ -13,8 +13,7 @@ from ffseg.io.files import printable
 from ffseg.io.tables import csv_table, neutral
 from ffseg.parameters import FARTHEST, Box, Parameters, Seed
 from ffseg.schema.nodes import Problems
-from ffseg.schema.strict_csv import finite, rows_of
-from ffseg.schema.strict_yaml import read_text
+from ffseg.schema.strict_csv import finite, read_table, rows_of
 
 PICKED = ["image", "kind", "x", "y", "radius", "right", "bottom", "value"]
 """The header of files with other rows than starts; each kind of row fills the columns that `KINDS` names."""
@@ -159,7 +158,7 @@ def load_starts(path: str | os.PathLike[str], images: Iterable[str], *, partial:
         One line for each thing wrong, with file and line; also for every image without a row.
     """
     name, problems = os.fspath(path), Problems()
-    text = read_text(name, problems)
+    text = read_table(name, problems)
     problems.raise_as(ParameterError)
     rows = _rows(text, printable(name), problems)
     problems.raise_as(ParameterError)
@@ -170,10 +169,12 @@ def load_starts(path: str | os.PathLike[str], images: Iterable[str], *, partial:
 
 _Row = tuple[int, Start]
 """Line of the first row, and start."""
+_Numbers = dict[str, float | None]
 
 
 def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
-    rows: dict[str, _Row] = {}
+    lines: dict[str, int] = {}
+    said: dict[str, dict[tuple[Any, ...], _Numbers]] = {}
     for line, cells in rows_of(text, name, HEADERS, problems):
         where = f"{name}:{line}"
         header = PICKED if len(cells) == len(PICKED) else ["image", "x", "y", "radius"]
@@ -184,20 +185,20 @@ def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
         if kind not in KINDS:
             problems.add(where, f"kind: {kind[:40]!r} is none of {', '.join(KINDS)}")
             continue
-        stray = [key for key in header[2:] if words.get(key) and key not in KINDS[kind]]
+        stray = [key for key in header[2:] if words.get(key) and key not in KINDS[kind]] if header is PICKED else []
         if stray:
             problems.add(where, f"{stray[0]}: a row of the kind {kind} has none; leave it empty")
         numbers = {key: _pixels(words.get(key, ""), key, where, problems) for key in KINDS[kind]}
         low, high = LIMITS.get(kind, (-math.inf, math.inf))
-        if not low <= (numbers.get("value") or low) <= high:
+        if kind in LIMITS and not low <= (numbers["value"] or low) <= high:
             problems.add(where, f"value: a {kind} is from {low:g} to {high:g}, not {numbers['value']:g}")
-        at, start = rows.get(image, (line, Start()))
-        more = _with_row(start, kind, numbers)
-        if more is None:
+        lines.setdefault(image, line)
+        before, key = said.setdefault(image, {}), (kind,) if kind in LIMITS else (kind, *numbers.values())
+        if key in before:
             what = "this start already" if kind == "start" else f"a row for this {kind} already"
             problems.add(where, f"{image[:60]!r} has {what}; keep one row of it")
-        rows[image] = at, more or start
-    return rows
+        before[key] = numbers
+    return {image: (lines[image], _start(rows)) for image, rows in said.items()}
 
 
 def _pixels(word: str, key: str, where: str, problems: Problems) -> float | None:
@@ -212,26 +213,21 @@ def _pixels(word: str, key: str, where: str, problems: Problems) -> float | None
     return value
 
 
-def _with_row(start: Start, kind: str, numbers: Mapping[str, float | None]) -> Start | None:
-    """The start with what one more row says; None where it has said so before."""
-    change: dict[str, Any]
-    if kind == "start":
-        one = Start(numbers["x"], numbers["y"], numbers["radius"])
-        if any(one.text() == other.text() for other in start.circles):
-            return None
-        first = {"x": one.x, "y": one.y, "radius": one.radius}
-        change = first if start.x is None else {"others": (*start.others, one)}
-    elif kind in LIMITS:
-        if getattr(start, kind) is not None:
-            return None
-        change = {kind: numbers["value"]}
-    else:
-        key = "background" if kind == "not" else "boxes"
-        row, there = tuple(value for value in numbers.values() if value is not None), getattr(start, key)
-        if row in there:
-            return None
-        change = {key: (*there, row)}
-    return replace(start, **change)
+def _start(rows: Mapping[tuple[Any, ...], _Numbers]) -> Start:
+    """What all rows of one image say together."""
+    circles: list[Start] = []
+    more: dict[str, Any] = {}
+    for (kind, *_), numbers in rows.items():
+        if kind == "start":
+            circles.append(Start(numbers["x"], numbers["y"], numbers["radius"]))
+        elif kind in LIMITS:
+            more[kind] = numbers["value"]
+        else:
+            row = tuple(value for value in numbers.values() if value is not None)
+            more.setdefault("background" if kind == "not" else "boxes", []).append(row)
+    named = {key: tuple(value) if isinstance(value, list) else value for key, value in more.items()}
+    first = circles[0] if circles else Start()
+    return replace(first, others=tuple(circles[1:]), **named)
 
 
 def _row_of(image: str, rows: Mapping[str, _Row], name: str, problems: Problems, partial: bool) -> Start | None:

@@ -5,9 +5,19 @@ from __future__ import annotations
 import csv
 import io
 import math
+import os
 from collections.abc import Sequence
 
 from ffseg.schema.nodes import Problems
+from ffseg.schema.strict_yaml import read_text
+
+MAX_BYTES = 64_000_000
+"""Hundreds of thousands of rows, which take some seconds at worst: every reader of a table is linear in them."""
+
+
+def read_table(path: str | os.PathLike[str], problems: Problems) -> str:
+    """Text of a table of at most `MAX_BYTES`; otherwise as `read_text`."""
+    return read_text(path, problems, MAX_BYTES)
 
 
 def rows_of(text: str, name: str, headers: Sequence[list[str]], problems: Problems) -> list[tuple[int, list[str]]]:

@@ -210,13 +210,13 @@ def _events(text: str) -> Iterator[yaml.Event]:
     yield from yaml.parse(text, Loader=_LOADER)
 
 
-def read_text(path: str | os.PathLike[str], problems: Problems) -> str:
-    """Read at most 1 MB of UTF-8 from a regular file without waiting on pipes or devices; empty after a problem."""
+def read_text(path: str | os.PathLike[str], problems: Problems, max_bytes: int = MAX_BYTES) -> str:
+    """Read at most so many bytes of UTF-8 from a regular file without waiting on pipes or devices; empty after a problem."""
     try:
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
         try:
             regular = stat.S_ISREG(os.fstat(handle).st_mode)
-            data = _read_bytes(handle, MAX_BYTES + 1) if regular else None
+            data = _read_bytes(handle, max_bytes + 1) if regular else None
         finally:
             os.close(handle)
     except (OSError, ValueError) as error:
@@ -226,19 +226,19 @@ def read_text(path: str | os.PathLike[str], problems: Problems) -> str:
     if data is None:
         problems.add(os.fspath(path), "not a regular file; give a text file")
         return ""
-    return _decode(os.fspath(path), data, problems)
+    return _decode(os.fspath(path), data, problems, max_bytes)
 
 
 def _read_bytes(handle: int, most: int) -> bytes:
-    data = b""
+    data = bytearray()
     while len(data) < most and (part := os.read(handle, most - len(data))):
         data += part
-    return data
+    return bytes(data)
 
 
-def _decode(path: str, data: bytes, problems: Problems) -> str:
-    if len(data) > MAX_BYTES:
-        problems.add(path, f"larger than {MAX_BYTES} bytes, the most that is read; give a smaller file")
+def _decode(path: str, data: bytes, problems: Problems, max_bytes: int) -> str:
+    if len(data) > max_bytes:
+        problems.add(path, f"larger than {max_bytes} bytes, the most that is read; give a smaller file")
         return ""
     try:
         return data.decode("utf-8-sig")

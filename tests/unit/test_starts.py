@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cProfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from ffseg.io.starts import Start, check_starts, finds_starts, load_starts, star
 from ffseg.methods.peers import PEERS
 from ffseg.parameters import Parameters, load_params
 from ffseg.peer_parameters import PeerParameters
-from ffseg.schema.strict_yaml import MAX_BYTES
+from ffseg.schema.strict_csv import MAX_BYTES
 
 LEFT, RIGHT = (30, 40), (90, 40)
 """Centres of the two discs of `two_discs`, of radius 20."""
@@ -127,6 +128,22 @@ def test_several_rows_of_an_image_are_several_circles(tmp_path: Path) -> None:
     assert found["a.png"].placed(params).init.circles == ((1, 2, 7), (3, 4, 9))
     assert found["b.png"].placed(params).init.circles == ()
     assert len({Start(1, 2, 7).text(), found["a.png"].text(), Start(3, 4, None, (Start(1, 2, 7),)).text()}) == 3
+
+
+def calls_of(path: Path, images: list[str]) -> int:
+    with cProfile.Profile() as profile:
+        load_starts(path, images)
+    return sum(entry.callcount for entry in profile.getstats())
+
+
+@pytest.mark.parametrize("name", ["a", "a{}"])
+def test_work_is_in_proportion_to_the_rows(name: str, tmp_path: Path) -> None:
+    counts = []
+    for rows in (200, 800):
+        names = [name.format(row) for row in range(rows)]
+        text = "".join(f"{one},{row},2\n" for row, one in enumerate(names))
+        counts.append(calls_of(write(tmp_path, f"image,x,y\n{text}"), names))
+    assert counts[1] < 4.1 * counts[0]  # equal circles were looked for one by one: 16 times the calls
 
 
 def test_a_start_without_a_radius_leaves_it() -> None:
