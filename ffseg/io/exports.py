@@ -14,37 +14,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.regions import Region
+from ffseg.geometry.bezier import Points
+from ffseg.image.polygons import Polygon
 from ffseg.io.masks import encode_mask
 
 Document = dict[str, Any]
 
-FLATNESS = 0.02
-"""Pixels by which the polygons written may leave the curves: far below the fifth of a pixel to which COCO's reader
-rounds them, and two pixels in a hundred along the contour for a reader that does not round."""
+COARSE = 15.0
+"""Square pixels for each pixel of outline, below which COCO gets run lengths even of a region without holes: its reader
+rounds polygons to fifths of a pixel, which changes about a pixel in twenty along the outline. Of 1104 drawn regions above,
+the least overlap was 0.9966; from half of this on, 0.990."""
 
 DECIMALS = 4
 """Digits behind the point, as in the SVG."""
 
 LABELME_VERSION = "5.4.0"
 """The LabelMe format written: the first that knows masks beside polygons is 5.3."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PaintedRegion:
-    """A region as contours and as pixels.
-
-    Attributes
-    ----------
-    region : Region
-        One outer contour with its holes.
-    mask : ndarray of bool, shape (H, W)
-        The same region by the pixel-centre rule, in the size of its image.
-    """
-
-    region: Region
-    mask: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +42,8 @@ class AnnotatedImage:
         How the document names the image: for LabelMe the path from the JSON file to the image.
     width, height : int
         Pixels.
-    regions : tuple of PaintedRegion
+    regions : tuple of Polygon
+        As `ffseg.image.polygons.polygons` makes them.
     label : str
         The class every region gets.
     """
@@ -65,7 +51,7 @@ class AnnotatedImage:
     file_name: str
     width: int
     height: int
-    regions: tuple[PaintedRegion, ...]
+    regions: tuple[Polygon, ...]
     label: str = "region"
 
 
@@ -80,21 +66,17 @@ def coco_document(image: AnnotatedImage) -> Document:
     Returns
     -------
     dict
-        Image, category and annotations have ids from 1. A region without holes is a polygon; one with holes is an
-        uncompressed RLE, since COCO reads several polygons as a union. ``area`` and ``bbox`` are those of the mask.
-        Regions without a pixel are left out: COCO knows no empty instance.
-
-    Notes
-    -----
-    COCO's reader rounds polygons to fifths of a pixel, so the mask it makes of one differs from ours in about one pixel
-    in twenty along the contour (overlap 0.997 for a disc of radius 40, 0.9995 for 200). RLE comes back pixel for pixel.
+        Image, category and annotations have ids from 1. A region without holes, and not too small or thin for what COCO's
+        reader makes of polygons (`COARSE`), is a polygon; any other is an uncompressed RLE, which comes back pixel for
+        pixel. ``area`` and ``bbox`` are those of the mask.
     """
-    painted = [p for p in image.regions if p.mask.any()]
     return {
         "info": {"description": "Regions segmented by ffseg"},
         "images": [{"id": 1, "file_name": image.file_name, "width": image.width, "height": image.height}],
         "categories": [{"id": 1, "name": image.label, "supercategory": ""}],
-        "annotations": [_coco_annotation(number, p) for number, p in enumerate(painted, start=1)],
+        "annotations": [
+            _coco_annotation(number, region, image) for number, region in enumerate(image.regions, start=1)
+        ],
     }
 
 
@@ -161,7 +143,7 @@ def labelme_document(image: AnnotatedImage) -> Document:
     -------
     dict
         A region without holes is a polygon shape; one with holes is a mask shape (LabelMe 5.3 or later), since
-        LabelMe's polygons have none. Regions without a pixel are left out.
+        LabelMe's polygons have none.
 
     Notes
     -----
@@ -171,7 +153,7 @@ def labelme_document(image: AnnotatedImage) -> Document:
     return {
         "version": LABELME_VERSION,
         "flags": {},
-        "shapes": [_labelme_shape(image.label, painted) for painted in image.regions if painted.mask.any()],
+        "shapes": [_labelme_shape(image.label, region) for region in image.regions],
         "imagePath": image.file_name,
         "imageData": None,
         "imageHeight": image.height,
@@ -195,12 +177,12 @@ def geojson_document(image: AnnotatedImage) -> Document:
             "properties": {
                 "image": image.file_name,
                 "label": image.label,
-                "area_px": round(painted.region.area, DECIMALS),
-                "holes": len(painted.region.holes),
+                "area_px": region.area,
+                "holes": len(region.holes),
             },
-            "geometry": {"type": "Polygon", "coordinates": [_ring(c) for c in painted.region.contours]},
+            "geometry": {"type": "Polygon", "coordinates": [_closed(ring) for ring in region.rings]},
         }
-        for number, painted in enumerate(image.regions, start=1)
+        for number, region in enumerate(image.regions, start=1)
     ]
     return {"type": "FeatureCollection", "features": features}
 
@@ -213,50 +195,47 @@ def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
     return bounds
 
 
-def _coco_annotation(number: int, painted: PaintedRegion) -> Document:
-    left, top, right, bottom = _extent(painted.mask)
+def _coco_annotation(number: int, region: Polygon, image: AnnotatedImage) -> Document:
+    (x, y), (height, width) = region.origin, region.mask.shape
     return {
         "id": number,
         "image_id": 1,
         "category_id": 1,
         "iscrowd": 0,
-        "area": int(np.count_nonzero(painted.mask)),
-        "bbox": [left, top, right - left + 1, bottom - top + 1],
-        "segmentation": _coco_segmentation(painted),
+        "area": region.area,
+        "bbox": [x, y, width, height],
+        "segmentation": _coco_segmentation(region, image),
     }
 
 
-def _coco_segmentation(painted: PaintedRegion) -> Document | list[list[float]]:
-    if painted.region.holes:
-        return {"size": list(painted.mask.shape), "counts": run_lengths(painted.mask)}
-    return [[value for point in _vertices(painted.region.outer) for value in point]]
+def _coco_segmentation(region: Polygon, image: AnnotatedImage) -> Document | list[list[float]]:
+    length = np.hypot(*(region.outer - np.roll(region.outer, 1, axis=0)).T).sum()
+    if not region.holes and region.area >= COARSE * length:
+        return [[value for point in _vertices(region.outer) for value in point]]
+    (x, y), (height, width) = region.origin, region.mask.shape
+    mask = np.zeros((image.height, image.width), np.bool_)
+    mask[y : y + height, x : x + width] = region.mask
+    return {"size": [image.height, image.width], "counts": run_lengths(mask)}
 
 
-def _labelme_shape(label: str, painted: PaintedRegion) -> Document:
+def _labelme_shape(label: str, region: Polygon) -> Document:
     shape: Document = {"label": label, "group_id": None, "description": "", "flags": {}, "mask": None}
-    if not painted.region.holes:
-        return shape | {"shape_type": "polygon", "points": _vertices(painted.region.outer)}
-    left, top, right, bottom = _extent(painted.mask)
-    png = encode_mask(painted.mask[top : bottom + 1, left : right + 1])
+    if not region.holes:
+        return shape | {"shape_type": "polygon", "points": _vertices(region.outer)}
+    (x, y), (height, width) = region.origin, region.mask.shape
     return shape | {
         "shape_type": "mask",
-        "points": [[left, top], [right, bottom]],  # the first and the last pixel inside, as LabelMe writes them
-        "mask": base64.b64encode(png).decode("ascii"),
+        "points": [[x, y], [x + width - 1, y + height - 1]],  # first and last pixel inside, as LabelMe writes them
+        "mask": base64.b64encode(encode_mask(region.mask)).decode("ascii"),
     }
 
 
-def _extent(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
-    """First and last column and row with a pixel: left, top, right, bottom."""
-    columns, rows = (np.flatnonzero(mask.any(axis=axis)) for axis in (0, 1))
-    return int(columns[0]), int(rows[0]), int(columns[-1]), int(rows[-1])
-
-
-def _vertices(contour: FreeForm) -> list[list[float]]:
-    """Flattened contour from the image's corner, rounded; never -0."""
-    points: list[list[float]] = (np.round(contour.flatten(FLATNESS) + 0.5, DECIMALS) + 0.0).tolist()
+def _vertices(ring: Points) -> list[list[float]]:
+    """Vertices from the image's corner, rounded; never -0."""
+    points: list[list[float]] = (np.round(ring + 0.5, DECIMALS) + 0.0).tolist()
     return points
 
 
-def _ring(contour: FreeForm) -> Sequence[list[float]]:
-    vertices = _vertices(contour)
+def _closed(ring: Points) -> Sequence[list[float]]:
+    vertices = _vertices(ring)
     return [*vertices, *vertices[:1]]

@@ -225,7 +225,7 @@ def _start(rows: Mapping[tuple[Any, ...], _Numbers]) -> Start:
         else:
             row = tuple(value for value in numbers.values() if value is not None)
             more.setdefault("background" if kind == "not" else "boxes", []).append(row)
-    named = {key: tuple(value) if isinstance(value, list) else value for key, value in more.items()}
+    named: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in more.items()}
     first = circles[0] if circles else Start()
     return replace(first, others=tuple(circles[1:]), **named)
 

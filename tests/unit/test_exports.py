@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from shapely.geometry import shape as shapely_shape
 
 from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.regions import group_regions
-from ffseg.image.raster import rasterize
+from ffseg.image.polygons import FLATNESS, Polygon, polygons
+from ffseg.image.raster import TOLERANCE, rasterize
 from ffseg.io.exports import (
     AnnotatedImage,
-    PaintedRegion,
     coco_document,
     geojson_document,
     json_text,
@@ -30,6 +29,10 @@ from ffseg.io.exports import (
     merged_coco,
     run_lengths,
 )
+from ffseg.io.images import read_image
+from ffseg.parameters import load_params
+from ffseg.pipeline import segment
+from tests.real_data import data_folder
 
 # pycocotools 2.0.11 predates the copy keyword of NumPy 2's __array__
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
@@ -43,8 +46,14 @@ def circle(x: float, y: float, radius: float, degree: int = 3) -> FreeForm:
 
 
 def annotated(contours: list[FreeForm], name: str = "view.png", label: str = "region") -> AnnotatedImage:
-    regions = tuple(PaintedRegion(r, rasterize(r.contours, SHAPE)) for r in group_regions(contours))
-    return AnnotatedImage(name, SHAPE[1], SHAPE[0], regions, label)
+    return AnnotatedImage(name, SHAPE[1], SHAPE[0], polygons(rasterize(contours, SHAPE), contours), label)
+
+
+def pixels(region: Polygon, size: tuple[int, int] = SHAPE) -> Mask:
+    """A region's mask in the size of its image."""
+    mask, (x, y), (height, width) = np.zeros(size, np.bool_), region.origin, region.mask.shape
+    mask[y : y + height, x : x + width] = region.mask
+    return mask
 
 
 def islands() -> AnnotatedImage:
@@ -76,7 +85,7 @@ def test_coco_regions_with_holes_come_back_pixel_for_pixel(tmp_path: Path) -> No
     coco = loaded_coco(coco_document(image), tmp_path)
     holed, _ = coco.loadAnns(coco.getAnnIds(imgIds=[1]))
     mask = coco.annToMask(holed).astype(bool)
-    np.testing.assert_array_equal(mask, image.regions[0].mask)
+    np.testing.assert_array_equal(mask, pixels(image.regions[0]))
     assert num_holes(mask) == 2
     mask_of = pytest.importorskip("pycocotools.mask")
     encoded = coco.annToRLE(holed)
@@ -89,7 +98,7 @@ def test_coco_polygons_agree_with_the_mask_to_a_fifth_of_a_pixel(tmp_path: Path)
     coco = loaded_coco(coco_document(image), tmp_path)
     (annotation,) = coco.loadAnns(coco.getAnnIds())
     assert isinstance(annotation["segmentation"], list)
-    mask, ours = coco.annToMask(annotation).astype(bool), image.regions[0].mask
+    mask, ours = coco.annToMask(annotation).astype(bool), pixels(image.regions[0])
     assert overlap(mask, ours) >= 0.999
     rows, columns = np.nonzero(mask != ours)
     radius = np.hypot(columns - 199.6, rows - 150.3)
@@ -138,19 +147,26 @@ def test_geojson_opens_in_shapely_with_its_holes() -> None:
     image = islands()
     document = json.loads(json_text(geojson_document(image)))
     y, x = np.indices(SHAPE) + 0.5  # pixel centres counted from the image's corner
-    for feature, painted in zip(document["features"], image.regions, strict=True):
+    for feature, region in zip(document["features"], image.regions, strict=True):
         polygon = shapely_shape(feature["geometry"])
         assert polygon.is_valid
-        assert len(polygon.interiors) == len(painted.region.holes) == feature["properties"]["holes"]
+        assert len(polygon.interiors) == len(region.holes) == feature["properties"]["holes"]
         assert polygon.exterior.is_ccw
         assert not any(ring.is_ccw for ring in polygon.interiors)
         mask = shapely.contains_xy(polygon, x.ravel(), y.ravel()).reshape(SHAPE)
-        assert overlap(mask, painted.mask) >= 0.999
-        # chords lie within FLATNESS of the curve, on its inner side of a circle: less than the length times that
-        assert polygon.area == pytest.approx(feature["properties"]["area_px"], abs=0.02 * polygon.length)
+        np.testing.assert_array_equal(mask, pixels(region))
+        assert feature["properties"]["area_px"] == mask.sum()
         assert all(
             ring["coordinates"][0] == ring["coordinates"][-1] for ring in [shapely.geometry.mapping(polygon.exterior)]
         )
+
+
+def test_polygons_lie_on_the_curves() -> None:
+    ring = disc().regions[0].outer
+    radius = np.hypot(ring[:, 0] - 199.6, ring[:, 1] - 150.3)
+    # the curve is a circle within 0.003 px; vertices lie where it is crossed, as far as it was flattened and simplified
+    assert np.abs(radius - 140.2).max() <= 0.003 + TOLERANCE + FLATNESS
+    assert len(ring) < 0.7 * 2 * np.pi * 140.2 * 4 / np.pi  # of the steps it crosses
 
 
 def labelme_masks(shapes: list[dict[str, Any]]) -> list[Mask]:
@@ -177,9 +193,9 @@ def test_labelme_fields_give_the_masks() -> None:
     assert (document["imagePath"], document["imageHeight"], document["imageWidth"]) == ("view.png", 300, 400)
     assert [entry["shape_type"] for entry in document["shapes"]] == ["mask", "polygon"]
     holed, island = labelme_masks(document["shapes"])
-    np.testing.assert_array_equal(holed, image.regions[0].mask)
+    np.testing.assert_array_equal(holed, pixels(image.regions[0]))
     assert num_holes(holed) == 2
-    assert overlap(island, image.regions[1].mask) >= 0.999
+    np.testing.assert_array_equal(island, pixels(image.regions[1]))
 
 
 def test_labelme_opens_it(tmp_path: Path) -> None:
@@ -190,17 +206,81 @@ def test_labelme_opens_it(tmp_path: Path) -> None:
     path.write_text(json_text(labelme_document(image)), encoding="utf-8")
     loaded = label_file.LabelFile(str(path))
     assert [entry["label"] for entry in loaded.shapes] == ["region", "region"]
-    (left, top), (right, bottom) = loaded.shapes[0]["points"]
-    np.testing.assert_array_equal(loaded.shapes[0]["mask"], image.regions[0].mask[top : bottom + 1, left : right + 1])
+    np.testing.assert_array_equal(loaded.shapes[0]["mask"], image.regions[0].mask)
 
 
-def test_regions_without_a_pixel_have_no_instance() -> None:
+def test_regions_without_a_pixel_are_nowhere() -> None:
     speck = annotated([circle(50.5, 50.5, 0.3)])
     assert coco_document(speck)["annotations"] == labelme_document(speck)["shapes"] == []
-    assert len(geojson_document(speck)["features"]) == 1
-    nothing = annotated([])
-    assert geojson_document(nothing)["features"] == []
-    assert len(coco_document(nothing)["images"]) == 1
+    assert geojson_document(speck)["features"] == []
+    assert len(coco_document(annotated([]))["images"]) == 1
+
+
+def judged(image: AnnotatedImage, shown: Mask) -> None:
+    """Every polygon is valid and shows the pixels of its region, and all of them together the mask."""
+    cocos = pytest.importorskip("pycocotools.mask", reason="pycocotools is not installed")
+    y, x = np.indices(shown.shape) + 0.5
+    seen = np.zeros(shown.shape, np.bool_)
+    features = json.loads(json_text(geojson_document(image)))["features"]
+    annotations = json.loads(json_text(coco_document(image)))["annotations"]
+    for region, feature, annotation in zip(image.regions, features, annotations, strict=True):
+        polygon, mine = shapely_shape(feature["geometry"]), pixels(region, shown.shape)
+        assert polygon.is_valid, shapely.is_valid_reason(polygon)
+        np.testing.assert_array_equal(shapely.contains_xy(polygon, x.ravel(), y.ravel()).reshape(shown.shape), mine)
+        found = cocos.frPyObjects(annotation["segmentation"], *shown.shape)
+        decoded = cocos.decode(cocos.merge(found) if isinstance(found, list) else found).astype(bool)
+        assert overlap(decoded, mine) >= 0.995
+        assert annotation["area"] == mine.sum()
+        assert not (seen & mine).any()
+        seen |= mine
+    np.testing.assert_array_equal(seen, shown)
+
+
+@st.composite
+def tangles(draw: st.DrawFn) -> tuple[Mask, list[FreeForm]]:
+    """Contours that cross themselves and each other, run along pixel centres and leave the image, and their mask."""
+    number = st.floats(-5, 45, width=32) | st.integers(-5, 45).map(float)
+    contours = []
+    for degree in draw(st.lists(st.integers(1, 6), max_size=4)):
+        count = degree * draw(st.integers(3, 6))
+        contours.append(FreeForm(draw(arrays(np.float64, (count, 2), elements=number)), degree))
+    shape = draw(st.tuples(st.integers(1, 40), st.integers(1, 40)))
+    return rasterize(contours, shape), contours
+
+
+@given(tangles())
+def test_any_contours_give_valid_polygons_of_their_mask(case: tuple[Mask, list[FreeForm]]) -> None:
+    mask, contours = case
+    judged(AnnotatedImage("a", mask.shape[1], mask.shape[0], polygons(mask, contours)), mask)
+
+
+@given(arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12))))
+def test_any_mask_gives_valid_polygons(mask: Mask) -> None:
+    image = AnnotatedImage("a", mask.shape[1], mask.shape[0], polygons(mask))
+    judged(image, mask)
+    regions, _ = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    holes, _ = cv2.connectedComponents((~np.pad(mask, 1)).astype(np.uint8), connectivity=8)
+    assert (len(image.regions), sum(len(region.holes) for region in image.regions)) == (regions - 1, holes - 2)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_evolutions_give_valid_polygons(seed: int) -> None:
+    noise = np.random.default_rng(seed).integers(0, 256, (25, 40, 3), np.uint8)
+    image = cv2.resize(noise, (240, 150), interpolation=cv2.INTER_CUBIC)
+    result = segment(image, load_params(None, {"edges.source": "gradient", "contour.degree": 1 + seed % 6}))
+    assert result.mask.any()
+    judged(AnnotatedImage("a", 240, 150, polygons(result.mask, result.contours)), result.mask)
+
+
+PHOTOGRAPHS = sorted((data_folder() / "seeded_objects" / "images").glob("*.jpg"))
+
+
+@pytest.mark.skipif(not PHOTOGRAPHS, reason="the photographs are absent: set FFSEG_DATA")
+@pytest.mark.parametrize("path", PHOTOGRAPHS[::2], ids=lambda path: path.name)
+def test_photographs_give_valid_polygons(path: Path) -> None:
+    result = segment(read_image(path), load_params(None))
+    height, width = result.mask.shape
+    judged(AnnotatedImage("a", width, height, polygons(result.mask, result.contours)), result.mask)
 
 
 @pytest.mark.parametrize("name", ['a"b\n<c>.png', "\udc80.png", "=cmd.png", "été.png"])

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import shapely
 
-from ffseg.geometry.regions import group_regions
-from ffseg.image.raster import rasterize
-from ffseg.io.exports import AnnotatedImage, PaintedRegion, coco_document, geojson_document
+from ffseg.image.polygons import polygons
+from ffseg.io.exports import AnnotatedImage, coco_document, geojson_document
 from ffseg.io.svg import svg_document
 from ffseg.methods.base import Segmentation
 from ffseg.parameters import load_params
@@ -53,17 +52,16 @@ def test_exports_open_in_their_readers(name: str) -> None:
     coco_mask = pytest.importorskip("pycocotools.mask", reason="pycocotools is not installed")
     found = segmented(name)
     height, width = found.mask.shape
-    regions = tuple(PaintedRegion(r, rasterize(r.contours, (height, width))) for r in group_regions(found.contours))
-    image = AnnotatedImage(f"{name}.png", width, height, regions)
+    image = AnnotatedImage(f"{name}.png", width, height, polygons(found.mask, found.contours))
     annotations = coco_document(image)["annotations"]
     encoded = [coco_mask.frPyObjects(a["segmentation"], height, width) for a in annotations]
     merged = coco_mask.merge([part for e in encoded for part in (e if isinstance(e, list) else [e])])
     y, x = np.indices((height, width)) + 0.5
-    polygons = [shapely.geometry.shape(f["geometry"]) for f in geojson_document(image)["features"]]
-    inside = np.any([shapely.contains_xy(p, x.ravel(), y.ravel()) for p in polygons], axis=0).reshape(height, width)
+    shapes = [shapely.geometry.shape(f["geometry"]) for f in geojson_document(image)["features"]]
+    inside = np.any([shapely.contains_xy(p, x.ravel(), y.ravel()) for p in shapes], axis=0).reshape(height, width)
     for mask in (coco_mask.decode(merged).astype(bool), inside):
         assert (mask & found.mask).sum() / (mask | found.mask).sum() >= 0.999
-    assert sum(len(p.interiors) for p in polygons) == sum(c.signed_area < 0 for c in found.contours)
+    assert sum(len(p.interiors) for p in shapes) == sum(c.signed_area < 0 for c in found.contours)
 
 
 @pytest.mark.parametrize("name", "abcd")

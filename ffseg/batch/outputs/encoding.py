@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.outputs.table import Output, resolve
-from ffseg.image.raster import rasterize
 from ffseg.io.files import printable
 from ffseg.io.masks import encode_mask
 from ffseg.io.overlays import Polyline, encode_overlay, jpeg_address
@@ -78,13 +77,9 @@ class Made:
     @cached_property
     def annotated(self) -> AnnotatedImage:
         """What exports know of the image."""
-        from ffseg.geometry.regions import group_regions
-        from ffseg.io.exports import AnnotatedImage, PaintedRegion
+        from ffseg.io.saving.kinds import annotated
 
-        height, width = self.image.shape[:2]
-        regions = group_regions(self.result.contours)
-        painted = tuple(PaintedRegion(region, rasterize(region.contours, (height, width))) for region in regions)
-        return AnnotatedImage(_readable(self.name), width, height, painted)
+        return annotated(self.result, _readable(self.name))
 
     @cached_property
     def film(self) -> list[Progress]:

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ffseg.errors import OutputError
-from ffseg.geometry.regions import group_regions
-from ffseg.image.raster import rasterize
 from ffseg.io.saving.source import Source
 
 if TYPE_CHECKING:
@@ -35,12 +33,11 @@ def encoded(result: Segmentation, kind: str, source: Source, suffix: str = ".png
 
 def annotated(result: Segmentation, name: str) -> AnnotatedImage:
     """What documents know of a result."""
-    from ffseg.io.exports import AnnotatedImage, PaintedRegion
+    from ffseg.image.polygons import polygons
+    from ffseg.io.exports import AnnotatedImage
 
     height, width = result.mask.shape
-    regions = group_regions(result.contours)
-    painted = tuple(PaintedRegion(region, rasterize(region.contours, (height, width))) for region in regions)
-    return AnnotatedImage(name, width, height, painted)
+    return AnnotatedImage(name, width, height, polygons(result.mask, result.contours))
 
 
 def documents(result: Segmentation, kind: str, name: str) -> Document:
