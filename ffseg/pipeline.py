@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.camera.footprint import Footprint
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.evidence.auto import Decision, decide, trusted
 from ffseg.geometry.freeform import FreeForm
@@ -77,6 +78,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     evidence: NDArray[np.float32] | None = None,
     center: tuple[float, float] | None = None,
     altitudes: NDArray[np.float64] | None = None,
+    footprint: Footprint | None = None,
     options: object = None,
     callback: Callable[[Progress], None] | None = None,
 ) -> Segmentation:
@@ -117,7 +119,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     edges = _bounded(edges, starts, params, background)
     edges_ms = (perf_counter() - begin) * 1e3
     fixed = center is not None and params.init.center == "auto"
-    view = View(image, edges, starts, params, options, _rows(altitudes), callback, fixed=fixed)
+    view = View(image, edges, starts, params, options, _rows(altitudes), callback, fixed=fixed, footprint=footprint)
     unheard = _unheard(source, edges, params)
     found, messages = _freed(decide if source == "auto" else trusted, run, view)
     begin = perf_counter()

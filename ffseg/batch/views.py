@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -79,7 +79,9 @@ def _plain(value: object) -> object:
     raise TypeError(type(value).__name__)
 
 
-def load_views(camera: str, poses: str | None, pairs: str | None, names: Sequence[str]) -> Views:
+def load_views(
+    camera: str, poses: str | None, pairs: str | None, names: Sequence[str], footprint: float | None = None
+) -> Views:
     """Read the files of a run over images.
 
     Parameters
@@ -90,6 +92,8 @@ def load_views(camera: str, poses: str | None, pairs: str | None, names: Sequenc
         Poses and pairs files; without pairs every image follows the one before it in its folder.
     names : sequence of str
         Relative names of the images in input order, with ``/``.
+    footprint : float, optional
+        Radius of the robot on the ground, metres, in place of the camera file's.
 
     Raises
     ------
@@ -97,6 +101,7 @@ def load_views(camera: str, poses: str | None, pairs: str | None, names: Sequenc
         One line for each thing wrong, with file and key or line; also without ``mount_height``.
     """
     loaded = load_mounted_camera(camera)
+    loaded = loaded if footprint is None else replace(loaded, footprint=footprint)
     before = dict(load_pairs(pairs, names)) if pairs else neighbours(names)
     return Views(loaded, dict(load_poses(poses, names, loaded)) if poses else {}, before)
 

@@ -13,7 +13,7 @@ from ffseg.camera.lens import Lens
 from ffseg.camera.model import Camera
 from ffseg.camera.projections import Affine, Fisheye, Polynomial, Projection, UnifiedSphere
 from ffseg.errors import CalibrationError
-from ffseg.schema.kinds import FilePath, Integer, Many, Number, Row, Text
+from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Number, Row, Text
 from ffseg.schema.nodes import Node, Problems, Source
 from ffseg.schema.sections import Section, collect, declarations, declared
 from ffseg.schema.strict_yaml import parse, read_text
@@ -51,6 +51,11 @@ class CameraFile(Section):
     up: tuple[float, ...] = declared((0.0, 0.0, -1.0), _THREE, "unit vector to the sky")
     robot_radius: float = declared(0.0, Number(0, MAX_SIDE), "disc in which the camera sees itself, px")
     rim_radius: float = declared(1.0, Number(0, MAX_SIDE, above=True), "end of the scene, px")
+    footprint: float = declared(
+        0.0, Number(0, 100), "radius of the robot on the ground, m; 0 = passages are not closed"
+    )
+    mirrored: bool = declared(True, Flag(), "the image is turned over against the view from above, as by a mirror")
+    forward: float = declared(0.0, Number(-360, 360), "degrees from x toward y of the image to the robot's front")
 
 
 SEE_ALL = f"; the keys are {', '.join(key for key, _, _ in declarations(CameraFile))}"
@@ -137,6 +142,7 @@ def _from_yaml(root: Node, problems: Problems) -> Camera | None:
     return Camera(
         lens.projection, lens.width, lens.height, lens.center,
         values.get("mount_height"), up / length, values.get("robot_radius", 0.0), rim,
+        values.get("footprint", 0.0), values.get("mirrored", True), values.get("forward", 0.0),
     )  # fmt: skip
 
 

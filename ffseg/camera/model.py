@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -36,6 +37,13 @@ class Camera:
         Pixels; the disc in which the camera sees its own robot. 0: none.
     rim_radius : float or None
         Pixels; nothing outside is part of the scene. None: the whole image.
+    footprint : float
+        Radius of the robot on the ground, metres: passages that a disc of it cannot take count as closed. 0: not asked.
+    mirrored : bool
+        Whether the image shows the ground as a mirror does, turned over against the view from above: y of the image is
+        then a turn to the left of x on the ground, without a mirror one to the right.
+    forward : float
+        Degrees from the image's x axis toward its y axis to where the robot's front is seen.
     """
 
     projection: Projection
@@ -46,6 +54,9 @@ class Camera:
     up: Array = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
     robot_radius: float = 0.0
     rim_radius: float | None = None
+    footprint: float = 0.0
+    mirrored: bool = True
+    forward: float = 0.0
 
     def lift(self, pixels: Array) -> Array:
         """Unit rays of pixels.
@@ -110,11 +121,27 @@ class Camera:
         """Smallest rotation, shape (3, 3), from the camera frame to one whose z axis points straight down."""
         return _level(*self.up.tolist())
 
+    def ground(self) -> Array:
+        """Where each pixel's ray meets the ground: levelled (x, y), metres, shape (height, width, 2), read-only.
+
+        NaN above the horizon, and where a pixel shows no direction.
+
+        Raises
+        ------
+        CalibrationError
+            When the camera file has no mount_height.
+        """
+        self.mounting()
+        return _ground(self)
+
     def domain(self) -> Mask:
-        """True where the scene is: inside ``rim_radius`` and the image, shape (height, width).
+        """True where ground may be: inside ``rim_radius`` and the image and below the horizon, shape (height, width).
 
         The robot's own disc counts as inside: a contour starts round it and the robot stands on free ground.
         """
+        return self._within_rim() & _below_horizon(self)
+
+    def _within_rim(self) -> Mask:
         if self.rim_radius is None:
             return np.ones((self.height, self.width), dtype=np.bool_)
         x = np.arange(self.width) - self.center[0]
@@ -136,6 +163,39 @@ class Camera:
                 f"{image} is {width}x{height}, the camera file says {self.width}x{self.height}: "
                 "use the calibration of this image size, or resize the image"
             )
+
+
+ROWS = 64
+"""Rows of an image whose rays are made at once: those of a large image are more than its pixels take."""
+
+
+def _rays(camera: Camera) -> Iterator[tuple[slice, Array]]:
+    """Rows of the image with their unit rays in the levelled frame, shape (rows, width, 3)."""
+    for first in range(0, camera.height, ROWS):
+        rows = slice(first, min(first + ROWS, camera.height))
+        x, y = np.meshgrid(
+            np.arange(camera.width, dtype=np.float64), np.arange(rows.start, rows.stop, dtype=np.float64)
+        )
+        yield rows, camera.lift(np.stack([x, y], axis=-1)) @ camera.level().T
+
+
+@lru_cache(maxsize=4)
+def _below_horizon(camera: Camera) -> Mask:
+    below = np.empty((camera.height, camera.width), np.bool_)
+    for rows, rays in _rays(camera):
+        below[rows] = rays[..., 2] > 0.0
+    below.setflags(write=False)
+    return below
+
+
+@lru_cache(maxsize=2)
+def _ground(camera: Camera) -> Array:
+    points = np.full((camera.height, camera.width, 2), np.nan)
+    for rows, rays in _rays(camera):
+        down = np.where(rays[..., 2:] > 0.0, rays[..., 2:], np.nan)
+        points[rows] = rays[..., :2] * (camera.mounting() / down)
+    points.setflags(write=False)
+    return points
 
 
 @lru_cache(maxsize=16)

@@ -12,6 +12,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.camera.footprint import footprint_of
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, planar_parameters, relative_motion, require_camera
 from ffseg.errors import CalibrationError, SegmentationError
@@ -153,6 +154,7 @@ def segment_view(  # noqa: PLR0913 - what `segment` takes, and the camera
         )
     bound = np.where(inside if domain is None else inside & (domain > 0), np.uint8(255), np.uint8(0))
     params = omnidirectional_parameters(params, camera)
+    own = camera.robot_radius + START_MARGIN if camera.robot_radius else 0.0
     return segment(
         image,
         params,
@@ -162,6 +164,7 @@ def segment_view(  # noqa: PLR0913 - what `segment` takes, and the camera
         background=background,
         center=camera.center,
         altitudes=altitudes,
+        footprint=footprint_of(camera, camera.footprint, own) if camera.footprint > 0 else None,
         callback=callback,
     )
 

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.camera.footprint import Footprint
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.regions import oriented
@@ -115,6 +116,8 @@ class View:
     every : int
     fixed : bool
         The starts stand where they must, as round a camera that sees itself: they are not moved off edges.
+    footprint : Footprint, optional
+        The robot on the ground that the image shows: passages it cannot take count as closed.
     """
 
     image: NDArray[np.uint8]
@@ -126,6 +129,7 @@ class View:
     callback: Callable[[Progress], None] | None = None
     every: int = 10
     fixed: bool = False
+    footprint: Footprint | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "starts", oriented(self.starts))

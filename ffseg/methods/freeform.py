@@ -51,10 +51,15 @@ def run(view: View) -> Outcome:
         *packed(oriented),
         edge_map.edges,
         edge_map.domain,
-        native_options(params, edge_map.thresholds[0]),
+        _options(view),
         _colours(view),
+        None if view.footprint is None else view.footprint.cells,
     )
     if evolution.stop_reason == "blocked":
+        if view.footprint is not None:
+            raise BlockedStartError(
+                f"or nearer to an edge than the footprint of {view.footprint.radius_m:g} m: give a smaller one"
+            )
         raise BlockedStartError("move init.center, change init.radius or raise edges.canny")
 
     def current() -> tuple[FreeForm, ...]:
@@ -90,6 +95,13 @@ def native_options(params: Parameters, low: float) -> _core.EvolutionOptions:
     options.settle = contour.settle
     options.ridge_low = RIDGE_SHARE * low * GRADIENT_SCALE
     options.weight, options.window = params.region.weight, params.region.window
+    return options
+
+
+def _options(view: View) -> _core.EvolutionOptions:
+    options = native_options(view.params, view.edges.thresholds[0])
+    if view.footprint is not None:
+        options.clearance = view.footprint.diameter
     return options
 
 

@@ -11,7 +11,7 @@ from ffseg.rendering.pairs import LONGEST, SHORTEST, WIDEST_TURN, PlanarPose, Re
 from ffseg.rendering.raycast import Rendering, render
 from ffseg.rendering.scene import Floor, MarkKind, Scene, random_scene
 
-FloorKind = Literal["plain", "glossy", "shadows", "nodding", "turning", "discs", "touching"]
+FloorKind = Literal["plain", "glossy", "shadows", "nodding", "turning", "discs", "touching", "alike"]
 FLOOR_KINDS: tuple[FloorKind, ...] = get_args(FloorKind)
 TEXTURES, NOISES = (0.0, 1.0, 2.0, 3.0, 5.0), (1.0, 2.0, 4.0)
 """Grey levels."""
@@ -49,7 +49,8 @@ def floor_pair(seed: int, kind: FloorKind, texture: float, noise: float) -> Rend
     kind : str
         ``plain``; ``glossy`` (a mirrored strip moves with the camera), ``shadows`` (of boxes), ``nodding`` (each view
         tilted by up to 1.5 degrees), ``turning`` (up to 90 degrees between the views), ``discs`` (marks without
-        corners), ``touching`` (marks side by side).
+        corners), ``touching`` (marks side by side), ``alike`` (walls whose shading crosses the floor's grey, boxes with
+        squares of it).
     texture, noise : float
         Standard deviations of the floor's texture and of the sensor's noise, grey levels.
     """
@@ -58,6 +59,8 @@ def floor_pair(seed: int, kind: FloorKind, texture: float, noise: float) -> Rend
     poses = _poses(random, QUARTER if kind == "turning" else WIDEST_TURN)
     scene = _scene(seed, kind, np.array(poses[0][:2]), random)
     scene = replace(scene, floor=_floor(random, kind, texture, noise))
+    if kind == "alike":
+        scene = _alike(scene, random)
     tilts = tuple(_tilt(random) if kind == "nodding" else (0.0, 0.0) for _ in poses)
     views = [render(scene, camera, pose, index, tilts[index]) for index, pose in enumerate(poses)]
     return RenderedPair(views[0], views[1], camera, poses, scene, (tilts[0], tilts[1]))
@@ -96,6 +99,16 @@ def _poses(random: np.random.Generator, widest: float) -> tuple[PlanarPose, Plan
 def _scene(seed: int, kind: FloorKind, clear_of: np.ndarray, random: np.random.Generator) -> Scene:
     own: dict[FloorKind, MarkKind] = {"discs": "discs", "touching": "touching"}
     return random_scene(int(random.integers(1 << 30)) ^ seed, 0.9, clear_of, own.get(kind, "mixed"))
+
+
+def _alike(scene: Scene, random: np.random.Generator) -> Scene:
+    """The scene with things that have the floor's grey in places."""
+    shading = float(random.uniform(30, 60)), float(random.uniform(1.5, 3.0))
+    boxes = tuple(
+        replace(box, squares=(float(random.uniform(0.02, 0.045)), scene.ground_grey), label_contrast=0.0)
+        for box in scene.boxes
+    )
+    return replace(scene, boxes=boxes, room=replace(scene.room, grey=scene.ground_grey, shading=shading))
 
 
 def _floor(random: np.random.Generator, kind: FloorKind, texture: float, noise: float) -> Floor:

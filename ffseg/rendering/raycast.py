@@ -185,8 +185,11 @@ class _Caster:
         across = _turned(point[:, :2], room.angle)[np.arange(met.sum()), 1 - wall[met]]
         surface = np.stack([across, point[:, 2]], axis=1)
         side = wall[met] * 2 + (along[met, wall[met]] > 0)
-        skirting, poster = _wall_pattern(surface)
+        skirting, poster = _wall_pattern(surface) if room.shading is None else np.zeros((2, len(surface)), np.bool_)
         grey = np.where(skirting, 45.0, room.grey - 9.0 * side) + np.where(poster, -60.0, 0.0)
+        if room.shading is not None:
+            swing, wave = room.shading
+            grey = room.grey + swing * np.sin((across / wave + 0.3 * side) * 2.0 * np.pi)
         grey += self._walls(surface + 10.0 * side[:, None], far[met] * RADIANS_PER_PIXEL)
         hits.label[met] = FIRST_WALL + side
         hits.part[met] = (FIRST_WALL + side) * 4 + 2 * skirting + poster
@@ -211,9 +214,13 @@ class _Caster:
         sticker = np.all(np.abs(surface / half[others] - [0.2, 0.1]) < [0.45, 0.35], axis=1) & (box.label_contrast > 0)
         contrast = box.label_contrast * (1.0 if box.greys[0] < 128 else -1.0)
         grey = np.array(box.greys)[face] + contrast * sticker
+        square = np.zeros(len(surface), dtype=np.bool_)
+        if box.squares is not None:
+            square = np.floor(surface / box.squares[0]).sum(axis=1) % 2 == 0
+            grey[square] = box.squares[1]
         grey += self._faces(surface + 3.0 * (index + face)[:, None], near[met] * RADIANS_PER_PIXEL)
         hits.label[met] = FIRST_BOX + index
-        hits.part[met] = ((FIRST_BOX + index) * 8 + face) * 2 + sticker
+        hits.part[met] = ((FIRST_BOX + index) * 8 + face) * 4 + 2 * square + sticker
         hits.grey[met] = grey
         return np.where(met, near, reach)
 

@@ -49,6 +49,8 @@ class Box:
         Of the top and of the four sides.
     label_contrast : float
         Grey levels between a face and the label on it; 0 leaves the faces plain.
+    squares : tuple of float or None
+        Side, metres, and grey of the squares of a chequered pattern on all faces.
     """
 
     center: Array
@@ -57,6 +59,7 @@ class Box:
     height: float
     greys: tuple[float, ...]
     label_contrast: float
+    squares: tuple[float, float] | None = None
 
     def radius(self) -> float:
         """Radius of the circle round the footprint, metres."""
@@ -65,11 +68,16 @@ class Box:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Room:
-    """Four walls: a rectangle round the origin with half sides ``half``, turned by ``angle``."""
+    """Four walls: a rectangle round the origin with half sides ``half``, turned by ``angle``.
+
+    With ``shading`` (grey levels, metres) the grey swings by so much along the walls, over so long a wave, and the walls
+    have neither skirting nor posters.
+    """
 
     half: tuple[float, float]
     angle: float
     grey: float
+    shading: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -65,11 +65,13 @@ def ring(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return grown
 
 
-def count_things(pair: RenderedPair, marks: list[int], frame: Frame, tally: Tally, name: str) -> None:
-    """Add the boxes of a pair to the tally, and the marks of these labels."""
+def count_things(
+    pair: RenderedPair, marks: list[int], frame: Frame, tally: Tally, name: str, told: NDArray[np.bool_] | None = None
+) -> None:
+    """Add the boxes of a pair to the tally, judged by the pixels that `told` holds, and the marks of these labels."""
     labels = pair.current.labels
     for label in range(FIRST_BOX, min(FIRST_WALL, FIRST_BOX + len(pair.scene.boxes))):
-        box = labels == label
+        box = labels == label if told is None else (labels == label) & told
         if box.any():
             tally.boxes += 1
             if frame.mask[box].mean() > BOX_FREE:

@@ -112,4 +112,7 @@ def test_domain_is_the_disc_inside_the_rim() -> None:
     assert domain[299, 691]
     assert not domain[299, 692]
     assert not domain[0, 0]
-    assert Camera(MODELS["unified"][0], 8, 6, (3.5, 2.5)).domain().all()
+    whole = Camera(MODELS["unified"][0], 800, 600, (399.5, 299.5), mount_height=0.9)
+    assert np.array_equal(whole.domain(), np.isfinite(whole.ground()).all(axis=-1))
+    assert whole.domain()[299, 692], "without a rim the horizon is the end: 294.7 px from the centre"
+    assert not whole.domain()[299, 695]

@@ -59,6 +59,17 @@ def run(  # noqa: PLR0913 - the options of the command
     pairs: Annotated[
         Path | None, typer.Option("--pairs", metavar="FILE", help="CSV previous,current; else neighbours in a folder.")
     ] = None,
+    footprint: Annotated[
+        float | None,
+        typer.Option(
+            "--footprint",
+            metavar="R",
+            min=0,
+            max=100,
+            callback=number,
+            help="Metres: passages that a robot of this radius cannot take count as closed.",
+        ),
+    ] = None,
     truth: Annotated[
         Path | None,
         typer.Option("--truth", metavar="DIR", help="Folder or .tar of true masks (NAME.png): adds the IoU."),
@@ -150,7 +161,7 @@ def run(  # noqa: PLR0913 - the options of the command
         wanted = read_wanted(export or (), pack, overlay=overlay, animate=animate)
         choice = Chosen(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul)
         plan = with_maps(read_plan(choice, out, wanted, truth, starts, params), evidence, camera)
-        plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan), shard)
+        plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan, footprint), shard)
         setup = limited(Setup(params=params, views=views, wanted=wanted, truth_label=truth_label), max_pixels, memory)
         if dry_run:
             raise typer.Exit(show_preview(plan, setup, overwrite=overwrite, as_json=as_json))
@@ -286,7 +297,9 @@ def in_sequence(plan: Plan, views: Views | None, shard: str) -> tuple[Plan, View
     return part_of(with_earlier(plan, views.chain) if views else plan, shard), views
 
 
-def read_views(camera: Path | None, poses: Path | None, pairs: Path | None, plan: Plan) -> Views | None:
+def read_views(
+    camera: Path | None, poses: Path | None, pairs: Path | None, plan: Plan, footprint: float | None = None
+) -> Views | None:
     """Camera, poses and pairs of a run; None without a camera.
 
     Raises
@@ -297,14 +310,14 @@ def read_views(camera: Path | None, poses: Path | None, pairs: Path | None, plan
         For files that are wrong.
     """
     if camera is None:
-        if poses or pairs:
-            raise UsageError("--poses and --pairs need --camera; name the camera file")
+        if poses or pairs or footprint is not None:
+            raise UsageError("--poses, --pairs and --footprint need --camera; name the camera file")
         return None
     from ffseg.batch.views import load_views
 
     names = [job.source.name for job in plan.jobs]
     return load_views(
-        os.fspath(camera), os.fspath(poses) if poses else None, os.fspath(pairs) if pairs else None, names
+        os.fspath(camera), os.fspath(poses) if poses else None, os.fspath(pairs) if pairs else None, names, footprint
     )
 
 

@@ -20,6 +20,7 @@ using Array = nanobind::ndarray<T, Shape..., nanobind::c_contig, nanobind::devic
 using Points = Array<const double, nanobind::shape<-1, 2>>;
 using Indices = Array<const std::int64_t, nanobind::ndim<1>>;
 using Bytes = Array<const std::uint8_t, nanobind::ndim<2>>;
+using Whole = Array<const std::int32_t, nanobind::ndim<2>>;
 using Words = Array<const std::uint16_t, nanobind::ndim<2>>;
 using Colours = Array<const std::uint8_t, nanobind::ndim<3>>;
 

@@ -1,6 +1,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 
+#include <algorithm>
 #include <limits>
 #include <stdexcept>
 
@@ -17,6 +18,7 @@ using ffseg::Bytes;
 using ffseg::Colours;
 using ffseg::Indices;
 using ffseg::Points;
+using ffseg::Whole;
 using ffseg::Words;
 
 ffseg::freeform::ContourSet contour_set(const Points& points, const Indices& offsets, int degree) {
@@ -34,6 +36,8 @@ void check(const ffseg::freeform::EvolutionOptions& o) {
     if (!sane) throw std::invalid_argument("an evolution option is out of range");
 }
 
+constexpr std::int32_t kMostCells = 4096;  // a side of a plane: 2 MB as bits
+
 // Holds the evolution, and the image it goes on looking at: edge map and domain are read while it is made.
 struct PyEvolution {
     std::optional<Colours> image;
@@ -41,7 +45,8 @@ struct PyEvolution {
     std::size_t height, width;
 
     PyEvolution(const Points& points, const Indices& offsets, const Bytes& edges, std::optional<Bytes> domain,
-                const ffseg::freeform::EvolutionOptions& options, const std::optional<Colours>& given)
+                ffseg::freeform::EvolutionOptions options, const std::optional<Colours>& given,
+                const std::optional<Whole>& plane)
         : image(given), height(edges.shape(0)), width(edges.shape(1)) {
         check(options);
         if (height == 0 || width == 0 || height > 65535 || width > 65535) {
@@ -53,6 +58,7 @@ struct PyEvolution {
         if (image && (image->shape(0) != height || image->shape(1) != width)) {
             throw std::invalid_argument("the image differs in size from the edge map");
         }
+        if (plane) options.plane = plane_of(*plane);
         const ffseg::Picture colours = image ? ffseg::picture_of(*image) : ffseg::Picture{};
         const ffseg::freeform::ContourSet starts = contour_set(points, offsets, options.degree);
         const std::uint8_t* limits = domain ? domain->data() : nullptr;
@@ -64,6 +70,19 @@ struct PyEvolution {
     bool advance(int iterations) {
         nb::gil_scoped_release release;
         return evolution->advance(iterations);
+    }
+
+    ffseg::freeform::Plane plane_of(const Whole& cells) const {
+        if (cells.shape(0) != height || cells.shape(1) != width) {
+            throw std::invalid_argument("the plane differs in size from the edge map");
+        }
+        std::int32_t last = 0;
+        for (std::size_t at = 0; at < height * width; ++at) {
+            const std::int32_t cell = cells.data()[at];
+            if (cell >= 0) last = std::max({last, cell >> 16, cell & 0xffff});
+        }
+        if (last >= kMostCells) throw std::invalid_argument("the plane has more than 4096 cells a side");
+        return {cells.data(), last + 1};
     }
 
     void settle(const Words& gradient) {
@@ -123,8 +142,9 @@ void bind_freeform(nb::module_& m) {
         .def_rw("window", &Options::window);
     nb::class_<PyEvolution>(m, "Evolution")
         .def(nb::init<const Points&, const Indices&, const Bytes&, std::optional<Bytes>, const Options&,
-                      const std::optional<Colours>&>(),
-             "points"_a, "offsets"_a, "edges"_a, "domain"_a.none(), "options"_a, "image"_a.none() = nb::none())
+                      const std::optional<Colours>&, const std::optional<Whole>&>(),
+             "points"_a, "offsets"_a, "edges"_a, "domain"_a.none(), "options"_a, "image"_a.none() = nb::none(),
+             "plane"_a.none() = nb::none())
         .def("advance", &PyEvolution::advance, "iterations"_a, "Runs iterations; False once the contour has stopped.")
         .def("settle", &PyEvolution::settle, "gradient"_a, "Attracts the contour to the ridge of the gradient.")
         .def("contours", &PyEvolution::contours, "Control points (M, 2) of all contours and their offsets.")

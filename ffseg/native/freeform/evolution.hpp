@@ -10,6 +10,12 @@
 
 namespace ffseg::freeform {
 
+// The ground that pixels show, in square cells of one size, or none: then the pixels are the plane.
+struct Plane {
+    const std::int32_t* cells = nullptr;  // of each pixel, row << 16 | column; negative where it shows no ground
+    int side = 0;                         // cells
+};
+
 struct EvolutionOptions {  // defaults live with the parameters
     int degree = 0;
     double split_threshold = 0.0;  // px, largest distance between control points of one patch
@@ -17,11 +23,12 @@ struct EvolutionOptions {  // defaults live with the parameters
     bool refine = false;
     bool topology = false;
     int max_iterations = 0;
-    double clearance = 0.0;  // px
+    double clearance = 0.0;  // px, or cells of the plane
     double settle = 0.0;     // px, reach of the attraction to the ridge; 0 switches it off
     double ridge_low = 0.0;  // stored units: gradients below it are no ridge
     double weight = 0.0;     // of colours in the pressure
     double window = 0.0;     // px, see region::Pressure
+    Plane plane;             // of the clearance, read while an evolution is made
 };
 
 struct EvolutionCounts {

@@ -42,6 +42,10 @@ void Bitmap::remove(const Bitmap& other) {
     for (std::size_t at = 0; at < data_.size(); ++at) data_[at] &= ~other.data_[at];
 }
 
+void Bitmap::add(const Bitmap& other) {
+    for (std::size_t at = 0; at < data_.size(); ++at) data_[at] |= other.data_[at];
+}
+
 // A row is widened step by step, from what the disc's topmost row needs to what its middle needs.
 Bitmap Bitmap::grown(double radius) const {
     Bitmap out(height_, static_cast<int>(words_) * kBits);

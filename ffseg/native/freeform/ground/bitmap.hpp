@@ -27,6 +27,7 @@ public:
     // Both must be of one size.
     void keep(const Bitmap& other);
     void remove(const Bitmap& other);
+    void add(const Bitmap& other);
 
     // All pixels nearer than `radius` to one of these. Bits beyond the width may be set in the last word.
     Bitmap grown(double radius) const;

@@ -1,4 +1,4 @@
-// contour.clearance: which ground a disc of this diameter can get to.
+// contour.clearance and a robot's footprint: which ground a disc of this diameter can get to.
 #include <algorithm>
 #include <cstring>
 
@@ -14,6 +14,11 @@ namespace {
 constexpr double kSlack = 0.65;
 // Free pixels so much farther from where the disc can be than its radius are no part of its ground.
 constexpr double kBeyond = 1.0;
+// A pixel far away shows several cells of the ground: free pixels beside what a disc covers there are its ground, too.
+constexpr double kBeside = 1.5;
+// Of a footprint's radius: ground that not even so small a disc can cover is closed, wherever it lies. Squares of a box
+// that have the floor's grey are narrower than that, the ground between two marks is not.
+constexpr double kLeast = 0.5;
 
 // The zero bytes of a row, or the others, as bits.
 void add_bytes(const std::uint8_t* bytes, int count, bool zero, Bitmap::Word* bits) {
@@ -34,9 +39,64 @@ void add_bytes(const std::uint8_t* bytes, int count, bool zero, Bitmap::Word* bi
     }
 }
 
+// Calls each(x, y) with the pixels of a bitmap.
+template <class Each>
+void for_pixels(const Bitmap& pixels, const Each& each) {
+    for (int y = 0; y < pixels.height(); ++y) {
+        for (std::size_t word = 0; word < pixels.words(); ++word) {
+            Bitmap::Word left = pixels.row(y)[word];
+            for (int x = static_cast<int>(word) * Bitmap::kBits; left != 0; ++x, left >>= 1) {
+                if ((left & 1) != 0) each(x, y);
+            }
+        }
+    }
+}
+
+// The pixels of the ground nearer than `radius` cells to that in these pixels.
+Bitmap grown_on(const freeform::Plane& plane, const Bitmap& pixels, int width, double radius) {
+    Bitmap ground(plane.side, plane.side), out(pixels.height(), width);
+    const auto cell = [&](int x, int y) {
+        return plane.cells[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
+    };
+    for_pixels(pixels, [&](int x, int y) {
+        if (x < width && cell(x, y) >= 0) ground.add(cell(x, y) & 0xffff, cell(x, y) >> 16);
+    });
+    ground = ground.grown(radius);
+    for (int y = 0; y < out.height(); ++y) {
+        for (int x = 0; x < width; ++x) {
+            if (cell(x, y) >= 0 && ground.holds(cell(x, y) & 0xffff, cell(x, y) >> 16)) out.add(x, y);
+        }
+    }
+    return out;
+}
+
+// Takes away the pixels that show no ground.
+void keep_ground(const freeform::Plane& plane, int width, Bitmap& pixels) {
+    Bitmap shown(pixels.height(), width);
+    std::size_t at = 0;
+    for (int y = 0; y < shown.height(); ++y) {
+        for (int x = 0; x < width; ++x, ++at) {
+            if (plane.cells[at] >= 0) shown.add(x, y);
+        }
+    }
+    pixels.keep(shown);
+}
+
+// What of the ground no disc covers that keeps clear of the edges.
+Bitmap uncovered(const freeform::Plane& plane, const Bitmap& edges, int width, double radius, const Bitmap& ground) {
+    Bitmap roomy(ground.height(), width), left = ground;
+    for (int y = 0; y < roomy.height(); ++y) std::fill_n(roomy.row(y), roomy.words(), ~Bitmap::Word{0});
+    roomy.remove(grown_on(plane, edges, width, radius));
+    keep_ground(plane, width, roomy);
+    left.remove(grown_on(plane, roomy, width, radius + kBeyond).grown(kBeside));
+    return left;
+}
+
 }  // namespace
 
-bool Field::close_passages(const std::uint8_t* edges, const std::vector<Vec2>& starts, double clearance) {
+bool Field::close_passages(const std::uint8_t* edges, const std::vector<Vec2>& starts, double clearance,
+                           const freeform::Plane& plane) {
+    const bool mapped = plane.cells != nullptr;
     const double radius = 0.5 * clearance - kSlack;
     Bitmap thin(height(), width()), free(height(), width());
     for (int y = 0; y < height(); ++y) {
@@ -44,7 +104,8 @@ bool Field::close_passages(const std::uint8_t* edges, const std::vector<Vec2>& s
         add_bytes(&cells_.blocked[cells_.at(0, y)], width(), true, free.row(y));
     }
     Bitmap roomy = free;  // where the disc fits
-    if (radius > 0) roomy.remove(thin.grown(radius));
+    if (radius > 0) roomy.remove(mapped ? grown_on(plane, thin, width(), radius) : thin.grown(radius));
+    if (mapped) keep_ground(plane, width(), roomy);
     Bitmap reached(height(), width());
     for (const Vec2 p : starts) {
         const auto x = static_cast<int>(p.x + 0.5), y = static_cast<int>(p.y + 0.5);
@@ -52,20 +113,14 @@ bool Field::close_passages(const std::uint8_t* edges, const std::vector<Vec2>& s
     }
     if (reached.empty()) return false;
     reached = reached.flooded(roomy);
-    free.remove(reached.grown(std::max(radius, 0.0) + kBeyond));
+    const double covered = std::max(radius, 0.0) + kBeyond;
+    free.remove(mapped ? grown_on(plane, reached, width(), covered).grown(kBeside) : reached.grown(covered));
     roomy.remove(reached);
     roomy.keep(free);
-    if (roomy.empty()) return true;
-    const Bitmap shut = roomy.flooded(free);
-    for (int y = 0; y < height(); ++y) {
-        for (std::size_t word = 0; word < shut.words(); ++word) {
-            for (int bit = 0; shut.row(y)[word] >> bit != 0; ++bit) {
-                if ((shut.row(y)[word] >> bit & 1) != 0)
-                    cells_.blocked[cells_.at(static_cast<int>(word) * Bitmap::kBits + bit, y)] = kEdge;
-                if (bit == Bitmap::kBits - 1) break;
-            }
-        }
-    }
+    Bitmap shut = roomy.flooded(free);
+    if (mapped) shut.add(uncovered(plane, thin, width(), std::max(kLeast * radius, 0.0), free));
+    if (shut.empty()) return true;
+    for_pixels(shut, [&](int x, int y) { cells_.blocked[cells_.at(x, y)] = kEdge; });
     build_tiles(cells_);
     return true;
 }

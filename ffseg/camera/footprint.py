@@ -1,0 +1,65 @@
+"""The robot on the ground that a camera sees: which cell of the ground plane each pixel shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.model import Camera
+
+RADIUS_CELLS = 8
+"""Cells of the plane that the footprint's radius is long: a passage is measured to an eighth of it."""
+MOST_CELLS = 2048
+"""Side of the plane: 128 radii to each side of the camera, where a pixel of any mirror shows more than the footprint."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Footprint:
+    """A disc on the ground plane that a camera sees.
+
+    Attributes
+    ----------
+    cells : ndarray of int32, shape (H, W)
+        Cell of the plane that each pixel's centre shows, ``row << 16 | column``; -1 where it shows no ground, or the
+        robot itself.
+    diameter : float
+        Of the disc, in cells.
+    radius_m : float
+        Metres.
+    """
+
+    cells: NDArray[np.int32]
+    diameter: float
+    radius_m: float
+
+
+@lru_cache(maxsize=2)
+def footprint_of(camera: Camera, radius: float, own: float) -> Footprint:
+    """The footprint of a robot in its camera's images.
+
+    Parameters
+    ----------
+    camera : Camera
+    radius : float
+        Metres, above 0.
+    own : float
+        Pixels round the camera's centre that show the robot itself: edges there are no obstacles.
+
+    Raises
+    ------
+    CalibrationError
+        When the camera file has no mount_height.
+    """
+    ground = camera.ground()
+    cells = np.rint(ground * (RADIUS_CELLS / radius)) + MOST_CELLS // 2
+    with np.errstate(invalid="ignore"):
+        shown = ((cells >= 0) & (cells < MOST_CELLS)).all(axis=-1)
+    x, y = np.arange(camera.width) - camera.center[0], np.arange(camera.height) - camera.center[1]
+    shown &= x**2 + (y**2)[:, None] > own**2
+    column, row = np.where(shown[..., None], cells, 0.0).astype(np.int32).transpose(2, 0, 1)
+    packed = np.ascontiguousarray(np.where(shown, row << 16 | column, np.int32(-1)))
+    packed.setflags(write=False)
+    return Footprint(packed, 2.0 * RADIUS_CELLS, radius)

@@ -1,0 +1,126 @@
+"""The robot's footprint: passages a disc on the ground cannot take are closed, at their own width in every image."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ffseg
+from ffseg.camera.model import Camera
+from ffseg.camera.projections import Affine, UnifiedSphere
+from ffseg.errors import SegmentationError
+from ffseg.freespace.sequence import segment_view
+from ffseg.rendering import CAMERA_YAML, sample_camera
+
+RADIUS = 0.15
+PARAMS = ffseg.load_params()
+
+
+def painted(camera: Camera, dark: np.ndarray) -> np.ndarray:
+    """An image of a grey floor with a little noise, dark where the ground is."""
+    grey = np.where(dark, 40.0, 110.0) + np.random.default_rng(3).normal(0, 1.0, dark.shape)
+    grey[~camera.domain()] = 4.0
+    return np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+
+
+def ring_wall(camera: Camera, distance: float, gap: float) -> np.ndarray:
+    """A wall round the camera, 0.12 m thick, with one gap so many metres wide, toward x."""
+    x, y = np.moveaxis(camera.ground(), -1, 0)
+    reach = np.hypot(x, y)
+    with np.errstate(invalid="ignore"):
+        return (reach > distance) & (reach < distance + 0.12) & ~((np.abs(y) < gap / 2) & (x > 0))
+
+
+def beyond(camera: Camera, distance: float) -> np.ndarray:
+    reach = np.hypot(*np.moveaxis(camera.ground(), -1, 0))
+    with np.errstate(invalid="ignore"):
+        return (reach > distance + 0.4) & (reach < distance + 0.8)
+
+
+@pytest.mark.parametrize("distance", [0.8, 1.4, 2.2])
+@pytest.mark.parametrize(("gap", "passes"), [(0.24, False), (0.38, True)])
+def test_a_passage_is_as_wide_as_it_is_on_the_ground(distance: float, gap: float, passes: bool) -> None:
+    """0.30 m is what the robot needs, 58 px near and 26 px far; half a wall's edge at either side is not free."""
+    camera = replace(sample_camera(), footprint=RADIUS)
+    image = painted(camera, ring_wall(camera, distance, gap))
+    free = segment_view(image, camera, PARAMS).mask[beyond(camera, distance)].mean()
+    assert free > 0.99 if passes else free == 0.0
+    assert segment_view(image, replace(camera, footprint=0.0), PARAMS).mask[beyond(camera, distance)].mean() > 0.99
+
+
+def pinhole() -> Camera:
+    """A perspective camera 0.9 m high that looks 30 degrees down, its horizon in the image."""
+    lens = UnifiedSphere(Affine(300.0, 300.0, 319.5, 239.5), 0.0, (0.0, 0.0, 0.0, 0.0))
+    down = np.deg2rad(30.0)
+    up = np.array([0.0, -np.cos(down), -np.sin(down)])
+    return Camera(lens, 640, 480, (319.5, 239.5), mount_height=0.9, up=up, mirrored=False, forward=-90.0)
+
+
+def test_nothing_above_the_horizon_is_free() -> None:
+    camera = pinhole()
+    horizon = 239.5 - 300.0 * np.tan(np.deg2rad(30.0))  # rows above it look upward
+    image = painted(camera, np.zeros((480, 640), np.bool_))
+    image[:] = 110  # the same grey above as below: no edge at the horizon
+    mask = segment_view(image, camera, PARAMS).mask
+    assert not mask[: int(np.floor(horizon)) + 1].any()
+    assert mask[int(np.ceil(horizon)) + 3 :].mean() > 0.99
+
+
+@pytest.mark.parametrize(("gap", "passes"), [(0.24, False), (0.38, True)])
+def test_a_perspective_camera_over_a_plane(gap: float, passes: bool) -> None:
+    camera = replace(pinhole(), footprint=RADIUS)
+    x, y = np.moveaxis(camera.ground(), -1, 0)
+    with np.errstate(invalid="ignore"):
+        wall = (-y > 2.4) & (-y < 2.5) & ~(np.abs(x) < gap / 2)
+        past = (-y > 3.0) & (-y < 4.0) & (np.abs(x) < 0.8)
+    free = segment_view(painted(camera, wall), camera, PARAMS).mask[past].mean()
+    assert free > 0.98 if passes else free == 0.0
+
+
+def test_bays_that_half_the_robot_cannot_enter_are_closed() -> None:
+    """As squares of a box that have the floor's grey; a bay wider than the robot stays open."""
+    camera = replace(sample_camera(), footprint=RADIUS)
+    x, y = np.moveaxis(camera.ground(), -1, 0)
+    with np.errstate(invalid="ignore"):
+        block = (x > 1.0) & (x < 1.6) & (np.abs(y) < 0.8)
+        narrow = block & (np.abs(y - 0.5) < 0.05) & (x < 1.4)
+        wide = block & (np.abs(y + 0.3) < 0.2) & (x < 1.4)
+    mask = segment_view(painted(camera, block & ~narrow & ~wide), camera, PARAMS).mask
+    assert mask[narrow & (x > 1.1)].mean() < 0.05
+    assert mask[wide & (x < 1.35)].mean() > 0.95
+
+
+def test_a_footprint_that_fits_nowhere_says_so() -> None:
+    camera = replace(sample_camera(), footprint=0.6)
+    image = painted(camera, ring_wall(camera, 0.6, 0.0))
+    with pytest.raises(SegmentationError, match=r"footprint of 0\.6 m: give a smaller one"):
+        segment_view(image, camera, PARAMS)
+
+
+def test_the_camera_file_says_it_and_the_option_overrules(tmp_path: Path) -> None:
+    (tmp_path / "camera.yaml").write_text(CAMERA_YAML + "footprint: 0.2\nmirrored: false\nforward: -90\n")
+    camera = ffseg.load_camera(tmp_path / "camera.yaml")
+    assert (camera.footprint, camera.mirrored, camera.forward) == (0.2, False, -90.0)
+    from ffseg.batch.views import load_views
+
+    views = load_views(str(tmp_path / "camera.yaml"), None, None, [], 0.1)
+    assert views.camera.footprint == 0.1
+    assert load_views(str(tmp_path / "camera.yaml"), None, None, []).camera.footprint == 0.2
+
+
+def test_the_core_refuses_a_plane_that_does_not_fit() -> None:
+    from ffseg.geometry.freeform import FreeForm
+    from ffseg.geometry.ragged import packed
+    from ffseg.methods.freeform import native_options
+    from ffseg.native import _core
+
+    start = packed((FreeForm(np.array([[4.0, 4.0], [12.0, 4.0], [12.0, 12.0], [4.0, 12.0]]), 1),))
+    options = native_options(ffseg.load_params(None, {"contour.degree": 1}), 2.0)
+    edges = np.zeros((16, 16), np.uint8)
+    with pytest.raises(ValueError, match="plane differs in size"):
+        _core.Evolution(*start, edges, None, options, None, np.zeros((16, 15), np.int32))
+    with pytest.raises(ValueError, match="4096 cells"):
+        _core.Evolution(*start, edges, None, options, None, np.full((16, 16), 4096, np.int32))
