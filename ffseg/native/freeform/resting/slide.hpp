@@ -162,7 +162,8 @@ bool slide(Contour<D>& contour, int i) {
         const Vec2 last = k > 0 ? points[k - 1] : contour[patch.prev].m[D - 1];
         const Vec2 behind = points[k] - last, ahead = points[k + 1] - points[k];
         const bool is_tip = std::min(norm2(ahead), norm2(behind)) <= kTipChord * kTipChord;
-        const bool turns_back = dot(behind, ahead) < 0;
+        // The other way round it turns back at the corner of a hole, which points into what is filled.
+        const bool turns_back = dot(behind, ahead) < 0 && cross(behind, ahead) > 0;
         if (!is_tip && !turns_back && k > 0) continue;  // the curve does not turn there
         const Vec2 leaving = apply<D>(kBasis<D>.slope[k], points);
         const Vec2 arriving = k > 0 ? leaving : apply<D>(kBasis<D>.slope[D], contour.samples(patch.prev));

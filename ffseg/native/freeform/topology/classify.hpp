@@ -60,9 +60,10 @@ void classify(Contour<D>& contour, int i, int j, int inner, bool simple) {
             drop(contour, component);
         }
     };
-    if (std::abs(area) < kVoidArea) return drop_or_wait(small);
     const double beside = component_area(contour, large, kLongComponent * patches);
-    if (area < 0) {  // a hole; what it cuts off beside it may lie in what is filled already
+    const bool is_void = std::abs(area) < kVoidArea;
+    if (is_void) drop_or_wait(small);
+    if (is_void || area < 0) {  // what a hole cuts off beside it may lie in what is filled already
         if (beside > 0 && std::isfinite(beside) && is_nested(contour, large)) drop_or_wait(large);
         return;
     }
@@ -75,6 +76,15 @@ void classify(Contour<D>& contour, int i, int j, int inner, bool simple) {
         const int within = area < beside ? small : large, outer = within == small ? large : small;
         if (contains(contour, outer, contour[within].m[0])) drop_or_wait(within);
     }
+}
+
+// Drops a loop of two or three patches, too few to cross itself, that has turned inside out without a flip: it would
+// fill once more what lies round the hole that it was.
+template <int D>
+void drop_turned(Contour<D>& contour, int i) {
+    const int third = contour[contour[i].next].next;
+    if (!contour[i].alive || (third != i && third != contour[i].prev)) return;
+    if (component_area(contour, i) > 0 && is_nested(contour, i)) drop(contour, i);
 }
 
 }  // namespace ffseg::topology

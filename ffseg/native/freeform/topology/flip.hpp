@@ -132,7 +132,10 @@ void flip_crossings(Contour<D>& contour) {
         contour.undecided.clear();
     }
     const std::size_t count = contour.active.size();
-    for (std::size_t at = 0; at < count; ++at) flip_adjacent(contour, contour.active[at]);
+    for (std::size_t at = 0; at < count; ++at) {
+        flip_adjacent(contour, contour.active[at]);
+        drop_turned(contour, contour.active[at]);
+    }
 }
 
 }  // namespace ffseg::topology
