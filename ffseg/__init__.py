@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ffseg.camera import load_camera as load_camera
     from ffseg.camera import load_poses as load_poses
     from ffseg.camera import planar_pose as planar_pose
+    from ffseg.camera.footprint import Footprint as Footprint
     from ffseg.camera.projections import Projection as Projection
     from ffseg.errors import CalibrationError as CalibrationError
     from ffseg.errors import FfsegError as FfsegError
@@ -36,18 +37,10 @@ if TYPE_CHECKING:
     from ffseg.freespace.window import Link as Link
     from ffseg.geometry.freeform import FreeForm as FreeForm
     from ffseg.image.edges import EdgeMap as EdgeMap
-    from ffseg.image.edges import Scene as Scene
     from ffseg.image.edges import edge_map as edge_map
     from ffseg.image.own import own_image as own_image
     from ffseg.io.images import Limits as Limits
     from ffseg.io.images import read_image as read_image
-    from ffseg.methods.base import Outcome as Outcome
-    from ffseg.methods.base import Progress as Progress
-    from ffseg.methods.base import Segmentation as Segmentation
-    from ffseg.methods.base import Segmenter as Segmenter
-    from ffseg.methods.base import Stats as Stats
-    from ffseg.methods.base import Timings as Timings
-    from ffseg.methods.base import View as View
     from ffseg.parameters import Contour as Contour
     from ffseg.parameters import Domain as Domain
     from ffseg.parameters import Edges as Edges
@@ -62,6 +55,14 @@ if TYPE_CHECKING:
     from ffseg.parameters import Snake as Snake
     from ffseg.parameters import load_params as load_params
     from ffseg.parameters import presets as presets
+    from ffseg.plugins import Method as Method
+    from ffseg.result import Segmentation as Segmentation
+    from ffseg.result import Timings as Timings
+    from ffseg.scene import Outcome as Outcome
+    from ffseg.scene import Progress as Progress
+    from ffseg.scene import Scene as Scene
+    from ffseg.scene import Segmenter as Segmenter
+    from ffseg.scene import Stats as Stats
 
 __version__ = "0.1.0"
 
@@ -71,15 +72,15 @@ _HOMES = {
     "load_params": "ffseg.parameters",
     "presets": "ffseg.parameters",
     "Parameters": "ffseg.parameters",
-    "Segmentation": "ffseg.methods.base",
-    "Stats": "ffseg.methods.base",
-    "Timings": "ffseg.methods.base",
-    "Progress": "ffseg.methods.base",
-    "Segmenter": "ffseg.methods.base",
-    "View": "ffseg.methods.base",
-    "Outcome": "ffseg.methods.base",
+    "Segmentation": "ffseg.result",
+    "Stats": "ffseg.scene",
+    "Timings": "ffseg.result",
+    "Progress": "ffseg.scene",
+    "Segmenter": "ffseg.scene",
+    "Outcome": "ffseg.scene",
+    "Method": "ffseg.plugins",
     "EdgeMap": "ffseg.image.edges",
-    "Scene": "ffseg.image.edges",
+    "Scene": "ffseg.scene",
     "edge_map": "ffseg.image.edges",
     "own_image": "ffseg.image.own",
     "FreeForm": "ffseg.geometry.freeform",
@@ -108,6 +109,7 @@ _HOMES = {
     "Snake": "ffseg.parameters",
     "LevelSet": "ffseg.parameters",
     "Limits": "ffseg.io.images",
+    "Footprint": "ffseg.camera.footprint",
     "Projection": "ffseg.camera.projections",
     "Paper": "ffseg.parameters",
     "Link": "ffseg.freespace.window",

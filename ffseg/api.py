@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg import pipeline as registry
+from ffseg import pipeline, plugins
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.checked import checked_image
 from ffseg.image.edges import EdgeMap
 from ffseg.io.masks import load_mask
-from ffseg.methods.base import Progress, Segmentation, Segmenter
 from ffseg.parameters import FARTHEST, ParametersLike, parameter_set
+from ffseg.result import Segmentation
+from ffseg.scene import NO_EDGES, Progress, Scene, Segmenter
 
 WIDEST = 10_000
 """Pixels: the largest radius round a matched interest point."""
@@ -45,7 +46,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
         A parameter set, the name of a preset, a parameter file, or values by dotted key such as
         ``{"contour.degree": 2}``; without it the defaults.
     method : str or Segmenter, optional
-        Takes the place of ``params.method``: a name, or a function ``run(view) -> outcome``. A peer runs with the
+        Takes the place of ``params.method``: a name, or a function ``run(scene) -> outcome``. A peer runs with the
         parameters of ``configs/peers.yaml`` and its own sigma.
     edges : EdgeMap, optional
         Takes the place of the edge source that ``edges.source`` names.
@@ -87,26 +88,29 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     chosen = parameter_set(params)
     _check_method(method, callback)
     _check_extras(pixels, edges, center, altitudes)
-    return registry.segment(
-        pixels,
-        chosen,
-        method,
-        edges=edges,
-        domain=_mask("domain", domain, "domain.mask", chosen.domain.mask),
-        start_mask=_mask("start_mask", start_mask, "init.mask", chosen.init.mask),
-        background=_mask("background", background, "init.background_mask", chosen.init.background_mask),
-        evidence=_evidence(evidence),
-        center=center,
-        altitudes=altitudes,
-        options=options,
-        callback=callback,
+    return pipeline.segment(
+        Scene(
+            pixels,
+            chosen,
+            plugins.method(chosen.method if method is None else method),
+            edges=NO_EDGES if edges is None else edges,
+            given=edges is not None,
+            domain=_mask("domain", domain, "domain.mask", chosen.domain.mask),
+            start_mask=_mask("start_mask", start_mask, "init.mask", chosen.init.mask),
+            background=_mask("background", background, "init.background_mask", chosen.init.background_mask),
+            evidence=_evidence(evidence),
+            center=center,
+            options=options,
+            altitudes=np.empty((0, 4)) if altitudes is None else np.asarray(altitudes, np.float64),
+            callback=callback,
+        )
     )
 
 
 def _check_method(method: object, callback: object) -> None:
     if method is not None and not (callable(method) or (isinstance(method, str) and method)):
         raise ParameterError(
-            f"method is {method!r}; give a name such as 'freeform', or a function run(view) -> outcome"
+            f"method is {method!r}; give a name such as 'freeform', or a function run(scene) -> outcome"
         )
     if callback is not None and not callable(callback):
         raise SegmentationError(f"callback is of type {type(callback).__name__}; give a function that takes a Progress")

@@ -6,27 +6,20 @@ import ctypes
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
-from ffseg.methods.base import Segmentation, Stats, Timings
-from ffseg.parameters import Parameters
+from ffseg.result import Segmentation, Timings
+from ffseg.scene import Scene, Stats
 
 NAME = "stand_in:segment"
 CRASH, HANG, EAT, FAIL, DEFECT = 251, 252, 253, 254, 255
 """Grey levels of the first pixel of an image that is to go wrong."""
 
 
-def segment(
-    image: NDArray[np.uint8],
-    params: Parameters,
-    *,
-    domain: NDArray[np.uint8] | None = None,
-    start_mask: NDArray[np.uint8] | None = None,
-    background: NDArray[np.uint8] | None = None,
-) -> Segmentation:
+def segment(scene: Scene) -> Segmentation:
     """Pixels above 127 (at the default degree), with one box as the contour; both depend on `contour.degree`."""
+    image, params, domain = scene.image, scene.params, scene.domain
     grey = image if image.ndim == 2 else image.max(axis=2)
     _misbehave(int(grey[0, 0]))
     more = params.contour.degree - 3

@@ -26,11 +26,12 @@ from ffseg.io.images import single_thread
 from ffseg.io.overlays import polylines
 from ffseg.io.panels import Tile, encode_panel
 from ffseg.io.tables import csv_table, names_meant_by
-from ffseg.methods.base import Segmentation
 from ffseg.methods.peers import configured
 from ffseg.metrics import scores
 from ffseg.pipeline import segment
 from ffseg.plugins import METHODS, PEERS, SEGMENTERS
+from ffseg.result import Segmentation
+from ffseg.scene import Scene
 from ffseg.schema.kinds import nearest_word
 
 NO_MEMORY = "out-of-memory: there is not enough memory for it; scale it down"
@@ -233,7 +234,7 @@ def _middle(runs: Sequence[_Run]) -> _Run:
 
 def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: Masks) -> Segmentation:
     params, options = configured(task.params, method, task.peers)
-    return segment(image, params, method, evidence=masks.evidence, options=options, **masks.bounds)
+    return segment(Scene(image, params, METHODS[method], evidence=masks.evidence, options=options, **masks.bounds))
 
 
 def _scored(row: Row, result: Segmentation, truth: NDArray[np.uint8] | None) -> Row:

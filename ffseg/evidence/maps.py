@@ -28,6 +28,9 @@ SNAP = 3.0
 RIDGE_HEIGHT = 2.0
 """Height of the ridge in high thresholds: it stops every method, and a clear edge of the image outweighs it."""
 
+MOST_CERTAIN = np.float32(0.999)
+"""Probability up to which a pixel of a map is believed: log odds of 7, as the prior's."""
+
 TALLEST = 65535.0
 """The largest gradient that is stored."""
 
@@ -58,7 +61,12 @@ def at_level(probability: NDArray[np.float32], level: float) -> NDArray[np.float
     return found
 
 
-def evidence_edges(probability: NDArray[np.float32], image_edges: EdgeMap) -> EdgeMap:
+def evidence_edges(
+    probability: NDArray[np.float32],
+    image_edges: EdgeMap,
+    source: str = "evidence",
+    odds: NDArray[np.float32] | None = None,
+) -> EdgeMap:
     """An edge map whose edges run where the probability of inside falls to one half.
 
     Parameters
@@ -67,6 +75,10 @@ def evidence_edges(probability: NDArray[np.float32], image_edges: EdgeMap) -> Ed
         From 0 to 1, finite.
     image_edges : EdgeMap
         Of the image itself. Its edges are kept where the map is undecided, and move the level near them.
+    source : str, optional
+        Name of what has told the probability.
+    odds : ndarray of float32, shape (H, W), optional
+        Its log odds, where they are known.
 
     Returns
     -------
@@ -79,7 +91,10 @@ def evidence_edges(probability: NDArray[np.float32], image_edges: EdgeMap) -> Ed
     gradient, edges = image_edges.gradient.copy(), image_edges.edges.copy()
     height = min(RIDGE_HEIGHT * image_edges.thresholds[1] * GRADIENT_SCALE, TALLEST)
     _core.evidence_level(above, UNDECIDED, SNAP, RIDGE_WIDTH, height, gradient, edges)
-    return EdgeMap(gradient, edges, image_edges.domain, image_edges.thresholds, walled=True)
+    if odds is None:
+        certain = np.clip(probability, 1 - MOST_CERTAIN, MOST_CERTAIN)
+        odds = np.log(certain / (1 - certain))
+    return EdgeMap(gradient, edges, image_edges.domain, image_edges.thresholds, source, odds)
 
 
 def strength_edges(strength: NDArray[np.float32], image_edges: EdgeMap) -> EdgeMap:
@@ -97,7 +112,7 @@ def strength_edges(strength: NDArray[np.float32], image_edges: EdgeMap) -> EdgeM
     edges = np.where(strength >= LEVEL, np.uint8(255), np.uint8(0))
     gradient = _smoothed(strength) * np.float32(STRENGTH * GRADIENT_SCALE)
     low = STRENGTH * LEVEL / 2
-    return EdgeMap(_stored(gradient), edges, image_edges.domain, (low, 2 * low))
+    return EdgeMap(_stored(gradient), edges, image_edges.domain, (low, 2 * low), image_edges.source)
 
 
 def _crosses(values: NDArray[np.float32], level: float) -> bool:

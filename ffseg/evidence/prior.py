@@ -6,7 +6,6 @@ region, and what stands on the best way there. It is part of the package; ``test
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,10 +14,12 @@ from numpy.typing import NDArray
 
 from ffseg.evidence.features import PLACE, PLAIN, Features, enlarged, exposed, features
 from ffseg.evidence.forest import Model, load_model
+from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import evidence_edges, log_odds
-from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, thinned, voted
-from ffseg.image.edges import EdgeMap, Scene, gradient_edges
+from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, voted
+from ffseg.image.edges import EdgeMap
 from ffseg.native import _core
+from ffseg.scene import Scene
 
 MODEL = Path(__file__).with_name("prior.ffmodel")
 
@@ -37,54 +38,13 @@ CERTAIN = 7.0
 """Log odds up to which a pixel votes, and which the start region is given: inside by definition."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Prior:
-    """The evidence for one image.
-
-    Attributes
-    ----------
-    odds : ndarray of float32, shape (H, W)
-        Logarithm of the odds of belonging to what the start lies on, at most ``CERTAIN`` either way.
-    """
-
-    odds: NDArray[np.float32]
-
-    def at(self, level: float) -> Prior:
-        """The evidence whose odds are divided by those of a level, which becomes one half."""
-        shift = np.float32(log_odds(level))
-        return Prior(self.odds - shift) if shift else self
-
-    def map(self) -> NDArray[np.float32]:
-        """The probability's tangent at one half, between 0 and 1: the same level, without a rounded exponential."""
-        found: NDArray[np.float32] = np.clip(np.float32(0.5) + np.float32(0.25) * self.odds, 0, 1)
-        return found
-
-    def expected_overlap(self, mask: NDArray[np.bool_]) -> float:
-        """The IoU to be expected of a region if the probabilities are true: their sum in it over that of its union.
-
-        Parameters
-        ----------
-        mask : ndarray of bool, shape (H, W)
-
-        Notes
-        -----
-        Probabilities below one half count as none: there are many of them far off, where they say more of the size of
-        the image than of the region.
-        """
-        odds, inside = thinned(self.odds), mask[::STRIDE, ::STRIDE]
-        every = (odds > 0) / (1 + np.exp(-odds))  # products and quotients, where choices would wait for each pixel
-        both = float((every * inside).sum(dtype=np.float64))
-        either = float(np.count_nonzero(inside)) + float(every.sum(dtype=np.float64)) - both
-        return both / either if either > 0 else 0.0
-
-
 @lru_cache(maxsize=1)
 def _model() -> tuple[Model, _core.EvidenceForest]:
     model = load_model(MODEL, TAKEN)
     return model, model.inside.compiled()
 
 
-def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
+def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Evidence of what belongs to the start.
 
     Parameters
@@ -93,6 +53,11 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
         Grey or BGR.
     starts : ndarray of bool, shape (H, W)
         Pixels of the start region, at least one.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W)
+        Logarithm of the odds of belonging to what the start lies on, at most ``CERTAIN`` either way.
     """
     model, native = _model()
     seen = look(image, starts, model.size)
@@ -101,7 +66,7 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> Prior:
     _core.evidence_blur(smooth, SMOOTHING / STRIDE, votes)
     whole = enlarged(votes, seen.factor, seen.shape, STRIDE)
     whole[starts] = CERTAIN
-    return Prior(whole)
+    return whole
 
 
 def look(image: NDArray[np.uint8], starts: NDArray[np.bool_], size: int, least: float = LEAST_START) -> Features:
@@ -119,12 +84,18 @@ def all_planes(seen: Features) -> NDArray[np.float32]:
 
 def prior_edges(scene: Scene) -> EdgeMap:
     """Edges where the evidence falls to ``region.probability``: the source ``prior``."""
-    return with_prior(scene, gradient_edges(scene))[0]
+    return with_prior(scene, gradient(scene))
 
 
-def with_prior(scene: Scene, image_edges: EdgeMap) -> tuple[EdgeMap, Prior | None]:
-    """Edges where the evidence falls to its level, and the evidence at it; the image's own edges if the start covers nothing."""
-    if scene.starts is None or not scene.starts.any():
-        return image_edges, None
-    found = prior(scene.image, scene.starts).at(scene.params.region.probability)
-    return evidence_edges(found.map(), image_edges), found
+def with_prior(scene: Scene, image_edges: EdgeMap) -> EdgeMap:
+    """Edges where the evidence falls to its level; the image's own edges if the start covers nothing of the domain."""
+    starts, domain = scene.start_region(), scene.disc if scene.domain is None else scene.domain
+    if domain is not None:
+        starts &= domain > 0
+    if not starts.any():
+        return image_edges
+    shift = np.float32(log_odds(scene.params.region.probability))
+    odds = prior(scene.image, starts)
+    odds = odds - shift if shift else odds
+    # The probability's tangent at one half: the same level, without a rounded exponential.
+    return evidence_edges(np.clip(np.float32(0.5) + np.float32(0.25) * odds, 0, 1), image_edges, "prior", odds)

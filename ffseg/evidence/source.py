@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from ffseg.errors import ImageReadError, ParameterError, SegmentationError
 from ffseg.evidence.features import Features, features, reduction
 from ffseg.evidence.forest import Model, load_model
+from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import LEVEL, at_level, evidence_edges, strength_edges
 from ffseg.evidence.prior import prior
-from ffseg.image.edges import EdgeMap, Scene, edge_map
+from ffseg.image.edges import EdgeMap
 from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 from ffseg.parameters import Parameters
+from ffseg.scene import Scene
 
 FOREST_SUFFIX, NETWORK_SUFFIX = ".ffmodel", ".onnx"
 
@@ -39,19 +41,17 @@ def model_edges(scene: Scene) -> EdgeMap:
     ParameterError
         If the model cannot be used.
     SegmentationError
-        If the start holds no pixel.
+        If a network cannot be asked.
     """
     path = scene.params.edges.model
     if path is None:
         raise ParameterError("edges.source: model needs a model; set edges.model to a file")
-    own = edge_map(scene.image, scene.params.edges, scene.domain)
+    own = gradient(scene)
     if path.endswith(NETWORK_SUFFIX):
         probability = _network_map(scene, path)
     else:
-        if scene.starts is None:
-            raise SegmentationError("a model needs a start region; set init")
-        probability = told(ready(path)[0], scene.image, scene.starts, ready(path)[1])
-    return _edges(probability, own, scene.params)
+        probability = told(ready(path)[0], scene.image, scene.start_region(), ready(path)[1])
+    return _edges(probability, own, scene.params, "model")
 
 
 def told(
@@ -65,7 +65,7 @@ def told(
         Probability of inside.
     """
     seen = model.look(image, start)
-    return model.map(seen, native, prior(image, start).odds if model.prior else None)
+    return model.map(seen, native, prior(image, start) if model.prior else None)
 
 
 def _network_map(scene: Scene, path: str) -> NDArray[np.float32]:
@@ -91,13 +91,13 @@ def map_edges(scene: Scene) -> EdgeMap:
     if scene.evidence.shape != shape:
         sizes = f"{scene.evidence.shape[1]} x {scene.evidence.shape[0]} pixels, the image {shape[1]} x {shape[0]}"
         raise SegmentationError(f"the map of evidence has {sizes}; it must have the image's size")
-    return _edges(scene.evidence, edge_map(scene.image, scene.params.edges, scene.domain), scene.params)
+    return _edges(scene.evidence, gradient(scene), scene.params, "evidence")
 
 
-def _edges(values: NDArray[np.float32], own: EdgeMap, params: Parameters) -> EdgeMap:
+def _edges(values: NDArray[np.float32], own: EdgeMap, params: Parameters, source: str) -> EdgeMap:
     if params.edges.evidence == "edges":
         return strength_edges(values, own)
-    return evidence_edges(at_level(values, params.region.probability), own)
+    return evidence_edges(at_level(values, params.region.probability), own, source)
 
 
 def with_model_start(image: NDArray[np.uint8], params: Parameters) -> Parameters:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -28,14 +27,14 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.checked import checked_image
 from ffseg.image.components import Component, contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
-from ffseg.methods.base import Progress, Segmentation, Segmenter, Timings
 from ffseg.parameters import Parameters, ParametersLike, parameter_set
 from ffseg.pipeline import segment
+from ffseg.plugins import method as row_of
+from ffseg.result import Segmentation, Timings
+from ffseg.scene import Scene
 
 START_MARGIN = 8.0
 """Pixels between the robot's disc and the start circle: the disc's border is an edge some 5 px wide."""
-
-Segmenting = Callable[..., Segmentation]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,89 +107,50 @@ def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters
     return replace(params, init=replace(params.init, radius=least))
 
 
-def segment_view(  # noqa: PLR0913 - what `segment` takes, and the camera
-    image: Grey,
-    camera: Camera,
-    params: Parameters,
-    method: str | Segmenter | None = None,
-    *,
-    domain: NDArray[np.uint8] | None = None,
-    start_mask: NDArray[np.uint8] | None = None,
-    background: NDArray[np.uint8] | None = None,
-    altitudes: NDArray[np.float64] | None = None,
-    callback: Callable[[Progress], None] | None = None,
-) -> Segmentation:
-    """Segment one omnidirectional image inside the camera's rim, from round the robot.
+def view_scene(scene: Scene, camera: Camera) -> Scene:
+    """The scene of an omnidirectional image: inside the camera's rim, from round the robot.
 
     Parameters
     ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    scene : Scene
+        Its domain is a further bound.
     camera : Camera
-    params : Parameters
-    method : str or Segmenter, optional
-    domain : ndarray of uint8, shape (H, W), optional
-        A further bound, nonzero where the contour may go.
-    start_mask : ndarray of uint8, shape (H, W), optional
-        Nonzero inside the start regions; takes the place of the start circle.
-    background : ndarray of uint8, shape (H, W), optional
-        Nonzero at what lies outside the region.
-    altitudes : ndarray of float64, shape (K, 4), optional
-        Interest points for the snake, as `ffseg.segment`.
-    callback : callable, optional
-        Called with snapshots of the evolution.
 
     Raises
     ------
     CalibrationError
         When the image has another size than the calibration.
     SegmentationError
-        As `ffseg.segment`.
+        When the domain has.
     """
-    camera.check_size(image.shape[1], image.shape[0], "the image")
-    inside = camera.domain()
+    camera.check_size(scene.image.shape[1], scene.image.shape[0], "the image")
+    inside, domain = camera.domain(), scene.domain
     if domain is not None and domain.shape != inside.shape:
         raise SegmentationError(
             f"the domain has {domain.shape[1]} x {domain.shape[0]} pixels, the camera {camera.width} x {camera.height}"
         )
     bound = np.where(inside if domain is None else inside & (domain > 0), np.uint8(255), np.uint8(0))
-    params = omnidirectional_parameters(params, camera)
+    params = omnidirectional_parameters(scene.params, camera)
     own = camera.robot_radius + START_MARGIN if camera.robot_radius else 0.0
-    return segment(
-        image,
-        params,
-        method,
-        domain=bound,
-        start_mask=start_mask,
-        background=background,
-        center=camera.center,
-        altitudes=altitudes,
-        footprint=footprint_of(camera, camera.footprint, own) if camera.footprint > 0 else None,
-        callback=callback,
-    )
+    footprint = footprint_of(camera, camera.footprint, own) if camera.footprint > 0 else None
+    return replace(scene, params=params, domain=bound, center=camera.center, footprint=footprint)
 
 
-def segment_frame(
-    current: Grey,
-    earlier: Iterable[Earlier],
-    camera: Camera,
-    params: Parameters,
-    segmenting: Segmenting,
-    callback: Callable[[Progress], None] | None = None,
-) -> Frame:
+def segment_view(image: Grey, camera: Camera, params: Parameters) -> Segmentation:
+    """Segment one omnidirectional image, without the structural test (`view_scene`)."""
+    return segment(view_scene(Scene(image, params), camera))
+
+
+def segment_frame(scene: Scene, earlier: Iterable[Earlier], camera: Camera) -> Frame:
     """Segment an image of a sequence and test it against the image before, and those farther back where one is not enough.
 
     Parameters
     ----------
-    current : ndarray of uint8, shape (H, W) or (H, W, 3)
+    scene : Scene
+        Of the current image; its domain is a bound beside the camera's rim.
     earlier : iterable of Earlier
         Images before it, the nearest first; none for the first image. They are taken one at a time, as they are needed.
     camera : Camera
-    params : Parameters
-        ``method``, and what `free_space` takes.
-    segmenting : callable
-        ``segmenting(method, callback=callback)`` segments the current image by a name or a `Segmenter`.
-    callback : callable, optional
-        Called with snapshots of the evolution.
 
     Raises
     ------
@@ -199,40 +159,33 @@ def segment_frame(
     SegmentationError
         As `ffseg.segment`.
     """
-    views = iter(earlier)
-    if params.method == "snake":
+    views, scene = iter(earlier), view_scene(scene, camera)
+    if (scene.method or row_of(scene.params.method)).altitudes:
         before = next(views, None)
         if before is not None:
-            return _snake_frame((before.image, current), camera, params, before.poses, segmenting, callback)
-    found = segmenting(params.method, callback=callback)
-    return free_space(current, found, None, camera, params.obstacles.altitude, earlier=views)
+            return _frame_by_altitudes(scene, before, camera)
+    found = segment(scene)
+    return free_space(scene.image, found, None, camera, scene.params.obstacles.altitude, earlier=views)
 
 
-def _snake_frame(
-    images: tuple[Grey, Grey],
-    camera: Camera,
-    params: Parameters,
-    poses: tuple[Pose, Pose] | None,
-    segmenting: Segmenting,
-    callback: Callable[[Progress], None] | None,
-) -> Frame:
-    """Frame of a pair by the snake, whose own term (Eq. 11) stands for the structural test.
+def _frame_by_altitudes(scene: Scene, before: Earlier, camera: Camera) -> Frame:
+    """Frame of a pair by a method whose own term (Eq. 11) stands for the structural test.
 
-    The snake runs twice: without the term, for the ground that the motion is read off, then with it.
+    It runs twice: without the term, for the ground that the motion is read off, then with it.
     """
-    begin, epsilon = perf_counter(), params.obstacles.altitude
-    previous, current = (grey_image(image) for image in images)
+    begin, epsilon = perf_counter(), scene.params.obstacles.altitude
+    previous, current = grey_image(before.image), grey_image(scene.image)
     camera.check_size(previous.shape[1], previous.shape[0], "the previous image")
-    first = segmenting("snake")
-    chosen = pair_motion(camera, (previous, current), poses, Scenery(first.mask), epsilon)
-    rows, said = None, "the snake ran without its altitude term"
+    first = segment(replace(scene, callback=None))
+    chosen = pair_motion(camera, (previous, current), before.poses, Scenery(first.mask), epsilon)
+    rows, said = scene.altitudes, "the snake ran without its altitude term"
     if chosen.motion is not None:
         points = altitude_points(ImagePair(current, previous, chosen.camera or camera, chosen.motion), epsilon)
         rows, said = points.rows, f"{points.low} points let the snake pass, {len(points.rows) - points.low} bar it"
-    second = segmenting("snake", callback=callback, altitudes=rows)
+    second = segment(replace(scene, altitudes=rows))
     spent = (first.timings, second.timings)
     timings = Timings(second.timings.edges_ms, sum(t.evolve_ms for t in spent), sum(t.total_ms for t in spent))
-    frame = free_space(current, replace(second, timings=timings), None, camera, epsilon)
+    frame = free_space(scene.image, replace(second, timings=timings), None, camera, epsilon)
     matched_ms = (perf_counter() - begin) * 1e3 - timings.total_ms
     return replace(frame, motion=chosen.motion, note=f"{chosen.note}; {said}", obstacles_ms=matched_ms)
 
@@ -367,8 +320,7 @@ class Sequence:
         window = list(self._earlier)
         self._earlier.appendleft((name, grey_image(image), pose))
         views = [Earlier(one, _both(before, pose), number) for number, one, before in window]
-        segmenting = partial(segment_view, image, self._camera, self._params)
-        frame = segment_frame(image, views, self._camera, self._params, segmenting)
+        frame = segment_frame(Scene(image, self._params), views, self._camera)
         return self._followed(frame, name, pose, window)
 
     def _followed(

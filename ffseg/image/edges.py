@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,7 @@ from ffseg.errors import SegmentationError
 from ffseg.image.checked import checked_image
 from ffseg.image.evening import evened
 from ffseg.native import _core
-from ffseg.parameters import Edges, Parameters
-from ffseg.plugins import EDGE_SOURCES, load
+from ffseg.parameters import Edges
 
 GRADIENT_SCALE = 32.0
 """Units of ``EdgeMap.gradient`` per grey level and pixel: 255/2*sqrt(2)*32 stays below 2**16."""
@@ -32,16 +32,22 @@ class EdgeMap:
         255 where the contour may go, 0 elsewhere; None means the whole image.
     thresholds : tuple of float
         The (low, high) Canny thresholds in grey levels per pixel; for ``auto`` those of the quieter windows.
-    walled : bool
-        Whether the edges wall in a region that somebody has told: all that hangs together in it belongs together, also
-        through places too narrow for a contour.
+    source : str
+        What it was made of: ``gradient``, ``prior``, ``model`` or ``evidence``.
+    odds : ndarray of float32, shape (H, W), or None
+        Where evidence tells a region: the log odds of inside, 0 where the region ends. The edges wall it in: all that
+        hangs together in it belongs together, also through places too narrow for a contour.
+    trial : object, optional
+        What a contour has found on exactly these edges, where the source has asked for one (`ffseg.contour.Found`).
     """
 
     gradient: NDArray[np.uint16]
     edges: NDArray[np.uint8]
     domain: NDArray[np.uint8] | None
     thresholds: tuple[float, float]
-    walled: bool = False
+    source: str = ""
+    odds: NDArray[np.float32] | None = None
+    trial: Any = None
 
     def magnitude(self) -> NDArray[np.float64]:
         """Gradient magnitude in grey levels per pixel, shape (H, W)."""
@@ -51,47 +57,6 @@ class EdgeMap:
         """Speed ``F_diff = 1 / (1 + |grad|**exponent)`` of Eq. 8, shape (H, W), in (0, 1]."""
         speed: NDArray[np.float64] = 1.0 / (1.0 + self.magnitude() ** exponent)
         return speed
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Scene:
-    """All that an edge source may look at.
-
-    Attributes
-    ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
-        Grey or BGR.
-    starts : ndarray of bool, shape (H, W), or None
-        Pixels in a start region: inside by definition.
-    params : Parameters
-    domain : ndarray of uint8, shape (H, W), or None
-        Nonzero where the contour may go.
-    evidence : ndarray of float32, shape (H, W), or None
-        From 0 to 1: probability of inside, or edge strength, as ``edges.evidence`` says.
-    """
-
-    image: NDArray[np.uint8]
-    starts: NDArray[np.bool_] | None
-    params: Parameters
-    domain: NDArray[np.uint8] | None = None
-    evidence: NDArray[np.float32] | None = None
-
-
-def edges_from_source(scene: Scene) -> EdgeMap:
-    """Edge map from the map that came with the image, else from ``edges.model``, else from ``edges.source``."""
-    name = "evidence" if scene.evidence is not None else source_of(scene.params)
-    found: EdgeMap = load(EDGE_SOURCES.get(name, name))(scene)
-    return found
-
-
-def source_of(params: Parameters) -> str:
-    """Name of the edge source that the parameters ask for; a model is one."""
-    return "model" if params.edges.model is not None else params.edges.source
-
-
-def gradient_edges(scene: Scene) -> EdgeMap:
-    """Canny edges of the whole image, and its gradient: the source ``gradient``."""
-    return edge_map(scene.image, scene.params.edges, scene.domain)
 
 
 RAYLEIGH_MEDIAN = 1.1774
@@ -143,7 +108,7 @@ def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] 
     gradient, edges = np.empty(shape, np.uint16), np.empty(shape, np.uint8)
     _core.gradient_and_ridges(np.ascontiguousarray(evened(image, params)), params.sigma, gradient, edges)
     thresholds = _canny(gradient, params, domain, edges)
-    return EdgeMap(gradient, edges, domain, thresholds)
+    return EdgeMap(gradient, edges, domain, thresholds, "gradient")
 
 
 def _checked_domain(domain: object, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:

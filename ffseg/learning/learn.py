@@ -32,6 +32,7 @@ from ffseg.learning.training import (
 from ffseg.metrics import iou
 from ffseg.parameters import Parameters
 from ffseg.pipeline import segment
+from ffseg.scene import Scene
 
 FOLDS = 10
 """Parts the images are left out in; with fewer images, each is left out alone."""
@@ -169,7 +170,7 @@ def _overlap(one: Labelled, model: Model | None) -> float:
 
 def _contoured(one: Labelled, params: Parameters, evidence: NDArray[np.float32] | None) -> float:
     try:
-        return iou(segment(one.image, params, evidence=evidence, **one.masks.bounds).mask, one.truth)
+        return iou(segment(Scene(one.image, params, evidence=evidence, **one.masks.bounds)).mask, one.truth)
     except SegmentationError:
         return 0.0
 
@@ -184,7 +185,7 @@ def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tup
     count, rng, points = len(chosen), np.random.default_rng(0), []
     labelled = [_started(one, rng) for one in labelled]
     seen = [features(exposed(one.image), one.start, names=KNOWN) for one in labelled if one.start is not None]
-    odds = [prior(one.image, one.start).odds for one in labelled if one.start is not None]
+    odds = [prior(one.image, one.start) for one in labelled if one.start is not None]
     if len(seen) < count:
         return ()
     for number in sorted({*(2**power for power in range(count.bit_length()) if 2**power < count), count - 1}):

@@ -7,7 +7,6 @@ from dataclasses import replace
 from math import exp
 
 from ffseg.evidence.maps import log_odds
-from ffseg.image.edges import source_of
 from ffseg.parameters import Parameters
 
 Setting = dict[str, object]
@@ -60,7 +59,7 @@ def halton(index: int, base: int) -> float:
 
 def levels(params: Parameters) -> list[Setting]:
     """Levels of probability round the one at hand, the nearest first, where the parameters ask for probabilities."""
-    if source_of(params) not in JUDGED:
+    if ("model" if params.edges.model is not None else params.edges.source) not in JUDGED:
         return []
     own = params.region.probability
     steps = [sign * step for step in range(1, LEVEL_STEPS + 1) for sign in (1, -1)]

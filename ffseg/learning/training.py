@@ -143,7 +143,7 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
         found = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1)[:, chosen].T)
         rows += [found, mirrored(found)]
         labels += [known.ravel()[chosen] > 0] * 2
-        odds += [reduced_mean(prior(example.image, start).odds, seen.factor).ravel()[chosen]] * 2
+        odds += [reduced_mean(prior(example.image, start), seen.factor).ravel()[chosen]] * 2
     inside = np.concatenate(labels) if labels else np.zeros(0, np.bool_)
     if inside.all() or not inside.any():
         side = "outside" if inside.any() else "inside"

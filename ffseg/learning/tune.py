@@ -11,6 +11,7 @@ from statistics import mean
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.contour import bounded
 from ffseg.errors import SegmentationError
 from ffseg.image.edges import EdgeMap
 from ffseg.learning.choice import Trial, Tried
@@ -18,8 +19,8 @@ from ffseg.learning.gather import Labelled, known_share
 from ffseg.learning.space import MOST_SETTINGS, SHARED, Setting, applied, levels, settings
 from ffseg.metrics import iou
 from ffseg.parameters import Parameters
-from ffseg.pipeline import edges_of, segment
-from ffseg.starts.given import start_contours
+from ffseg.pipeline import segment, with_domain, with_evidence, with_method, with_starts
+from ffseg.scene import NO_EDGES, Scene
 
 BRACKET = 24
 """Settings that set out together; half of them go on to the next images."""
@@ -97,7 +98,8 @@ class Bench:
         try:
             shared = params.edges.source == SHARED and params.edges.model is None
             edges = self._edges(number, params) if shared else None
-            return segment(one.image, params, edges=edges, **one.masks.bounds).mask
+            scene = Scene(one.image, params, edges=edges or NO_EDGES, given=shared, **one.masks.bounds)
+            return segment(scene).mask
         except SegmentationError:
             return None
 
@@ -105,8 +107,8 @@ class Bench:
         key = (number, params.edges)
         if key not in self._maps:
             one = self._labelled[number]
-            starts = start_contours((one.image.shape[0], one.image.shape[1]), params, one.masks.start)
-            made = edges_of(one.image, starts, params, one.masks.domain)
+            scene = with_starts(with_method(Scene(one.image, params, **one.masks.bounds)))
+            made = bounded(with_evidence(with_domain(scene))).edges
             self._bytes += made.gradient.nbytes + made.edges.nbytes
             while self._bytes > MOST_CACHED and self._maps:
                 old = self._maps.pop(next(iter(self._maps)))

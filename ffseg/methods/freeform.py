@@ -9,20 +9,20 @@ from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed, unpacked
 from ffseg.image.edges import GRADIENT_SCALE
-from ffseg.methods.base import BlockedStartError, Outcome, Progress, Stats, View
 from ffseg.native import _core
 from ffseg.parameters import STILL, Parameters
+from ffseg.scene import BlockedStartError, Outcome, Progress, Scene, Stats
 
 RIDGE_SHARE = 0.5
 """A ridge may be this much weaker than the low Canny threshold: between samples the edge fades and returns."""
 
 
-def run(view: View) -> Outcome:
+def run(scene: Scene) -> Outcome:
     """Evolve the start contours on an edge map until they stop (Algorithm 4), then settle them on its ridges.
 
     Parameters
     ----------
-    view : View
+    scene : Scene
         Of its parameters ``contour``, ``region.weight`` and ``region.window`` are used; of the image, where that weight is
         above 0, the colours. A negative ``contour.balloon`` closes in from outside.
 
@@ -42,7 +42,7 @@ def run(view: View) -> Outcome:
     Differs: a contour that closes in is evolved as the hole of a growing one; its orientation is turned round
     on the way in and out.
     """
-    edge_map, starts, params, callback = view.edges, view.starts, view.params, view.callback
+    edge_map, starts, params, callback = scene.edges, scene.starts, scene.params, scene.callback
     if params.contour.balloon == 0:
         raise ParameterError(STILL)
     shrinking = params.contour.balloon < 0
@@ -51,14 +51,14 @@ def run(view: View) -> Outcome:
         *packed(oriented),
         edge_map.edges,
         edge_map.domain,
-        _options(view),
-        _colours(view),
-        None if view.footprint is None else view.footprint.cells,
+        _options(scene),
+        _colours(scene),
+        None if scene.footprint is None else scene.footprint.cells,
     )
     if evolution.stop_reason == "blocked":
-        if view.footprint is not None:
+        if scene.footprint is not None:
             raise BlockedStartError(
-                f"or nearer to an edge than the footprint of {view.footprint.radius_m:g} m: give a smaller one"
+                f"or nearer to an edge than the footprint of {scene.footprint.radius_m:g} m: give a smaller one"
             )
         raise BlockedStartError("move init.center, change init.radius or raise edges.canny")
 
@@ -71,7 +71,7 @@ def run(view: View) -> Outcome:
         evolution.advance(params.contour.max_iterations + 1)
     else:
         callback(Progress(0, starts))
-        while evolution.advance(view.every):
+        while evolution.advance(scene.every):
             callback(Progress(evolution.counts()["iterations"], current()))
     evolution.settle(edge_map.gradient)
     contours = current()
@@ -98,18 +98,18 @@ def native_options(params: Parameters, low: float) -> _core.EvolutionOptions:
     return options
 
 
-def _options(view: View) -> _core.EvolutionOptions:
-    options = native_options(view.params, view.edges.thresholds[0])
-    if view.footprint is not None:
-        options.clearance = view.footprint.diameter
+def _options(scene: Scene) -> _core.EvolutionOptions:
+    options = native_options(scene.params, scene.edges.thresholds[0])
+    if scene.footprint is not None:
+        options.clearance = scene.footprint.diameter
     return options
 
 
-def _colours(view: View) -> NDArray[np.uint8] | None:
+def _colours(scene: Scene) -> NDArray[np.uint8] | None:
     """The image by channels, shape (H, W, C), where its colours have a weight."""
-    if view.params.region.weight == 0:
+    if scene.params.region.weight == 0:
         return None
-    return np.ascontiguousarray(view.image[..., None] if view.image.ndim == 2 else view.image)
+    return np.ascontiguousarray(scene.image[..., None] if scene.image.ndim == 2 else scene.image)
 
 
 def _stats(evolution: _core.Evolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]) -> Stats:

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed_points, unpacked
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
-from ffseg.methods.base import LONGEST_MARCH, BlockedStartError, Outcome, Progress, Stats, View, check_sides
 from ffseg.native import _core
 from ffseg.parameters import Parameters
+from ffseg.scene import LONGEST_MARCH, BlockedStartError, Outcome, Progress, Scene, Stats, check_sides
 
 START_TOLERANCE = 0.02
 """Pixels between a start contour and the polygon the distances are taken from."""
@@ -19,12 +19,12 @@ LEVELS = 1 << 16
 """Values a stored gradient can have."""
 
 
-def run(view: View) -> Outcome:
+def run(scene: Scene) -> Outcome:
     """March a front from the start contours until only nodes on edges are left (Eq. 12, Section 5.1).
 
     Parameters
     ----------
-    view : View
+    scene : Scene
         Of its parameters ``levelset`` and ``edges.exponent``; of ``contour`` only the sign of ``balloon``. One node
         moves per iteration: a callback hears of the start and the end.
 
@@ -49,10 +49,10 @@ def run(view: View) -> Outcome:
     edge while the gradient rises, at most ``levelset.settle`` pixels, and the outline crosses between two nodes where
     the gradient's slope along the grid line changes sign.
     """
-    check_sides(view.image.shape, LONGEST_MARCH, "method levelset")
-    edge_map, starts, params = view.edges, view.starts, view.params
+    check_sides(scene.image.shape, LONGEST_MARCH, "method levelset")
+    edge_map, starts, params = scene.edges, scene.starts, scene.params
     options = _options(edge_map, params)
-    inside = view.start_region()
+    inside = scene.start_region()
     seeds = ~inside if options.closing_in else inside
     points, offsets = packed_points(start.flatten(START_TOLERANCE) for start in starts)
     flat, ends, counts = _core.level_set(
@@ -67,9 +67,9 @@ def run(view: View) -> Outcome:
     if counts["initial_band"] == 0:
         raise BlockedStartError("move init.center, change init.radius or lower levelset.stop_speed")
     contours = unpacked(flat.reshape(-1, 2), ends, 1)
-    if view.callback is not None:
-        view.callback(Progress(0, starts))
-        view.callback(Progress(counts["accepted"], contours))
+    if scene.callback is not None:
+        scene.callback(Progress(0, starts))
+        scene.callback(Progress(counts["accepted"], contours))
     return Outcome(contours, _stats(counts, contours))
 
 

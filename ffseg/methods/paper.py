@@ -5,17 +5,17 @@ from __future__ import annotations
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed, unpacked
 from ffseg.image.edges import EdgeMap
-from ffseg.methods.base import Outcome, Progress, Stats, View
 from ffseg.native import _core
 from ffseg.parameters import Parameters
+from ffseg.scene import Outcome, Progress, Scene, Stats
 
 
-def run(view: View) -> Outcome:
+def run(scene: Scene) -> Outcome:
     """Evolve the start contours by Algorithm 4.
 
     Parameters
     ----------
-    view : View
+    scene : Scene
         Of its parameters ``contour`` is used but for ``clearance`` and ``settle``, ``edges.exponent`` and ``.sigma``,
         and ``paper``. A negative ``contour.balloon`` closes in.
 
@@ -30,9 +30,9 @@ def run(view: View) -> Outcome:
     in homogeneous ground by ``balloon * F_diff`` (Eq. 8), round an edge up the slope of the edge force. It ends when
     at most one sample in a hundred moves by a tenth of a pixel. What the paper leaves open is listed in docs/method.md.
     """
-    params, callback = view.params, view.callback
+    params, callback = scene.params, scene.callback
     degree = params.contour.degree
-    evolution = _evolution(view.edges, view.starts, params)
+    evolution = _evolution(scene.edges, scene.starts, params)
 
     def current() -> tuple[FreeForm, ...]:
         points, offsets = evolution.contours()
@@ -41,13 +41,13 @@ def run(view: View) -> Outcome:
     if callback is None:
         evolution.advance(params.contour.max_iterations + 1)
     else:
-        callback(Progress(0, view.starts))
-        while evolution.advance(view.every):
+        callback(Progress(0, scene.starts))
+        while evolution.advance(scene.every):
             callback(Progress(evolution.counts()["iterations"], current()))
     contours = current()
     if callback is not None:
         callback(Progress(evolution.counts()["iterations"], contours))
-    return Outcome(contours, _stats(evolution, view.starts, contours))
+    return Outcome(contours, _stats(evolution, scene.starts, contours))
 
 
 def _evolution(edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters) -> _core.PaperEvolution:

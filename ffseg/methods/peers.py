@@ -15,7 +15,6 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image import opencv_peers
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
-from ffseg.methods.base import Outcome, View
 from ffseg.parameters import Edges, Parameters
 from ffseg.peer_parameters import (
     EdgeComponents,
@@ -32,6 +31,7 @@ from ffseg.peer_parameters import (
     Watershed,
 )
 from ffseg.plugins import PEERS
+from ffseg.scene import Outcome, Scene
 
 Mask = NDArray[np.bool_]
 Image = NDArray[np.uint8]
@@ -150,71 +150,71 @@ def _region(mask: Mask) -> Outcome:
     return Outcome(None, mask=mask)
 
 
-def cv_floodfill(view: View) -> Outcome:
+def cv_floodfill(scene: Scene) -> Outcome:
     """OpenCV's flood fill."""
-    return _region(opencv_peers.floodfill(view.image, _seeds(view), _section(view, FloodFill)))
+    return _region(opencv_peers.floodfill(scene.image, _seeds(scene), _section(scene, FloodFill)))
 
 
-def cv_edges(view: View) -> Outcome:
+def cv_edges(scene: Scene) -> Outcome:
     """Edge threshold and connected components."""
-    return _region(opencv_peers.edge_components(view.edges, _seeds(view), _section(view, EdgeComponents)))
+    return _region(opencv_peers.edge_components(scene.edges, _seeds(scene), _section(scene, EdgeComponents)))
 
 
-def cv_edges_opened(view: View) -> Outcome:
+def cv_edges_opened(scene: Scene) -> Outcome:
     """Edge threshold, opened against gaps, and connected components."""
-    return _region(opencv_peers.edge_opened(view.edges, _seeds(view), _section(view, EdgeOpened)))
+    return _region(opencv_peers.edge_opened(scene.edges, _seeds(scene), _section(scene, EdgeOpened)))
 
 
-def cv_watershed(view: View) -> Outcome:
+def cv_watershed(scene: Scene) -> Outcome:
     """OpenCV's watershed."""
-    return _region(opencv_peers.watershed(view.image, _seeds(view), _section(view, Watershed)))
+    return _region(opencv_peers.watershed(scene.image, _seeds(scene), _section(scene, Watershed)))
 
 
-def cv_grabcut(view: View) -> Outcome:
+def cv_grabcut(scene: Scene) -> Outcome:
     """OpenCV's GrabCut."""
-    return _region(opencv_peers.grabcut(view.image, _seeds(view), _section(view, GrabCut)))
+    return _region(opencv_peers.grabcut(scene.image, _seeds(scene), _section(scene, GrabCut)))
 
 
-def skimage_gac(view: View) -> Outcome:
+def skimage_gac(scene: Scene) -> Outcome:
     """scikit-image's morphological geodesic active contour."""
-    return _region(geodesic(view.edges, _seeds(view), _section(view, SkimageGac)))
+    return _region(geodesic(scene.edges, _seeds(scene), _section(scene, SkimageGac)))
 
 
-def skimage_chan_vese(view: View) -> Outcome:
+def skimage_chan_vese(scene: Scene) -> Outcome:
     """scikit-image's morphological Chan-Vese."""
-    return _region(_skimage_chan_vese(view.image, _seeds(view), _section(view, SkimageChanVese)))
+    return _region(_skimage_chan_vese(scene.image, _seeds(scene), _section(scene, SkimageChanVese)))
 
 
-def skimage_snake(view: View) -> Outcome:
+def skimage_snake(scene: Scene) -> Outcome:
     """scikit-image's snake."""
-    return _region(_skimage_snake(view.image, _section(view, SkimageSnake)))
+    return _region(_skimage_snake(scene.image, _section(scene, SkimageSnake)))
 
 
-def sitk_fast_marching(view: View) -> Outcome:
+def sitk_fast_marching(scene: Scene) -> Outcome:
     """SimpleITK's fast marching."""
-    section = _section(view, SitkFastMarching)
-    return _region(opencv_peers.grown(_sitk_front(view.edges, _seeds(view), section.threshold), section.grow))
+    section = _section(scene, SitkFastMarching)
+    return _region(opencv_peers.grown(_sitk_front(scene.edges, _seeds(scene), section.threshold), section.grow))
 
 
-def sitk_gac(view: View) -> Outcome:
+def sitk_gac(scene: Scene) -> Outcome:
     """SimpleITK's geodesic active contour."""
-    return _region(_sitk_gac(view.edges, _seeds(view), _section(view, SitkGac)))
+    return _region(_sitk_gac(scene.edges, _seeds(scene), _section(scene, SitkGac)))
 
 
-def skfmm(view: View) -> Outcome:
+def skfmm(scene: Scene) -> Outcome:
     """scikit-fmm's travel time."""
-    return _region(_skfmm(view.edges, _seeds(view), _section(view, SkFmm)))
+    return _region(_skfmm(scene.edges, _seeds(scene), _section(scene, SkFmm)))
 
 
 S = TypeVar("S")
 
 
-def _section(view: View, kind: type[S]) -> S:
-    return view.options if isinstance(view.options, kind) else kind()
+def _section(scene: Scene, kind: type[S]) -> S:
+    return scene.options if isinstance(scene.options, kind) else kind()
 
 
-def _seeds(view: View) -> Mask:
-    seeds = view.start_region()
+def _seeds(scene: Scene) -> Mask:
+    seeds = scene.start_region()
     if not seeds.any():
         raise SegmentationError("the start contour covers no pixel, and a peer needs one; raise init.radius")
     return seeds
@@ -231,7 +231,4 @@ def configured(params: Parameters, name: str, peers: PeerParameters | None = Non
     if name not in PEERS:
         return params, None
     peers = peers or PeerParameters()
-    own = edge_parameters(name, params.edges, peers)
-    if own.source == "auto":
-        own = replace(own, source="gradient")
-    return replace(params, edges=own), getattr(peers, name)
+    return replace(params, edges=edge_parameters(name, params.edges, peers)), getattr(peers, name)

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
-from ffseg.methods.base import LONGEST_MARCH, Outcome, Progress, Stats, View, check_sides
 from ffseg.native import _core
 from ffseg.parameters import Parameters
+from ffseg.scene import LONGEST_MARCH, Outcome, Progress, Scene, Stats, check_sides
 
 START_SPACING = 0.75
 """Distance of the first points in units of ``snake.spacing``: half-way between a split and what a split leaves."""
@@ -17,12 +17,12 @@ START_SPACING = 0.75
 FEWEST_POINTS = 8
 
 
-def run(view: View) -> Outcome:
+def run(scene: Scene) -> Outcome:
     """Evolve one closed snake until it rests (Eq. 10, Section 5.1).
 
     Parameters
     ----------
-    view : View
+    scene : Scene
         With exactly one start. Of its parameters ``snake``; of ``contour`` the keys ``balloon``, ``refine`` and
         ``max_iterations``; ``obstacles.altitude``.
 
@@ -42,13 +42,13 @@ def run(view: View) -> Outcome:
     Kass's internal energy, solved implicitly: (I + A) v' = v + F. In homogeneous parts F is the balloon (Cohen), as
     long as no other stretch of the snake is met; round Canny edges it is ``attraction * grad ln |grad I|`` along the
     normal, which for an edge blurred with sigma^2 = ``attraction`` points at the ridge with the right length.
-    Points of ``view.altitudes`` below ``obstacles.altitude`` switch edges off in their zones, others double the force
+    Points of ``scene.altitudes`` below ``obstacles.altitude`` switch edges off in their zones, others double the force
     (Eq. 11); where both lie near, the edge stands.
     Differs: the paper's external energy is the gradient magnitude itself; its logarithm has the same minima but
     does not depend on the contrast. The one contour does not split: round an island it closes to a slit.
     """
-    check_sides(view.image.shape, LONGEST_MARCH, "method snake")
-    edge_map, starts, params, callback = view.edges, view.starts, view.params, view.callback
+    check_sides(scene.image.shape, LONGEST_MARCH, "method snake")
+    edge_map, starts, params, callback = scene.edges, scene.starts, scene.params, scene.callback
     if len(starts) != 1:
         raise SegmentationError(
             f"the snake is one closed contour, but {len(starts)} starts are given; give one, or use method freeform"
@@ -58,7 +58,7 @@ def run(view: View) -> Outcome:
         edge_map.gradient,
         edge_map.edges,
         edge_map.domain,
-        np.ascontiguousarray(view.altitudes, dtype=np.float64),
+        np.ascontiguousarray(scene.altitudes, dtype=np.float64),
         params.obstacles.altitude,
         _options(params),
     )
@@ -67,7 +67,7 @@ def run(view: View) -> Outcome:
         snake.advance(params.contour.max_iterations + 1)
     else:
         callback(Progress(0, starts))
-        while snake.advance(view.every):
+        while snake.advance(scene.every):
             callback(Progress(snake.iterations, _contours(snake)))
     contours = _contours(snake)
     if callback is not None:

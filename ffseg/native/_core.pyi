@@ -181,20 +181,6 @@ def rasterize(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), or
     Region (winding > 0) of closed contours at the pixel centres, 1 or 0 into `out`.
     """
 
-class RowSums:
-    """Sums of an image's colours along its rows."""
-
-    def __init__(self, image: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], bins: int) -> None: ...
-
-    @property
-    def length(self) -> int:
-        """Sums of a set: pixels, channels, products, histogram."""
-
-    def measure(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], degree: int, tolerance: float, band: float, out: Annotated[NDArray[numpy.int64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
-        """
-        Sums over the region of closed contours, over its inner and over its outer band, into rows of `out`.
-        """
-
 class Pressure:
     """The balloon's pressure by colour."""
 

@@ -12,7 +12,7 @@ from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.free import free_pixels, ground_under, room_round
 from ffseg.image.raster import rasterize
-from ffseg.methods.base import View
+from ffseg.scene import Scene
 from ffseg.starts.given import circle_start
 
 SMALLEST = 2.0
@@ -39,12 +39,12 @@ class Circle:
         return f"({self.x:.4g}, {self.y:.4g}), radius {self.radius:.4g}"
 
 
-def freed(view: View, remedy: str) -> tuple[View, str]:
-    """The view with every start in the nearest free place that has room for it, and a sentence that says so.
+def moved(scene: Scene, remedy: str) -> tuple[Scene, str]:
+    """The scene with every start in the nearest free place that has room for it, and a sentence that says so.
 
     Parameters
     ----------
-    view : View
+    scene : Scene
         Its starts become circles, each with the patches a start circle would have.
     remedy : str
         What to do where there is no free place at all.
@@ -59,16 +59,16 @@ def freed(view: View, remedy: str) -> tuple[View, str]:
     A place costs its distance from the start's centre and what the radius must shrink there; the cheapest one counts,
     on the same side of all edges as most of the start where there is any.
     """
-    free = free_pixels(view.edges.edges, view.domain, view.params.contour.clearance)
-    room, cause = room_round(free) - SPARE, _cause(view)
+    free = free_pixels(scene.edges.edges, scene.domain, scene.params.contour.clearance)
+    room, cause = room_round(free) - SPARE, _cause(scene)
     if float(room.max(initial=0.0)) < SMALLEST:
         raise SegmentationError(f"the start contour lies {cause} at every sample, and there is no free place; {remedy}")
-    open_ground = free_pixels(view.edges.edges, view.domain)
-    pairs = [placed(start, room, ground_under(open_ground, rasterize([start], room.shape))) for start in view.starts]
-    moved = tuple(circle_start((new.x, new.y, new.radius), view.params) for _, new in pairs)
+    open_ground = free_pixels(scene.edges.edges, scene.domain)
+    pairs = [placed(start, room, ground_under(open_ground, rasterize([start], room.shape))) for start in scene.starts]
+    starts = tuple(circle_start((new.x, new.y, new.radius), scene.params) for _, new in pairs)
     others = f", and {len(pairs) - 1} more" if len(pairs) > 1 else ""
     told = f"the start at {pairs[0][0]} lay {cause} and was moved to {pairs[0][1]}{others}"
-    return replace(view, starts=moved), told
+    return replace(scene, starts=starts), told
 
 
 def placed(start: FreeForm, room: NDArray[np.float32], own: Mask | None) -> tuple[Circle, Circle]:
@@ -100,17 +100,17 @@ def as_circle(start: FreeForm) -> Circle:
     return Circle(float(middle[0]), float(middle[1]), sqrt(abs(start.signed_area) / pi))
 
 
-def _cause(view: View) -> str:
+def _cause(scene: Scene) -> str:
     """Where the samples of the starts lie, as words to follow "lies"."""
-    points = np.rint(np.concatenate([start.flatten(0.5) for start in view.starts])).astype(int)
-    free = free_pixels(view.edges.edges, view.domain)
+    points = np.rint(np.concatenate([start.flatten(0.5) for start in scene.starts])).astype(int)
+    free = free_pixels(scene.edges.edges, scene.domain)
     height, width = free.shape
     inside = (points >= 0).all(axis=1) & (points[:, 0] < width) & (points[:, 1] < height)
     columns, rows = points[inside].T
-    within = np.ones(len(rows), np.bool_) if view.domain is None else view.domain[rows, columns] > 0
+    within = np.ones(len(rows), np.bool_) if scene.domain is None else scene.domain[rows, columns] > 0
     if not within.any():
         return "outside the domain"
-    clearance = view.params.contour.clearance
+    clearance = scene.params.contour.clearance
     if clearance > 0 and free[rows, columns].any():
         return f"nearer to an edge than half of contour.clearance ({clearance:g})"
     return "on an edge" if within.all() else "on an edge or outside the domain"

@@ -22,7 +22,7 @@ SLOPE = 4.0
 """Grey levels per pixel that halve a front's speed. On photographs of things 3 to 12 do alike, thresholds from noise worse."""
 
 
-def bounded(edges: EdgeMap, start: Mask, params: Parameters, background: Plane | None = None) -> EdgeMap:
+def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: Plane | None = None) -> EdgeMap:
     """The edge map with its domain cut down to what the start reaches before its rivals do.
 
     Parameters

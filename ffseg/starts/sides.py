@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.free import free_pixels, open_sides, room_round
 from ffseg.image.raster import rasterize
-from ffseg.methods.base import View
+from ffseg.scene import Scene
 from ffseg.starts.given import circle_start
 from ffseg.starts.moved import SIZE_WEIGHT, SPARE, Circle, as_circle, placed
 
@@ -36,16 +36,16 @@ FLAT = 0.05
 """Pixels between the rim of a start and the polygon that is looked at."""
 
 
-def on_one_side(view: View) -> tuple[View, tuple[str, ...]]:
-    """The view with every start circle on one side of all edges, and sentences about those that were not.
+def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
+    """The scene with every start circle on one side of all edges, and sentences about those that were not.
 
     Parameters
     ----------
-    view : View
+    scene : Scene
 
     Returns
     -------
-    View
+    Scene
         The same if no start can be moved.
     tuple of str
 
@@ -55,30 +55,30 @@ def on_one_side(view: View) -> tuple[View, tuple[str, ...]]:
     are looked at, and not those round a camera, which sees its own robot in them. A mark that lies in a circle whole has
     no side on its rim.
     """
-    if view.fixed or view.params.contour.balloon < 0:
-        return view, ()
-    crossed = [at for at, start in enumerate(view.starts) if _holds_edge(start, view) and _is_circle(start)]
+    if scene.fixed or scene.params.contour.balloon < 0:
+        return scene, ()
+    crossed = [at for at, start in enumerate(scene.starts) if _holds_edge(start, scene) and _is_circle(start)]
     if not crossed:
-        return view, ()
-    open_ground = free_pixels(view.edges.edges, view.domain)
-    crossed = [at for at in crossed if _has_sides(view.starts[at], open_ground)]
+        return scene, ()
+    open_ground = free_pixels(scene.edges.edges, scene.domain)
+    crossed = [at for at in crossed if _has_sides(scene.starts[at], open_ground)]
     if not crossed:
-        return view, ()
+        return scene, ()
     sides = open_sides(open_ground, HOLLOW)
-    crossed = [at for at in crossed if _num_sides(view.starts[at], sides) > 1]
+    crossed = [at for at in crossed if _num_sides(scene.starts[at], sides) > 1]
     if not crossed:
-        return view, ()
-    starts, told = list(view.starts), []
-    free = free_pixels(view.edges.edges, view.domain, view.params.contour.clearance)
+        return scene, ()
+    starts, told = list(scene.starts), []
+    free = free_pixels(scene.edges.edges, scene.domain, scene.params.contour.clearance)
     for at in crossed:
-        old, new = _moved(view.starts[at], free, sides)
+        old, new = _moved(scene.starts[at], free, sides)
         if new.radius < LEAST_KEPT * old.radius or hypot(new.x - old.x, new.y - old.y) > old.radius:
             told.append(f"the start at {old} lies across an edge; the contour grows on both sides of it")
             continue
-        starts[at] = circle_start((new.x, new.y, new.radius), view.params)
+        starts[at] = circle_start((new.x, new.y, new.radius), scene.params)
         told.append(f"the start at {old} lay across an edge and was moved to {new}")
-    kept = all(start is old for start, old in zip(starts, view.starts, strict=True))
-    return (view if kept else replace(view, starts=tuple(starts))), tuple(told)
+    kept = all(start is old for start, old in zip(starts, scene.starts, strict=True))
+    return (scene if kept else replace(scene, starts=tuple(starts))), tuple(told)
 
 
 def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int, int]]:
@@ -119,11 +119,11 @@ def _is_circle(start: FreeForm) -> bool:
     return bool(np.ptp(distance) <= 1e-6 * radius) and start.signed_area >= ROUND * radius**2
 
 
-def _holds_edge(start: FreeForm, view: View) -> bool:
+def _holds_edge(start: FreeForm, scene: Scene) -> bool:
     """Whether an edge lies in the box round a start: mostly none does, and that is known at once."""
     low, high = start.control_points.min(axis=0).tolist(), start.control_points.max(axis=0).tolist()
     columns, rows = (slice(int(max(a - 1, 0)), ceil(max(b + 2, 0))) for a, b in zip(low, high, strict=True))
-    return bool(view.edges.edges[rows, columns].any())
+    return bool(scene.edges.edges[rows, columns].any())
 
 
 def _num_sides(start: FreeForm, sides: NDArray[np.int32]) -> int:

@@ -21,6 +21,7 @@ from statistics import mean, median, pstdev
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.api import segment
 from ffseg.evidence import base, prior
 from ffseg.evidence.features import KNOWN, enlarged, exposed, features
 from ffseg.evidence.forest import Model, to_bytes
@@ -46,7 +47,6 @@ from ffseg.learning.training import (
 )
 from ffseg.metrics import iou
 from ffseg.parameters import Edges, load_params
-from ffseg.pipeline import segment
 from tests.campaigns import learn_base, learn_prior
 from tests.campaigns.real_images import SETS, Photograph, load
 from tests.real_data import data_folder
@@ -229,7 +229,7 @@ def costs(one: Photograph, chosen: Sequence[Samples]) -> None:
     data = lightgbm.Dataset(chosen[0].rows, chosen[0].inside.astype(np.float32))
     booster = lightgbm.train({**SETTINGS, "learning_rate": RATE}, data, TREES)
     for image, start in ((one.image, start_of(one)), stretched(one)):
-        seen, native, odds = model.look(image, start), model.inside.compiled(), prior.prior(image, start).odds
+        seen, native, odds = model.look(image, start), model.inside.compiled(), prior.prior(image, start)
         rows = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1).T)
         probability, own = model.map(seen, native, odds), edge_map(image, Edges())
         parts: dict[str, Callable[[], object]] = {

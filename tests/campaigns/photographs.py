@@ -28,6 +28,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.api import segment
 from ffseg.batch.plan.jobs import Job
 from ffseg.compare.run import compare, plan_comparison
 from ffseg.compare.values import Comparison, Row
@@ -36,13 +37,12 @@ from ffseg.io.files import write_bytes_atomic
 from ffseg.io.images import read_image, single_thread
 from ffseg.io.masks import read_levels
 from ffseg.io.tables import csv_table
-from ffseg.methods.base import Segmentation
 from ffseg.methods.peers import configured
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters
-from ffseg.pipeline import segment
 from ffseg.plugins import PEERS, SEGMENTERS
+from ffseg.result import Segmentation
 from tests.real_data import data_folder
 
 SETS = ("road", "seeded_objects")

@@ -12,14 +12,14 @@ from time import process_time
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.api import segment
 from ffseg.errors import FfsegError
 from ffseg.image.edges import edge_map
 from ffseg.io.images import read_image
 from ffseg.io.masks import read_levels
-from ffseg.methods.base import Segmentation
 from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import Edges, Parameters
-from ffseg.pipeline import segment
+from ffseg.result import Segmentation
 
 SETS = ("road", "seeded_objects", "real_floors/indoor", "real_floors/omni")
 LARGEST_START, SMALL_START = 20.0, 8.0

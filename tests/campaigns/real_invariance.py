@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.api import segment
 from ffseg.errors import FfsegError
 from ffseg.metrics import INSIDE, iou
 from ffseg.parameters import Parameters
-from ffseg.pipeline import segment
 from tests import scenes
 from tests.campaigns.real_images import Photograph
 

@@ -17,11 +17,11 @@ from time import process_time
 
 import cv2
 
+from ffseg.api import segment
 from ffseg.image.edges import edge_map
 from ffseg.io.images import single_thread
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
-from ffseg.pipeline import segment
 from tests.campaigns.real_images import Photograph, load
 from tests.real_data import data_folder
 

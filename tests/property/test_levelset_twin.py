@@ -11,9 +11,9 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.methods import levelset
-from ffseg.methods.base import View
 from ffseg.native import _core
 from ffseg.parameters import load_params
+from ffseg.scene import Scene
 
 TIME_TOLERANCE = 1e-9
 """The twins do the same sums in another order of terms: a few units in the last place of times up to 1e4."""
@@ -71,7 +71,7 @@ def test_mask_is_the_climbed_region(seed: int) -> None:
     inside = rasterize((start,), shape)
     edge_map = EdgeMap(gradient, np.zeros(shape, np.uint8), None, (2.0, low / 32))
     params = load_params(None, {"levelset.settle": settle, "levelset.min_area": 0.0})
-    outcome = levelset.run(View(np.empty(shape, np.uint8), edge_map, (start,), params))
+    outcome = levelset.run(Scene(np.empty(shape, np.uint8), params, edges=edge_map, starts=(start,)))
     speed = np.where(gradient >= low, 0.0, 1.0 / (1.0 + (gradient / 32.0) ** 2))
     times, order, on_contour = naive.fast_march(speed, 0.0, inside, np.ones(shape, bool))
     region = naive.climb(set(times), gradient.astype(np.int64), on_contour, low, settle)

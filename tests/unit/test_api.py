@@ -16,7 +16,6 @@ import pytest
 from PIL import Image
 
 import ffseg
-from ffseg import pipeline as registry
 from ffseg.io.exports import geojson_document
 from ffseg.io.saving.kinds import annotated
 from ffseg.schema.kinds import Integer, Number
@@ -351,11 +350,3 @@ def test_a_side_that_no_method_takes_is_said_in_a_sentence(method: str, side: in
         ffseg.SegmentationError, match=f"the image has {sizes} pixels, .* takes at most {most} a side; "
     ):
         ffseg.segment(image, start, method=method)
-
-
-def test_the_public_function_takes_what_the_inner_one_takes() -> None:
-    """They are listed twice, because both are called by name: what one learns, the other has."""
-    public, inner = (inspect.signature(function).parameters for function in (ffseg.segment, registry.segment))
-    assert list(public) == list(inner)
-    assert [public[name].kind for name in public] == [inner[name].kind for name in inner]
-    assert all(public[name].default == inner[name].default for name in inner if name != "params")

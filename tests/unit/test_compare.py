@@ -17,9 +17,10 @@ from ffseg.errors import ParameterError, SegmentationError, UsageError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.io.overlays import Polyline
 from ffseg.io.panels import STRIP, TILE_WIDTH, Tile, encode_panel
-from ffseg.methods.base import Segmentation, Stats, Timings
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters
+from ffseg.result import Segmentation, Timings
+from ffseg.scene import Stats
 
 CONTRACT = [
     *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),

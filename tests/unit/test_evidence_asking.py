@@ -52,7 +52,7 @@ def test_a_model_adds_the_log_odds_of_the_prior() -> None:
     even = Forest({**stump("x", 0.5).arrays, "value": np.ones(2, np.float32)}, bias=0.25)
     alone, both = (Model(even, exposed=True, prior=weight) for weight in (0.0, 0.5))
     np.testing.assert_allclose(told(alone, one.image, one.start), 1 / (1 + np.exp(-1.25)), rtol=1e-6)
-    sums = 1.25 + 0.5 * prior(one.image, one.start).odds
+    sums = 1.25 + 0.5 * prior(one.image, one.start)
     np.testing.assert_allclose(told(both, one.image, one.start), 1 / (1 + np.exp(-sums)), rtol=1e-5)  # single precision
     with pytest.raises(ValueError, match="asks the prior"):
         both.map(both.look(one.image, one.start))

@@ -20,7 +20,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.io.animation import FRAME_MS, LAST_MS, animation_bytes
 from ffseg.io.snapshots import scaled_contour, scaled_down, spread
 from ffseg.io.strip import film_strip_svg
-from ffseg.methods.base import Progress
+from ffseg.scene import Progress
 
 ROOT = Path(__file__).resolve().parents[2]
 

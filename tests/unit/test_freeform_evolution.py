@@ -13,9 +13,9 @@ from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import edge_map
 from ffseg.image.raster import rasterize
-from ffseg.methods.base import View
 from ffseg.parameters import load_params
-from ffseg.pipeline import segmenter
+from ffseg.plugins import METHODS
+from ffseg.scene import Scene
 from tests.campaigns import stress
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -159,7 +159,9 @@ def test_a_start_given_the_other_way_round_grows_all_the_same(method: str) -> No
     image[20:70, 30:95] = 200
     params = load_params(None, {"edges.canny": [5.0, 15.0], "contour.balloon": 2.0})
     edges, start = edge_map(image, params.edges), FreeForm.circle((60, 45), 9, 13, 3)
-    right, turned = (segmenter(method)(View(image, edges, (one,), params)) for one in (start, start.reversed()))
+    right, turned = (
+        METHODS[method].run(Scene(image, params, edges=edges, starts=(one,))) for one in (start, start.reversed())
+    )
     assert turned.stats == right.stats
     masks = [rasterize(outcome.contours or (), (90, 120)) for outcome in (right, turned)]
     assert (masks[0] == masks[1]).all()

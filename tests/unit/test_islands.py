@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ffseg.evidence import auto as deciding
+from ffseg.api import segment
+from ffseg.evidence import auto
 from ffseg.evidence import prior as evidence
 from ffseg.parameters import load_params
-from ffseg.pipeline import segment
 from ffseg.starts.islands import islands
 
 SHAPE = (120, 200)
@@ -52,8 +52,8 @@ def test_what_hangs_together_with_the_start_is_no_island() -> None:
 
 def test_the_contour_takes_islands_where_the_prior_decides(monkeypatch: pytest.MonkeyPatch) -> None:
     odds, _ = apart(3)
-    monkeypatch.setattr(evidence, "prior", lambda *_: evidence.Prior(odds))
-    monkeypatch.setattr(deciding, "_is_promising", lambda *_: False)
+    monkeypatch.setattr(evidence, "prior", lambda *_: odds)
+    monkeypatch.setattr(auto, "_is_promising", lambda *_: False)
     even = np.full((*SHAPE, 3), 120, np.uint8)
     given = {"init.center": [50, 60], "init.radius": 10}
     both = segment(even, load_params(None, given))
@@ -67,8 +67,8 @@ def test_the_contour_takes_islands_where_the_prior_decides(monkeypatch: pytest.M
 
 def test_a_part_outside_the_domain_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
     odds, _ = apart(3)
-    monkeypatch.setattr(evidence, "prior", lambda *_: evidence.Prior(odds))
-    monkeypatch.setattr(deciding, "_is_promising", lambda *_: False)
+    monkeypatch.setattr(evidence, "prior", lambda *_: odds)
+    monkeypatch.setattr(auto, "_is_promising", lambda *_: False)
     domain = np.full(SHAPE, 255, np.uint8)
     domain[:, 110:] = 0
     params = load_params(None, {"init.center": [50, 60], "init.radius": 10})

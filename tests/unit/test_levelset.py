@@ -11,9 +11,9 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.raster import rasterize
 from ffseg.methods import levelset
-from ffseg.methods.base import View
 from ffseg.native import _core
 from ffseg.parameters import Parameters, load_params
+from ffseg.scene import Scene
 
 SHAPE = (120, 160)
 
@@ -26,7 +26,7 @@ def disc_image(center: tuple[float, float], radius: float) -> NDArray[np.uint8]:
 
 
 def evolved(edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters, **more: object) -> tuple:
-    outcome = levelset.run(View(np.empty(SHAPE, np.uint8), edges, starts, params, **more))
+    outcome = levelset.run(Scene(np.empty(SHAPE, np.uint8), params, edges=edges, starts=starts, **more))
     return outcome.contours, outcome.stats
 
 

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ffseg.api import segment
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.opencv_peers import connected, grown
 from ffseg.image.raster import rasterize
 from ffseg.methods import peers
-from ffseg.methods.base import Segmentation
 from ffseg.metrics import scores
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters, SkimageGac, load_peer_parameters
-from ffseg.pipeline import segment
 from ffseg.plugins import METHODS, PEERS
+from ffseg.result import Segmentation
 from ffseg.schema.kinds import Integer, Number
 from ffseg.schema.sections import leaves
 

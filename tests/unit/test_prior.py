@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ffseg.evidence import auto as deciding
+from ffseg.api import segment
+from ffseg.evidence.boundary import Boundary
 from ffseg.evidence.features import MIDDLE, exposed
-from ffseg.evidence.prior import CERTAIN, LEAST_START, Prior, look, prior
+from ffseg.evidence.prior import CERTAIN, LEAST_START, look, prior
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, Scene, gradient_edges
+from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
+from ffseg.judge import expected_overlap
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
-from ffseg.pipeline import segment
 from tests.scenes import START, START_RADIUS, scene
 
 PARAMS = load_params(None, {"init.center": list(START), "init.radius": START_RADIUS})
@@ -71,11 +72,9 @@ def test_where_more_is_asked_of_the_prior_the_region_is_smaller(source: str) -> 
 
 def test_odds_at_a_level_and_what_is_expected_of_them() -> None:
     odds = np.array([[3.0, 1.0], [0.0, -4.0]], np.float32)
-    found = Prior(odds)
-    assert found.at(0.5) is found
-    np.testing.assert_allclose(found.at(0.8).odds, odds - np.log(4), rtol=1e-6)
+    at_four_fifths = odds - np.float32(np.log(4))
     sure = 1 / (1 + np.exp(-(3.0 - np.log(4))))  # the only one above the level
-    assert found.at(0.8).expected_overlap(odds > 2) == pytest.approx(sure, rel=1e-6)
+    assert expected_overlap(at_four_fifths, odds > 2) == pytest.approx(sure, rel=1e-6)
 
 
 def test_given_thresholds_are_trusted() -> None:
@@ -88,9 +87,9 @@ def test_given_thresholds_are_trusted() -> None:
 def test_a_turned_or_mirrored_image_gives_the_turned_or_mirrored_odds() -> None:
     image, _ = faint(25, 12)
     start = np.hypot(*(np.indices(image.shape[:2]) - np.array([90, 130])[:, None, None])) < 18
-    plain = prior(image, start).odds
+    plain = prior(image, start)
     for turn in (np.flipud, np.fliplr, np.rot90):
-        turned = turn(prior(np.ascontiguousarray(turn(image)), np.ascontiguousarray(turn(start))).odds.copy())
+        turned = turn(prior(np.ascontiguousarray(turn(image)), np.ascontiguousarray(turn(start))).copy())
         back = {np.rot90: lambda plane: np.rot90(plane, 2)}.get(turn, lambda plane: plane)(turned)
         # a threshold of a tree may fall between two roundings of a sum: rarely, and for few of its pixels
         assert np.mean((plain > 0) != (back > 0)) < 0.005
@@ -101,7 +100,7 @@ def test_the_start_is_inside_whatever_it_looks_like() -> None:
     image = rng.integers(0, 256, (90, 120, 3)).astype(np.uint8)
     start = np.zeros((90, 120), np.bool_)
     start[40:50, 50:70] = True
-    assert (prior(image, start).odds[start] == CERTAIN).all()
+    assert (prior(image, start)[start] == CERTAIN).all()
 
 
 @pytest.mark.parametrize("radius", [1.0, 2.0, 3.0])
@@ -122,14 +121,14 @@ def test_expected_overlap_against_its_definition() -> None:
     mask[:, :20] = True
     high = 1 / (1 + np.exp(-2.0))
     expected = 20 * high / (20 + 10 * high)  # what is unlikely does not count
-    assert Prior(odds).expected_overlap(mask) == pytest.approx(expected, rel=1e-6)  # single precision
+    assert expected_overlap(odds, mask) == pytest.approx(expected, rel=1e-6)  # single precision
 
 
 def test_nothing_to_doubt_where_no_boundary_is() -> None:
     even = np.full((80, 100), 90, np.uint8)
     params = load_params(None, {"init.radius": 12})
-    edges = gradient_edges(Scene(even, None, params))
-    assert deciding.Boundary((), edges).is_clear()
+    edges = edge_map(even, params.edges)
+    assert Boundary((), edges).is_clear()
     assert segment(even, params).source == "gradient"
 
 
@@ -142,7 +141,7 @@ def test_edges_are_trusted_from_a_strength_that_photographs_do_not_reach(times: 
     x, y = np.rint(ring.control_points[::3]).astype(int).T
     gradient[y, x] = round(times * needed)
     edges = EdgeMap(gradient, np.zeros((80, 100), np.uint8), None, (5.0, 10.0))
-    assert deciding.Boundary((ring,), edges).is_clear() == clear
+    assert Boundary((ring,), edges).is_clear() == clear
 
 
 def _start() -> dict[str, object]:
@@ -174,8 +173,8 @@ def test_a_clear_thing_among_faint_clutter_keeps_its_own_edges() -> None:
 def test_another_exposure_gives_nearly_the_same_odds() -> None:
     image, _ = faint(20, 10)
     start = np.hypot(*(np.indices(image.shape[:2]) - np.array([100, 120])[:, None, None])) < 18
-    plain = prior(image, start).odds > 0
-    dark = prior(np.rint(image * 0.5).astype(np.uint8), start).odds > 0
+    plain = prior(image, start) > 0
+    dark = prior(np.rint(image * 0.5).astype(np.uint8), start) > 0
     # half the levels leave rounding of a level more, which moves a border in texture by pixels
     assert np.mean(plain != dark) < 0.02
 

@@ -15,7 +15,7 @@ import ffseg
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.edges import edge_map
 from ffseg.metrics import iou
-from ffseg.starts.rivals import bounded
+from ffseg.starts.rivals import within_rivals
 
 
 def rooms(gap: int = 30) -> np.ndarray:
@@ -51,7 +51,7 @@ def test_a_point_will_do_and_the_meeting_is_half_way() -> None:
 def test_without_rivals_nothing_changes() -> None:
     image = rooms()
     edges = edge_map(image, ffseg.load_params().edges)
-    assert bounded(edges, np.zeros(image.shape, bool), ffseg.load_params()) is edges
+    assert within_rivals(edges, np.zeros(image.shape, bool), ffseg.load_params()) is edges
 
 
 def test_the_border_of_the_image_as_a_rival() -> None:

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import shapely
 
+from ffseg.api import segment
 from ffseg.image.polygons import polygons
 from ffseg.io.exports import AnnotatedImage, coco_document, geojson_document
 from ffseg.io.svg import svg_document
-from ffseg.methods.base import Segmentation
 from ffseg.parameters import load_params
-from ffseg.pipeline import segment
+from ffseg.result import Segmentation
 from tests.crossings import self_intersections
 from tests.real_data import data_folder
 

@@ -11,9 +11,9 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.raster import rasterize
 from ffseg.methods import snake
-from ffseg.methods.base import Progress, View
 from ffseg.native import _core
 from ffseg.parameters import Parameters, load_params
+from ffseg.scene import Progress, Scene
 
 SHAPE = (160, 200)
 START = FreeForm.circle((100, 80), 14, 13, 3)
@@ -27,7 +27,7 @@ def disc_image(radius: float, level: int = 180) -> NDArray[np.uint8]:
 
 
 def evolved(edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters, **more: object) -> tuple:
-    outcome = snake.run(View(np.empty(SHAPE, np.uint8), edges, starts, params, **more))
+    outcome = snake.run(Scene(np.empty(SHAPE, np.uint8), params, edges=edges, starts=starts, **more))
     return outcome.contours, outcome.stats
 
 

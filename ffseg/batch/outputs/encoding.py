@@ -17,7 +17,8 @@ from ffseg.io.files import printable
 from ffseg.io.masks import encode_mask
 from ffseg.io.overlays import Polyline, encode_overlay, jpeg_address
 from ffseg.io.svg import svg_document
-from ffseg.methods.base import Progress, Segmentation
+from ffseg.result import Segmentation
+from ffseg.scene import Progress
 
 if TYPE_CHECKING:
     from ffseg.io.exports import AnnotatedImage

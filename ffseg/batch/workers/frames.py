@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,13 +14,14 @@ from numpy.typing import NDArray
 from ffseg.batch.plan.masks import Masks
 from ffseg.batch.views import Views
 from ffseg.errors import ImageReadError
-from ffseg.freespace.sequence import Frame, segment_frame, segment_view
+from ffseg.freespace.sequence import Frame, segment_frame
 from ffseg.freespace.window import FIRST_IMAGE, NOTHING_ENCLOSED, Earlier
 from ffseg.io.files import printable
 from ffseg.io.images import Limits, decode_image
 from ffseg.io.overlays import Kind, Polyline
-from ffseg.methods.base import Progress, Segmentation
 from ffseg.parameters import Parameters
+from ffseg.result import Segmentation
+from ffseg.scene import Progress, Scene
 
 Callback = Callable[[Progress], None] | None
 
@@ -55,9 +55,8 @@ class FrameBench:
         SegmentationError
             As `ffseg.segment`.
         """
-        camera = self.views.camera
-        segmenting = partial(segment_view, image, camera, self.params, **self.masks.bounds)
-        frame = segment_frame(image, earlier, camera, self.params, segmenting, callback)
+        scene = Scene(image, self.params, callback=callback, **self.masks.bounds)
+        frame = segment_frame(scene, earlier, self.views.camera)
         unposed = " and ".join(map(printable, self.views.unposed(name)))
         return replace(frame, note=f"no pose of {unposed}; {frame.note}") if unposed else frame
 

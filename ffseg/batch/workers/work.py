@@ -6,7 +6,6 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +23,9 @@ from ffseg.errors import CalibrationError, FfsegError, ImageReadError, Segmentat
 from ffseg.io.images import OPENCV_VERSION, Limits, decode_image, frames_note, single_thread
 from ffseg.io.masks import decode_mask
 from ffseg.io.overlays import FLATNESS, Polyline, polylines
-from ffseg.methods.base import Segmentation
 from ffseg.parameters import Parameters
+from ffseg.result import Segmentation
+from ffseg.scene import Scene
 
 if TYPE_CHECKING:
     from ffseg.batch.workers.frames import FrameBench
@@ -121,10 +121,8 @@ class Workbench:
         overlay = self._setup.wanted.overlay
         masks = self._masks.within(task.domain, self._limits)
         if self._frames is None:
-            segment = self._segment if film is None else partial(self._segment, callback=film)
-            if task.evidence:
-                segment = partial(segment, evidence=self._evidence(task.evidence))
-            result = segment(image, params, **masks.bounds)
+            evidence = self._evidence(task.evidence) if task.evidence else None
+            result = self._segment(Scene(image, params, evidence=evidence, callback=film, **masks.bounds))
             lines = polylines(result.contours) if overlay else []
             return _Found(result, lines, film)
         from ffseg.batch.workers.frames import (

@@ -14,6 +14,7 @@ from ffseg.bench.suites.drawing import draw
 from ffseg.image.reference import one_thread
 from ffseg.parameters import load_params
 from ffseg.pipeline import segment
+from ffseg.scene import Scene
 
 LONG = 1_000_000
 """Iterations: a large image takes as many as it needs."""
@@ -22,10 +23,12 @@ LONG = 1_000_000
 def main(image_file: str, radius: float) -> None:
     """Segment an image and write bytes before and at the peak as JSON to stdout."""
     with one_thread():
-        segment(draw(1, 160, 120).image, load_params(None, {"init.radius": 8.0}))  # what is loaded once is not counted
+        segment(
+            Scene(draw(1, 160, 120).image, load_params(None, {"init.radius": 8.0}))
+        )  # what is loaded once is not counted
         image = np.load(image_file)
         before = _resident()
-        segment(image, load_params(None, {"init.radius": radius, "contour.max_iterations": LONG}))
+        segment(Scene(image, load_params(None, {"init.radius": radius, "contour.max_iterations": LONG})))
         sys.stdout.write(json.dumps({"before": before, "peak": _peak()}))
 
 

@@ -20,14 +20,16 @@ from ffseg.image.keypoints import grey_image
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable
 from ffseg.io.images import read_image
-from ffseg.methods.base import Segmentation, View
 from ffseg.methods.peers import configured, geodesic
 from ffseg.metrics import iou
 from ffseg.parameters import Parameters, load_params
 from ffseg.peer_parameters import SkimageGac
-from ffseg.pipeline import segment, segmenter
+from ffseg.pipeline import segment
 from ffseg.plugins import PEERS, SEGMENTERS
+from ffseg.plugins import method as row_of
+from ffseg.result import Segmentation
 from ffseg.samples.scenes import SCENES
+from ffseg.scene import Scene
 from ffseg.starts.given import start_contours
 
 Image = NDArray[np.uint8]
@@ -95,7 +97,7 @@ def _beside(picture: Picture, name: str, *, quick: bool) -> Group:
     With ``cv_edges_opened`` it is the whole segmentation, because edges are all that peer does. Making a peer's start
     region is not counted.
     """
-    image, params, peer = picture.image, picture.params, segmenter(name)
+    image, params, peer = picture.image, picture.params, row_of(name)
     shape = (image.shape[0], image.shape[1])
     theirs, section = configured(params, name)
     edges, seen, starts = edge_map(image, params.edges), edge_map(image, theirs.edges), start_contours(shape, params)
@@ -109,17 +111,17 @@ def _beside(picture: Picture, name: str, *, quick: bool) -> Group:
     if name == "cv_edges_opened":
         stage, ratio = "segment", Comparison(f"{picture.name}: freeform over {name}", *cases)
         works = (
-            lambda: segment(image, params),
-            lambda: peer(View(image, edge_map(image, theirs.edges), starts, theirs, section)),
+            lambda: segment(Scene(image, params)),
+            lambda: peer.run(Scene(image, theirs, edges=edge_map(image, theirs.edges), starts=starts, options=section)),
         )
     else:
         stage, ratio = "evolve", Comparison(f"{picture.name}: {name} over freeform", *cases[::-1])
-        run = segmenter("freeform")
-        works = (lambda: run(View(image, edges, starts, params))), lambda: peer(view)
-    view = View(image, seen, starts, theirs, section)
+        own = row_of("freeform")
+        works = (lambda: own.run(Scene(image, params, edges=edges, starts=starts))), lambda: peer.run(scene)
+    scene = Scene(image, theirs, edges=seen, starts=starts, options=section)
     if picture.truth is not None:
-        facts["iou"] = round(iou(segment(image, params).mask, picture.truth), 5)
-        facts["peer iou"] = round(iou(segment(image, theirs, name, options=section).mask, picture.truth), 5)
+        facts["iou"] = round(iou(segment(Scene(image, params)).mask, picture.truth), 5)
+        facts["peer iou"] = round(iou(segment(Scene(image, theirs, peer, options=section)).mask, picture.truth), 5)
     tasks = [Task(case, stage, timed(work)) for case, work in zip(cases, works, strict=True)]
     return Group("peers", f"{picture.name}, {name}", grey_image(image), tasks, facts, [ratio])
 
@@ -142,15 +144,20 @@ def _agree(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
 
 def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: float = 0.0) -> Group:
     """Tasks for the three stages of a segmentation, and what it found."""
-    image, params, run = picture.image, picture.params, segmenter(method_name)
+    image, params, run = picture.image, picture.params, row_of(method_name)
     shape = (image.shape[0], image.shape[1])
     edges = edge_map(image, params.edges)
     tasks = (
         Task(case, "edges", timed(lambda: edge_map(image, params.edges)), x),
-        Task(case, "evolve", timed(lambda: run(View(image, edges, start_contours(shape, params), params))), x),
-        Task(case, "segment", timed(lambda: segment(image, params, method_name)), x),
+        Task(
+            case,
+            "evolve",
+            timed(lambda: run.run(Scene(image, params, edges=edges, starts=start_contours(shape, params)))),
+            x,
+        ),
+        Task(case, "segment", timed(lambda: segment(Scene(image, params, run))), x),
     )
-    facts = _facts(segment(image, params, method_name), picture.truth)
+    facts = _facts(segment(Scene(image, params, run)), picture.truth)
     return Group(suite, case, grey_image(image), tasks, {"size": f"{shape[1]}x{shape[0]}", **facts})
 
 

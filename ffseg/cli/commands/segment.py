@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ffseg.methods.base import Segmentation
+    from ffseg.result import Segmentation
 
 FAILED_IMAGES = 3
 """Exit code when the image cannot be read or segmented, or an output cannot be written."""

@@ -12,7 +12,7 @@ from ffseg.io.saving.source import Source
 
 if TYPE_CHECKING:
     from ffseg.io.exports import AnnotatedImage, Document
-    from ffseg.methods.base import Segmentation
+    from ffseg.result import Segmentation
 
 
 def encoded(result: Segmentation, kind: str, source: Source, suffix: str = ".png") -> bytes:

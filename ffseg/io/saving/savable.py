@@ -14,7 +14,7 @@ from ffseg.io.tables import counted
 
 if TYPE_CHECKING:
     from ffseg.io.exports import Document
-    from ffseg.methods.base import Segmentation
+    from ffseg.result import Segmentation
 
 _PICTURE_SIDE = 640
 """Pixels: a picture that fits beside the code of a notebook."""

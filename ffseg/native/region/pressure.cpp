@@ -88,7 +88,7 @@ RowSums sums_of(const Picture& picture) {
             }
         }
     });
-    return {{colours.data(), height, width, picture.channels}, 0};
+    return RowSums({colours.data(), height, width, picture.channels});
 }
 
 LogOdds log_odds(const Gaussian& swept, const Gaussian& rest, double weight) {

@@ -5,28 +5,19 @@
 namespace ffseg::region {
 namespace {
 
-// Columns between two kept sums. Sums of a row fit 32 bits: 65535 * 255 * 255 < 2^32; counts fit 16.
+// Columns between two kept sums. Sums of a row fit 32 bits: 65535 * 255 * 255 < 2^32.
 constexpr int kBlock = 32;
-
-std::size_t power(std::size_t base, int exponent) {
-    std::size_t value = 1;
-    for (int i = 0; i < exponent; ++i) value *= base;
-    return value;
-}
 
 }  // namespace
 
-RowSums::RowSums(const Picture& picture, int bins)
+RowSums::RowSums(const Picture& picture)
     : height_(picture.height),
       width_(picture.width),
       channels_(picture.channels),
-      levels_(bins),
       blocks_(static_cast<std::size_t>(width_) / kBlock + 1),
       moments_(static_cast<std::size_t>(channels_ + channels_ * (channels_ + 1) / 2)),
-      bins_(bins == 0 ? 0 : power(static_cast<std::size_t>(bins), channels_)),
       pixels_(picture.pixels, picture.pixels + static_cast<std::size_t>(height_) * width_ * channels_),
-      before_(static_cast<std::size_t>(height_) * blocks_ * moments_),
-      counts_before_(static_cast<std::size_t>(height_) * blocks_ * bins_) {
+      before_(static_cast<std::size_t>(height_) * blocks_ * moments_) {
     by_channels(channels_, [this](auto channels) { fill<channels()>(); });
 }
 
@@ -40,20 +31,10 @@ void RowSums::fill() {
             for (std::size_t i = 0; i < moments_; ++i) {
                 before_[place * moments_ + i] = static_cast<std::uint32_t>(sums[1 + i]);
             }
-            for (std::size_t i = 0; i < bins_; ++i) {
-                counts_before_[place * bins_ + i] = static_cast<std::uint16_t>(sums[1 + moments_ + i]);
-            }
             const int x = static_cast<int>(block) * kBlock;
             add_pixels<C>(at(y, x), std::min(kBlock, width_ - x), 1, sums.data());
         }
     }
-}
-
-template <int C>
-int RowSums::bin_of(const std::uint8_t* pixel) const {
-    int bin = 0;
-    for (int c = 0; c < C; ++c) bin = bin * levels_ + (pixel[c] * levels_ >> 8);
-    return bin;
 }
 
 template <int C>
@@ -65,7 +46,6 @@ void RowSums::add_pixels(const std::uint8_t* pixel, int count, std::int64_t sign
             sums[c] += pixel[c];
             for (int d = c; d < C; ++d) *next++ += static_cast<std::uint32_t>(pixel[c]) * pixel[d];
         }
-        if (bins_ > 0) totals[1 + moments_ + bin_of<C>(pixel)] += sign;
     }
     for (std::size_t i = 0; i < moments_; ++i) totals[1 + i] += sign * static_cast<std::int64_t>(sums[i]);
 }
@@ -74,8 +54,6 @@ void RowSums::add_before(int y, int block, std::int64_t sign, std::int64_t* tota
     const std::size_t place = static_cast<std::size_t>(y) * blocks_ + static_cast<std::size_t>(block);
     const std::uint32_t* sums = before_.data() + place * moments_;
     for (std::size_t i = 0; i < moments_; ++i) totals[1 + i] += sign * static_cast<std::int64_t>(sums[i]);
-    const std::uint16_t* counts = counts_before_.data() + place * bins_;
-    for (std::size_t i = 0; i < bins_; ++i) totals[1 + moments_ + i] += sign * counts[i];
 }
 
 template <int C>
@@ -96,12 +74,6 @@ void RowSums::add_span(const Span& span, std::int64_t* totals) const {
 
 void RowSums::add(const Span& span, Totals& totals) const {
     by_channels(channels_, [&](auto channels) { add_span<channels()>(span, totals.data()); });
-}
-
-Totals RowSums::over(const Spans& spans) const {
-    Totals totals(length(), 0);
-    for (const Span& span : spans) add(span, totals);
-    return totals;
 }
 
 }  // namespace ffseg::region

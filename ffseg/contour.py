@@ -1,0 +1,77 @@
+"""The contour that a method finds in a scene whose edges are known: bounded, started in free places, evolved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+
+from ffseg.plugins import method as chosen
+from ffseg.scene import BlockedStartError, Outcome, Scene
+from ffseg.starts.parts import parts
+from ffseg.starts.sides import on_one_side
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """What a method found.
+
+    Attributes
+    ----------
+    scene : Scene
+        What it was asked of: with its bounds, and the starts where they were in the end.
+    outcome : Outcome
+    messages : tuple of str
+        About starts that could not stay where they were asked for.
+    evolve_ms : float
+        Wall time of placing the starts and of the method.
+    """
+
+    scene: Scene
+    outcome: Outcome
+    messages: tuple[str, ...]
+    evolve_ms: float
+
+
+def contour(scene: Scene) -> Found:
+    """Ask the method of a scene for its contour.
+
+    Raises
+    ------
+    SegmentationError
+        If no start can move and there is no free place for one, or the method says so.
+    """
+    scene = bounded(scene)
+    scene = replace(scene, starts=(*scene.starts, *parts(scene)))
+    begin = perf_counter()
+    free, messages = on_one_side(scene)
+    try:
+        outcome = run(free)
+    except BlockedStartError as blocked:
+        from ffseg.starts.moved import moved  # loads what only this needs
+
+        free, told = moved(scene, str(blocked))
+        outcome, messages = run(free), (told,)
+    return Found(free, outcome, messages, (perf_counter() - begin) * 1e3)
+
+
+def bounded(scene: Scene) -> Scene:
+    """The scene with its edges bounded by the domain, the valid disc, and what grows from outside the region."""
+    edges, domain = scene.edges, scene.domain
+    if edges.domain is None:
+        edges = replace(edges, domain=scene.disc if domain is None else domain)
+    elif domain is not None and edges.domain is not domain:
+        edges = replace(edges, domain=np.where(edges.domain > 0, domain, np.uint8(0)))
+    init, region = scene.params.init, scene.params.region
+    if scene.background is not None or init.background or region.border != "free":
+        from ffseg.starts.rivals import within_rivals  # loads what only this needs
+
+        edges = within_rivals(edges, scene.start_region(), scene.params, scene.background)
+    return replace(scene, edges=edges, domain=edges.domain)
+
+
+def run(scene: Scene) -> Outcome:
+    """What the method of a scene finds in it, as it stands."""
+    found: Outcome = (scene.method or chosen(scene.params.method)).run(scene)
+    return found

@@ -1,0 +1,59 @@
+"""The result every segmentation has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.geometry.freeform import FreeForm
+from ffseg.io.saving.savable import Savable
+from ffseg.scene import Stats
+
+
+@dataclass(frozen=True, slots=True)
+class Timings:
+    """Milliseconds of wall time spent in the edge map, the evolution and in all."""
+
+    edges_ms: float
+    evolve_ms: float
+    total_ms: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Segmentation(Savable):
+    """The region a segmenter found.
+
+    Attributes
+    ----------
+    mask : ndarray of bool, shape (H, W)
+        True where the pixel centre lies in the region.
+    contours : tuple of FreeForm
+        Closed contours of the region; outer ones have positive signed area, holes negative.
+    stats : Stats
+    timings : Timings
+    messages : tuple of str
+        What was done otherwise than asked, such as a start that had to be moved.
+    source : str
+        The edge source that decided: for ``auto`` either ``gradient`` or ``prior``; ``given`` for edges of the caller's.
+    score : float
+        How sure the result is, from 0 to 1: the IoU that the evidence lets expect, else the share of the boundary on
+        clear edges.
+    thresholds : tuple of float
+        The (low, high) Canny thresholds that were used, in grey levels per pixel.
+    """
+
+    mask: NDArray[np.bool_]
+    contours: tuple[FreeForm, ...]
+    stats: Stats
+    timings: Timings
+    messages: tuple[str, ...] = ()
+    source: str = ""
+    score: float = 0.0
+    thresholds: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def num_holes(self) -> int:
+        """Inner contours."""
+        return sum(contour.signed_area < 0 for contour in self.contours)

@@ -1,0 +1,185 @@
+"""The one value a segmentation hands from step to step, and what a method gives back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.footprint import Footprint
+from ffseg.errors import SegmentationError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.regions import oriented
+from ffseg.image.edges import EdgeMap
+from ffseg.image.raster import rasterize
+from ffseg.parameters import Parameters
+from ffseg.plugins import Method
+
+Plane = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Progress:
+    """A snapshot of an evolution, handed to a callback."""
+
+    iteration: int
+    contours: tuple[FreeForm, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Stats:
+    """Counts of one segmentation, zero where a method has no such thing; ``stop_reason`` says why it ended."""
+
+    iterations: int = 0
+    splits: int = 0
+    prunes: int = 0
+    flips: int = 0
+    merges: int = 0
+    initial_points: int = 0
+    final_points: int = 0
+    patches: int = 0
+    stop_reason: str = "converged"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What a method found: contours, or a mask whose outlines are traced for it.
+
+    Attributes
+    ----------
+    contours : tuple of FreeForm, or None
+        Outer ones with positive signed area, holes negative.
+    mask : ndarray of bool, shape (H, W), or None
+        Needed when there are no contours.
+    stats : Stats
+    """
+
+    contours: tuple[FreeForm, ...] | None = None
+    stats: Stats = Stats()
+    mask: NDArray[np.bool_] | None = None
+
+
+NO_EDGES = EdgeMap(np.empty((0, 0), np.uint16), np.empty((0, 0), np.uint8), None, (0.0, 0.0))
+"""What is known of the edges before the evidence is asked."""
+
+
+def _no_altitudes() -> NDArray[np.float64]:
+    return np.empty((0, 4))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """All that is known of an image while it is segmented: what was given, and what the steps before have found.
+
+    Edge sources and methods of your own take it as their one argument.
+
+    Attributes
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    params : Parameters
+    method : Method or None
+        Row of the method; None stands for ``params.method`` until the first step has looked it up.
+    edges : EdgeMap
+        What stops a contour; empty until it is known.
+    given : bool
+        Whether the edges are the caller's own, which take the place of ``edges.source``.
+    starts : tuple of FreeForm
+        Start contours of degree ``params.contour.degree``, outer ones with positive area; those given the other way
+        round are turned (`ffseg.geometry.regions.oriented`).
+    domain : ndarray of uint8, shape (H, W), or None
+        Nonzero where the contour may go; None means the whole image.
+    disc : ndarray of uint8, shape (H, W), or None
+        The valid disc of a mirror or fisheye, found where no domain is given. It bounds the contour only: thresholds
+        stay those of the image.
+    start_mask, background : ndarray of uint8, shape (H, W), or None
+        Nonzero inside the start regions; nonzero at what lies outside the region.
+    evidence : ndarray of float32, shape (H, W), or None
+        From 0 to 1: probability of inside, or edge strength, as ``edges.evidence`` says.
+    center : tuple of float, or None
+        What ``init.center: auto`` stands for, where it is not the image centre.
+    options : object, optional
+        The method's own section of parameters, where it has one outside `params` (peers have).
+    altitudes : ndarray of float64, shape (K, 4)
+        Matched interest points of a camera pair: x and y in pixels, altitude in metres, radius of the zone in pixels.
+    footprint : Footprint, optional
+        The robot on the ground that the image shows: passages it cannot take count as closed.
+    callback : callable, optional
+        Wants a `Progress` at the start, after every `every` iterations, and at the end.
+    every : int
+    """
+
+    image: Plane
+    params: Parameters = field(default_factory=Parameters)
+    method: Method | None = None
+    edges: EdgeMap = NO_EDGES
+    given: bool = False
+    starts: tuple[FreeForm, ...] = ()
+    domain: Plane | None = None
+    disc: Plane | None = None
+    start_mask: Plane | None = None
+    background: Plane | None = None
+    evidence: NDArray[np.float32] | None = None
+    center: tuple[float, float] | None = None
+    options: object = None
+    altitudes: NDArray[np.float64] = field(default_factory=_no_altitudes)
+    footprint: Footprint | None = None
+    callback: Callable[[Progress], None] | None = None
+    every: int = 10
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "starts", oriented(self.starts))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(H, W) of the image."""
+        return (self.image.shape[0], self.image.shape[1])
+
+    @property
+    def fixed(self) -> bool:
+        """Whether the starts stand where they must, as round a camera that sees itself: they are not moved off edges."""
+        return self.center is not None and self.params.init.center == "auto"
+
+    @property
+    def shuts_passages(self) -> bool:
+        """Whether what is too narrow counts as closed: there the contour ends in open ground."""
+        return self.params.contour.clearance > 0 or self.footprint is not None
+
+    def start_region(self) -> NDArray[np.bool_]:
+        """Pixels whose centre lies in a start contour, shape (H, W)."""
+        return rasterize(self.starts, self.shape)
+
+
+class Segmenter(Protocol):
+    """A method: finds a region from start contours."""
+
+    def __call__(self, scene: Scene) -> Outcome:
+        """Return what is found in one image."""
+
+
+LONGEST_SIDE = 65_535
+"""Pixels; the native core keeps places as 16-bit numbers."""
+LONGEST_MARCH = 32_767
+"""Pixels; the level set and the snake need one bit more."""
+
+
+def check_sides(shape: tuple[int, ...], most: int = LONGEST_SIDE, method: str = "ffseg") -> None:
+    """Refuse an image with a side longer than a method takes.
+
+    Raises
+    ------
+    SegmentationError
+    """
+    height, width = shape[:2]
+    if max(height, width) > most:
+        raise SegmentationError(
+            f"the image has {width} x {height} pixels, {method} takes at most {most} a side; "
+            "scale it down or cut it into pieces"
+        )
+
+
+class BlockedStartError(SegmentationError):
+    """No sample of any start can move; the text is the remedy."""
