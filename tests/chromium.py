@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -162,6 +163,23 @@ class Chromium:
     def hover(self, x: float, y: float) -> None:
         """Move the mouse."""
         self.call("Input.dispatchMouseEvent", {"type": "mouseMoved", "x": x, "y": y})
+
+    def mouse(self, kind: str, x: float, y: float, button: str = "none", modifiers: int = 0) -> None:
+        """Send one event of the mouse: ``mousePressed``, ``mouseMoved`` or ``mouseReleased``."""
+        held = {"none": 0, "left": 1, "right": 2, "middle": 4}[button] if kind != "mouseReleased" else 0
+        parameters = {"type": kind, "x": x, "y": y, "button": button, "buttons": held, "modifiers": modifiers}
+        self.call("Input.dispatchMouseEvent", parameters | ({} if kind == "mouseMoved" else {"clickCount": 1}))
+
+    def click(self, x: float, y: float, button: str = "left", modifiers: int = 0) -> None:
+        """Press and release a button of the mouse; of the modifiers 1 is Alt, 8 is Shift."""
+        self.drag([(x, y), (x, y)], button, modifiers)
+
+    def drag(self, places: Sequence[tuple[float, float]], button: str = "left", modifiers: int = 0) -> None:
+        """Press a button at the first place, move to each of the others, and release it at the last."""
+        self.mouse("mousePressed", *places[0], button, modifiers)
+        for place in places[1:]:
+            self.mouse("mouseMoved", *place, button, modifiers)
+        self.mouse("mouseReleased", *places[-1], button, modifiers)
 
     def screenshot(self, path: Path) -> None:
         """Save what the tab shows as PNG."""

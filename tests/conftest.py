@@ -5,9 +5,10 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import chromium
 import pytest
 from hypothesis import settings
 
@@ -67,6 +68,26 @@ def data_folder() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no data folder {folder}; name it in the environment variable FFSEG_DATA")
     return folder
+
+
+@pytest.fixture(scope="session")
+def program_at_work(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
+    program = chromium.find()
+    if program is None:
+        pytest.skip(
+            "no Chromium on the search path; install it, or name one in the environment variable FFSEG_CHROMIUM"
+        )
+    with chromium.Chromium(program, tmp_path_factory.mktemp("profile")) as running:
+        yield running
+
+
+@pytest.fixture
+def browser(program_at_work: chromium.Chromium) -> chromium.Chromium:
+    """The browser without what an earlier test has left in it."""
+    program_at_work.open("about:blank#")
+    program_at_work.problems.clear()
+    program_at_work.requests.clear()
+    return program_at_work
 
 
 @pytest.fixture(scope="session")

@@ -20,6 +20,7 @@ COMMANDS = {
     "run": "ffseg.cli.commands.run",
     "segment": "ffseg.cli.commands.segment",
     "compare": "ffseg.cli.commands.compare",
+    "pick": "ffseg.cli.commands.pick",
     "learn": "ffseg.cli.commands.learn",
     "tune": "ffseg.cli.commands.tune",
     "domain": "ffseg.cli.commands.domain",

@@ -13,6 +13,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "ffseg segment photos/simple.png simple.svg simple.png",
         "ffseg segment - - --as geojson < photos/simple.png > simple.geojson",
     ),
+    "pick": ("ffseg pick photos", "ffseg pick photos --out picked --labels road,kerb", "ffseg pick --review out"),
     "learn": (
         "ffseg learn own --truth masks --out own.ffmodel",
         "ffseg run own --out learned --set edges.model=own.ffmodel --truth masks",

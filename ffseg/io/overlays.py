@@ -110,8 +110,8 @@ def encode_overlay(
     return data
 
 
-def jpeg_address(image: NDArray[np.uint8], quality: int) -> str:
-    """``data:`` address of an image as a JPEG picture, to stand in a document.
+def encode_jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
+    """JPEG file of an image.
 
     Parameters
     ----------
@@ -123,4 +123,10 @@ def jpeg_address(image: NDArray[np.uint8], quality: int) -> str:
     done, data = cv2.imencode(".jpg", np.ascontiguousarray(image), [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:  # reached only when memory is gone: every uint8 image of positive size encodes
         raise MemoryError("the JPEG encoder failed")
-    return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode("ascii")
+    encoded: bytes = data.tobytes()
+    return encoded
+
+
+def jpeg_address(image: NDArray[np.uint8], quality: int) -> str:
+    """``data:`` address of `encode_jpeg`, to stand in a document."""
+    return "data:image/jpeg;base64," + base64.b64encode(encode_jpeg(image, quality)).decode("ascii")

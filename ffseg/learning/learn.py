@@ -82,6 +82,8 @@ class Figures:
         Part of the pixels of which the masks know something.
     searched : bool
         Whether the starts of images are looked for; without a model they are grown from the middle then.
+    order : tuple of str
+        Images without a mask, those the model is least sure of first; `following` is the first.
     """
 
     masks: int
@@ -97,6 +99,7 @@ class Figures:
     prior: Asked | None = None
     known: float = 1.0
     searched: bool = False
+    order: tuple[str, ...] = ()
 
 
 def learned(gathered: Gathered, params: Parameters, tell: Tell) -> tuple[Model, Figures]:
@@ -114,16 +117,17 @@ def learned(gathered: Gathered, params: Parameters, tell: Tell) -> tuple[Model, 
     model = learn(chosen)
     tell(f"grown from {len(chosen)} masks")
     figures = _figures(gathered.labelled, chosen, tell)
+    order = _order(gathered, model, params, tell)
     figures = replace(
         figures,
-        following=_next(gathered, model, params, tell),
+        following=order[0] if order else "",
         base=Beginning(**model.about["base"]),
         prior=None if model.about["prior"] is None else Asked(**model.about["prior"]),
         known=known_share(gathered.labelled),
         searched=any(one.start is None for one in gathered.labelled),
     )
     about = {"ffseg": __version__, "images": [one.name for one in gathered.labelled][:100], **_told(figures)}
-    return replace(model, about=about), figures
+    return replace(model, about=about), replace(figures, order=order)
 
 
 def _told(figures: Figures) -> dict[str, object]:
@@ -221,16 +225,13 @@ def _worth_drawing(curve: Sequence[tuple[int, float]], count: int) -> int:
     return last - count
 
 
-def _next(gathered: Gathered, model: Model, params: Parameters, tell: Tell) -> str:
-    """The image without a mask of which the model is least sure."""
-    best, following = -1.0, ""
-    for source in gathered.others[:MOST_LOOKED_AT]:
-        doubt = _doubt(source, gathered, model, params)
-        if doubt > best:
-            best, following = doubt, source.name
-    if following:
-        tell(f"least sure of {following}")
-    return following
+def _order(gathered: Gathered, model: Model, params: Parameters, tell: Tell) -> tuple[str, ...]:
+    """Images without a mask, at most ``MOST_LOOKED_AT``, those the model is least sure of first."""
+    doubts = {one.name: _doubt(one, gathered, model, params) for one in gathered.others[:MOST_LOOKED_AT]}
+    order = tuple(sorted((name for name, doubt in doubts.items() if doubt >= 0), key=doubts.__getitem__, reverse=True))
+    if order:
+        tell(f"least sure of {order[0]}")
+    return order
 
 
 def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters) -> float:

@@ -21,7 +21,7 @@ from ffseg.cli.examples import EXAMPLES
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 BELOW = [f"config {name}" for name in ("list", "show", "check", "schema")]
-SLOW = ("bench",)
+SLOW = ("bench", "pick")
 
 
 @pytest.mark.parametrize("command", [*COMMANDS, *BELOW])

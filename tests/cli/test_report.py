@@ -32,26 +32,6 @@ def data_of(page: Path) -> dict[str, list[dict[str, dict[str, str]]]]:
 
 
 @pytest.fixture(scope="module")
-def program_at_work(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
-    program = chromium.find()
-    if program is None:
-        pytest.skip(
-            "no Chromium on the search path; install it, or name one in the environment variable FFSEG_CHROMIUM"
-        )
-    with chromium.Chromium(program, tmp_path_factory.mktemp("profile")) as running:
-        yield running
-
-
-@pytest.fixture
-def browser(program_at_work: chromium.Chromium) -> chromium.Chromium:
-    """The browser without what an earlier test has left in it."""
-    program_at_work.open("about:blank#")
-    program_at_work.problems.clear()
-    program_at_work.requests.clear()
-    return program_at_work
-
-
-@pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("run") / "aus <b>&amp; #1"
     path.mkdir()

@@ -1,0 +1,92 @@
+"""``ffseg pick``: click what is inside, in a browser, and let it learn."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ffseg.cli import console
+from ffseg.cli.checks import checked_params, folder
+from ffseg.cli.options import Config, Settings
+from ffseg.errors import UsageError
+from ffseg.io.files import printable
+
+if TYPE_CHECKING:
+    from ffseg.picking.session import Session
+
+
+def pick(  # noqa: PLR0913 - the options of the command
+    inputs: Annotated[
+        list[str] | None, typer.Argument(metavar="INPUT...", help="Image files, folders (any depth) or patterns.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", parser=folder, help="Folder for what is picked; without it INPUT-picked."),
+    ] = None,
+    labels: Annotated[
+        str | None, typer.Option("--labels", metavar="A,B", help="Names of classes, each picked by itself.")
+    ] = None,
+    review: Annotated[
+        Path | None,
+        typer.Option(
+            "--review", metavar="DIR", parser=folder, help="Output folder of run: accept or correct its masks."
+        ),
+    ] = None,
+    config: Config = None,
+    settings: Settings = None,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Of the page; 0 = any that is free.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
+) -> None:
+    """Pick regions in a browser with clicks, boxes and a brush; saved as they are made.
+
+    Serves a page to this machine only, until Ctrl-C. Under DIR: starts.csv, masks of what was accepted, pick.yaml, a
+    model learned from the masks while you pick, and run.sh, which does all images.
+    """
+    params = checked_params(config, settings)
+    from ffseg.picking.session import Session, inputs_of
+
+    if review is not None and not inputs:
+        inputs = inputs_of(review)
+    if not inputs:
+        raise UsageError("there is no input; name image files, folders or patterns")
+    target = os.fspath(out) if out is not None else f"{os.path.abspath(review or inputs[0]).rstrip('/')}-picked"
+    if out is None and (len(inputs) > 1 or not os.path.isdir(inputs[0])) and review is None:
+        raise UsageError(
+            "name the folder for what is picked with --out DIR; it has a name of its own for one folder only"
+        )
+    chosen = [one.strip() for one in labels.split(",")] if labels is not None else []
+    with Session(inputs, target, params, chosen, os.fspath(review) if review else "") as session:
+        _serve(session, port, browser)
+
+
+def _serve(session: Session, port: int, browser: bool) -> None:
+    from ffseg.picking.server import Server
+
+    ended = threading.Event()
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), lambda *_: ended.set())
+    try:
+        server = Server(session, port)
+    except OSError as error:
+        raise UsageError(f"--port {port} cannot be used ({os.strerror(error.errno or 0)}); choose another") from error
+    with server:
+        server.begin()
+        console.data(server.address)
+        console.message(
+            f"ffseg: {len(session.sources)} images; saved in {printable(session.out)}; the address is for you alone, "
+            "Ctrl-C ends it"
+        )
+        if browser:
+            import webbrowser
+
+            webbrowser.open(server.address)
+        while not ended.wait(0.5):
+            pass
+        server.shutdown()
+    console.message(f"ffseg: all of it is in {printable(session.out)}; the same command goes on from there")

@@ -1,0 +1,282 @@
+"""What is picked in an image, and the journal that keeps every step of it."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import OutputError, UsageError
+from ffseg.io.files import printable, unwritten
+from ffseg.io.starts import LIMITS, MAX_PIXELS, Start
+from ffseg.parameters import Box, Circle, Point
+
+STATUSES = ("open", "accepted", "skipped")
+MOST = 1000
+"""Starts of an image that the parameters take; strokes and boxes are no more."""
+MOST_POINTS = 20_000
+"""Of one stroke: ten minutes of a pen's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stroke:
+    """A line painted with the brush.
+
+    Attributes
+    ----------
+    inside : bool
+        It adds to the region; else it takes away.
+    radius : float
+        Pixels.
+    points : tuple of (x, y)
+        Pixels, at least one.
+    """
+
+    inside: bool
+    radius: float
+    points: tuple[Point, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Picked:
+    """What is picked in one image: all that its region is made from.
+
+    Attributes
+    ----------
+    starts, nots : tuple of (x, y, radius)
+        Circles inside and outside, pixels.
+    boxes : tuple of (left, top, right, bottom)
+    strokes : tuple of Stroke
+        Painted over what is found, in their order.
+    probability, clearance : float or None
+        In place of the parameters'.
+    status : str
+        One of ``STATUSES``.
+    """
+
+    starts: tuple[Circle, ...] = ()
+    nots: tuple[Circle, ...] = ()
+    boxes: tuple[Box, ...] = ()
+    strokes: tuple[Stroke, ...] = ()
+    probability: float | None = None
+    clearance: float | None = None
+    status: str = "open"
+
+    @property
+    def start(self) -> Start | None:
+        """As a starts file has it; None where nothing would stand in it."""
+        first, *others = [Start(*circle) for circle in self.starts] or [Start()]
+        start = replace(
+            first,
+            others=tuple(others),
+            background=self.nots,
+            boxes=self.boxes,
+            probability=self.probability,
+            clearance=self.clearance,
+        )
+        return None if start == Start() else start
+
+    @classmethod
+    def read(cls, document: object) -> Picked:
+        """From JSON, which `dataclasses.asdict` gives.
+
+        Raises
+        ------
+        UsageError
+            If it is not of that form.
+        """
+        try:
+            if not isinstance(document, Mapping):
+                raise TypeError("it is no object")
+            given: Mapping[str, Any] = document
+            strokes = given.get("strokes") or ()
+            picked = cls(
+                _rows(given.get("starts"), 3),
+                _rows(given.get("nots"), 3),
+                _rows(given.get("boxes"), 4),
+                tuple(_stroke(one) for one in strokes[:MOST]),
+                _value(given.get("probability"), "probability"),
+                _value(given.get("clearance"), "clearance"),
+                given.get("status", "open"),
+            )
+        except (TypeError, ValueError, KeyError) as error:
+            raise UsageError(f"what was picked cannot be read ({error}); load the page again") from error
+        if picked.status not in STATUSES:
+            raise UsageError(f"the status {str(picked.status)[:40]!r} is none of {', '.join(STATUSES)}")
+        return picked
+
+
+def _number(value: object) -> float:
+    number = float(value)  # type: ignore[arg-type]  # what is none raises
+    if not math.isfinite(number) or abs(number) > MAX_PIXELS:
+        raise ValueError(f"{number:g} is no position")
+    return number
+
+
+def _rows(value: Any, length: int) -> Any:  # noqa: ANN401 - tuples of this length
+    rows = tuple(tuple(_number(one) for one in row) for row in list(value or ())[:MOST])
+    if any(len(row) != length or (length == 3 and row[2] <= 0) for row in rows):
+        raise ValueError(f"a row needs {length} numbers")
+    return rows
+
+
+def _stroke(one: Mapping[str, Any]) -> Stroke:
+    points = _rows_of_two(one["points"])
+    return Stroke(bool(one["inside"]), max(0.5, _number(one["radius"])), points)
+
+
+def _rows_of_two(value: Any) -> tuple[Point, ...]:  # noqa: ANN401 - checked here
+    points = tuple((_number(x), _number(y)) for x, y in list(value)[:MOST_POINTS])
+    if not points:
+        raise ValueError("a stroke without a point")
+    return points
+
+
+def _value(value: object, kind: str) -> float | None:
+    low, high = LIMITS[kind]
+    return None if value is None else min(high, max(low, _number(value)))
+
+
+def painted(mask: NDArray[np.bool_], strokes: tuple[Stroke, ...], factor: float = 1.0) -> NDArray[np.bool_]:
+    """The mask with strokes painted over it, by the pixel-centre rule.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (H, W)
+    strokes : tuple of Stroke
+    factor : float
+        Pixels of the image in one of the mask.
+    """
+    found = mask.copy()
+    for stroke in strokes:
+        points = (np.array(stroke.points) + 0.5) / factor - 0.5
+        for a, b in zip(points, points[1:] if len(points) > 1 else points, strict=False):
+            _paint(found, a, b, stroke.radius / factor, stroke.inside)
+    return found
+
+
+def _paint(mask: NDArray[np.bool_], a: NDArray[np.float64], b: NDArray[np.float64], radius: float, value: bool) -> None:
+    """Set the pixels within `radius` of the line from a to b."""
+    size = np.array(mask.shape[::-1])
+    left, top = np.clip(np.floor(np.minimum(a, b) - radius), 0, size).astype(int)
+    right, bottom = np.clip(np.ceil(np.maximum(a, b) + radius) + 1, 0, size).astype(int)
+    y, x = np.mgrid[top:bottom, left:right]
+    along, length = b - a, float((b - a) @ (b - a))
+    share = np.clip(((x - a[0]) * along[0] + (y - a[1]) * along[1]) / length, 0, 1) if length > 0 else 0.0
+    near = np.hypot(x - a[0] - share * along[0], y - a[1] - share * along[1]) <= radius
+    mask[top:bottom, left:right][near] = value
+
+
+@dataclass(slots=True)
+class Track:
+    """The steps in one image: what was, what is, and what an undone step can give back.
+
+    Attributes
+    ----------
+    version : int
+        Steps so far, undone ones and undoing included: what a page must have seen before it may change anything.
+    """
+
+    now: Picked = field(default_factory=Picked)
+    past: list[Picked] = field(default_factory=list)
+    future: list[Picked] = field(default_factory=list)
+    version: int = 0
+    accepted: bool = False
+
+    def step(self, do: str, picked: Picked | None = None) -> bool:
+        """Take a step: ``pick``, ``undo`` or ``redo``; False where there is nothing to be undone or redone."""
+        if do == "pick" and picked is not None:
+            self.past.append(self.now)
+            self.now, self.future = picked, []
+        elif do == "undo" and self.past:
+            self.future.append(self.now)
+            self.now = self.past.pop()
+        elif do == "redo" and self.future:
+            self.past.append(self.now)
+            self.now = self.future.pop()
+        else:
+            return False
+        self.version += 1
+        self.accepted |= self.now.status == "accepted"
+        return True
+
+
+class Journal:
+    """The steps in all images, one line of JSON each, on the disk before they count.
+
+    Parameters
+    ----------
+    path : str
+        A line that a crash has cut off is dropped.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be read, or holds what is no step.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self.tracks: dict[str, Track] = {}
+        try:
+            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_APPEND, 0o666)
+            with os.fdopen(os.dup(self._descriptor), "rb") as file:
+                lines = file.read().splitlines(keepends=True)
+            if lines and not lines[-1].endswith(b"\n"):
+                os.ftruncate(self._descriptor, sum(map(len, lines[:-1])))
+                del lines[-1]
+        except OSError as error:
+            raise unwritten(path, error) from error
+        for number, line in enumerate(lines, 1):
+            self._replay(number, line)
+
+    def _replay(self, number: int, line: bytes) -> None:
+        try:
+            entry = json.loads(line)
+            picked = Picked.read(entry["picked"]) if entry["do"] == "pick" else None
+            self.track(entry["image"]).step(entry["do"], picked)
+        except (ValueError, KeyError, TypeError, UsageError) as error:
+            raise OutputError(
+                f"{printable(self._path)}:{number} is no step of ffseg pick ({error}); restore it"
+            ) from error
+
+    def track(self, image: str) -> Track:
+        """The steps in an image."""
+        return self.tracks.setdefault(image, Track())
+
+    def add(self, image: str, do: str, picked: Picked | None = None) -> bool:
+        """Take a step and keep it; False where there is none to take.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written; the step is not taken then.
+        """
+        track = self.track(image)
+        if (do == "undo" and not track.past) or (do == "redo" and not track.future):
+            return False
+        entry = {"image": image, "do": do} | ({} if picked is None else {"picked": asdict(picked)})
+        line = json.dumps(entry, separators=(",", ":")).encode("ascii") + b"\n"
+        before = os.fstat(self._descriptor).st_size
+        try:
+            if os.write(self._descriptor, line) != len(line):
+                raise OSError(28, "no space")
+            os.fsync(self._descriptor)
+        except OSError as error:
+            os.ftruncate(self._descriptor, before)
+            raise unwritten(self._path, error) from error
+        return track.step(do, picked)
+
+    def names(self, wanted: Callable[[Track], bool]) -> list[str]:
+        """Images whose steps are so."""
+        return [image for image, track in self.tracks.items() if wanted(track)]
+
+    def close(self) -> None:
+        """Let the file go."""
+        os.close(self._descriptor)

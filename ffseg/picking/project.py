@@ -1,0 +1,167 @@
+"""What is picked of one class: its journal, and the files that follow from it."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.plan.discover import Source
+from ffseg.errors import ImageReadError
+from ffseg.io.files import SKIP_FILE, make_folder, printable, read_bytes, write_bytes_atomic
+from ffseg.io.masks import decode_mask, encode_mask
+from ffseg.io.starts import starts_table
+from ffseg.parameter_text import yaml_value
+from ffseg.parameters import Parameters
+from ffseg.picking.picks import Journal, Track
+from ffseg.schema.sections import flat
+
+JOURNAL, STARTS, SETTINGS, MODEL, COMMAND = "picks.jsonl", "starts.csv", "pick.yaml", "model.ffmodel", "run.sh"
+MASKS, RUN = "masks", "run"
+MOST_BYTES = 1 << 28
+
+
+class Project:
+    """A folder with what is picked of one class.
+
+    Parameters
+    ----------
+    folder : str
+        Made if absent.
+    sources : sequence of Source
+        The images, by place.
+    inputs : sequence of str
+        What names them on a command line.
+    params : Parameters
+        For all images, without a model.
+    review : str
+        Output folder of a run whose masks are the regions as long as nothing is picked; or empty.
+
+    Raises
+    ------
+    OutputError
+        If a file in it cannot be read or written.
+    """
+
+    def __init__(
+        self, folder: str, sources: Sequence[Source], inputs: Sequence[str], params: Parameters, review: str = ""
+    ) -> None:
+        self.folder, self.sources, self.inputs = folder, sources, inputs
+        self._params, self.review = params, review
+        make_folder(os.path.join(folder, MASKS))
+        write_bytes_atomic(os.path.join(folder, SKIP_FILE), b"outputs of ffseg pick\n")
+        self.journal = Journal(self.path(JOURNAL))
+        self._outdated = [name for name in self.journal.names(lambda track: track.accepted) if not self._stands(name)]
+
+    def path(self, name: str) -> str:
+        """A file of this folder."""
+        return os.path.join(self.folder, name)
+
+    def mask_path(self, name: str, folder: str = "") -> str:
+        """The mask of an image of this relative name."""
+        return os.path.join(folder or self.path(MASKS), f"{os.path.splitext(name)[0]}.png")
+
+    def track(self, index: int) -> Track:
+        """The steps in an image."""
+        return self.journal.track(self.sources[index].name)
+
+    @property
+    def model(self) -> str:
+        """Path of the model that is used, or empty."""
+        path = self.path(MODEL)
+        return path if os.path.isfile(path) else ""
+
+    @property
+    def params(self) -> Parameters:
+        """For all images, with the model where there is one."""
+        from dataclasses import replace
+
+        model = self.model
+        return replace(self._params, edges=replace(self._params.edges, model=model)) if model else self._params
+
+    def base(self, name: str) -> NDArray[np.bool_] | None:
+        """What a run or another program has found in an image; None where there is no mask of it."""
+        if not self.review:
+            return None
+        try:
+            return decode_mask(read_bytes(self.mask_path(name, os.path.join(self.review, MASKS)), MOST_BYTES))
+        except ImageReadError:
+            return None
+
+    def count(self, status: str) -> int:
+        """Images of a status other than ``open``."""
+        return len(self.journal.names(lambda track: track.now.status == status))
+
+    def keep(self, name: str, mask: NDArray[np.bool_] | None) -> None:
+        """Bring the files up to what the journal says; `mask` is that of an accepted image.
+
+        Raises
+        ------
+        OutputError
+            If one cannot be written.
+        """
+        track, path = self.journal.track(name), self.mask_path(name)
+        if mask is not None:
+            make_folder(os.path.dirname(path))
+            write_bytes_atomic(path, encode_mask(mask))
+        elif track.accepted and os.path.exists(path):  # this command's own, of an image that is accepted no longer
+            os.unlink(path)
+        self.write_starts()
+
+    def write_starts(self) -> None:
+        """Write the starts file, the settings and the command anew."""
+        ours = {one.name for one in self.sources}
+        found = {name: track.now.start for name, track in self.journal.tracks.items() if name in ours}
+        starts = {name: start for name, start in found.items() if start is not None}
+        write_bytes_atomic(self.path(STARTS), starts_table(starts))
+        write_bytes_atomic(self.path(SETTINGS), self._settings().encode())
+        write_bytes_atomic(self.path(COMMAND), f"#!/bin/sh\n{self.command()}\n".encode(errors="surrogateescape"))
+
+    def outdated(self) -> list[str]:
+        """Accepted images whose mask a crash has kept from being written, or from being removed; told once."""
+        names, self._outdated = self._outdated, []
+        return names
+
+    def _stands(self, name: str) -> bool:
+        """Whether there is a mask of an image just where it is accepted."""
+        accepted = self.journal.track(name).now.status == "accepted"
+        return os.path.isfile(self.mask_path(name)) == accepted
+
+    def arguments(self) -> list[str]:
+        """Arguments of the ``ffseg run`` that does all images."""
+        starts = ["--starts", self.path(STARTS)] if self._may_start() else []
+        return ["run", *self.inputs, "--out", self.path(RUN), "--config", self.path(SETTINGS), *starts, "--overwrite"]
+
+    def command(self) -> str:
+        """The same as a line for a shell."""
+        return shlex.join(["ffseg", *self.arguments()])
+
+    def _may_start(self) -> bool:
+        """Whether a run takes the starts file: every image has a row, or a model finds the other starts."""
+        tracks: Mapping[str, Track] = self.journal.tracks
+        named = [name for name, track in tracks.items() if track.now.start is not None]
+        return bool(named) and (bool(self.model) or {one.name for one in self.sources} <= set(named))
+
+    def _settings(self) -> str:
+        """A parameter file with what differs from the defaults."""
+        own, default = flat(self.params), flat(Parameters())
+        lines = ["# Written by ffseg pick: what all images are segmented with.", "{}"]
+        section = ""
+        for key, value in own.items():
+            if value == default[key]:
+                continue
+            group, _, name = key.rpartition(".")
+            if group != section:
+                lines, section = [*lines, f"{group}:"], group
+            is_file = isinstance(value, str) and key in ("edges.model", "domain.mask", "domain.masks")
+            text = yaml_value(os.path.abspath(str(value)) if is_file else value)
+            lines.append(f"{'  ' if group else ''}{name}: {text}")
+        if len(lines) > 2:
+            lines.remove("{}")
+        return "\n".join([*lines, ""])
+
+    def __str__(self) -> str:
+        return printable(os.path.basename(self.folder))

@@ -1,0 +1,179 @@
+"""One image that is being picked in: its reduced copies, its picture for the browser, and the region of what was picked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.api import segment
+from ffseg.errors import FfsegError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.io.overlays import encode_jpeg
+from ffseg.io.snapshots import scaled_down
+from ffseg.io.starts import Start
+from ffseg.io.svg import path_data
+from ffseg.parameters import Parameters, Seed
+from ffseg.picking.picks import Picked, painted
+from ffseg.pipeline import outlines_of
+
+Mask = NDArray[np.bool_]
+
+WIDEST, NARROWEST = 800, 200
+"""Pixels of the longer side of the copy that is segmented while the hand moves, at most and at least."""
+
+PATIENCE_MS = 30.0
+"""The copy is halved when it took longer: with drawing and the way there and back 50 ms are left to follow the hand."""
+
+QUALITY = 92
+"""Of the JPEG that the browser shows; it is only looked at."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """The region of what was picked.
+
+    Attributes
+    ----------
+    mask : ndarray of bool, shape (H, W)
+        In the size of the copy that was segmented.
+    contours : tuple of FreeForm
+    factor : float
+        Pixels of the image in one of the copy.
+    said : str
+        Why there is no region, or what was done otherwise than asked.
+    source : str
+        What told the region: an edge source, ``run`` or nothing.
+    ms : float
+        Taken by the segmentation.
+    """
+
+    mask: Mask
+    contours: tuple[FreeForm, ...]
+    factor: float = 1.0
+    said: str = ""
+    source: str = ""
+    score: float = 0.0
+    ms: float = 0.0
+
+    def document(self) -> dict[str, object]:
+        """What the page draws."""
+        path = " ".join(path_data(contour) for contour in self.contours)
+        return {
+            "path": path,
+            "factor": self.factor,
+            "said": self.said,
+            "source": self.source,
+            "score": round(self.score, 3),
+            "ms": round(self.ms, 2),
+        }
+
+
+class Scene:
+    """An image with what it takes to answer quickly.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    """
+
+    def __init__(self, image: NDArray[np.uint8]) -> None:
+        self.image = image
+        self._widest = WIDEST
+        self._copies: dict[int, NDArray[np.uint8]] = {}
+        self._picture = b""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(H, W) in pixels."""
+        return self.image.shape[0], self.image.shape[1]
+
+    def picture(self) -> bytes:
+        """JPEG of the whole image."""
+        self._picture = self._picture or encode_jpeg(self.image, QUALITY)
+        return self._picture
+
+    def find(self, picked: Picked, params: Parameters, base: Mask | None, *, quick: bool = False) -> Found:
+        """The region of what was picked.
+
+        Parameters
+        ----------
+        picked : Picked
+        params : Parameters
+            For all images; with ``edges.model`` that finds starts, a region is proposed where nothing was picked.
+        base : ndarray of bool, shape (H, W), or None
+            The region that stands as long as nothing but strokes is picked.
+        quick : bool
+            On a reduced copy that is small enough to follow the hand.
+        """
+        begin = perf_counter()
+        image, factor = self._copy() if quick else (self.image, 1.0)
+        found = self._grown(image, factor, picked, params, base)
+        if picked.strokes:
+            mask = painted(found.mask, picked.strokes, factor)
+            found = replace(found, mask=mask, contours=outlines_of(mask), factor=factor)
+        ms = (perf_counter() - begin) * 1e3
+        if quick and ms > PATIENCE_MS:
+            self._widest = max(NARROWEST, self._widest // 2)
+        return replace(found, ms=ms)
+
+    def _copy(self) -> tuple[NDArray[np.uint8], float]:
+        longest = max(self.shape)
+        if longest <= self._widest:
+            return self.image, 1.0
+        if self._widest not in self._copies:
+            self._copies[self._widest] = _reduced(self.image, self._widest)
+        return self._copies[self._widest], longest / self._widest
+
+    def _grown(
+        self, image: NDArray[np.uint8], factor: float, picked: Picked, params: Parameters, base: Mask | None
+    ) -> Found:
+        grows = bool(picked.starts or picked.boxes)
+        shape = (image.shape[0], image.shape[1])
+        if base is not None and not grows:
+            levels = base.view(np.uint8) * np.uint8(255)
+            mask = base if factor == 1 else _reduced(levels, max(shape))[:, :, 0] > 127
+            return Found(mask, outlines_of(mask), factor, source="run")
+        empty = Found(np.zeros(shape, np.bool_), (), factor)
+        if not grows and params.edges.model is None:
+            return empty
+        try:
+            own = scaled(picked.start or Start(), factor).placed(params)
+            if factor != 1 and own.contour.clearance > 0:
+                own = replace(own, contour=replace(own.contour, clearance=own.contour.clearance / factor))
+            result = segment(image, own)
+        except FfsegError as error:
+            return replace(empty, said=str(error))
+        return Found(
+            result.mask, result.contours, factor, "; ".join(result.messages), result.source, float(result.score)
+        )
+
+
+def _reduced(image: NDArray[np.uint8], longest: int) -> NDArray[np.uint8]:
+    """A copy in colour whose longer side has so many pixels."""
+    return scaled_down(image, round(image.shape[1] * longest / max(image.shape[:2])))[0]
+
+
+def scaled(start: Start, factor: float) -> Start:
+    """A start in a copy of which one pixel stands for so many of the image; the clearance is the caller's."""
+    if factor == 1:
+        return start
+
+    def at(value: float) -> float:
+        return (value + 0.5) / factor - 0.5
+
+    circles = [
+        Start(at(c.x), at(c.y), None if c.radius is None else c.radius / factor)
+        for c in start.circles
+        if c.x is not None and c.y is not None
+    ]
+    first = circles[0] if circles else Start()
+    background: tuple[Seed, ...] = tuple(
+        (at(x), at(y), radius[0] / factor) if radius else (at(x), at(y)) for x, y, *radius in start.background
+    )
+    boxes = tuple((at(a), at(b), at(c), at(d)) for a, b, c, d in start.boxes)
+    return replace(
+        start, x=first.x, y=first.y, radius=first.radius, others=tuple(circles[1:]), background=background, boxes=boxes
+    )

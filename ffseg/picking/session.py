@@ -1,0 +1,308 @@
+"""All that is picked in a folder: images, classes, what runs in the background, and what the page may ask and change."""
+
+from __future__ import annotations
+
+import os
+import re
+import threading
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from ffseg.batch.plan.discover import Source, discover
+from ffseg.batch.record.lock import OutputLock
+from ffseg.batch.report.folder import read_folder
+from ffseg.batch.workers.sources import read_source
+from ffseg.errors import UsageError
+from ffseg.io.files import make_folder, printable, write_bytes_atomic
+from ffseg.io.images import single_thread
+from ffseg.parameters import Parameters
+from ffseg.picking.learner import LEAST_MASKS, Background, figures_said, last_line
+from ffseg.picking.picks import Picked
+from ffseg.picking.project import MASKS, MODEL, RUN, Project
+from ffseg.picking.scene import Found, Scene
+
+MOST_OPEN = 3
+"""Images that are held decoded: the one that is picked in, the one before and the one after."""
+
+CLASSES = "classes.txt"
+_LABEL = re.compile(r"[\w][\w .-]{0,63}")
+
+
+class StaleError(Exception):
+    """What a page wants to change has been changed elsewhere since."""
+
+
+class Session:
+    """See the module; also a context manager, which holds the lock of the folder.
+
+    Parameters
+    ----------
+    inputs : sequence of str
+        Image files, folders and patterns.
+    out : str
+        Folder that everything is saved in.
+    params : Parameters
+    labels : sequence of str
+        Names of classes, each with a folder of its own; none for a single class in `out` itself.
+    review : str
+        Output folder of a run to be reviewed, or empty.
+
+    Raises
+    ------
+    UsageError
+        If there is no image, a label is no file name, or another session holds the folder.
+    OutputError
+        If the folder cannot be written.
+    """
+
+    def __init__(
+        self, inputs: Sequence[str], out: str, params: Parameters, labels: Sequence[str] = (), review: str = ""
+    ) -> None:
+        single_thread()
+        for label in labels:
+            if not _LABEL.fullmatch(label):
+                raise UsageError(
+                    f"--labels: {label[:40]!r} is no name for a folder; use letters, digits, space, - and _"
+                )
+        if len(set(labels)) < len(labels):
+            raise UsageError("--labels: a class is named twice; name each once")
+        self.inputs, self.out = [os.path.abspath(one) if os.path.exists(one) else one for one in inputs], out
+        self.sources: list[Source] = [one for one in discover(inputs) if not one.problem]
+        if not self.sources:
+            raise UsageError("no image can be opened; check the folder")
+        make_folder(out)
+        self._lock = OutputLock(out)
+        self._lock.__enter__()
+        self.labels = tuple(labels) or ("",)
+        if labels:
+            write_bytes_atomic(os.path.join(out, CLASSES), "".join(f"{one}\n" for one in labels).encode())
+        folders = [os.path.join(out, label) if label else out for label in self.labels]
+        self.projects = [Project(one, self.sources, self.inputs, params, review) for one in folders]
+        self._scenes: OrderedDict[int, Scene] = OrderedDict()
+        self._opening, self._changing = threading.Lock(), threading.RLock()
+        self._work = [_Work(project, self) for project in self.projects]
+        for work in self._work:
+            for name in work.project.outdated():
+                self._keep(work.project, name)
+            work.project.write_starts()
+            work.learn()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End what runs in the background and let the folder go."""
+        for work in self._work:
+            work.stop()
+        self._lock.__exit__(None, None, None)
+
+    def scene(self, index: int) -> Scene:
+        """An image, decoded.
+
+        Raises
+        ------
+        ImageReadError
+            If it cannot be read.
+        """
+        with self._opening:
+            if index not in self._scenes:
+                self._scenes[index] = Scene(read_source(self.sources[index]))
+                while len(self._scenes) > MOST_OPEN:
+                    self._scenes.popitem(last=False)
+            self._scenes.move_to_end(index)
+            return self._scenes[index]
+
+    def about(self) -> dict[str, Any]:
+        """What the page is told once."""
+        names = [printable(one.name) for one in self.sources]
+        return {"labels": list(self.labels), "images": names, "out": printable(self.out)}
+
+    def statuses(self, label: int) -> dict[int, str]:
+        """Images that are no longer open."""
+        tracks = self.projects[label].journal.tracks
+        found = {index: tracks[one.name].now.status for index, one in enumerate(self.sources) if one.name in tracks}
+        return {index: status for index, status in found.items() if status != "open"}
+
+    def image(self, label: int, index: int) -> dict[str, Any]:
+        """What is picked in an image, and what page shows of it."""
+        track, scene = self.projects[label].track(index), self.scene(index)
+        return {
+            "picked": asdict(track.now),
+            "version": track.version,
+            "undo": len(track.past),
+            "redo": len(track.future),
+            "width": scene.shape[1],
+            "height": scene.shape[0],
+            "radius": start_radius(scene.shape),
+            "probability": self.projects[label].params.region.probability,
+            "clearance": self.projects[label].params.contour.clearance,
+        }
+
+    def find(self, label: int, index: int, document: object, *, quick: bool) -> dict[str, Any]:
+        """The region of what is picked, for the page to draw; nothing is kept."""
+        return self._found(self.projects[label], index, Picked.read(document), quick=quick).document()
+
+    def _found(self, project: Project, index: int, picked: Picked, *, quick: bool = False) -> Found:
+        scene = self.scene(index)
+        base = project.base(self.sources[index].name)
+        if base is not None and base.shape != scene.shape:
+            base = None
+        return scene.find(picked, project.params, base, quick=quick)
+
+    def change(self, label: int, index: int, version: int, do: str, document: object = None) -> dict[str, Any]:
+        """Take a step in an image and keep it on the disk before the page hears of it.
+
+        Raises
+        ------
+        StaleError
+            If the page has not seen the last step.
+        UsageError
+            If what is accepted has no region, or what is picked cannot be read.
+        """
+        project, name = self.projects[label], self.sources[index].name
+        picked = Picked.read(document) if do == "pick" else None
+        with self._changing:
+            track = project.track(index)
+            if track.version != version:
+                raise StaleError
+            if picked is not None and picked.status == "accepted":
+                mask = self._found(project, index, picked).mask
+                if not mask.any() or mask.all():
+                    raise UsageError("a mask needs pixels inside and outside; pick a region first, or skip the image")
+            if project.journal.add(name, do, picked):
+                changed = self._keep(project, name)
+                if changed:
+                    self._work[label].learn(again=True)
+        return self.image(label, index)
+
+    def _keep(self, project: Project, name: str) -> bool:
+        """Bring the files up to the journal; whether a mask has changed."""
+        track = project.journal.track(name)
+        index = next((number for number, one in enumerate(self.sources) if one.name == name), -1)
+        if index < 0:
+            return False
+        accepted = track.now.status == "accepted"
+        mask = self._found(project, index, track.now).mask if accepted else None
+        project.keep(name, mask)
+        return track.accepted
+
+    def following(self, label: int, index: int) -> int:
+        """The open image to show after another: the one the model is least sure of, else the next in the folder."""
+        statuses = self.statuses(label)
+        count = len(self.sources)
+        places = {one.name: number for number, one in enumerate(self.sources)}
+        doubted = [places[name] for name in self._work[label].order if name in places]
+        rest = [(index + 1 + step) % count for step in range(count)]
+        return next((one for one in (*doubted, *rest) if one != index and one not in statuses), -1)
+
+    def news(self, label: int, index: int) -> dict[str, Any]:
+        """What may have changed since the page asked last."""
+        project, work = self.projects[label], self._work[label]
+        return {
+            "version": project.track(index).version,
+            "accepted": project.count("accepted"),
+            "skipped": project.count("skipped"),
+            "line": work.line,
+            "model": work.generation,
+            "command": project.command(),
+            "running": work.runs,
+            "review": printable(project.review),
+        }
+
+    def run(self, label: int) -> None:
+        """Do the whole folder in the background."""
+        self._work[label].run()
+
+
+def inputs_of(folder: str | os.PathLike[str]) -> list[str]:
+    """What a run was asked to do, as its ``run.json`` says.
+
+    Raises
+    ------
+    UsageError
+        If the folder is none of a run.
+    """
+    return list(read_folder(Path(folder)).inputs)
+
+
+def start_radius(shape: tuple[int, int]) -> float:
+    """Pixels: the radius of a click's circle, a hundredth of the longer side."""
+    return max(2.0, round(max(shape) / 100, 1))
+
+
+class _Work:
+    """What runs behind one class: learning after each mask, and the run of the folder."""
+
+    def __init__(self, project: Project, session: Session) -> None:
+        self.project = project
+        self.line, self.order, self.generation = "", list[str](), 0
+        self._session, self._spared = session, False
+        self._learning, self._running = Background(self._learned), Background(self._ran)
+
+    @property
+    def runs(self) -> bool:
+        """Whether the folder is being done."""
+        return self._running.running
+
+    def learn(self, *, again: bool = False) -> None:
+        """Learn from the masks there are; a newer mask ends what is at work, but of two in a row the second is spared."""
+        count = self.project.count("accepted")
+        if count < LEAST_MASKS:
+            self.line = f"{LEAST_MASKS - count} more accepted and a model is learned from them"
+            self._learning.stop()
+            return
+        if self._learning.running and self._spared:
+            return
+        if not again and self.project.model:
+            self.line = f"{count} masks; the model that was learned from them is used"
+            return
+        self._spared = self._learning.running
+        self.line = f"learning from {count} masks"
+        self._count = count
+        new = self.project.path("learning.ffmodel")
+        truth = self.project.path(MASKS)
+        self._learning.start(["learn", *self.project.inputs, "--truth", truth, "--out", new, "--json", "--quiet"])
+
+    def _learned(self, code: int, out: str, err: str) -> None:
+        self._spared = False
+        if code:
+            self.line = f"nothing was learned: {last_line(err)}"
+            return
+        self.line, self.order, of_use = figures_said(out)
+        new, model = self.project.path("learning.ffmodel"), self.project.path(MODEL)
+        if of_use:
+            os.replace(new, model)
+        else:
+            os.unlink(new)
+            self.line += "; it is not used"
+        self.generation += 1
+        self.project.write_starts()
+        if self.project.count("accepted") != self._count:
+            self.learn(again=True)
+
+    def run(self) -> None:
+        """Do the folder, anew where it was done before."""
+        if self.runs:
+            return
+        self.project.write_starts()
+        self.line = f"running {len(self.project.sources)} images"
+        self._running.start([*self.project.arguments(), "--quiet"])
+
+    def _ran(self, code: int, out: str, err: str) -> None:
+        summary = " ".join(out.split())
+        done = code in (0, 3)
+        self.line = f"the folder is done: {summary}" if done else f"the run has failed: {last_line(err)}"
+        if done:
+            self.project.review = self.project.path(RUN)
+            self.generation += 1
+
+    def stop(self) -> None:
+        """End what is at work."""
+        self._learning.stop()
+        self._running.stop()

@@ -1,0 +1,266 @@
+"""``ffseg pick`` and its page in a headless Chromium: the hand, the keys, two tabs, a server that is killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import chromium
+import pytest
+from picking import LEFT, RIGHT, SIZE, ask, disc, draw, iou, mask_of, picked, served
+
+from ffseg.io.starts import Start, load_starts
+from ffseg.picking.server import Server
+
+HOSTILE = "<img src=x onerror=alert(1)>'\"\n&amp;.png"
+NAMES = ["a.png", "b.png", HOSTILE, "z.png"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return draw(tmp_path / "in", NAMES)
+
+
+@pytest.fixture
+def server(folder: Path, tmp_path: Path) -> Iterator[Server]:
+    with served(folder, tmp_path / "out", labels=()) as running:
+        yield running
+
+
+class Hand:
+    """What a person does with the page, in pixels of the image."""
+
+    def __init__(self, tab: chromium.Chromium, address: str) -> None:
+        self.tab = tab
+        tab.open(address)
+        tab.until("document.body.dataset.ready === 'yes' && document.getElementById('picture').complete")
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        box = self.tab.value(
+            "(() => { const b = document.getElementById('picture').getBoundingClientRect(); return [b.x, b.y, b.width] })()"
+        )
+        scale = box[2] / SIZE[1]
+        return box[0] + (x + 0.5) * scale, box[1] + (y + 0.5) * scale
+
+    def drag(self, *places: tuple[float, float], button: str = "left", modifiers: int = 0) -> None:
+        self.tab.drag([self.at(*place) for place in places], button, modifiers)
+
+    def click(self, x: float, y: float, button: str = "left", modifiers: int = 0) -> None:
+        self.drag((x, y), (x, y), button=button, modifiers=modifiers)
+
+    def until_marks(self, *kinds: str) -> None:
+        wanted = json.dumps(" ".join(kinds))
+        marks = "[...document.querySelectorAll('#marks *')].map((m) => m.getAttribute('class')).join(' ')"
+        self.tab.until(f"{marks} === {wanted}")
+
+    def until_area(self, least: float, most: float) -> None:
+        """Wait for a region whose bounding box is so many pixels wide."""
+        self.tab.until(
+            "(() => { const region = document.getElementById('region'), drawn = region.getAttribute('d'),"
+            "wide = drawn ? region.getBBox().width * region.transform.baseVal[0].matrix.a : 0;"
+            f"return wide >= {least} && wide <= {most} }})()"
+        )
+
+    def until_image(self, name: str) -> None:
+        self.tab.until(f"document.getElementById('name').textContent === {json.dumps(name)}")
+
+    def until_status(self, text: str) -> None:
+        self.tab.until(f"document.getElementById('status').textContent === {json.dumps(text)}")
+
+
+@pytest.fixture
+def hand(browser: chromium.Chromium, server: Server) -> Iterator[Hand]:
+    yield Hand(browser, server.address)
+    assert browser.problems == []
+    assert [one for one in browser.requests if not one.startswith((server.address, "about:"))] == []
+
+
+def state(server: Server, index: int) -> dict[str, Any]:
+    return dict(server.session.image(0, index)["picked"])
+
+
+def test_clicks_keys_and_what_they_leave_on_the_disk(hand: Hand, server: Server, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    hand.until_image("<img src=x onerror=alert(1)>'\"\\u000a&amp;.png")
+    hand.tab.press("n")
+    hand.until_image("a.png")
+    hand.click(*LEFT)
+    hand.until_marks("start")
+    hand.until_area(45, 55)
+    assert load_starts(out / "starts.csv", ["a.png"])["a.png"].circles == (Start(*map(float, LEFT), 2.0),)
+    hand.click(*RIGHT)
+    hand.until_marks("start", "start")
+    hand.until_area(110, 130)
+    hand.click(80, 12, button="right")
+    hand.until_marks("start", "start", "not")
+    hand.click(80, 110, modifiers=1)
+    hand.until_marks("start", "start", "not", "not")
+    hand.tab.press("z")
+    hand.until_marks("start", "start", "not")
+    hand.tab.press("y")
+    hand.until_marks("start", "start", "not", "not")
+    hand.click(*RIGHT)
+    hand.until_marks("start", "not", "not")
+    hand.until_area(45, 55)
+    hand.tab.press("a")
+    hand.until_image("b.png")
+    assert iou(mask_of(out / "masks" / "a.png"), disc(LEFT)) > 0.95
+    hand.tab.press("s")
+    hand.until_image("z.png")
+    hand.tab.press("p")
+    hand.until_image("b.png")
+    hand.until_status("skipped")
+    hand.tab.press("p")
+    hand.until_image("a.png")
+    hand.until_status("accepted")
+    hand.tab.press("x")
+    hand.until_marks()
+    hand.until_status("")
+    assert not (out / "masks" / "a.png").exists()
+    hand.tab.press("?")
+    hand.tab.until("document.getElementById('help').open")
+
+
+def test_drags_are_boxes_levels_and_strokes(hand: Hand, server: Server) -> None:
+    hand.tab.press("n")
+    hand.until_image("a.png")
+    hand.drag((15, 30), (40, 60), (75, 90))
+    hand.until_marks("round")
+    wait_for(lambda: state(server, 1)["boxes"] == ((15, 30, 75, 90),))
+    hand.tab.press("x")
+    hand.until_marks()
+    hand.click(*LEFT)
+    hand.until_marks("start")
+    x, y = hand.at(*LEFT)
+    hand.tab.drag([(x, y), (x, y - 20), (x, y - 50)])
+    wait_for(lambda: state(server, 1)["probability"] is not None)
+    assert state(server, 1)["probability"] == pytest.approx(0.4)
+    hand.tab.drag([(x, y), (x, y - 20), (x, y - 20)], modifiers=8)
+    wait_for(lambda: state(server, 1)["clearance"] == 10)
+    hand.tab.press("x")
+    hand.until_marks()
+    hand.tab.press("b")
+    hand.drag((100, 20), (110, 20), (120, 20))
+    hand.until_area(15, 40)
+    wait_for(lambda: len(state(server, 1)["strokes"]) == 1)
+    hand.tab.press("e")
+    hand.drag((90, 20), (110, 20), (130, 20))
+    hand.until_area(0, 12)
+    wait_for(lambda: [one["inside"] for one in state(server, 1)["strokes"]] == [True, False])
+    hand.tab.press("e")
+    hand.click(*RIGHT)
+    hand.until_marks("start")
+
+
+def wait_for(true: Callable[[], bool], seconds: float = 20) -> None:
+    deadline = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_the_contour_follows_the_hand_and_zoom_does_not_move_what_is_meant(hand: Hand, server: Server) -> None:
+    hand.tab.press("n")
+    hand.until_image("a.png")
+    hand.tab.hover(*hand.at(*RIGHT))
+    hand.tab.until("document.getElementById('preview').getAttribute('d')")
+    assert state(server, 1)["starts"] == (), "only shown"
+    assert hand.tab.value("ffsegTimes.length") > 0
+    for key in ("+", "+", "-"):
+        hand.tab.press(key)
+    hand.click(*LEFT)
+    wait_for(lambda: len(state(server, 1)["starts"]) == 1)
+    assert state(server, 1)["starts"][0][:2] == pytest.approx(LEFT, abs=0.2)
+
+
+def test_a_reload_and_another_tab_show_what_is_kept(hand: Hand, server: Server) -> None:
+    hand.tab.press("n")
+    hand.until_image("a.png")
+    hand.click(*LEFT)
+    hand.until_marks("start")
+    address = hand.tab.value("location.href")
+    assert address.endswith("#0/1")
+    hand.tab.call("Page.reload")
+    hand.tab.until("document.body?.dataset.ready === 'yes'")
+    hand.until_image("a.png")
+    hand.until_marks("start")
+    hand.tab.press("z")
+    hand.until_marks()
+    other = {"image": 1, "version": 2, "do": "pick", "picked": picked(LEFT, RIGHT)}
+    assert ask(server, "change", other)[0] == 200, "another tab picks"
+    hand.until_marks("start", "start")  # by itself
+    hand.tab.value("(() => { for (let one = 0; one < 1000; one++) clearInterval(one) })()")  # no more news
+    assert ask(server, "change", other | {"version": 3, "picked": picked(RIGHT)})[0] == 200
+    hand.click(80, 20)
+    hand.tab.until("document.getElementById('said').textContent.includes('another tab')")
+    hand.until_marks("start")
+    assert state(server, 1)["starts"] == ((*RIGHT, 6),), "nothing is lost, nothing is mixed up"
+    assert [one for one in hand.tab.problems if "409" not in one] == []
+    hand.tab.problems.clear()  # the browser notes the refusal
+
+
+def test_a_name_of_a_class_and_the_list_of_images(browser: chromium.Chromium, folder: Path, tmp_path: Path) -> None:
+    with served(folder, tmp_path / "classes", labels=["left", "right one"]) as server:
+        hand = Hand(browser, server.address)
+        hand.tab.press("n")
+        hand.until_image("a.png")
+        hand.click(*LEFT)
+        hand.until_marks("start")
+        hand.tab.press("2")
+        hand.until_marks()
+        hand.click(*RIGHT)
+        hand.until_marks("start")
+        hand.tab.press("1")
+        hand.tab.press("l")
+        hand.tab.value(
+            "(() => { const f = document.getElementById('find'); f.value = 'Z'; f.dispatchEvent(new Event('input')) })()"
+        )
+        assert hand.tab.value("[...document.querySelectorAll('#names button')].map((b) => b.textContent)") == ["z.png"]
+        hand.tab.value("document.querySelector('#names button').click()")
+        hand.until_image("z.png")
+        assert [server.session.image(kind, 1)["picked"]["starts"][0][:2] for kind in (0, 1)] == [LEFT, RIGHT]
+
+
+def command(folder: Path, out: Path, *more: str) -> subprocess.Popen[str]:
+    words = [sys.executable, "-m", "ffseg", "pick", str(folder), "--out", str(out), "--no-browser", *more]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def test_a_killed_server_goes_on_where_it_was(
+    browser: chromium.Chromium, folder: Path, tmp_path: Path, ffseg_command: Callable[..., Any]
+) -> None:
+    out = tmp_path / "killed"
+    first = command(folder, out)
+    assert first.stdout is not None
+    hand = Hand(browser, first.stdout.readline().strip())
+    refused = ffseg_command("pick", folder, "--out", out, "--no-browser")
+    assert (refused.returncode, "another ffseg" in refused.stderr) == (2, True)
+    hand.tab.press("n")
+    hand.until_image("a.png")
+    hand.click(*LEFT)
+    hand.until_marks("start")
+    hand.until_area(45, 55)
+    wait_for(lambda: (out / "starts.csv").is_file() and "a.png" in (out / "starts.csv").read_text())
+    os.kill(first.pid, signal.SIGKILL)
+    first.communicate()
+    hand.click(*RIGHT)
+    hand.tab.until("document.getElementById('line').textContent.includes('does not answer')")
+    hand.until_marks("start")  # what was not kept is not shown as if it were
+    second = command(folder, out)
+    assert second.stdout is not None
+    again = Hand(browser, second.stdout.readline().strip() + "#0/1")
+    again.until_image("a.png")
+    again.until_marks("start")
+    again.until_area(45, 55)
+    second.terminate()
+    _, said = second.communicate(timeout=20)
+    assert second.returncode == 0, said
+    assert "the same command goes on from there" in said
+    browser.problems.clear()
