@@ -97,8 +97,10 @@ def run_bench(order: Order, note: Note, keep: Keep | None = None) -> Outcome:
     effort = replace(order.effort, rounds=QUICK_ROUNDS) if order.quick else order.effort
     outcome = Outcome(order.quick, datetime.now(UTC).isoformat(timespec="seconds"))
     with tempfile.TemporaryDirectory(prefix="ffseg-bench-") as folder:
-        settings = Settings(Path(folder), order.images, order.quick)
         for name in names:
+            work = Path(folder) / name  # of its own: suites make folders and files of the same names
+            work.mkdir()
+            settings = Settings(work, order.images, order.quick)
             suite: Suite = getattr(import_module(f"ffseg.bench.suites.{SUITES[name]}"), name)
             for part in suite(settings):
                 _take(part, outcome, effort, order.baseline, note)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from ffseg.bench.session import Order, Outcome, run_bench
+from ffseg.bench.session import SUITES, Order, Outcome, run_bench
 from ffseg.bench.suites import bare, children, drawing, pictures
 from ffseg.bench.suites.patches import evolution_options, patches
 from ffseg.bench.suites.settings import Settings
@@ -22,6 +22,9 @@ from ffseg.parameters import Parameters
 from ffseg.peer_parameters import SkimageGac
 from ffseg.plugins import PEERS
 from tests.masks import read_mask
+
+OTHERS = {"peers", "batch", "startup", "memory", "shards"}
+"""Suites whose quantities depend on what is installed, or are those of processes."""
 
 
 def quick(*suites: str, images: Path | None = None) -> Outcome:
@@ -75,28 +78,31 @@ def test_evolution_options_are_those_of_the_parameters_but_for_topology() -> Non
     assert (options.split_threshold, options.topology) == (params.contour.split_threshold, False)
 
 
-def test_suites_on_contours_and_images() -> None:
-    outcome = quick("patches", "size", "method", "scenes")
-    quantities = {(figure.suite, figure.quantity) for figure in outcome.figures}
-    stages = ("edges", "evolve", "segment")
-    expected = {
-        ("patches", "iteration"),
-        *((suite, stage) for suite in ("size", "method", "scenes") for stage in stages),
-    }
-    assert quantities == expected
-    assert all(figure.median > 0 and figure.ratio > 0 for figure in outcome.figures)
-    assert {values["stopped"] for name, values in outcome.facts.items() if "scenes" in name} == {"converged"}
-    assert outcome.slower == []
+@pytest.fixture(scope="module")
+def whole() -> Outcome:
+    """Every suite after the other, as the plain command runs them: what one leaves may not be in the way of the next."""
+    return quick()
 
 
-def test_peers_are_measured_beside_the_free_form() -> None:
-    outcome = quick("peers")
+def test_every_suite_measures_what_it_says(whole: Outcome) -> None:
+    assert list(dict.fromkeys(figure.suite for figure in whole.figures)) == list(SUITES)
+    quantities = {(figure.suite, figure.quantity) for figure in whole.figures if figure.suite not in OTHERS}
+    stages = {(suite, stage) for suite in ("size", "method", "scenes") for stage in ("edges", "evolve", "segment")}
+    assert quantities == {("patches", "iteration"), *stages}
+    assert all(figure.median > 0 for figure in whole.figures)
+    assert all(figure.ratio > 0 for figure in whole.figures if figure.unit == "ms")
+    assert all(item.ratio > 0 for item in whole.comparisons if " beyond " not in item.title)
+    assert {values["stopped"] for name, values in whole.facts.items() if "scenes" in name} == {"converged"}
+    assert whole.slower == []
+
+
+def test_peers_are_measured_beside_the_free_form(whole: Outcome) -> None:
     names = [name for name in ("sitk_fast_marching", "cv_edges_opened", "skimage_gac") if PEERS[name].installed]
     assert "cv_edges_opened" in names
     cases = [case for name in names for case in (f"small, freeform beside {name}", f"small, {name}")]
-    assert [figure.case for figure in outcome.figures] == cases
-    assert len(outcome.comparisons) == len(names)
-    assert len(outcome.skipped) == 3 - len(names)
+    assert [figure.case for figure in whole.figures if figure.suite == "peers"] == cases
+    assert len([item for item in whole.comparisons if item.suite == "peers"]) == len(names)
+    assert len([part for part in whole.skipped if part.suite == "peers"]) == 3 - len(names)
 
 
 def test_a_geodesic_contour_gets_the_iterations_it_needs() -> None:
@@ -113,18 +119,9 @@ def test_a_geodesic_contour_gets_the_iterations_it_needs() -> None:
     assert iou(reached > 0, final) >= pictures.SAME > iou(before, final)
 
 
-@pytest.mark.parametrize("suite", ["startup", "batch", "memory", "shards"])
-def test_suites_on_processes(suite: str) -> None:
-    outcome = quick(suite)
-    assert {figure.suite for figure in outcome.figures} == {suite}
-    assert all(figure.median > 0 for figure in outcome.figures)
-    assert all(item.ratio > 0 for item in outcome.comparisons if " beyond " not in item.title)
-
-
-def test_guarded_reading_is_compared_with_the_bare_decoder_in_images_of_a_batch() -> None:
-    outcome = quick("batch")
-    median = {figure.case: figure.median for figure in outcome.figures}
-    share = next(item for item in outcome.comparisons if item.title.startswith("guarded reading beyond cv2.imread"))
+def test_guarded_reading_is_compared_with_the_bare_decoder_in_images_of_a_batch(whole: Outcome) -> None:
+    median = {figure.case: figure.median for figure in whole.figures if figure.suite == "batch"}
+    share = next(item for item in whole.comparisons if item.title.startswith("guarded reading beyond cv2.imread"))
     assert share.ratio == (median["guarded reading"] - median["cv2.imread"]) / median["jobs, 1"]
     assert share.ratio < 0.10  # the promise; of tiny images it is less, as starting takes most of their time
 
