@@ -4,7 +4,15 @@ from __future__ import annotations
 
 
 class FfsegError(Exception):
-    """Base of every error ffseg raises on purpose; its text is fit to be shown to a user."""
+    """Base of every error ffseg raises on purpose; its text is fit to be shown to a user.
+
+    Attributes
+    ----------
+    exit_code : int
+        What the command line ends with.
+    """
+
+    exit_code = 2
 
 
 class ParameterError(FfsegError):
@@ -39,6 +47,12 @@ class CalibrationError(FfsegError):
 
 class OutputError(FfsegError):
     """An output cannot be written; the text names the path."""
+
+
+class WorkerLostError(FfsegError):
+    """Whoever works on the images is gone, and no other can take over: a scheduler, or workers that never got ready."""
+
+    exit_code = 1
 
 
 _NO_MEMORY = -4

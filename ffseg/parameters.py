@@ -5,15 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Literal
 
 from ffseg.errors import ParameterError
-from ffseg.plugins import EDGE_SOURCES, METHODS
-from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Name, Number, OrWord, Row, Text
+from ffseg.plugins import EDGE_SOURCES, METHODS, installed
+from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Name, Number, OrWord, Row, Text, names_code
 from ffseg.schema.nodes import Node, Problems, Source, wrap
-from ffseg.schema.sections import Section, build, collect, declared, nearest, subsection
+from ffseg.schema.sections import Section, build, collect, declared, leaves, nearest, subsection
 
 Overrides = Mapping[str, object] | Sequence[str]
 
@@ -56,7 +56,7 @@ class Edges(Section):
 
     source: str = declared(
         "auto",
-        Name(tuple(EDGE_SOURCES)),
+        Name(tuple(EDGE_SOURCES), partial(installed, "evidence")),
         "auto = gradient where its edges are clear, else prior (learned); or module:function of your own",
     )
     sigma: float = declared(1.5, Number(0, 20, above=True), "px, standard deviation of the smoothing Gaussian")
@@ -209,7 +209,7 @@ class Parameters(Section):
 
     method: str = declared(
         "freeform",
-        Name(tuple(METHODS)),
+        Name(tuple(METHODS), partial(installed, "methods")),
         "freeform, snake, levelset, paper, the name of a peer, or module:function of your own",
     )
     contour: Contour = subsection(Contour)
@@ -224,7 +224,9 @@ class Parameters(Section):
     network: Network = subsection(Network)
 
 
-def load_params(source: str | os.PathLike[str] | None = None, overrides: Overrides | None = None) -> Parameters:
+def load_params(
+    source: str | os.PathLike[str] | None = None, overrides: Overrides | None = None, *, allow_code: bool = False
+) -> Parameters:
     """Load a parameter set.
 
     Parameters
@@ -234,6 +236,9 @@ def load_params(source: str | os.PathLike[str] | None = None, overrides: Overrid
     overrides : mapping or sequence of str, optional
         Keys (dotted, or nested mappings) and values, or texts ``KEY=VALUE`` with a YAML value; the last one wins.
         File names in them are relative to the working directory.
+    allow_code : bool
+        Whether a file may name functions as ``module:function``, which imports code. Overrides are the caller's own words,
+        and names of installed plug-ins import what somebody has installed.
 
     Returns
     -------
@@ -248,13 +253,25 @@ def load_params(source: str | os.PathLike[str] | None = None, overrides: Overrid
     if source is None and overrides is None:
         return _defaults()
     problems = Problems()
-    roots = [] if source is None else [_file(source, problems)]
-    roots += _override_nodes(overrides, problems)
+    written = {} if source is None else collect(Parameters, _file(source, problems), problems)
     values: dict[str, object] = {}
-    for root in roots:
+    for root in _override_nodes(overrides, problems):
         values.update(collect(Parameters, root, problems))
+    if not allow_code:
+        _refuse_code({key: value for key, value in written.items() if key not in values}, str(source), problems)
     problems.raise_as(ParameterError)
-    return build(Parameters, values)
+    return build(Parameters, {**written, **values})
+
+
+def _refuse_code(values: Mapping[str, object], name: str, problems: Problems) -> None:
+    """Note the keys of a file that would import code: the file may be somebody else's."""
+    for key, value in values.items():
+        if isinstance(leaves(Parameters)[key].kind, Name) and names_code(str(value)):
+            problems.add(
+                name,
+                f"{key}: {value} imports code that the file names; if you trust it, add --allow-code (in Python "
+                f"allow_code=True), or name it yourself: --set {key}={value}",
+            )
 
 
 @cache

@@ -18,7 +18,7 @@ from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.judge import judged
 from ffseg.native import _core
-from ffseg.plugins import EDGE_SOURCES, load, method
+from ffseg.plugins import EDGE_SOURCES, find, method
 from ffseg.result import Segmentation, Timings
 from ffseg.scene import Scene, check_sides
 from ffseg.starts.given import start_contours
@@ -114,11 +114,7 @@ def with_evidence(scene: Scene) -> Scene:
     if scene.given:
         return scene
     name = source_of(scene)
-    try:
-        source = load(EDGE_SOURCES.get(name, name))
-    except ValueError as error:
-        raise ParameterError(f"edges.source: {error}") from error
-    edges = source(scene)
+    edges = find("evidence", name)(scene)
     if not isinstance(edges, EdgeMap):
         raise ParameterError(f"edges.source: {name} returned {type(edges).__name__}; it must return an ffseg.EdgeMap")
     return replace(scene, edges=edges)

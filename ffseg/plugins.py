@@ -1,18 +1,24 @@
-"""What can be chosen by name: the methods and the evidence sources, one row each, and nothing is loaded for them.
+"""The one table of what is chosen by name: methods, evidence sources, outputs and executors; nothing is loaded for it.
 
-A row says where its function lives; `load` brings it. A name of the form ``module:function`` names a function of the
-user's own, with the same signature as ours (see docs/extending.md).
+A name is that of a row here, that of an installed plug-in (an entry point of the group ``ffseg.methods``,
+``ffseg.evidence``, ``ffseg.outputs`` or ``ffseg.executors``), or ``module:function``: a function of the user's own, with
+the same signature as ours (see docs/extending.md).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
+from operator import attrgetter
 from typing import Any
 
 from ffseg.errors import ParameterError, SegmentationError
+from ffseg.schema.kinds import nearest_word
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +142,88 @@ EDGE_SOURCES: dict[str, str] = {
 """Evidence sources by the name they have in ``edges.source``: ``source(scene) -> EdgeMap`` (`ffseg.Scene`)."""
 
 
+EXPORTS: dict[str, str] = {
+    name: f"ffseg.batch.outputs.table:{name.upper()}" for name in ("coco", "labelme", "geojson", "svg")
+}
+"""Outputs by the name they have in ``--export``: an `ffseg.batch.outputs.table.Output`, or a function as it names one."""
+
+EXECUTORS: dict[str, str] = {
+    "processes": "ffseg.batch.executors.processes:Processes",
+    "inprocess": "builtins:map",
+    "dask": "ffseg.batch.executors.dask:Dask",
+}
+"""Executors by the name they have in ``--executor``: ``executor(do, tasks)`` gives ``do(task)`` for each task in any order;
+the classes among ours are asked in turns instead (`ffseg.batch.executors.base.Executor`)."""
+
+TABLE: dict[str, Mapping[str, str]] = {
+    "methods": {name: row.home for name, row in METHODS.items()},
+    "evidence": EDGE_SOURCES,
+    "outputs": EXPORTS,
+    "executors": EXECUTORS,
+}
+"""Where each built-in lives, by kind and name."""
+
+_ASKED_BY = {"methods": "method", "evidence": "edges.source", "outputs": "--export", "executors": "--executor"}
+"""What a message calls each kind."""
+
+
+@cache
+def installed(kind: str) -> Mapping[str, str]:
+    """``module:function`` of every installed plug-in of a kind that has no built-in's name, by its name."""
+    from importlib.metadata import entry_points  # 10 ms that only a name of no row should cost
+
+    return {one.name: one.value for one in entry_points(group=f"ffseg.{kind}") if one.name not in TABLE[kind]}
+
+
+def home_of(kind: str, name: str) -> str:
+    """``module:function`` behind a name.
+
+    Raises
+    ------
+    ParameterError
+        If there is none; with the nearest name.
+    """
+    home = TABLE[kind].get(name) or (name if ":" in name else installed(kind).get(name, ""))
+    if not home:
+        names = (*TABLE[kind], *installed(kind))
+        near = nearest_word(name, names) or f"; choose from {', '.join(names)}, or name your own as module:function"
+        raise ParameterError(f"{_ASKED_BY[kind]}: there is no '{name}'{near}")
+    return home
+
+
+def find(kind: str, name: str) -> Any:  # noqa: ANN401 - the caller knows what the kind is
+    """What a name stands for, loaded.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such name, or it cannot be loaded.
+    """
+    try:
+        found = load(home_of(kind, name))
+    except ValueError as error:
+        raise ParameterError(f"{_ASKED_BY[kind]}: {error}") from error
+    if kind != "outputs" and not callable(found):
+        raise ParameterError(f"{_ASKED_BY[kind]}: {name} is no function; name one as docs/extending.md shows")
+    return found
+
+
+def check(kind: str, name: str) -> str:
+    """File of a plug-in's function, which is loaded now so that nothing fails later; empty for a built-in.
+
+    Raises
+    ------
+    ParameterError
+        As `find`.
+    """
+    if name in TABLE[kind]:
+        return ""
+    module = sys.modules.get(getattr(find(kind, name), "__module__", ""))
+    return getattr(module, "__file__", None) or ""
+
+
 def method(name: str | Callable[..., Any]) -> Method:
-    """The row of a method's name, of ``module:function``, or of a function.
+    """The row of a method's name, a built-in one or that of a plug-in, or of a function.
 
     Raises
     ------
@@ -146,22 +232,43 @@ def method(name: str | Callable[..., Any]) -> Method:
     """
     if not isinstance(name, str):
         return Method("", getattr(name, "__name__", "function"), function=name)
-    if name not in METHODS and ":" not in name:
-        raise ParameterError(f"method: there is no segmenter '{name}'; choose one of {', '.join(METHODS)}")
-    return METHODS.get(name) or Method(name, name)
+    return METHODS.get(name) or Method(home_of("methods", name), name)
+
+
+def methods_named(text: str) -> tuple[str, ...]:
+    """Methods of a comma-separated list; ``all`` stands for all of ffseg's own and every peer, ``peers`` for these.
+
+    Raises
+    ------
+    ParameterError
+        If there is none of a name, or it cannot be loaded.
+    """
+    groups = {"all": (*SEGMENTERS, *PEERS), "peers": tuple(PEERS)}
+    parts = [part.strip() for part in text.split(",")]
+    names = tuple(dict.fromkeys(name for part in parts for name in groups.get(part, (part,))))
+    for name in names:
+        check("methods", name)
+    return names
 
 
 def load(home: str) -> Any:  # noqa: ANN401 - the caller knows the signature
-    """Bring the function that ``module:function`` names.
+    """Bring the function that ``module:function`` names; the working directory is importable, as ``python -m`` has it.
 
     Raises
     ------
     ValueError
-        If there is no such module or function.
+        If there is no such module or function, or the module fails.
     """
     module, _, name = home.partition(":")
+    here = os.getcwd()
+    if not module.startswith("ffseg.") and not {"", here} & set(sys.path):
+        sys.path.insert(0, here)
     try:
-        found = getattr(import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise ValueError(f"{home!r} cannot be loaded: {error}") from error
+        found = attrgetter(name)(import_module(module))
+    except Exception as error:  # of somebody's module: whatever it raises
+        kind = "" if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: "
+        remedy = (
+            "" if module.startswith("ffseg.") else "; check the name, and that its file is in this folder or installed"
+        )
+        raise ValueError(f"{home!r} cannot be loaded: {kind}{error}{remedy}") from error
     return found

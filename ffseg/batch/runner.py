@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from time import perf_counter
@@ -13,9 +13,9 @@ from types import TracebackType
 from typing import Any, Protocol
 
 from ffseg import __version__
-from ffseg.batch.executors.base import Executor
-from ffseg.batch.executors.choice import Choice, Start, start
+from ffseg.batch.executors.base import Assignment, Choice, Do, Executor
 from ffseg.batch.executors.chunks import left_over, numbered
+from ffseg.batch.outputs.table import OUTPUTS
 from ffseg.batch.plan.jobs import Job, Plan, foreign_outputs, output_folders, prepare_output
 from ffseg.batch.record.header import refuse_other_packing, refuse_other_parameters, run_header
 from ffseg.batch.record.journal import Journal, read_header, state_folder
@@ -27,9 +27,10 @@ from ffseg.batch.tar.finish import StoppedError, find_moved, put_in_order
 from ffseg.batch.tar.ordered import packs_of, remove_packs
 from ffseg.batch.tar.writer import PackWriter, new_pack
 from ffseg.batch.workers.launch import Process
-from ffseg.batch.workers.messages import Failed, Note, Ready, Reply, Setup, Task
+from ffseg.batch.workers.messages import Done, Failed, Note, Ready, Reply, Setup, Task, Unchanged
 from ffseg.errors import FfsegError, OutputError, UsageError
 from ffseg.io.files import is_temporary, printable, sync_folders
+from ffseg.plugins import find
 
 __all__ = ["JOB_REASONS", "TIMING_COLUMNS", "Observer", "Options", "Run", "Stop", "Summary"]
 
@@ -240,8 +241,8 @@ class Run:
     def _tables(self) -> Tables:
         folder = self._state if self._plan.shard else self._plan.out
         camera = self._setup.views is not None
-        asked, more = frozenset(self._asked()), self._plan.wanted.more
-        return Tables(self._plan.out, folder, self._standing, camera, asked, self._options.parquet, more)
+        asked, kinds = frozenset(self._asked()), tuple(dict.fromkeys((*OUTPUTS, *self._plan.wanted.kinds)))
+        return Tables(self._plan.out, folder, self._standing, camera, asked, self._options.parquet, kinds)
 
     def _asked(self) -> set[str]:
         """Columns and folders of outputs that were asked for."""
@@ -266,12 +267,33 @@ class Run:
         """Feed the executor and write what it replies, one reply of each worker together: the disk is waited for less."""
         options = self._options
         places = (len(self._plan.jobs), self._state, self._keeper.settings)
-        executor = start(Start(options.executor, self._setup, options, started, self._stop.descriptor, *places))
-        try:
-            feed(self, executor)
-        finally:
-            executor.close()
+        chosen = find("executors", options.executor.name)
+        if isinstance(chosen, type) and issubclass(chosen, Executor):
+            executor = chosen.begin(
+                Assignment(options.executor, self._setup, options, started, self._stop.descriptor, *places)
+            )
+            try:
+                feed(self, executor)
+            finally:
+                executor.close()
+        else:
+            self._map(options.executor.name, chosen)
         self.summary.signal = self._stop.signal
+
+    def _map(self, name: str, executor: Callable[[Do, Iterator[Task]], Iterable[Reply]]) -> None:
+        """Let a function do the tasks, in any order; it may draw them from another thread."""
+        do, jobs = Do(self._setup), self._plan.jobs
+        self._versions = do.bench.versions()
+        self.take([_untried(job) for job in jobs if job.source.problem])
+        for reply in executor(do, (self._task(job) for job in jobs if not (job.source.problem or self.stopped))):
+            if not isinstance(reply, Done | Unchanged | Failed):
+                raise UsageError(f"--executor: {name} gave {type(reply).__name__}, not what do(task) returned")
+            if not self._finished[reply.index]:
+                self.take([reply])
+            if self.stopped:
+                return
+        lost = f"the executor {name} gave no reply for it"
+        self.take([Failed(job.index, "crash", lost) for job in jobs if not (self.stopped or self._finished[job.index])])
 
     @property
     def stopped(self) -> bool:
@@ -286,12 +308,9 @@ class Run:
     def tasks(self) -> Iterator[Task | Reply]:
         """A task for each image, or the reply for one that cannot even be tried."""
         for job in self._plan.jobs:
-            yield self._task(job)
+            yield _untried(job) if job.source.problem else self._task(job)
 
-    def _task(self, job: Job) -> Task | Reply:
-        if job.source.problem:
-            reason, message = job.source.problem.split(": ", 1)
-            return Failed(job.index, reason, message)
+    def _task(self, job: Job) -> Task:
         record = None if self._options.overwrite else self._keeper.journal.get(job.index)
         fits = record is not None and record.made and record.version == __version__
         known = record.known if record is not None and fits and record.settings == self._keeper.settings else None
@@ -403,6 +422,12 @@ class Run:
         """What a merge has to know of a shard."""
         plan = self._plan
         return {"shard": plan.shard, "whole": plan.whole, "asked": sorted(self._asked())} if plan.shard else {}
+
+
+def _untried(job: Job) -> Failed:
+    """The reply for an image that cannot even be tried."""
+    reason, message = job.source.problem.split(": ", 1)
+    return Failed(job.index, reason, message)
 
 
 def refuse_foreign(plan: Plan) -> None:

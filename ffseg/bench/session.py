@@ -16,6 +16,7 @@ from ffseg.bench.machine import machine, versions
 from ffseg.bench.measure import Effort, Fact, Group, Skipped, compared, measure
 from ffseg.bench.suites.settings import Settings
 from ffseg.errors import UsageError
+from ffseg.plugins import SEGMENTERS
 from ffseg.schema.kinds import nearest_word
 
 SUITES = {
@@ -53,6 +54,8 @@ class Order:
     quick : bool
         Tiny inputs and one round.
     baseline : Baseline, optional
+    methods : sequence of str
+        Of the suite ``method``.
     """
 
     suites: Sequence[str] = ()
@@ -60,6 +63,7 @@ class Order:
     images: Path | None = None
     quick: bool = False
     baseline: Baseline | None = None
+    methods: Sequence[str] = tuple(SEGMENTERS)
 
 
 @dataclass(slots=True)
@@ -100,7 +104,7 @@ def run_bench(order: Order, note: Note, keep: Keep | None = None) -> Outcome:
         for name in names:
             work = Path(folder) / name  # of its own: suites make folders and files of the same names
             work.mkdir()
-            settings = Settings(work, order.images, order.quick)
+            settings = Settings(work, order.images, order.quick, order.methods)
             suite: Suite = getattr(import_module(f"ffseg.bench.suites.{SUITES[name]}"), name)
             for part in suite(settings):
                 _take(part, outcome, effort, order.baseline, note)

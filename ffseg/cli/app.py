@@ -64,7 +64,7 @@ app = typer.Typer(
 def main() -> None:
     """Run the command line; never returns.
 
-    Exit codes: what the command gives; 2 for an `FfsegError`, shown as its sentence; 1 for anything unexpected, shown
+    Exit codes: what the command gives; that of an `FfsegError`, mostly 2, shown as its sentence; 1 for anything unexpected, shown
     as one line that names the file holding the traceback; 130 after an interrupt.
     """
     try:
@@ -72,7 +72,7 @@ def main() -> None:
         app(prog_name="ffseg")
     except FfsegError as error:
         console.error(str(error))
-        sys.exit(2)
+        sys.exit(error.exit_code)
     except KeyboardInterrupt:
         console.message("ffseg: interrupted")
         sys.exit(130)

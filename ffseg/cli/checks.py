@@ -91,8 +91,10 @@ def require_truth(truth: Path | None, label: int | None) -> None:
         raise UsageError("--truth-label is the class of true masks; add --truth DIR")
 
 
-def checked_params(config: str | None, settings: Sequence[str] | None = None) -> Parameters:
-    """Load a parameter set of a command, and see that the files it names are there.
+def checked_params(
+    config: str | None, settings: Sequence[str] | None = None, *, allow_code: bool = False
+) -> Parameters:
+    """Load a parameter set of a command, and see that the files and plug-ins it names are there.
 
     Raises
     ------
@@ -103,7 +105,8 @@ def checked_params(config: str | None, settings: Sequence[str] | None = None) ->
     from ffseg.io.files import printable
     from ffseg.parameters import STILL, load_params
 
-    params = load_params(config, settings)
+    params = load_params(config, settings, allow_code=allow_code)
+    plugin_files(params)
     masks = {
         "domain.mask": params.domain.mask,
         "init.mask": params.init.mask,
@@ -126,6 +129,25 @@ def checked_params(config: str | None, settings: Sequence[str] | None = None) ->
 
         check_model(params.edges.model)
     return params
+
+
+def plugin_files(params: Parameters) -> dict[str, str]:
+    """Files of the plug-ins that a parameter set names, by their keys: with another content results are others.
+
+    Raises
+    ------
+    ParameterError
+        If one cannot be loaded, or the package of a peer is not installed.
+    """
+    from ffseg.errors import ParameterError
+    from ffseg.plugins import check, method
+
+    row = method(params.method)
+    if not row.installed:
+        raise ParameterError(f"method: {params.method} needs the package {row.package}; install it, or ffseg[peers]")
+    named = (("methods", params.method), ("evidence", params.edges.source))
+    files = {f"{kind} {name}": check(kind, name) for kind, name in named}
+    return {name: path for name, path in files.items() if path}
 
 
 def require_source(params: Parameters, evidence: Path | None = None) -> None:

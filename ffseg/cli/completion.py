@@ -37,14 +37,16 @@ def settings(incomplete: str) -> list[str]:
 
 def methods(incomplete: str) -> list[str]:
     """Lists of methods: the last name is completed."""
-    from ffseg.plugins import METHODS
+    from ffseg.plugins import METHODS, installed
 
-    return _listed((*METHODS, "peers", "all"), incomplete)
+    return _listed((*METHODS, *installed("methods"), "peers", "all"), incomplete)
 
 
 def exports(incomplete: str) -> list[str]:
     """Lists of export formats."""
-    return _listed(("coco", "labelme", "geojson", "svg"), incomplete)
+    from ffseg.plugins import EXPORTS, installed
+
+    return _listed((*EXPORTS, *installed("outputs")), incomplete)
 
 
 def suites(incomplete: str) -> list[str]:

@@ -38,6 +38,10 @@ Settings = Annotated[
         "--set", metavar="KEY=VALUE", autocompletion=completion.settings, help="Override a parameter; may be repeated."
     ),
 ]
+AllowCode = Annotated[
+    bool,
+    typer.Option("--allow-code", help="Let the parameter file name functions (module:function): code is imported."),
+]
 Starts = Annotated[
     Path | None,
     typer.Option("--starts", metavar="FILE", help="CSV image,x,y[,radius], or of ffseg pick: each image's starts."),

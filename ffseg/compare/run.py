@@ -29,35 +29,14 @@ from ffseg.io.tables import csv_table, names_meant_by
 from ffseg.methods.peers import configured
 from ffseg.metrics import scores
 from ffseg.pipeline import segment
-from ffseg.plugins import METHODS, PEERS, SEGMENTERS
+from ffseg.plugins import method as row_of
 from ffseg.result import Segmentation
 from ffseg.scene import Scene
-from ffseg.schema.kinds import nearest_word
 
 NO_MEMORY = "out-of-memory: there is not enough memory for it; scale it down"
 _LONGEST_ERROR = 300
 _MOST_TABLE = 1 << 28
 """Bytes of an earlier table that is looked at."""
-
-
-def choose_methods(text: str) -> tuple[str, ...]:
-    """Methods named by a comma-separated list; ``all`` stands for every one, ``peers`` for every peer.
-
-    Raises
-    ------
-    UsageError
-        If a name is unknown.
-    """
-    groups = {"all": (*SEGMENTERS, *PEERS), "peers": tuple(PEERS)}
-    names: list[str] = []
-    for name in (part.strip() for part in text.split(",")):
-        known = groups.get(name, (name,) if name in SEGMENTERS or name in PEERS else ())
-        if not known:
-            choices = ", ".join([*SEGMENTERS, *PEERS, *groups])
-            near = nearest_word(name, (*SEGMENTERS, *PEERS, *groups)) or f"; choose from {choices}"
-            raise UsageError(f"--methods: there is no method {printable(name)!r}{near}")
-        names += [one for one in known if one not in names]
-    return tuple(names)
 
 
 def plan_comparison(
@@ -204,7 +183,7 @@ _Run = tuple[Row, Segmentation | None]
 
 def _run(task: Comparison, image: NDArray[np.uint8], row: Row, masks: Masks) -> _Run:
     """Run a method once: its row without scores, and its result if it has one."""
-    chosen = METHODS[row.method]
+    chosen = row_of(row.method)
     if not chosen.installed:
         return replace(row, status="skipped", error=f"the package {chosen.package} is not installed"), None
     try:
@@ -234,7 +213,7 @@ def _middle(runs: Sequence[_Run]) -> _Run:
 
 def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: Masks) -> Segmentation:
     params, options = configured(task.params, method, task.peers)
-    return segment(Scene(image, params, METHODS[method], evidence=masks.evidence, options=options, **masks.bounds))
+    return segment(Scene(image, params, row_of(method), evidence=masks.evidence, options=options, **masks.bounds))
 
 
 def _scored(row: Row, result: Segmentation, truth: NDArray[np.uint8] | None) -> Row:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -139,14 +140,22 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """One of some names, or ``module:function`` for a function of the user's own."""
+    """One of some names, or ``module:function`` for a function of the user's own.
+
+    Attributes
+    ----------
+    choices : tuple of str
+    installed : callable, optional
+        Gives further names, where none of the choices is meant.
+    """
 
     choices: tuple[str, ...]
+    installed: Callable[[], Collection[str]] = tuple
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
         """See `Kind`."""
         value = node.value
-        if isinstance(value, str) and (value in self.choices or _OWN_FUNCTION.fullmatch(value)):
+        if isinstance(value, str) and (value in self.choices or names_code(value) or value in self.installed()):
             return value
         near = nearest_word(value, self.choices) if isinstance(value, str) else ""
         return _reject(self, node, key, problems, near)
@@ -158,6 +167,11 @@ class Name:
     def json_schema(self) -> JsonSchema:
         """See `Kind`."""
         return {"anyOf": [{"enum": list(self.choices)}, {"type": "string", "pattern": f"^{_OWN_FUNCTION.pattern}$"}]}
+
+
+def names_code(value: str) -> bool:
+    """Whether a name is ``module:function``, which imports a module."""
+    return _OWN_FUNCTION.fullmatch(value) is not None
 
 
 _OWN_FUNCTION = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*:[A-Za-z_][A-Za-z0-9_]*")

@@ -64,7 +64,7 @@ def test_exports_hold_the_mask_and_find_their_image(ffseg_command: Command, imag
 def test_unknown_export_is_refused_before_anything(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     result = ffseg_command("run", images, "--out", tmp_path / "out", "--export", "coco,yolo")
     assert result.returncode == 2
-    assert "no format 'yolo'; choose from coco, labelme, geojson" in result.stderr
+    assert "--export: there is no 'yolo'; choose from coco, labelme, geojson" in result.stderr
     assert not (tmp_path / "out").exists()
 
 

@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
-from ffseg.batch.executors.choice import Choice
+from ffseg.batch.executors.base import Choice
 from ffseg.batch.outputs.table import OUTPUTS, Wanted
 from ffseg.errors import UsageError
 from ffseg.io.files import printable

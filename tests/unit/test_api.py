@@ -91,7 +91,7 @@ OTHER = ffseg.edge_map(DISC[:50, :50], EDGES)
 EXTRAS = {
     "no method": ({"method": ""}, "method is ''; give a name such as 'freeform', or a function"),
     "a number for a method": ({"method": 3}, "method is 3; give a name"),
-    "no such method": ({"method": "freefrm"}, "method: there is no segmenter 'freefrm'; choose one of freeform,"),
+    "no such method": ({"method": "freefrm"}, "method: there is no 'freefrm'; did you mean 'freeform'?"),
     "a module for a method": ({"method": "os:path"}, "method: os:path is no function"),
     "no function": ({"callback": 3}, "callback is of type int; give a function"),
     "no edge map": ({"edges": DISC}, "edges is of type ndarray; give an EdgeMap, as of ffseg.edge_map"),

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
+from ffseg import plugins
 from ffseg.compare import run as work
 from ffseg.compare.text import markdown
 from ffseg.errors import ParameterError, SegmentationError, UsageError
@@ -40,7 +41,7 @@ def write_case(folder: Path, name: str = "disc.png") -> None:
 def task_of(folder: Path, methods: str, **settings: object) -> work.Comparison:
     jobs = work.plan_comparison([str(folder)], str(folder / "out"), str(folder / "truth"))
     params = load_params(None, {"init.radius": 10.0, **settings})
-    return work.Comparison(jobs, str(folder / "out"), work.choose_methods(methods), params, PeerParameters(), 2)
+    return work.Comparison(jobs, str(folder / "out"), plugins.methods_named(methods), params, PeerParameters(), 2)
 
 
 def silent(row: work.Row) -> None:
@@ -94,8 +95,8 @@ def test_a_method_that_fails_leaves_the_others(tmp_path: Path, monkeypatch: pyte
 
 def test_a_peer_that_is_not_installed_is_skipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_case(tmp_path)
-    peer = work.PEERS["skfmm"]
-    monkeypatch.setitem(work.METHODS, "skfmm", replace(peer, module="no_such_module"))
+    peer = plugins.PEERS["skfmm"]
+    monkeypatch.setitem(plugins.METHODS, "skfmm", replace(peer, module="no_such_module"))
     rows = work.compare(task_of(tmp_path, "skfmm,freeform"), silent)
     assert (rows[0].status, rows[0].error) == ("skipped", "the package scikit-fmm is not installed")
     assert work.missed_gates(rows, {"": 0.9}) == []
@@ -177,11 +178,11 @@ def test_gates() -> None:
 
 
 def test_methods_are_named_or_grouped() -> None:
-    assert work.choose_methods("snake, freeform,snake") == ("snake", "freeform")
-    assert set(work.choose_methods("peers")) == set(work.PEERS)
-    assert work.choose_methods("levelset,all")[0] == "levelset"
-    with pytest.raises(UsageError, match="no method 'snak'"):
-        work.choose_methods("freeform,snak")
+    assert plugins.methods_named("snake, freeform,snake") == ("snake", "freeform")
+    assert set(plugins.methods_named("peers")) == set(plugins.PEERS)
+    assert plugins.methods_named("levelset,all")[0] == "levelset"
+    with pytest.raises(ParameterError, match="there is no 'snak'; did you mean 'snake'"):
+        plugins.methods_named("freeform,snak")
 
 
 def test_a_panel_never_replaces_an_input(tmp_path: Path) -> None:

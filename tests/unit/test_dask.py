@@ -20,12 +20,12 @@ import stand_in
 from batches import Silent, make_images, run_batch, snapshot, table
 
 from ffseg.batch.executors import dask, held
-from ffseg.batch.executors.choice import Choice
-from ffseg.batch.executors.processes import Processes, WorkerLostError
+from ffseg.batch.executors.base import Choice
+from ffseg.batch.executors.processes import Processes
 from ffseg.batch.outputs.table import Wanted
 from ffseg.batch.workers.launch import Process, launch
 from ffseg.batch.workers.messages import Setup, Task
-from ffseg.errors import UsageError
+from ffseg.errors import UsageError, WorkerLostError
 from ffseg.parameters import load_params
 
 pytest.importorskip("distributed")

@@ -1,27 +1,166 @@
-"""The page on extending does what it says."""
+"""Plug-ins from a folder outside the clone, as docs/extending.md shows them."""
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from subprocess import CompletedProcess
+
+import pytest
+
+from ffseg.errors import ParameterError
+from ffseg.parameters import load_params
+from ffseg.plugins import find
 
 ROOT = Path(__file__).resolve().parents[2]
+Command = Callable[..., CompletedProcess[str]]
+ODD = """\
+def up(result, context): return b''
+up.folder = '../up'
+def mask(result, context): ...
+mask.folder = 'masks'
+def none(do, tasks): return []
+def text(result, context): return 'text'
+"""
+OWN = ("--set", "method=bright:run", "--set", "edges.source=red:edges", "--export", "areas:encode")
 
 
-def test_an_output_and_an_executor_of_ones_own(tmp_path: Path) -> None:
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with the four files of the page, and two images."""
     text = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n# (\w+\.py)\n(.*?)```", text, re.DOTALL)
-    assert [name for name, _ in blocks] == ["areas.py", "backwards.py", "own.py"]
+    assert [name for name, _ in blocks] == ["bright.py", "red.py", "areas.py", "threads.py"]
     for name, code in blocks:
-        assert len(code.splitlines()) <= 40, "an extension fits one small file"
+        assert len(code.splitlines()) <= 20, "a plug-in fits a small file"
         (tmp_path / name).write_text(code, encoding="utf-8")
-    command = [sys.executable, "own.py", ROOT / "samples" / "toy.png", "out"]
-    for word in ("ok", "unchanged"):
-        done = subprocess.run(command, check=True, cwd=tmp_path, capture_output=True, text=True)
-        assert done.stdout.split() == ["toy.png", word]
-    (line,) = (tmp_path / "out" / "areas.jsonl").read_text().splitlines()
-    assert json.loads(line) == json.loads((tmp_path / "out" / "areas" / "toy.json").read_text())
-    assert json.loads(line)[0] > 0
+    (tmp_path / "photos").mkdir()
+    for name in ("a.png", "b.png"):
+        (tmp_path / "photos" / name).write_bytes((ROOT / "samples" / "toy.png").read_bytes())
+    return tmp_path
+
+
+def statuses(out: Path) -> list[str]:
+    with (out / "timings.csv").open(newline="") as file:
+        return [f"{row['image']} {row['status']} {row['method']}" for row in csv.DictReader(file)]
+
+
+def script(*arguments: str, folder: Path) -> CompletedProcess[str]:
+    """The installed command, which unlike ``python -m`` does not have the working directory in its path."""
+    command = [Path(sys.executable).with_name("ffseg"), *arguments]
+    return subprocess.run(command, check=False, capture_output=True, text=True, cwd=folder)
+
+
+def test_four_plug_ins_at_once(folder: Path) -> None:
+    for word, how in (("done", ("--executor", "threads:threads")), ("unchanged", ("--jobs", "2"))):
+        done = script("run", "photos", "--out", "out", *OWN, *how, "--json", folder=folder)
+        assert done.returncode == 0, done.stderr
+        assert json.loads(done.stdout)["counts"][word] == 2
+    assert statuses(folder / "out") == ["a.png ok bright:run", "b.png ok bright:run"]
+    areas = json.loads((folder / "out" / "areas" / "a.json").read_text())
+    assert sum(areas) > 1000
+    (folder / "bright.py").write_text((folder / "bright.py").read_text().replace("< 40", "< 30"))
+    stale = script("run", "photos", "--out", "out", *OWN, folder=folder)
+    assert (stale.returncode, "methods bright:run has changed" in " ".join(stale.stderr.split())) == (2, True)
+
+
+def test_workers_find_plug_ins_and_pictures_of_theirs_are_no_inputs(folder: Path) -> None:
+    (folder / "areas.py").write_text((folder / "areas.py").read_text().replace('".json"', '".png"'))
+    done = script("run", "photos", "--out", "photos", *OWN, "--jobs", "2", folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert (folder / "photos" / "areas" / "b.png").is_file()
+    again = script("run", "photos", "--out", "photos", *OWN, "--jobs", "2", "--json", folder=folder)
+    assert json.loads(again.stdout)["counts"] == {"total": 2, "done": 0, "unchanged": 2, "failed": 0, "stale": 0}
+
+
+def test_a_method_of_ones_own_is_compared(folder: Path, ffseg_command: Command) -> None:
+    done = ffseg_command("compare", "photos/a.png", "--out", "out", "--methods", "freeform,bright:run", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader((folder / "out" / "compare.csv").read_text().splitlines()))
+    assert [(row["method"], row["status"]) for row in rows] == [("freeform", "ok"), ("bright:run", "ok")]
+
+
+def test_a_method_of_ones_own_is_measured(folder: Path) -> None:
+    options = ("--suite", "method", "--methods", "bright:run", "--quick", "--out", "out")
+    done = script("bench", *options, folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert "small by bright:run" in (folder / "out" / "bench.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("command", "options", "sentence"),
+    [
+        ("run", "--set method=nope:otsu", "method: 'nope:otsu' cannot be loaded: No module named 'nope'"),
+        ("run --dry-run", "--set method=bright:rum", "module 'bright' has no attribute 'rum'"),
+        ("compare", "--methods bright:np", "method: bright:np is no function"),
+        ("run", "--set edges.source=wrong:edges", "edges.source: 'wrong:edges' cannot be loaded: NameError: "),
+        ("compare", "--methods freefrm", "did you mean 'freeform'?"),
+        ("compare", "--config theirs.yaml", "theirs.yaml: method: bright:run imports code that the file names"),
+        ("run", "--export odd:up", "odd:up has folder '../up'"),
+        ("run", "--export odd:mask", "which is ffseg's own"),
+        ("run", "--export cooc", "--export: there is no 'cooc'; did you mean 'coco'?"),
+        ("run", "--executor dusk", "--executor: there is no 'dusk'; did you mean 'dask'?"),
+    ],
+)
+def test_a_wrong_name_is_refused_before_the_first_image(
+    command: str, options: str, sentence: str, folder: Path, ffseg_command: Command
+) -> None:
+    (folder / "wrong.py").write_text("edges = undefined\n")
+    (folder / "theirs.yaml").write_text("method: bright:run\n")
+    (folder / "odd.py").write_text(ODD)
+    done = ffseg_command(*command.split(), "photos", "--out", "out", *options.split(), cwd=folder)
+    assert (done.returncode, sentence in " ".join(done.stderr.split())) == (2, True), done.stderr
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ("--executor odd:none", "crash: the executor odd:none gave no reply for it"),
+        ("--export odd:text", "segmentation: the output odd:text gave str, not bytes"),
+    ],
+)
+def test_what_a_plug_in_does_wrong_costs_the_images(
+    options: str, sentence: str, folder: Path, ffseg_command: Command
+) -> None:
+    (folder / "odd.py").write_text(ODD)
+    done = ffseg_command("run", "photos", "--out", "out", *options.split(), cwd=folder)
+    assert done.returncode == 3
+    assert sentence in (folder / "out" / "timings.csv").read_text()
+
+
+def test_code_that_a_file_names_is_imported_when_it_may_be(folder: Path, ffseg_command: Command) -> None:
+    (folder / "mine.yaml").write_text("method: bright:run\n")
+    done = ffseg_command("run", "photos", "--out", "out", "--config", "mine.yaml", "--allow-code", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    with pytest.raises(ParameterError, match="allow_code=True"):
+        load_params(folder / "mine.yaml")
+    assert load_params(folder / "mine.yaml", allow_code=True).method == "bright:run"
+    assert load_params(folder / "mine.yaml", {"method": "snake"}).method == "snake"  # what is not used imports nothing
+
+
+def test_installed_plug_ins_are_known_by_name(folder: Path, ffseg_command: Command, tmp_path: Path) -> None:
+    about = folder / "bright-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: bright\nVersion: 1.0\n")
+    points = {
+        "methods": "bright = bright:run",
+        "outputs": "areas = areas:encode",
+        "executors": "four = threads:threads",
+    }
+    (about / "entry_points.txt").write_text("".join(f"[ffseg.{kind}]\n{text}\n" for kind, text in points.items()))
+    (folder / "mine.yaml").write_text("method: bright\n")
+    options = ("--config", "mine.yaml", "--export", "areas", "--executor", "four")
+    done = ffseg_command("run", "photos", "--out", "out", *options, cwd=folder, env={"PYTHONPATH": str(folder)})
+    assert done.returncode == 0, done.stderr
+    assert statuses(folder / "out") == ["a.png ok bright", "b.png ok bright"]
+    assert (folder / "out" / "areas" / "b.json").is_file()
+
+
+def test_a_built_in_is_found_without_looking_further() -> None:
+    assert find("executors", "inprocess") is map

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from batches import make_images, run_batch, snapshot, table
 
-from ffseg.batch.executors.choice import Choice
+from ffseg.batch.executors.base import Choice
 from ffseg.batch.outputs.table import Wanted
 from ffseg.batch.plan.discover import discover, natural_key
 from ffseg.batch.plan.jobs import make_plan

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from batches import run_batch, snapshot, table
 
-from ffseg.batch.executors.choice import Choice
+from ffseg.batch.executors.base import Choice
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.maps import find_evidence

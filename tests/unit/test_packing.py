@@ -17,7 +17,7 @@ import pytest
 import stand_in
 from batches import Silent, make_images, run_batch, table, tree
 
-from ffseg.batch.executors.choice import Choice
+from ffseg.batch.executors.base import Choice
 from ffseg.batch.outputs.table import Wanted
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.record.journal import last_records
@@ -173,7 +173,7 @@ def dying(*arguments, **options):
     return found
 setattr(owner, {name!r}, dying)
 images, out = Path(sys.argv[1]), Path(sys.argv[2])
-from ffseg.batch.executors.choice import Choice
+from ffseg.batch.executors.base import Choice
 if {shard!r}:
     run_shard(images, out, {shard!r})
 else:

@@ -17,12 +17,11 @@ from batches import Silent, make_images, run_batch, snapshot, table
 from PIL import Image
 
 import ffseg.batch.runner as runner_module
-from ffseg.batch.executors import processes as pool
 from ffseg.batch.outputs.table import Wanted
 from ffseg.batch.runner import TIMING_COLUMNS
 from ffseg.batch.workers import work
 from ffseg.batch.workers.messages import Failed, Setup, Task
-from ffseg.errors import OutputError, UsageError
+from ffseg.errors import OutputError, UsageError, WorkerLostError
 from ffseg.parameters import load_params
 
 NAMES = [f"s{index % 3}/image{index}.png" for index in range(12)]
@@ -172,7 +171,7 @@ def test_worker_that_dies_before_it_is_ready_ends_the_run(
     images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stand_in, "NAME", "stand_in:absent")
-    with pytest.raises(pool.WorkerLostError, match="absent"):
+    with pytest.raises(WorkerLostError, match="absent"):
         run_batch(images, tmp_path / "out")
 
 

@@ -20,7 +20,7 @@ from batches import Silent, make_images, run_batch, table, tree
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ffseg.batch.executors.choice import Choice
+from ffseg.batch.executors.base import Choice
 from ffseg.batch.outputs.table import Wanted
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.record.order import order_key

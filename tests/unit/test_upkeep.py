@@ -14,7 +14,7 @@ import stand_in
 from batches import Silent, make_images, run_batch, snapshot, table
 from PIL import Image
 
-from ffseg.batch.executors.choice import Choice
+from ffseg.batch.executors.base import Choice
 from ffseg.batch.outputs.table import Wanted
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.preview import preview

@@ -2,13 +2,79 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
-from ffseg.batch.workers.messages import Event, Task
+from ffseg.batch.workers.launch import Process
+from ffseg.batch.workers.messages import Event, Reply, Setup, Task
+from ffseg.errors import ParameterError, UsageError
 
 
-class Executor(Protocol):
+class Amount(Protocol):
+    """How much an executor may use."""
+
+    @property
+    def num_workers(self) -> int:
+        """Images worked on at once."""
+
+    @property
+    def timeout(self) -> float:
+        """Seconds an image may take; 0 for no limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Which executor, and where it is found.
+
+    Attributes
+    ----------
+    name : str
+        As ``--executor`` takes it (`ffseg.plugins.EXECUTORS`).
+    address : str
+        Of a scheduler that is running already; empty to start what is needed.
+    chunk : int
+        Images given to a worker at once, where that matters.
+    """
+
+    name: str = "processes"
+    address: str = ""
+    chunk: int = 500
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """What an executor of ffseg's own begins with.
+
+    Attributes
+    ----------
+    choice : Choice
+    setup : Setup
+    amount : Amount
+    started : sequence of Process
+        Worker processes that are there already; whoever does not use them leaves them to the command.
+    stop : int
+        A file descriptor that ends all waiting when it becomes readable; -1 for none.
+    num_tasks : int
+        How many there will be.
+    state : str
+        Folder of the run's state, for executors that leave something there.
+    settings : str
+        Digest of the parameters.
+    """
+
+    choice: Choice
+    setup: Setup
+    amount: Amount
+    started: Sequence[Process] = ()
+    stop: int = -1
+    num_tasks: int = 1
+    state: str = ""
+    settings: str = ""
+
+
+class Executor(ABC):
     """Takes tasks, gives one reply for each, in any order, and does nothing else.
 
     Notes
@@ -17,12 +83,20 @@ class Executor(Protocol):
     executor may give `Ready` (the versions its workers have) and `Note` (something to tell the user).
     """
 
+    @classmethod
+    @abstractmethod
+    def begin(cls, assignment: Assignment) -> Executor:
+        """Start it."""
+
+    @abstractmethod
     def room(self) -> int:
         """How many more tasks can be taken before replies have to be waited for."""
 
+    @abstractmethod
     def put(self, task: Task) -> None:
         """Take a task."""
 
+    @abstractmethod
     def replies(self, most: int | None = None) -> Iterator[Event]:
         """Wait until something happens and give what came of it, often one reply, sometimes nothing.
 
@@ -37,5 +111,38 @@ class Executor(Protocol):
             If the setup does not work.
         """
 
+    @abstractmethod
     def close(self) -> None:
         """End all work at once; replies that have not been given are lost."""
+
+
+class Do:
+    """Does a task wherever it is called: what executors that are functions get; it may be sent to other processes.
+
+    Parameters
+    ----------
+    setup : Setup
+        Its limits of time and memory are not kept.
+
+    Raises
+    ------
+    UsageError
+        If the setup does not work.
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        from ffseg.batch.workers.work import Workbench  # loads NumPy and OpenCV, which the run itself can do without
+
+        self._setup = setup
+        try:
+            self.bench = Workbench(setup)
+        except ParameterError as error:
+            raise UsageError(str(error)) from error
+
+    def __call__(self, task: Task) -> Reply:
+        """Segment the task's image and encode its outputs; whatever goes wrong with it is in the reply."""
+        return self.bench.reply(task)
+
+    def __reduce__(self) -> tuple[type[Do], tuple[Setup]]:
+        """Travel without what is loaded."""
+        return Do, (self._setup,)

@@ -14,14 +14,13 @@ from importlib.util import find_spec
 from time import monotonic
 from typing import Any
 
-from ffseg.batch.executors.choice import Start
+from ffseg.batch.executors.base import Assignment, Executor
 from ffseg.batch.executors.chunks import Chunks, numbered, replies, reply_line
 from ffseg.batch.executors.held import end_idle, interrupt, lend, worker_process
-from ffseg.batch.executors.processes import WorkerLostError
 from ffseg.batch.tar.members import digest
 from ffseg.batch.tar.writer import PackWriter, new_pack
 from ffseg.batch.workers.messages import Done, Event, Failed, Note, Ready, Reply, Setup, Task
-from ffseg.errors import OutputError, UsageError
+from ffseg.errors import OutputError, UsageError, WorkerLostError
 from ffseg.io.files import printable, write_all_atomic
 
 CHUNKS_EACH = 4
@@ -74,12 +73,12 @@ class Order:
     tasks: tuple[Task, ...]
 
 
-class Dask:
+class Dask(Executor):
     """An executor that hands chunks to the workers of a Dask cluster.
 
     Parameters
     ----------
-    start : Start
+    start : Assignment
         Its choice names a scheduler; without one, a cluster of this machine is started.
 
     Raises
@@ -88,7 +87,7 @@ class Dask:
         If Dask is not installed, or the scheduler does not answer.
     """
 
-    def __init__(self, start: Start) -> None:
+    def __init__(self, start: Assignment) -> None:
         if find_spec("distributed") is None:
             raise UsageError("--executor dask needs distributed; install it with: pip install 'ffseg[dask]'")
         self._start = start
@@ -109,6 +108,11 @@ class Dask:
         self._poll = select.poll()
         if start.stop >= 0:
             self._poll.register(start.stop, select.POLLIN)
+
+    @classmethod
+    def begin(cls, assignment: Assignment) -> Dask:
+        """As `Executor.begin`."""
+        return cls(assignment)
 
     def room(self) -> int:
         """As `Executor.room`."""
@@ -202,7 +206,7 @@ class Dask:
             end_idle()
 
 
-def _connect(start: Start) -> tuple[Any, Any]:
+def _connect(start: Assignment) -> tuple[Any, Any]:
     """Client, and the cluster of this machine when there is no other."""
     import logging
 
@@ -304,8 +308,3 @@ class _Outputs:
         """Close the tar file."""
         if self._pack is not None:
             self._pack.close()
-
-
-def dask(start: Start) -> Dask:
-    """Workers of a Dask cluster."""
-    return Dask(start)

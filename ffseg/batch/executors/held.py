@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from time import monotonic
 
-from ffseg.batch.executors.choice import Start
+from ffseg.batch.executors.base import Assignment
 from ffseg.batch.executors.processes import AHEAD, Processes
 from ffseg.batch.workers.messages import Setup
 
@@ -37,7 +37,7 @@ _watched: list[threading.Thread] = []
 """The thread that ends what is idle for long, while there is any."""
 
 
-def lend(key: str, start: Start) -> None:
+def lend(key: str, start: Assignment) -> None:
     """Let workers of this process have the worker processes that were started with the command."""
     for process in start.started[: start.amount.num_workers]:
         _keep(key, Held(Processes(start.setup, 1, start.amount.timeout, [process])))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from time import monotonic
 from typing import Any
 
+from ffseg.batch.executors.base import Assignment, Executor
 from ffseg.batch.workers.launch import Process, launch
 from ffseg.batch.workers.messages import (
     Done,
@@ -27,17 +28,13 @@ from ffseg.batch.workers.messages import (
     Unchanged,
     send,
 )
-from ffseg.errors import UsageError
+from ffseg.errors import UsageError, WorkerLostError
 
 AHEAD = 2
 """Tasks a worker holds: the one it works on, and the next, so that it never waits while its last reply is written."""
 _LOG_TAIL = 2000  # bytes of a dead worker's stderr worth keeping
 _PIECE = 1 << 16  # bytes read at once: what a pipe holds
 _STILLBORN = 3  # workers in a row that die before they are ready end the run
-
-
-class WorkerLostError(RuntimeError):
-    """Workers died before they were ready: the installation is broken, and every further one would die as well."""
 
 
 @dataclass(eq=False, slots=True)
@@ -75,7 +72,7 @@ class Worker:
             os.ftruncate(self.process.log, 0)
 
 
-class Processes:
+class Processes(Executor):
     """Workers fed with tasks in order; replies come as they are ready.
 
     Parameters
@@ -106,6 +103,12 @@ class Processes:
             self._poll.register(stop, select.POLLIN)
         for process in started:
             self._adopt(process)
+
+    @classmethod
+    def begin(cls, assignment: Assignment) -> Processes:
+        """As `Executor.begin`."""
+        amount = assignment.amount
+        return cls(assignment.setup, amount.num_workers, amount.timeout, assignment.started, assignment.stop)
 
     def room(self) -> int:
         """As `Executor.room`."""

@@ -6,22 +6,19 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.outputs.table import Output, resolve
+from ffseg.batch.outputs.table import Output
+from ffseg.errors import SegmentationError
 from ffseg.io.files import printable
 from ffseg.io.masks import encode_mask
 from ffseg.io.overlays import Polyline, encode_overlay, jpeg_address
 from ffseg.io.svg import svg_document
+from ffseg.plugins import load
 from ffseg.result import Segmentation
 from ffseg.scene import Progress
-
-if TYPE_CHECKING:
-    from ffseg.io.exports import AnnotatedImage
 
 FILM_FRAMES = 120
 """Frames of an animation at most: eleven seconds, and bounded memory however long an evolution takes."""
@@ -45,49 +42,45 @@ class Film:
         self.heard += 1
 
 
-@dataclass(frozen=True, eq=False)
-class Made:
-    """All that the outputs of one image are made from.
+@dataclass(frozen=True, slots=True, eq=False)
+class Context:
+    """What an output may be made from beside the result.
 
     Attributes
     ----------
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
-    result : Segmentation
-    lines : sequence of Polyline
-        For the overlay.
     name : str
         Relative name of the image.
     path : str
         Where it is.
+    target : str
+        Where the output will be stored.
+    lines : sequence of Polyline
+        For the overlay.
     snapshots : sequence of Progress
         For the animation; the result is added.
     """
 
     image: NDArray[np.uint8]
-    result: Segmentation
-    lines: Sequence[Polyline]
     name: str
     path: str
+    target: str
+    lines: Sequence[Polyline] = ()
     snapshots: Sequence[Progress] = ()
 
-    def encoded(self, kind: Output, target: str) -> bytes:
-        """The output of one kind that will be stored at `target`."""
-        data: bytes = resolve(kind.encode)(self, target)
-        return data
 
-    @cached_property
-    def annotated(self) -> AnnotatedImage:
-        """What exports know of the image."""
-        from ffseg.io.saving.kinds import annotated
+def encoded(kind: Output, result: Segmentation, context: Context) -> bytes:
+    """The output of one kind.
 
-        return annotated(self.result, _readable(self.name))
-
-    @cached_property
-    def film(self) -> list[Progress]:
-        """Snapshots with the result as the last, in place of one the segmenter may have given of it."""
-        last = Progress(self.result.stats.iterations, tuple(self.result.contours))
-        before = (snapshot for snapshot in self.snapshots if snapshot.iteration < last.iteration)
-        return [*(snapshot for snapshot in before if snapshot.contours), last]
+    Raises
+    ------
+    SegmentationError
+        If the function of a plug-in gives no bytes.
+    """
+    data = load(kind.encode)(result, context)
+    if not isinstance(data, bytes):
+        raise SegmentationError(f"the output {kind.name} gave {type(data).__name__}, not bytes; mend its function")
+    return data
 
 
 def _readable(name: str) -> str:
@@ -99,70 +92,75 @@ def _readable(name: str) -> str:
     return name
 
 
-def mask(made: Made, _: str) -> bytes:
+def mask(result: Segmentation, _: Context) -> bytes:
     """The region as a PNG file."""
-    return encode_mask(made.result.mask)
+    return encode_mask(result.mask)
 
 
-def contours(made: Made, _: str) -> bytes:
+def contours(result: Segmentation, context: Context) -> bytes:
     """The contours as an SVG file."""
-    height, width = made.image.shape[:2]
-    return svg_document(made.result.contours, width, height, made.name).encode("utf-8")
+    height, width = context.image.shape[:2]
+    return svg_document(result.contours, width, height, context.name).encode("utf-8")
 
 
-def overlay(made: Made, _: str) -> bytes:
+def overlay(result: Segmentation, context: Context) -> bytes:
     """The image with its contours drawn, as a PNG file."""
-    return encode_overlay(made.image, made.lines, made.result.mask)
+    return encode_overlay(context.image, context.lines, result.mask)
 
 
-def coco(made: Made, _: str) -> bytes:
+def coco(result: Segmentation, context: Context) -> bytes:
     """COCO document of the image."""
-    from ffseg.io.exports import coco_document, json_text
-
-    return json_text(coco_document(made.annotated)).encode("ascii")
+    return _document(result, "coco", context.name)
 
 
-def labelme(made: Made, target: str) -> bytes:
-    """LabelMe document of the image, which names it by the path from `target`."""
-    from dataclasses import replace
-
-    from ffseg.io.exports import json_text, labelme_document
-
-    folder = os.path.realpath(os.path.dirname(target))  # LabelMe opens the path from there, without following links
-    image = _readable(os.path.relpath(os.path.realpath(made.path), folder).replace(os.sep, "/"))
-    return json_text(labelme_document(replace(made.annotated, file_name=image))).encode("ascii")
+def labelme(result: Segmentation, context: Context) -> bytes:
+    """LabelMe document of the image, which names it by the path from where the document is stored."""
+    folder = os.path.realpath(os.path.dirname(context.target))  # LabelMe opens it from there, without following links
+    return _document(result, "labelme", os.path.relpath(os.path.realpath(context.path), folder).replace(os.sep, "/"))
 
 
-def geojson(made: Made, _: str) -> bytes:
+def geojson(result: Segmentation, context: Context) -> bytes:
     """GeoJSON document of the image."""
-    from ffseg.io.exports import geojson_document, json_text
+    return _document(result, "geojson", context.name)
 
-    return json_text(geojson_document(made.annotated)).encode("ascii")
+
+def _document(result: Segmentation, kind: str, name: str) -> bytes:
+    from ffseg.io.exports import json_text
+    from ffseg.io.saving.kinds import documents
+
+    return json_text(documents(result, kind, _readable(name))).encode("ascii")
 
 
 _QUALITY = 90
 """Of the picture behind a drawing: a tenth of what PNG takes, and no difference to be seen at twice its size."""
 
 
-def drawing(made: Made, _: str) -> bytes:
+def drawing(result: Segmentation, context: Context) -> bytes:
     """The contours over the image as an SVG file that needs no other."""
-    height, width = made.image.shape[:2]
-    behind = jpeg_address(made.image, _QUALITY)
-    return svg_document(made.result.contours, width, height, made.name, behind).encode("utf-8")
+    height, width = context.image.shape[:2]
+    behind = jpeg_address(context.image, _QUALITY)
+    return svg_document(result.contours, width, height, context.name, behind).encode("utf-8")
 
 
-def film(made: Made, _: str) -> bytes:
+def film(result: Segmentation, context: Context) -> bytes:
     """The evolution as an animated WebP file."""
     from ffseg.io.animation import animation_bytes
 
-    return animation_bytes(made.image, made.film)
+    return animation_bytes(context.image, _frames(result, context))
 
 
-def strip(made: Made, _: str) -> bytes:
+def strip(result: Segmentation, context: Context) -> bytes:
     """Six snapshots of the evolution as an SVG file."""
     from ffseg.io.strip import film_strip_svg
 
-    return film_strip_svg(made.image, made.film).encode("utf-8")
+    return film_strip_svg(context.image, _frames(result, context)).encode("utf-8")
+
+
+def _frames(result: Segmentation, context: Context) -> list[Progress]:
+    """Snapshots with the result as the last, in place of one the method may have given of it."""
+    last = Progress(result.stats.iterations, tuple(result.contours))
+    before = (snapshot for snapshot in context.snapshots if snapshot.iteration < last.iteration)
+    return [*(snapshot for snapshot in before if snapshot.contours), last]
 
 
 def coco_of_all(contents: Callable[[], Iterable[bytes]]) -> Iterator[bytes]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any
+from functools import cache
 
-from ffseg.errors import UsageError
+from ffseg.errors import ParameterError, UsageError
+from ffseg.plugins import EXPORTS, find, home_of
 
 _HERE = "ffseg.batch.outputs"
 
@@ -23,8 +24,8 @@ class Output:
     folder, suffix : str
         Where it is stored below the output folder.
     encode : str
-        ``module:function`` that makes its bytes, called as ``encode(made, target)`` with a `Made` and the path it will
-        be stored at.
+        ``module:function`` that makes its bytes, called as ``encode(result, context)`` with a `Segmentation` and a
+        `ffseg.batch.outputs.encoding.Context`.
     merge : str
         ``module:function`` that makes one file of those of all images, called as ``merge(contents)``, where every call
         of ``contents()`` gives the bytes of each image's file in order; gives pieces of bytes. Empty for none.
@@ -55,17 +56,39 @@ FILM = Output("animation", "animations", ".webp", f"{_HERE}.encoding:film")
 STRIP = Output("animation", "animations", ".svg", f"{_HERE}.encoding:strip")
 
 OUTPUTS = (MASK, CONTOURS, OVERLAY, COCO, LABELME, GEOJSON, SVG, FILM, STRIP)
-"""Every kind, in the order in which they are written. A new one is a row here and an encoder."""
-EXPORTS = {output.name: output for output in (COCO, LABELME, GEOJSON, SVG)}
-"""Those that ``--export`` asks for by name."""
+"""Every kind of ffseg's own, in the order in which they are written."""
 OUTPUT_FOLDERS = (*dict.fromkeys(output.folder for output in OUTPUTS), "panels")
 """Folders below an output folder whose images are no inputs; ``panels`` is written by ``compare``."""
 
 
-def resolve(target: str) -> Any:  # noqa: ANN401 - any function
-    """Function that a row names as ``module:function``."""
-    module, name = target.split(":")
-    return getattr(import_module(module), name)
+@cache
+def output_named(name: str) -> Output:
+    """The row of a name of ``--export``: one of ffseg's, of an installed plug-in, or of ``module:function``.
+
+    A function says with attributes where its outputs go: ``suffix`` (``.bin`` without) and ``folder`` (the name without,
+    of ``module:function`` the module's).
+
+    Raises
+    ------
+    ParameterError
+        If there is none, it cannot be loaded, or its folder or suffix is no name of its own.
+    """
+    found = find("outputs", name)
+    if not isinstance(found, Output):
+        if not callable(found):
+            raise ParameterError(f"--export: {name} is no function; name one as docs/extending.md shows")
+        folder = getattr(found, "folder", name.partition(":")[0].rpartition(".")[2])
+        found = Output(name, folder, getattr(found, "suffix", ".bin"), home_of("outputs", name))
+    if name not in EXPORTS and not (_NAME.fullmatch(found.folder) and _SUFFIX.fullmatch(found.suffix)):
+        wrong = f"folder {found.folder!r} and suffix {found.suffix!r}"
+        raise ParameterError(f"--export: {name} has {wrong}; give one plain name, and one that begins with a dot")
+    if name not in EXPORTS and found.folder in OUTPUT_FOLDERS:
+        raise ParameterError(f"--export: {name} has the folder {found.folder!r}, which is ffseg's own; give another")
+    return found
+
+
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
+_SUFFIX = re.compile(r"\.[A-Za-z0-9_.-]{1,20}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +99,8 @@ class Wanted:
     ----------
     overlay : bool
     exports : tuple of str
-        Names of `EXPORTS`.
+        Names that `output_named` takes.
     animation : bool
-    more : tuple of Output
-        Kinds that are not ffseg's own: the workers import what their rows name.
     pack : bool
         Into tar files, one for each folder, instead of a file each.
     """
@@ -87,7 +108,6 @@ class Wanted:
     overlay: bool = False
     exports: tuple[str, ...] = ()
     animation: bool = False
-    more: tuple[Output, ...] = ()
     pack: bool = False
 
     @property
@@ -95,7 +115,7 @@ class Wanted:
         """All outputs of an image."""
         overlay = (OVERLAY,) if self.overlay else ()
         films = (FILM, STRIP) if self.animation else ()
-        return (MASK, CONTOURS, *overlay, *(EXPORTS[name] for name in self.exports), *films, *self.more)
+        return (MASK, CONTOURS, *overlay, *map(output_named, self.exports), *films)
 
 
 MASKS_AND_CONTOURS = Wanted()
@@ -119,14 +139,13 @@ def read_exports(texts: Sequence[str]) -> tuple[str, ...]:
 
     Raises
     ------
-    UsageError
-        For a name that is none of `EXPORTS`.
+    ParameterError
+        As `output_named`.
     """
-    names = [name.strip().lower() for text in texts for name in text.split(",")]
-    unknown = next((name for name in names if name not in EXPORTS), None)
-    if unknown is not None:
-        from ffseg.schema.kinds import nearest_word
-
-        near = nearest_word(unknown, tuple(EXPORTS)) or f"; choose from {', '.join(EXPORTS)}"
-        raise UsageError(f"--export: there is no format '{unknown}'{near}")
-    return tuple(dict.fromkeys(names))
+    names = [name.strip() for text in texts for name in text.split(",")]
+    known = tuple(dict.fromkeys(name.lower() if name.lower() in EXPORTS else name for name in names))
+    rows = [output_named(name) for name in known]
+    doubled = next((row for row in rows if sum(row.folder == other.folder for other in rows) > 1), None)
+    if doubled is not None:
+        raise ParameterError(f"--export: two formats would share the folder {doubled.folder}; give one another folder")
+    return known

@@ -15,7 +15,7 @@ from ffseg.batch.plan.reading import parted, place_of
 from ffseg.batch.plan.truths import find_truths
 from ffseg.batch.tar.members import PACKS, tar_name
 from ffseg.errors import OutputError, UsageError
-from ffseg.io.files import make_folder, printable, write_bytes_atomic
+from ffseg.io.files import SKIP_FILE, make_folder, printable, write_bytes_atomic
 from ffseg.io.starts import Start, load_starts
 
 MAX_NAME_BYTES = 255
@@ -346,6 +346,9 @@ def prepare_output(plan: Plan, state: str) -> None:
     packs = [os.path.join(state, PACKS)] if plan.tars else []
     for folder in (state, *packs, *output_folders(plan)):
         make_folder(folder)
+    for kind in () if plan.tars else plan.wanted.kinds:
+        if kind.folder not in OUTPUT_FOLDERS:  # of a plug-in: its pictures are no inputs of the next run
+            write_bytes_atomic(os.path.join(plan.out, kind.folder, SKIP_FILE), b"")
     probe = os.path.join(state, "probe")
     try:
         write_bytes_atomic(probe, bytes(PROBE_BYTES))

@@ -9,13 +9,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from ffseg.batch.outputs.table import OUTPUTS, Output, resolve
+from ffseg.batch.outputs.table import OUTPUTS, Output
 from ffseg.batch.record.streams import write_stream
 from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import output_bytes
 from ffseg.errors import ImageReadError, OutputError
 from ffseg.io.files import printable, write_all_atomic
 from ffseg.io.tables import csv_lines
+from ffseg.plugins import load
 
 TIMING_COLUMNS = (
     "image", "status", "error", "width", "height", "method", "initial_points", "final_points", "patches", "iterations",
@@ -73,8 +74,8 @@ class Tables:
         Columns and output folders that are written even if no image has them.
     parquet : bool
         Write ``timings.parquet``, too.
-    more : tuple of Output
-        Kinds of outputs beside `OUTPUTS` that may have to be merged.
+    kinds : tuple of Output
+        That may have to be merged.
     """
 
     out: str
@@ -83,7 +84,7 @@ class Tables:
     camera: bool = False
     asked: frozenset[str] = field(default_factory=frozenset)
     parquet: bool = False
-    more: tuple[Output, ...] = ()
+    kinds: tuple[Output, ...] = OUTPUTS
 
     def columns(self) -> tuple[str, ...]:
         """Columns of ``timings.csv``."""
@@ -104,9 +105,9 @@ class Tables:
         if self.camera:
             made[OBSTACLES] = csv_lines(OBSTACLE_COLUMNS, self._obstacles())
         there = self.standing.with_outputs | self.asked
-        for output in (*OUTPUTS, *self.more):
+        for output in self.kinds:
             if output.merge and output.folder in there:
-                made[output.merged] = resolve(output.merge)(self._contents(output))
+                made[output.merged] = load(output.merge)(self._contents(output))
         return made
 
     def _obstacles(self) -> Iterator[list[Any]]:

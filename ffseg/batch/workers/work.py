@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg import __version__
-from ffseg.batch.outputs.encoding import Film, Made
-from ffseg.batch.outputs.table import Output, resolve
+from ffseg.batch.outputs.encoding import Context, Film, encoded
+from ffseg.batch.outputs.table import Output
 from ffseg.batch.plan.masks import named_masks
 from ffseg.batch.tar.members import digest, output_bytes
 from ffseg.batch.workers.freshness import Read, kept_outputs, read_task
@@ -24,6 +24,7 @@ from ffseg.io.images import OPENCV_VERSION, Limits, decode_image, frames_note, s
 from ffseg.io.masks import decode_mask
 from ffseg.io.overlays import FLATNESS, Polyline, polylines
 from ffseg.parameters import Parameters
+from ffseg.plugins import load
 from ffseg.result import Segmentation
 from ffseg.scene import Scene
 
@@ -42,7 +43,7 @@ class Workbench:
 
     def __init__(self, setup: Setup) -> None:
         single_thread()
-        self._segment = resolve(setup.segmenter)
+        self._segment = load(setup.segmenter)
         self._setup = setup
         self._limits = Limits(setup.max_bytes, setup.max_pixels)
         self._masks = named_masks(setup.params, self._limits)
@@ -154,9 +155,9 @@ class Workbench:
         self, image: NDArray[np.uint8], found: _Found, task: Task, missing: Sequence[tuple[str, Output]]
     ) -> Iterator[Encoded]:
         snapshots = found.film.snapshots if found.film is not None else ()
-        made = Made(image, found.result, found.lines, task.name, task.path, snapshots)
         for path, kind in missing:
-            data = made.encoded(kind, os.path.join(task.out, path))
+            context = Context(image, task.name, task.path, os.path.join(task.out, path), found.lines, snapshots)
+            data = encoded(kind, found.result, context)
             yield Encoded(path, data, digest(data))
 
     def _iou(self, mask: NDArray[np.bool_], task: Task, read: Read) -> tuple[float | None, str]:

@@ -25,7 +25,7 @@ from ffseg.metrics import iou
 from ffseg.parameters import Parameters, load_params
 from ffseg.peer_parameters import SkimageGac
 from ffseg.pipeline import segment
-from ffseg.plugins import PEERS, SEGMENTERS
+from ffseg.plugins import PEERS
 from ffseg.plugins import method as row_of
 from ffseg.result import Segmentation
 from ffseg.samples.scenes import SCENES
@@ -62,11 +62,11 @@ def scenes(settings: Settings) -> Iterator[Group]:
 
 
 def method(settings: Settings) -> Iterator[Group | Skipped]:
-    """Every segmenter there is on a simple and a complex image."""
+    """Every method that is asked for on a simple and a complex image."""
     for picture in _own(settings):
         if picture.name not in ("simple", "complex", "small"):
             continue
-        for name in sorted(SEGMENTERS):
+        for name in settings.methods:
             yield _segmented("method", picture, name, f"{picture.name} by {name}")
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from ffseg.plugins import SEGMENTERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,8 +21,11 @@ class Settings:
         Folder of images for ``scenes``; without it the samples and drawn scenes are taken.
     quick : bool
         Tiny inputs, to see that everything runs; its figures mean nothing.
+    methods : sequence of str
+        Of the suite ``method``.
     """
 
     work: Path
     images: Path | None = None
     quick: bool = False
+    methods: Sequence[str] = tuple(SEGMENTERS)

@@ -31,6 +31,12 @@ def bench(  # noqa: PLR0913 - the options of the command
             help="patches, size, method, scenes, peers, batch, startup, memory or shards; may be repeated.",
         ),
     ] = None,
+    methods: Annotated[
+        str,
+        typer.Option(
+            "--methods", metavar="A,B,C", autocompletion=completion.methods, help="Methods of the suite method."
+        ),
+    ] = "freeform,levelset,paper,snake",
     images: Annotated[
         Path | None, typer.Option("--images", metavar="DIR", help="Images of scenes and peers, with NAME_truth.png.")
     ] = None,
@@ -64,10 +70,11 @@ def bench(  # noqa: PLR0913 - the options of the command
     from ffseg.bench.measure import Effort, Skipped
     from ffseg.bench.session import Order, run_bench
     from ffseg.io.files import make_folder, write_bytes_atomic
+    from ffseg.plugins import methods_named
 
     known = read_baseline(baseline, max_ratio, quick=quick) if baseline else None
     make_folder(out)
-    order = Order(suite or (), Effort(repeat, budget), images, quick, known)
+    order = Order(suite or (), Effort(repeat, budget), images, quick, known, methods_named(methods))
     outcome = run_bench(order, console.message, lambda so_far: _write(out, so_far))
     if not plots.available():
         outcome.skipped.append(Skipped("plots", "all", "matplotlib is not installed: pip install 'ffseg[plot]'"))

@@ -13,7 +13,7 @@ import typer
 
 from ffseg.cli import completion, console
 from ffseg.cli.checks import checked_params, require_source, require_truth
-from ffseg.cli.options import Config, Evidence, Inputs, Out, Settings, Starts, TruthLabel, starts_file
+from ffseg.cli.options import AllowCode, Config, Evidence, Inputs, Out, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def compare(  # noqa: PLR0913 - the options of the command
     repeat: Annotated[int, typer.Option("--repeat", min=1, help="Runs of each; the median time counts.")] = 1,
     config: Config = None,
     settings: Settings = None,
+    allow_code: AllowCode = False,
     starts: Starts = None,
     evidence: Evidence = None,
     peers: Annotated[
@@ -66,11 +67,12 @@ def compare(  # noqa: PLR0913 - the options of the command
     from ffseg.compare.text import SUMMARY, summary_cells
     from ffseg.compare.values import Comparison
     from ffseg.peer_parameters import load_peer_parameters
+    from ffseg.plugins import methods_named
 
     require_truth(truth, truth_label)
-    chosen = work.choose_methods(methods)
+    chosen = methods_named(methods)
     gates = _gates(min_iou or [], chosen, with_truth=truth is not None)
-    params, peer_params = checked_params(config, settings), load_peer_parameters(peers)
+    params, peer_params = checked_params(config, settings, allow_code=allow_code), load_peer_parameters(peers)
     require_source(params, evidence)
     folder = os.fspath(out)
     folders = (os.fspath(path) if path else "" for path in (truth, evidence))

@@ -51,7 +51,7 @@ def show(
     from ffseg.parameter_text import to_yaml
     from ffseg.parameters import load_params
 
-    console.data(to_yaml(load_params(source, settings)).rstrip("\n"))
+    console.data(to_yaml(load_params(source, settings, allow_code=True)).rstrip("\n"))
 
 
 @app.command(no_args_is_help=True, epilog=epilog("config check"))

@@ -13,8 +13,17 @@ import typer
 
 from ffseg.batch.workers.launch import Process, launch, take
 from ffseg.cli import completion
-from ffseg.cli.checks import MOST_MEGABYTES, MOST_SECONDS, checked_params, number, require_source, require_truth
+from ffseg.cli.checks import (
+    MOST_MEGABYTES,
+    MOST_SECONDS,
+    checked_params,
+    number,
+    plugin_files,
+    require_source,
+    require_truth,
+)
 from ffseg.cli.options import (
+    AllowCode,
     Config,
     Evidence,
     Out,
@@ -47,6 +56,7 @@ def run(  # noqa: PLR0913 - the options of the command
     inputs: SomeInputs = None,
     config: Config = None,
     settings: Settings = None,
+    allow_code: AllowCode = False,
     starts: Starts = None,
     evidence: Evidence = None,
     outside: Outside = None,
@@ -77,7 +87,8 @@ def run(  # noqa: PLR0913 - the options of the command
     truth_label: TruthLabel = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Worker processes; 0 = one for each core.")] = 0,
     executor: Annotated[
-        str, typer.Option("--executor", metavar="NAME", help="Who works: processes, dask, or inprocess to debug.")
+        str,
+        typer.Option("--executor", metavar="NAME", help="Who works: processes, dask, inprocess to debug, or your own."),
     ] = "processes",
     dask: Annotated[
         str, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster; else one is started here.")
@@ -145,24 +156,27 @@ def run(  # noqa: PLR0913 - the options of the command
     run; 3 at least one image failed, the others are written.
     """
     early = early_workers(inputs or (), jobs or cores()) if not dry_run else []
-    from ffseg.batch.executors.choice import Choice
+    from ffseg.batch.executors.base import Choice
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
     from ffseg.cli.interruption import Interruption
     from ffseg.cli.reporting import Progress, show_result
+    from ffseg.plugins import check
 
     with contextlib.ExitStack() as cleanup:
         for process in early:
             cleanup.callback(process.end)
         interruption = cleanup.enter_context(Interruption("run it again to go on"))
         require_truth(truth, truth_label)
-        params = checked_params(config, with_background(settings, outside))
+        params = checked_params(config, with_background(settings, outside), allow_code=allow_code)
         require_source(params, evidence)
         wanted = read_wanted(export or (), pack, overlay=overlay, animate=animate)
         choice = Chosen(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul)
         plan = with_maps(read_plan(choice, out, wanted, truth, starts, params), evidence, camera)
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan, footprint), shard)
-        setup = limited(Setup(params=params, views=views, wanted=wanted, truth_label=truth_label), max_pixels, memory)
+        check("executors", executor)
+        setup = Setup(params=params, views=views, wanted=wanted, truth_label=truth_label, files=plugin_files(params))
+        setup = limited(setup, max_pixels, memory)
         if dry_run:
             raise typer.Exit(show_preview(plan, setup, overwrite=overwrite, as_json=as_json))
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
