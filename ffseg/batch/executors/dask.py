@@ -212,14 +212,9 @@ def _connect(start: Assignment) -> tuple[Any, Any]:
 
     config: Any = import_module("dask").config
     distributed: Any = import_module("distributed")
-    for name in (
-        "distributed",
-        "distributed.nanny",
-        "distributed.scheduler",
-        "distributed.worker",
-        "tornado.application",
-    ):
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is told by the run
+    for name in [*logging.root.manager.loggerDict, "distributed", "tornado"]:  # some have levels of their own
+        if name.partition(".")[0] in ("distributed", "tornado"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is told by the run
     config.set({"distributed.comm.timeouts.connect": _PATIENCE_S, "distributed.scheduler.worker-saturation": 1.0})
     address = start.choice.address
     cluster = None
