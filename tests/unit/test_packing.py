@@ -304,6 +304,17 @@ def test_files_and_members_are_not_mixed(images: Path, tmp_path: Path) -> None:
         run_batch(images, tmp_path / "other", wanted=PACKED, executor=INPROCESS)
 
 
+def test_members_of_images_that_are_gone_leave_the_tar(images: Path, tmp_path: Path) -> None:
+    run_batch(images, tmp_path / "out", wanted=PACKED, executor=INPROCESS)
+    (images / NAMES[0]).rename(images / "0" / "renamed.png")
+    (images / NAMES[1]).unlink()
+    summary = run_batch(images, tmp_path / "out", wanted=PACKED, executor=INPROCESS)
+    assert (summary.done, summary.removed, summary.stale) == (1, 2 * len(KINDS), 0)
+    run_batch(images, tmp_path / "one", wanted=PACKED, executor=INPROCESS)
+    for kind in KINDS:
+        assert (tmp_path / "out" / f"{kind}.tar").read_bytes() == (tmp_path / "one" / f"{kind}.tar").read_bytes()
+
+
 def test_a_packed_output_is_an_input(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     run_batch(images, out, wanted=PACKED, executor=INPROCESS)

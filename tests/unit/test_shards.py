@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 from ffseg.batch.executors.base import Choice
 from ffseg.batch.outputs.table import Wanted
 from ffseg.batch.plan.jobs import make_plan
+from ffseg.batch.record.journal import last_records
 from ffseg.batch.record.order import order_key
 from ffseg.batch.record.values import Record, record_line
 from ffseg.batch.runner import Options, Run
@@ -168,6 +169,25 @@ def test_shards_that_do_not_belong_together_are_refused_by_name(images: Path, tm
     run_shard(images, out, "1/3")
     with pytest.raises(UsageError, match="in 2 and 3 parts"):
         merge_shards(str(out))
+
+
+def test_what_resuming_calls_stale_a_merge_names(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    with monkeypatch.context() as patched:
+        patched.setattr("ffseg.batch.record.keeper.__version__", "0.0.9")
+        run_shard(images, out, "1/2")
+    run_shard(images, out, "2/2")
+    merge = merge_shards(str(out))
+    old = sum(record.version == "0.0.9" for record in last_records(str(out / ".ffseg")).values())
+    assert old > 1
+    assert [text.partition(",")[0] for text in merge.problems] == [f"{old} images were made by ffseg 0.0.9"]
+    run_shard(images, out, "1/2")
+    name = next(job.source.name for job in make_plan([str(images)], str(out)).jobs)
+    (images / name).unlink()
+    merge = merge_shards(str(out))
+    assert (merge.problems, merge.num_stale) == ([], 1)
+    told = json.loads((out / "run.json").read_text())
+    assert (told["counts"]["stale"], [entry["image"] for entry in told["stale"]]) == (1, [name])
 
 
 def test_one_shard_leaves_the_others_alone(images: Path, tmp_path: Path) -> None:

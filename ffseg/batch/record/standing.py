@@ -115,21 +115,30 @@ def survey(journal: Journal, plan: Plan, settings: str, finished: bytearray) -> 
 def tidy(journal: Journal, plan: Plan, settings: str) -> int:
     """Remove what earlier runs left that belongs to no image any longer: of other parameters, or under another's name.
 
-    To be called when every image of the plan is finished.
+    To be called when every image of the plan is finished. Of tar files also the members of images that have been renamed,
+    removed or changed since: files of theirs are named as stale and can be removed one by one, members cannot.
 
     Returns
     -------
     int
         How many outputs were removed. An image with one that holds something else than was written stays stale.
     """
-    others = [(other.name, other.settings, dict(other.outputs), other.members) for other in journal.others()]
+    others = [
+        (
+            other.name,
+            other.settings != settings or (plan.tars and still_true(other.files)),
+            other.outputs,
+            other.members,
+        )
+        for other in journal.others()
+    ]
     if not others:
         return 0
     records = (journal.get(job.index) for job in plan.jobs)
     owned = {path for record in records if record is not None for path in record.outputs}
     removed = 0
-    for name, made_with, outputs, members in others:
-        if made_with != settings or not owned.isdisjoint(outputs):
+    for name, over, outputs, members in others:
+        if over or not owned.isdisjoint(outputs):
             retired = {path: digest for path, (digest, _) in outputs.items() if path not in owned}
             count, left = retire(plan.out, retired, members)
             removed += count

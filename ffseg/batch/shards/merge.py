@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -26,10 +27,13 @@ from ffseg.batch.shards.assign import Shard, shard_of_folder
 from ffseg.batch.shards.sort import Keyed, sorted_lines
 from ffseg.batch.tar.finish import is_gone, relocated
 from ffseg.batch.tar.ordered import OrderedPacks, packs_of, publish, remove_packs
+from ffseg.batch.workers.freshness import still_true
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.files import is_temporary, printable, read_bytes
 
 SHARDS = "shards"
+_MOST_STALE = 1000
+"""Stale images that ``run.json`` names."""
 _MOST_RUN = 1 << 30
 """Bytes of a ``run.json``: it names every image that is no longer as it was."""
 
@@ -67,12 +71,23 @@ class Merge:
     counts : dict of int
         Images by status.
     problems : list of str
-        Shards that never ran or did not finish, outputs that are gone, and tables that cannot be written.
+        Shards that never ran or did not finish, or were made by another version, outputs that are gone, and tables that
+        cannot be written.
+    stale : list of (str, str)
+        Names of images that are no longer what their record says, and why; `num_stale` counts those not named, too.
     """
 
     out: str
+    stale: list[tuple[str, str]] = field(default_factory=list)
+    num_stale: int = 0
     counts: dict[str, int] = field(default_factory=lambda: {"total": 0, "ok": 0, "failed": 0})
     problems: list[str] = field(default_factory=list)
+
+    def note(self, name: str, changed: str) -> None:
+        """Take into account that a file an image was made from has changed or is gone; nothing where that is empty."""
+        self.num_stale += bool(changed)
+        if changed and len(self.stale) < _MOST_STALE:
+            self.stale.append((name, f"{changed} has changed or is gone"))
 
 
 @dataclass(slots=True)
@@ -147,6 +162,7 @@ def _write_journal(
     merge: Merge, records: MergedRecords, header: Mapping[str, Any], lines: Iterable[tuple[Record, bytes]]
 ) -> None:
     gone: list[str] = []
+    versions = Counter[str]()
     with atomic_stream(records.path) as file:
         file.write(json_line(header))
         for record, line in lines:
@@ -154,8 +170,14 @@ def _write_journal(
             records.note(record)
             merge.counts["total"] += 1
             merge.counts[record.status] += 1
+            versions[record.version] += record.version != __version__
+            merge.note(record.name, still_true(record.files))
             gone += islice(_gone(merge.out, record), _NAMED - len(gone))
     merge.problems += [f"{printable(path)} is gone; run its shard again" for path in gone]
+    for version, count in sorted(versions.items()):
+        if count:
+            shown = f"{count} image{'s were' if count > 1 else ' was'} made by ffseg {version}"
+            merge.problems.append(f"{shown}, this is {__version__}; run the shards again, which makes them anew")
 
 
 def _gone(out: str, record: Record) -> Iterator[str]:
@@ -328,14 +350,16 @@ def _run_json(merge: Merge, parts: list[Part]) -> dict[str, Any]:
         "unchanged": 0,
         "failed": merge.counts["failed"],
     }
-    stale = [entry for run in runs for entry in run.get("stale", ())]
+    stale = [{"image": printable(name), "reason": reason} for name, reason in merge.stale]
+    stale += [entry for run in runs for entry in run.get("stale", ()) if entry not in stale]
+    num_stale = merge.num_stale + len(stale) - len(merge.stale)
     return {
         "ffseg": __version__,
         "status": "incomplete" if merge.problems else "finished",
         "started": min((run["started"] for run in runs if "started" in run), default=""),
         "ended": datetime.now(UTC).isoformat(timespec="seconds"),
         "seconds": round(sum(run.get("seconds", 0.0) for run in runs), 3),
-        "counts": {**counts, "stale": len(stale)},
+        "counts": {**counts, "stale": num_stale},
         "inputs": first.get("inputs", []),
         "parameters": first.get("parameters", {}),
         "versions": first.get("versions", {}),

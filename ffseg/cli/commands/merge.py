@@ -38,6 +38,8 @@ def merge(
         write_report(folder)
     for problem in done.problems:
         console.message(f"ffseg: {problem}")
+    if done.num_stale:
+        console.message(f"ffseg: {done.num_stale} images are no longer what was segmented; run.json names them")
     if as_json:
         console.data(json.dumps({"out": done.out, "counts": done.counts, "problems": done.problems}, indent=2))
     else:
