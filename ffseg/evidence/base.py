@@ -24,7 +24,7 @@ kind lie: their mean must be better by this over the root of their number. On fl
 masks, on unseen road frames .37 to .56."""
 
 ROW = 1000
-"""Pixels side by side in the plane that the native core is given; it takes no plane of more than 4096 a side."""
+"""Pixels side by side in the plane that the native core is given; no plane may have more than 65535 a side."""
 
 
 @lru_cache(maxsize=1)

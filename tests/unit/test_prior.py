@@ -199,3 +199,12 @@ def test_a_bright_picture_with_dark_places_has_no_haze() -> None:
     image[:12, :12] = 20
     gain = MIDDLE / image[::4, ::4].mean()
     assert set(np.unique(exposed(image))) == {round(20 * gain), round(200 * gain)}
+
+
+@pytest.mark.parametrize("shape", [(20, 20000), (4097, 40), (1, 5000, 3), (60, 4100, 3)])
+def test_a_side_longer_than_planes_that_are_flooded(shape: tuple[int, ...]) -> None:
+    """The features are reduced; the level is drawn at the size of the image."""
+    rng = np.random.default_rng(2)
+    image = rng.integers(60, 190, shape).astype(np.uint8)
+    found = segment(image, load_params(None, {"edges.source": "prior", "init.radius": 4}))
+    assert found.mask.shape == shape[:2]

@@ -30,8 +30,10 @@ using OutBytes = nb::ndarray<std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device
 using Whole = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Real = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// Costs of the longest shortest path stay below 2^32.
-constexpr std::size_t kMostPixels = 4096;
+// As many as an image may have; places along a side are 16-bit numbers.
+constexpr std::size_t kMostPixels = 65535;
+// Of planes that are flooded: costs of the longest shortest path stay below 2^32.
+constexpr std::size_t kMostFlooded = 4096;
 
 void require(bool holds, const char* what) {
     if (!holds) throw std::invalid_argument(what);
@@ -39,11 +41,18 @@ void require(bool holds, const char* what) {
 
 Size checked(std::size_t height, std::size_t width) {
     require(height > 0 && width > 0, "the plane is empty");
-    require(height <= kMostPixels && width <= kMostPixels, "the plane is larger than 4096 pixels a side");
+    require(height <= kMostPixels && width <= kMostPixels, "the plane is larger than 65535 pixels a side");
     return {static_cast<int>(height), static_cast<int>(width)};
 }
 
 Size size_of(const InPlane& plane) { return checked(plane.shape(0), plane.shape(1)); }
+
+Size flooded(const InPlane& plane) {
+    const Size size = size_of(plane);
+    require(plane.shape(0) <= kMostFlooded && plane.shape(1) <= kMostFlooded,
+            "the plane is larger than 4096 pixels a side");
+    return size;
+}
 
 template <class Array>
 void check_same(const Array& array, Size size) {
@@ -169,7 +178,7 @@ void py_diffuse(const InPlane& values, const InPlanes& lab, double kept, double 
 }
 
 void py_barrier(const InPlane& heights, const Region& inside, double step, OutPlanes out) {
-    const Size size = size_of(heights), target = check_planes(out, evidence::kBarrierPlanes);
+    const Size size = flooded(heights), target = check_planes(out, evidence::kBarrierPlanes);
     require(size.height == target.height && size.width == target.width, "the arrays differ in size");
     check_same(inside, size);
     check_step(step);
@@ -178,7 +187,7 @@ void py_barrier(const InPlane& heights, const Region& inside, double step, OutPl
 }
 
 void py_geodesic(const InPlane& heights, const Region& inside, double step, int least, OutPlane out) {
-    const Size size = size_of(heights);
+    const Size size = flooded(heights);
     check_same(inside, size);
     check_same(out, size);
     check_step(step);
