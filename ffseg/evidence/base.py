@@ -1,4 +1,4 @@
-"""A forest that other pictures have grown, which the masks at hand correct where it serves them already."""
+"""A forest grown from drawings, which the masks at hand correct where it serves them already."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ffseg.evidence.features import KNOWN
 from ffseg.evidence.forest import ARRAYS, Forest, load_model
 
 BASE = Path(__file__).with_name("base.ffmodel")
-"""Part of the package; ``tests/campaigns/learn_base.py`` makes it. It sees what a learned forest sees but no place in the
+"""Part of the package; ``python -m ffseg.learning.grow`` makes it. It sees what a learned forest sees but no place in the
 image and no open ground."""
 
 SERVES, SPREAD = 0.5, 0.25

@@ -1,7 +1,8 @@
-"""What a forest learned from other pictures says of a new one: which pixels belong to what the start lies on.
+"""What a forest learned from drawings says of a new picture: which pixels belong to what the start lies on.
 
 The forest sees no place in the image and no absolute position, only how a pixel looks, how it differs from the start
-region, and what stands on the best way there. It is part of the package; ``tests/campaigns/learn_prior.py`` makes it.
+region, and what stands on the best way there. It is part of the package; ``python -m ffseg.learning.grow``
+makes it.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Learning a model from masks, tuning parameters."""
+"""Learning: the forests that come with ffseg (`grow`), models from a few masks (`learn`), and settings (`tune`)."""

@@ -1,10 +1,9 @@
 """How well a model of a few masks does on real images that it has not seen, and what it costs.
 
-Run ``python -m tests.campaigns.learning --bases DIR --priors DIR [--data DATA] [--sets a,b] [--masks 1,3,5,10] [--draws 5]``.
+Run ``python -m tests.campaigns.learning [--data DATA] [--sets a,b] [--masks 1,3,5,10] [--draws 5]``.
 DATA (or FFSEG_DATA) holds the folders of `real_images.SETS`. ``road`` is learned at even places of the sorted names and tested at
 odd ones; of the other sets some images are drawn to learn from, and the rest is tested. Each figure is the mean over the
-draws of the mean IoU of the contour. The base and the prior that come with ffseg have seen these images: ``--bases DIR`` and
-``--priors DIR``, two folders, take those made of the other sets, which are written there and used again. ``--rivals`` grows
+draws of the mean IoU of the contour. ``--rivals`` grows
 scikit-learn's forests on the same pixels. ``--times`` compares the parts of using a model with LightGBM's own prediction, in ms
 of processor time.
 """
@@ -22,14 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.api import segment
-from ffseg.evidence import base, prior
+from ffseg.evidence import prior
 from ffseg.evidence.features import KNOWN, enlarged, exposed, features
-from ffseg.evidence.forest import Model, to_bytes
+from ffseg.evidence.forest import Model
 from ffseg.evidence.maps import evidence_edges
 from ffseg.evidence.openings import OPEN
 from ffseg.evidence.source import told
 from ffseg.image.edges import edge_map
-from ffseg.io.files import write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.learning.training import (
     LEAST_IN_LEAF,
@@ -47,8 +45,7 @@ from ffseg.learning.training import (
 )
 from ffseg.metrics import iou
 from ffseg.parameters import Edges, load_params
-from tests.campaigns import learn_base, learn_prior
-from tests.campaigns.real_images import SETS, Photograph, load
+from tests.campaigns.real_images import Photograph, load
 from tests.real_data import data_folder
 
 GOALS = {("road", 1): 0.68, ("road", 3): 0.78, ("road", 5): 0.82, ("road", 10): 0.85, ("real_floors/indoor", 5): 0.78}
@@ -65,8 +62,6 @@ def main() -> int:
         if not photographs:
             say(f"skipped: {folder} is not in {options.data}; name the folder with --data or FFSEG_DATA")
             continue
-        use_base(folder, options.data, options.bases)
-        use_prior(folder, options.data, options.priors)
         chosen = [samples(Example(p.image, p.truth, start_of(p), p.circle[2])) for p in photographs]
         evaluate(photographs, chosen, [int(number) for number in options.masks.split(",")], options.draws)
         if options.rivals:
@@ -82,42 +77,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--sets", default="road,real_floors/indoor", help="folders separated by commas")
     parser.add_argument("--masks", default="1,3,5,10", help="numbers of masks to learn from")
     parser.add_argument("--draws", type=int, default=5, help="random choices of masks at each number")
-    parser.add_argument("--bases", type=Path, help="folder of the bases made without a set")
-    parser.add_argument("--priors", type=Path, help="folder of the priors made without a set")
     parser.add_argument("--rivals", action="store_true", help="compare with scikit-learn's forests, from five masks")
     parser.add_argument("--times", action="store_true", help="measure what using a model costs")
     return parser.parse_args()
-
-
-def use_base(folder: str, data: Path, bases: Path | None) -> None:
-    """Take a base that has not seen the set; without a folder for it, the one that comes with ffseg, and say so."""
-    if bases is None:
-        say(f"{folder}: with the base that comes with ffseg, which has seen these images; name --bases")
-        return
-    base.BASE = _made_without(folder, data, bases, learn_base.grow)
-    base.base.cache_clear()
-
-
-def use_prior(folder: str, data: Path, priors: Path | None) -> None:
-    """Take a prior that has not seen the set; without a folder for it, the one that comes with ffseg, and say so."""
-    if priors is None:
-        say(f"{folder}: with the prior that comes with ffseg, which has seen these images; name --priors")
-        return
-
-    def grow(others: Sequence[Photograph], about: str) -> Model:
-        return learn_prior.grow(others, learn_prior.drawn_samples(learn_prior.DRAWN), about)
-
-    prior.MODEL = _made_without(folder, data, priors, grow)
-    prior._model.cache_clear()
-
-
-def _made_without(folder: str, data: Path, kept: Path, grow: Callable[[Sequence[Photograph], str], Model]) -> Path:
-    """File of a model of the other sets; made if it is not kept yet."""
-    path = kept / f"without-{folder.replace('/', '-')}.ffmodel"
-    if not path.is_file():
-        others = [one for one in load(data, list(SETS)) if one.folder != folder]
-        write_bytes_atomic(path, to_bytes(grow(others, f"without {folder}")))
-    return path
 
 
 def start_of(photograph: Photograph) -> NDArray[np.bool_]:

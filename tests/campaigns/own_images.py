@@ -20,12 +20,12 @@ import numpy as np
 from ffseg.errors import SegmentationError
 from ffseg.image.own import own_image
 from ffseg.io.images import single_thread
-from tests.campaigns.places.cameras import Camera, bonnet, developed, housing, mirror, perspective, rotation
-from tests.campaigns.places.drawn import clear_of, seen_from_the_middle
-from tests.campaigns.places.rays import Scene, shaded
-from tests.campaigns.places.rooms import room
-from tests.campaigns.places.skins import Array
-from tests.campaigns.places.streets import street
+from ffseg.learning.drawn.cameras import Camera, bonnet, developed, housing, mirror, perspective, rotation
+from ffseg.learning.drawn.rays import Scene, shaded
+from ffseg.learning.drawn.rooms import room
+from ffseg.learning.drawn.sights import clear_of, seen_from_the_middle
+from ffseg.learning.drawn.skins import Array
+from ffseg.learning.drawn.streets import street
 
 KINDS = ("street", "room", "mirror")
 FOUND, MOST_LOST = 0.8, 0.02

@@ -1,11 +1,10 @@
 """What ``ffseg tune`` makes of a few masks, beside the defaults and the one setting that is best on the images it has not seen.
 
-Run ``python -m tests.campaigns.tuning --priors DIR [--data DATA] [--sets a,b] [--masks 3] [--draws 3] [--budget 25]``.
-DATA (or FFSEG_DATA) holds the folders of `real_images.SETS`. The prior that comes with ffseg has seen these images: each set
-is segmented with one made of the other sets, which is written to DIR and used again. ``edges.source: auto`` with that prior
-is the default that tuning has to beat. The best setting is looked for among all that tuning would try (or the first
-``--settings`` of them), the defaults included, by its mean on the rest itself: no tuning can know it. Where the rest is an image
-or two, that is the best of many by chance; the one setting that is best on all images shows how far a choice could go.
+Run ``python -m tests.campaigns.tuning [--data DATA] [--sets a,b] [--masks 3] [--draws 3] [--budget 25]``.
+DATA (or FFSEG_DATA) holds the folders of `real_images.SETS`. Tuning has to beat the defaults. The best setting is looked for
+among all that tuning would try (or the first ``--settings`` of them), the defaults included, by its mean on the rest itself: no
+tuning can know it. Where the rest is an image or two, that is the best of many by chance; the one setting that is best on all
+images shows how far a choice could go.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from ffseg.learning.gather import Labelled
 from ffseg.learning.space import LIGHTS, MOST_SETTINGS, Setting, levels, settings
 from ffseg.learning.tune import Bench, tune
 from ffseg.parameters import load_params
-from tests.campaigns.learning import start_of, use_prior
+from tests.campaigns.learning import start_of
 from tests.campaigns.real_images import SETS, Photograph, load
 from tests.real_data import data_folder
 
@@ -43,7 +42,6 @@ def main() -> int:
         if not photographs:
             say(f"skipped: {folder} is not in {options.data}; name the folder with --data or FFSEG_DATA")
             continue
-        use_prior(folder, options.data, options.priors)
         missed += tuned_set([labelled_of(one) for one in photographs], folder, options)
     return 1 if missed else 0
 
@@ -51,7 +49,6 @@ def main() -> int:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("--data", type=Path, default=data_folder(), help="image sets")
-    parser.add_argument("--priors", type=Path, required=True, help="folder of the priors made without a set")
     parser.add_argument("--sets", default=",".join(SETS), help="folders separated by commas")
     parser.add_argument("--masks", type=int, default=3, help="masks to tune on")
     parser.add_argument("--draws", type=int, default=3, help="random choices of masks")

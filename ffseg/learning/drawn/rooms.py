@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.campaigns.places.rays import Box, Lamp, Scene
-from tests.campaigns.places.skins import (
+from ffseg.learning.drawn.rays import Box, Lamp, Scene
+from ffseg.learning.drawn.skins import (
     Array,
     Skin,
     colour,
@@ -13,6 +13,7 @@ from tests.campaigns.places.skins import (
     furniture,
     patched,
     plain,
+    planked,
     skirted,
     tiled,
     tinted,
@@ -45,6 +46,29 @@ def room(rng: Generator) -> Scene:
         occlusion=float(rng.uniform(0, 0.7)),
         sky=(np.full(3, 0.8), np.full(3, 0.9)),
         patches=_sun_patches(rng, width) if rng.random() < 0.3 else [],
+    )
+
+
+def corridor(rng: Generator) -> Scene:
+    """A long room with a glossy floor, lamps in a row under its ceiling, and what stands along its walls."""
+    wide, high, long = rng.uniform(1.8, 5), rng.uniform(2.3, 4), rng.uniform(15, 50)
+    aside = rng.uniform(-0.3, 0.3) * wide
+    base = colour(rng, (0.2, 0.85), 0.15)
+    ground = (tiled, plain, planked)[int(rng.choice(3, p=[0.6, 0.3, 0.1]))]
+    size = np.array([long, wide, high])
+    base_wall = base if rng.random() < 0.5 else colour(rng, (0.6, 1), 0.05)
+    walls = Box(np.array([0.45 * long, aside, -0.001]), size, 0.0, _wall(rng, base_wall), inner=True)
+    apart, bright = rng.uniform(1.5, 4), plain(rng, np.full(3, rng.uniform(3, 12)), 0.0)
+    places = [np.array([ahead, aside, high]) for ahead in np.arange(rng.uniform(0.3, 2), 0.8 * long, apart)]
+    tubes = [Box(at - [0, 0, 0.06], np.array([rng.uniform(0.3, 1.2), 0.15, 0.05]), 0.0, bright) for at in places]
+    return Scene(
+        boxes=[walls, *tubes, *_along(rng, base, size, aside), *(_in_the_way(rng, base) if rng.random() < 0.4 else [])],
+        ground=ground(rng, base),
+        lamps=[Lamp(at - [0, 0, 0.1], float(rng.uniform(0.3, 1)), 2.5) for at in places[:4]],
+        ambient=float(rng.uniform(0.3, 1)),
+        gloss=float(rng.uniform(0.3, 1)),
+        occlusion=float(rng.uniform(0, 0.7)),
+        sky=(np.full(3, 0.8), np.full(3, 0.9)),
     )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from copy import copy
 
 import cv2
 import numpy as np
 
-from tests.campaigns.places.cameras import LONGEST, developed
-from tests.campaigns.places.skins import Array, colour, noise, tinted
+from ffseg.learning.drawn.cameras import LONGEST, developed
+from ffseg.learning.drawn.skins import Array, colour, noise, tinted
 
 Generator = np.random.Generator
 Part = tuple[Array, int]
@@ -23,6 +24,17 @@ class Canvas:
     def __init__(self, height: int, width: int) -> None:
         y, x = np.mgrid[:height, :width]
         self.shape, self.at = (height, width), np.stack([x, y], -1).astype(np.float32)
+
+    def near(self, middle: Array, reach: float) -> tuple[tuple[slice, slice], Canvas]:
+        """The part of the canvas within so far of a point, along each axis, and where it lies."""
+        rows, columns = (
+            slice(*np.clip([int(at - reach), int(at + reach) + 2], 0, size).tolist())
+            for at, size in zip(middle[::-1], self.shape, strict=True)
+        )
+        part = copy(self)
+        part.at = self.at[rows, columns]
+        part.shape = part.at.shape[:2]
+        return (rows, columns), part
 
     def capsule(self, ends: tuple[Array, Array], radii: tuple[float, float]) -> Array:
         """A limb: between two points, from one radius to the other."""
@@ -150,12 +162,25 @@ def _pebbles(on: Canvas, rng: Generator, middle: Array, size: float) -> Iterator
         yield on.ellipse(middle + rng.normal(0, 0.2, 2) * size, axes, rng.uniform(0, 3)), int(rng.integers(0, 3))
 
 
+def _leaf(on: Canvas, rng: Generator, middle: Array, size: float) -> Iterator[Part]:
+    turn, lobes, slim = rng.uniform(0, 2 * np.pi), int(rng.integers(1, 8)), rng.uniform(0.3, 0.9)
+    around = np.linspace(0, 2 * np.pi, 160, endpoint=False)
+    radius = 0.4 * size * (1 + rng.uniform(0, 0.3) * abs(np.sin(lobes * around / 2)) + 0.03 * np.sin(40 * around))
+    outline = np.stack([np.cos(around), slim * np.sin(around)], 1) * radius[:, None]
+    along = np.array([np.cos(turn), np.sin(turn)])
+    yield on.polygon(middle + outline @ np.array([along, [-along[1], along[0]]])), 0
+    vein = size * rng.uniform(0.002, 0.012)
+    ends = middle - 0.38 * size * along, middle + 0.38 * size * along
+    yield on.capsule(ends, (vein, vein)), 1
+
+
 FIGURES: dict[str, tuple[Callable[[Canvas, Generator, Array, float], Iterator[Part]], float]] = {
     "animal": (_animal, 0.3),
-    "person": (_person, 0.25),
+    "person": (_person, 0.2),
     "vehicle": (_vehicle, 0.15),
     "tool": (_tool, 0.1),
-    "pebbles": (_pebbles, 0.2),
+    "pebbles": (_pebbles, 0.15),
+    "leaf": (_leaf, 0.1),
 }
 """Figures and how often they are drawn."""
 
@@ -214,12 +239,21 @@ def pelt(rng: Generator, base: Array, shape: tuple[int, int]) -> Array:
     return np.clip(found, 0.005, 1.2)
 
 
-def background(rng: Generator, shape: tuple[int, int], behind: list[Array]) -> Array:
-    """Land in bands, leaves, blurred shapes, or one of the pictures that are given; sometimes out of focus."""
-    kind = rng.choice(["bands", "place", "leaves", "shapes"], p=[0.4, 0.25, 0.2, 0.15])
-    found = {"bands": _bands, "leaves": _foliage, "shapes": _shapes}.get(str(kind), _bands)(rng, shape)
-    if kind == "place" and behind:
-        found = _cut(rng, shape, behind[int(rng.integers(len(behind)))])
+Behind = Callable[[Generator], Array]
+
+
+def background(rng: Generator, shape: tuple[int, int], behind: Behind | None) -> Array:
+    """Land in bands, leaves, blurred shapes, or a part of such a picture as `behind` draws; sometimes out of focus.
+
+    Without `behind`: grass and leaves.
+    """
+    kind = str(rng.choice(["bands", "place", "leaves", "shapes"], p=[0.4, 0.25, 0.2, 0.15]))
+    if behind is None:
+        found = (_meadow if rng.random() < 0.7 else _foliage)(rng, shape)
+    elif kind == "place":
+        found = _cut(rng, shape, behind(rng))
+    else:
+        found = {"bands": _bands, "leaves": _foliage, "shapes": _shapes}[kind](rng, shape)
     blur = float(rng.choice([0, rng.uniform(0.7, 5)]))
     found = np.clip(found, 0, 1.5).astype(np.float32)
     return np.asarray(cv2.GaussianBlur(found, (0, 0), blur)) if blur else found
@@ -245,6 +279,21 @@ def _bands(rng: Generator, shape: tuple[int, int]) -> Array:
     return found
 
 
+def _meadow(rng: Generator, shape: tuple[int, int]) -> Array:
+    """Grass, finer to the back, often under something darker or lighter from some height on."""
+    height, width = shape
+    green = colour(rng, (0.1, 0.6), 0.3) * np.array([0.6, 1.0, 0.8])
+    fine = noise(rng, TEXTURE, [64, 128, 256], 0.95)[:height, :width]
+    large = noise(rng, TEXTURE, [4, 8, 16, 32], 0.7)[:height, :width]
+    blades = np.clip(1 + rng.uniform(0.05, 0.4) * fine + rng.uniform(0, 0.3) * large, 0.05, 3)
+    found = green * blades[..., None] * (1 + rng.uniform(0, 0.2) * large[::-1, ::-1, None] * rng.normal(0, 1, 3))
+    if rng.random() < 0.6:
+        line = height * rng.uniform(0.05, 0.5) + 4 * noise(rng, TEXTURE, [16, 40])[0, :width]
+        above = _foliage(rng, shape) if rng.random() < 0.6 else pelt(rng, colour(rng, (0.3, 0.95), 0.2), shape)
+        found = np.where((np.arange(height)[:, None] > line)[..., None], found, above)
+    return np.asarray(found)
+
+
 def _foliage(rng: Generator, shape: tuple[int, int]) -> Array:
     height, width = shape
     fine = noise(rng, TEXTURE, [8, 32, 64, 128, 256], 0.95)[:height, :width]
@@ -264,8 +313,8 @@ def _shapes(rng: Generator, shape: tuple[int, int]) -> Array:
     return found
 
 
-def thing(rng: Generator, behind: list[Array]) -> tuple[Array, Array]:
-    """A picture of one thing among others, (H, W, 3) bytes, and where it is."""
+def thing(rng: Generator, behind: Behind | None) -> tuple[Array, Array]:
+    """A picture of one thing among others, (H, W, 3) bytes, and where it is; `behind` as `background` takes it."""
     width = int(rng.integers(200, LONGEST))
     height = int(width * rng.choice([0.667, 0.75, 1, 1.5]))
     if height > LONGEST:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.campaigns.places.rays import Box, Scene
-from tests.campaigns.places.skins import Array, Skin, colour, leaves, look_up, noise, patched, plain, tiled, tinted
+from ffseg.learning.drawn.rays import Box, Scene
+from ffseg.learning.drawn.skins import Array, Skin, colour, leaves, look_up, noise, patched, plain, tiled, tinted
 
 Generator = np.random.Generator
 
@@ -24,8 +24,8 @@ def street(rng: Generator) -> Scene:
         boxes += _tree(rng, aside + rng.choice([-1, 1]) * (width / 2 + rng.uniform(0.5, 4)))
     for _ in range(int(rng.integers(0, 4))):
         lane = aside + rng.choice([-1, 1]) * width / 4 + rng.normal(0, 0.3)
-        boxes += _car(rng, np.array([rng.uniform(5, 35), lane, 0]))
-    grey = rng.uniform(0.5, 1.3)
+        boxes += _car(rng, base, np.array([rng.uniform(5, 35), lane, 0]))
+    grey = np.exp(rng.uniform(np.log(0.5), np.log(8)))  # against it, streets are dark
     return Scene(
         boxes=boxes,
         ground=_road(rng, base, width, aside),
@@ -101,15 +101,15 @@ def _road(rng: Generator, base: Array, width: float, aside: float) -> Skin:
 def _side(rng: Generator, base: Array, border: float, side: int) -> list[Box]:
     """Kerb, pavement, what stands on it and what borders it."""
     alike = rng.random() < 0.7
-    tone = tinted(rng, base, (0.8, 1.8), 0.05) if alike else colour(rng, (0.2, 0.6), 0.2)
+    tone = tinted(rng, base, (0.7, 1.6), 0.05) if alike else colour(rng, (0.2, 0.6), 0.2)
     kind = rng.choice(["grass", "slabs", "asphalt"], p=[0.25, 0.375, 0.375])
     pavement = {
         "grass": lambda: leaves(rng),
         "slabs": lambda: tiled(rng, tone),
         "asphalt": lambda: plain(rng, tone, 0.06),
     }[kind]()
-    height, kerb, wide = rng.uniform(0.01, 0.15), rng.uniform(0.1, 0.2), rng.uniform(1, 4)
-    stone = plain(rng, tone * rng.uniform(0.9, 1.5), 0.05)
+    height, kerb, wide = rng.uniform(0.005, 0.15), rng.uniform(0.1, 0.2), rng.uniform(1, 4)
+    stone = plain(rng, tone * (1 if rng.random() < 0.3 else rng.uniform(0.9, 1.5)), 0.05)
     found = [
         Box(np.array([20, border + side * kerb / 2, 0]), np.array([120, kerb, height]), 0.0, stone),
         Box(np.array([20, border + side * (kerb + wide / 2), 0]), np.array([120, wide, 0.98 * height]), 0.0, pavement),
@@ -129,7 +129,7 @@ def _side(rng: Generator, base: Array, border: float, side: int) -> list[Box]:
         ahead += length
     for _ in range(int(rng.integers(0, 5))):
         if rng.random() < 0.5:
-            found += _car(rng, np.array([rng.uniform(5, 40), border - side * rng.uniform(0.9, 1.3), 0]))
+            found += _car(rng, base, np.array([rng.uniform(5, 40), border - side * rng.uniform(0.9, 1.3), 0]))
         else:
             size = np.array([0.4, 0.5, 1.75]) if rng.random() < 0.5 else np.array([0.12, 0.12, 4])
             place = np.array([rng.uniform(3, 30), border + side * rng.uniform(0.3, wide), height])
@@ -156,9 +156,10 @@ def _tree(rng: Generator, y: float) -> list[Box]:
     ]
 
 
-def _car(rng: Generator, foot: Array) -> list[Box]:
-    """A car or a van: body, cabin, four wheels."""
-    body, glass = plain(rng, colour(rng, (0.03, 0.9), 0.5), 0.01), plain(rng, colour(rng, (0.02, 0.2), 0.1), 0.05)
+def _car(rng: Generator, road: Array, foot: Array) -> list[Box]:
+    """A car or a van: body, cabin, four wheels; two in five nearly have the road's colour."""
+    tone = tinted(rng, road, (0.4, 1.3), 0.05) if rng.random() < 0.4 else colour(rng, (0.03, 0.9), 0.5)
+    body, glass = plain(rng, tone, 0.01), plain(rng, colour(rng, (0.02, 0.2), 0.1), 0.05)
     tyre, length, width = plain(rng, np.full(3, 0.03), 0.0), rng.uniform(3.6, 4.8), rng.uniform(1.6, 1.9)
     van = rng.random() < 0.15
     found = [Box(foot + [0, 0, 0.2], np.array([length, width, 2.5 if van else 0.65]), 0.0, body)]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tests.campaigns.places.skins import Array, Skin
+from ffseg.learning.drawn.skins import Array, Skin
 
 SKY, GROUND = -1, 0
 """What a ray met that met no box; box k is k + 1."""
@@ -39,8 +39,8 @@ class Box:
         """Along the ground, from (N, 3) points outside the box (inside a room) to its foot line; 0 on the other side."""
         apart = abs(self.seen_from(points)[:, :2]) - self.size[:2] / 2
         if self.inner:
-            return np.maximum(-apart.max(axis=1), 0)
-        return np.hypot(*np.maximum(apart, 0).T)
+            return np.asarray(np.maximum(-apart.max(axis=1), 0))
+        return np.asarray(np.hypot(*np.maximum(apart, 0).T))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

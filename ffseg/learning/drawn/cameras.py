@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from tests.campaigns.places.rays import GROUND, Scene, shaded
-from tests.campaigns.places.skins import Array, colour
+from ffseg.learning.drawn.rays import GROUND, Scene, shaded
+from ffseg.learning.drawn.skins import Array, colour
 
 Generator = np.random.Generator
 
@@ -57,7 +57,7 @@ def mirror(rng: Generator) -> Camera:
     """Under a mirror (unified sphere model) or a fisheye (angle in proportion to the radius), looking down."""
     height = int(rng.integers(260, 420))
     width = int(height * rng.choice([1, 4 / 3]))
-    rim, widest, xi = height * rng.uniform(0.42, 0.56), rng.uniform(1.2, 1.9), rng.uniform(0.6, 1.1)
+    rim, widest, xi = height * rng.uniform(0.36, 0.6), rng.uniform(1.2, 1.9), rng.uniform(0.6, 1.1)
     middle = np.array([width, height]) / 2 + rng.normal(0, height * 0.02, 2)
     y, x = np.mgrid[:height, :width]
     right, down = (x - middle[0]) / rim, (y - middle[1]) / rim
@@ -86,10 +86,15 @@ def photographed(scene: Scene, camera: Camera, rng: Generator, *, road: bool) ->
         _vignette(light, rng)
         if road and rng.random() < 0.5:
             bonnet(light, ground, rng)
-    light = light * (1 + rng.normal(0, 0.06, 3)) / (np.median(light[lit]) + 1e-3) * rng.uniform(0.1, 0.45)
+    light = light * (1 + rng.normal(0, 0.06, 3)) / (np.median(light[lit]) + 1e-3) * _exposure(rng, 0.08, 0.8)
     if road and ground.any() and rng.random() < 0.5:
-        light = light * rng.uniform(0.02, 0.15) / (np.median(light[ground]) + 1e-3)
+        light = light * _exposure(rng, 0.005, 0.12) / (np.median(light[ground]) + 1e-3)
     return developed(light, rng, hazy=True), ground
+
+
+def _exposure(rng: Generator, least: float, most: float) -> float:
+    """A level between two, as even in its logarithm."""
+    return float(np.exp(rng.uniform(np.log(least), np.log(most))))
 
 
 def _vignette(light: Array, rng: Generator) -> None:
@@ -103,11 +108,16 @@ def housing(light: Array, ground: Array, radii: Array, rng: Generator) -> None:
     """The dark round a mirror, the camera's own image in its middle, sometimes a rod across."""
     light *= (1 - rng.uniform(0, 0.5) * np.clip(radii, 0, 1) ** 2)[..., None]
     height, width = radii.shape
-    hidden = [(radii > 1, 0.06), (radii < rng.uniform(0.05, 0.22), 0.3)]
-    if rng.random() < 0.4:
-        turn, (y, x) = rng.uniform(0, np.pi), np.mgrid[:height, :width]
+    own = rng.uniform(0.05, 0.22) if rng.random() < 0.8 else rng.uniform(0.2, 0.38)
+    hidden = [(radii > 1, 0.06), (radii < own, 0.3)]
+    if rng.random() < 0.4:  # the mirror's own rim
+        hidden.append(((radii < 1) & (radii > 1 - rng.uniform(0.02, 0.12)), 0.15))
+    y, x = np.mgrid[:height, :width]
+    for _ in range(int(rng.choice([0, 1, 3], p=[0.5, 0.35, 0.15]))):  # rods of its mount
+        turn = rng.uniform(0, 2 * np.pi)
+        along = (x - width / 2) * np.cos(turn) + (y - height / 2) * np.sin(turn)
         across = abs((x - width / 2) * np.sin(turn) - (y - height / 2) * np.cos(turn))
-        hidden.append(((across < rng.uniform(2, 6)) & (radii < 1), 0.2))
+        hidden.append(((across < rng.uniform(2, 7)) & (along > 0) & (radii < 1), 0.25))
     for region, brightest in hidden:
         light[region] = rng.uniform(0, brightest)
         ground &= ~region
@@ -123,16 +133,43 @@ def bonnet(light: Array, ground: Array, rng: Generator) -> None:
 
 
 def developed(light: Array, rng: Generator, *, hazy: bool = False, noise: Generator | None = None) -> Array:
-    """What a camera makes of that light: a tone curve, haze, blur, noise (of its own, if given), compression; bytes."""
-    found = 1 - np.exp(-1.6 * light) if rng.random() < 0.5 else np.clip(light, 0, 1)
-    found = np.clip(found, 0, 1) ** (1 / rng.uniform(1.3, 2.2))
+    """What a camera makes of that light: blur, noise (of its own, if given), a tone curve, haze, compression; bytes.
+
+    The noise is that of photons, whose deviation goes with the root of the signal, and of reading it out.
+    """
+    found = _blurred(light.astype(np.float32), rng)
+    photons, read = np.exp(rng.uniform(np.log(3e2), np.log(1e5))), rng.uniform(0.0005, 0.006)
+    grain = (noise or rng).standard_normal(found.shape).astype(np.float32)
+    found = found + grain * np.sqrt(np.clip(found, 0, None) / photons + read**2)
+    found = np.clip(1 - np.exp(-1.6 * found) if rng.random() < 0.5 else found, 0, 1)
+    found = found ** (1 / rng.uniform(1.0 if rng.random() < 0.2 else 1.3, 2.4))
+    if rng.random() < 0.3:  # steeper in the middle
+        found = found + rng.uniform(0, 0.6) * (found * found * (3 - 2 * found) - found)
     if hazy and rng.random() < 0.2:
         veil = rng.uniform(0.05, 0.6)
         found = veil + (1 - veil) * found
-    found = cv2.GaussianBlur(found.astype(np.float32), (0, 0), float(rng.uniform(0.5, 1.1)))
-    found = found + (noise or rng).normal(0, rng.uniform(0.002, 0.015), found.shape)
-    levels = np.clip(found * 255, 0, 255).astype(np.uint8)
+    levels: Array = np.clip(found * 255, 0, 255).astype(np.uint8)
+    if rng.random() < 0.1:
+        levels = np.repeat(cv2.cvtColor(levels, cv2.COLOR_BGR2GRAY)[..., None], 3, axis=2)
     if rng.random() < 0.75:
-        packed = cv2.imencode(".jpg", levels, [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(50, 95))])[1]
-        levels = np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), np.uint8)
+        how = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(30, 96)), cv2.IMWRITE_JPEG_SAMPLING_FACTOR, _sampling(rng)]
+        levels = np.asarray(cv2.imdecode(cv2.imencode(".jpg", levels, how)[1], cv2.IMREAD_COLOR), np.uint8)
     return levels
+
+
+def _sampling(rng: Generator) -> int:
+    """How many pixels share a colour in a JPEG file: one, two or four."""
+    return int(rng.choice([getattr(cv2, f"IMWRITE_JPEG_SAMPLING_FACTOR_{name}") for name in ("444", "422", "420")]))
+
+
+def _blurred(light: Array, rng: Generator) -> Array:
+    """Out of focus a little, sometimes more, sometimes moved."""
+    sigma = rng.uniform(0.5, 1.1) if rng.random() < 0.8 else rng.uniform(1.0, 2.2)
+    found = cv2.GaussianBlur(light, (0, 0), float(sigma))
+    if rng.random() < 0.12:
+        reach, turn = int(rng.integers(1, 5)), rng.uniform(0, np.pi)
+        steps = np.rint(np.arange(-reach, reach + 1)[:, None] * [np.sin(turn), np.cos(turn)]).astype(int)
+        way = np.zeros((2 * reach + 1, 2 * reach + 1), np.float32)
+        way[steps[:, 0] + reach, steps[:, 1] + reach] = 1
+        found = cv2.filter2D(found, -1, way / way.sum())
+    return np.asarray(found)
