@@ -55,6 +55,8 @@ if TYPE_CHECKING:
     from ffseg.parameters import Snake as Snake
     from ffseg.parameters import load_params as load_params
     from ffseg.parameters import presets as presets
+    from ffseg.picking.notebook import Picking as Picking
+    from ffseg.picking.notebook import pick as pick
     from ffseg.plugins import Method as Method
     from ffseg.result import Segmentation as Segmentation
     from ffseg.result import Timings as Timings
@@ -68,6 +70,8 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "segment": "ffseg.api",
+    "pick": "ffseg.picking.notebook",
+    "Picking": "ffseg.picking.notebook",
     "ParametersLike": "ffseg.parameters",
     "load_params": "ffseg.parameters",
     "presets": "ffseg.parameters",

@@ -73,10 +73,10 @@ def figures_said(document: str) -> tuple[str, list[str], bool]:
     iou, without = found["iou"], found["without"]
     if iou is None or without is None:
         return "learned from 1 mask; a second one lets it be measured", found.get("order") or [], True
-    line = f"{found['masks']} masks: {_short(iou)} expected on the rest, {_short(without)} without a model"
+    line = f"{found['masks']} masks: {_short(iou)} expected on the rest"
     more = found["more"]
     line += f"; {_gain(found['curve'])}" if more else "; more masks will hardly raise it"
-    return line, found.get("order") or [], iou >= without
+    return line, found.get("order") or [], iou >= without  # without one, a run begins in the middle
 
 
 def _gain(curve: Sequence[Sequence[float]]) -> str:

@@ -6,6 +6,7 @@ const stage = $("stage"), view = new View(stage);
 const NEAR = 10, MOVED = 5; // screen pixels within which a mark is meant, and from which on a press is a drag
 const OPEN = { starts: [], nots: [], boxes: [], strokes: [], probability: null, clearance: null, status: "open" };
 const LEVEL = 0.002, WIDTH = 0.5; // probability and clearance (px) for one screen pixel of a drag
+const SMALL = 600; // pixels of the longer side up to which an image is found whole as quickly as reduced
 const MOST_LISTED = 300, NEWS_MS = 1500;
 
 const pending = []; // changes that the server has not yet
@@ -26,21 +27,25 @@ const say = (text, bad = false) => {
   $("said").classList.toggle("bad", bad);
 };
 
-// --- the region: one question at a time, the newest waits, others are forgotten ------------------------------------
+// --- the region: one question at a time in each lane, the newest waits, others are forgotten -----------------------
 
-let asking = false, waiting = null;
-const ask = (wanted) => {
-  waiting = wanted;
-  if (!asking) void answer();
+const lanes = { quick: { asking: false, waiting: null }, whole: { asking: false, waiting: null } }; // the hand need not wait for a large image
+const drawn = { region: 0, preview: 0 };
+let asked = 0;
+const ask = (question) => {
+  const lane = question.quick ? lanes.quick : lanes.whole;
+  lane.waiting = { ...question, number: ++asked, place: index, kind: label };
+  if (!lane.asking) void answer(lane);
 };
-const answer = async () => {
-  asking = true;
-  while (waiting) {
-    const { what, quick, id, begin } = waiting, place = index, kind = label;
-    waiting = null;
+const answer = async (lane) => {
+  lane.asking = true;
+  while (lane.waiting) {
+    const { what, quick, id, begin, number, place, kind } = lane.waiting;
+    lane.waiting = null;
     try {
       const sent = performance.now(), found = await post("find", { picked: what, quick });
-      if (place !== index || kind !== label) continue;
+      if (place !== index || kind !== label || number < drawn[id]) continue;
+      drawn[id] = number;
       view.region(found, id);
       if (id === "region") say(found.said);
       if (begin) requestAnimationFrame(() => times.push({ quick, waited: sent - begin, server: found.server_ms, asked: performance.now() - sent, all: performance.now() - begin }));
@@ -48,9 +53,18 @@ const answer = async () => {
       say(error.message, true);
     }
   }
-  asking = false;
+  lane.asking = false;
+};
+const forget = () => { // what a click would give, as soon as there is something else to see
+  drawn.preview = ++asked;
+  view.region(null, "preview");
 };
 const show = (what, options = {}) => ask({ what, quick: false, id: "region", ...options });
+
+const whole = (what) => { // of a large image first a reduced copy, so that a click is answered at once
+  if (Math.max(...view.size) > SMALL) show(what, { quick: true });
+  show(what);
+};
 
 // --- what is picked -------------------------------------------------------------------------------------------------
 
@@ -79,7 +93,7 @@ const step = (change, does = "pick") => {
       adopt(image);
       say(found.message, true);
     } else adopt(found);
-    if (next.status !== "accepted") show(current());
+    if (next.status !== "accepted") whole(current());
     return !(found instanceof Error);
   });
   return saving;
@@ -87,7 +101,7 @@ const step = (change, does = "pick") => {
 const pick = (change) => {
   const kept = step(change);
   view.marks(current());
-  view.region(null, "preview");
+  forget();
   return kept;
 };
 const load = async (place, said = "") => {
@@ -98,7 +112,7 @@ const load = async (place, said = "") => {
     if (place !== index) return;
     if (place !== before) {
       view.region(null);
-      view.region(null, "preview");
+      forget();
       view.show(`image/${place}`, found.width, found.height);
     }
     adopt(found);
@@ -109,7 +123,7 @@ const load = async (place, said = "") => {
   }
   $("name").textContent = about.images[place];
   location.replace(`#${label}/${place}`);
-  if (image) show(picked);
+  if (image) whole(picked);
   void news();
 };
 const go = async (place) => {
@@ -152,7 +166,7 @@ const news = async () => {
     $("command").textContent = found.command;
     $("run").disabled = found.running;
     if (image && found.version > image.version && !drag) await saving.then(() => found.version > image.version && load(index, "changed in another tab"));
-    else if (found.model !== model && model >= 0 && image && !drag) show(picked);
+    else if (found.model !== model && model >= 0 && image && !drag) whole(picked);
     model = found.model;
   } catch {
     $("line").textContent = "the server does not answer: start ffseg pick again; nothing that was drawn is lost";
@@ -187,7 +201,7 @@ stage.addEventListener("pointerdown", (event) => {
   else if (!view.holds(point)) return;
   else drag = { kind: not ? "not" : "press", point, mark: near(point), x: event.clientX, y: event.clientY };
   if (drag.kind === "stroke") view.stroke(drag.stroke);
-  view.region(null, "preview");
+  forget();
 });
 stage.addEventListener("pointermove", (event) => {
   const begin = event.timeStamp;
@@ -211,7 +225,7 @@ stage.addEventListener("pointermove", (event) => {
   }
 });
 const hover = (point, begin) => {
-  if (tool !== "pick" || !hovering || !view.holds(point) || near(point)) return view.region(null, "preview");
+  if (tool !== "pick" || !hovering || !view.holds(point) || near(point)) return forget();
   ask({ what: { ...current(), starts: [...current().starts, circle(point)] }, quick: true, id: "preview", begin });
 };
 stage.addEventListener("pointerup", () => {
@@ -233,9 +247,9 @@ stage.addEventListener("pointercancel", () => {
   drag = null;
   view.box(null);
   view.stroke(null);
-  if (image) show(picked);
+  if (image) whole(picked);
 });
-stage.addEventListener("pointerleave", () => view.region(null, "preview"));
+stage.addEventListener("pointerleave", () => forget());
 stage.addEventListener("contextmenu", (event) => event.preventDefault());
 stage.addEventListener("wheel", (event) => {
   event.preventDefault();
@@ -248,7 +262,7 @@ stage.addEventListener("wheel", (event) => {
 const use = (name) => {
   tool = tool === name ? "pick" : name;
   for (const one of ["brush", "eraser"]) $(one).setAttribute("aria-pressed", String(tool === one));
-  view.region(null, "preview");
+  forget();
 };
 const size = (by) => {
   brush = Math.min(200, Math.max(1, brush * by));
@@ -270,7 +284,7 @@ const keys = {
   z: () => step(null, "undo"), y: () => step(null, "redo"),
   x: () => pick(() => OPEN),
   b: () => use("brush"), e: () => use("eraser"), "[": () => size(1 / 1.25), "]": () => size(1.25),
-  h: () => { hovering = !hovering; $("hover").setAttribute("aria-pressed", String(hovering)); view.region(null, "preview"); },
+  h: () => { hovering = !hovering; $("hover").setAttribute("aria-pressed", String(hovering)); forget(); },
   "+": () => view.zoom(1.5), "=": () => view.zoom(1.5), "-": () => view.zoom(1 / 1.5), 0: () => view.fit(),
   l: () => { list(); $("list").showModal(); }, "?": () => $("help").showModal(),
   t: () => {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import threading
@@ -117,6 +118,12 @@ class Session:
                     self._scenes.popitem(last=False)
             self._scenes.move_to_end(index)
             return self._scenes[index]
+
+    def forget(self) -> None:
+        """Find regions anew: a model is another one."""
+        with self._opening:
+            for scene in self._scenes.values():
+                scene.forget()
 
     def about(self) -> dict[str, Any]:
         """What the page is told once."""
@@ -281,6 +288,7 @@ class _Work:
         else:
             os.unlink(new)
             self.line += "; it is not used"
+        self._session.forget()
         self.generation += 1
         self.project.write_starts()
         if self.project.count("accepted") != self._count:
@@ -292,15 +300,18 @@ class _Work:
             return
         self.project.write_starts()
         self.line = f"running {len(self.project.sources)} images"
-        self._running.start([*self.project.arguments(), "--quiet"])
+        self._running.start([*self.project.arguments(), "--json", "--quiet"])
 
     def _ran(self, code: int, out: str, err: str) -> None:
-        summary = " ".join(out.split())
-        done = code in (0, 3)
-        self.line = f"the folder is done: {summary}" if done else f"the run has failed: {last_line(err)}"
-        if done:
-            self.project.review = self.project.path(RUN)
-            self.generation += 1
+        if code not in (0, 3):
+            self.line = f"the run has failed: {last_line(err)}"
+            return
+        counts = json.loads(out)["counts"]
+        failed = f", {counts['failed']} failed" if counts["failed"] else ""
+        self.line = f"the folder is done: {counts['done']} images{failed}"
+        self.project.review = self.project.path(RUN)
+        self._session.forget()
+        self.generation += 1
 
     def stop(self) -> None:
         """End what is at work."""

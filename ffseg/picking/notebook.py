@@ -1,0 +1,130 @@
+"""``ffseg.pick``: the page of `ffseg pick` in a notebook, or beside any program."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.image.checked import checked_image
+from ffseg.io.files import make_folder, read_bytes, write_bytes_atomic
+from ffseg.io.masks import decode_mask, encode_png
+from ffseg.parameters import ParametersLike, parameter_set
+from ffseg.picking.project import MOST_BYTES
+from ffseg.picking.server import Server
+from ffseg.picking.session import Session
+
+HEIGHT = 720
+"""Pixels of the frame in a notebook."""
+
+Images = str | os.PathLike[str] | Sequence[str | os.PathLike[str] | NDArray[np.uint8]]
+
+
+class Picking:
+    """A page that is open for picking; in a notebook it shows itself as a frame.
+
+    Attributes
+    ----------
+    address : str
+        Of the page, on this machine.
+    out : str
+        Folder that everything is saved in, as `ffseg pick` does.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session, self._server = session, Server(session, framed=True)
+        self._server.begin()
+        self.address, self.out = self._server.address, session.out
+
+    def _repr_html_(self) -> str:
+        return f'<iframe src="{self.address}" width="100%" height="{HEIGHT}" style="border:0"></iframe>'
+
+    def starts(self, label: int = 0) -> dict[str, dict[str, Any]]:
+        """What was picked so far, by the name of the image.
+
+        Parameters
+        ----------
+        label : int
+            Place of the class in `labels`.
+
+        Returns
+        -------
+        dict
+            Of each image ``starts`` and ``nots`` (x, y, radius), ``boxes`` (left, top, right, bottom), all in pixels,
+            ``strokes``, ``probability``, ``clearance`` and ``status``.
+        """
+        tracks = self._session.projects[label].journal.tracks
+        return {name: asdict(track.now) for name, track in tracks.items() if track.version}
+
+    def masks(self, label: int = 0) -> dict[str, NDArray[np.bool_]]:
+        """Masks of the accepted images, each of shape (H, W), by the name of the image."""
+        project = self._session.projects[label]
+        names = project.journal.names(lambda track: track.now.status == "accepted")
+        return {name: decode_mask(read_bytes(project.mask_path(name), MOST_BYTES)) for name in names}
+
+    def close(self) -> None:
+        """End the server; what was picked stays in `out`."""
+        self._server.shutdown()
+        self._server.server_close()
+        self._session.close()
+
+    def __enter__(self) -> Picking:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
+
+
+def pick(
+    images: Images,
+    params: ParametersLike = None,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    labels: Sequence[str] = (),
+) -> Picking:
+    """Open a page to pick regions in images with clicks, boxes and a brush.
+
+    Parameters
+    ----------
+    images : str, path or sequence of them, or of ndarray of uint8, shape (H, W) or (H, W, 3)
+        Files and folders, or images; arrays are called ``0.png``, ``1.png``, ...
+    params : Parameters, str, path or mapping, optional
+        As of `ffseg.segment`.
+    out : path, optional
+        Folder that everything is saved in, and gone on from; without it a temporary one.
+    labels : sequence of str
+        Names of classes, each picked by itself.
+
+    Returns
+    -------
+    Picking
+        In a notebook, the last expression of a cell shows the page; elsewhere open its ``address``.
+
+    Raises
+    ------
+    UsageError
+        If there is no image, or another session holds the folder.
+    SegmentationError
+        If an array is no image.
+
+    Examples
+    --------
+    >>> picking = ffseg.pick([image])  # doctest: +SKIP
+    >>> masks = picking.masks()  # doctest: +SKIP
+    """
+    target = os.fspath(out) if out is not None else tempfile.mkdtemp(prefix="ffseg-pick-")
+    given = [images] if isinstance(images, str | os.PathLike) else list(images)
+    inputs = [os.fspath(one) for one in given if isinstance(one, str | os.PathLike)]
+    arrays = [checked_image(one) for one in given if not isinstance(one, str | os.PathLike)]
+    if arrays:
+        folder = os.path.join(target, "images")
+        make_folder(folder)
+        for number, image in enumerate(arrays):
+            write_bytes_atomic(os.path.join(folder, f"{number}.png"), encode_png(image, []))
+        inputs.append(folder)
+    return Picking(Session(inputs, target, parameter_set(params), labels))
