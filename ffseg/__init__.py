@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from ffseg.errors import UsageError as UsageError
     from ffseg.freespace.motion.ground import Doubt as Doubt
     from ffseg.freespace.motion.ground import GroundFit as GroundFit
+    from ffseg.freespace.outline import Ground as Ground
+    from ffseg.freespace.outline import Scan as Scan
     from ffseg.freespace.sequence import Frame as Frame
     from ffseg.freespace.sequence import Sequence as Sequence
     from ffseg.freespace.structural import ComponentVerdict as ComponentVerdict
@@ -96,6 +98,8 @@ _HOMES = {
     "Motion": "ffseg.camera",
     "Sequence": "ffseg.freespace.sequence",
     "Frame": "ffseg.freespace.sequence",
+    "Ground": "ffseg.freespace.outline",
+    "Scan": "ffseg.freespace.outline",
     "ComponentVerdict": "ffseg.freespace.structural",
     "read_image": "ffseg.io.images",
     "FfsegError": "ffseg.errors",

@@ -19,6 +19,7 @@ from ffseg.freespace.altitudes import altitude_points
 from ffseg.freespace.motion.egomotion import pair_motion
 from ffseg.freespace.motion.evidence import Scenery, outer_joints
 from ffseg.freespace.motion.ground import GroundFit
+from ffseg.freespace.outline import REACH, Ground, Scan, ground_of
 from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.structural import ComponentVerdict
 from ffseg.freespace.tracks import Tracks
@@ -33,6 +34,8 @@ from ffseg.plugins import method as row_of
 from ffseg.result import Segmentation, Timings
 from ffseg.scene import Scene
 
+UPRIGHT = 5e-4
+"""Radians: a camera that leans less is as it is mounted; 3 m away the ground then lies a centimetre and a half off."""
 START_MARGIN = 8.0
 """Pixels between the robot's disc and the start circle: the disc's border is an edge some 5 px wide."""
 
@@ -71,6 +74,8 @@ class Frame:
         Whether the ground says that the poses are wrong.
     samples : ndarray of float64, shape (n, 3)
         x, y of samples of the components' outlines; 1: speaks for the ground, -1: against it, 0: says nothing.
+    lens : Camera or None
+        The camera as calibrated.
     """
 
     mask: NDArray[np.bool_]
@@ -87,6 +92,40 @@ class Frame:
     links: tuple[Link, ...] = ()
     contradicted: bool = False
     samples: NDArray[np.float64] = field(default_factory=lambda: NO_SAMPLES)
+    lens: Camera | None = None
+
+    def ground(self, reach: float = REACH) -> Ground:
+        """The free space in metres: polygons with holes in the robot's frame.
+
+        Parameters
+        ----------
+        reach : float
+            Metres; nothing farther away is told.
+
+        Raises
+        ------
+        CalibrationError
+            When the frame is not of a camera.
+        """
+        if self.lens is None:
+            raise CalibrationError("the frame is of no camera; segment with ffseg.Sequence(camera, ...)")
+        return ground_of(self.mask, self.contours, (self.lens, self._stood(self.lens)), reach)
+
+    def scan(self, count: int = 360, reach: float = REACH) -> Scan:
+        """Where the free space ends on so many bearings all round, as a laser scanner would say it.
+
+        Raises
+        ------
+        CalibrationError
+            When the frame is not of a camera.
+        """
+        return self.ground(reach).scan(count)
+
+    def _stood(self, lens: Camera) -> Camera:
+        """The camera as it stood, where that differs from how it is mounted by more than is seen."""
+        if self.camera is None or self.camera.up @ lens.up > 1.0 - 0.5 * UPRIGHT**2:
+            return lens
+        return self.camera
 
     def __repr__(self) -> str:
         verdicts = Counter(row.verdict for row in self.components)
@@ -230,7 +269,7 @@ def free_space(
     found = judged(grey_image(current), scenery, itertools.chain(nearest, earlier), camera, epsilon)
     bare = Frame(
         segmentation.mask, segmentation.contours, (), found.rows, segmentation, found.pair.motion, found.pair.note, 0.0,
-        found.pair.camera, found.pair.fit, found.tested, found.links, found.pair.contradicted, found.samples,
+        found.pair.camera, found.pair.fit, found.tested, found.links, found.pair.contradicted, found.samples, camera,
     )  # fmt: skip
     frame = _assembled(bare, found.rows, inner, components)
     return replace(frame, obstacles_ms=(perf_counter() - begin) * 1e3)

@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from ffseg.io.svg import svg_document
 from ffseg.plugins import load
 from ffseg.result import Segmentation
 from ffseg.scene import Progress
+
+if TYPE_CHECKING:
+    from ffseg.freespace.outline import Ground
 
 FILM_FRAMES = 120
 """Frames of an animation at most: eleven seconds, and bounded memory however long an evolution takes."""
@@ -59,6 +63,8 @@ class Context:
         For the overlay.
     snapshots : sequence of Progress
         For the animation; the result is added.
+    ground : Ground, optional
+        Free space of a camera's image in metres.
     """
 
     image: NDArray[np.uint8]
@@ -67,6 +73,7 @@ class Context:
     target: str
     lines: Sequence[Polyline] = ()
     snapshots: Sequence[Progress] = ()
+    ground: Ground | None = None
 
 
 def encoded(kind: Output, result: Segmentation, context: Context) -> bytes:
@@ -83,7 +90,7 @@ def encoded(kind: Output, result: Segmentation, context: Context) -> bytes:
     return data
 
 
-def _readable(name: str) -> str:
+def readable(name: str) -> str:
     """Name of a file as other programs can read it from JSON: bytes that are no UTF-8 are written out."""
     try:
         name.encode("utf-8")
@@ -128,7 +135,7 @@ def _document(result: Segmentation, kind: str, name: str) -> bytes:
     from ffseg.io.exports import json_text
     from ffseg.io.saving.kinds import documents
 
-    return json_text(documents(result, kind, _readable(name))).encode("ascii")
+    return json_text(documents(result, kind, readable(name))).encode("ascii")
 
 
 _QUALITY = 90

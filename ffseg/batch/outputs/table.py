@@ -54,8 +54,12 @@ GEOJSON = Output("geojson", "geojson", ".geojson", f"{_HERE}.encoding:geojson")
 SVG = Output("svg", "svg", ".svg", f"{_HERE}.encoding:drawing")
 FILM = Output("animation", "animations", ".webp", f"{_HERE}.encoding:film")
 STRIP = Output("animation", "animations", ".svg", f"{_HERE}.encoding:strip")
+GROUND = Output("map", "ground", ".geojson", f"{_HERE}.metric:ground")
+SCAN = Output("map", "scans", ".csv", f"{_HERE}.metric:scan_csv")
+SCAN_JSON = Output("map", "scans", ".json", f"{_HERE}.metric:scan_json")
+BIRDS_EYE = Output("map", "birdseye", ".png", f"{_HERE}.metric:picture")
 
-OUTPUTS = (MASK, CONTOURS, OVERLAY, COCO, LABELME, GEOJSON, SVG, FILM, STRIP)
+OUTPUTS = (MASK, CONTOURS, OVERLAY, COCO, LABELME, GEOJSON, SVG, FILM, STRIP, GROUND, SCAN, SCAN_JSON, BIRDS_EYE)
 """Every kind of ffseg's own, in the order in which they are written."""
 OUTPUT_FOLDERS = (*dict.fromkeys(output.folder for output in OUTPUTS), "panels")
 """Folders below an output folder whose images are no inputs; ``panels`` is written by ``compare``."""
@@ -103,19 +107,23 @@ class Wanted:
     animation : bool
     pack : bool
         Into tar files, one for each folder, instead of a file each.
+    metric : bool
+        In metres, of a camera's images: ground, scan and a picture from above.
     """
 
     overlay: bool = False
     exports: tuple[str, ...] = ()
     animation: bool = False
     pack: bool = False
+    metric: bool = False
 
     @property
     def kinds(self) -> tuple[Output, ...]:
         """All outputs of an image."""
         overlay = (OVERLAY,) if self.overlay else ()
         films = (FILM, STRIP) if self.animation else ()
-        return (MASK, CONTOURS, *overlay, *map(output_named, self.exports), *films)
+        metric = (GROUND, SCAN, SCAN_JSON, BIRDS_EYE) if self.metric else ()
+        return (MASK, CONTOURS, *overlay, *map(output_named, self.exports), *films, *metric)
 
 
 MASKS_AND_CONTOURS = Wanted()

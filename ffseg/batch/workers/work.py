@@ -30,6 +30,7 @@ from ffseg.scene import Scene
 
 if TYPE_CHECKING:
     from ffseg.batch.workers.frames import FrameBench
+    from ffseg.freespace.outline import Ground
 
 
 class Workbench:
@@ -140,7 +141,8 @@ class Workbench:
         if overlay and params.obstacles.draw:
             lines += evidence_lines(frame)
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note, "pair": pair_state(frame)}
-        return _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame))
+        ground = frame.ground() if self._setup.wanted.metric else None
+        return _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame), ground)
 
     def _evidence(self, path: str) -> NDArray[np.float32]:
         from ffseg.batch.plan.maps import read_evidence
@@ -156,7 +158,8 @@ class Workbench:
     ) -> Iterator[Encoded]:
         snapshots = found.film.snapshots if found.film is not None else ()
         for path, kind in missing:
-            context = Context(image, task.name, task.path, os.path.join(task.out, path), found.lines, snapshots)
+            target = os.path.join(task.out, path)
+            context = Context(image, task.name, task.path, target, found.lines, snapshots, found.ground)
             data = encoded(kind, found.result, context)
             yield Encoded(path, data, digest(data))
 
@@ -183,6 +186,7 @@ class _Found:
     film: Film | None
     row: dict[str, Any] = field(default_factory=dict)
     extra: list[dict[str, Any]] = field(default_factory=list)
+    ground: Ground | None = None
 
 
 def _start_cells(params: Parameters, task: Task) -> dict[str, Any]:

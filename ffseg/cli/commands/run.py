@@ -117,6 +117,9 @@ def run(  # noqa: PLR0913 - the options of the command
             help="Also write coco, labelme, geojson files, or svg: the contours over the image.",
         ),
     ] = None,
+    metric: Annotated[
+        bool, typer.Option("--map", help="Write the free space in metres: ground, scans, pictures from above.")
+    ] = False,
     animate: Annotated[bool, typer.Option("--animate", help="Write a film and a film strip of each image.")] = False,
     report: Annotated[bool, typer.Option("--report", help="Write report.html, a page to look at it all.")] = False,
     exclude: Annotated[
@@ -171,6 +174,7 @@ def run(  # noqa: PLR0913 - the options of the command
         params = checked_params(config, with_background(settings, outside), allow_code=allow_code)
         require_source(params, evidence)
         wanted = read_wanted(export or (), pack, overlay=overlay, animate=animate)
+        wanted = in_metres(wanted, camera) if metric else wanted
         choice = Chosen(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul)
         plan = with_maps(read_plan(choice, out, wanted, truth, starts, params), evidence, camera)
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan, footprint), shard)
@@ -257,6 +261,19 @@ class Chosen:
     keep_suffix: bool
     listed: str = ""
     nul: bool = False
+
+
+def in_metres(wanted: Wanted, camera: Path | None) -> Wanted:
+    """The outputs with those in metres.
+
+    Raises
+    ------
+    UsageError
+        Without a camera.
+    """
+    if camera is None:
+        raise UsageError("--map needs --camera, which knows how large the ground is; name the camera file")
+    return replace(wanted, metric=True)
 
 
 def read_plan(

@@ -1,0 +1,68 @@
+"""A picture of one image as seen from above: the ground in the robot's frame with the outline of its free space."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.model import Camera
+from ffseg.camera.robot import to_pixels
+from ffseg.freespace.outline import Ground
+from ffseg.io.overlays import Polyline, encode_overlay
+
+HALF_M, SCALE = 4.0, 80.0
+"""Metres from the robot to each side, and pixels a metre."""
+NOTHING = 24
+"""Grey of what the camera does not show as ground."""
+BAR = np.array([[0.0, 0.0], [0.0, -6.0], [0.0, 0.0], [SCALE, 0.0], [SCALE, -6.0], [SCALE, 0.0]])
+"""A metre, with ticks at its ends; pixels."""
+LETTERS = (
+    np.array([[-3.0, -9.0], [0.0, -12.0], [0.0, 0.0], [0.0, -12.0]]),
+    np.array([[6.0, 0.0], [6.0, -8.0], [10.0, -8.0], [10.0, 0.0], [10.0, -8.0], [14.0, -8.0], [14.0, 0.0], [14.0, -8.0],
+              [6.0, -8.0]]),
+)  # fmt: skip
+"""Strokes of "1 m", there and back."""
+
+
+def birds_eye(image: NDArray[np.uint8], ground: Ground) -> bytes:
+    """PNG file: the robot's front up, its left to the left, the robot in the middle; outline, holes and a metre's bar.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    ground : Ground
+        Its free space.
+    """
+    row, column, seen = _laid_out(ground.camera)
+    seen = seen & ground.seen[row, column]
+    above = np.where(seen if image.ndim == 2 else seen[..., None], image[row, column], np.uint8(NOTHING))
+    lines = [
+        Polyline(_placed(ring), "outer" if number == 0 else "obstacle")
+        for rings in ground.polygons
+        for number, ring in enumerate(rings)
+    ]
+    corner = np.array([16.0, above.shape[0] - 14.0])
+    lines.append(Polyline(corner + BAR, "untested"))
+    lines += [Polyline(corner + [SCALE / 2 - 6.0, -8.0] + stroke, "untested") for stroke in LETTERS]
+    return encode_overlay(above, lines)
+
+
+def _placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pixels of the picture that show points of the robot's frame, shape (n, 2)."""
+    placed: NDArray[np.float64] = (HALF_M - points[:, ::-1]) * SCALE - 0.5
+    return placed
+
+
+Table = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]
+
+
+@lru_cache(maxsize=2)  # most images stand as the camera is mounted
+def _laid_out(camera: Camera) -> Table:
+    """Row and column in the image of each pixel of the picture, and whether it is in the image."""
+    axis = HALF_M - (np.arange(round(2 * HALF_M * SCALE)) + 0.5) / SCALE
+    pixels = to_pixels(camera, np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1))
+    column, row = np.rint(np.nan_to_num(pixels, nan=-1.0)).astype(np.intp).transpose(2, 0, 1)
+    seen = (column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height)
+    return np.where(seen, row, 0), np.where(seen, column, 0), seen

@@ -1,0 +1,236 @@
+"""The free space of one image in metres: polygons with holes in the robot's frame, and the ranges round the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.model import Camera
+from ffseg.camera.projections import Array
+from ffseg.camera.robot import to_pixels, to_robot
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.polygons import polygons
+
+REACH = 6.0
+"""Metres: beyond it a pixel of a mirror over a robot shows a quarter of a metre, and its outline tells nothing."""
+LONGEST = 1.5
+"""Pixels between vertices before they are laid on the ground, where straight lines of the image are bent."""
+RIM_PX = 2.5
+"""An outline so near to where the camera's view ends is that end, and no obstacle."""
+OUTLINE_SIGMA = 0.25
+"""Pixels: standard deviation of an outline across itself. Measured on rendered walls and boxes: 0.2, with wider tails."""
+DECIMALS = 4
+
+Mask = NDArray[np.bool_]
+End = Literal["obstacle", "rim", "unknown"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scan:
+    """Ranges from the point below the camera, as of a laser scanner.
+
+    Attributes
+    ----------
+    bearings : ndarray of float64, shape (n,)
+        Radians, evenly from -pi, counterclockwise from the robot's front.
+    ranges : ndarray of float64, shape (n,)
+        Metres to where the free space ends; NaN where nothing was seen.
+    std : ndarray of float64, shape (n,)
+        Standard deviation, metres: what `OUTLINE_SIGMA` pixels come to on the ground.
+    ends : tuple of str
+        ``obstacle``; ``rim`` where the camera's view or its reach ends; ``unknown`` where nothing was seen.
+    reach : float
+        Metres.
+    """
+
+    bearings: Array
+    ranges: Array
+    std: Array
+    ends: tuple[End, ...]
+    reach: float
+
+    def document(self) -> dict[str, Any]:
+        """The fields of a ``sensor_msgs/LaserScan`` without its header, and what they leave out.
+
+        ``ranges`` holds None where no obstacle was seen; how far the ground is free there is in ``free``.
+        """
+        stops = [end == "obstacle" for end in self.ends]
+        free = [None if np.isnan(one) else round(one, DECIMALS) for one in self.ranges.tolist()]
+        return {
+            "angle_min": float(self.bearings[0]),
+            "angle_max": float(self.bearings[-1]),
+            "angle_increment": 2.0 * np.pi / len(self.bearings),
+            "range_min": 0.0,
+            "range_max": self.reach,
+            "ranges": [one if stop else None for one, stop in zip(free, stops, strict=True)],
+            "free": free,
+            "std": [None if np.isnan(one) else round(one, DECIMALS) for one in self.std.tolist()],
+            "ends": list(self.ends),
+        }
+
+    def rows(self) -> list[list[Any]]:
+        """Rows of bearing (degrees), range, standard deviation (metres) and end; empty cells where nothing was seen."""
+        degrees = np.rad2deg(self.bearings).round(6).tolist()
+        return [
+            [angle, "", "", end] if np.isnan(far) else [angle, round(far, DECIMALS), round(std, DECIMALS), end]
+            for angle, far, std, end in zip(degrees, self.ranges.tolist(), self.std.tolist(), self.ends, strict=True)
+        ]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ground:
+    """Free space in the robot's frame: x forward, y left, metres, the origin on the ground below the camera.
+
+    Attributes
+    ----------
+    polygons : tuple of tuple of ndarray of float64, each (n, 2)
+        Of each region its outer ring, counterclockwise, then its holes, clockwise; not closed by their first points.
+    camera : Camera
+    reach : float
+        Metres: nothing farther away is told.
+    seen : ndarray of bool, shape (H, W)
+        Pixels within reach that can show ground at all.
+    """
+
+    polygons: tuple[tuple[Array, ...], ...]
+    camera: Camera
+    reach: float
+    seen: Mask
+
+    def document(self, image: str = "") -> dict[str, Any]:
+        """GeoJSON feature collection, a Polygon for each region.
+
+        Differs from RFC 7946 in that the coordinates are metres in the robot's frame and no degrees.
+        """
+        features = [
+            {
+                "type": "Feature",
+                "id": number,
+                "properties": {"image": image, "kind": "free", "area_m2": round(sum(map(_area, rings)), DECIMALS)},
+                "geometry": {"type": "Polygon", "coordinates": [_closed(ring) for ring in rings]},
+            }
+            for number, rings in enumerate(self.polygons, start=1)
+        ]
+        frame = {"x": "forward", "y": "left", "unit": "m", "origin": "below the camera"}
+        return {"type": "FeatureCollection", "frame": frame, "reach_m": self.reach, "features": features}
+
+    def scan(self, count: int = 360) -> Scan:
+        """Where the free space ends on bearings all round.
+
+        Parameters
+        ----------
+        count : int
+            Bearings; the first is straight back.
+
+        Notes
+        -----
+        A ray ends where it first leaves the free space; under a robot that its camera does not show, free space begins
+        somewhere ahead.
+        """
+        bearings = -np.pi + 2.0 * np.pi * np.arange(count) / count
+        ranges = _first_exits([ring for rings in self.polygons for ring in rings], count)
+        points = ranges[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+        pixels = to_pixels(self.camera, points)
+        ends = np.where(np.isnan(ranges), "unknown", np.where(self._at_rim(pixels), "rim", "obstacle"))
+        told: tuple[End, ...] = tuple(ends.tolist())
+        return Scan(bearings, ranges, _range_sigma(self.camera, pixels), told, self.reach)
+
+    def _at_rim(self, pixels: Array) -> Mask:
+        """Whether what can be seen ends within `RIM_PX` of pixels, shape (n, 2)."""
+        turn = np.arange(8) * (np.pi / 4)
+        around = pixels[:, None] + RIM_PX * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        column, row = np.rint(np.nan_to_num(around, nan=-1.0)).astype(np.intp).transpose(2, 0, 1)
+        height, width = self.seen.shape
+        inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
+        ends: Mask = ~(inside & self.seen[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]).all(axis=1)
+        return ends
+
+
+def ground_of(mask: Mask, contours: Sequence[FreeForm], cameras: tuple[Camera, Camera], reach: float = REACH) -> Ground:
+    """Lay free space on the ground.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (H, W)
+    contours : sequence of FreeForm
+        Of which the mask was made.
+    cameras : tuple of Camera
+        As calibrated, and as it stood at this image.
+    reach : float
+        Metres.
+
+    Raises
+    ------
+    CalibrationError
+        When the camera file has no mount_height.
+    """
+    seen, camera = _within(cameras[0], reach), cameras[1]
+    found = []
+    for region in polygons(mask & seen, contours):
+        rings = [to_robot(camera, _dense(ring)) for ring in region.rings]
+        if all(np.isfinite(ring).all() for ring in rings):
+            found.append(tuple(ring[::-1] for ring in rings) if _area(rings[0]) < 0 else tuple(rings))
+    return Ground(tuple(found), camera, reach, seen)
+
+
+@lru_cache(maxsize=2)
+def _within(camera: Camera, reach: float) -> Mask:
+    """Pixels of the scene that show ground within reach."""
+    with np.errstate(invalid="ignore"):
+        near: Mask = camera.domain() & (np.sum(camera.ground() ** 2, axis=-1) < reach * reach)
+    near.setflags(write=False)
+    return near
+
+
+def _dense(ring: Array) -> Array:
+    """The ring with vertices at most `LONGEST` apart."""
+    step = np.roll(ring, -1, axis=0) - ring
+    parts = np.maximum(np.ceil(np.hypot(*step.T) / LONGEST), 1.0).astype(np.intp)
+    which = np.repeat(np.arange(len(ring)), parts)
+    share = (np.arange(len(which)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[which]
+    dense: Array = ring[which] + share[:, None] * step[which]
+    return dense
+
+
+def _first_exits(rings: Sequence[Array], count: int) -> Array:
+    """Nearest range at which rays from the origin leave what lies left of the rings; NaN without any."""
+    ranges = np.full(count, np.inf)
+    if rings:
+        begin = np.concatenate(rings)
+        end = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
+        start, width = np.arctan2(begin[:, 1], begin[:, 0]), 2.0 * np.pi / count
+        cross = begin[:, 0] * end[:, 1] - begin[:, 1] * end[:, 0]
+        turn = np.arctan2(cross, np.sum(begin * end, axis=1))  # positive: the ray leaves the left side
+        low = np.ceil((start + np.pi) / width).astype(np.intp)
+        many = np.where(turn > 0, np.ceil((start + turn + np.pi) / width).astype(np.intp) - low, 0)
+        which = np.repeat(np.arange(len(begin)), many)
+        ray = low[which] + np.arange(len(which)) - np.repeat(np.cumsum(many) - many, many)
+        angle = -np.pi + width * ray
+        way, along = end[which] - begin[which], np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        far = cross[which] / (along[:, 0] * way[:, 1] - along[:, 1] * way[:, 0])
+        np.minimum.at(ranges, ray % count, far)
+    ranges[~np.isfinite(ranges)] = np.nan
+    return ranges
+
+
+def _range_sigma(camera: Camera, pixels: Array) -> Array:
+    """What `OUTLINE_SIGMA` pixels come to in the range of the ground that pixels, shape (n, 2), show."""
+    steps = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
+    far = np.sqrt(np.sum(to_robot(camera, pixels[:, None] + steps) ** 2, axis=-1))
+    sigma: Array = OUTLINE_SIGMA * np.hypot(far[:, 0] - far[:, 1], far[:, 2] - far[:, 3])
+    return sigma
+
+
+def _area(ring: Array) -> float:
+    x, y = (ring - ring[0]).T
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def _closed(ring: Array) -> list[list[float]]:
+    points: list[list[float]] = (np.round(ring, DECIMALS) + 0.0).tolist()
+    return [*points, points[0]]
