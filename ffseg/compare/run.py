@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
 from statistics import median
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from ffseg.batch.plan.maps import read_evidence
 from ffseg.batch.plan.masks import Masks, named_masks
 from ffseg.batch.workers.sources import read_source
 from ffseg.batch.workers.truth import read_truth
+from ffseg.compare.journal import Journal
+from ffseg.compare.shared import Shared, shared, was_moved
 from ffseg.compare.text import markdown
 from ffseg.compare.values import COLUMNS, Comparison, Row
 from ffseg.errors import ImageReadError, ParameterError, UsageError, is_out_of_memory
@@ -63,14 +66,20 @@ def plan_comparison(
     return jobs
 
 
-def compare(task: Comparison, tell: Callable[[Row], None]) -> list[Row]:
+def compare(
+    task: Comparison, tell: Callable[[Row], None], pace: Callable[[int, float], None] | None = None
+) -> list[Row]:
     """Run every method on every image and write ``compare.csv``, ``compare.md`` and ``panels/``.
+
+    The tables are also written when it is interrupted; the same comparison then goes on with the images that are left.
 
     Parameters
     ----------
     task : Comparison
     tell : callable
         Called with each row when it is known.
+    pace : callable, optional
+        Called with the number of images that are done and the seconds that the others will take.
 
     Returns
     -------
@@ -88,16 +97,27 @@ def compare(task: Comparison, tell: Callable[[Row], None]) -> list[Row]:
     make_folder(task.out)
     masks = named_masks(task.params)
     rows: list[Row] = []
-    old = panels_of(task.out)
-    for job in task.jobs:
-        made, panel = _compare_image(task, job, masks, tell)
-        rows += made
-        old.discard(panel)
+    old, journal = panels_of(task.out), Journal(task)
+    begin, known = perf_counter(), 0
+    try:
+        for number, job in enumerate(task.jobs, start=1):
+            key, panel = journal.key(job), os.path.join(task.out, "panels", f"{job.stem}.png")
+            made = journal.rows(key) if os.path.isfile(panel) else []
+            known += bool(made)
+            if not made:
+                made, panel = _compare_image(task, job, masks, tell)
+                journal.add(key, made)
+            rows += made
+            old.discard(panel)
+            if pace is not None and number > known:
+                pace(number, (perf_counter() - begin) / (number - known) * (len(task.jobs) - number))
+    finally:
+        write_bytes_atomic(os.path.join(task.out, "compare.csv"), table(rows))
+        write_bytes_atomic(os.path.join(task.out, "compare.md"), markdown(task, rows).encode("utf-8"))
     for panel in old:  # of images that are not compared any more, or could not be read
         with suppress(OSError):
             os.unlink(panel)
-    write_bytes_atomic(os.path.join(task.out, "compare.csv"), table(rows))
-    write_bytes_atomic(os.path.join(task.out, "compare.md"), markdown(task, rows).encode("utf-8"))
+    journal.end()
     return rows
 
 
@@ -108,7 +128,7 @@ def panels_of(out: str) -> set[str]:
         head, *rows = list(csv.reader(io.StringIO(text, newline="")))
     except (ImageReadError, ValueError, csv.Error):
         return set()
-    if tuple(head) != COLUMNS:
+    if tuple(head) != COLUMNS[: len(head)]:
         return set()
     stems = {os.path.splitext(name)[0] for row in rows if row for name in names_meant_by(row[0])}
     return {os.path.join(out, "panels", f"{stem}.png") for stem in stems}
@@ -157,7 +177,10 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
     # Method after method in every round, so that whatever else the machine does falls on all alike.
     params = job.start.placed(task.params) if job.start else task.params
     one = replace(task, params=params)
-    rounds = [[_run(one, image, Row(name, method), masks) for method in task.methods] for _ in range(task.repeat)]
+    rounds = []
+    for _ in range(task.repeat):
+        alike = None if task.own_edges else shared(_scene(one, image, masks), task.methods)
+        rounds.append([_run(one, image, Row(name, method), masks, alike) for method in task.methods])
     rows, tiles = [], []
     for runs in zip(*rounds, strict=True):
         row, result = _middle(runs)
@@ -181,19 +204,23 @@ def _told(error: Exception) -> str:
 _Run = tuple[Row, Segmentation | None]
 
 
-def _run(task: Comparison, image: NDArray[np.uint8], row: Row, masks: Masks) -> _Run:
+def _run(task: Comparison, image: NDArray[np.uint8], row: Row, masks: Masks, alike: Shared | None) -> _Run:
     """Run a method once: its row without scores, and its result if it has one."""
     chosen = row_of(row.method)
     if not chosen.installed:
         return replace(row, status="skipped", error=f"the package {chosen.package} is not installed"), None
     try:
-        result = _segment(task, image, row.method, masks)
+        result = _segment(task, image, row.method, masks, alike)
     except Exception as error:  # noqa: BLE001 - a package may raise anything; the others are compared all the same
         told = NO_MEMORY if is_out_of_memory(error) else f"{type(error).__name__}: {error}"
         text = " ".join(told.split())[:_LONGEST_ERROR]
         return replace(row, status="failed", error=text), None
     times = {key: getattr(result.timings, key) for key in _TIMES}
+    if alike is not None and chosen.uses_edges:  # it would have had to make them
+        times |= {key: times[key] + alike.edges_ms for key in ("edges_ms", "total_ms")}
     counts = {} if chosen.module else {key: getattr(result.stats, key) for key in _COUNTS}
+    moved = was_moved(result.messages) or (alike is not None and alike.moved)
+    row = replace(row, source=alike.edges.source if alike else result.source, start_moved="yes" if moved else "no")
     return replace(row, **times, **counts), result
 
 
@@ -211,9 +238,16 @@ def _middle(runs: Sequence[_Run]) -> _Run:
     return replace(row, **times), result
 
 
-def _segment(task: Comparison, image: NDArray[np.uint8], method: str, masks: Masks) -> Segmentation:
+def _segment(
+    task: Comparison, image: NDArray[np.uint8], method: str, masks: Masks, alike: Shared | None
+) -> Segmentation:
     params, options = configured(task.params, method, task.peers)
-    return segment(Scene(image, params, row_of(method), evidence=masks.evidence, options=options, **masks.bounds))
+    scene = replace(_scene(task, image, masks), params=params, method=row_of(method), options=options)
+    return segment(scene if alike is None else alike.scene(scene))
+
+
+def _scene(task: Comparison, image: NDArray[np.uint8], masks: Masks) -> Scene:
+    return Scene(image, task.params, evidence=masks.evidence, **masks.bounds)
 
 
 def _scored(row: Row, result: Segmentation, truth: NDArray[np.uint8] | None) -> Row:

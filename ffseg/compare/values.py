@@ -11,12 +11,16 @@ from ffseg.peer_parameters import PeerParameters
 COLUMNS = (
     *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),
     *("iou", "boundary_mean_px", "boundary_max_px", "holes", "status", "error", "boundary_f_2px"),
+    *("source", "start_moved"),
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One method on one image; None stands for what is not known. `status` is ok, failed or skipped."""
+    """One method on one image; None stands for what is not known. `status` is ok, failed or skipped.
+
+    `source` is what told where edges are, `start_moved` says yes where the method did not start as asked.
+    """
 
     image: str
     method: str
@@ -33,6 +37,8 @@ class Row:
     status: str = "ok"
     error: str = ""
     boundary_f_2px: float | None = None
+    source: str = ""
+    start_moved: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +56,8 @@ class Comparison:
         Runs of each method on each image; the median time counts.
     truth_label : int or None
         Number that means inside in true masks; None for 255.
+    own_edges : bool
+        Every method has an edge map and starts of its own, as in a run; else all have those of one.
     """
 
     jobs: tuple[Job, ...]
@@ -59,3 +67,4 @@ class Comparison:
     peers: PeerParameters
     repeat: int = 1
     truth_label: int | None = None
+    own_edges: bool = False

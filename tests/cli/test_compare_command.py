@@ -62,7 +62,7 @@ def test_a_failed_image_is_exit_3(tmp_path: Path) -> None:
 def test_usage_errors_are_exit_2_and_write_nothing(tmp_path: Path) -> None:
     write_case(tmp_path)
     cases = {
-        "no method 'x'": ("--methods", "x"),
+        "there is no 'x'": ("--methods", "x"),
         "needs truth": ("--min-iou", "0.9"),
         "not a number": ("--truth", tmp_path / "truth", "--min-iou", "freeform=high"),
         "not compared": ("--truth", tmp_path / "truth", "--min-iou", "cv_edges=0.9"),
@@ -81,7 +81,7 @@ def test_the_terminal_gets_a_summary_of_each_method(tmp_path: Path) -> None:
     methods = ("--methods", "freeform,cv_edges")
     done = ffseg(samples, "--out", tmp_path / "out", *methods, "--truth", samples / "truth")
     head, first, second, where = done.stdout.splitlines()
-    assert " ".join(head.split()) == "method images median evolution ms median total ms mean IoU lowest IoU"
+    assert " ".join(head.split()) == "method images median evolution ms median total ms mean IoU lowest IoU best on"
     assert (first.split()[:3], second.split()[:2]) == (["freeform", "(FF)", "3"], ["cv_edges", "3"])
     assert where == f"every image: {tmp_path / 'out' / 'compare.md'}"
     assert "IoU" not in ffseg(samples / "toy.png", "--out", tmp_path / "alone", *methods).stdout

@@ -13,6 +13,7 @@ import pytest
 
 from ffseg import plugins
 from ffseg.compare import run as work
+from ffseg.compare.shared import common_source
 from ffseg.compare.text import markdown
 from ffseg.errors import ParameterError, SegmentationError, UsageError
 from ffseg.geometry.freeform import FreeForm
@@ -20,8 +21,9 @@ from ffseg.io.overlays import Polyline
 from ffseg.io.panels import STRIP, TILE_WIDTH, Tile, encode_panel
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters
+from ffseg.pipeline import segment
 from ffseg.result import Segmentation, Timings
-from ffseg.scene import Stats
+from ffseg.scene import Scene, Stats
 
 CONTRACT = [
     *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),
@@ -51,7 +53,8 @@ def silent(row: work.Row) -> None:
 def test_rows_files_and_panel(tmp_path: Path) -> None:
     write_case(tmp_path)
     seen: list[work.Row] = []
-    rows = work.compare(task_of(tmp_path, "freeform,snake,levelset,cv_edges"), seen.append)
+    sigma = {"edges.sigma": PeerParameters().cv_edges.sigma}  # which the peer's other parameters were chosen with
+    rows = work.compare(task_of(tmp_path, "freeform,snake,levelset,cv_edges", **sigma), seen.append)
     assert rows == seen
     assert [row.method for row in rows] == ["freeform", "snake", "levelset", "cv_edges"]
     assert all(row.status == "ok" and row.iou is not None and row.iou > 0.98 and row.holes == 0 for row in rows)
@@ -65,6 +68,61 @@ def test_rows_files_and_panel(tmp_path: Path) -> None:
     assert panel is not None
     assert panel.shape == (STRIP + 300, 4 * TILE_WIDTH, 3)
     assert "| freeform (FF) |" in (tmp_path / "out" / "compare.md").read_text(encoding="utf-8")
+
+
+def test_all_methods_have_the_same_edges_and_starts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The start lies across the disc's border and is moved: once, for all."""
+    write_case(tmp_path)
+    seen = []
+
+    def watched(scene: Scene) -> Segmentation:
+        seen.append(scene)
+        return segment(scene)
+
+    monkeypatch.setattr(work, "segment", watched)
+    task = replace(
+        task_of(tmp_path, "freeform,levelset,cv_edges", **{"init.center": [84, 45], "init.radius": 8}), repeat=1
+    )
+    rows = work.compare(task, silent)
+    assert [(row.source, row.start_moved) for row in rows] == [("gradient", "yes")] * 3
+    assert len({id(scene.edges) for scene in seen}) == 1
+    (circles,) = {scene.params.init.circles for scene in seen}
+    assert len(circles) == 1
+    assert "same edge map (source gradient, sigma 1.5 px)" in (tmp_path / "out" / "compare.md").read_text()
+    seen.clear()
+    work.compare(replace(task, own_edges=True), silent)
+    assert not any(scene.given for scene in seen)
+
+
+def test_what_a_method_may_not_see_no_other_sees() -> None:
+    auto, prior = load_params(), load_params(None, {"edges.source": "prior"})
+    assert common_source(auto, ("freeform", "snake", "levelset")) == "auto"
+    assert common_source(auto, ("freeform", "paper")) == common_source(auto, ("cv_grabcut", "freeform")) == "gradient"
+    assert common_source(prior, ("freeform", "cv_grabcut")) == "prior"
+
+
+def test_an_interrupted_comparison_goes_on(tmp_path: Path) -> None:
+    for name in ("a.png", "b.png", "c.png"):
+        write_case(tmp_path, name)
+    task, seen = task_of(tmp_path, "freeform,cv_edges"), list[work.Row]()
+
+    def tell(row: work.Row) -> None:
+        seen.append(row)
+        if len(seen) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        work.compare(task, tell)
+    first = (tmp_path / "out" / "compare.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in first[1:]] == ["a.png", "a.png"]
+    paces: list[int] = []
+    rows = work.compare(task, seen.append, lambda done, seconds: paces.append(done))
+    assert [row.image for row in seen[3:]] == ["b.png"] * 2 + ["c.png"] * 2
+    assert (tmp_path / "out" / "compare.csv").read_text().splitlines()[:3] == first
+    assert (len(rows), paces) == (6, [2, 3])
+    assert not (tmp_path / "out" / "compare.jsonl").exists()
+    work.compare(task, seen.append)
+    assert len(seen) == 3 + 4 + 6, "a finished one begins anew"
 
 
 def test_the_median_of_the_times_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

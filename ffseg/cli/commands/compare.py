@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -49,6 +50,9 @@ def compare(  # noqa: PLR0913 - the options of the command
     peers: Annotated[
         Path | None, typer.Option("--peers", metavar="FILE", help="Parameters of the peers, like configs/peers.yaml.")
     ] = None,
+    own_edges: Annotated[
+        bool, typer.Option("--own-edges", help="Each method makes its own edges and moves its own starts, as in a run.")
+    ] = False,
     min_iou: Annotated[
         list[str] | None,
         typer.Option("--min-iou", metavar="X|METHOD=X", help="Least IoU on every image; exit code 4 when missed."),
@@ -58,8 +62,8 @@ def compare(  # noqa: PLR0913 - the options of the command
 ) -> None:
     """Compare methods on the same images: times, agreement with truth, panels side by side.
 
-    Writes compare.csv, compare.md and panels/. Exit code: 0 done; 2 nothing was run; 3 a method failed on an image; 4 a
-    gate was missed. Peers that are not installed are named and skipped.
+    Writes compare.csv, compare.md and panels/; interrupted, it goes on when it is run again. Exit code: 0 done; 2 nothing was
+    run; 3 a method failed on an image; 4 a gate was missed. Peers that are not installed are named and skipped.
     """
     from ffseg.cli.interruption import Interruption
     from ffseg.cli.reporting import DISAGREE, disagree
@@ -78,9 +82,9 @@ def compare(  # noqa: PLR0913 - the options of the command
     folders = (os.fspath(path) if path else "" for path in (truth, evidence))
     starting = starts_file(starts, params)
     jobs = work.plan_comparison(inputs, folder, next(folders), starting, next(folders), params.domain.masks or "")
-    task = Comparison(jobs, folder, chosen, params, peer_params, repeat, truth_label)
-    with Interruption("a comparison begins anew"):
-        rows = work.compare(task, _tell_failure if quiet else _tell)
+    task = Comparison(jobs, folder, chosen, params, peer_params, repeat, truth_label, own_edges)
+    with Interruption("run it again to go on"):
+        rows = work.compare(task, _tell_failure if quiet else _tell, None if quiet else partial(_pace, len(jobs)))
     if not quiet and disagree(row.iou for row in rows):
         console.message(f"ffseg: {DISAGREE}")
     missed = work.missed_gates(rows, gates)
@@ -125,6 +129,12 @@ def _tell(row: Row) -> None:
     figures = f"{row.evolve_ms:.1f} ms" if row.evolve_ms is not None else row.error
     overlap = "" if row.iou is None else f", IoU {row.iou:.4f}"
     console.message(f"ffseg: {row.image}: {row.method} {row.status}: {figures}{overlap}")
+
+
+def _pace(total: int, done: int, seconds: float) -> None:
+    if done < total:
+        left = f"{seconds / 60:.0f} min" if seconds >= 90 else f"{seconds:.0f} s"
+        console.message(f"ffseg: {done} of {total} images; about {left} to go")
 
 
 def _tell_failure(row: Row) -> None:
