@@ -26,12 +26,15 @@ class Found:
         About starts that could not stay where they were asked for.
     evolve_ms : float
         Wall time of placing the starts and of the method.
+    across : bool
+        Whether a start lies on both sides of an edge.
     """
 
     scene: Scene
     outcome: Outcome
     messages: tuple[str, ...]
     evolve_ms: float
+    across: bool = False
 
 
 def contour(scene: Scene) -> Found:
@@ -45,15 +48,15 @@ def contour(scene: Scene) -> Found:
     scene = bounded(scene)
     scene = replace(scene, starts=(*scene.starts, *parts(scene)))
     begin = perf_counter()
-    free, messages = on_one_side(scene)
+    free, messages, across = on_one_side(scene)
     try:
         outcome = run(free)
     except BlockedStartError as blocked:
         from ffseg.starts.moved import moved  # loads what only this needs
 
         free, told = moved(scene, str(blocked))
-        outcome, messages = run(free), (told,)
-    return Found(free, outcome, messages, (perf_counter() - begin) * 1e3)
+        outcome, messages, across = run(free), (told,), False
+    return Found(free, outcome, messages, (perf_counter() - begin) * 1e3, across)
 
 
 def bounded(scene: Scene) -> Scene:

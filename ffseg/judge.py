@@ -1,21 +1,65 @@
-"""How sure a result is: the IoU to expect, from 0 to 1."""
+"""How sure a result is: the IoU to expect, from 0 to 1, and what there is to doubt."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.contour import Found
-from ffseg.evidence.boundary import Boundary
+from ffseg.evidence.boundary import MARGIN, Boundary
 from ffseg.evidence.surroundings import STRIDE, thinned
+from ffseg.geometry.freeform import FreeForm
+from ffseg.scene import Scene
+
+FILLED = 0.9
+"""Part of the domain from which on a region is doubted: of what is left over, nobody can tell that it lies outside."""
+
+ROUND = 0.7
+"""Part of the outer outline on the border of the image or the domain from which on a region is doubted. A floor that fills
+the lower half of a picture has 0.6."""
+
+EARLY = ("max_iterations", "budget", "max_patches")
+"""Reasons to stop before the contour has come to rest."""
+
+ACROSS = 0.5
+"""Score at most of a region whose start lies on both sides of an edge: either may be meant."""
 
 
-def judged(found: Found, mask: NDArray[np.bool_]) -> float:
-    """Score of a region: the overlap that the evidence lets expect, else the share of the boundary on clear edges."""
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """A reason not to be sure.
+
+    Attributes
+    ----------
+    name : str
+        ``empty``, ``filled``, ``border``, ``early`` or ``start``.
+    most : float
+        What the score is at most.
+    message : str
+        For the note; empty where it has been said.
+    """
+
+    name: str
+    most: float
+    message: str
+
+
+def judged(
+    scene: Scene, found: Found, contours: tuple[FreeForm, ...], mask: NDArray[np.bool_]
+) -> tuple[float, tuple[Doubt, ...]]:
+    """Score of a region found in a scene as it was given, and what there is to doubt.
+
+    The score is the overlap that the evidence lets expect, else the share of the boundary on clear edges; each doubt
+    bounds it, as a region without a boundary of its own has nothing to be sure of.
+    """
+    domain = scene.disc if scene.domain is None else scene.domain
+    doubts = tuple(_doubts(found, contours, mask, domain))
     edges = found.scene.edges
-    if edges.odds is not None:
-        return expected_overlap(edges.odds, mask)
-    return Boundary(found.outcome.contours, edges).clear_share()
+    sure = Boundary(contours, edges).clear_share() if edges.odds is None else expected_overlap(edges.odds, mask)
+    return min([sure, *(doubt.most for doubt in doubts)]), doubts
 
 
 def expected_overlap(odds: NDArray[np.float32], mask: NDArray[np.bool_]) -> float:
@@ -37,3 +81,59 @@ def expected_overlap(odds: NDArray[np.float32], mask: NDArray[np.bool_]) -> floa
     both = float((every * inside).sum(dtype=np.float64))
     either = float(np.count_nonzero(inside)) + float(every.sum(dtype=np.float64)) - both
     return both / either if either > 0 else 0.0
+
+
+def _doubts(
+    found: Found, contours: tuple[FreeForm, ...], mask: NDArray[np.bool_], domain: NDArray[np.uint8] | None
+) -> Iterator[Doubt]:
+    where = "image" if domain is None else "domain"
+    area, room = np.count_nonzero(mask), mask.size if domain is None else np.count_nonzero(domain)
+    if area == 0:
+        yield Doubt("empty", 0.0, "the region is empty")
+        return
+    if area >= FILLED * room:
+        most = max(0.0, 1 - area / room) / (2 * (1 - FILLED))
+        yield Doubt(
+            "filled", most, f"the region fills {_percent(area / room)} of the {where}: nothing shows where it ends"
+        )
+    elif (share := border_share(contours, mask.shape, domain)) >= ROUND:
+        most = (1 - share) / (2 * (1 - ROUND))
+        yield Doubt("border", most, f"{_percent(share)} of the region's outline is the border of the {where}")
+    stats = found.outcome.stats
+    if stats.stop_reason in EARLY:
+        yield Doubt(
+            "early", ACROSS, f"the contour was stopped after {stats.iterations} iterations ({stats.stop_reason})"
+        )
+    if found.across:
+        yield Doubt("start", ACROSS, "")
+
+
+def border_share(contours: tuple[FreeForm, ...], shape: tuple[int, ...], domain: NDArray[np.uint8] | None) -> float:
+    """Part of the length of the outer contours that runs along the border of the image or the domain, within `MARGIN` px."""
+    along = whole = 0.0
+    for contour in contours:
+        if contour.signed_area <= 0:
+            continue
+        points = contour.flatten(1.0)
+        lengths = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+        near = _near_border(points, shape, domain)
+        along += float(lengths[near & np.roll(near, -1)].sum())
+        whole += float(lengths.sum())
+    return along / whole if whole > 0 else 0.0
+
+
+def _near_border(
+    points: NDArray[np.float64], shape: tuple[int, ...], domain: NDArray[np.uint8] | None
+) -> NDArray[np.bool_]:
+    most = np.array([shape[1] - 1, shape[0] - 1])
+    near = np.asarray(((points < MARGIN) | (points > most - MARGIN)).any(axis=1))
+    if domain is not None:
+        for dx in (-MARGIN, 0, MARGIN):
+            for dy in (-MARGIN, 0, MARGIN):
+                x, y = np.rint(np.clip(points + (dx, dy), 0, most)).astype(np.intp).T
+                near |= domain[y, x] == 0
+    return near
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"

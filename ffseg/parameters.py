@@ -24,6 +24,9 @@ Seed = tuple[float, float] | tuple[float, float, float]
 
 FARTHEST = 100_000
 """Pixels: no image has a longer side, and a start of this size can still be cut into patches."""
+START_SHARE, LEAST_START = 1 / 15, 2.0
+"""Radius of the start circle as a part of the image's shorter side: the 40 px in 600 of the paper's images. And px, below
+which a circle of patches has no sample that can move before it meets itself."""
 STILL = "contour.balloon: 0 moves no free-form contour; write a number above 0 to grow, below 0 to close in"
 _POSITIVE = Number(0, above=True)
 _PLACE, _RADIUS = Number(-FARTHEST, FARTHEST), Number(0, FARTHEST, above=True)
@@ -87,7 +90,11 @@ class Init(Section):
     center: Point | Literal["auto"] = declared(
         "auto", OrWord("auto", _POINT), "px; auto = image centre, or the camera's principal point"
     )
-    radius: float = declared(40.0, _RADIUS, "px, radius of the start circle")
+    radius: float | Literal["auto"] = declared(
+        "auto",
+        OrWord("auto", _RADIUS),
+        "px, radius of the start circle; auto = a fifteenth of the image's shorter side",
+    )
     circles: tuple[Circle, ...] = declared((), Many(_CIRCLE, _MOST_STARTS), "start circles instead of center, radius")
     boxes: tuple[Box, ...] = declared((), Many(_BOX, _MOST_STARTS), "start boxes instead of center, radius")
     mask: str | None = declared(None, FilePath(), "image whose outlines are the start contours")
@@ -95,6 +102,10 @@ class Init(Section):
         (), Many(_SEED, _MOST_STARTS), "points and circles outside the region: the contour stops where it meets them"
     )
     background_mask: str | None = declared(None, FilePath(), "image that is nonzero at what lies outside the region")
+
+    def radius_in(self, shape: tuple[int, ...]) -> float:
+        """Radius of the start circle in an image of shape (H, W, ...), px."""
+        return max(START_SHARE * min(shape[:2]), LEAST_START) if self.radius == "auto" else self.radius
 
 
 @dataclass(frozen=True, slots=True)

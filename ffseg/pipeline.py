@@ -48,11 +48,12 @@ def segment(scene: Scene) -> Segmentation:
     found = contour_of(scene)  # what the method finds
     contours, mask = region(found)  # curves and pixels of the same region
     end = perf_counter()
-    score = judged(found, mask)  # how sure it is
+    score, doubts = judged(scene, found, contours, mask)  # how sure it is, and why not
     timings = _timings(scene, found, known - begin, end - begin)
     thresholds = found.scene.edges.thresholds
-    messages = (*unheard(scene), *found.messages)
-    return Segmentation(mask, contours, found.outcome.stats, timings, messages, decided_by(scene), score, thresholds)
+    messages = (*unheard(scene), *found.messages, *(doubt.message for doubt in doubts if doubt.message))
+    names, source = tuple(doubt.name for doubt in doubts), decided_by(scene)
+    return Segmentation(mask, contours, found.outcome.stats, timings, messages, source, score, thresholds, names)
 
 
 def with_method(scene: Scene) -> Scene:

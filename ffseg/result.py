@@ -39,7 +39,10 @@ class Segmentation(Savable):
         The edge source that decided: for ``auto`` either ``gradient`` or ``prior``; ``given`` for edges of the caller's.
     score : float
         How sure the result is, from 0 to 1: the IoU that the evidence lets expect, else the share of the boundary on
-        clear edges.
+        clear edges; low where there is a doubt.
+    doubts : tuple of str
+        Why nobody can be sure: ``empty``, ``filled`` (the region fills its domain), ``border`` (it ends at the border nearly
+        all round), ``early`` (the contour was stopped), ``start`` (the start lies across an edge).
     thresholds : tuple of float
         The (low, high) Canny thresholds that were used, in grey levels per pixel.
     """
@@ -52,6 +55,7 @@ class Segmentation(Savable):
     source: str = ""
     score: float = 0.0
     thresholds: tuple[float, float] = (0.0, 0.0)
+    doubts: tuple[str, ...] = ()
 
     @property
     def num_holes(self) -> int:

@@ -156,13 +156,24 @@ def show_result(run: Run, out: str, *, as_json: bool, verbose: bool = False) -> 
     console.summary([*_lines(run, summary), ("output", printable(out))])
 
 
+DOUBTS = {
+    "empty": "with an empty region",
+    "filled": "fill their image",
+    "border": "end at the border nearly all round",
+    "early": "stopped before they had converged",
+    "start": "with a start across an edge",
+}
+"""Words for the doubts of `ffseg.Segmentation.doubts`, to follow their number."""
+
+
 def _figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """What the rows say together: images that stopped before they had converged, and the mean IoU."""
+    """What the rows say together: images that stopped before they had converged, doubts by name, and the mean IoU."""
     from statistics import fmean
 
     overlaps = [row["iou"] for row in rows if row.get("iou") is not None]
     stopped = sum(row.get("stop_reason") == "max_iterations" for row in rows)
-    return {"max_iterations": stopped, "mean_iou": fmean(overlaps) if overlaps else None}
+    doubts = Counter(name for row in rows for name in (row.get("doubts") or "").split())
+    return {"max_iterations": stopped, "doubts": dict(doubts), "mean_iou": fmean(overlaps) if overlaps else None}
 
 
 def _lines(run: Run, summary: Summary) -> list[tuple[str, str]]:
@@ -187,8 +198,9 @@ def _lines(run: Run, summary: Summary) -> list[tuple[str, str]]:
         medians = (f"{part[:-3]} {median(row[part] for row in good):.1f}" for part in parts)
         lines.append(("median ms", ", ".join(medians)))
     figures = _figures(good)
-    if figures["max_iterations"]:
-        lines.append(("stopped", f"{figures['max_iterations']} at contour.max_iterations, before they had converged"))
+    if figures["doubts"]:
+        told = (f"{count} {DOUBTS.get(name, name)}" for name, count in figures["doubts"].items())
+        lines.append(("doubtful", f"{', '.join(told)}; of {len(good)}"))
     overlaps = [row["iou"] for row in good if row.get("iou") is not None]
     if overlaps:
         lines.append(("mean IoU", f"{figures['mean_iou']:.4f} (lowest {min(overlaps):.4f}, of {len(overlaps)})"))

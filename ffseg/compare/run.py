@@ -175,7 +175,7 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
             tell(row)
         return rows, ""
     # Method after method in every round, so that whatever else the machine does falls on all alike.
-    params = job.start.placed(task.params) if job.start else task.params
+    params = job.start.placed(task.params, image.shape) if job.start else task.params
     one = replace(task, params=params)
     rounds = []
     for _ in range(task.repeat):

@@ -45,11 +45,11 @@ def _trial(scene: Scene) -> Found | None:
     """What the method finds on the image's own edges, where nobody would doubt them."""
     scene = bounded(scene)
     begin = perf_counter()
-    scene, messages = on_one_side(scene)
+    scene, messages, across = on_one_side(scene)
     outcome = _first(scene) if _is_promising(scene) else None
     if outcome is None or not Boundary(outcome.contours, scene.edges).is_clear(_least_met(scene)):
         return None
-    return Found(scene, outcome, messages, (perf_counter() - begin) * 1e3)
+    return Found(scene, outcome, messages, (perf_counter() - begin) * 1e3, across)
 
 
 def _least_met(scene: Scene) -> float:

@@ -111,7 +111,7 @@ def with_model_start(image: NDArray[np.uint8], params: Parameters) -> Parameters
     named = init.center != "auto" or init.circles or init.boxes or init.mask
     if path is None or named or not path.endswith(FOREST_SUFFIX):
         return params
-    circle = model_start(image, ready(path)[0], init.radius)
+    circle = model_start(image, ready(path)[0], init.radius_in(image.shape))
     return params if circle is None else replace(params, init=replace(init, circles=(circle,)))
 
 

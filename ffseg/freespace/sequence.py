@@ -141,7 +141,7 @@ def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters
     if params.edges.source == "auto":
         params = replace(params, edges=replace(params.edges, source="gradient"))
     least = camera.robot_radius + START_MARGIN if camera.robot_radius else 0.0
-    if params.init.radius >= least:
+    if params.init.radius_in((camera.height, camera.width)) >= least:
         return params
     return replace(params, init=replace(params.init, radius=least))
 

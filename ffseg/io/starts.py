@@ -65,9 +65,9 @@ class Start:
         """The first circle, if there is one, and the others."""
         return self.others if self.x is None else (replace(self, others=()), *self.others)
 
-    def placed(self, params: Parameters) -> Parameters:
-        """The parameters with what was picked in this image."""
-        init, radius = params.init, params.init.radius
+    def placed(self, params: Parameters, shape: tuple[int, ...]) -> Parameters:
+        """The parameters with what was picked in this image of shape (H, W, ...)."""
+        init, radius = params.init, params.init.radius_in(shape)
         circles = [
             (one.x, one.y, radius if one.radius is None else one.radius)
             for one in self.circles

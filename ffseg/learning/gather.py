@@ -105,8 +105,8 @@ def gather(
     domains = find_domains(chosen, params.domain.masks) if params.domain.masks else {}
     labelled = []
     for source in chosen:
-        own = known[source.name].placed(params) if source.name in known else params
-        labelled.append(_read(source, truths[source.name], own, masks.within(domains.get(source.name, "")), label))
+        own = masks.within(domains.get(source.name, ""))
+        labelled.append(_read(source, truths[source.name], params, own, label, known.get(source.name)))
     if labelled and not any((one.truth == INSIDE).any() for one in labelled):
         class_number = "" if label is None else f", and --truth-label {label} is in none of them"
         raise UsageError(f"--truth: no mask has a pixel inside{class_number}; 255 is inside, or the class you name")
@@ -135,15 +135,18 @@ def _require_both_sides(one: Labelled) -> None:
             )
 
 
-def _read(source: Source, truth: str, params: Parameters, masks: Masks, label: int | None) -> Labelled:
+def _read(
+    source: Source, truth: str, params: Parameters, masks: Masks, label: int | None, start: Start | None
+) -> Labelled:
     try:
         image = read_source(source)
+        params = params if start is None else start.placed(params, image.shape)
         levels = read_truth(truth, (image.shape[0], image.shape[1]), label)
         _require_size(masks, image.shape)
-        start = start_region(image.shape[:2], params, masks.start)
+        begun = start_region(image.shape[:2], params, masks.start)
     except (ImageReadError, SegmentationError) as error:
         raise UsageError(f"{printable(source.name)}: {error}") from error
-    return Labelled(source.name, image, levels, params, start, masks)
+    return Labelled(source.name, image, levels, params, begun, masks)
 
 
 def _require_size(masks: Masks, shape: tuple[int, ...]) -> None:

@@ -137,7 +137,7 @@ def _told(figures: Figures) -> dict[str, object]:
 
 def _samples(one: Labelled, params: Parameters) -> Samples:
     try:
-        return samples(Example(one.image, one.truth, one.start, params.init.radius))
+        return samples(Example(one.image, one.truth, one.start, params.init.radius_in(one.image.shape)))
     except UsageError as error:
         raise UsageError(f"{one.name}: {error}") from error
 
@@ -166,7 +166,7 @@ def _overlap(one: Labelled, model: Model | None) -> float:
     """IoU of the contour on an image, with what a model says or without."""
     params, start = one.params, one.start
     if start is None and model is not None:
-        circle = model_start(one.image, model, params.init.radius)
+        circle = model_start(one.image, model, params.init.radius_in(one.image.shape))
         params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
         start = start_region(one.image.shape[:2], params)
     return _contoured(one, params, None if model is None or start is None else told(model, one.image, start))
@@ -205,7 +205,8 @@ def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tup
 
 def _started(one: Labelled, rng: np.random.Generator) -> Labelled:
     """The image with a start drawn inside its mask if it has none, and its mask has the room."""
-    drawn = [] if one.start is not None else starts_in(Example(one.image, one.truth, None, one.params.init.radius), rng)
+    radius = one.params.init.radius_in(one.image.shape)
+    drawn = [] if one.start is not None else starts_in(Example(one.image, one.truth, None, radius), rng)
     if not drawn:
         return one
     y, x = (float(places.mean()) for places in np.nonzero(drawn[0]))
@@ -239,10 +240,10 @@ def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters)
         image = read_source(source)
     except ImageReadError:
         return -1.0
-    own = gathered.starts[source.name].placed(params) if source.name in gathered.starts else params
+    own = gathered.starts[source.name].placed(params, image.shape) if source.name in gathered.starts else params
     start = start_region(image.shape[:2], own, gathered.masks.start)
     if start is None:
-        circle = model_start(image, model, params.init.radius)
+        circle = model_start(image, model, params.init.radius_in(image.shape))
         if circle is None:
             return 1.0
         start = start_region(image.shape[:2], replace(params, init=replace(params.init, circles=(circle,))))

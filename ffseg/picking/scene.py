@@ -152,7 +152,7 @@ class Scene:
         if not grows and params.edges.model is None:
             return empty
         try:
-            own = scaled(picked.start or Start(), factor).placed(params)
+            own = scaled(picked.start or Start(), factor).placed(params, shape)
             if factor != 1 and own.contour.clearance > 0:
                 own = replace(own, contour=replace(own.contour, clearance=own.contour.clearance / factor))
             result = segment(image, own)

@@ -41,7 +41,7 @@ def start_contours(
         return _from_mask(start_mask, shape, params)
     circles, boxes = params.init.circles, params.init.boxes
     if not circles and not boxes:
-        circles = ((*_center(shape, params, center), params.init.radius),)
+        circles = ((*_center(shape, params, center), params.init.radius_in(shape)),)
     for x, y, radius in circles:
         _check_inside((x, y), shape, f"the start circle at ({x:g}, {y:g}), radius {radius:g}")
     for x0, y0, x1, y1 in boxes:

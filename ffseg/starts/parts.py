@@ -24,12 +24,12 @@ def parts(scene: Scene) -> tuple[FreeForm, ...]:
     from ffseg.starts.islands import islands  # load what only told regions need
     from ffseg.starts.pockets import starts_beyond
 
-    starts = scene.start_region()
+    starts, most = scene.start_region(), params.init.radius_in(scene.shape)
     if scene.domain is not None:
         odds = np.where(scene.domain > 0, odds, np.float32(-1))
         starts &= scene.domain > 0
     walls = np.where((scene.edges.edges == 0) & (odds > -1), np.uint8(0), np.uint8(255))
-    circles = list(starts_beyond(walls, starts, params.init.radius))
+    circles = list(starts_beyond(walls, starts, most))
     if params.region.islands:
-        circles += islands(odds, starts, params.init.radius)
+        circles += islands(odds, starts, most)
     return tuple(circle_start(circle, params) for circle in circles)

@@ -36,7 +36,7 @@ FLAT = 0.05
 """Pixels between the rim of a start and the polygon that is looked at."""
 
 
-def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
+def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     """The scene with every start circle on one side of all edges, and sentences about those that were not.
 
     Parameters
@@ -48,6 +48,8 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
     Scene
         The same if no start can be moved.
     tuple of str
+    bool
+        Whether a start is left on both sides of an edge.
 
     Notes
     -----
@@ -56,29 +58,30 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
     no side on its rim.
     """
     if scene.fixed or scene.params.contour.balloon < 0:
-        return scene, ()
+        return scene, (), False
     crossed = [at for at, start in enumerate(scene.starts) if _holds_edge(start, scene) and _is_circle(start)]
     if not crossed:
-        return scene, ()
+        return scene, (), False
     open_ground = free_pixels(scene.edges.edges, scene.domain)
     crossed = [at for at in crossed if _has_sides(scene.starts[at], open_ground)]
     if not crossed:
-        return scene, ()
+        return scene, (), False
     sides = open_sides(open_ground, HOLLOW)
     crossed = [at for at in crossed if _num_sides(scene.starts[at], sides) > 1]
     if not crossed:
-        return scene, ()
-    starts, told = list(scene.starts), []
+        return scene, (), False
+    starts, told, across = list(scene.starts), [], False
     free = free_pixels(scene.edges.edges, scene.domain, scene.params.contour.clearance)
     for at in crossed:
         old, new = _moved(scene.starts[at], free, sides)
         if new.radius < LEAST_KEPT * old.radius or hypot(new.x - old.x, new.y - old.y) > old.radius:
+            across = True
             told.append(f"the start at {old} lies across an edge; the contour grows on both sides of it")
             continue
         starts[at] = circle_start((new.x, new.y, new.radius), scene.params)
         told.append(f"the start at {old} lay across an edge and was moved to {new}")
     kept = all(start is old for start, old in zip(starts, scene.starts, strict=True))
-    return (scene if kept else replace(scene, starts=tuple(starts))), tuple(told)
+    return (scene if kept else replace(scene, starts=tuple(starts))), tuple(told), across
 
 
 def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int, int]]:

@@ -221,7 +221,7 @@ def _overlap(method: str, setting: Setting, photograph: Photograph) -> float:
 def _segment(method: str, setting: Setting, photograph: Photograph) -> Segmentation:
     task = _task(method, setting, photograph, Path())
     start = photograph.job.start
-    params = start.placed(task.params) if start else task.params
+    params = start.placed(task.params, photograph.image.shape) if start else task.params
     params, options = configured(params, method, task.peers)
     return segment(photograph.image, params, method, options=options)
 

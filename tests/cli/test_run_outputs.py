@@ -212,7 +212,7 @@ def test_the_summary_says_the_mean_iou_and_what_was_stopped(
     assert len(overlaps) == 2
     lines = dict(line.split(maxsplit=1) for line in shown.stdout.replace("mean IoU", "mean-IoU").splitlines() if line)
     assert lines["mean-IoU"] == f"{np.mean(overlaps):.4f} (lowest {min(overlaps):.4f}, of 2)"
-    assert lines["stopped"] == "2 at contour.max_iterations, before they had converged"
+    assert lines["doubtful"] == "2 stopped before they had converged; of 2"
     document = json.loads(ffseg_command(*given, "--json").stdout)
     assert document["mean_iou"] == pytest.approx(np.mean(overlaps), abs=1e-12)
     assert document["max_iterations"] == 2

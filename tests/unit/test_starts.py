@@ -125,8 +125,8 @@ def test_several_rows_of_an_image_are_several_circles(tmp_path: Path) -> None:
     assert found["a.png"] == Start(1, 2, 7, (Start(3, 4),))
     assert found["b.png"] == Start(5, 5)
     params = load_params(None, {"init.radius": 9})
-    assert found["a.png"].placed(params).init.circles == ((1, 2, 7), (3, 4, 9))
-    assert found["b.png"].placed(params).init.circles == ()
+    assert found["a.png"].placed(params, (60, 80)).init.circles == ((1, 2, 7), (3, 4, 9))
+    assert found["b.png"].placed(params, (60, 80)).init.circles == ()
     assert len({Start(1, 2, 7).text(), found["a.png"].text(), Start(3, 4, None, (Start(1, 2, 7),)).text()}) == 3
 
 
@@ -148,8 +148,10 @@ def test_work_is_in_proportion_to_the_rows(name: str, tmp_path: Path) -> None:
 
 def test_a_start_without_a_radius_leaves_it() -> None:
     params = load_params(None, {"init.radius": 9, "init.center": [5, 5]})
-    assert Start(1, 2).placed(params).init == load_params(None, {"init.radius": 9, "init.center": [1, 2]}).init
-    assert Start(1, 2, 3).placed(params).init.radius == 3
+    assert (
+        Start(1, 2).placed(params, (60, 80)).init == load_params(None, {"init.radius": 9, "init.center": [1, 2]}).init
+    )
+    assert Start(1, 2, 3).placed(params, (60, 80)).init.radius == 3
 
 
 def run_from(folder: Path, text: str, out: Path, params: Parameters) -> Summary:
@@ -245,10 +247,10 @@ def test_other_kinds_of_rows_are_what_was_picked_and_are_written_as_they_are_rea
     assert found["b"] == Start(probability=0.3, clearance=5)
     assert load_starts(write(tmp_path, starts_table(found)), ["a", "b"]) == found
     params = load_params(None, {"init.background": [[9, 9]]})
-    placed = found["a"].placed(params)
-    assert placed.init.circles == ((1, 2, 7), (3, 4, params.init.radius))
+    placed = found["a"].placed(params, (60, 80))
+    assert placed.init.circles == ((1, 2, 7), (3, 4, params.init.radius_in((60, 80))))
     assert placed.init.background == ((9, 9), *background)
-    placed = found["b"].placed(params)
+    placed = found["b"].placed(params, (60, 80))
     assert (placed.region.probability, placed.contour.clearance, placed.init) == (0.3, 5, params.init)
     assert (
         len({found["a"].text(), replace(found["a"], boxes=()).text(), replace(found["a"], background=()).text()}) == 3

@@ -23,8 +23,8 @@ TIMING_COLUMNS = (
     "splits", "flips", "components", "holes", "area_px", "decode_ms", "edges_ms", "evolve_ms", "obstacles_ms",
     "write_ms", "total_ms",
 )  # fmt: skip
-EDGES = ("source", "score", "canny_low", "canny_high")
-"""What decided where edges are, how sure the result is (0 to 1), and the thresholds in grey levels per pixel."""
+EDGES = ("source", "score", "canny_low", "canny_high", "doubts")
+"""What decided where edges are, how sure the result is (0 to 1), the thresholds in grey levels per pixel, and why not sure."""
 START_COLUMNS = ("start_x", "start_y", "start_radius")
 """With ``--starts``: the start circle of the image, in pixels."""
 OBSTACLE_COLUMNS = (

@@ -96,7 +96,7 @@ class Workbench:
             return self._unchanged(task, known, read, kept)
         image = decode_image(read.data, self._limits)
         decoded = perf_counter()
-        params = self._params(task)
+        params = self._params(task, image.shape)
         found = self._found(image, read.before, task, params)
         segmented = perf_counter()
         outputs = tuple(self._outputs(image, found, task, missing))
@@ -149,9 +149,9 @@ class Workbench:
 
         return read_evidence(path, self._limits)
 
-    def _params(self, task: Task) -> Parameters:
+    def _params(self, task: Task, shape: tuple[int, ...]) -> Parameters:
         """Parameters of one image."""
-        return self._setup.params if task.start is None else task.start.placed(self._setup.params)
+        return self._setup.params if task.start is None else task.start.placed(self._setup.params, shape)
 
     def _outputs(
         self, image: NDArray[np.uint8], found: _Found, task: Task, missing: Sequence[tuple[str, Output]]
@@ -216,6 +216,7 @@ def _row(image: NDArray[np.uint8], result: Segmentation, method: str) -> dict[st
         "stop_reason": stats.stop_reason,
         "source": result.source,
         "score": result.score,
+        "doubts": " ".join(result.doubts),
         "canny_low": result.thresholds[0],
         "canny_high": result.thresholds[1],
     }

@@ -1,0 +1,93 @@
+"""No result looks sure that has no boundary of its own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+import ffseg
+from tests.scenes import START, START_RADIUS, scene
+
+
+def disc(x: int = 320, y: int = 240, radius: int = 50) -> np.ndarray:
+    image = np.full((480, 640, 3), 255, np.uint8)
+    cv2.circle(image, (x, y), radius, (0, 0, 255), -1)
+    return image
+
+
+@pytest.mark.parametrize(
+    ("image", "doubt", "method"),
+    [
+        (np.zeros((480, 640), np.uint8), "filled", "freeform"),
+        (np.full((200, 300), 90, np.uint8), "filled", "levelset"),
+        (np.zeros((1, 1), np.uint8), "empty", "freeform"),
+        (disc(120, 100), "filled", "freeform"),  # the start misses it
+    ],
+)
+def test_a_region_without_a_boundary_of_its_own_is_doubted(image: np.ndarray, doubt: str, method: str) -> None:
+    found = ffseg.segment(image, method=method)
+    assert found.doubts == (doubt,)
+    assert found.score < 0.2
+    assert any("region" in message for message in found.messages)
+
+
+def test_a_region_whose_outline_is_the_border_is_doubted() -> None:
+    image = np.full((200, 300), 120, np.uint8)
+    image[60:140, 100:240] = 20  # a fifth of the image; the rest runs all round it
+    found = ffseg.segment(image, {"init.center": [40, 100], "init.radius": 10})
+    assert found.doubts == ("border",)
+    assert found.score <= 0.2
+    assert "of the region's outline is the border of the image" in "".join(found.messages)
+
+
+def test_a_floor_that_fills_the_lower_half_is_not_doubted() -> None:
+    image = np.vstack([np.full((200, 640), 60, np.uint8), np.full((280, 640), 160, np.uint8)])
+    found = ffseg.segment(image, {"init.center": [320, 400]})
+    assert (found.doubts, found.messages) == ((), ())
+    assert found.score > 0.9
+
+
+def test_what_is_bounded_all_round_is_not_doubted() -> None:
+    assert ffseg.segment(disc()).doubts == ()
+    start = {"init.center": list(START), "init.radius": START_RADIUS}
+    assert [ffseg.segment(scene(number).image, start).doubts for number in range(6)] == [()] * 6
+
+
+def test_a_contour_that_was_stopped_is_doubted() -> None:
+    found = ffseg.segment(disc(radius=200), {"contour.max_iterations": 5})
+    assert found.doubts == ("early",)
+    assert found.score <= 0.5
+    assert "stopped after 5 iterations" in "".join(found.messages)
+
+
+def test_the_given_domain_counts_and_not_what_rivals_leave() -> None:
+    domain = np.zeros((480, 640), np.uint8)
+    domain[150:330, 200:440] = 255
+    grey = np.full((480, 640), 90, np.uint8)
+    assert ffseg.segment(grey, domain=domain).doubts == ("filled",)
+    rivals = ffseg.segment(disc(), {"region.border": "outside"})
+    assert rivals.doubts == ()
+
+
+def test_a_start_on_both_sides_of_edges_is_doubted() -> None:
+    image = np.where(np.arange(160) // 11 % 2 == 0, 60, 190).astype(np.uint8)[None].repeat(140, axis=0)
+    found = ffseg.segment(image, {"init.center": [80, 70], "init.radius": 25, "edges.source": "gradient"})
+    assert "start" in found.doubts
+    assert found.score <= 0.5
+
+
+def test_a_run_says_how_many_are_doubtful(ffseg_command: Callable[..., Any], tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    for name, image in (("a.png", np.zeros((60, 80), np.uint8)), ("b.png", disc())):
+        cv2.imwrite(str(tmp_path / "in" / name), image)
+    command = ("run", tmp_path / "in", "--out", tmp_path / "out")
+    assert "1 fill their image; of 2" in ffseg_command(*command).stdout
+    told = json.loads(ffseg_command(*command, "--json").stdout)
+    assert told["doubts"] == {"filled": 1}
+    assert [row["doubts"] for row in told["images"]] == ["filled", ""]
