@@ -127,7 +127,7 @@ def checked_params(
     if params.edges.model is not None:
         from ffseg.evidence.source import check_model
 
-        check_model(params.edges.model)
+        check_model(params.edges.model, params.network)
     return params
 
 

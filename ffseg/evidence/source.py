@@ -19,7 +19,7 @@ from ffseg.evidence.prior import prior
 from ffseg.image.edges import EdgeMap
 from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
-from ffseg.parameters import Parameters
+from ffseg.parameters import Network, Parameters
 from ffseg.scene import Scene
 
 FOREST_SUFFIX, NETWORK_SUFFIX = ".ffmodel", ".onnx"
@@ -176,8 +176,8 @@ def learned_from(params: Parameters) -> frozenset[str]:
     return frozenset(one for one in names if isinstance(one, str)) if isinstance(names, list) else frozenset()
 
 
-def check_model(path: str) -> None:
-    """Refuse a model that cannot be used before anything is run.
+def check_model(path: str, network: Network | None = None) -> None:
+    """Refuse a model that cannot be used before anything is run; a network is read in a process of its own.
 
     Raises
     ------
@@ -187,9 +187,19 @@ def check_model(path: str) -> None:
     if path.endswith(FOREST_SUFFIX):
         ready(path)
     elif path.endswith(NETWORK_SUFFIX):
-        _net(path, _mark(path))
+        _require_harmless(path, network or Network())
     else:
         raise ParameterError(f"edges.model {printable(path)}: it is neither a .ffmodel nor an .onnx file")
+
+
+def _require_harmless(path: str, network: Network) -> None:
+    from ffseg.image.onnx import require_harmless
+
+    try:
+        read_bytes(path, MAX_NETWORK_BYTES)
+        require_harmless(path, network)
+    except (ImageReadError, ValueError) as error:
+        raise ParameterError(f"edges.model {printable(path)}: {error}") from error
 
 
 def _mark(path: str) -> tuple[int, int, int]:

@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -26,6 +32,50 @@ def load_net(data: bytes) -> Net:
         return cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
     except cv2.error as error:
         raise ValueError(f"it is no network that OpenCV {cv2.__version__} can load; export it as ONNX") from error
+
+
+TRIAL_SECONDS = 120
+"""Ten times what the largest networks that are sensible here take to be read and run once."""
+_TRIAL = "import sys; sys.path[:] = {path!r}; from ffseg.image.onnx import trial; trial({file!r}, {size!r})"
+_TRIAL_SIDE = 64
+"""Pixels of the blank image of a trial."""
+
+
+def require_harmless(path: str, params: Network) -> None:
+    """Read and run a network in a process of its own first: a damaged one can end the process that does it.
+
+    Raises
+    ------
+    ValueError
+        If it ends that process, holds it too long, or cannot be loaded.
+    """
+    code = _TRIAL.format(path=sys.path, file=os.fsencode(path), size=params.size)
+    command = [sys.executable, "-P", "-c", code]
+    try:
+        done = subprocess.run(  # noqa: S603 - our own interpreter with our own code
+            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=TRIAL_SECONDS, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        raise ValueError(f"OpenCV reads it for more than {TRIAL_SECONDS} s; export it as ONNX again") from error
+    if done.returncode < 0:
+        name = signal.Signals(-done.returncode).name
+        raise ValueError(f"reading or running it ends OpenCV ({name}): it is damaged; export it as ONNX again")
+    if done.stdout or done.returncode:
+        raise ValueError(done.stdout.decode("utf-8", "replace").strip() or "it cannot be read; export it as ONNX again")
+
+
+def trial(path: bytes, size: Any) -> None:  # noqa: ANN401 - of `Network`
+    """Load a network and run it on a blank image; print why it cannot be loaded. What it says of an image is no matter."""
+    os.environ["OPENCV_LOG_LEVEL"] = "SILENT"
+    with open(path, "rb") as file:  # noqa: PTH123 - bytes
+        data = file.read()
+    try:
+        net = load_net(data)
+    except ValueError as error:
+        sys.stdout.write(str(error))
+        return
+    with contextlib.suppress(ValueError):  # an image of its own size may do
+        map_of(np.zeros((_TRIAL_SIDE, _TRIAL_SIDE, 3), np.uint8), net, replace(Network(), size=size))
 
 
 def map_of(image: NDArray[np.uint8], net: Net, params: Network) -> NDArray[np.float32]:
