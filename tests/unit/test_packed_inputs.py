@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import tarfile
 from pathlib import Path
@@ -179,3 +180,48 @@ def test_what_is_no_tar_file_that_can_be_read_in_place_is_refused(images: Path, 
             archive.add(truths, "truth")  # one folder too deep
         with pytest.raises(UsageError, match=r"NAME\.png"):
             find(sources, str(tmp_path / "other.tar"))
+
+
+def add(archive: tarfile.TarFile, name: str, kind: bytes = tarfile.REGTYPE, data: bytes = b"", link: str = "") -> None:
+    member = tarfile.TarInfo(name)
+    member.type, member.size, member.linkname = kind, len(data), link
+    archive.addfile(member, io.BytesIO(data))
+
+
+def test_links_in_an_archive_are_followed_as_in_its_folder(images: Path, tmp_path: Path) -> None:
+    (images / "hard.png").hardlink_to(images / "a.png")
+    (images / "sub" / "soft.png").symlink_to("../a.png")
+    (images / "again.png").symlink_to("sub/soft.png")
+    (images / "folder").symlink_to("sub")
+    (images / "outside.png").symlink_to(tmp_path / "none.png")
+    (images / "loop.png").symlink_to("loop.png")
+    archive = packed(images)
+    for name, inputs in (("one", images), ("two", archive)):
+        run_batch(inputs, tmp_path / name, executor=INPROCESS)
+    one, two = (table(tmp_path / name / "timings.csv") for name in ("one", "two"))
+    assert [(row["image"], row["status"], row["area_px"]) for row in one] == [
+        (row["image"], row["status"], row["area_px"]) for row in two
+    ]
+    said = {row["image"]: row["error"] for row in two if row["status"] == "failed"}
+    assert set(said) == {"loop.png", "outside.png"}
+    assert "none.png, which is no file in the archive; pack it too" in said["outside.png"]
+
+
+@pytest.mark.parametrize("kind", [tarfile.XHDTYPE, tarfile.XGLTYPE])
+def test_headers_without_end_are_refused_in_one_sentence(kind: bytes, tmp_path: Path) -> None:
+    header = tarfile.TarInfo("headers")
+    header.type = kind
+    path = tmp_path / "a.tar"
+    path.write_bytes(header.tobuf(tarfile.USTAR_FORMAT) * 20_000 + bytes(1024))
+    with pytest.raises(UsageError, match=r"a\.tar has more headers for one member than can be read; pack it again"):
+        discover([str(path)])
+
+
+def test_a_member_two_thousand_folders_deep_costs_only_itself(images: Path, tmp_path: Path) -> None:
+    path = packed(images)
+    with tarfile.open(path, "a") as archive:
+        add(archive, "d/" * 2000 + "c.png", data=(images / "a.png").read_bytes())
+    run_batch(path, tmp_path / "out", executor=INPROCESS)
+    rows = table(tmp_path / "out" / "timings.csv")
+    assert sorted(row["status"] for row in rows) == ["failed", "ok", "ok"]
+    assert "folders deep" in next(row["error"] for row in rows if row["status"] == "failed")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import posixpath
 import tarfile
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from ffseg.batch.plan.discover import SUFFIXES, Source
@@ -14,6 +15,12 @@ _PACKED = (".tar.gz", ".tgz", ".tar.bz2", ".tbz", ".tar.xz", ".txz", ".tar.zst")
 _MOST_MEMBERS = 100_000_000
 _LONGEST_END = 1 << 20
 """Bytes of zeros behind the last member: two blocks of 512, filled up to a record of 10 kB, or what ``tar -b`` asks for."""
+
+
+_MOST_LINKS = 40
+"""Links that are followed one after another, as Linux does."""
+_MOST_FOLDERS = 400
+"""Folders below each other; more are no names of outputs, and more than a thousand end Python's makedirs."""
 
 
 def is_archive(path: str) -> bool:
@@ -39,11 +46,15 @@ def members(path: str, suffixes: Collection[str] = SUFFIXES) -> list[Source]:
         raise UsageError(f"{printable(path)} is compressed; unpack it to a .tar first, images do not get smaller by it")
     try:
         with tarfile.open(path, "r:") as archive:
-            found = {source.name: source for source in _images(path, archive, suffixes)}
+            found = _images(path, archive, suffixes)
             _require_end(archive)
+    except RecursionError as error:
+        raise UsageError(
+            f"{printable(path)} has more headers for one member than can be read; pack it again"
+        ) from error
     except (tarfile.TarError, OSError, ValueError) as error:
         raise UsageError(f"{printable(path)} cannot be read as a tar file ({error})") from error
-    return list(found.values())
+    return found
 
 
 def _require_end(archive: tarfile.TarFile) -> None:
@@ -57,15 +68,45 @@ def _require_end(archive: tarfile.TarFile) -> None:
         )
 
 
-def _images(path: str, archive: tarfile.TarFile, suffixes: Collection[str]) -> Iterator[Source]:
+def _images(path: str, archive: tarfile.TarFile, suffixes: Collection[str]) -> list[Source]:
     kept: Any = archive
+    files: dict[str, tuple[int, int]] = {}
+    links: dict[str, str] = {}
     for count, member in enumerate(archive):
         if count >= _MOST_MEMBERS:
             raise ValueError(f"more than {_MOST_MEMBERS} members")
         kept.members = []  # it would keep them all
         name = member.name.removeprefix("./")
-        last = name.rsplit("/", 1)[-1]
-        if not member.isreg() or member.issparse() or last.startswith("."):
-            continue
-        if last[last.rfind(".") :].lower() in suffixes:
-            yield Source(path, name, span=(member.offset_data, member.size))
+        if member.issym() or member.islnk():
+            files.pop(name, None)
+            links[name] = _target(name, member)
+        elif member.isreg() and not member.issparse():
+            links.pop(name, None)
+            files[name] = (member.offset_data, member.size)
+    images = (name for name in (*files, *links) if _is_image(name, suffixes))
+    return [_source(path, name, files, links) for name in images]
+
+
+def _is_image(name: str, suffixes: Collection[str]) -> bool:
+    last = name.rsplit("/", 1)[-1]
+    return not last.startswith(".") and last[last.rfind(".") :].lower() in suffixes
+
+
+def _target(name: str, link: tarfile.TarInfo) -> str:
+    """Name of the member a link leads to: of a hard link from the root of the archive, else from the link's folder."""
+    return posixpath.normpath(link.linkname if link.islnk() else f"{posixpath.dirname(name) or '.'}/{link.linkname}")
+
+
+def _source(path: str, name: str, files: Mapping[str, tuple[int, int]], links: Mapping[str, str]) -> Source:
+    """The image of a name, which may be a link to another member; one that leads elsewhere says so."""
+    target = name
+    for _ in range(_MOST_LINKS):
+        if target in files:
+            deep = name.count("/") > _MOST_FOLDERS
+            problem = f"bad-name: it lies more than {_MOST_FOLDERS} folders deep; pack it again" if deep else ""
+            return Source(path, name, problem, span=files[target])
+        if target not in links:
+            said = f"missing: a link to {printable(target)}, which is no file in the archive; pack it too (tar -h)"
+            return Source(path, name, said, span=(0, 0))
+        target = links[target]
+    return Source(path, name, "link-loop: the link leads back to itself; pack its file instead", span=(0, 0))

@@ -38,7 +38,7 @@ def told(path: str) -> str:
     return f"{file}/{name}" if name else file
 
 
-def read_input(path: str, max_bytes: int, span: Span | None = None) -> bytes:
+def read_input(path: str, max_bytes: int, span: Span | None = None, *, redirects: bool = False) -> bytes:
     """Content of an input; without a span that of a file, or of the member that the path stands for.
 
     Raises
@@ -50,7 +50,7 @@ def read_input(path: str, max_bytes: int, span: Span | None = None) -> bytes:
         from ffseg.batch.plan.remote import is_remote, read_remote
 
         if is_remote(path):
-            return read_remote(path, max_bytes)
+            return read_remote(path, max_bytes, redirects=redirects)
     if span is None:
         path, _, span = parted(path)
     return read_bytes(path, max_bytes) if span is None else _part(path, span, max_bytes)

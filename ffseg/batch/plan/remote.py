@@ -1,4 +1,4 @@
-"""Images behind a URL, read through fsspec with the limits of files."""
+"""Images behind a URL, read with the limits of files: HTTP by Python itself, stores through fsspec."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ from ffseg.io.files import printable
 
 PROTOCOLS = ("s3", "gs", "gcs", "http", "https", "memory")
 """What is read; ``memory`` is for tests."""
+
+
+_PATIENCE = 60.0
+"""Seconds without a byte."""
+_GONE = (404, 410)
 
 
 def is_remote(text: str) -> bool:
@@ -44,11 +49,13 @@ def remote_sources(url: str) -> list[Source]:
         If they cannot be listed.
     """
     try:
+        if url.startswith("http") and not any(mark in url for mark in "*["):
+            return [Source(url, os.path.basename(url.partition("?")[0].rstrip("/")) or "index")]
         system, path = _file_system(url)
         if any(mark in path for mark in "*?["):
             base = path[: min(path.find(mark) for mark in "*?[" if mark in path)].rpartition("/")[0]
             paths = [one for one in system.glob(path) if not system.isdir(one)]
-        elif url.startswith("http") or not system.isdir(path):
+        elif not system.isdir(path):
             return [Source(url, os.path.basename(path.rstrip("/").partition("?")[0]) or "index")]
         else:
             base, paths = path.rstrip("/"), system.find(path)
@@ -62,8 +69,15 @@ def remote_sources(url: str) -> list[Source]:
     ]
 
 
-def read_remote(url: str, max_bytes: int) -> bytes:
+def read_remote(url: str, max_bytes: int, *, redirects: bool = False) -> bytes:
     """Content behind a URL, no more than so many bytes of it.
+
+    Parameters
+    ----------
+    url : str
+    max_bytes : int
+    redirects : bool
+        Whether HTTP may lead to another host: whoever answers there was not named by anybody here.
 
     Raises
     ------
@@ -71,11 +85,13 @@ def read_remote(url: str, max_bytes: int) -> bytes:
         With the reason ``missing``, ``unreadable``, ``empty`` or ``too-many-bytes``.
     """
     try:
-        system, path = _file_system(url)
-        with system.open(path, "rb") as file:
+        with _open_http(url, redirects=redirects) if url.startswith("http") else _open_store(url) as file:
             data: bytes = file.read(max_bytes + 1)
     except FileNotFoundError as error:
         raise ImageReadError("missing", "there is no such object") from error
+    except _OtherHostError as error:
+        remedy = "name that address, or add --follow-redirects to run"
+        raise ImageReadError("unreadable", f"it leads to another host, {printable(str(error))}; {remedy}") from error
     except Exception as error:  # every store raises its own kinds
         raise ImageReadError("unreadable", f"it cannot be read ({type(error).__name__}: {error})"[:300]) from error
     if not data:
@@ -83,3 +99,41 @@ def read_remote(url: str, max_bytes: int) -> bytes:
     if len(data) > max_bytes:
         raise ImageReadError("too-many-bytes", f"the object has more than {max_bytes} bytes, the limit")
     return data
+
+
+def _open_store(url: str) -> Any:  # noqa: ANN401 - of fsspec
+    system, path = _file_system(url)
+    return system.open(path, "rb")
+
+
+class _OtherHostError(Exception):
+    """A redirect away from the host that was named."""
+
+
+def _open_http(url: str, *, redirects: bool) -> Any:  # noqa: ANN401 - the answer
+    import base64
+    from urllib.error import HTTPError
+    from urllib.parse import unquote, urlsplit
+    from urllib.request import HTTPRedirectHandler, Request, build_opener
+
+    class Redirects(HTTPRedirectHandler):
+        def redirect_request(self, *asked: Any) -> Request | None:  # noqa: ANN401 - see urllib
+            request, target = asked[0], asked[-1]
+            if not redirects and urlsplit(target).hostname != urlsplit(request.full_url).hostname:
+                asked[1].close()
+                raise _OtherHostError(target)
+            return super().redirect_request(*asked)
+
+    parts = urlsplit(url)
+    account, _, place = parts.netloc.rpartition("@")
+    request = Request(parts._replace(netloc=place).geturl(), headers={"User-Agent": "ffseg"})  # noqa: S310 - http only
+    if account:
+        said = base64.b64encode(unquote(account).encode()).decode("ascii")
+        request.add_unredirected_header("Authorization", f"Basic {said}")
+    try:
+        return build_opener(Redirects).open(request, timeout=_PATIENCE)
+    except HTTPError as error:
+        error.close()
+        if error.code in _GONE:
+            raise FileNotFoundError(url) from error
+        raise

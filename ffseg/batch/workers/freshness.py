@@ -61,7 +61,7 @@ def read_task(task: Task, setup: Setup) -> Read:
         When the image cannot be read.
     """
     mark = mark_of(task.path)  # before the content: a change in between makes the mark stale, not the digest
-    data = read_input(task.path, setup.max_bytes, task.span)
+    data = read_input(task.path, setup.max_bytes, task.span, redirects=setup.redirects)
     path = task.path if task.span is None else member_path(task.path, task.name, task.span)
     files: dict[str, File] = {"image": (place_of(path), digest(data), mark)}
     content = [files["image"][1]]

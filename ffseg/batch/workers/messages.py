@@ -40,6 +40,8 @@ class Setup:
     files : mapping of str to str
         Files that every result depends on beside the parameters, by what the user calls them, such as a key; with
         another content they count as other parameters.
+    redirects : bool
+        Whether HTTP may lead to another host than the one that was named.
     """
 
     params: Parameters
@@ -51,6 +53,7 @@ class Setup:
     memory_bytes: int = 0
     truth_label: int | None = None
     files: Mapping[str, str] = field(default_factory=dict)
+    redirects: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -129,6 +129,9 @@ def run(  # noqa: PLR0913 - the options of the command
         str, typer.Option("--list", metavar="FILE", help="File with one image path a line; - for stdin.")
     ] = "",
     nul: Annotated[bool, typer.Option("-0", help="Paths of --list end with NUL, as of find -print0.")] = False,
+    redirects: Annotated[
+        bool, typer.Option("--follow-redirects", help="HTTP inputs may lead to other hosts than the one named.")
+    ] = False,
     keep_suffix: Annotated[
         bool, typer.Option("--keep-suffix", help="Outputs of a.jpg are called a.jpg.png, ... instead of a.png.")
     ] = False,
@@ -179,7 +182,8 @@ def run(  # noqa: PLR0913 - the options of the command
         plan = with_maps(read_plan(choice, out, wanted, truth, starts, params), evidence, camera)
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan, footprint), shard)
         check("executors", executor)
-        setup = Setup(params=params, views=views, wanted=wanted, truth_label=truth_label, files=plugin_files(params))
+        files = plugin_files(params)
+        setup = Setup(params, views=views, wanted=wanted, truth_label=truth_label, files=files, redirects=redirects)
         setup = limited(setup, max_pixels, memory)
         if dry_run:
             raise typer.Exit(show_preview(plan, setup, overwrite=overwrite, as_json=as_json))
