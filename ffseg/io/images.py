@@ -152,8 +152,8 @@ def inspect(data: bytes, limits: Limits) -> Header:
     return header
 
 
-def frames_note(data: bytes, limits: Limits | None = None) -> str:
-    """What to say of a file that holds more than the image that is read of it; empty for others.
+def reading_note(data: bytes, limits: Limits | None = None) -> str:
+    """What to say of a file of which other readers may give other pixels: more frames, or EXIF that turns; else empty.
 
     Raises
     ------
@@ -161,11 +161,14 @@ def frames_note(data: bytes, limits: Limits | None = None) -> str:
         As `inspect`.
     """
     header = inspect(data, limits or Limits())
-    if not header.several:
-        return ""
-    return (
-        f"only the first {'page' if header.format == 'TIFF' else 'frame'} was read; the {header.format} file has more"
-    )
+    said = []
+    if header.several:
+        part = "page" if header.format == "TIFF" else "frame"
+        said.append(f"only the first {part} was read; the {header.format} file has more")
+    if header.orientation > 1:
+        turned = f"turned upright as EXIF orientation {header.orientation} says"
+        said.append(f"{turned}; readers that ignore it see other pixels than the mask's")
+    return "; ".join(said)
 
 
 _PARSERS: tuple[tuple[bytes, Callable[[bytes], Header]], ...] = (

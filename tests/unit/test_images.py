@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import subprocess
 import sys
 import time
@@ -11,6 +12,7 @@ import tracemalloc
 from pathlib import Path
 
 import bad_images
+import damage
 import numpy as np
 import pytest
 import readings
@@ -19,7 +21,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from ffseg.errors import ImageReadError
-from ffseg.io.images import REASONS, Limits, decode_image, frames_note, inspect, read_image
+from ffseg.io.images import REASONS, Limits, decode_image, inspect, read_image, reading_note
 
 CASES = bad_images.all_cases()
 
@@ -230,9 +232,50 @@ def test_first_of_several_frames_is_read(kind: str, options: dict[str, object]) 
 
 
 def test_the_note_on_several_frames_names_what_was_read() -> None:
-    assert frames_note(_frames("GIF")) == "only the first frame was read; the GIF file has more"
-    assert frames_note(_frames("TIFF")) == "only the first page was read; the TIFF file has more"
-    assert frames_note(bad_images.plain_files()["tif"]) == ""
+    assert reading_note(_frames("GIF")) == "only the first frame was read; the GIF file has more"
+    assert reading_note(_frames("TIFF")) == "only the first page was read; the TIFF file has more"
+    assert reading_note(bad_images.plain_files()["tif"]) == ""
+
+
+@pytest.mark.parametrize("suffix", ["png", "jpg", "webp"])
+def test_the_note_says_that_exif_turned_the_pixels(suffix: str) -> None:
+    case = {case.name: case.data for case in bad_images.odd_cases()}
+    assert reading_note(case[f"turned1.{suffix}"]) == ""
+    assert "turned upright as EXIF orientation 6 says" in reading_note(case[f"turned6.{suffix}"])
+
+
+@pytest.mark.parametrize("suffix", ["png", "jpg", "webp"])
+@pytest.mark.parametrize("kind", [1, 2, 4, 5, 7, 9, 12])
+def test_an_orientation_of_another_type_turns_nothing(suffix: str, kind: int) -> None:
+    data = next(case.data for case in bad_images.odd_cases() if case.name == f"turned6.{suffix}")
+    entry = re.search(rb"\x12\x01\x03\x00|\x01\x12\x00\x03", data)
+    assert entry is not None
+    word = bytes([kind, 0]) if entry[0][2] else bytes([0, kind])
+    data = data[: entry.start() + 2] + word + data[entry.end() :]
+    if suffix == "png":
+        at = data.index(b"eXIf")
+        end = at + 4 + int.from_bytes(data[at - 4 : at], "big")
+        data = data[: at - 4] + bad_images.png_chunk(b"eXIf", data[at + 4 : end]) + data[end + 4 :]
+    assert decode_image(data).shape == bad_images.picture().shape
+
+
+def test_what_follows_a_damaged_webp_image_is_not_taken_for_it() -> None:
+    """OpenCV's decoder reads on behind the chunk of the image: one byte in three went unnoticed, Pillow refuses them."""
+    exif = Image.Exif()
+    exif[0x112] = 1
+    image = Image.fromarray(damage.picture())
+    data = bad_images.encoded(image, "WEBP", quality=70, exif=exif, xmp=b"<x/>" * 40)
+    assert decode_image(data).shape == (192, 256, 3)
+    unlike = []
+    for place in np.random.default_rng(0).integers(60, data.index(b"EXIF"), 150):
+        changed = data[:place] + bytes([data[place] ^ 0x55]) + data[place + 1 :]
+        try:
+            decode_image(changed)
+        except ImageReadError:
+            continue
+        if readings.pillow(changed) is None:
+            unlike.append(int(place))
+    assert unlike == []
 
 
 def test_single_frames_are_not_called_several() -> None:

@@ -20,7 +20,7 @@ from ffseg.batch.tar.members import digest, output_bytes
 from ffseg.batch.workers.freshness import Read, kept_outputs, read_task
 from ffseg.batch.workers.messages import Done, Encoded, Failed, Known, Reply, Setup, Task, Unchanged
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError, is_out_of_memory
-from ffseg.io.images import OPENCV_VERSION, Limits, decode_image, frames_note, single_thread
+from ffseg.io.images import OPENCV_VERSION, Limits, decode_image, reading_note, single_thread
 from ffseg.io.masks import decode_mask
 from ffseg.io.overlays import FLATNESS, Polyline, polylines
 from ffseg.parameters import Parameters
@@ -102,7 +102,9 @@ class Workbench:
         outputs = tuple(self._outputs(image, found, task, missing))
         result = found.result
         row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, task)
-        row["note"] = "; ".join(filter(None, (frames_note(read.data, self._limits), *result.messages, row.get("note"))))
+        row["note"] = "; ".join(
+            filter(None, (reading_note(read.data, self._limits), *result.messages, row.get("note")))
+        )
         overlap, problem = self._iou(result.mask, task, read)
         row |= {"iou": overlap} if task.truth else {}
         end = perf_counter()

@@ -140,12 +140,12 @@ def _same(path: str, image: str) -> bool:
 def _read(image: str) -> tuple[NDArray[np.uint8], str]:
     """Pixels of an image, and what there is to say of frames that were not read."""
     from ffseg.io.files import printable, read_bytes
-    from ffseg.io.images import Limits, decode_image, frames_note
+    from ffseg.io.images import Limits, decode_image, reading_note
 
     limits = Limits()
     try:
         data = _stdin(limits.max_bytes) if image == PIPE else read_bytes(image, limits.max_bytes)
-        return decode_image(data, limits), frames_note(data, limits)
+        return decode_image(data, limits), reading_note(data, limits)
     except ImageReadError as error:
         name = "" if image == PIPE else f"{printable(image)}: "
         raise ImageReadError(error.reason, f"{name}{error}") from None

@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 
 from ffseg.io.validation.base import Header, damaged, refuse_claim, truncated
+from ffseg.io.validation.exif import orientation_of
 
 MAX_CHUNKS = 200_000
 """A PNG of 100 Mpx in the usual 8 kB pieces has about 25,000 chunks; more than this is made to waste time."""
@@ -35,7 +36,8 @@ def png(data: bytes) -> Header:
     if names & (_FRAMES | _PACKED_TEXTS):
         left_out = _FRAMES | _PACKED_TEXTS
         still = data[:8] + b"".join(data[at:end] for name, at, end in chunks if name not in left_out)
-    return Header("PNG", width, height, grey=kind in (0, 4), several=bool(names & _FRAMES), still=still)
+    turned = next((orientation_of(data[at + 8 : end - 4]) for name, at, end in chunks if name == b"eXIf"), 1)
+    return Header("PNG", width, height, kind in (0, 4), turned, several=bool(names & _FRAMES), still=still)
 
 
 _FRAMES = {b"acTL", b"fcTL", b"fdAT"}

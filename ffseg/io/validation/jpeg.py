@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 import struct
+from dataclasses import replace
 from functools import partial
 
 from ffseg.io.validation.base import Header, Probe, damaged, refuse_claim, truncated, unsupported
+from ffseg.io.validation.exif import orientation_of
 
 PIXELS_PER_BYTE = 1024
 """Huffman coding spends a bit or more on each 8x8 block of the DC scan: six bits on 16x16 pixels with 4:2:0 colours."""
@@ -22,6 +24,7 @@ SPARE = 8
 """Bytes before the end marker that a decoder may do without: those it has read ahead."""
 MORE = bytes(32)
 """In place of the end marker: what a decoder may read ahead. One that wants more has lost some."""
+_APP1 = 0xE1
 _SCAN, _END = re.compile(rb"\xff\xda"), b"\xff\xd9"
 _SEQUENTIAL, _PROGRESSIVE = (0xC0, 0xC1), 0xC2
 
@@ -30,16 +33,19 @@ def jpeg(data: bytes) -> Header:
     """Find the frame header of a JPEG file; it must be Huffman coded, 8 bits, 1, 3 or 4 components."""
     _refuse_zeros_before_end(data)
     frame: tuple[int, int, int, int] | None = None
-    interval = 0
+    interval, turned = 0, 1
     for marker, at in _segments(data):
         if marker == 0xDA:
             if frame is None:
                 raise damaged("the JPEG file has no frame header before its data")
-            return _header(data, frame, at, interval)
+            return replace(_header(data, frame, at, interval), orientation=turned)
         if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
             if frame is not None:
                 raise damaged("the JPEG file has two frame headers")
             frame = _frame(data, at, marker)
+        if marker == _APP1 and turned == 1:
+            length = int.from_bytes(data[at + 2 : at + 4], "big")
+            turned = orientation_of(data[at + 4 : at + 2 + length])
         if marker == 0xDD:
             interval = int.from_bytes(data[at + 4 : at + 6], "big")
     raise truncated("the JPEG file ends inside its header")

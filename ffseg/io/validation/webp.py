@@ -6,11 +6,14 @@ import struct
 from functools import partial
 
 from ffseg.io.validation.base import FLAT_PIXELS_PER_BYTE, FREE_PIXELS, Header, Probe, damaged, refuse_claim, truncated
+from ffseg.io.validation.exif import orientation_of
 
 _CANVAS, _ANIMATION, _FRAME, _EXIF = b"VP8X", b"ANIM", b"ANMF", b"EXIF"
 _IMAGES = (b"VP8 ", b"VP8L")
 _HAS_EXIF = 8
 """Flag of the canvas chunk: viewers look for an EXIF chunk only when it is set."""
+_FOLLOWING = 8 | 4
+"""Flags of what stands behind an image: EXIF and XMP."""
 _FRAME_HEADER = 16
 """Bytes of a frame before its own chunks."""
 MAX_CHUNKS = 10_000
@@ -42,7 +45,7 @@ def webp(data: bytes) -> Header:
     refuse_claim("WebP", size, len(data), FLAT_PIXELS_PER_BYTE, FREE_PIXELS)
     return Header(
         "WebP", *size, orientation=_orientation(data, chunks), several=names.count(_FRAME) > 1,
-        check=partial(_probes, data, chunks),
+        still=_alone(data, chunks), check=partial(_probes, data, chunks),
     )  # fmt: skip
 
 
@@ -72,7 +75,7 @@ def _orientation(data: bytes, chunks: list[tuple[bytes, int, int]]) -> int:
     first, start, _ = chunks[0]
     if first != _CANVAS or not data[start] & _HAS_EXIF:
         return 1
-    return next((_exif_orientation(data[at : at + length]) for name, at, length in chunks if name == _EXIF), 1)
+    return next((orientation_of(data[at : at + length]) for name, at, length in chunks if name == _EXIF), 1)
 
 
 def _probes(data: bytes, chunks: list[tuple[bytes, int, int]]) -> list[Probe]:
@@ -86,35 +89,26 @@ def _probes(data: bytes, chunks: list[tuple[bytes, int, int]]) -> list[Probe]:
     return []
 
 
+def _alone(data: bytes, chunks: list[tuple[bytes, int, int]]) -> bytes | None:
+    """The file up to its image: where chunks follow, the decoder takes them for more of the image's damaged data."""
+    place = next((place for place, (name, *_) in enumerate(chunks) if name in _IMAGES), len(chunks))
+    if place >= len(chunks) - 1:
+        return None
+    parts = [[name, data[at : at + length]] for name, at, length in chunks[: place + 1]]
+    if parts[0][0] == _CANVAS:
+        parts[0][1] = bytes([parts[0][1][0] & ~_FOLLOWING, *parts[0][1][1:]])
+    return _file([_chunk(name, body) for name, body in parts])
+
+
 def _still(name: bytes, body: bytes) -> bytes:
     """A file of one chunk."""
-    chunk = name + len(body).to_bytes(4, "little") + body + bytes(len(body) % 2)
-    return b"RIFF" + (4 + len(chunk)).to_bytes(4, "little") + b"WEBP" + chunk
+    return _file([_chunk(name, body)])
 
 
-_PREFIX = b"Exif\0\0"
-"""Stands before the block in a JPEG file, and in WebP files of programs that copy it from there."""
-_ORIENTATION_TAG = 0x112
-_KINDS = {3: "H", 4: "I"}
-_MAX_ENTRIES = 512
-"""Tags in one directory; cameras write about forty."""
+def _chunk(name: bytes, body: bytes) -> bytes:
+    return name + len(body).to_bytes(4, "little") + body + bytes(len(body) % 2)
 
 
-def _exif_orientation(block: bytes) -> int:
-    """EXIF's number 1 to 8 of what turns the pixels upright; 1 when the block gives none."""
-    block = block.removeprefix(_PREFIX)
-    order = {b"II*\0": "<", b"MM\0*": ">"}.get(block[:4])
-    if order is None or len(block) < 8:
-        return 1
-    start = struct.unpack(order + "I", block[4:8])[0]
-    if start + 2 > len(block):
-        return 1
-    count = struct.unpack(order + "H", block[start : start + 2])[0]
-    for at in range(start + 2, start + 2 + 12 * min(count, _MAX_ENTRIES), 12):
-        if at + 12 > len(block):
-            return 1
-        tag, kind = struct.unpack(order + "HH", block[at : at + 4])
-        if tag == _ORIENTATION_TAG and kind in _KINDS:
-            code = struct.unpack_from(order + _KINDS[kind], block, at + 8)[0]
-            return code if 1 <= code <= 8 else 1
-    return 1
+def _file(chunks: list[bytes]) -> bytes:
+    body = b"WEBP" + b"".join(chunks)
+    return b"RIFF" + len(body).to_bytes(4, "little") + body
