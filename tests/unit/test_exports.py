@@ -17,6 +17,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from shapely.geometry import shape as shapely_shape
 
+from ffseg.api import segment
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.polygons import FLATNESS, Polygon, polygons
 from ffseg.image.raster import TOLERANCE, rasterize
@@ -31,7 +32,6 @@ from ffseg.io.exports import (
 )
 from ffseg.io.images import read_image
 from ffseg.parameters import load_params
-from ffseg.pipeline import segment
 from tests.real_data import data_folder
 
 # pycocotools 2.0.11 predates the copy keyword of NumPy 2's __array__

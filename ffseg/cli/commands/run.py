@@ -183,7 +183,9 @@ def run(  # noqa: PLR0913 - the options of the command
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan, footprint), shard)
         check("executors", executor)
         files = plugin_files(params)
-        setup = Setup(params, views=views, wanted=wanted, truth_label=truth_label, files=files, redirects=redirects)
+        setup = Setup(
+            params=params, views=views, wanted=wanted, truth_label=truth_label, files=files, redirects=redirects
+        )
         setup = limited(setup, max_pixels, memory)
         if dry_run:
             raise typer.Exit(show_preview(plan, setup, overwrite=overwrite, as_json=as_json))
