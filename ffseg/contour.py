@@ -76,5 +76,5 @@ def bounded(scene: Scene) -> Scene:
 
 def run(scene: Scene) -> Outcome:
     """What the method of a scene finds in it, as it stands."""
-    found: Outcome = (scene.method or chosen(scene.params.method)).run(scene)
+    found: Outcome = (scene.method or chosen(scene.params.method)).loaded()(scene)
     return found

@@ -65,18 +65,6 @@ class Method:
         """Whether its package can be imported."""
         return not self.module or find_spec(self.module.partition(".")[0]) is not None
 
-    def run(self, scene: object) -> Any:  # noqa: ANN401 - an Outcome, of a floor above
-        """What the method finds in a scene.
-
-        Raises
-        ------
-        ParameterError
-            If there is no such function.
-        SegmentationError
-            If its package is not installed.
-        """
-        return self.loaded()(scene)
-
     def loaded(self) -> Callable[..., Any]:
         """The function, brought with its package: its loading is not its time.
 

@@ -160,7 +160,7 @@ def test_a_start_given_the_other_way_round_grows_all_the_same(method: str) -> No
     params = load_params(None, {"edges.canny": [5.0, 15.0], "contour.balloon": 2.0})
     edges, start = edge_map(image, params.edges), FreeForm.circle((60, 45), 9, 13, 3)
     right, turned = (
-        METHODS[method].run(Scene(image, params, edges=edges, starts=(one,))) for one in (start, start.reversed())
+        METHODS[method].loaded()(Scene(image, params, edges=edges, starts=(one,))) for one in (start, start.reversed())
     )
     assert turned.stats == right.stats
     masks = [rasterize(outcome.contours or (), (90, 120)) for outcome in (right, turned)]

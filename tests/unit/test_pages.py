@@ -16,9 +16,11 @@ import pytest
 
 from ffseg.native import _core
 from ffseg.parameter_text import default_file, peers_file, schema_file, to_markdown
+from tests import constants
 
 ROOT = Path(__file__).resolve().parents[2]
 STUB = ROOT / "ffseg" / "native" / "_core.pyi"
+MADE_BELOW = "<!-- made from the sources by pytest --update-golden -->"
 Golden = Callable[[Path, str], None]
 
 
@@ -36,6 +38,13 @@ def test_schema_file(golden: Golden) -> None:
 
 def test_parameter_page(golden: Golden) -> None:
     golden(ROOT / "docs" / "parameters.md", to_markdown())
+
+
+def test_page_of_the_pipeline_lists_the_constants(golden: Golden) -> None:
+    page = ROOT / "docs" / "pipeline.md"
+    head, mark, _ = page.read_text("utf-8").partition(MADE_BELOW)
+    assert mark, f"{page.name} must hold the line {MADE_BELOW}"
+    golden(page, f"{head}{mark}\n\n{constants.table()}")
 
 
 def help_of(*command: str) -> str:

@@ -112,12 +112,14 @@ def _beside(picture: Picture, name: str, *, quick: bool) -> Group:
         stage, ratio = "segment", Comparison(f"{picture.name}: freeform over {name}", *cases)
         works = (
             lambda: segment(Scene(image, params)),
-            lambda: peer.run(Scene(image, theirs, edges=edge_map(image, theirs.edges), starts=starts, options=section)),
+            lambda: peer.loaded()(
+                Scene(image, theirs, edges=edge_map(image, theirs.edges), starts=starts, options=section)
+            ),
         )
     else:
         stage, ratio = "evolve", Comparison(f"{picture.name}: {name} over freeform", *cases[::-1])
         own = row_of("freeform")
-        works = (lambda: own.run(Scene(image, params, edges=edges, starts=starts))), lambda: peer.run(scene)
+        works = (lambda: own.loaded()(Scene(image, params, edges=edges, starts=starts))), lambda: peer.loaded()(scene)
     scene = Scene(image, theirs, edges=seen, starts=starts, options=section)
     if picture.truth is not None:
         facts["iou"] = round(iou(segment(Scene(image, params)).mask, picture.truth), 5)
@@ -152,7 +154,7 @@ def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: flo
         Task(
             case,
             "evolve",
-            timed(lambda: run.run(Scene(image, params, edges=edges, starts=start_contours(shape, params)))),
+            timed(lambda: run.loaded()(Scene(image, params, edges=edges, starts=start_contours(shape, params)))),
             x,
         ),
         Task(case, "segment", timed(lambda: segment(Scene(image, params, run))), x),
