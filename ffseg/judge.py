@@ -21,7 +21,7 @@ ROUND = 0.7
 """Part of the outer outline on the border of the image or the domain from which on a region is doubted. A floor that fills
 the lower half of a picture has 0.6."""
 
-EARLY = ("max_iterations", "budget", "max_patches")
+EARLY = ("max_iterations", "budget", "max_patches", "max_points")
 """Reasons to stop before the contour has come to rest."""
 
 ACROSS = 0.5

@@ -50,7 +50,11 @@ class Contour(Section):
     topology: bool = declared(True, Flag(), "let the contour split off, merge and enclose holes (Algorithm 3)")
     clearance: float = declared(0.0, Number(0, 1000), "px; passages narrower than this count as closed; 0 = off")
     settle: float = declared(4.0, Number(0, 16), "px within which converged points move onto the gradient ridge")
-    max_iterations: int = declared(2000, Integer(1, 1_000_000), "iterations after which the evolution ends anyway")
+    max_iterations: int | Literal["auto"] = declared(
+        "auto",
+        OrWord("auto", Integer(1, 1_000_000)),
+        "iterations after which the evolution ends anyway; auto = a budget of work to each pixel it may fill",
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,12 +9,18 @@ from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed, unpacked
 from ffseg.image.edges import GRADIENT_SCALE
+from ffseg.methods.effort import ENDLESS, budget, iterations
 from ffseg.native import _core
 from ffseg.parameters import STILL, Parameters
 from ffseg.scene import BlockedStartError, Outcome, Progress, Scene, Stats
 
 RIDGE_SHARE = 0.5
 """A ridge may be this much weaker than the low Canny threshold: between samples the edge fades and returns."""
+
+WORK = 4
+"""Patches moved or looked at closely to a pixel of the domain, at most. Measured: 0.4 to a pixel that is filled on photographs
+and random textures; in the narrowest passages, spirals 6.5 and 7 px wide, 0.3 to a pixel of 360 x 360 images and more the longer
+the way, as a front at rest is looked at all along: 2.4 of 1080 x 1080."""
 
 
 def run(scene: Scene) -> Outcome:
@@ -68,7 +74,7 @@ def run(scene: Scene) -> Outcome:
         return tuple(c.reversed() for c in contours) if shrinking else contours
 
     if callback is None:
-        evolution.advance(params.contour.max_iterations + 1)
+        evolution.advance(ENDLESS + 1)
     else:
         callback(Progress(0, starts))
         while evolution.advance(scene.every):
@@ -90,7 +96,7 @@ def native_options(params: Parameters, low: float) -> _core.EvolutionOptions:
     options.balloon = abs(contour.balloon)
     options.refine = contour.refine
     options.topology = contour.topology
-    options.max_iterations = contour.max_iterations
+    options.max_iterations = iterations(params)
     options.clearance = contour.clearance
     options.settle = contour.settle
     options.ridge_low = RIDGE_SHARE * low * GRADIENT_SCALE
@@ -100,6 +106,7 @@ def native_options(params: Parameters, low: float) -> _core.EvolutionOptions:
 
 def _options(scene: Scene) -> _core.EvolutionOptions:
     options = native_options(scene.params, scene.edges.thresholds[0])
+    options.budget = budget(scene, WORK)
     if scene.footprint is not None:
         options.clearance = scene.footprint.diameter
     return options

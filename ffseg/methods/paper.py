@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed, unpacked
-from ffseg.image.edges import EdgeMap
+from ffseg.methods.effort import ENDLESS, budget, iterations
 from ffseg.native import _core
-from ffseg.parameters import Parameters
 from ffseg.scene import Outcome, Progress, Scene, Stats
+
+WORK = 16
+"""Patches moved to a pixel of the domain, at most; 64 tests of two patches count as one. Measured: at most 8 on drawn scenes
+and photographs, where it comes to rest."""
 
 
 def run(scene: Scene) -> Outcome:
@@ -32,14 +35,14 @@ def run(scene: Scene) -> Outcome:
     """
     params, callback = scene.params, scene.callback
     degree = params.contour.degree
-    evolution = _evolution(scene.edges, scene.starts, params)
+    evolution = _evolution(scene)
 
     def current() -> tuple[FreeForm, ...]:
         points, offsets = evolution.contours()
         return unpacked(points, offsets, degree)
 
     if callback is None:
-        evolution.advance(params.contour.max_iterations + 1)
+        evolution.advance(ENDLESS + 1)
     else:
         callback(Progress(0, scene.starts))
         while evolution.advance(scene.every):
@@ -50,18 +53,18 @@ def run(scene: Scene) -> Outcome:
     return Outcome(contours, _stats(evolution, scene.starts, contours))
 
 
-def _evolution(edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters) -> _core.PaperEvolution:
-    options = _core.PaperOptions()
+def _evolution(scene: Scene) -> _core.PaperEvolution:
+    edges, params, options = scene.edges, scene.params, _core.PaperOptions()
     options.degree = params.contour.degree
     options.split_threshold = params.contour.split_threshold
     most = params.paper.balloon
     options.balloon = min(max(params.contour.balloon, -most), most)
     options.refine = params.contour.refine
     options.topology = params.contour.topology
-    options.max_iterations = params.contour.max_iterations
+    options.max_iterations, options.budget = iterations(params), budget(scene, WORK)
     options.exponent = params.edges.exponent
     options.sigma = params.edges.sigma
-    return _core.PaperEvolution(*packed(starts), edges.gradient, edges.edges, edges.domain, options)
+    return _core.PaperEvolution(*packed(scene.starts), edges.gradient, edges.edges, edges.domain, options)
 
 
 def _stats(evolution: _core.PaperEvolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]) -> Stats:

@@ -39,11 +39,12 @@ def test_gaps_leak_from_one_width_on(seed: int) -> None:
     assert corridors.gap(seed).faults == ()
 
 
-@pytest.mark.parametrize("width", [8.0, 10.0, 14.0])
+@pytest.mark.parametrize("width", [7.0, 8.0, 10.0, 14.0, 20.0])
 @pytest.mark.parametrize("kind", ["spiral", "maze", "comb"])
 def test_defaults_go_to_the_end(kind: str, width: float) -> None:
+    """In up to 3700 iterations along 3400 px: what may be done is counted in pixels to fill, not in iterations."""
     scene = labyrinths.Plan(kind, 3, 17.0, width + 12.0).drawn(width)
-    result = corridors.segmented(scene, {"contour.max_iterations": 4000})  # 2 px each, along 3400 px
+    result = corridors.segmented(scene, {})
     assert result.stats.stop_reason == "converged"
     assert corridors.iou_off_border(result.mask, scene.truth) >= corridors.LEAST_IOU
 

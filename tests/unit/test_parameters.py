@@ -173,7 +173,7 @@ def test_every_option_of_the_evolution_comes_from_the_parameters() -> None:
     options = native_options(Parameters(contour=contour, region=Region(weight=0.5, window=64)), 20.0)
     found = {key: getattr(options, key) for key in dir(options) if not key.startswith("_")}
     assert found == {
-        "degree": 2, "split_threshold": 31.0, "balloon": 3.0, "refine": True, "topology": True, "max_iterations": 7,
+        "degree": 2, "split_threshold": 31.0, "balloon": 3.0, "refine": True, "topology": True, "max_iterations": 7, "budget": 0,
         "clearance": 9.0, "settle": 2.5, "ridge_low": 10 * GRADIENT_SCALE,
         "weight": 0.5, "window": 64.0,
     }  # fmt: skip

@@ -103,6 +103,7 @@ struct PyEvolution {
             case ffseg::freeform::StopReason::kConverged: return "converged";
             case ffseg::freeform::StopReason::kMaxIterations: return "max_iterations";
             case ffseg::freeform::StopReason::kMaxPatches: return "max_patches";
+            case ffseg::freeform::StopReason::kBudget: return "budget";
             case ffseg::freeform::StopReason::kVanished: return "vanished";
             case ffseg::freeform::StopReason::kBlocked: return "blocked";
             case ffseg::freeform::StopReason::kStalled: return "stalled";
@@ -119,6 +120,7 @@ struct PyEvolution {
         out["flips"] = c.flips;
         out["merges"] = c.merges;
         out["drops"] = c.drops;
+        out["work"] = evolution->work();
         return out;
     }
 };
@@ -135,6 +137,7 @@ void bind_freeform(nb::module_& m) {
         .def_rw("refine", &Options::refine)
         .def_rw("topology", &Options::topology)
         .def_rw("max_iterations", &Options::max_iterations)
+        .def_rw("budget", &Options::budget)
         .def_rw("clearance", &Options::clearance)
         .def_rw("settle", &Options::settle)
         .def_rw("ridge_low", &Options::ridge_low)

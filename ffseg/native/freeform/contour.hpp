@@ -47,10 +47,11 @@ struct Memory {
     int num_stray = 0;  // patches at rest with a sample in the open, when last looked at closely
 };
 
-// What one iteration may spend on topology: patches visited and pairs tested.
+// What one iteration may spend on topology: patches visited and pairs tested; and what all have spent so far.
 struct Effort {
     mutable std::size_t visits = 0;
     std::size_t most = 0;
+    std::size_t work = 0;  // patches moved or looked at closely; kMostVisits visits count as one
     bool unresolved = false;  // polygons crossed in this iteration that no flip has parted
 };
 

@@ -30,10 +30,12 @@ constexpr int kMostRounds = 32;
 template <int D>
 bool evolve(Contour<D>& contour) {
     ++contour.counts.iterations;
+    contour.effort.work += contour.active.size();
     deform(contour);                  // sample each patch, compute the deformation there, deform the patch (Eq. 7)
     hold_at_edges(contour);           // nothing enters an edge (Section 3.2)
     split_and_prune(contour);         // split and insert (Algorithm 2)
     if (contour.options.topology) topology::flip_crossings(contour);  // flip (Algorithm 3)
+    contour.effort.work += (contour.effort.visits + contour.order.size()) / topology::kMostVisits;
     resting::bring_to_rest(contour);  // what has converged moves no more
     contour.reclaim();
     return !contour.active.empty();
@@ -80,6 +82,8 @@ public:
                 reason_ = StopReason::kMaxIterations;
             } else if (contour_.num_alive() > most_patches_) {
                 reason_ = StopReason::kMaxPatches;
+            } else if (contour_.options.budget > 0 && contour_.effort.work > contour_.options.budget) {
+                reason_ = StopReason::kBudget;
             } else {
                 if (contour_.pressure != nullptr && contour_.counts.iterations >= next_fit_) fit_pressure();
                 if (!evolve(contour_) && !(contour_.options.refine && (resting::wake_open(contour_) || wake_anew())))
@@ -118,6 +122,7 @@ public:
 
     const EvolutionCounts& counts() const override { return contour_.counts; }
     StopReason stop_reason() const override { return reason_; }
+    std::size_t work() const override { return contour_.effort.work; }
 
 private:
     // What has been swept is learned at the start, then whenever the iterations have doubled.

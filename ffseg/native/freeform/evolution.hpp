@@ -23,6 +23,7 @@ struct EvolutionOptions {  // defaults live with the parameters
     bool refine = false;
     bool topology = false;
     int max_iterations = 0;
+    std::size_t budget = 0;  // patches moved or looked at closely; 0: no limit
     double clearance = 0.0;  // px, or cells of the plane
     double settle = 0.0;     // px, reach of the attraction to the ridge; 0 switches it off
     double ridge_low = 0.0;  // stored units: gradients below it are no ridge
@@ -35,7 +36,7 @@ struct EvolutionCounts {
     int iterations = 0, splits = 0, prunes = 0, flips = 0, merges = 0, drops = 0;
 };
 
-enum class StopReason { kRunning, kConverged, kMaxIterations, kMaxPatches, kVanished, kBlocked, kStalled };
+enum class StopReason { kRunning, kConverged, kMaxIterations, kMaxPatches, kBudget, kVanished, kBlocked, kStalled };
 
 // Closed contours as runs of control points: contour c owns points[offsets[c] .. offsets[c + 1]).
 struct ContourSet {
@@ -58,6 +59,8 @@ public:
     virtual ContourSet contours() const = 0;
     virtual const EvolutionCounts& counts() const = 0;
     virtual StopReason stop_reason() const = 0;
+    // What of the budget was spent.
+    virtual std::size_t work() const = 0;
 };
 
 // `starts`: control points of closed contours of degree options.degree, free space on the side of positive area.

@@ -24,6 +24,7 @@ constexpr double kFar = 1e6;  // px
 
 struct Options {
     int degree = 0, max_iterations = 0;
+    std::size_t budget = 0;
     double split_threshold = 0, balloon = 0, exponent = 0, sigma = 0;
     bool refine = false, topology = false;
 };
@@ -76,7 +77,7 @@ struct PyPaper {
         return {contour_of(points, offsets, o.degree),
                 std::move(field),
                 {o.balloon, o.exponent, o.sigma},
-                {o.split_threshold, o.refine, o.topology, o.max_iterations}};
+                {o.split_threshold, o.refine, o.topology, o.max_iterations, o.budget}};
     }
 
     bool advance(int iterations) {
@@ -134,6 +135,7 @@ struct PyPaper {
             case paper::Stop::kConverged: return "converged";
             case paper::Stop::kMaxIterations: return "max_iterations";
             case paper::Stop::kMaxPatches: return "max_patches";
+            case paper::Stop::kBudget: return "budget";
             default: return "running";
         }
     }
@@ -151,7 +153,8 @@ void bind_paper(nb::module_& m) {
         .def_rw("sigma", &Options::sigma)
         .def_rw("refine", &Options::refine)
         .def_rw("topology", &Options::topology)
-        .def_rw("max_iterations", &Options::max_iterations);
+        .def_rw("max_iterations", &Options::max_iterations)
+        .def_rw("budget", &Options::budget);
     nb::class_<PyPaper>(m, "PaperEvolution")
         .def(nb::init<const Points&, const Indices&, const Words&, const Bytes&, const std::optional<Bytes>&,
                       const Options&>(),

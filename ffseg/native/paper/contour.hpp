@@ -18,6 +18,7 @@ struct Place {
 // What was done, in the units of Lemmas 3 to 5.
 struct Counts {
     int iterations = 0, splits = 0, prunes = 0, flips = 0, merges = 0, reversals = 0;
+    std::size_t moved = 0;          // patches, in all iterations
     std::size_t comparisons = 0;    // of two boxes while sorting
     std::size_t box_tests = 0;      // of two boxes by the filter
     std::size_t polygon_tests = 0;  // of two control polygons

@@ -19,6 +19,7 @@ struct Limits {
     double split_threshold;
     bool refine, topology;
     int max_iterations;
+    std::size_t budget;  // patches moved, box and polygon tests; 0: no limit
 };
 
 // The edge map: gradient magnitude, edges, and where the contour may go.
@@ -40,7 +41,7 @@ private:
     std::vector<std::uint8_t> near_edge_, domain_;
 };
 
-enum class Stop { kRunning, kConverged, kMaxIterations, kMaxPatches };
+enum class Stop { kRunning, kConverged, kMaxIterations, kMaxPatches, kBudget };
 
 // Moves every sample (Section 3.2), then every control point by V^-1 of that (Eq. 7); how many samples moved, of all.
 struct Moved {
@@ -56,6 +57,7 @@ public:
     Contour& contour() { return contour_; }
     Moved step();  // one iteration
     Stop stop() const { return stop_; }
+    std::size_t work() const;  // what of the budget was spent
 
 private:
     Contour contour_;

@@ -80,6 +80,7 @@ struct PySnake {
             case ffseg::snake::SnakeStop::kMaxIterations: return "max_iterations";
             case ffseg::snake::SnakeStop::kVanished: return "vanished";
             case ffseg::snake::SnakeStop::kMaxPoints: return "max_points";
+            case ffseg::snake::SnakeStop::kBudget: return "budget";
             default: return "running";
         }
     }
@@ -107,6 +108,7 @@ void bind_snake(nb::module_& m) {
         .def_rw("spacing", &Options::spacing)
         .def_rw("tolerance", &Options::tolerance)
         .def_rw("refine", &Options::refine)
+        .def_rw("budget", &Options::budget)
         .def_rw("max_iterations", &Options::max_iterations);
     nb::class_<PySnake>(m, "Snake")
         .def(nb::init<const Points&, Words, const Bytes&, std::optional<Bytes>, const Altitudes&, double,

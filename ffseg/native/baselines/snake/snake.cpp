@@ -101,8 +101,13 @@ void Snake::step() {
         stop_ = SnakeStop::kMaxIterations;
         return;
     }
+    if (options_.budget > 0 && counts_.moved > options_.budget) {
+        stop_ = SnakeStop::kBudget;
+        return;
+    }
     ++counts_.iterations;
     const std::size_t n = points_.size();
+    counts_.moved += n;
     normals_.resize(n);
     for (std::size_t i = 0; i < n; ++i) normals_[i] = normal(i);
     next_.resize(n);

@@ -17,6 +17,7 @@ struct SnakeOptions {
     double tolerance = 0.0;   // px; points that move less have stopped
     bool refine = false;
     int max_iterations = 0;
+    std::size_t budget = 0;  // points moved; 0: no limit
 };
 
 // A matched interest point of a camera pair: points of low altitude switch off the edges within `radius` px, points
@@ -46,10 +47,11 @@ enum SnakeZone : std::uint8_t { kHomogeneous = 0, kEdge = 1, kStrongEdge = 2, kS
 std::vector<std::uint8_t> snake_zones(const std::uint8_t* edges, int height, int width,
                                       const std::vector<AltitudePoint>& points);
 
-enum class SnakeStop { kRunning, kConverged, kMaxIterations, kVanished, kMaxPoints };
+enum class SnakeStop { kRunning, kConverged, kMaxIterations, kVanished, kMaxPoints, kBudget };
 
 struct SnakeCounts {
     int iterations = 0, insertions = 0, removals = 0;
+    std::size_t moved = 0;  // points, in all iterations
 };
 
 class Snake {

@@ -140,6 +140,7 @@ bool wake_open(Contour<D>& contour) {
     for (std::size_t at = 0; at < count; ++at) {
         const int i = contour.order[at];
         if (!contour[i].alive || contour[i].examined) continue;
+        ++contour.effort.work;
         const auto& samples = contour[i].m;
         const auto stray =
             std::find_if(samples.begin(), samples.end(), [&](Vec2 p) { return in_the_open(contour, p); });
