@@ -154,6 +154,9 @@ class Region(Section):
         Number(0.01, 0.99),
         "probability of inside at which the region ends, where the prior, a model or a map tells it; more = smaller",
     )
+    largest: int = declared(0, Integer(0, 1_000_000), "so many of the largest regions are kept; 0 = all")
+    min_area: int = declared(0, Integer(0, 1_000_000_000), "pixels; smaller regions are dropped")
+    fill_holes: int = declared(0, Integer(0, 1_000_000_000), "pixels; smaller holes are filled")
 
 
 @dataclass(frozen=True, slots=True)

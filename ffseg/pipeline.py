@@ -16,6 +16,7 @@ from ffseg.image.checked import checked_image
 from ffseg.image.disc import valid_disc
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
+from ffseg.image.selection import selected
 from ffseg.judge import judged
 from ffseg.native import _core
 from ffseg.plugins import EDGE_SOURCES, find, method
@@ -47,6 +48,7 @@ def segment(scene: Scene) -> Segmentation:
     known = perf_counter()
     found = contour_of(scene)  # what the method finds
     contours, mask = region(found)  # curves and pixels of the same region
+    contours, mask = selected(contours, mask, scene.params.region)  # which parts and holes are kept
     end = perf_counter()
     score, doubts = judged(scene, found, contours, mask)  # how sure it is, and why not
     timings = _timings(scene, found, known - begin, end - begin)

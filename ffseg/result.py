@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
+from ffseg.image.selection import counted
 from ffseg.io.saving.savable import Savable
 from ffseg.scene import Stats
 
@@ -58,6 +59,11 @@ class Segmentation(Savable):
     doubts: tuple[str, ...] = ()
 
     @property
+    def num_regions(self) -> int:
+        """Regions that the mask shows: pixels that hang together over their sides."""
+        return counted(self.mask)[0]
+
+    @property
     def num_holes(self) -> int:
-        """Inner contours."""
-        return sum(contour.signed_area < 0 for contour in self.contours)
+        """Holes that the mask shows: pixels outside that hang together over sides or corners, and not with the border."""
+        return counted(self.mask)[1]

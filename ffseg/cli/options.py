@@ -62,6 +62,23 @@ Outside = Annotated[
 ]
 
 
+Largest = Annotated[
+    int | None, typer.Option("--largest", metavar="N", min=0, help="Keep the N largest regions: region.largest.")
+]
+MinArea = Annotated[
+    int | None, typer.Option("--min-area", metavar="PX", min=0, help="Drop smaller regions: region.min_area.")
+]
+FillHoles = Annotated[
+    int | None, typer.Option("--fill-holes", metavar="PX", min=0, help="Fill smaller holes: region.fill_holes.")
+]
+
+
+def with_selection(settings: list[str], largest: int | None, min_area: int | None, fill_holes: int | None) -> list[str]:
+    """Overrides with what is kept of the result as the last of them."""
+    asked = {"largest": largest, "min_area": min_area, "fill_holes": fill_holes}
+    return [*settings, *(f"region.{key}={value}" for key, value in asked.items() if value is not None)]
+
+
 def with_background(settings: list[str] | None, outside: list[str] | None) -> list[str]:
     """Overrides with the background seeds of ``--not`` as the last of them.
 

@@ -64,15 +64,17 @@ def contour_components(contours: Sequence[FreeForm], shape: tuple[int, int]) -> 
         What each encloses by the pixel-centre rule, cut at the image border; ``index`` counts inner contours.
     """
     inner = [place for place, contour in enumerate(contours) if contour.signed_area < 0]
-    return inner, [_filled(index, contours[place], shape) for index, place in enumerate(inner)]
+    return inner, [filled(contours[place], shape, index) for index, place in enumerate(inner)]
 
 
-def _filled(index: int, contour: FreeForm, shape: tuple[int, int]) -> Component:
+def filled(contour: FreeForm, shape: tuple[int, int], index: int = 0) -> Component:
+    """What one contour encloses by the pixel-centre rule, whichever way round it runs, cut at the image border."""
     points = contour.control_points
     last = np.array([shape[1], shape[0]])
     x0, y0 = np.clip(np.floor(points.min(axis=0)), 0, last).astype(int).tolist()
     x1, y1 = np.clip(np.ceil(points.max(axis=0)) + 1, (x0, y0), last).astype(int).tolist()
-    local = np.concatenate([points[:1], points[:0:-1]]) - (x0, y0)  # run the other way: positive inside
+    forward = points if contour.signed_area > 0 else np.concatenate([points[:1], points[:0:-1]])
+    local = forward - (x0, y0)
     return Component(index, (x0, y0), rasterize([FreeForm.trusted(local, contour.degree)], (y1 - y0, x1 - x0)))
 
 

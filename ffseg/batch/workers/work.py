@@ -20,6 +20,7 @@ from ffseg.batch.tar.members import digest, output_bytes
 from ffseg.batch.workers.freshness import Read, kept_outputs, read_task
 from ffseg.batch.workers.messages import Done, Encoded, Failed, Known, Reply, Setup, Task, Unchanged
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError, is_out_of_memory
+from ffseg.image.selection import counted
 from ffseg.io.images import OPENCV_VERSION, Limits, decode_image, reading_note, single_thread
 from ffseg.io.masks import decode_mask
 from ffseg.io.overlays import FLATNESS, Polyline, polylines
@@ -199,7 +200,7 @@ def _start_cells(params: Parameters, task: Task) -> dict[str, Any]:
 
 
 def _row(image: NDArray[np.uint8], result: Segmentation, method: str) -> dict[str, Any]:
-    stats = result.stats
+    stats, (regions, holes) = result.stats, counted(result.mask)
     return {
         "width": image.shape[1],
         "height": image.shape[0],
@@ -210,8 +211,8 @@ def _row(image: NDArray[np.uint8], result: Segmentation, method: str) -> dict[st
         "iterations": stats.iterations,
         "splits": stats.splits,
         "flips": stats.flips,
-        "components": sum(contour.signed_area > 0 for contour in result.contours),
-        "holes": result.num_holes,
+        "components": regions,
+        "holes": holes,
         "area_px": int(np.count_nonzero(result.mask)),
         "edges_ms": result.timings.edges_ms,
         "evolve_ms": result.timings.evolve_ms,

@@ -26,6 +26,9 @@ from ffseg.cli.options import (
     AllowCode,
     Config,
     Evidence,
+    FillHoles,
+    Largest,
+    MinArea,
     Out,
     Outside,
     Settings,
@@ -34,6 +37,7 @@ from ffseg.cli.options import (
     TruthLabel,
     starts_file,
     with_background,
+    with_selection,
 )
 from ffseg.errors import UsageError
 
@@ -60,6 +64,9 @@ def run(  # noqa: PLR0913 - the options of the command
     starts: Starts = None,
     evidence: Evidence = None,
     outside: Outside = None,
+    largest: Largest = None,
+    min_area: MinArea = None,
+    fill_holes: FillHoles = None,
     camera: Annotated[
         Path | None, typer.Option("--camera", metavar="FILE", help="Camera file: tests enclosed components on pairs.")
     ] = None,
@@ -174,7 +181,8 @@ def run(  # noqa: PLR0913 - the options of the command
             cleanup.callback(process.end)
         interruption = cleanup.enter_context(Interruption("run it again to go on"))
         require_truth(truth, truth_label)
-        params = checked_params(config, with_background(settings, outside), allow_code=allow_code)
+        settings = with_selection(with_background(settings, outside), largest, min_area, fill_holes)
+        params = checked_params(config, settings, allow_code=allow_code)
         require_source(params, evidence)
         wanted = read_wanted(export or (), pack, overlay=overlay, animate=animate)
         wanted = in_metres(wanted, camera) if metric else wanted

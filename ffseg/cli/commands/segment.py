@@ -11,7 +11,17 @@ import typer
 
 from ffseg.cli import completion, console
 from ffseg.cli.checks import checked_params, refuse_pictures, require_source
-from ffseg.cli.options import AllowCode, Config, Outside, Settings, with_background
+from ffseg.cli.options import (
+    AllowCode,
+    Config,
+    FillHoles,
+    Largest,
+    MinArea,
+    Outside,
+    Settings,
+    with_background,
+    with_selection,
+)
 from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError, is_out_of_memory
 
 if TYPE_CHECKING:
@@ -46,6 +56,9 @@ def segment(  # noqa: PLR0913 - the options of the command
     settings: Settings = None,
     allow_code: AllowCode = False,
     outside: Outside = None,
+    largest: Largest = None,
+    min_area: MinArea = None,
+    fill_holes: FillHoles = None,
     evidence: Annotated[
         Path | None, typer.Option("--evidence", metavar="FILE", help="Map of what is inside: grey image, or .npy.")
     ] = None,
@@ -64,7 +77,8 @@ def segment(  # noqa: PLR0913 - the options of the command
     _require_other_names(image, wanted)
     if not overwrite:
         refuse_pictures([path for path in outputs if path != PIPE], "choose another name or add --overwrite")
-    params = checked_params(config, with_background(settings, outside), allow_code=allow_code)
+    settings = with_selection(with_background(settings, outside), largest, min_area, fill_holes)
+    params = checked_params(config, settings, allow_code=allow_code)
     require_source(params, evidence)
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from ffseg.api import segment as segment_pixels

@@ -83,7 +83,7 @@ class Savable:
     def __repr__(self) -> str:
         result = self._result()
         height, width = result.mask.shape
-        regions = counted(sum(contour.signed_area > 0 for contour in result.contours), "region")
+        regions = counted(result.num_regions, "region")
         return (
             f"<Segmentation of {width} x {height} px: {np.count_nonzero(result.mask)} px inside, {regions}, "
             f"{counted(result.num_holes, 'hole')}; {result.stats.stop_reason} after "

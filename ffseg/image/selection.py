@@ -1,0 +1,90 @@
+"""Which regions and holes of a result are kept: one choice for its mask, its contours, and what tables and exports count."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.regions import group_regions
+from ffseg.image.components import filled
+from ffseg.image.polygons import polygons
+from ffseg.image.raster import rasterize
+from ffseg.native import _core
+from ffseg.parameters import Region
+
+Mask = NDArray[np.bool_]
+
+
+def selected(contours: Sequence[FreeForm], mask: Mask, params: Region) -> tuple[tuple[FreeForm, ...], Mask]:
+    """The contours and the mask of what is kept.
+
+    Parameters
+    ----------
+    contours : sequence of FreeForm
+        Which `mask` shows.
+    mask : ndarray of bool, shape (H, W)
+    params : Region
+        ``min_area`` and ``largest`` choose among the regions (pixels that hang together over their sides), then
+        ``fill_holes`` among the holes (pixels outside that hang together over sides or corners, and not with the border).
+
+    Returns
+    -------
+    contours : tuple of FreeForm
+        Without those that enclose no pixel, no pixel of what is kept, or a hole that is filled. Where they then show
+        another mask, as a contour that touches itself round a hole does, outlines of degree 1 of the mask, through the
+        places where the contours cross between pixels.
+    mask : ndarray of bool, shape (H, W)
+    """
+    if not (params.largest or params.min_area or params.fill_holes):
+        return tuple(one for one in contours if _surely_shown(one) or _shown(one, mask)), mask
+    kept = _kept(mask, params)
+    held = {id(one) for group in group_regions(contours) if _shown(group.outer, kept) for one in group.contours}
+    left = tuple(one for one in contours if id(one) in held and _shown(one, kept))
+    if (rasterize(left, mask.shape) != kept).any():
+        rings = (ring for polygon in polygons(kept, left) for ring in polygon.rings)
+        left = tuple(FreeForm(ring, 1) for ring in rings)
+    return left, kept
+
+
+def counted(mask: Mask) -> tuple[int, int]:
+    """Regions and holes that a mask shows, connected as `selected` says."""
+    points, offsets = _core.mask_outlines(np.ascontiguousarray(mask).view(np.uint8))
+    if len(offsets) < 2:
+        return 0, 0
+    x, y = points.reshape(-1, 2).T
+    ahead = np.arange(1, len(x) + 1)
+    ahead[offsets[1:] - 1] = offsets[:-1]
+    areas = np.add.reduceat((x - x[ahead]) * (y + y[ahead]), offsets[:-1])
+    regions = int(np.count_nonzero(areas > 0))
+    return regions, len(areas) - regions
+
+
+def _kept(mask: Mask, params: Region) -> Mask:
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=4)
+    areas = stats[:, cv2.CC_STAT_AREA].copy()
+    areas[0] = 0
+    chosen = (areas > 0) & (areas >= params.min_area)
+    if params.largest:
+        chosen[np.argsort(-areas, kind="stable")[params.largest :]] = False
+    kept: Mask = chosen[labels]
+    _, labels, stats, _ = cv2.connectedComponentsWithStats((~np.pad(kept, 1)).view(np.uint8), connectivity=8)
+    small = stats[:, cv2.CC_STAT_AREA] < params.fill_holes
+    small[labels[0, 0]] = False  # not the outside
+    return kept | (small[labels] & (labels > 0))[1:-1, 1:-1]
+
+
+def _surely_shown(contour: FreeForm) -> bool:
+    """Whether it must enclose a pixel centre: by Steinhaus, when its area in pixels exceeds its length."""
+    points = contour.control_points
+    length = np.hypot(*(points - np.roll(points, 1, axis=0)).T).sum()  # no curve is longer than its control polygon
+    return abs(contour.signed_area) > length
+
+
+def _shown(contour: FreeForm, mask: Mask) -> bool:
+    own = filled(contour, mask.shape)
+    inside = mask[own.window()][own.mask]
+    return bool(inside.any()) if contour.signed_area > 0 else not inside.all()
