@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shlex
 from collections.abc import Mapping, Sequence
@@ -11,16 +12,19 @@ from numpy.typing import NDArray
 
 from ffseg.batch.plan.discover import Source
 from ffseg.errors import ImageReadError
+from ffseg.image.polygons import polygons
+from ffseg.io.exports import AnnotatedImage, json_text, labelme_document
 from ffseg.io.files import SKIP_FILE, make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.io.masks import decode_mask, encode_mask
 from ffseg.io.starts import starts_table
 from ffseg.parameter_text import yaml_value
 from ffseg.parameters import Parameters
-from ffseg.picking.picks import Journal, Track
+from ffseg.picking.picks import Journal, Picked, Track
+from ffseg.picking.scene import Found
 from ffseg.schema.sections import flat
 
 JOURNAL, STARTS, SETTINGS, MODEL, COMMAND = "picks.jsonl", "starts.csv", "pick.yaml", "model.ffmodel", "run.sh"
-MASKS, RUN = "masks", "run"
+MASKS, LABELS, IMPORTED, RUN = "masks", "labels", "imported", "run"
 MOST_BYTES = 1 << 28
 
 
@@ -39,6 +43,8 @@ class Project:
         For all images, without a model.
     review : str
         Output folder of a run whose masks are the regions as long as nothing is picked; or empty.
+    label : str
+        Name of the class, or empty.
 
     Raises
     ------
@@ -47,9 +53,16 @@ class Project:
     """
 
     def __init__(
-        self, folder: str, sources: Sequence[Source], inputs: Sequence[str], params: Parameters, review: str = ""
+        self,
+        folder: str,
+        sources: Sequence[Source],
+        inputs: Sequence[str],
+        params: Parameters,
+        *,
+        review: str = "",
+        label: str = "",
     ) -> None:
-        self.folder, self.sources, self.inputs = folder, sources, inputs
+        self.folder, self.sources, self.inputs, self.label = folder, sources, inputs, label
         self._params, self.review = params, review
         make_folder(os.path.join(folder, MASKS))
         write_bytes_atomic(os.path.join(folder, SKIP_FILE), b"outputs of ffseg pick\n")
@@ -83,33 +96,50 @@ class Project:
         return replace(self._params, edges=replace(self._params.edges, model=model)) if model else self._params
 
     def base(self, name: str) -> NDArray[np.bool_] | None:
-        """What a run or another program has found in an image; None where there is no mask of it."""
-        if not self.review:
-            return None
-        try:
-            return decode_mask(read_bytes(self.mask_path(name, os.path.join(self.review, MASKS)), MOST_BYTES))
-        except ImageReadError:
-            return None
+        """What another program or a run has found in an image; None where there is no mask of it."""
+        folders = [self.path(IMPORTED), *([os.path.join(self.review, MASKS)] if self.review else [])]
+        for path in (self.mask_path(name, folder) for folder in folders):
+            with contextlib.suppress(ImageReadError):
+                return decode_mask(read_bytes(path, MOST_BYTES))
+        return None
+
+    def take(self, name: str, mask: NDArray[np.bool_]) -> None:
+        """Take a mask that was drawn elsewhere as that of an image in which nothing was picked, and accept it."""
+        path = self.mask_path(name, self.path(IMPORTED))
+        make_folder(os.path.dirname(path))
+        write_bytes_atomic(path, encode_mask(mask))
+        self.journal.add(name, "pick", Picked(status="accepted"))
 
     def count(self, status: str) -> int:
         """Images of a status other than ``open``."""
         return len(self.journal.names(lambda track: track.now.status == status))
 
-    def keep(self, name: str, mask: NDArray[np.bool_] | None) -> None:
-        """Bring the files up to what the journal says; `mask` is that of an accepted image.
+    def keep(self, source: Source, found: Found | None) -> None:
+        """Bring the files up to what the journal says; `found` is the region of an accepted image.
 
         Raises
         ------
         OutputError
             If one cannot be written.
         """
-        track, path = self.journal.track(name), self.mask_path(name)
-        if mask is not None:
-            make_folder(os.path.dirname(path))
-            write_bytes_atomic(path, encode_mask(mask))
-        elif track.accepted and os.path.exists(path):  # this command's own, of an image that is accepted no longer
-            os.unlink(path)
+        paths = (self.mask_path(source.name), f"{self.mask_path(source.name, self.path(LABELS))[:-4]}.json")
+        if found is not None:
+            for path, data in zip(
+                paths, (encode_mask(found.mask), self._labelme(source, found, paths[1])), strict=True
+            ):
+                make_folder(os.path.dirname(path))
+                write_bytes_atomic(path, data)
+        elif self.journal.track(source.name).accepted:  # this command's own, of an image that is accepted no longer
+            for path in paths:
+                with contextlib.suppress(FileNotFoundError):
+                    os.unlink(path)
         self.write_starts()
+
+    def _labelme(self, source: Source, found: Found, path: str) -> bytes:
+        height, width = found.mask.shape
+        name = printable(os.path.relpath(source.path, os.path.dirname(path)))
+        image = AnnotatedImage(name, width, height, polygons(found.mask, found.contours), self.label or "region")
+        return json_text(labelme_document(image)).encode("ascii")
 
     def write_starts(self) -> None:
         """Write the starts file, the settings and the command anew."""
@@ -162,6 +192,3 @@ class Project:
         if len(lines) > 2:
             lines.remove("{}")
         return "\n".join([*lines, ""])
-
-    def __str__(self) -> str:
-        return printable(os.path.basename(self.folder))

@@ -19,6 +19,7 @@ from ffseg.batch.workers.sources import read_source
 from ffseg.errors import UsageError
 from ffseg.io.files import make_folder, printable, write_bytes_atomic
 from ffseg.io.images import single_thread
+from ffseg.io.labels import Labels
 from ffseg.parameters import Parameters
 from ffseg.picking.learner import LEAST_MASKS, Background, figures_said, last_line
 from ffseg.picking.picks import Picked
@@ -81,7 +82,10 @@ class Session:
         if labels:
             write_bytes_atomic(os.path.join(out, CLASSES), "".join(f"{one}\n" for one in labels).encode())
         folders = [os.path.join(out, label) if label else out for label in self.labels]
-        self.projects = [Project(one, self.sources, self.inputs, params, review) for one in folders]
+        self.projects = [
+            Project(folder, self.sources, self.inputs, params, review=review, label=label)
+            for folder, label in zip(folders, self.labels, strict=True)
+        ]
         self._scenes: OrderedDict[int, Scene] = OrderedDict()
         self._opening, self._changing = threading.Lock(), threading.RLock()
         self._work = [_Work(project, self) for project in self.projects]
@@ -102,6 +106,29 @@ class Session:
         for work in self._work:
             work.stop()
         self._lock.__exit__(None, None, None)
+
+    def take(self, labels: Labels) -> int:
+        """Take regions drawn elsewhere as masks of images in which nothing was picked; how many were taken.
+
+        Raises
+        ------
+        UsageError
+            If a region does not fit its image.
+        """
+        taken = 0
+        for index, source in enumerate(self.sources):
+            if not labels.of(source.name):
+                continue
+            for project in self.projects:
+                track = project.journal.track(source.name)
+                mask = None if track.version else labels.mask(source.name, project.label, self.scene(index).shape)
+                if mask is not None and mask.any() and not mask.all():
+                    project.take(source.name, mask)
+                    self._keep(project, source.name)
+                    taken += 1
+        for work in self._work:
+            work.learn(again=taken > 0)
+        return taken
 
     def scene(self, index: int) -> Scene:
         """An image, decoded.
@@ -195,8 +222,7 @@ class Session:
         if index < 0:
             return False
         accepted = track.now.status == "accepted"
-        mask = self._found(project, index, track.now).mask if accepted else None
-        project.keep(name, mask)
+        project.keep(self.sources[index], self._found(project, index, track.now) if accepted else None)
         return track.accepted
 
     def following(self, label: int, index: int) -> int:

@@ -17,6 +17,7 @@ from picking import LEFT, OPEN, RIGHT, ask, disc, draw, iou, mask_of, picked, se
 
 import ffseg
 from ffseg.errors import OutputError, UsageError
+from ffseg.io.labels import read_labels
 from ffseg.io.starts import load_starts
 from ffseg.parameters import load_params
 from ffseg.picking.learner import Background
@@ -358,3 +359,26 @@ def test_a_notebook_gets_the_page_in_a_frame_and_what_was_picked(tmp_path: Path)
         assert list(again.masks()) == ["0.png"]
     with pytest.raises(ffseg.SegmentationError, match="the image is None"):
         ffseg.pick([None], out=tmp_path / "out")
+
+
+def test_labels_come_from_other_programs_and_go_back(tmp_path: Path) -> None:
+    folder, out = draw(tmp_path / "in", ["a.png", "sub/b.png"]), tmp_path / "out"
+    with session(folder, out) as own:
+        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+    exported = json.loads((out / "labels" / "a.json").read_text())
+    assert (out / "labels" / exported["imagePath"]).resolve() == folder / "a.png"
+    drawn = read_labels(out / "labels")
+    with session(folder, tmp_path / "second") as own:
+        own.change(0, 1, 0, "pick", picked(RIGHT))
+        assert own.take(drawn) == 1
+        assert own.take(drawn) == 0, "nothing is doubled"
+        assert own.statuses(0) == {0: "accepted"}
+        eraser = {"inside": False, "radius": 40, "points": [[25, 60]]}
+        own.change(0, 0, 1, "pick", OPEN | {"strokes": [eraser], "status": "accepted"})
+        mask = mask_of(tmp_path / "second" / "masks" / "a.png")
+        assert 0 < mask.sum() < 0.7 * disc(LEFT).sum()
+        own.change(0, 0, 2, "undo")
+    assert (tmp_path / "second" / "masks" / "a.png").read_bytes() == (out / "masks" / "a.png").read_bytes()
+    with session(folder, out) as own:
+        own.change(0, 0, 1, "undo")
+    assert not (out / "labels" / "a.json").exists()

@@ -37,6 +37,10 @@ def pick(  # noqa: PLR0913 - the options of the command
             "--review", metavar="DIR", parser=folder, help="Output folder of run: accept or correct its masks."
         ),
     ] = None,
+    labels_from: Annotated[
+        Path | None,
+        typer.Option("--labels-from", metavar="FILE", help="Regions of LabelMe, COCO or VIA (or folder of LabelMe's)."),
+    ] = None,
     config: Config = None,
     settings: Settings = None,
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Of the page; 0 = any that is free.")] = 0,
@@ -59,8 +63,13 @@ def pick(  # noqa: PLR0913 - the options of the command
         raise UsageError(
             "name the folder for what is picked with --out DIR; it has a name of its own for one folder only"
         )
+    from ffseg.io.labels import read_labels
+
+    drawn = None if labels_from is None else read_labels(labels_from)
     chosen = [one.strip() for one in labels.split(",")] if labels is not None else []
     with Session(inputs, target, params, chosen, os.fspath(review) if review else "") as session:
+        if drawn is not None:
+            console.message(f"ffseg: {session.take(drawn)} masks taken from {printable(os.fspath(labels_from or ''))}")
         _serve(session, port, browser)
 
 

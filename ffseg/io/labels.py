@@ -1,0 +1,233 @@
+"""Regions that were drawn elsewhere: annotation files of LabelMe, COCO and VIA, read as masks."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.errors import FfsegError, ImageReadError, UsageError
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.raster import rasterize
+from ffseg.io.files import printable, read_bytes
+from ffseg.io.masks import decode_mask
+
+Mask = NDArray[np.bool_]
+Paint = Callable[[Mask], None]
+"""Sets the pixels of one region in the mask of an image."""
+
+MAX_BYTES = 1 << 28
+CIRCLE_CORNERS = 64
+"""Of the polygon that stands for a circle or an ellipse: it leaves one of 100 px by 0.1 px."""
+
+
+@dataclass(slots=True)
+class Labels:
+    """What a file says of each image.
+
+    Attributes
+    ----------
+    regions : dict
+        By the image's name as the file has it, then by label: how its regions are painted.
+    """
+
+    regions: dict[str, dict[str, list[Paint]]] = field(default_factory=dict)
+
+    def add(self, image: str, label: str, paint: Paint) -> None:
+        """Add a region."""
+        self.regions.setdefault(image.replace("\\", "/"), {}).setdefault(label, []).append(paint)
+
+    def of(self, name: str) -> dict[str, list[Paint]]:
+        """Regions of an image by label: under its own name, else under its last part where only one image has that."""
+        if name in self.regions:
+            return self.regions[name]
+        same = [one for one in self.regions if os.path.basename(one) == os.path.basename(name)]
+        return self.regions[same[0]] if len(same) == 1 else {}
+
+    def mask(self, name: str, label: str, shape: tuple[int, int]) -> Mask | None:
+        """Regions of a label in an image, or of all labels where it is empty; None where the file has none.
+
+        Parameters
+        ----------
+        name : str
+            Relative name with ``/``.
+        label : str
+        shape : tuple of int
+            (H, W) of the image.
+
+        Raises
+        ------
+        UsageError
+            If a region does not fit the image.
+        """
+        paints = [paint for key, all_of_it in self.of(name).items() if label in ("", key) for paint in all_of_it]
+        if not paints:
+            return None
+        mask = np.zeros(shape, np.bool_)
+        try:
+            for paint in paints:
+                paint(mask)
+        except (ValueError, TypeError, KeyError, IndexError, FfsegError, binascii.Error) as error:
+            raise UsageError(f"a region of {printable(name)} cannot be read ({error}); export it again") from error
+        return mask
+
+
+def read_labels(path: str | os.PathLike[str]) -> Labels:
+    """Read a file of LabelMe, COCO or VIA, or a folder of LabelMe files.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    UsageError
+        If it cannot be read or is none of them.
+    """
+    labels = Labels()
+    if os.path.isdir(path):
+        names = sorted(
+            os.path.join(place, one) for place, _, files in os.walk(path) for one in files if one.endswith(".json")
+        )
+        if not names:
+            raise UsageError(
+                f"{printable(path)} holds no .json file; name a file of LabelMe, COCO or VIA, or a folder of LabelMe's"
+            )
+    else:
+        names = [os.fspath(path)]
+    for name in names:
+        try:
+            _read(json.loads(read_bytes(name, MAX_BYTES)), labels)
+        except ImageReadError as error:
+            raise UsageError(f"{printable(name)}: {error}") from error
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+            raise UsageError(
+                f"{printable(name)} is no file of LabelMe, COCO or VIA ({error}); export it again"
+            ) from error
+    return labels
+
+
+def _read(document: Any, labels: Labels) -> None:  # noqa: ANN401 - whatever the file holds
+    if "shapes" in document:
+        for shape in document["shapes"]:
+            labels.add(str(document["imagePath"]), str(shape["label"]), _labelme(shape))
+    elif "annotations" in document:
+        images = {one["id"]: str(one["file_name"]) for one in document["images"]}
+        names = {one["id"]: str(one["name"]) for one in document.get("categories", ())}
+        for one in document["annotations"]:
+            labels.add(images[one["image_id"]], names.get(one.get("category_id"), ""), _coco(one))
+    else:
+        entries: Mapping[str, Any] = document.get("_via_img_metadata", document)
+        for entry in entries.values():
+            for region in _via_regions(entry["regions"]):
+                words = [value for value in region.get("region_attributes", {}).values() if isinstance(value, str)]
+                labels.add(str(entry["filename"]), words[0] if words else "", _via(region["shape_attributes"]))
+
+
+def _via_regions(regions: Any) -> Iterator[Any]:  # noqa: ANN401 - a list, or of VIA 1 an object
+    yield from regions.values() if isinstance(regions, dict) else regions
+
+
+def polygon(points: Any) -> Paint:  # noqa: ANN401 - rows of two numbers, checked here
+    """Paint the pixels whose centres lie in a polygon of which (0, 0) is the image's corner."""
+    corners = np.asarray(points, np.float64)
+    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
+        raise ValueError("a polygon needs three points of two numbers")
+
+    def paint(mask: Mask) -> None:
+        x, y = (corners - corners[0]).T
+        area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+        ring = corners if area > 0 else corners[::-1]
+        mask |= rasterize((FreeForm(ring - 0.5, 1),), mask.shape)
+
+    return paint
+
+
+def _rectangle(left: float, top: float, right: float, bottom: float) -> Paint:
+    return polygon([[left, top], [right, top], [right, bottom], [left, bottom]])
+
+
+def _ellipse(x: float, y: float, wide: float, high: float) -> Paint:
+    turns = np.arange(CIRCLE_CORNERS) * (2 * np.pi / CIRCLE_CORNERS)
+    return polygon(np.stack([x + wide * np.cos(turns), y + high * np.sin(turns)], axis=1))
+
+
+def _labelme(shape: Mapping[str, Any]) -> Paint:
+    points, kind = shape["points"], shape.get("shape_type", "polygon")
+    if kind == "polygon":
+        return polygon(points)
+    (x0, y0), (x1, y1) = points
+    if kind == "rectangle":
+        return _rectangle(x0, y0, x1, y1)
+    if kind == "circle":
+        radius = float(np.hypot(x1 - x0, y1 - y0))
+        return _ellipse(x0, y0, radius, radius)
+    if kind != "mask":
+        raise ValueError(f"a {kind} encloses nothing")
+    part, left, top = decode_mask(base64.b64decode(shape["mask"])), round(x0), round(y0)
+
+    def paint(mask: Mask) -> None:
+        mask[top : top + part.shape[0], left : left + part.shape[1]] |= part
+
+    return paint
+
+
+def _coco(annotation: Mapping[str, Any]) -> Paint:
+    found = annotation.get("segmentation")
+    if isinstance(found, dict):
+        height, width = found["size"]
+        counts = found["counts"]
+        lengths = _unpacked(counts) if isinstance(counts, str) else [int(one) for one in counts]
+        if sum(lengths) != height * width:
+            raise ValueError(f"run lengths of {sum(lengths)} pixels in an image of {height * width}")
+        values = np.repeat(np.arange(len(lengths)) % 2 == 1, lengths).reshape((height, width), order="F")
+
+        def paint(mask: Mask) -> None:
+            mask |= values
+
+        return paint
+    if found:
+        parts = [polygon(np.reshape(one, (-1, 2))) for one in found]
+
+        def paint_all(mask: Mask) -> None:
+            for part in parts:
+                part(mask)
+
+        return paint_all
+    x, y, width, height = annotation["bbox"]
+    return _rectangle(x, y, x + width, y + height)
+
+
+def _unpacked(text: str) -> list[int]:
+    """Run lengths of COCO's compressed form: five bits a character, each length but three as the change since two before."""
+    lengths: list[int] = []
+    value = shift = 0
+    for character in text:
+        code = ord(character) - 48
+        value |= (code & 31) << shift
+        shift += 5
+        if not code & 32:
+            value -= (1 << shift) if code & 16 else 0
+            lengths.append(value + (lengths[-2] if len(lengths) > 2 else 0))
+            value = shift = 0
+    return lengths
+
+
+def _via(shape: Mapping[str, Any]) -> Paint:
+    kind = shape["name"]
+    if kind in ("polygon", "polyline"):
+        return polygon(np.stack([shape["all_points_x"], shape["all_points_y"]], axis=1))
+    if kind == "rect":
+        return _rectangle(shape["x"], shape["y"], shape["x"] + shape["width"], shape["y"] + shape["height"])
+    if kind == "circle":
+        return _ellipse(shape["cx"], shape["cy"], shape["r"], shape["r"])
+    if kind == "ellipse":
+        return _ellipse(shape["cx"], shape["cy"], shape["rx"], shape["ry"])
+    raise ValueError(f"a {kind} encloses nothing")

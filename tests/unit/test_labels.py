@@ -1,0 +1,137 @@
+"""Annotation files of other programs as masks, and what ffseg exports read back."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pycocotools import mask as coco_mask
+
+from ffseg.errors import UsageError
+from ffseg.image.polygons import polygons
+from ffseg.io.exports import AnnotatedImage, coco_document, json_text, labelme_document
+from ffseg.io.labels import read_labels
+from ffseg.pipeline import outlines_of
+
+SHAPE = (30, 40)
+
+
+def write(folder: Path, document: object, name: str = "labels.json") -> Path:
+    path = folder / name
+    path.write_text(json.dumps(document), encoding="utf-8")
+    return path
+
+
+def ring() -> np.ndarray:
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    distance = np.hypot(x - 18, y - 14)
+    return (distance < 11) & (distance > 4) | (x > 35)
+
+
+@pytest.mark.parametrize("document", [coco_document, labelme_document])
+def test_what_is_exported_comes_back_pixel_for_pixel(document, tmp_path: Path) -> None:
+    mask = ring()
+    image = AnnotatedImage("sub/a.png", SHAPE[1], SHAPE[0], polygons(mask, outlines_of(mask)), "road")
+    path = tmp_path / "own.json"
+    path.write_text(json_text(document(image)))
+    labels = read_labels(path)
+    for label in ("road", ""):
+        assert np.array_equal(labels.mask("sub/a.png", label, SHAPE), mask)
+    assert labels.mask("sub/a.png", "kerb", SHAPE) is None
+    assert labels.mask("b.png", "", SHAPE) is None
+    assert np.array_equal(labels.mask("other/a.png", "", SHAPE), mask), "the only image of that name"
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.95))
+def test_compressed_run_lengths_are_those_of_coco(
+    tmp_path_factory: pytest.TempPathFactory, seed: int, share: float
+) -> None:
+    mask = cv2.blur(np.random.default_rng(seed).random(SHAPE), (3, 5)) < share
+    packed = coco_mask.encode(np.asfortranarray(mask.astype(np.uint8)))
+    segmentation = {"size": list(SHAPE), "counts": packed["counts"].decode()}
+    document = {
+        "images": [{"id": 7, "file_name": "a.jpg"}],
+        "annotations": [{"image_id": 7, "category_id": 1, "segmentation": segmentation}],
+    }
+    path = write(tmp_path_factory.mktemp("coco"), document)
+    assert np.array_equal(read_labels(path).mask("a.jpg", "", SHAPE), mask)
+
+
+def box(left: int, top: int, right: int, bottom: int) -> np.ndarray:
+    found = np.zeros(SHAPE, np.bool_)
+    found[top:bottom, left:right] = True
+    return found
+
+
+def test_shapes_of_every_program_are_painted_where_they_stand(tmp_path: Path) -> None:
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    part = base64.b64encode(cv2.imencode(".png", np.full((4, 6), 255, np.uint8))[1].tobytes()).decode()
+    labelme = {
+        "imagePath": "..\\photos\\a.png",
+        "shapes": [
+            {"label": "r", "shape_type": "rectangle", "points": [[10, 8], [3, 2]]},
+            {"label": "c", "shape_type": "circle", "points": [[20, 15], [20, 21]]},
+            {"label": "m", "shape_type": "mask", "points": [[30, 20], [35, 23]], "mask": part},
+        ],
+    }
+    found = read_labels(write(tmp_path, labelme))
+    assert np.array_equal(found.mask("a.png", "r", SHAPE), box(3, 2, 10, 8))
+    assert np.array_equal(found.mask("a.png", "m", SHAPE), box(30, 20, 36, 24))
+    disc = found.mask("a.png", "c", SHAPE)
+    distance = np.hypot(x + 0.5 - 20, y + 0.5 - 15)
+    assert disc[distance < 5.98].all()
+    assert not disc[distance > 6].any()
+    rect = {"name": "rect", "x": 3, "y": 2, "width": 7, "height": 6}
+    triangle = {"name": "polygon", "all_points_x": [0, 40, 0], "all_points_y": [0, 0, 30]}
+    regions = [{"shape_attributes": rect, "region_attributes": {"kind": "r"}}, {"shape_attributes": triangle}]
+    for place in (  # lists, and objects of VIA 1
+        {"a.png1": {"filename": "a.png", "regions": regions}},
+        {"a.png1": {"filename": "a.png", "regions": {"0": regions[0]}}},
+    ):
+        for document in (place, {"_via_img_metadata": place}):
+            assert np.array_equal(read_labels(write(tmp_path, document)).mask("a.png", "r", SHAPE), box(3, 2, 10, 8))
+    both = read_labels(write(tmp_path, {"a.png1": {"filename": "a.png", "regions": regions}}))
+    assert np.array_equal(both.mask("a.png", "", SHAPE), box(3, 2, 10, 8) | ((x + 0.5) / 40 + (y + 0.5) / 30 < 1))
+    coco = {
+        "images": [{"id": 1, "file_name": "a.png"}], "categories": [{"id": 3, "name": "box"}],
+        "annotations": [{"image_id": 1, "category_id": 3, "bbox": [3, 2, 7, 6], "segmentation": []}],
+    }  # fmt: skip
+    assert np.array_equal(read_labels(write(tmp_path, coco)).mask("a.png", "box", SHAPE), box(3, 2, 10, 8))
+
+
+BAD = [
+    [], 3, {"shapes": [{}], "imagePath": "a"}, {"annotations": [{"image_id": 1}], "images": []}, {"a": 1},
+    {"a": {"regions": [1]}},
+    {"imagePath": "a", "shapes": [{"label": "x", "shape_type": "line", "points": [[1, 1], [2, 2]]}]},
+    {"imagePath": "a", "shapes": [{"label": "x", "points": [[1, 1], [2, 2]]}]},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("document", BAD)
+def test_what_is_no_annotation_is_refused(document: object, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"labels\.json is no file of LabelMe, COCO or VIA"):
+        read_labels(write(tmp_path, document))
+
+
+def test_other_sizes_and_files_that_are_none_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "text.json").write_text("{")
+    (tmp_path / "none").mkdir()
+    for path, said in (
+        ("text.json", "is no file of LabelMe"),
+        ("absent.json", "there is no such file"),
+        ("none", "no .json file"),
+    ):
+        with pytest.raises(UsageError, match=said):
+            read_labels(tmp_path / path)
+    runs = {
+        "images": [{"id": 1, "file_name": "a"}],
+        "annotations": [{"image_id": 1, "segmentation": {"size": [2, 2], "counts": [1, 3]}}],
+    }
+    with pytest.raises(UsageError, match="a region of a cannot be read"):
+        read_labels(write(tmp_path, runs)).mask("a", "", SHAPE)
