@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ffseg.bench.figures import Figure
+from ffseg.bench.measure import Figure
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
 
@@ -21,15 +21,7 @@ a slowdown stays. The least of the measurements would be kinder, also to a slowd
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
-    """Figures of an earlier run by key, and the limit they set.
-
-    Attributes
-    ----------
-    steady : mapping of str to float
-        ``Figure.steady`` of each.
-    max_ratio : float
-        A figure may be so many times its baseline.
-    """
+    """``Figure.steady`` of an earlier run by key, and how many times that a figure may be."""
 
     steady: Mapping[str, float]
     max_ratio: float
@@ -89,20 +81,7 @@ def slower(figures: Iterable[Figure], baseline: Baseline) -> list[Slower]:
 def confirmed(
     figures: Sequence[Figure], baseline: Baseline, again: Callable[[frozenset[str]], Sequence[Figure]]
 ) -> list[Figure]:
-    """The figures, those above the limit measured again.
-
-    Parameters
-    ----------
-    figures : sequence of Figure
-    baseline : Baseline
-    again : callable
-        Measures the figures of these keys anew.
-
-    Returns
-    -------
-    list of Figure
-        In the same order; a figure measured more than once has all its samples.
-    """
+    """The figures in their order, those above the limit measured again with `again` and given all their samples."""
     known = {figure.key: figure for figure in figures}
     for _ in range(RETRIES):
         suspects = frozenset(item.key for item in slower(known.values(), baseline))

@@ -1,32 +1,39 @@
-"""Timed tasks, measured in turns with the fixed kernel K."""
+"""Timed tasks, measured in turns with the fixed kernel K, and what their samples say: medians, ratios, growth."""
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from time import perf_counter, process_time
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.bench.figures import Compared, Figure
 from ffseg.image.reference import one_thread, reference_kernel
+from ffseg.plugins import SEGMENTERS
 
 Fact = str | int | float
+BLOCK = 5
+"""Rounds whose smallest samples are compared: a disturbance that spares one round of five costs nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What the suites of a run share: a temporary folder, the user's images, tiny inputs or not, methods to measure."""
+
+    work: Path
+    images: Path | None = None
+    quick: bool = False
+    methods: Sequence[str] = tuple(SEGMENTERS)
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One measurement.
+    """One measurement: what is reported (ms of wall time, or memory), and what the gate compares.
 
-    Attributes
-    ----------
-    value : float
-        What is reported: milliseconds of wall time, or memory.
-    robust : float
-        What the gate compares: processor time where the work is computing, because waiting for a turn on a busy
-        machine is not in it; else the same as `value`.
+    The second is processor time where the work is computing, because waiting for a turn on a busy machine is not in it.
     """
 
     value: float
@@ -56,21 +63,7 @@ def timed_fresh(make: Callable[[], Callable[[], object]], per: float = 1.0) -> T
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """One quantity to measure.
-
-    Attributes
-    ----------
-    case : str
-        What it is measured on.
-    quantity : str
-        What is measured, such as ``evolve``.
-    sample : Timer
-        Takes one measurement.
-    x : float
-        Place on the suite's axis (patches, pixels, jobs); 0 when there is none.
-    unit : str
-        ``ms``, ``MB`` or ``B/px``.
-    """
+    """One quantity to measure on a case; `x` is its place on the suite's axis (patches, pixels, jobs), 0 for none."""
 
     case: str
     quantity: str
@@ -91,21 +84,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Tasks that are measured in turns.
-
-    Attributes
-    ----------
-    suite : str
-    name : str
-    grey : ndarray of uint8, shape (H, W)
-        The image K runs on.
-    tasks : sequence of Task
-    facts : mapping
-        What else is known of the case: counts, scores.
-    comparisons : sequence of Comparison
-    rounds : int
-        Rounds that are enough, 0 for as many as the run is told.
-    """
+    """Tasks measured in turns with K on the image `grey`; `rounds` that are enough, 0 for as many as the run is told."""
 
     suite: str
     name: str
@@ -133,19 +112,84 @@ class Effort:
     budget_s: float = 20.0
 
 
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """Samples of one quantity and of K, taken in turns; ``robust`` is what the gate compares (`Sample`)."""
+
+    suite: str
+    case: str
+    quantity: str
+    unit: str
+    x: float
+    values: tuple[float, ...]
+    robust: tuple[float, ...]
+    kernel_values: tuple[float, ...]
+    kernel_robust: tuple[float, ...]
+
+    @property
+    def key(self) -> str:
+        """Name of the figure in tables and baselines."""
+        return f"{self.suite}/{self.case}/{self.quantity}"
+
+    @property
+    def median(self) -> float:
+        """Median of the samples."""
+        return float(np.median(self.values))
+
+    @property
+    def quartiles(self) -> tuple[float, float]:
+        """First and third quartile of the samples."""
+        low, high = np.quantile(self.values, [0.25, 0.75])
+        return float(low), float(high)
+
+    @property
+    def robust_median(self) -> float:
+        """Median of the robust samples, which exponents and ratios are made of."""
+        return float(np.median(self.robust))
+
+    @property
+    def kernel(self) -> float:
+        """Median of K in milliseconds, robust."""
+        return float(np.median(self.kernel_robust))
+
+    @property
+    def ratio(self) -> float | None:
+        """Robust median in units of K; None for what is no time."""
+        return self.robust_median / self.kernel if self.unit == "ms" else None
+
+    @property
+    def steady(self) -> float:
+        """What the gate compares: the median over blocks of rounds of the least sample divided by the least K.
+
+        The least of a block drops what disturbs single rounds; the same block for both drops drifts of the clock; the
+        median drops a block that was disturbed as a whole. For what is no time: the median.
+        """
+        if self.unit != "ms":
+            return self.robust_median
+        blocks = np.array_split(np.arange(len(self.robust)), max(1, len(self.robust) // BLOCK))
+        robust, kernel = np.array(self.robust), np.array(self.kernel_robust)
+        return float(np.median([robust[block].min() / kernel[block].min() for block in blocks]))
+
+    def joined(self, other: Figure) -> Figure:
+        """The figure with the samples of another measurement of it."""
+        samples = ("values", "robust", "kernel_values", "kernel_robust")
+        return replace(self, **{name: getattr(self, name) + getattr(other, name) for name in samples})
+
+
 def measure(group: Group, effort: Effort) -> list[Figure]:
     """Measure the tasks of a group in turns, K before each of them; the first round warms up and does not count."""
     kernel = timed(lambda: reference_kernel(group.grey))
-    taken: list[list[tuple[Sample, Sample]]] = [[] for _ in group.tasks]
+    rounds: list[list[tuple[Sample, Sample]]] = []
     with one_thread():
         begin = perf_counter()
         _round(group.tasks, kernel)
-        while len(taken[0]) < (min(group.rounds, effort.rounds) or effort.rounds):
-            for samples, pair in zip(taken, _round(group.tasks, kernel), strict=True):
-                samples.append(pair)
+        while len(rounds) < (min(group.rounds, effort.rounds) or effort.rounds):
+            rounds.append(_round(group.tasks, kernel))
             if perf_counter() - begin > effort.budget_s:
                 break
-    return [_figure(group.suite, task, pairs) for task, pairs in zip(group.tasks, taken, strict=True)]
+    return [
+        _figure(group.suite, task, pairs) for task, pairs in zip(group.tasks, zip(*rounds, strict=True), strict=True)
+    ]
 
 
 def _round(tasks: Sequence[Task], kernel: Timer) -> list[tuple[Sample, Sample]]:
@@ -159,27 +203,72 @@ def _round(tasks: Sequence[Task], kernel: Timer) -> list[tuple[Sample, Sample]]:
 
 
 def _figure(suite: str, task: Task, pairs: Sequence[tuple[Sample, Sample]]) -> Figure:
-    return Figure(
-        suite=suite,
-        case=task.case,
-        quantity=task.quantity,
-        unit=task.unit,
-        x=task.x,
-        values=tuple(sample.value for _, sample in pairs),
-        robust=tuple(sample.robust for _, sample in pairs),
-        kernel_values=tuple(kernel.value for kernel, _ in pairs),
-        kernel_robust=tuple(kernel.robust for kernel, _ in pairs),
-    )
+    kernels, own = zip(*pairs, strict=True)
+    samples = [tuple(getattr(one, name) for one in part) for part in (own, kernels) for name in ("value", "robust")]
+    return Figure(suite, task.case, task.quantity, task.unit, task.x, *samples)
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """One case in units of another: medians divided, of what is reported and of the robust samples."""
+
+    suite: str
+    title: str
+    ratio: float
+    robust_ratio: float
 
 
 def compared(group: Group, figures: Sequence[Figure]) -> list[Compared]:
     """The comparisons of a group from its figures."""
-    of = {figure.case: figure for figure in figures}
+    of = {figure.case: np.array([figure.median, figure.robust_median]) for figure in figures}
     found = []
     for part in group.comparisons:
-        value, robust = of[part.case].median, of[part.case].robust_median
-        if part.minus:
-            value, robust = value - of[part.minus].median, robust - of[part.minus].robust_median
-        over = of[part.over]
-        found.append(Compared(group.suite, part.title, value / over.median, robust / over.robust_median))
+        value, robust = (of[part.case] - (of[part.minus] if part.minus else 0.0)) / of[part.over]
+        found.append(Compared(group.suite, part.title, float(value), float(robust)))
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """How a quantity grows along its suite's axis: ``robust_median ~ x ** exponent``.
+
+    `upper` is the same over the upper half of the x alone, where constant costs no longer hide the growth.
+    """
+
+    suite: str
+    series: str
+    exponent: float
+    upper: float
+
+    def __str__(self) -> str:
+        return f"{self.series}: exponent {self.exponent:.2f}, upper half {self.upper:.2f}"
+
+
+def series_of(figures: Iterable[Figure]) -> dict[tuple[str, str], list[Figure]]:
+    """Figures with a place on an axis by suite and series, in the order of x.
+
+    The series is the case without what follows its last comma (the place itself), and the quantity.
+    """
+    found: dict[tuple[str, str], list[Figure]] = {}
+    for figure in figures:
+        if figure.x > 0:
+            case = figure.case.rpartition(", ")[0]
+            found.setdefault((figure.suite, f"{case} {figure.quantity}".strip()), []).append(figure)
+    return {name: sorted(series, key=lambda figure: figure.x) for name, series in found.items()}
+
+
+def growths(figures: Iterable[Figure]) -> list[Growth]:
+    """Exponents of every series of three positive figures or more: least squares on logarithms."""
+    found = []
+    for (suite, name), series in series_of(figures).items():
+        x, y = [figure.x for figure in series], [figure.robust_median for figure in series]
+        if len(series) < 3 or min(y) <= 0:
+            continue
+        half = min(len(x) // 2, len(x) - 2)
+        found.append(Growth(suite, name, exponent(x, y), exponent(x[half:], y[half:])))
+    return found
+
+
+def exponent(x: Sequence[float], y: Sequence[float]) -> float:
+    """Slope of log y over log x."""
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])

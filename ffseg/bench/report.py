@@ -1,13 +1,16 @@
-"""``bench.json``, ``bench.csv`` and ``bench.md`` of a bench run."""
+"""``bench.json``, ``bench.csv``, ``bench.md`` and the plots of a bench run."""
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 
-from ffseg.bench.figures import Figure, growths
+import numpy as np
+
 from ffseg.bench.gate import FORMAT
+from ffseg.bench.measure import Figure, Growth, growths, series_of
 from ffseg.bench.session import Outcome
 from ffseg.io.tables import Cell, csv_table
 
@@ -38,19 +41,11 @@ def to_json(outcome: Outcome) -> bytes:
 
 
 def _figure(figure: Figure) -> dict[str, object]:
-    samples = {name: [round(value, 6) for value in values] for name, values in asdict(figure).items() if name in _RAW}
-    named = {name: value for name, value in asdict(figure).items() if name not in _RAW}
-    derived = {
-        "key": figure.key,
-        "median": figure.median,
-        "robust_median": figure.robust_median,
-        "ratio_to_k": figure.ratio,
-        "steady": figure.steady,
-    }
-    return {**derived, **named, **samples}
-
-
-_RAW = {"values", "robust", "kernel_values", "kernel_robust"}
+    derived = {name: getattr(figure, name) for name in ("key", "median", "robust_median", "ratio", "steady")}
+    derived["ratio_to_k"] = derived.pop("ratio")
+    values = asdict(figure)
+    samples = {name: [round(one, 6) for one in value] for name, value in values.items() if isinstance(value, tuple)}
+    return {**derived, **values, **samples}
 
 
 def to_csv(outcome: Outcome) -> bytes:
@@ -133,3 +128,40 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
         "| " + " | ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) + " |" for row in cells
     ]
     return [lines[0], "|" + "|".join("-" * (width + 2) for width in widths) + "|", *lines[1:]]
+
+
+AXES = {"patches": "patches", "size": "pixels", "memory": "pixels"}
+"""What x is in each suite that is plotted."""
+
+
+def plots(figures: Sequence[Figure]) -> dict[str, bytes]:
+    """One SVG file for each suite with a fitted series, by file name; needs matplotlib (extra ``plot``)."""
+    fitted = growths(figures)
+    found = {}
+    for suite in AXES:
+        shown = [growth for growth in fitted if growth.suite == suite]
+        if shown:
+            found[f"{suite}.svg"] = _plot(suite, shown, figures)
+    return found
+
+
+def _plot(suite: str, shown: Sequence[Growth], figures: Sequence[Figure]) -> bytes:
+    import matplotlib as mpl
+    from matplotlib.figure import Figure as Canvas
+
+    series = series_of(figures)
+    with mpl.rc_context({"svg.hashsalt": "ffseg", "svg.fonttype": "none"}):  # the same bytes for the same figures
+        canvas = Canvas(figsize=(7.0, 4.6), layout="constrained")
+        axes = canvas.add_subplot()
+        for growth in shown:
+            points = series[growth.suite, growth.series]
+            x, y = [figure.x for figure in points], [figure.robust_median for figure in points]
+            (line,) = axes.plot(x, y, "o", label=str(growth))
+            offset = np.mean(np.log(y) - growth.exponent * np.log(x))
+            axes.plot(x, np.exp(offset) * np.power(x, growth.exponent), color=line.get_color(), linewidth=1)
+        axes.set(xscale="log", yscale="log", xlabel=AXES[suite], ylabel=points[0].unit, title=f"ffseg bench: {suite}")
+        axes.grid(visible=True, which="major", alpha=0.3)
+        axes.legend(fontsize="small")
+        buffer = io.BytesIO()
+        canvas.savefig(buffer, format="svg", metadata={"Date": None})
+    return buffer.getvalue()

@@ -2,61 +2,44 @@
 
 from __future__ import annotations
 
+import os
+import platform
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import sleep
 
-from ffseg.bench.figures import Compared, Figure
+import numpy as np
+
+from ffseg import __version__
 from ffseg.bench.gate import Baseline, Slower, confirmed, slower
-from ffseg.bench.machine import machine, versions
-from ffseg.bench.measure import Effort, Fact, Group, Skipped, compared, measure
-from ffseg.bench.suites.settings import Settings
+from ffseg.bench.measure import Compared, Effort, Fact, Figure, Group, Settings, Skipped, compared, measure
 from ffseg.errors import UsageError
+from ffseg.image.reference import opencv_version
 from ffseg.plugins import SEGMENTERS
 from ffseg.schema.kinds import nearest_word
 
 SUITES = {
     "patches": "patches",
-    "size": "pictures",
-    "method": "pictures",
-    "scenes": "pictures",
-    "peers": "pictures",
-    "batch": "processes",
-    "startup": "processes",
-    "memory": "processes",
-    "shards": "shards",
+    **dict.fromkeys(("size", "method", "scenes", "peers"), "pictures"),
+    **dict.fromkeys(("batch", "startup", "memory", "shards"), "processes"),
 }
-"""Name of each suite and the module under ``suites`` that holds its function."""
-QUICK_ROUNDS = 1
+"""Name of each suite and the module beside this one that holds its function."""
 PAUSE_S = 2.0
 """Before a figure that looks slow is measured again: what keeps the machine busy may have ended by then."""
+PACKAGES = ("typer", "matplotlib", "scikit-image", "SimpleITK", "scikit-fmm")
 
-Suite = Callable[[Settings], Iterator[Group | Skipped]]
 Note = Callable[[str], None]
-Keep = Callable[["Outcome"], object]
 
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What to run.
-
-    Attributes
-    ----------
-    suites : sequence of str
-        Names out of ``SUITES``; empty for all.
-    effort : Effort
-    images : Path, optional
-        For the suite ``scenes``.
-    quick : bool
-        Tiny inputs and one round.
-    baseline : Baseline, optional
-    methods : sequence of str
-        Of the suite ``method``.
-    """
+    """What to run: suites out of `SUITES` (none stands for all), with how much effort, on what, against which baseline."""
 
     suites: Sequence[str] = ()
     effort: Effort = field(default_factory=Effort)
@@ -72,8 +55,8 @@ class Outcome:
 
     quick: bool
     started: str
-    machine: Mapping[str, object] = field(default_factory=machine)
-    versions: Mapping[str, str] = field(default_factory=versions)
+    machine: Mapping[str, object]
+    versions: Mapping[str, str]
     figures: list[Figure] = field(default_factory=list)
     facts: dict[str, Mapping[str, Fact]] = field(default_factory=dict)
     comparisons: list[Compared] = field(default_factory=list)
@@ -81,7 +64,7 @@ class Outcome:
     slower: list[Slower] = field(default_factory=list)
 
 
-def run_bench(order: Order, note: Note, keep: Keep | None = None) -> Outcome:
+def run_bench(order: Order, note: Note, keep: Callable[[Outcome], object] | None = None) -> Outcome:
     """Measure everything ordered.
 
     Parameters
@@ -97,40 +80,37 @@ def run_bench(order: Order, note: Note, keep: Keep | None = None) -> Outcome:
     UsageError
         If a suite does not exist, or the baseline and this run have no figure in common.
     """
-    names = _checked(order.suites)
-    effort = replace(order.effort, rounds=QUICK_ROUNDS) if order.quick else order.effort
-    outcome = Outcome(order.quick, datetime.now(UTC).isoformat(timespec="seconds"))
+    unknown = next((name for name in order.suites if name not in SUITES), None)
+    if unknown is not None:
+        near = nearest_word(unknown, tuple(SUITES)) or f"; choose from {', '.join(SUITES)}"
+        raise UsageError(f"--suite: there is no suite '{unknown}'{near}")
+    outcome = Outcome(order.quick, datetime.now(UTC).isoformat(timespec="seconds"), _machine(), _versions())
     with tempfile.TemporaryDirectory(prefix="ffseg-bench-") as folder:
-        for name in names:
+        for name in dict.fromkeys(order.suites or SUITES):
             work = Path(folder) / name  # of its own: suites make folders and files of the same names
             work.mkdir()
-            settings = Settings(work, order.images, order.quick, order.methods)
-            suite: Suite = getattr(import_module(f"ffseg.bench.suites.{SUITES[name]}"), name)
-            for part in suite(settings):
-                _take(part, outcome, effort, order.baseline, note)
+            suite: Callable[[Settings], Iterator[Group | Skipped]]
+            suite = getattr(import_module(f"ffseg.bench.{SUITES[name]}"), name)
+            for part in suite(Settings(work, order.images, order.quick, order.methods)):
+                _take(part, outcome, order, note)
             if keep is not None:
                 keep(outcome)
     if order.baseline is not None:
-        _judge(outcome, order.baseline)
+        if not any(figure.key in order.baseline.steady for figure in outcome.figures):
+            raise UsageError("--baseline: it has no figure of this run; make it with the same suites and images")
+        outcome.slower = slower(outcome.figures, order.baseline)
     return outcome
 
 
-def _checked(names: Sequence[str]) -> tuple[str, ...]:
-    unknown = [name for name in names if name not in SUITES]
-    if unknown:
-        near = nearest_word(unknown[0], tuple(SUITES)) or f"; choose from {', '.join(SUITES)}"
-        raise UsageError(f"--suite: there is no suite '{unknown[0]}'{near}")
-    return tuple(dict.fromkeys(names)) or tuple(SUITES)
-
-
-def _take(part: Group | Skipped, outcome: Outcome, effort: Effort, baseline: Baseline | None, note: Note) -> None:
+def _take(part: Group | Skipped, outcome: Outcome, order: Order, note: Note) -> None:
     if isinstance(part, Skipped):
         outcome.skipped.append(part)
         note(f"{part.suite}: {part.name} skipped, {part.reason}")
         return
     note(f"{part.suite}: {part.name}")
+    effort = replace(order.effort, rounds=1) if order.quick else order.effort
     figures = measure(part, effort)
-    if baseline is not None:
+    if order.baseline is not None:
 
         def again(keys: frozenset[str]) -> list[Figure]:
             note(f"{part.suite}: {part.name} again, {len(keys)} of its figures look slow")
@@ -138,13 +118,32 @@ def _take(part: Group | Skipped, outcome: Outcome, effort: Effort, baseline: Bas
             tasks = [task for task in part.tasks if f"{part.suite}/{task.case}/{task.quantity}" in keys]
             return measure(replace(part, tasks=tasks), effort)
 
-        figures = confirmed(figures, baseline, again)
+        figures = confirmed(figures, order.baseline, again)
     outcome.figures += figures
     outcome.comparisons += compared(part, figures)
     outcome.facts[f"{part.suite}/{part.name}"] = part.facts
 
 
-def _judge(outcome: Outcome, baseline: Baseline) -> None:
-    if not any(figure.key in baseline.steady for figure in outcome.figures):
-        raise UsageError("--baseline: it has no figure of this run; make it with the same suites and images")
-    outcome.slower = slower(outcome.figures, baseline)
+def _machine() -> dict[str, object]:
+    """Processor, cores, system and load, nothing that names the machine or its user."""
+    lines: list[str] = []
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return {
+        "processor": next(names, platform.processor()),
+        "architecture": platform.machine(),
+        "cores": os.cpu_count(),
+        "system": platform.system(),
+        "load": [round(value, 2) for value in os.getloadavg()] if hasattr(os, "getloadavg") else [],
+    }
+
+
+def _versions() -> dict[str, str]:
+    """Versions of ffseg, Python and what takes part in the measuring; packages that are absent are left out."""
+    found = {"ffseg": __version__, "python": platform.python_version()}
+    found |= {"numpy": np.__version__, "opencv": opencv_version()}
+    for name in PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found

@@ -12,8 +12,8 @@ from subprocess import CompletedProcess
 
 import pytest
 
-from ffseg.bench import plots
-from ffseg.bench.figures import Figure
+from ffseg.bench.measure import Figure
+from ffseg.bench.report import plots
 
 Command = Callable[..., CompletedProcess[str]]
 QUICK = ("bench", "--quick", "--suite", "patches", "--out")
@@ -52,9 +52,9 @@ def test_plot_is_the_same_for_the_same_figures() -> None:
     pytest.importorskip("matplotlib")
     sizes = (10.0, 100.0, 1000.0)
     figures = [Figure("patches", f"still, {x:g}", "iteration", "ms", x, (x,), (x,), (1.0,), (1.0,)) for x in sizes]
-    drawn = plots.plots(figures)
+    drawn = plots(figures)
     assert list(drawn) == ["patches.svg"]
-    assert drawn == plots.plots(figures)
+    assert drawn == plots(figures)
     assert "still iteration: exponent 1.00, upper half 1.00" in drawn["patches.svg"].decode("utf-8")
 
 
@@ -125,7 +125,7 @@ def test_a_baseline_without_a_common_figure_cannot_pass(
 
 
 def test_a_suite_that_fails_leaves_what_was_measured_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from ffseg.bench.suites import processes
+    from ffseg.bench import processes
     from ffseg.cli.commands.bench import bench
     from ffseg.errors import FfsegError
 

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ffseg.bench.figures import Figure, exponent, growths
 from ffseg.bench.gate import FORMAT, RETRIES, Baseline, confirmed, read_baseline, slower
-from ffseg.bench.measure import Comparison, Effort, Group, Task, compared, measure, timed
+from ffseg.bench.measure import Comparison, Effort, Figure, Group, Task, compared, exponent, growths, measure, timed
 from ffseg.errors import UsageError
 from ffseg.image.reference import reference_kernel
 

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
+from ffseg.bench import children, drawing, pictures
+from ffseg.bench.measure import Settings
+from ffseg.bench.patches import evolution_options, patches
 from ffseg.bench.session import SUITES, Order, Outcome, run_bench
-from ffseg.bench.suites import bare, children, drawing, pictures
-from ffseg.bench.suites.patches import evolution_options, patches
-from ffseg.bench.suites.settings import Settings
 from ffseg.errors import FfsegError, UsageError
 from ffseg.image.edges import edge_map
 from ffseg.image.reference import one_thread, reference_kernel
@@ -167,7 +167,7 @@ def test_bare_pipeline_writes_a_mask_for_each_image(tmp_path: Path) -> None:
     for name in ("a", "b"):
         cv2.imwrite(str(images / f"{name}.png"), scene.image)
     np.save(tmp_path / "masks.npy", scene.ground[None])
-    bare.main(images, tmp_path / "masks.npy", out)
+    children.bare(str(images), str(tmp_path / "masks.npy"), str(out))
     assert sorted(path.name for path in out.iterdir()) == ["a.png", "b.png"]
     assert (read_mask(out / "b.png") == scene.ground).all()
 

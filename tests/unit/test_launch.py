@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from ffseg.batch.workers import launch as launching
-from ffseg.bench.suites.drawing import draw
+from ffseg.bench.drawing import draw
 from ffseg.io.masks import encode_png
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="workers are copies on Linux only")

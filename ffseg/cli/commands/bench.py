@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -65,9 +66,9 @@ def bench(  # noqa: PLR0913 - the options of the command
     Writes bench.json, bench.csv and bench.md after every suite, so that one that fails loses nothing measured before it,
     and, with matplotlib, plots at the end. Exit code 4: a figure missed the baseline.
     """
-    from ffseg.bench import plots
     from ffseg.bench.gate import read_baseline
     from ffseg.bench.measure import Effort, Skipped
+    from ffseg.bench.report import plots
     from ffseg.bench.session import Order, run_bench
     from ffseg.io.files import make_folder, write_bytes_atomic
     from ffseg.plugins import methods_named
@@ -76,10 +77,11 @@ def bench(  # noqa: PLR0913 - the options of the command
     make_folder(out)
     order = Order(suite or (), Effort(repeat, budget), images, quick, known, methods_named(methods))
     outcome = run_bench(order, console.message, lambda so_far: _write(out, so_far))
-    if not plots.available():
+    plotting = find_spec("matplotlib") is not None
+    if not plotting:
         outcome.skipped.append(Skipped("plots", "all", "matplotlib is not installed: pip install 'ffseg[plot]'"))
         console.message("plots skipped, matplotlib is not installed: pip install 'ffseg[plot]'")
-    for name, content in (plots.plots(outcome.figures) if plots.available() else {}).items():
+    for name, content in (plots(outcome.figures) if plotting else {}).items():
         write_bytes_atomic(os.path.join(out, name), content)
     report = _write(out, outcome)
     if as_json:

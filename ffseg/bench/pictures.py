@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.workers.truth import read_truth
-from ffseg.bench.measure import Comparison, Fact, Group, Skipped, Task, timed
-from ffseg.bench.suites.drawing import Drawing, draw
-from ffseg.bench.suites.settings import Settings
+from ffseg.bench.children import LONG
+from ffseg.bench.drawing import Drawing, draw
+from ffseg.bench.measure import Comparison, Fact, Group, Settings, Skipped, Task, timed
 from ffseg.errors import UsageError
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.keypoints import grey_image
@@ -27,7 +27,6 @@ from ffseg.peer_parameters import SkimageGac
 from ffseg.pipeline import segment
 from ffseg.plugins import PEERS
 from ffseg.plugins import method as row_of
-from ffseg.result import Segmentation
 from ffseg.samples.scenes import SCENES
 from ffseg.scene import Scene
 from ffseg.starts.given import start_contours
@@ -41,8 +40,6 @@ QUICK_WIDTHS = (100, 150, 200)
 QUICK_ITERATIONS = 20
 SAME = 0.999
 """IoU from which on a peer has reached its result: the one pixel by which it may still move is far less."""
-LONG = 1_000_000
-"""Iterations: a large image takes as many as it needs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,35 +143,28 @@ def _agree(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
 
 def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: float = 0.0) -> Group:
     """Tasks for the three stages of a segmentation, and what it found."""
-    image, params, run = picture.image, picture.params, row_of(method_name)
+    image, params, row = picture.image, picture.params, row_of(method_name)
     shape = (image.shape[0], image.shape[1])
     edges = edge_map(image, params.edges)
-    tasks = (
-        Task(case, "edges", timed(lambda: edge_map(image, params.edges)), x),
-        Task(
-            case,
-            "evolve",
-            timed(lambda: run.loaded()(Scene(image, params, edges=edges, starts=start_contours(shape, params)))),
-            x,
-        ),
-        Task(case, "segment", timed(lambda: segment(Scene(image, params, run))), x),
-    )
-    facts = _facts(segment(Scene(image, params, run)), picture.truth)
-    return Group(suite, case, grey_image(image), tasks, {"size": f"{shape[1]}x{shape[0]}", **facts})
-
-
-def _facts(result: Segmentation, truth: Image | None) -> dict[str, Fact]:
+    works: dict[str, Callable[[], object]] = {
+        "edges": lambda: edge_map(image, params.edges),
+        "evolve": lambda: row.loaded()(Scene(image, params, edges=edges, starts=start_contours(shape, params))),
+        "segment": lambda: segment(Scene(image, params, row)),
+    }
+    result = segment(Scene(image, params, row))
     stats = result.stats
     facts: dict[str, Fact] = {
+        "size": f"{shape[1]}x{shape[0]}",
         "iterations": stats.iterations,
         "patches": stats.patches,
         "flips": stats.flips,
         "holes": sum(contour.signed_area < 0 for contour in result.contours),
         "stopped": stats.stop_reason,
     }
-    if truth is not None:
-        facts["iou"] = round(iou(result.mask, truth), 5)
-    return facts
+    if picture.truth is not None:
+        facts["iou"] = round(iou(result.mask, picture.truth), 5)
+    tasks = [Task(case, stage, timed(work), x) for stage, work in works.items()]
+    return Group(suite, case, grey_image(image), tasks, facts)
 
 
 def _own(settings: Settings) -> Iterator[Picture]:

@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.bench.measure import Group, Task, timed_fresh
-from ffseg.bench.suites.drawing import draw
-from ffseg.bench.suites.settings import Settings
+from ffseg.bench.drawing import draw
+from ffseg.bench.measure import Group, Settings, Task, timed_fresh
 from ffseg.geometry.freeform import FreeForm
 from ffseg.methods.freeform import native_options
 from ffseg.native import _core
