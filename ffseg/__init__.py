@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from ffseg.errors import UsageError as UsageError
     from ffseg.freespace.motion.ground import Doubt as Doubt
     from ffseg.freespace.motion.ground import GroundFit as GroundFit
+    from ffseg.freespace.occupancy import OccupancyMap as OccupancyMap
+    from ffseg.freespace.occupancy import Station as Station
     from ffseg.freespace.outline import Ground as Ground
     from ffseg.freespace.outline import Scan as Scan
     from ffseg.freespace.sequence import Frame as Frame
@@ -99,6 +101,8 @@ _HOMES = {
     "Sequence": "ffseg.freespace.sequence",
     "Frame": "ffseg.freespace.sequence",
     "Ground": "ffseg.freespace.outline",
+    "OccupancyMap": "ffseg.freespace.occupancy",
+    "Station": "ffseg.freespace.occupancy",
     "Scan": "ffseg.freespace.outline",
     "ComponentVerdict": "ffseg.freespace.structural",
     "read_image": "ffseg.io.images",

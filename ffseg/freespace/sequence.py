@@ -107,9 +107,8 @@ class Frame:
         CalibrationError
             When the frame is not of a camera.
         """
-        if self.lens is None:
-            raise CalibrationError("the frame is of no camera; segment with ffseg.Sequence(camera, ...)")
-        return ground_of(self.mask, self.contours, (self.lens, self._stood(self.lens)), reach)
+        camera = self.standing()
+        return ground_of(self.mask, self.contours, (self.lens or camera, camera), reach)
 
     def scan(self, count: int = 360, reach: float = REACH) -> Scan:
         """Where the free space ends on so many bearings all round, as a laser scanner would say it.
@@ -121,10 +120,18 @@ class Frame:
         """
         return self.ground(reach).scan(count)
 
-    def _stood(self, lens: Camera) -> Camera:
-        """The camera as it stood, where that differs from how it is mounted by more than is seen."""
-        if self.camera is None or self.camera.up @ lens.up > 1.0 - 0.5 * UPRIGHT**2:
-            return lens
+    def standing(self) -> Camera:
+        """The camera as it stood at the image, where that differs from how it is mounted by more than is seen.
+
+        Raises
+        ------
+        CalibrationError
+            When the frame is not of a camera.
+        """
+        if self.lens is None:
+            raise CalibrationError("the frame is of no camera; segment with ffseg.Sequence(camera, ...)")
+        if self.camera is None or self.camera.up @ self.lens.up > 1.0 - 0.5 * UPRIGHT**2:
+            return self.lens
         return self.camera
 
     def __repr__(self) -> str:

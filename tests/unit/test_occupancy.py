@@ -1,0 +1,163 @@
+"""The occupancy grid of a drive: against the rendered world, and its files by a reader of map_server's format."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+import yaml
+from worlds import footprint, free_ground
+
+import ffseg
+from ffseg.camera.motion import planar_pose
+from ffseg.errors import CalibrationError
+from ffseg.freespace.occupancy import OccupancyMap
+from ffseg.freespace.sequence import Frame
+from ffseg.rendering import floor_sequence, sample_camera
+from ffseg.rendering.floors import FloorSequence
+
+CAMERA = replace(sample_camera(), footprint=0.1)
+
+
+@lru_cache(maxsize=1)
+def driven() -> tuple[FloorSequence, list[Frame]]:
+    drive = floor_sequence(990_003, 3, 2.0, 1.0)
+    sequence = ffseg.Sequence(CAMERA)
+    poses = [planar_pose(CAMERA, *pose) for pose in drive.poses]
+    return drive, [sequence.feed(view.image, pose) for view, pose in zip(drive.views, poses, strict=True)]
+
+
+def mapped(frames: list[Frame], poses: list[ffseg.Pose | None]) -> OccupancyMap:
+    grid = OccupancyMap()
+    assert all(grid.add(frame, pose) for frame, pose in zip(frames, poses, strict=True))
+    return grid
+
+
+def centres(grid: OccupancyMap) -> np.ndarray:
+    rows, columns = grid.probability.shape
+    x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
+    return np.stack([x, y], axis=-1) * grid.cell + np.array(grid.origin)
+
+
+def contains(ground: shapely.Geometry, places: np.ndarray) -> np.ndarray:
+    return shapely.contains_xy(ground, places[..., 0], places[..., 1])
+
+
+def check(grid: OccupancyMap, drive: FloorSequence, places: np.ndarray, least: float) -> None:
+    """Free cells are those of the world; none of a box; beyond the walls nothing is known but a band."""
+    chance = grid.probability
+    world = free_ground(drive.scene)
+    true, known = contains(world, places), chance != 0.5
+    free, occupied = chance < 0.25, chance > 0.65
+    assert (free & true).sum() / ((free | true) & known).sum() >= least
+    deep = [footprint(box).buffer(-0.03) for box in drive.scene.boxes]
+    assert not (contains(shapely.union_all(deep), places) & free).any()
+    assert not (known & ~contains(world.convex_hull.buffer(0.25), places)).any()
+    assert (occupied & ~true).sum() > 0.9 * occupied.sum() > 100
+
+
+def test_free_cells_are_those_of_the_world() -> None:
+    drive, frames = driven()
+    grid = mapped(frames, [planar_pose(CAMERA, *pose) for pose in drive.poses])
+    check(grid, drive, centres(grid), 0.985)
+    assert grid.drift == (0.0, 0.0)
+
+
+def test_without_poses_the_map_stands_in_the_first_frame_and_says_its_drift() -> None:
+    drive, frames = driven()
+    grid = mapped(frames, [None] * len(frames))
+    x, y, theta = drive.poses[0]
+    c, s = np.cos(theta), np.sin(theta)
+    check(grid, drive, centres(grid) @ np.array([[c, s], [-s, c]]) + [x, y], 0.98)
+    assert 0.0 < grid.drift[0] < 0.02
+    assert grid.drift[1] > 0.0
+    last = grid.stations[-1]
+    true = np.array([[c, s], [-s, c]]) @ (np.array(drive.poses[-1][:2]) - [x, y])
+    assert np.hypot(*(np.array([last.x, last.y]) - true)) < 0.01
+
+
+def test_an_uncertain_pose_makes_outlines_uncertain() -> None:
+    drive, frames = driven()
+    sure, unsure = (
+        mapped(frames[1:2], [planar_pose(CAMERA, *drive.poses[1], sigmas=one)]) for one in (None, (0.2, 0.1))
+    )
+    told = np.abs(sure.probability - 0.5), np.abs(unsure.probability - 0.5)
+    near = (sure.probability > 0.6) & (unsure.probability != 0.5)
+    assert told[1][near].mean() < 0.6 * told[0][near].mean()
+
+
+def read_map(folder: Path) -> tuple[dict[str, object], np.ndarray]:
+    """As ROS documents it: pixel (row 0, column 0) is the upper left; the origin is the lower left pixel's corner; a
+    pixel's occupancy is (255 - level) / 255 with negate 0; above occupied_thresh occupied, below free_thresh free."""
+    document = yaml.safe_load((folder / "map.yaml").read_text())
+    data = (folder / str(document["image"])).read_bytes()
+    match = re.match(rb"P5\s(?:#[^\n]*\n)*(\d+)\s(\d+)\s(\d+)\s", data)
+    assert match
+    width, height, most = map(int, match.groups())
+    assert most == 255
+    return document, np.frombuffer(data[match.end() :], np.uint8).reshape(height, width)
+
+
+def test_a_reader_of_the_format_puts_points_where_they_are(tmp_path: Path) -> None:
+    drive, frames = driven()
+    grid = mapped(frames, [planar_pose(CAMERA, *pose) for pose in drive.poses])
+    grid.save(tmp_path)
+    document, levels = read_map(tmp_path)
+    assert document["negate"] == 0
+    assert (document["occupied_thresh"], document["free_thresh"]) == (0.65, 0.25)
+    origin_x, origin_y, yaw = document["origin"]
+    assert yaw == 0.0
+
+    def state(x: float, y: float) -> str:
+        up, column = int((y - origin_y) // document["resolution"]), int((x - origin_x) // document["resolution"])
+        if not (0 <= up < levels.shape[0] and 0 <= column < levels.shape[1]):
+            return "unknown"
+        chance = (255 - levels[levels.shape[0] - 1 - up, column]) / 255
+        return "occupied" if chance > 0.65 else "free" if chance < 0.25 else "unknown"
+
+    for x, y, _ in drive.poses:
+        assert state(x, y) == "free"
+    eye = np.array(drive.poses[1][:2])
+    for box in drive.scene.boxes:  # the nearest point of a box, a cell to either side of its front
+        front = shapely.LineString([eye, box.center]).intersection(footprint(box).exterior)
+        near = np.array(
+            min((one for one in shapely.get_parts(front)), key=lambda one: one.distance(shapely.Point(eye))).coords[0]
+        )
+        way = (near - eye) / np.hypot(*(near - eye))
+        assert state(*(near - 0.1 * way)) == "free"
+        assert "occupied" in {state(*(near + step * way)) for step in (0.0, 0.025, 0.05)}
+        assert state(*(near + 0.25 * way)) == "unknown"
+    lines = (tmp_path / "trajectory.csv").read_text().splitlines()
+    assert lines[0] == "frame,x,y,theta,sigma_m,sigma_rad,origin"
+    assert len(lines) == 1 + len(frames)
+
+
+def test_the_grid_does_not_grow_on_ground_it_has() -> None:
+    drive, frames = driven()
+    grid = OccupancyMap()
+    pose = planar_pose(CAMERA, *drive.poses[0])
+    grid.add(frames[0], pose)
+    shape = grid.probability.shape
+    for _ in range(3):
+        grid.add(frames[0], pose)
+    assert grid.probability.shape == shape
+    assert abs(grid.probability - 0.5).max() < 0.5, "nothing becomes certain for ever"
+
+
+def test_a_frame_that_cannot_be_placed_is_left_out() -> None:
+    _, frames = driven()
+    grid = OccupancyMap()
+    assert grid.add(frames[0])
+    before = grid.probability
+    assert not grid.add(replace(frames[1], links=()))
+    assert np.array_equal(grid.probability, before)
+    assert grid.stations[1] is None
+    with pytest.raises(CalibrationError, match="metres above 0"):
+        OccupancyMap(cell=0.0)
+    with pytest.raises(CalibrationError, match="of no camera"):
+        grid.add(replace(frames[1], lens=None))
