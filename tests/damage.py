@@ -91,7 +91,6 @@ def tiff_sources() -> dict[str, tuple[bytes, NDArray[np.uint8]]]:
     """TIFF files of every compression with the directory before the pixels, and one with it behind them."""
     rgb = picture()
     image, grey = Image.fromarray(rgb), Image.fromarray(rgb[..., 1])
-    bit = grey.convert("1")
     kinds = {"deflate": "tiff_adobe_deflate", "lzw": "tiff_lzw", "packbits": "packbits", "jpeg": "jpeg"}
     made = {"none.tif": (encoded(image, "TIFF"), rgb)}
     for name, compression in kinds.items():
@@ -102,8 +101,6 @@ def tiff_sources() -> dict[str, tuple[bytes, NDArray[np.uint8]]]:
     made["grey.tif"] = (directory_first(encoded(grey, "TIFF", compression="tiff_lzw")), rgb[..., 1])
     deep = Image.fromarray((rgb[..., 1].astype(np.uint16)) * 257)
     made["16.tif"] = (directory_first(encoded(deep, "TIFF", compression="tiff_adobe_deflate")), rgb[..., 1])
-    for name in ("group3", "group4", "tiff_ccitt"):
-        made[f"{name}.tif"] = (directory_first(encoded(bit, "TIFF", compression=name)), _bits(bit))
     return made
 
 

@@ -258,11 +258,6 @@ def lzw_size(data: bytes) -> int:
 def packbits_size(data: bytes) -> int:
     """Bytes that PackBits runs stand for; -1 when a run goes beyond the end."""
 
-def fax_is_whole(data: bytes, width: int, rows: int, coding: int, two_dimensional: bool) -> bool:
-    """
-    Whether fax data (TIFF compression 2, 3 or 4) holds whole rows and nothing but end codes behind them.
-    """
-
 def harris_points(image: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], windows: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], masks: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], grow: int, points: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], counts: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu')]) -> None:
     """
     Harris corners of components grown by `grow` pixels, strongest first, into `points`.

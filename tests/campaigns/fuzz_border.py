@@ -219,7 +219,6 @@ def packed(core: ModuleType, draws: Draws) -> None:
     data = usual.tobytes() if draws.rng.integers(2) else draws.rng.bytes(size)
     core.lzw_size(data)
     core.packbits_size(data)
-    core.fax_is_whole(data, draws.count([1, 9, 60_000]), draws.count([1, 30]), draws.count([2, 3, 4]), bool(size % 2))
 
 
 TARGETS = (evolve, rasterize, edge_maps, level_sets, snakes, pairs, interest, lists, packed)

@@ -183,26 +183,3 @@ def test_strips_of_encoders_have_the_length_of_their_rows(levels: int, width: in
     image = np.random.default_rng(seed).integers(0, levels, (40, width), dtype=np.uint8)
     for compression, size in (("tiff_lzw", _core.lzw_size), ("packbits", _core.packbits_size)):
         assert [size(packed) for packed, _ in _strips(image, compression)] == [24 * width, 16 * width]
-
-
-@given(density=st.sampled_from([0.5, 0.1, 0.01, 0.0005]), width=st.integers(1, 6000), seed=st.integers(0, 99))
-def test_fax_rows_of_encoders_are_whole_and_shorter_ones_are_not(density: float, width: int, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    image = np.cumsum(rng.random((50, width)) < density, axis=1) % 2 == 1
-    image[1::3] = image[::3][: len(image[1::3])]
-    for name, coding, flag in (("tiff_ccitt", 2, 0), ("group3", 3, 0), ("group3", 3, 1), ("group4", 4, 0)):
-        for packed, rows in _strips(image, name, {292: flag} if coding == 3 else None):
-            assert _core.fax_is_whole(packed, width, rows, coding, bool(flag))
-            assert not _core.fax_is_whole(packed, width, rows + 1, coding, bool(flag))
-
-
-@given(data=st.binary(max_size=400), width=st.integers(1, 3000), rows=st.integers(1, 40), coding=st.integers(2, 4))
-def test_any_bytes_are_judged_as_fax(data: bytes, width: int, rows: int, coding: int) -> None:
-    assert _core.fax_is_whole(data, width, rows, coding, coding == 3) in (True, False)
-
-
-def test_fax_arguments_are_checked() -> None:
-    with pytest.raises(ValueError, match="at least one row"):
-        _core.fax_is_whole(b"", 0, 1, 4, False)
-    with pytest.raises(ValueError, match="2, 3 or 4"):
-        _core.fax_is_whole(b"", 1, 1, 5, False)

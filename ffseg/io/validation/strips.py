@@ -18,11 +18,8 @@ from ffseg.io.validation.rows import interrupted
 from ffseg.native import _core
 
 NONE, LZW, JPEG, DEFLATE, PACKBITS, OLD_DEFLATE = 1, 5, 7, 8, 32773, 32946
-FAX = (2, 3, 4)
 _STEP = 1 << 20
 """Bytes unpacked at a time: what is checked is not kept."""
-_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-"""Fax data may have the lowest bit of each byte first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +39,6 @@ class Pieces:
         Rows that a piece may have; the last strip is written with all of them by some programs.
     places : tuple of (int, int)
         Offset and length of each.
-    reversed_bits : bool
-    two_dimensional : bool
-        Of a fax in group 3: rows refer to the row before.
     tables : bytes
         What the pieces of JPEG data share.
     tiled : bool
@@ -56,8 +50,6 @@ class Pieces:
     rows: tuple[int, ...]
     full_rows: int
     places: tuple[tuple[int, int], ...]
-    reversed_bits: bool = False
-    two_dimensional: bool = False
     tables: bytes = b""
     tiled: bool = False
 
@@ -112,9 +104,6 @@ def _check_plain(data: bytes, pieces: Pieces) -> None:
 def _is_whole(packed: bytes, rows: int, pieces: Pieces) -> bool:
     if pieces.compression == JPEG:
         return False
-    if pieces.compression in FAX:
-        content = packed.translate(_REVERSED) if pieces.reversed_bits else packed
-        return _core.fax_is_whole(content, pieces.width, rows, pieces.compression, pieces.two_dimensional)
     sizes = (rows * pieces.row_bytes, pieces.full_rows * pieces.row_bytes)
     return _unpacked_size(packed, pieces.compression, max(sizes)) in sizes
 

@@ -9,7 +9,6 @@ from functools import partial
 from ffseg.io.validation.base import Header, damaged, refuse_claim, truncated, unsupported
 from ffseg.io.validation.strips import (
     DEFLATE,
-    FAX,
     JPEG,
     LZW,
     NONE,
@@ -28,19 +27,18 @@ MAX_VALUES = 2_000_000
 
 _WIDTH, _HEIGHT, _BITS, _COMPRESSION, _PHOTOMETRIC, _FILL_ORDER = 256, 257, 258, 259, 262, 266
 _STRIP_OFFSETS, _ORIENTATION, _SAMPLES, _STRIP_ROWS, _STRIP_BYTES, _PLANAR = 273, 274, 277, 278, 279, 284
-_GROUP3, _GROUP4, _PREDICTOR, _COLOURS = 292, 293, 317, 320
+_PREDICTOR, _COLOURS = 317, 320
 _TILE_WIDTH, _TILE_HEIGHT, _TILE_OFFSETS, _TILE_BYTES = 322, 323, 324, 325
 _EXTRA_SAMPLES, _SAMPLE_FORMAT, _JPEG_TABLES = 338, 339, 347
 _KNOWN = {
     *(_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _PHOTOMETRIC, _FILL_ORDER, _STRIP_OFFSETS, _ORIENTATION, _SAMPLES),
-    *(_STRIP_ROWS, _STRIP_BYTES, _PLANAR, _GROUP3, _GROUP4, _PREDICTOR, _COLOURS, _TILE_WIDTH, _TILE_HEIGHT),
+    *(_STRIP_ROWS, _STRIP_BYTES, _PLANAR, _PREDICTOR, _COLOURS, _TILE_WIDTH, _TILE_HEIGHT),
     *(_TILE_OFFSETS, _TILE_BYTES, _EXTRA_SAMPLES, _SAMPLE_FORMAT, _JPEG_TABLES),
 }
 
 _WHITE_IS_ZERO, _BLACK_IS_ZERO, _RGB, _PALETTE, _YCBCR = 0, 1, 2, 3, 6
 _GREYS = (_WHITE_IS_ZERO, _BLACK_IS_ZERO)
-_UNCOMPRESSED_MODE = 2
-"""Flag of fax data that leaves its codes for plain bits."""
+_FAX = (2, 3, 4)
 
 _DEFLATE_RATIO = 1032
 _PIXELS_PER_BYTE = {
@@ -51,7 +49,7 @@ _PIXELS_PER_BYTE = {
     OLD_DEFLATE: 8 * _DEFLATE_RATIO,
     PACKBITS: 512,  # two bytes stand for 128 of eight pixels
 }
-"""The most pixels that a byte of packed data can stand for; a fax needs a bit for each row."""
+"""The most pixels that a byte of packed data can stand for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,10 +86,7 @@ def tiff(data: bytes) -> Header:
 
 def _refuse_size(tags: dict[int, tuple[int, ...]], size: tuple[int, int], num_bytes: int) -> None:
     compression, bits = _one(tags, _COMPRESSION, NONE), _one(tags, _BITS, 1) * _one(tags, _SAMPLES, 1)
-    if compression in FAX:
-        refuse_claim("TIFF", size, num_bytes, 8 * size[0])
-    else:
-        refuse_claim("TIFF", size, num_bytes, _PIXELS_PER_BYTE[compression] // (bits if compression != JPEG else 1) + 1)
+    refuse_claim("TIFF", size, num_bytes, _PIXELS_PER_BYTE[compression] // (bits if compression != JPEG else 1) + 1)
 
 
 def _pieces(tags: dict[int, tuple[int, ...]], size: tuple[int, int], places: tuple[tuple[int, int], ...]) -> Pieces:
@@ -112,7 +107,6 @@ def _pieces(tags: dict[int, tuple[int, ...]], size: tuple[int, int], places: tup
     return Pieces(
         _one(tags, _COMPRESSION, NONE), piece_width * bits, piece_width,
         rows=(full_rows,) * (len(places) - 1) + (last,), full_rows=full_rows, places=places,
-        reversed_bits=_one(tags, _FILL_ORDER, 1) == 2, two_dimensional=_one(tags, _GROUP3, 0) & 1 == 1,
         tables=bytes(tags.get(_JPEG_TABLES, ())), tiled=tiled,
     )  # fmt: skip
 
@@ -171,7 +165,8 @@ def _refuse_variants(tags: dict[int, tuple[int, ...]]) -> None:
     if bits == {16} and _TILE_WIDTH in tags:
         raise unsupported("the TIFF file has tiles of 16-bit samples")
     _refuse_coding(bits, compression, _one(tags, _PREDICTOR, 1))
-    _refuse_bit_orders(tags, compression)
+    if _one(tags, _FILL_ORDER, 1) != 1:
+        raise unsupported("the TIFF file keeps the bits of its bytes in reverse")
     if samples == 1:
         right = photometric in _GREYS or (photometric == _PALETTE and bits == {8} and compression != JPEG)
     else:
@@ -182,17 +177,11 @@ def _refuse_variants(tags: dict[int, tuple[int, ...]]) -> None:
         raise damaged("the TIFF palette has not a colour for each number")
 
 
-def _refuse_bit_orders(tags: dict[int, tuple[int, ...]], compression: int) -> None:
-    if (_one(tags, _GROUP3, 0) | _one(tags, _GROUP4, 0)) & _UNCOMPRESSED_MODE:
-        raise unsupported("the TIFF fax leaves its codes for plain bits")
-    order = _one(tags, _FILL_ORDER, 1)
-    if order != 1 and not (order == 2 and compression in FAX):
-        raise unsupported("the TIFF file keeps the bits of its bytes in reverse")
-
-
 def _refuse_coding(bits: set[int], compression: int, predictor: int) -> None:
     known = (NONE, LZW, DEFLATE, OLD_DEFLATE, PACKBITS)
-    if compression not in known + (FAX if bits == {1} else ()) + ((JPEG,) if bits == {8} else ()):
+    if compression in _FAX:
+        raise unsupported("the TIFF file holds a fax (CCITT), of which decoders give wrong rows where it is damaged")
+    if compression not in known + ((JPEG,) if bits == {8} else ()):
         raise unsupported(f"the TIFF compression {compression} with {max(bits)} bits is not read")
     if predictor != 1 and not (predictor == 2 and compression in (LZW, DEFLATE, OLD_DEFLATE)):
         raise unsupported(f"the TIFF predictor {predictor} does not go with its compression")
