@@ -79,10 +79,20 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     ParameterError
         If a parameter is wrong, or there is no such method.
 
+    References
+    ----------
+    Algorithms 4 and 5 of the paper; the departures stand in docs/method.md.
+
+    References
+    ----------
+    Algorithms 4 and 5 of the paper; the departures stand in docs/method.md.
+
     Examples
     --------
-    >>> result = ffseg.segment(image)  # doctest: +SKIP
-    >>> result = ffseg.segment(image, {"init.center": [120, 80], "init.radius": 15})  # doctest: +SKIP
+    >>> image = ffseg.read_image("pictures/toy.png")
+    >>> result = ffseg.segment(image, {"init.radius": 60, "contour.degree": 2})
+    >>> result.mask.shape, result.num_holes, result.stats.stop_reason
+    ((600, 800), 4, 'converged')
     """
     pixels = checked_image(image)
     chosen = parameter_set(params)

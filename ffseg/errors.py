@@ -10,17 +10,38 @@ class FfsegError(Exception):
     ----------
     exit_code : int
         What the command line ends with.
+
+    Examples
+    --------
+    >>> try:
+    ...     ffseg.segment(ffseg.read_image("pictures/none.png"))
+    ... except ffseg.FfsegError as error:
+    ...     print(type(error).__name__, error.exit_code)
+    ImageReadError 2
     """
 
     exit_code = 2
 
 
 class ParameterError(FfsegError):
-    """A parameter, a parameter file or an override is wrong (exit code 2)."""
+    """A parameter, a parameter file or an override is wrong (exit code 2).
+
+    Examples
+    --------
+    >>> ffseg.load_params(None, {"contour.degre": 2})
+    Traceback (most recent call last):
+    ffseg.errors.ParameterError: overrides: contour.degre: unknown key; did you mean 'contour.degree'?
+    """
 
 
 class UsageError(FfsegError):
-    """The inputs or outputs of a command do not fit together (exit code 2)."""
+    """The inputs or outputs of a command do not fit together (exit code 2).
+
+    Examples
+    --------
+    >>> issubclass(ffseg.UsageError, ffseg.FfsegError), ffseg.UsageError.exit_code
+    (True, 2)
+    """
 
 
 class ImageReadError(FfsegError):
@@ -30,6 +51,14 @@ class ImageReadError(FfsegError):
     ----------
     reason : str
         One of the closed list of reasons in ``ffseg.io.images``.
+
+    Examples
+    --------
+    >>> try:
+    ...     ffseg.read_image("pictures/pair/poses.csv")
+    ... except ffseg.ImageReadError as error:
+    ...     print(error.reason)
+    not-an-image
     """
 
     def __init__(self, reason: str, message: str) -> None:
@@ -38,15 +67,37 @@ class ImageReadError(FfsegError):
 
 
 class SegmentationError(FfsegError):
-    """An image was read but cannot be segmented as asked (a start outside the image, on an edge, ...)."""
+    """An image was read but cannot be segmented as asked (a start outside the image, on an edge, ...).
+
+    Examples
+    --------
+    >>> ffseg.segment(ffseg.read_image("pictures/toy.png"), {"init.center": [-100, 5]})  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ffseg.errors.SegmentationError: the start circle at (-100, 5), radius 40 has its centre outside the image ...
+    """
 
 
 class CalibrationError(FfsegError):
-    """A camera, pose or pair file is wrong; the text names file and key."""
+    """A camera, pose or pair file is wrong; the text names file and key.
+
+    Examples
+    --------
+    >>> ffseg.load_camera("pictures/none.yaml")
+    Traceback (most recent call last):
+    ffseg.errors.CalibrationError: pictures/none.yaml: cannot be read (No such file or directory); check the path
+    """
 
 
 class OutputError(FfsegError):
-    """An output cannot be written; the text names the path."""
+    """An output cannot be written; the text names the path.
+
+    Examples
+    --------
+    >>> result = ffseg.segment(ffseg.read_image("pictures/toy.png"))
+    >>> result.save_mask("no/such/folder.png")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ffseg.errors.OutputError: no/such/folder.png ...
+    """
 
 
 class WorkerLostError(FfsegError):

@@ -40,7 +40,13 @@ _MOST_STARTS = 1000
 
 @dataclass(frozen=True, slots=True)
 class Contour(Section):
-    """The free-form contour and its evolution."""
+    """The free-form contour and its evolution.
+
+    Examples
+    --------
+    >>> ffseg.Contour(degree=2, clearance=8).split_threshold
+    40.0
+    """
 
     degree: int = declared(3, Integer(1, 6), "degree of every patch")
     patches: int = declared(13, Integer(3, 100_000), "patches of each start contour")
@@ -59,7 +65,14 @@ class Contour(Section):
 
 @dataclass(frozen=True, slots=True)
 class Edges(Section):
-    """The edge map."""
+    """The edge map.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> dataclasses.replace(ffseg.load_params().edges, source="gradient", canny=(4.0, 9.0)).sigma
+    1.5
+    """
 
     source: str = declared(
         "auto",
@@ -89,7 +102,13 @@ class Edges(Section):
 
 @dataclass(frozen=True, slots=True)
 class Init(Section):
-    """Where the contour starts: one circle, or several circles, boxes, or the outlines in a mask image."""
+    """Where the contour starts: one circle, or several circles, boxes, or the outlines in a mask image.
+
+    Examples
+    --------
+    >>> ffseg.load_params(None, {"init.circles": [[400, 300, 20], [100, 90, 10]]}).init.circles
+    ((400.0, 300.0, 20.0), (100.0, 90.0, 10.0))
+    """
 
     center: Point | Literal["auto"] = declared(
         "auto", OrWord("auto", _POINT), "px; auto = image centre, or the camera's principal point"
@@ -114,7 +133,13 @@ class Init(Section):
 
 @dataclass(frozen=True, slots=True)
 class Domain(Section):
-    """Where the contour may go."""
+    """Where the contour may go.
+
+    Examples
+    --------
+    >>> ffseg.load_params(None, {"domain.disc": "off"}).domain
+    Domain(mask=None, masks=None, disc='off')
+    """
 
     mask: str | None = declared(None, FilePath(), "image that is 0 where the contour may not go")
     masks: str | None = declared(
@@ -129,7 +154,13 @@ class Domain(Section):
 
 @dataclass(frozen=True, slots=True)
 class Region(Section):
-    """What is known of the region."""
+    """What is known of the region.
+
+    Examples
+    --------
+    >>> ffseg.load_params(None, {"region.probability": 0.8}).region.border
+    'free'
+    """
 
     border: str = declared(
         "free", Text(("free", "outside")), "outside = the image's border lies outside the region, as round a thing"
@@ -161,7 +192,21 @@ class Region(Section):
 
 @dataclass(frozen=True, slots=True)
 class Obstacles(Section):
-    """The structural test on enclosed components (Eq. 9)."""
+    """The structural test on enclosed components (Eq. 9).
+
+    References
+    ----------
+    Eq. 9 of the paper; ``altitude`` is its epsilon.
+
+    References
+    ----------
+    Eq. 9 of the paper; ``altitude`` is its epsilon.
+
+    Examples
+    --------
+    >>> ffseg.load_params(None, {"obstacles.altitude": 0.05}).obstacles
+    Obstacles(altitude=0.05, draw=False)
+    """
 
     altitude: float = declared(0.08, _POSITIVE, "m; a point at or above this altitude makes an obstacle")
     draw: bool = declared(
@@ -171,7 +216,22 @@ class Obstacles(Section):
 
 @dataclass(frozen=True, slots=True)
 class Snake(Section):
-    """The parametric snake (PM), Section 5.1. It also takes contour.balloon, .refine and .max_iterations."""
+    """The parametric snake (PM), Section 5.1. It also takes contour.balloon, .refine and .max_iterations.
+
+    References
+    ----------
+    Eq. 10 of the paper, with Eq. 11 where altitudes are known.
+
+    References
+    ----------
+    Eq. 10 of the paper, with Eq. 11 where altitudes are known.
+
+    Examples
+    --------
+    >>> image = ffseg.read_image("pictures/toy.png")
+    >>> ffseg.segment(image, {"snake.spacing": 4}, method="snake").num_holes
+    0
+    """
 
     tension: float = declared(0.02, Number(0, 1000), "weight of the first differences in the internal energy")
     rigidity: float = declared(0.02, Number(0, 1000), "weight of the second differences in the internal energy")
@@ -182,7 +242,22 @@ class Snake(Section):
 
 @dataclass(frozen=True, slots=True)
 class LevelSet(Section):
-    """The fast-marching level set (LS), Eq. 12. A negative contour.balloon closes in; max_iterations does not count."""
+    """The fast-marching level set (LS), Eq. 12. A negative contour.balloon closes in; max_iterations does not count.
+
+    References
+    ----------
+    Eq. 12 of the paper.
+
+    References
+    ----------
+    Eq. 12 of the paper.
+
+    Examples
+    --------
+    >>> image = ffseg.read_image("pictures/toy.png")
+    >>> ffseg.segment(image, {"levelset.min_area": 100}, method="levelset").num_holes
+    4
+    """
 
     stop_speed: float | Literal["auto"] = declared(
         "auto",
@@ -195,7 +270,22 @@ class LevelSet(Section):
 
 @dataclass(frozen=True, slots=True)
 class Paper(Section):
-    """The method as printed (Algorithms 1 to 4). It also takes contour and edges, without clearance and settle."""
+    """The method as printed (Algorithms 1 to 4). It also takes contour and edges, without clearance and settle.
+
+    References
+    ----------
+    Algorithms 1 to 4 of the paper, as printed.
+
+    References
+    ----------
+    Algorithms 1 to 4 of the paper, as printed.
+
+    Examples
+    --------
+    >>> image = ffseg.read_image("pictures/toy.png")
+    >>> ffseg.segment(image, {"paper.balloon": 3}, method="paper").contours[0].degree
+    3
+    """
 
     balloon: float = declared(
         2.0,
@@ -206,7 +296,13 @@ class Paper(Section):
 
 @dataclass(frozen=True, slots=True)
 class Network(Section):
-    """How a network of edges.model is fed and read."""
+    """How a network of edges.model is fed and read.
+
+    Examples
+    --------
+    >>> ffseg.load_params(None, {"network.activation": "softmax"}).network.size
+    'auto'
+    """
 
     size: tuple[float, float] | Literal["auto"] = declared(
         "auto", OrWord("auto", Row(("width", "height"), (Number(1, 8192),) * 2)), "px, of its input; auto = the image's"
@@ -223,7 +319,14 @@ class Network(Section):
 
 @dataclass(frozen=True, slots=True)
 class Parameters(Section):
-    """Everything that decides a segmentation."""
+    """Everything that decides a segmentation.
+
+    Examples
+    --------
+    >>> params = ffseg.load_params()
+    >>> params.method, params.contour.balloon, params.edges.canny
+    ('freeform', 8.0, 'auto')
+    """
 
     method: str = declared(
         "freeform",
@@ -267,6 +370,12 @@ def load_params(
     ------
     ParameterError
         One line for everything that is wrong: where, which key, what is allowed, the nearest key.
+
+    Examples
+    --------
+    >>> params = ffseg.load_params("toy-full", {"init.radius": 60})
+    >>> params.init.radius, ffseg.load_params(None, ["contour.degree=2"]).contour.degree
+    (60.0, 2)
     """
     if source is None and overrides is None:
         return _defaults()
@@ -317,7 +426,13 @@ def parameter_set(params: ParametersLike) -> Parameters:
 
 
 def presets() -> dict[str, Path]:
-    """Parameter files that come with ffseg, by name."""
+    """Parameter files that come with ffseg, by name.
+
+    Examples
+    --------
+    >>> sorted(ffseg.presets())[:2]
+    ['default', 'omni-indoor']
+    """
     here = Path(__file__).parent
     folder = next((path for path in (here / "configs", here.parent / "configs") if path.is_dir()), None)
     files = sorted(folder.glob("*.yaml")) if folder else []

@@ -47,6 +47,12 @@ class Method:
         It tells marks on the ground from obstacles itself, by interest points of a pair (Eq. 11).
     function : callable, optional
         The function itself, where it was given as one.
+
+    Examples
+    --------
+    >>> from ffseg.plugins import METHODS
+    >>> METHODS["snake"].home, METHODS["snake"].altitudes
+    ('ffseg.methods.snake:run', True)
     """
 
     home: str

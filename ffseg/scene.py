@@ -23,7 +23,15 @@ Plane = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Progress:
-    """A snapshot of an evolution, handed to a callback."""
+    """A snapshot of an evolution, handed to a callback.
+
+    Examples
+    --------
+    >>> seen = []
+    >>> result = ffseg.segment(ffseg.read_image("pictures/toy.png"), callback=seen.append)
+    >>> seen[0].iteration, seen[0].contours, seen[-1].iteration == result.stats.iterations
+    (0, (<FreeForm of degree 3: 13 patches, signed area 5026.6 px^2>,), True)
+    """
 
     iteration: int
     contours: tuple[FreeForm, ...]
@@ -31,7 +39,14 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class Stats:
-    """Counts of one segmentation, zero where a method has no such thing; ``stop_reason`` says why it ended."""
+    """Counts of one segmentation, zero where a method has no such thing; ``stop_reason`` says why it ended.
+
+    Examples
+    --------
+    >>> stats = ffseg.segment(ffseg.read_image("pictures/toy.png")).stats
+    >>> stats.initial_points, stats.final_points == 3 * stats.patches, stats.stop_reason
+    (39, True, 'converged')
+    """
 
     iterations: int = 0
     splits: int = 0
@@ -55,6 +70,15 @@ class Outcome:
     mask : ndarray of bool, shape (H, W), or None
         Needed when there are no contours.
     stats : Stats
+
+    Examples
+    --------
+    >>> bright = np.zeros((60, 80), bool)
+    >>> bright[10:50, 20:60] = True
+    >>> image = 200 * bright.astype(np.uint8)
+    >>> result = ffseg.segment(image, {"init.radius": 8}, method=lambda scene: ffseg.Outcome(mask=bright))
+    >>> int(result.mask.sum()), result.contours[0].signed_area > 0
+    (1600, True)
     """
 
     contours: tuple[FreeForm, ...] | None = None
@@ -110,6 +134,12 @@ class Scene:
     callback : callable, optional
         Wants a `Progress` at the start, after every `every` iterations, and at the end.
     every : int
+
+    Examples
+    --------
+    >>> scene = ffseg.Scene(ffseg.read_image("pictures/toy.png"))
+    >>> scene.shape, scene.params.method, scene.starts
+    ((600, 800), 'freeform', ())
     """
 
     image: Plane
@@ -154,7 +184,15 @@ class Scene:
 
 
 class Segmenter(Protocol):
-    """A method: finds a region from start contours."""
+    """A method: finds a region from start contours.
+
+    Examples
+    --------
+    >>> def start_only(scene: ffseg.Scene) -> ffseg.Outcome:
+    ...     return ffseg.Outcome(scene.starts)
+    >>> ffseg.segment(ffseg.read_image("pictures/toy.png"), method=start_only).contours
+    (<FreeForm of degree 3: 13 patches, signed area 5026.6 px^2>,)
+    """
 
     def __call__(self, scene: Scene) -> Outcome:
         """Return what is found in one image."""

@@ -74,6 +74,12 @@ def load_camera(path: str | os.PathLike[str]) -> Camera:
     ------
     CalibrationError
         One line for each thing wrong, with file, line and key.
+
+    Examples
+    --------
+    >>> camera = ffseg.load_camera("pictures/pair/camera.yaml")
+    >>> camera.width, camera.height, camera.mount_height
+    (800, 600, 0.9)
     """
     problems = Problems()
     text = read_text(os.fspath(path), problems)

@@ -29,6 +29,13 @@ class Footprint:
         Of the disc, in cells.
     radius_m : float
         Metres.
+
+    Examples
+    --------
+    >>> from ffseg.camera.footprint import footprint_of
+    >>> footprint = footprint_of(ffseg.load_camera("pictures/pair/camera.yaml"), radius=0.2, own=0.0)
+    >>> footprint.cells.shape, footprint.diameter
+    ((600, 800), 16.0)
     """
 
     cells: NDArray[np.int32]

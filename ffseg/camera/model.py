@@ -44,6 +44,13 @@ class Camera:
         then a turn to the left of x on the ground, without a mirror one to the right.
     forward : float
         Degrees from the image's x axis toward its y axis to where the robot's front is seen.
+
+    Examples
+    --------
+    >>> camera = ffseg.load_camera("pictures/pair/camera.yaml")
+    >>> rays = camera.lift(np.array([[500.0, 300.0]]))
+    >>> camera.project(rays).round(6)
+    array([[500., 300.]])
     """
 
     projection: Projection

@@ -33,6 +33,13 @@ class Pose:
         stated.
     theta : float or None
         The turn as it was given, whole turns included; None where it was given as a matrix or quaternion.
+
+    Examples
+    --------
+    >>> camera = ffseg.load_camera("pictures/pair/camera.yaml")
+    >>> pose = ffseg.planar_pose(camera, 1.0, 2.0, np.pi / 2)
+    >>> (pose.rotation @ [1, 0, 0] + pose.position).round(6)
+    array([1., 3., 0.])
     """
 
     rotation: Array
@@ -61,6 +68,13 @@ class Motion:
     spread : ndarray of float64, shape (k, 8), or None
         Independent errors of one standard deviation each, as `perturbed` takes them: their squares add up to the
         covariance. None: the planar ones that the two numbers above say.
+
+    Examples
+    --------
+    >>> sequence = ffseg.Sequence(ffseg.load_camera("pictures/pair/camera.yaml"))
+    >>> first, second = (sequence.feed(ffseg.read_image(f"pictures/pair/{name}.png")) for name in ("0001", "0002"))
+    >>> second.motion.origin, float(np.hypot(*second.motion.translation[:2]).round(2))
+    ('ground points', 0.22)
     """
 
     rotation: Array
@@ -191,6 +205,12 @@ def planar_pose(camera: Camera, x: float, y: float, theta: float, sigmas: tuple[
     ------
     CalibrationError
         When the camera is none, or a number is not finite.
+
+    Examples
+    --------
+    >>> camera = ffseg.load_camera("pictures/pair/camera.yaml")
+    >>> ffseg.planar_pose(camera, 1.0, 2.0, np.pi / 2).position
+    array([1., 2., 0.])
     """
     require_camera(camera)
     for name, value in (("x", x), ("y", y), ("theta", theta)):

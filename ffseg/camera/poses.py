@@ -46,6 +46,13 @@ def load_poses(path: str | os.PathLike[str], images: Sequence[str], camera: Came
     ------
     CalibrationError
         One line for each thing wrong, with file and line; also when no image has a row.
+
+    Examples
+    --------
+    >>> camera = ffseg.load_camera("pictures/pair/camera.yaml")
+    >>> poses = ffseg.load_poses("pictures/pair/poses.csv", ["0001.png", "0002.png"], camera)
+    >>> sorted(poses), poses["0002.png"].position
+    (['0001.png', '0002.png'], array([0., 0., 0.]))
     """
     require_camera(camera)
     problems = Problems()

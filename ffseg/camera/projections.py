@@ -20,7 +20,15 @@ LAST_STEP = 1e-9
 
 
 class Projection(Protocol):
-    """What a camera model has to offer."""
+    """What a camera model has to offer.
+
+    Examples
+    --------
+    >>> projection = ffseg.load_camera("pictures/pair/camera.yaml").projection
+    >>> rays = projection.lift(np.array([[500.0, 300.0]]))
+    >>> projection.project(rays).round(6)
+    array([[500., 300.]])
+    """
 
     def lift(self, pixels: Array) -> Array:
         """Unit rays, shape (n, 3), of pixels, shape (n, 2); NaN where no ray exists."""

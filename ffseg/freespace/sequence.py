@@ -76,6 +76,21 @@ class Frame:
         x, y of samples of the components' outlines; 1: speaks for the ground, -1: against it, 0: says nothing.
     lens : Camera or None
         The camera as calibrated.
+
+    References
+    ----------
+    Algorithm 5 of the paper.
+
+    References
+    ----------
+    Algorithm 5 of the paper.
+
+    Examples
+    --------
+    >>> sequence = ffseg.Sequence(ffseg.load_camera("pictures/pair/camera.yaml"))
+    >>> first, second = (sequence.feed(ffseg.read_image(f"pictures/pair/{name}.png")) for name in ("0001", "0002"))
+    >>> len(second.merged_contours), bool(second.mask.sum() > second.segmentation.mask.sum())
+    (3, True)
     """
 
     mask: NDArray[np.bool_]
@@ -320,12 +335,20 @@ class Sequence:
     ParameterError
         When a parameter is wrong.
 
+    References
+    ----------
+    Algorithm 5 and Eq. 9 of the paper.
+
+    References
+    ----------
+    Algorithm 5 and Eq. 9 of the paper.
+
     Examples
     --------
-    >>> sequence = Sequence(camera, params)  # doctest: +SKIP
-    >>> for image in images:  # doctest: +SKIP
-    ...     frame = sequence.feed(image)
-    ...     frame.mask
+    >>> sequence = ffseg.Sequence(ffseg.load_camera("pictures/pair/camera.yaml"))
+    >>> first, second = (sequence.feed(ffseg.read_image(f"pictures/pair/{name}.png")) for name in ("0001", "0002"))
+    >>> first.tested, [component.verdict for component in second.components]
+    (False, ['false_obstacle', 'obstacle', 'obstacle', 'false_obstacle', 'false_obstacle'])
     """
 
     def __init__(self, camera: Camera, params: ParametersLike = None, method: str | None = None) -> None:

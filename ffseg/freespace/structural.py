@@ -59,6 +59,22 @@ class ComponentVerdict:
         Name of the image it was judged against; empty when untested.
     track : int
         Number of the thing along a sequence; -1 where nobody counts.
+
+    References
+    ----------
+    Eq. 9 of the paper. Differs: samples of the outline must be flat as well.
+
+    References
+    ----------
+    Eq. 9 of the paper. Differs: samples of the outline must be flat as well.
+
+    Examples
+    --------
+    >>> sequence = ffseg.Sequence(ffseg.load_camera("pictures/pair/camera.yaml"))
+    >>> first, second = (sequence.feed(ffseg.read_image(f"pictures/pair/{name}.png")) for name in ("0001", "0002"))
+    >>> box = second.components[1]
+    >>> box.verdict, box.matched_points > 0, box.max_altitude_m > 0.08
+    ('obstacle', True, True)
     """
 
     component: int

@@ -56,6 +56,13 @@ class Link:
     planar : tuple of float
         x, y (metres) and turn (radians): a ground point of the current image, in its levelled camera frame, turned by
         the turn and moved by (x, y) is that point in the earlier image's.
+
+    Examples
+    --------
+    >>> sequence = ffseg.Sequence(ffseg.load_camera("pictures/pair/camera.yaml"))
+    >>> first, second = (sequence.feed(ffseg.read_image(f"pictures/pair/{name}.png")) for name in ("0001", "0002"))
+    >>> [link.name for link in second.links], round(second.links[0].planar[2], 2)
+    (['0'], 0.27)
     """
 
     name: str

@@ -35,6 +35,22 @@ class FreeForm:
     Notes
     -----
     Points may repeat, patches may be single points, and the curve may cross itself: all of it is legal.
+
+    References
+    ----------
+    Definition 1 and Eq. 1 to 6 of the paper.
+
+    References
+    ----------
+    Definition 1 and Eq. 1 to 6 of the paper.
+
+    Examples
+    --------
+    >>> square = ffseg.FreeForm.polygon([(0, 0), (10, 0), (10, 10), (0, 10)])
+    >>> square.signed_area, square.reversed().signed_area, square.winding([(5, 5), (20, 20)])
+    (100.0, -100.0, array([1, 0]))
+    >>> ffseg.FreeForm.circle((50, 40), radius=20, num_patches=6, degree=3)
+    <FreeForm of degree 3: 6 patches, signed area 1257.1 px^2>
     """
 
     control_points: Points

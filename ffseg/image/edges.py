@@ -39,6 +39,21 @@ class EdgeMap:
         hangs together in it belongs together, also through places too narrow for a contour.
     trial : object, optional
         What a contour has found on exactly these edges, where the source has asked for one (`ffseg.contour.Found`).
+
+    References
+    ----------
+    Eq. 8 of the paper. Differs: the strongest colour channel instead of grey.
+
+    References
+    ----------
+    Eq. 8 of the paper. Differs: the strongest colour channel instead of grey.
+
+    Examples
+    --------
+    >>> image = ffseg.read_image("pictures/toy.png")
+    >>> edges = ffseg.edge_map(image, ffseg.load_params().edges)
+    >>> edges.gradient.dtype, np.unique(edges.edges), ffseg.segment(image, edges=edges).source
+    (dtype('uint16'), array([  0, 255], dtype=uint8), 'given')
     """
 
     gradient: NDArray[np.uint16]
@@ -98,6 +113,20 @@ def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] 
     The gradient is a 3x3 Sobel operator on the Gaussian-smoothed image. ``auto`` sets the high threshold from the
     noise: the median gradient in windows of 64 pixels, held near that of the quieter windows, so that neither shading
     nor a noisy sensor asks for other parameters and texture does not pass for noise.
+
+    References
+    ----------
+    Eq. 8 of the paper. Differs: the strongest colour channel instead of grey, thresholds from the image's own noise.
+
+    References
+    ----------
+    Eq. 8 of the paper. Differs: the strongest colour channel instead of grey, thresholds from the image's own noise.
+
+    Examples
+    --------
+    >>> edges = ffseg.edge_map(ffseg.read_image("pictures/toy.png"), ffseg.load_params().edges)
+    >>> edges.thresholds, edges.edges.shape
+    ((0.75, 1.5), (600, 800))
     """
     shape = checked_image(image).shape[:2]
     if not isinstance(params, Edges):

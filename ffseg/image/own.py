@@ -97,6 +97,18 @@ def own_image(images: Iterable[Image]) -> Mask:
     eigenvalue of the mean structure tensor, each normed, of pixels beside a crest). Such edges part the image; of the
     parts, those in which nothing comes and goes are the camera's. The limit between both runs along the crest of
     the median gradient (a watershed). The disc that `valid_disc` finds in most of the images bounds what they show.
+
+    Examples
+    --------
+    A mount below a scene that moves past:
+
+    >>> scene = ffseg.read_image("pictures/complex.png")
+    >>> images = [np.roll(scene, 40 * step, axis=1) for step in range(20)]
+    >>> for image in images:
+    ...     image[450:] = 90
+    >>> own = ffseg.own_image(images)
+    >>> bool(own[500, 400]), bool(own[100, 200])
+    (True, False)
     """
     shape, seen = _look(images)
     kinds = _parted(seen)

@@ -54,7 +54,16 @@ REASONS = {
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How large a file and an image may be before it is refused unread; no method takes a longer side."""
+    """How large a file and an image may be before it is refused unread; no method takes a longer side.
+
+    Examples
+    --------
+    >>> try:
+    ...     ffseg.read_image("pictures/toy.png", ffseg.Limits(max_pixels=1000))
+    ... except ffseg.ImageReadError as error:
+    ...     print(error.reason)
+    too-many-pixels
+    """
 
     max_bytes: int = 1 << 30
     max_pixels: int = 100_000_000
@@ -78,6 +87,12 @@ def read_image(path: str | os.PathLike[str], limits: Limits | None = None) -> ND
     ------
     ImageReadError
         With one of ``REASONS``; the message names the file and the remedy.
+
+    Examples
+    --------
+    >>> image = ffseg.read_image("pictures/toy.png")
+    >>> image.shape, image.dtype
+    ((600, 800), dtype('uint8'))
     """
     limits = limits or Limits()
     try:

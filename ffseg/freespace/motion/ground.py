@@ -62,6 +62,13 @@ class GroundFit:
         Slopes and residuals in standard deviations.
     hold : ndarray of float64, shape (8, 8)
         What the prior knows: the inverse of its covariance.
+
+    Examples
+    --------
+    >>> sequence = ffseg.Sequence(ffseg.load_camera("pictures/pair/camera.yaml"))
+    >>> first, second = (sequence.feed(ffseg.read_image(f"pictures/pair/{name}.png")) for name in ("0001", "0002"))
+    >>> int(second.fit.inliers.sum()) == second.fit.count, second.fit.residual.shape[1]
+    (True, 2)
     """
 
     camera: Camera
@@ -126,6 +133,12 @@ class Doubt:
     covariances : ndarray of float64, shape (count, 8, 8)
     known : ndarray of bool, shape (count,)
         False where the others do not give a motion.
+
+    Examples
+    --------
+    >>> doubt = ffseg.Doubt(np.zeros((2, 8)), np.zeros((2, 8, 8)), np.array([True, False]))
+    >>> int(doubt.known.sum())
+    1
     """
 
     steps: Array
