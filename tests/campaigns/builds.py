@@ -1,9 +1,11 @@
-"""The native core built otherwise: without optimisation and with checked indices, and as one unit with warnings as errors.
+"""The native core built otherwise: without optimisation, in plain C++, and as one unit with warnings as errors.
 
-``python tests/campaigns/builds.py --work DIR [--only debug|lto]``
+``python tests/campaigns/builds.py --work DIR [--only debug|plain|lto]``
 
-The first build runs the tests of the native code: what an optimiser hides, such as two definitions of one name, shows
-there. The second lets the compiler see all sources at once, which compares their definitions. Objects are kept in DIR.
+The first build checks indices and runs the tests of the native code: what an optimiser hides, such as two definitions
+of one name, shows there. The second leaves out what only some compilers know, as MSVC does, and must give the bytes of the
+installed core. The third lets the compiler see all sources at once, which compares their definitions. Objects are kept
+in DIR.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import harness
 from compiling import ALWAYS, ROOT, WARNINGS, Build
 
 DEBUG = Build((*ALWAYS, *WARNINGS, "-O0", "-g1", "-D_GLIBCXX_ASSERTIONS"))
+PLAIN = Build((*ALWAYS, "-pedantic-errors", "-O2", "-DFFSEG_PLAIN"))
 LTO = Build(
     (*ALWAYS, *WARNINGS, "-O1", "-flto"),  # definitions are compared at any level
     ("-O1", "-flto=auto", "-Wodr", "-Wlto-type-mismatch", "-Werror"),
@@ -30,15 +33,42 @@ NATIVE_TESTS = (
     "tests/property/test_raster_properties.py", "tests/property/test_snake_twin.py",
 )  # fmt: skip
 """The tests that call every room of the core."""
+SAME_BYTES = """
+import hashlib
+import ffseg
+from ffseg.samples.scenes import SCENES
+digest = hashlib.blake2b()
+settings = [{"method": name} for name in ("freeform", "snake", "levelset", "paper")]
+settings += [{"edges.source": "prior"}, {"region.weight": 1.0}, *({"contour.degree": degree} for degree in (1, 2, 4, 5, 6))]
+for draw in SCENES.values():
+    for one in settings:
+        result = ffseg.segment(draw().image, ffseg.load_params(None, one))
+        digest.update(result.mask.tobytes() + b"".join(c.control_points.tobytes() for c in result.contours))
+print(digest.hexdigest())
+"""
+"""Prints one number for what every method makes of the drawn scenes."""
 
 
 def debug(work: Path) -> int:
     """Build without optimisation and run the native tests with that module; the exit code of pytest."""
-    core = DEBUG.module(work / "debug")
     command = [sys.executable, "-m", "pytest", "-q", "-p", "other_core", "-p", "no:cacheprovider", *NATIVE_TESTS]
+    return subprocess.run(command, cwd=ROOT, env=_with(DEBUG.module(work / "debug")), check=False).returncode
+
+
+def plain(work: Path) -> int:
+    """Build without extensions of a compiler; 1 when a method gives other bytes than with them."""
+    env = _with(PLAIN.module(work / "plain"))
+    found = [
+        subprocess.run([sys.executable, "-c", lead + SAME_BYTES], cwd=ROOT, env=env, check=True, capture_output=True)
+        for lead in ("", "import other_core\n")
+    ]
+    return int(found[0].stdout != found[1].stdout)
+
+
+def _with(core: Path) -> dict[str, str]:
+    """Environment in which the plugin ``other_core`` puts a module in the place of the installed one."""
     paths = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
-    env = {**os.environ, "FFSEG_OTHER_CORE": str(core), "PYTHONPATH": paths}
-    return subprocess.run(command, cwd=ROOT, env=env, check=False).returncode
+    return {**os.environ, "FFSEG_OTHER_CORE": str(core), "PYTHONPATH": paths}
 
 
 def lto(work: Path) -> int:
@@ -47,7 +77,7 @@ def lto(work: Path) -> int:
     return 0
 
 
-BUILDS = {"debug": debug, "lto": lto}
+BUILDS = {"debug": debug, "plain": plain, "lto": lto}
 
 
 def main() -> int:

@@ -5,34 +5,35 @@
 #pragma once
 #include "common/vec.hpp"
 
-#if defined(__GNUC__) && defined(__SSE__)
+#if defined(FFSEG_GNU) && defined(__SSE__)
 #include <xmmintrin.h>
 #endif
 
-#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
+#if defined(FFSEG_GNU) && !defined(__clang__) && defined(__x86_64__) && defined(__gnu_linux__) && \
+    !defined(__SANITIZE_ADDRESS__)
 #define FFSEG_CLONES __attribute__((target_clones("avx2", "default")))
 #else
 #define FFSEG_CLONES
 #endif
 
 // What a cloned loop calls must become part of it, else it is compiled once, for the portable version only.
-#if defined(__GNUC__)
+#if defined(FFSEG_GNU)
 #define FFSEG_PART __attribute__((always_inline))
 #else
 #define FFSEG_PART
 #endif
 
 // Before a loop: what it writes, no later turn reads.
-#if defined(__clang__)
+#if defined(FFSEG_GNU) && defined(__clang__)
 #define FFSEG_APART _Pragma("clang loop vectorize(assume_safety)")
-#elif defined(__GNUC__)
+#elif defined(FFSEG_GNU)
 #define FFSEG_APART _Pragma("GCC ivdep")
 #else
 #define FFSEG_APART
 #endif
 
 // Fetches what will be read soon, so that several places come from memory at once.
-#if defined(__GNUC__)
+#if defined(FFSEG_GNU)
 #define FFSEG_PREFETCH(at) __builtin_prefetch(at)
 #else
 #define FFSEG_PREFETCH(at) static_cast<void>(at)
@@ -41,7 +42,7 @@
 namespace ffseg {
 
 // Four numbers that are worked on side by side.
-#if defined(__GNUC__)
+#if defined(FFSEG_GNU)
 using Float4 = float __attribute__((vector_size(16)));
 using Int4 = int __attribute__((vector_size(16)));
 

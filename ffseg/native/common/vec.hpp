@@ -4,15 +4,22 @@
 #include <cmath>
 #include <limits>
 
-#if defined(__SSE2__)
+// FFSEG_PLAIN leaves all that only some compilers know out, so that any compiler can build and try what MSVC builds.
+#if defined(__GNUC__) && !defined(FFSEG_PLAIN)
+#define FFSEG_GNU
+#endif
+
+#if defined(FFSEG_GNU) && defined(__SSE2__)
 #include <emmintrin.h>
 #endif
 
 // Small functions in the innermost loops, which compilers leave out of line when they are called often.
-#if defined(__GNUC__)
+#if defined(FFSEG_GNU)
 #define FFSEG_INLINE inline __attribute__((always_inline))
-#else
+#elif defined(_MSC_VER)
 #define FFSEG_INLINE __forceinline
+#else
+#define FFSEG_INLINE inline
 #endif
 
 namespace ffseg {
@@ -47,7 +54,7 @@ struct Box {
     }
     bool holds(Vec2 p) const { return x0 <= p.x && p.x <= x1 && y0 <= p.y && p.y <= y1; }
     bool meets(const Box& other) const {
-#if defined(__SSE2__)  // two sides at a time, as they lie
+#if defined(FFSEG_GNU) && defined(__SSE2__)  // two sides at a time, as they lie
         const __m128d before = _mm_cmple_pd(_mm_loadu_pd(&x0), _mm_loadu_pd(&other.x1));
         const __m128d after = _mm_cmple_pd(_mm_loadu_pd(&other.x0), _mm_loadu_pd(&x1));
         return _mm_movemask_pd(_mm_and_pd(before, after)) == 3;

@@ -7,7 +7,7 @@
 
 #include "common/lanes.hpp"
 
-#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__)
+#if defined(FFSEG_GNU) && !defined(__clang__) && defined(__x86_64__)
 #include <immintrin.h>
 #define FFSEG_WIDER __attribute__((target("avx2")))
 #define FFSEG_WIDEST __attribute__((target("avx512f,avx512cd")))
@@ -82,7 +82,7 @@ std::uint32_t bits(std::size_t first, std::size_t end) {
 
 // The leaves that pixels can reach in a tree: those that no split has ruled out. Some pixels are worked on from the
 // first split to the last, so that their leaves stay in registers.
-#if defined(__GNUC__)
+#if defined(FFSEG_GNU)
 struct Narrow {
     using Floats = float __attribute__((vector_size(16)));
     using Leaves = std::int32_t __attribute__((vector_size(16)));
@@ -131,7 +131,7 @@ void rule_out(const ForestSplit* splits, std::size_t count, const float* block, 
 #endif
 
 int lowest_bit(std::uint32_t number) {
-#if defined(__GNUC__)
+#if defined(FFSEG_GNU)
     return __builtin_ctz(number);
 #else
     int bit = 0;

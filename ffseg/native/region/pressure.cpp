@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/lanes.hpp"
 #include "raster/raster.hpp"
 
 namespace ffseg::region {
@@ -196,16 +197,12 @@ void Pressure::fit(const Outlines& contours, bool closes_in) {
 }
 
 void Pressure::prefetch(Vec2 p) const {
-#if defined(__GNUC__)
     const int column = std::clamp(static_cast<int>(p.x + 0.5), 0, picture_.width - 1);
     const int middle = std::clamp(static_cast<int>(p.y + 0.5), 0, picture_.height - 1);
     for (int row = std::max(middle - 1, 0); row <= std::min(middle + 1, picture_.height - 1); ++row) {
-        __builtin_prefetch(picture_.pixels +
-                           (static_cast<std::ptrdiff_t>(row) * picture_.width + column) * picture_.channels);
+        FFSEG_PREFETCH(picture_.pixels +
+                       (static_cast<std::ptrdiff_t>(row) * picture_.width + column) * picture_.channels);
     }
-#else
-    static_cast<void>(p);
-#endif
 }
 
 double Pressure::at(Vec2 p) const {

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/lanes.hpp"
+
 namespace ffseg::marching {
 
 // A front node with the time at which it would be reached.
@@ -17,15 +19,6 @@ struct Later {
         return a.time > b.time || (a.time == b.time && a.node > b.node);
     }
 };
-
-// Asks for a cache line that will be read soon; without effect on results.
-inline void fetch(const void* address) {
-#if defined(__GNUC__)
-    __builtin_prefetch(address);
-#else
-    (void)address;
-#endif
-}
 
 // Nodes wait in buckets of one width in time; only the bucket at the front is kept in order. What lies beyond the ring
 // of buckets waits in `far_`. All times of a bucket lie before those of the next, so the order is that
@@ -90,7 +83,7 @@ private:
         for (const std::int32_t node : bucket) {  // a node of an earlier bucket has left this one
             if (slot_of(node) < current_) continue;
             front_.push_back({time_[node], node});
-            for (int row = -2; row <= 2; ++row) fetch(time_ + node + row * stride_);
+            for (int row = -2; row <= 2; ++row) FFSEG_PREFETCH(time_ + node + row * stride_);
         }
         bucket.clear();
         std::sort(front_.begin(), front_.end(), Later{});
