@@ -1,16 +1,21 @@
 """Run every check of the project: lint, format, types, import floors, C++ builds, tests, and a clean install.
 
-``python check.py`` needs ``pip install -e '.[test]'``; ``--no-install`` leaves the clean install out.
+``python check.py`` needs ``pip install -e '.[test]'``; ``--no-install`` leaves the clean install out. ``--oldest`` and
+``--newest`` instead run the tests with the oldest or the newest dependencies that ``pyproject.toml`` allows, in a new
+environment of the Python that runs this file; what follows goes to pytest: ``python3.13 check.py --newest tests/unit``.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 import venv
 from pathlib import Path
 
@@ -36,6 +41,8 @@ CHECKS = {
 """Name and command of each check, run in the project's folder."""
 IN_SOURCES = "import ffseg; print(ffseg.segment(ffseg.read_image('samples/toy.png')))"
 """What must use the installation also in this folder, where ``import ffseg`` finds the sources first."""
+DEVELOPMENT = ("test", "docs")
+"""Extras of those who work on ffseg: their tools may be of any version."""
 TEST_ONLY = ("pytest", "hypothesis", "shapely", "ruff", "mypy")
 
 
@@ -43,7 +50,13 @@ def main() -> int:
     """Run all checks, also after one has failed; 0 when all pass."""
     parser = argparse.ArgumentParser(description="Run every check of the project.")
     parser.add_argument("--no-install", action="store_true", help="leave out the smoke test of a clean install")
+    parser.add_argument("--oldest", action="store_true", help="only the tests, with the oldest dependencies allowed")
+    parser.add_argument("--newest", action="store_true", help="only the tests, with the newest dependencies allowed")
+    parser.add_argument("pytest", nargs="*", help="what pytest is to run with these")
     options = parser.parse_args()
+    if options.oldest or options.newest:
+        sets = [name for name in ("oldest", "newest") if getattr(options, name)]
+        return 0 if all(_with_dependencies(name, options.pytest) for name in sets) else 1
     results = {name: _timed(name, command) for name, command in CHECKS.items()}
     if not options.no_install:
         results["clean install"] = _clean_install()
@@ -52,13 +65,39 @@ def main() -> int:
     return 0 if all(results.values()) else 1
 
 
-def _timed(name: str, command: list[str], folder: Path = ROOT) -> bool:
+def _timed(name: str, command: list[str], folder: Path = ROOT, environment: dict[str, str] | None = None) -> bool:
     """Run one command; True when it ends with 0."""
     print(f"== {name}", flush=True)
     begin = time.monotonic()
-    code = subprocess.run(command, cwd=folder, check=False).returncode
+    code = subprocess.run(command, cwd=folder, check=False, env={**os.environ, **(environment or {})}).returncode
     print(f"== {name}: exit code {code}, {time.monotonic() - begin:.0f} s", flush=True)
     return code == 0
+
+
+def oldest() -> list[str]:
+    """Constraints that hold every package ffseg runs with, and of its extras, at the first minor version allowed."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    wanted = [*project["dependencies"], *(line for name in extras if name not in DEVELOPMENT for line in extras[name])]
+    found = [re.match(r"([\w-]+)(?:\[\w+\])?>=(\d+)(?:\.(\d+))?", line) for line in wanted]
+    return [f"{one[1]}=={one[2]}.{one[3] or 0}.*" for one in found if one]
+
+
+def _with_dependencies(which: str, arguments: list[str]) -> bool:
+    """Run the tests in a new environment with the oldest or the newest dependencies."""
+    with tempfile.TemporaryDirectory(prefix=f"ffseg-{which}-") as temporary:
+        folder = Path(temporary)
+        venv.create(folder / "venv", with_pip=True)
+        scripts = folder / "venv" / SCRIPTS.name
+        python = str(scripts / Path(sys.executable).name)
+        constraints = folder / "constraints.txt"
+        constraints.write_text("".join(f"{line}\n" for line in (oldest() if which == "oldest" else [])))
+        install = ["install", "--quiet", "--upgrade", "--constraint", str(constraints), f"{ROOT}[test]"]
+        passed = _timed(f"{which} dependencies", [python, "-m", "pip", *install])
+        subprocess.run([python, "-m", "pip", "list"], check=False)
+        environment = {"PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}"}
+        tests = [python, "-m", "pytest", "-n", "2", "-q", "-p", "no:cacheprovider", *arguments]
+        return passed and _timed(f"tests with the {which} dependencies", tests, environment=environment)
 
 
 def _clean_install() -> bool:
