@@ -83,10 +83,6 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     ----------
     Algorithms 4 and 5 of the paper; the departures stand in docs/method.md.
 
-    References
-    ----------
-    Algorithms 4 and 5 of the paper; the departures stand in docs/method.md.
-
     Examples
     --------
     >>> image = ffseg.read_image("pictures/toy.png")

@@ -198,10 +198,6 @@ class Obstacles(Section):
     ----------
     Eq. 9 of the paper; ``altitude`` is its epsilon.
 
-    References
-    ----------
-    Eq. 9 of the paper; ``altitude`` is its epsilon.
-
     Examples
     --------
     >>> ffseg.load_params(None, {"obstacles.altitude": 0.05}).obstacles
@@ -222,15 +218,11 @@ class Snake(Section):
     ----------
     Eq. 10 of the paper, with Eq. 11 where altitudes are known.
 
-    References
-    ----------
-    Eq. 10 of the paper, with Eq. 11 where altitudes are known.
-
     Examples
     --------
     >>> image = ffseg.read_image("pictures/toy.png")
-    >>> ffseg.segment(image, {"snake.spacing": 4}, method="snake").num_holes
-    0
+    >>> len(ffseg.segment(image, {"snake.spacing": 4}, method="snake").contours)
+    1
     """
 
     tension: float = declared(0.02, Number(0, 1000), "weight of the first differences in the internal energy")
@@ -243,10 +235,6 @@ class Snake(Section):
 @dataclass(frozen=True, slots=True)
 class LevelSet(Section):
     """The fast-marching level set (LS), Eq. 12. A negative contour.balloon closes in; max_iterations does not count.
-
-    References
-    ----------
-    Eq. 12 of the paper.
 
     References
     ----------
@@ -271,10 +259,6 @@ class LevelSet(Section):
 @dataclass(frozen=True, slots=True)
 class Paper(Section):
     """The method as printed (Algorithms 1 to 4). It also takes contour and edges, without clearance and settle.
-
-    References
-    ----------
-    Algorithms 1 to 4 of the paper, as printed.
 
     References
     ----------

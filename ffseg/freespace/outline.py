@@ -46,6 +46,14 @@ class Scan:
         ``obstacle``; ``rim`` where the camera's view or its reach ends; ``unknown`` where nothing was seen.
     reach : float
         Metres.
+
+    Examples
+    --------
+    >>> sequence = ffseg.Sequence(ffseg.load_camera("pictures/pair/camera.yaml"))
+    >>> frame = sequence.feed(ffseg.read_image("pictures/pair/0001.png"))
+    >>> scan = frame.scan(count=8)
+    >>> scan.bearings.shape, set(scan.ends) <= {"obstacle", "rim", "unknown"}
+    ((8,), True)
     """
 
     bearings: Array
@@ -95,6 +103,14 @@ class Ground:
         Metres: nothing farther away is told.
     seen : ndarray of bool, shape (H, W)
         Pixels within reach that can show ground at all.
+
+    Examples
+    --------
+    >>> sequence = ffseg.Sequence(ffseg.load_camera("pictures/pair/camera.yaml"))
+    >>> frame = sequence.feed(ffseg.read_image("pictures/pair/0001.png"))
+    >>> ground = frame.ground(reach=3.0)
+    >>> len(ground.polygons), ground.document()["features"][0]["properties"]["kind"]
+    (1, 'free')
     """
 
     polygons: tuple[tuple[Array, ...], ...]

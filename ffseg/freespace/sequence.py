@@ -81,10 +81,6 @@ class Frame:
     ----------
     Algorithm 5 of the paper.
 
-    References
-    ----------
-    Algorithm 5 of the paper.
-
     Examples
     --------
     >>> sequence = ffseg.Sequence(ffseg.load_camera("pictures/pair/camera.yaml"))
@@ -334,10 +330,6 @@ class Sequence:
         When the camera is none, or has no mount_height.
     ParameterError
         When a parameter is wrong.
-
-    References
-    ----------
-    Algorithm 5 and Eq. 9 of the paper.
 
     References
     ----------

@@ -64,10 +64,6 @@ class ComponentVerdict:
     ----------
     Eq. 9 of the paper. Differs: samples of the outline must be flat as well.
 
-    References
-    ----------
-    Eq. 9 of the paper. Differs: samples of the outline must be flat as well.
-
     Examples
     --------
     >>> sequence = ffseg.Sequence(ffseg.load_camera("pictures/pair/camera.yaml"))

@@ -40,10 +40,6 @@ class FreeForm:
     ----------
     Definition 1 and Eq. 1 to 6 of the paper.
 
-    References
-    ----------
-    Definition 1 and Eq. 1 to 6 of the paper.
-
     Examples
     --------
     >>> square = ffseg.FreeForm.polygon([(0, 0), (10, 0), (10, 10), (0, 10)])

@@ -44,10 +44,6 @@ class EdgeMap:
     ----------
     Eq. 8 of the paper. Differs: the strongest colour channel instead of grey.
 
-    References
-    ----------
-    Eq. 8 of the paper. Differs: the strongest colour channel instead of grey.
-
     Examples
     --------
     >>> image = ffseg.read_image("pictures/toy.png")
@@ -113,10 +109,6 @@ def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] 
     The gradient is a 3x3 Sobel operator on the Gaussian-smoothed image. ``auto`` sets the high threshold from the
     noise: the median gradient in windows of 64 pixels, held near that of the quieter windows, so that neither shading
     nor a noisy sensor asks for other parameters and texture does not pass for noise.
-
-    References
-    ----------
-    Eq. 8 of the paper. Differs: the strongest colour channel instead of grey, thresholds from the image's own noise.
 
     References
     ----------

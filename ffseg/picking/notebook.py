@@ -34,6 +34,12 @@ class Picking:
         Of the page, on this machine.
     out : str
         Folder that everything is saved in, as `ffseg pick` does.
+
+    Examples
+    --------
+    >>> with ffseg.pick("pictures/toy.png", out="picked") as picking:
+    ...     picking.starts()
+    {}
     """
 
     def __init__(self, session: Session) -> None:
@@ -114,8 +120,9 @@ def pick(
 
     Examples
     --------
-    >>> picking = ffseg.pick([image])  # doctest: +SKIP
-    >>> masks = picking.masks()  # doctest: +SKIP
+    >>> with ffseg.pick("pictures/toy.png", out="picked") as picking:
+    ...     picking.masks(), picking.address.startswith("http://127.0.0.1:")
+    ({}, True)
     """
     target = os.fspath(out) if out is not None else tempfile.mkdtemp(prefix="ffseg-pick-")
     given = [images] if isinstance(images, str | os.PathLike) else list(images)
