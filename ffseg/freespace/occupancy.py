@@ -50,6 +50,11 @@ class Station:
         Standard deviations against the first frame: 0 where poses were given without their own.
     estimated : bool
         Whether it was read off the ground.
+
+    Examples
+    --------
+    >>> ffseg.Station(x=1.0, y=2.0, theta=0.5).estimated
+    False
     """
 
     x: float
@@ -80,10 +85,14 @@ class OccupancyMap:
 
     Examples
     --------
-    >>> grid = OccupancyMap(cell=0.05)  # doctest: +SKIP
-    >>> for image, pose in zip(images, poses):  # doctest: +SKIP
-    ...     grid.add(sequence.feed(image, pose), pose)
-    >>> grid.save("map")  # doctest: +SKIP
+    >>> camera = ffseg.load_camera("pictures/pair/camera.yaml")
+    >>> names = ["0001.png", "0002.png"]
+    >>> poses = ffseg.load_poses("pictures/pair/poses.csv", names, camera)
+    >>> grid, sequence = ffseg.OccupancyMap(cell=0.1), ffseg.Sequence(camera)
+    >>> all(grid.add(sequence.feed(ffseg.read_image(f"pictures/pair/{one}"), poses[one]), poses[one]) for one in names)
+    True
+    >>> len(grid.stations), grid.probability.ndim
+    (2, 2)
     """
 
     def __init__(self, cell: float = 0.05, reach: float = 4.0) -> None:
