@@ -74,13 +74,14 @@ def _kept(mask: Mask, params: Region) -> Mask:
     _, labels, stats, _ = cv2.connectedComponentsWithStats((~np.pad(kept, 1)).view(np.uint8), connectivity=8)
     small = stats[:, cv2.CC_STAT_AREA] < params.fill_holes
     small[labels[0, 0]] = False  # not the outside
-    return kept | (small[labels] & (labels > 0))[1:-1, 1:-1]
+    filled_in: Mask = small[labels] & (labels > 0)
+    return np.asarray(kept | filled_in[1:-1, 1:-1], np.bool_)
 
 
 def _surely_shown(contour: FreeForm) -> bool:
     """Whether it must enclose a pixel centre: by Steinhaus, when its area in pixels exceeds its length."""
     points = contour.control_points
-    length = np.hypot(*(points - np.roll(points, 1, axis=0)).T).sum()  # no curve is longer than its control polygon
+    length = float(np.hypot(*(points - np.roll(points, 1, axis=0)).T).sum())  # no curve exceeds its control polygon
     return abs(contour.signed_area) > length
 
 
