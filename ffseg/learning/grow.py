@@ -27,7 +27,7 @@ from ffseg.io.images import single_thread
 from ffseg.learning.drawn.sights import KINDS, Sight, sights
 from ffseg.learning.training import SETTINGS, converted, known_pixels
 
-LOOKS, PIXELS = 200, 400
+LOOKS, PIXELS = 160, 400
 """Looks at each kind of pictures, and pixels taken of each look."""
 
 TREES = 110

@@ -12,7 +12,7 @@ from ffseg.evidence.features import MIDDLE, exposed
 from ffseg.evidence.prior import CERTAIN, LEAST_START, look, prior
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
-from ffseg.judge import expected_overlap
+from ffseg.judge import HOPE, expected_overlap, sobered
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from tests.scenes import START, START_RADIUS, scene
@@ -122,6 +122,14 @@ def test_expected_overlap_against_its_definition() -> None:
     high = 1 / (1 + np.exp(-2.0))
     expected = 20 * high / (20 + 10 * high)  # what is unlikely does not count
     assert expected_overlap(odds, mask) == pytest.approx(expected, rel=1e-6)  # single precision
+
+
+def test_a_promise_is_sobered_by_its_odds() -> None:
+    promised = np.linspace(0, 0.99, 34)
+    odds = [p / (1 - p) for p in promised]
+    for least, own in zip((sobered(float(p)) for p in promised), odds, strict=True):
+        assert least / (1 - least) == pytest.approx(own / HOPE, rel=1e-9)
+    assert sobered(1.0) == 1.0
 
 
 def test_nothing_to_doubt_where_no_boundary_is() -> None:

@@ -79,18 +79,28 @@ def sentences(figures: Figures, out: str) -> list[str]:
         middle = ", from the middle of the images: no start is named" if figures.searched else ""
         lines.append(f"without the model:       {figures.without:.3f} (spread {figures.without_spread:.3f}){middle}")
         lines += few_known(figures.known)
-        if not figures.helps:
-            lines.append("this is no better than without the model beyond the noise; draw more masks, or do without it")
     if figures.curve:
         lines.append("by number of masks: " + ", ".join(f"{number}: {value:.3f}" for number, value in figures.curve))
-        if figures.more:
-            more = "1 more mask may" if figures.more == 1 else f"{figures.more} more masks may each"
-            lines.append(f"about {more} still raise it by .005 or more")
-        else:
-            lines.append("more masks of this kind will hardly raise it")
+    return [*lines, *advice(figures), f"use it with --set edges.model={out}"]
+
+
+def advice(figures: Figures) -> list[str]:
+    """What to do next: draw more masks, leave it at these, or do without the model."""
+    more = "1 more mask may" if figures.more == 1 else f"{figures.more} more masks may each"
+    rises = (
+        f"about {more} still raise it by .005 or more"
+        if figures.more
+        else "more masks of this kind will hardly raise it"
+    )
+    lines = []
+    if not figures.helps:
+        doubt = "this is no better than without the model beyond the noise"
+        lines = [f"{doubt}: do without it{'' if figures.curve and not figures.more else ', or draw more masks'}"]
+    if figures.curve:
+        lines.append(rises)
     if figures.following:
-        lines.append(f"most useful to draw next: {figures.following}")
-    lines.append(f"use it with --set edges.model={out}")
+        sought = figures.more or figures.masks < 2 or not figures.curve
+        lines.append(f"{'most useful to draw next' if sought else 'least sure of'}: {figures.following}")
     return lines
 
 

@@ -68,8 +68,9 @@ def _corridor(rng: Generator) -> Picture:
     return _ground(photographed(_clear(corridor(rng)), perspective(rng, road=False), rng, road=False))
 
 
-def _street(rng: Generator) -> Picture:
-    return _ground(photographed(_clear(street(rng)), perspective(rng, road=True), rng, road=True))
+def _street(rng: Generator, *, dusk: bool = True) -> Picture:
+    scene = _clear(street(rng, dusk=dusk))
+    return _ground(photographed(scene, perspective(rng, road=True), rng, road=True))
 
 
 def _mirror(rng: Generator) -> Picture:
@@ -79,7 +80,7 @@ def _mirror(rng: Generator) -> Picture:
 
 
 def _behind(rng: Generator) -> Array:
-    return (_indoors if rng.random() < 0.5 else _street)(rng)[0]
+    return (_indoors(rng) if rng.random() < 0.5 else _street(rng, dusk=False))[0]
 
 
 KINDS: dict[str, Kind] = {

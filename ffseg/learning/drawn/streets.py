@@ -13,8 +13,8 @@ from ffseg.learning.drawn.skins import Array, Skin, colour, leaves, look_up, noi
 Generator = np.random.Generator
 
 
-def street(rng: Generator) -> Scene:
-    """A straight road; x runs ahead, the camera stands at the origin."""
+def street(rng: Generator, *, dusk: bool = True) -> Scene:
+    """A straight road; x runs ahead, the camera stands at the origin. At dusk streets are dark against the sky."""
     width, base = rng.uniform(4, 12), colour(rng, (0.15, 0.45), 0.08)
     aside = rng.uniform(-0.3, 0.3) * width
     boxes: list[Box] = []
@@ -25,7 +25,7 @@ def street(rng: Generator) -> Scene:
     for _ in range(int(rng.integers(0, 4))):
         lane = aside + rng.choice([-1, 1]) * width / 4 + rng.normal(0, 0.3)
         boxes += _car(rng, base, np.array([rng.uniform(5, 35), lane, 0]))
-    grey = np.exp(rng.uniform(np.log(0.5), np.log(8)))  # against it, streets are dark
+    grey = np.exp(rng.uniform(np.log(0.5), np.log(8))) if dusk else rng.uniform(0.5, 1.3)
     return Scene(
         boxes=boxes,
         ground=_road(rng, base, width, aside),

@@ -1,0 +1,42 @@
+"""What the forests that come with ffseg are grown from: drawings, the same every time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ffseg.evidence import base, prior
+from ffseg.evidence.forest import load_model, to_bytes
+from ffseg.learning.drawn.sights import KINDS, LEAST_DEPTH, sights
+from ffseg.learning.grow import LOOKS, grow, taken
+from ffseg.metrics import INSIDE
+
+FLAT = [name for name, kind in KINDS.items() if not kind.alike]
+"""Kinds that are painted, not ray cast: quick to draw."""
+
+
+@pytest.mark.parametrize(("path", "names"), [(prior.MODEL, prior.TAKEN), (base.BASE, None)])
+def test_the_models_that_ship_say_what_they_are_of(path: object, names: object) -> None:
+    about = load_model(path, *([names] if names else [])).about
+    assert about == {"drawn": {"looks": LOOKS, "kinds": list(KINDS)}, "photographs": 0}
+
+
+@pytest.mark.parametrize("name", FLAT)
+def test_a_look_shows_its_start_inside_the_truth(name: str) -> None:
+    least, most = KINDS[name].shares
+    for seen in sights(name, 2):
+        inside = seen.truth == INSIDE
+        assert inside[seen.disc()].all()
+        assert seen.disc().sum() >= np.pi * (0.8 * (LEAST_DEPTH - 2)) ** 2 / 2
+        assert least < inside.mean() < most
+
+
+def test_a_look_does_not_depend_on_how_many_there_are() -> None:
+    few, more = list(sights("nuclei", 1)), list(sights("nuclei", 3))
+    assert np.array_equal(few[0].image, more[0].image)
+    assert few[0].start == more[0].start
+
+
+def test_the_same_looks_grow_the_same_bytes() -> None:
+    made = [to_bytes(grow([look[0] for look in taken("tissue", 2)], prior.TAKEN, {})) for _ in range(2)]
+    assert made[0] == made[1]
