@@ -126,6 +126,19 @@ def test_what_is_said() -> None:
     assert "most useful to draw next: b.png" in worse
 
 
+@pytest.mark.parametrize("curve", [(), ((1, 0.5), (3, 0.58))])
+@pytest.mark.parametrize("more", [0, 3])
+@pytest.mark.parametrize("helps", [False, True])
+def test_nobody_is_told_to_draw_what_will_hardly_help(
+    curve: tuple[tuple[int, float], ...], more: int, helps: bool
+) -> None:
+    figures = Figures(4, 0.6, 0.1, 0.61, 0.1, helps, curve, more, "b.png")
+    said = " ".join(sentences(figures, "a.ffmodel"))
+    assert ("hardly raise" in said) == (bool(curve) and not more)
+    assert not ("hardly raise" in said and ("draw more" in said or "draw next" in said))
+    assert ("do without it" in said) != helps
+
+
 @pytest.mark.parametrize(
     ("base", "said"),
     [
