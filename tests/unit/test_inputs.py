@@ -14,10 +14,11 @@ from batches import make_images, run_batch, snapshot, table
 
 from ffseg.batch.executors.base import Choice
 from ffseg.batch.outputs.table import Wanted
-from ffseg.batch.plan.discover import discover, natural_key
+from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.listing import listed
 from ffseg.batch.plan.reading import read_input
+from ffseg.batch.plan.sources import natural_key
 from ffseg.batch.runner import Options
 from ffseg.errors import ImageReadError, UsageError
 
@@ -99,7 +100,7 @@ def test_members_stay_inside_the_output_folder(images: Path, tmp_path: Path) -> 
         archive.addfile(link)
     run_batch(tmp_path / "bad.tar", tmp_path / "deep" / "out", executor=INPROCESS)
     rows = {row["image"]: row["error"][:8] for row in table(tmp_path / "deep" / "out" / "timings.csv")}
-    assert sorted(rows.values()) == ["", "bad-name", "bad-name", "bad-name"]
+    assert sorted(rows.values()) == ["", "bad-name", "bad-name", "bad-name", "missing:"], "the link leads out: named"
     assert rows["plain.png"] == ""
     assert not list(tmp_path.rglob("out.png"))
     assert not list(tmp_path.glob("deep/*.png"))
