@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.plan.discover import Source
+from ffseg.batch.plan.sources import Source
 from ffseg.batch.workers.sources import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.image.own import own_image

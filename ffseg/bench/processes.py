@@ -12,9 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from ffseg import __version__
-from ffseg.batch.plan.discover import STATE_FOLDER
+from ffseg.batch.plan.sources import STATE_FOLDER, order_key
 from ffseg.batch.record.journal import FORMAT, JOURNAL
-from ffseg.batch.record.order import order_key
 from ffseg.batch.record.tables import RUN as RUN_FILE
 from ffseg.batch.record.values import Record, json_line, record_line
 from ffseg.batch.shards.assign import Shard

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 LISTED = ","
+KINDS = ("mask", "svg", "geojson", "coco", "labelme", "overlay")
+"""What ``ffseg segment`` writes."""
 
 
 def presets(incomplete: str) -> list[str]:
@@ -58,8 +60,6 @@ def suites(incomplete: str) -> list[str]:
 
 def kinds(incomplete: str) -> list[str]:
     """What one image can be written as."""
-    from ffseg.cli.commands.segment import KINDS
-
     return _starting(KINDS, incomplete)
 
 

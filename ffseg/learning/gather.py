@@ -10,10 +10,10 @@ from statistics import mean
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.plan.discover import Source, discover
-from ffseg.batch.plan.domains import find_domains
+from ffseg.batch.plan.beside import find_domains, find_truths
+from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.masks import Masks, named_masks
-from ffseg.batch.plan.truths import find_truths
+from ffseg.batch.plan.sources import Source
 from ffseg.batch.workers.sources import read_source
 from ffseg.batch.workers.truth import read_truth
 from ffseg.errors import ImageReadError, SegmentationError, UsageError

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.plan.discover import Source
+from ffseg.batch.plan.sources import Source
 from ffseg.errors import ImageReadError
 from ffseg.image.polygons import polygons
 from ffseg.io.exports import AnnotatedImage, json_text, labelme_document

@@ -12,7 +12,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ffseg.batch.plan.discover import Source, discover
+from ffseg.batch.plan.discover import discover
+from ffseg.batch.plan.sources import Source
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.report.folder import read_folder
 from ffseg.batch.workers.sources import read_source

@@ -11,8 +11,9 @@ from batches import make_images
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ffseg.batch.plan.discover import discover, natural_key
+from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import foreign_outputs, make_plan, prepare_output
+from ffseg.batch.plan.sources import natural_key
 from ffseg.errors import OutputError, UsageError
 
 

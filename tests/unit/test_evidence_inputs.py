@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from ffseg import api
+from ffseg.batch.plan.beside import find_evidence
 from ffseg.batch.plan.discover import discover
-from ffseg.batch.plan.maps import find_evidence, read_evidence
+from ffseg.batch.plan.maps import read_evidence
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.rendering import CAMERA_YAML
 

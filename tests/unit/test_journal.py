@@ -13,10 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ffseg.batch.plan.discover import natural_key
+from ffseg.batch.plan.sources import natural_key, order_key
 from ffseg.batch.record.journal import Journal, read_header
 from ffseg.batch.record.lock import OutputLock
-from ffseg.batch.record.order import order_key
 from ffseg.batch.record.values import Record, json_line, record_line
 from ffseg.errors import OutputError, UsageError
 

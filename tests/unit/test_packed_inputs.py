@@ -13,11 +13,10 @@ import pytest
 from batches import run_batch, snapshot, table
 
 from ffseg.batch.executors.base import Choice
+from ffseg.batch.plan.beside import find_evidence, find_truths
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import make_plan
-from ffseg.batch.plan.maps import find_evidence
 from ffseg.batch.plan.reading import parted, read_input, told
-from ffseg.batch.plan.truths import find_truths
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.parameters import load_params
 

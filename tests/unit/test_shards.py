@@ -23,8 +23,8 @@ from hypothesis import strategies as st
 from ffseg.batch.executors.base import Choice
 from ffseg.batch.outputs.table import Wanted
 from ffseg.batch.plan.jobs import make_plan
+from ffseg.batch.plan.sources import order_key
 from ffseg.batch.record.journal import last_records
-from ffseg.batch.record.order import order_key
 from ffseg.batch.record.values import Record, record_line
 from ffseg.batch.runner import Options, Run
 from ffseg.batch.shards.assign import Shard, number_of, only, read_shard

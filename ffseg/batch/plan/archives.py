@@ -7,7 +7,7 @@ import tarfile
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from ffseg.batch.plan.discover import SUFFIXES, Source
+from ffseg.batch.plan.sources import SUFFIXES, Source
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
 

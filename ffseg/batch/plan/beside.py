@@ -1,14 +1,17 @@
-"""Files that belong to images by their names: the same relative name in another folder or tar file, with a suffix of its own."""
+"""Files that belong to images by their names, in another folder or tar file: true masks, maps of evidence, domains."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 
 from ffseg.batch.plan.archives import is_archive, members
-from ffseg.batch.plan.discover import SUFFIXES, Source
+from ffseg.batch.plan.sources import SUFFIXES, Source
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
+
+ARRAY_SUFFIX = ".npy"
+"""Of maps that are no images."""
 
 
 class Beside:
@@ -68,3 +71,79 @@ class Beside:
 
 def _name(source: Source) -> str:
     return source.name
+
+
+def find_truths(sources: Iterable[Source], folder: str) -> dict[str, str]:
+    """True mask of each image that has one: the same relative name with any suffix, or with ``_truth`` before it.
+
+    In a folder or a tar file; what is given is for `read_input`.
+
+    Raises
+    ------
+    UsageError
+        If there is no such folder or tar file, or no image has a true mask in it.
+    """
+    beside = Beside("--truth", folder, packed=True)
+    truths = {}
+    for source in sources:
+        stem = os.path.splitext(source.name)[0]
+        path = beside.file_of(source, (f"{stem}_truth", stem))
+        if path:
+            truths[source.name] = path
+    if not truths:
+        raise UsageError(
+            f"--truth: no image has a mask of its name in {printable(folder)} (NAME.png or NAME_truth.png)"
+        )
+    return truths
+
+
+def find_evidence(sources: Iterable[Source], folder: str) -> dict[str, str]:
+    """Map of each image: the same relative name with the suffix of an image or ``.npy``, in a folder or a tar file.
+
+    Raises
+    ------
+    UsageError
+        If there is no such folder or tar file, or an image has no map in it.
+    """
+    beside = Beside("--evidence", folder, {*SUFFIXES, ARRAY_SUFFIX}, packed=True)
+    found = {}
+    for source in sources:
+        path = beside.file_of(source, (os.path.splitext(source.name)[0],))
+        if not path:
+            raise UsageError(
+                f"--evidence: {printable(source.name)} has no map of its name in {printable(folder)} (NAME.png, "
+                "NAME.tiff or NAME.npy)"
+            )
+        found[source.name] = path
+    return found
+
+
+def find_domains(sources: Iterable[Source], folder: str) -> dict[str, str]:
+    """Mask of each image: of its own relative name with any suffix, else of the nearest folder round it.
+
+    For ``left/day1/a.jpg`` the first there is of ``left/day1/a.png``, ``left/day1.png``, ``left.png``.
+
+    Raises
+    ------
+    UsageError
+        If the folder does not exist, or an image has no mask in it.
+    """
+    beside = Beside("domain.masks", folder)
+    found = {}
+    for source in sources:
+        path = beside.file_of(source, _own_or_folders(source.name))
+        if not path:
+            raise UsageError(
+                f"domain.masks: {printable(source.name)} has no mask of its name or of its folder's in "
+                f"{printable(folder)} (NAME.png or FOLDER.png)"
+            )
+        found[source.name] = path
+    return found
+
+
+def _own_or_folders(name: str) -> Iterator[str]:
+    """The name without its suffix, then the folders it lies in, the innermost first."""
+    yield os.path.splitext(name)[0]
+    while "/" in name:
+        name = name.rsplit("/", 1)[0]
+        yield name

@@ -4,70 +4,17 @@ from __future__ import annotations
 
 import glob
 import os
-import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ffseg.batch.outputs.table import OUTPUT_FOLDERS
-from ffseg.batch.plan.reading import member_path
+from ffseg.batch.plan.archives import is_archive, members
+from ffseg.batch.plan.remote import file_system, is_remote
+from ffseg.batch.plan.sources import READ_SUFFIXES, STATE_FOLDER, SUFFIXES, Source, natural_key
 from ffseg.errors import UsageError
 from ffseg.io.files import SKIP_FILE, is_temporary, printable
 
-_READ = ".png .jpg .jpeg .jpe .jfif .tif .tiff .bmp .dib .webp .gif .ppm .pgm .pbm .pnm .jp2 .avif"
-_REFUSED = ".heic .heif .jxl .exr .hdr .pfm .pam .j2k .jpx .psd"
-SUFFIXES = frozenset(f"{_READ} {_REFUSED}".split())
-"""Files of a folder that count as images, also those of formats that are refused: they get a row that says so. A file
-that is named itself is taken whatever its suffix."""
-STATE_FOLDER = ".ffseg"
-"""Folder under the output with the lock, the journal and the error log; it marks a folder of ours."""
-
 _CHECK = "check the name"
-_DIGITS = re.compile(r"([0-9]+)")
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """One input image.
-
-    Attributes
-    ----------
-    path : str
-        To open it.
-    name : str
-        Relative to the INPUT it was found under, with ``/`` between folders; outputs mirror it.
-    problem : str
-        Why it cannot even be tried (``reason: text``), else empty.
-    place : int
-        Number of the INPUT it was found under: images stand in the order of these, then of their names.
-    span : tuple of (int, int) or None
-        Offset and length in the archive that `path` names.
-    """
-
-    path: str
-    name: str
-    problem: str = ""
-    place: int = 0
-    span: tuple[int, int] | None = None
-
-    @property
-    def content(self) -> str:
-        """What `read_input` reads: the path, or that of the member in an archive."""
-        return self.path if self.span is None else member_path(self.path, self.name, self.span)
-
-    @property
-    def told(self) -> str:
-        """The path as people know it: that of a member stands behind its archive's."""
-        return self.path if self.span is None else f"{self.path}/{self.name}"
-
-
-def natural_key(name: str) -> tuple[tuple[tuple[bool, int, str], ...], ...]:
-    """Sort key that puts ``a2`` before ``a10`` and keeps each folder together."""
-    return tuple(_part_key(part) for part in name.split("/"))
-
-
-def _part_key(part: str) -> tuple[tuple[bool, int, str], ...]:
-    pieces = enumerate(_DIGITS.split(part))  # every second piece is digits
-    return tuple((bool(index % 2), int(piece) if index % 2 else 0, piece) for index, piece in pieces)
 
 
 def discover(inputs: Sequence[str]) -> list[Source]:
@@ -89,7 +36,7 @@ def discover(inputs: Sequence[str]) -> list[Source]:
         if not sources:
             raise UsageError(
                 f"{printable(text)} holds no image; hidden files, outputs of ffseg and folders below with a file "
-                f"{SKIP_FILE} are left out, and images in a folder need one of the suffixes {_READ}"
+                f"{SKIP_FILE} are left out, and images in a folder need one of the suffixes {READ_SUFFIXES}"
             )
         places: dict[str, str] = {}  # of archives: their members need not ask the disk each
         for source in sources:
@@ -105,11 +52,8 @@ def _identity_of(source: Source) -> str:
 
 
 def _expand(text: str) -> list[Source]:
-    from ffseg.batch.plan.archives import is_archive, members
-    from ffseg.batch.plan.remote import is_remote, remote_sources
-
     if is_remote(text):
-        return remote_sources(text)
+        return _remote_sources(text)
     if os.path.isdir(text):
         return sorted(_walk(text), key=_source_key)
     if is_archive(text) and os.path.isfile(text):
@@ -120,6 +64,35 @@ def _expand(text: str) -> list[Source]:
         remedy = "write --list - for names and 'ffseg segment - OUT' for an image on stdin" if text == "-" else _CHECK
         raise UsageError(f"there is no file or folder {printable(text)}; {remedy}")
     return _expand_pattern(text)
+
+
+def _remote_sources(url: str) -> list[Source]:
+    """Images of a URL: one, those of a pattern, or those below a folder of a store.
+
+    Raises
+    ------
+    UsageError
+        If they cannot be listed.
+    """
+    try:
+        if url.startswith("http") and not any(mark in url for mark in "*["):
+            return [Source(url, os.path.basename(url.partition("?")[0].rstrip("/")) or "index")]
+        system, path = file_system(url)
+        if any(mark in path for mark in "*?["):
+            base = path[: min(path.find(mark) for mark in "*?[" if mark in path)].rpartition("/")[0]
+            paths = [one for one in system.glob(path) if not system.isdir(one)]
+        elif not system.isdir(path):
+            return [Source(url, os.path.basename(path.rstrip("/").partition("?")[0]) or "index")]
+        else:
+            base, paths = path.rstrip("/"), system.find(path)
+    except Exception as error:  # every store raises its own kinds
+        raise UsageError(f"{printable(url)} cannot be listed ({type(error).__name__}: {error})"[:500]) from error
+    named = [(one[len(base) :].lstrip("/"), one) for one in paths]
+    images = [(name, one) for name, one in named if os.path.splitext(name)[1].lower() in SUFFIXES]
+    return [
+        Source(system.unstrip_protocol(one), name)
+        for name, one in sorted(images, key=lambda pair: natural_key(pair[0]))
+    ]
 
 
 def _expand_pattern(pattern: str) -> list[Source]:

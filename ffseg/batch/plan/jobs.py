@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
 from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, OUTPUT_FOLDERS, Wanted
-from ffseg.batch.plan.discover import STATE_FOLDER, Source, discover
-from ffseg.batch.plan.domains import find_domains
-from ffseg.batch.plan.maps import find_evidence
+from ffseg.batch.plan.beside import find_domains, find_evidence, find_truths
+from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.reading import parted, place_of
-from ffseg.batch.plan.truths import find_truths
+from ffseg.batch.plan.sources import STATE_FOLDER, Source
 from ffseg.batch.tar.members import PACKS, tar_name
 from ffseg.errors import OutputError, UsageError
 from ffseg.io.files import SKIP_FILE, make_folder, printable, write_bytes_atomic

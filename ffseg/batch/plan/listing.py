@@ -6,8 +6,8 @@ import os
 import sys
 from pathlib import Path
 
-from ffseg.batch.plan.discover import Source
 from ffseg.batch.plan.remote import is_remote
+from ffseg.batch.plan.sources import Source
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
 

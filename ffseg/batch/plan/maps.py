@@ -3,48 +3,22 @@
 from __future__ import annotations
 
 import io
-import os
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.plan.beside import Beside
-from ffseg.batch.plan.discover import SUFFIXES, Source
+from ffseg.batch.plan.beside import ARRAY_SUFFIX
 from ffseg.batch.plan.reading import read_input, told
-from ffseg.errors import ImageReadError, UsageError
+from ffseg.errors import ImageReadError
 from ffseg.io.files import printable
 from ffseg.io.images import Limits
 
 REASON = "evidence"
 """Of a failed row: the map of an image cannot be used."""
 
-ARRAY_SUFFIX = ".npy"
-
 _WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
 """What stands for one in whole numbers."""
-
-
-def find_evidence(sources: Iterable[Source], folder: str) -> dict[str, str]:
-    """Map of each image: the same relative name with the suffix of an image or ``.npy``, in a folder or a tar file.
-
-    Raises
-    ------
-    UsageError
-        If there is no such folder or tar file, or an image has no map in it.
-    """
-    beside = Beside("--evidence", folder, {*SUFFIXES, ARRAY_SUFFIX}, packed=True)
-    found = {}
-    for source in sources:
-        path = beside.file_of(source, (os.path.splitext(source.name)[0],))
-        if not path:
-            raise UsageError(
-                f"--evidence: {printable(source.name)} has no map of its name in {printable(folder)} (NAME.png, "
-                "NAME.tiff or NAME.npy)"
-            )
-        found[source.name] = path
-    return found
 
 
 def read_evidence(path: str, limits: Limits | None = None) -> NDArray[np.float32]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 
+from ffseg.batch.plan.remote import is_remote, read_remote
 from ffseg.errors import ImageReadError
 from ffseg.io.files import read_bytes
 
@@ -46,11 +47,8 @@ def read_input(path: str, max_bytes: int, span: Span | None = None, *, redirects
     ImageReadError
         As `read_bytes`.
     """
-    if "://" in path:
-        from ffseg.batch.plan.remote import is_remote, read_remote
-
-        if is_remote(path):
-            return read_remote(path, max_bytes, redirects=redirects)
+    if is_remote(path):
+        return read_remote(path, max_bytes, redirects=redirects)
     if span is None:
         path, _, span = parted(path)
     return read_bytes(path, max_bytes) if span is None else _part(path, span, max_bytes)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
-from ffseg.batch.plan.discover import SUFFIXES, Source, natural_key
-from ffseg.errors import ImageReadError, UsageError
+from ffseg.errors import ImageReadError
 from ffseg.io.files import printable
 
 PROTOCOLS = ("s3", "gs", "gcs", "http", "https", "memory")
@@ -25,7 +23,7 @@ def is_remote(text: str) -> bool:
     return "://" in text and text.partition("://")[0] in PROTOCOLS
 
 
-def _file_system(url: str) -> tuple[Any, str]:
+def file_system(url: str) -> tuple[Any, str]:
     """File system of a URL and the path in it.
 
     Raises
@@ -38,35 +36,6 @@ def _file_system(url: str) -> tuple[Any, str]:
     core: Any = import_module("fsspec.core")
     system, path = core.url_to_fs(url)
     return system, path
-
-
-def remote_sources(url: str) -> list[Source]:
-    """Images of a URL: one, those of a pattern, or those below a folder of a store.
-
-    Raises
-    ------
-    UsageError
-        If they cannot be listed.
-    """
-    try:
-        if url.startswith("http") and not any(mark in url for mark in "*["):
-            return [Source(url, os.path.basename(url.partition("?")[0].rstrip("/")) or "index")]
-        system, path = _file_system(url)
-        if any(mark in path for mark in "*?["):
-            base = path[: min(path.find(mark) for mark in "*?[" if mark in path)].rpartition("/")[0]
-            paths = [one for one in system.glob(path) if not system.isdir(one)]
-        elif not system.isdir(path):
-            return [Source(url, os.path.basename(path.rstrip("/").partition("?")[0]) or "index")]
-        else:
-            base, paths = path.rstrip("/"), system.find(path)
-    except Exception as error:  # every store raises its own kinds
-        raise UsageError(f"{printable(url)} cannot be listed ({type(error).__name__}: {error})"[:500]) from error
-    named = [(one[len(base) :].lstrip("/"), one) for one in paths]
-    images = [(name, one) for name, one in named if os.path.splitext(name)[1].lower() in SUFFIXES]
-    return [
-        Source(system.unstrip_protocol(one), name)
-        for name, one in sorted(images, key=lambda pair: natural_key(pair[0]))
-    ]
 
 
 def read_remote(url: str, max_bytes: int, *, redirects: bool = False) -> bytes:
@@ -102,7 +71,7 @@ def read_remote(url: str, max_bytes: int, *, redirects: bool = False) -> bytes:
 
 
 def _open_store(url: str) -> Any:  # noqa: ANN401 - of fsspec
-    system, path = _file_system(url)
+    system, path = file_system(url)
     return system.open(path, "rb")
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from ffseg.batch.plan.discover import STATE_FOLDER
+from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.streams import atomic_stream
 from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.errors import UsageError

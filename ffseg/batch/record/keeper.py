@@ -14,8 +14,8 @@ from typing import Any
 from ffseg import __version__
 from ffseg.batch.plan.jobs import Job, Plan
 from ffseg.batch.plan.reading import place_of
+from ffseg.batch.plan.sources import order_key
 from ffseg.batch.record.journal import Journal, state_folder
-from ffseg.batch.record.order import order_key
 from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import Member, output_digest
 from ffseg.batch.tar.writer import PackWriter

@@ -7,7 +7,7 @@ import fcntl
 import os
 from types import TracebackType
 
-from ffseg.batch.plan.discover import STATE_FOLDER
+from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.journal import refuse_special
 from ffseg.errors import OutputError, UsageError
 from ffseg.io.files import make_folder, printable, unwritten

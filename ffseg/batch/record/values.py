@@ -44,7 +44,7 @@ class Record:
     left : sequence of str
         Paths below the output folder where it had an output that now holds something else: not ours to remove, but named.
     order : str
-        Sorts records as their images were found (`ffseg.batch.record.order`).
+        Sorts records as their images were found (`ffseg.batch.plan.sources`).
     members : mapping of str to Member
         Where those of its outputs lie that are no files of their own.
     """

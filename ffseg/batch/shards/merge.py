@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ffseg import __version__
-from ffseg.batch.plan.discover import STATE_FOLDER
+from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.header import changes
 from ffseg.batch.record.journal import FORMAT, JOURNAL, read_header
 from ffseg.batch.record.lock import OutputLock

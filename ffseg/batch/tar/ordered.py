@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import BinaryIO
 
-from ffseg.batch.plan.discover import STATE_FOLDER
+from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import (
     BLOCK,

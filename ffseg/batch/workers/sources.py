@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.plan.discover import Source
 from ffseg.batch.plan.reading import read_input, told
+from ffseg.batch.plan.sources import Source
 from ffseg.errors import ImageReadError
 from ffseg.io.files import printable
 from ffseg.io.images import Limits, decode_image

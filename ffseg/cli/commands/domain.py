@@ -70,7 +70,7 @@ def domain(
 
 def _require_output(out: Path, *, single: bool) -> None:
     """Refuse a mask or a folder of masks that could not be written."""
-    from ffseg.batch.plan.discover import SUFFIXES
+    from ffseg.batch.plan.sources import SUFFIXES
 
     if single:
         output_file("--out", out)

@@ -11,6 +11,7 @@ import typer
 
 from ffseg.cli import completion, console
 from ffseg.cli.checks import checked_params, refuse_pictures, require_source
+from ffseg.cli.completion import KINDS
 from ffseg.cli.options import (
     AllowCode,
     Config,
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
 FAILED_IMAGES = 3
 """Exit code when the image cannot be read or segmented, or an output cannot be written."""
-KINDS = ("mask", "svg", "geojson", "coco", "labelme", "overlay")
 PIPE = "-"
 
 

@@ -1,0 +1,88 @@
+"""One input image, the suffixes images have, and the order of their names."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from ffseg.batch.plan.reading import member_path
+
+READ_SUFFIXES = ".png .jpg .jpeg .jpe .jfif .tif .tiff .bmp .dib .webp .gif .ppm .pgm .pbm .pnm .jp2 .avif"
+_REFUSED = ".heic .heif .jxl .exr .hdr .pfm .pam .j2k .jpx .psd"
+SUFFIXES = frozenset(f"{READ_SUFFIXES} {_REFUSED}".split())
+"""Files of a folder that count as images, also those of formats that are refused: they get a row that says so. A file
+that is named itself is taken whatever its suffix."""
+STATE_FOLDER = ".ffseg"
+"""Folder under the output with the lock, the journal and the error log; it marks a folder of ours."""
+
+
+_DIGITS = re.compile(r"([0-9]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One input image.
+
+    Attributes
+    ----------
+    path : str
+        To open it.
+    name : str
+        Relative to the INPUT it was found under, with ``/`` between folders; outputs mirror it.
+    problem : str
+        Why it cannot even be tried (``reason: text``), else empty.
+    place : int
+        Number of the INPUT it was found under: images stand in the order of these, then of their names.
+    span : tuple of (int, int) or None
+        Offset and length in the archive that `path` names.
+    """
+
+    path: str
+    name: str
+    problem: str = ""
+    place: int = 0
+    span: tuple[int, int] | None = None
+
+    @property
+    def content(self) -> str:
+        """What `read_input` reads: the path, or that of the member in an archive."""
+        return self.path if self.span is None else member_path(self.path, self.name, self.span)
+
+    @property
+    def told(self) -> str:
+        """The path as people know it: that of a member stands behind its archive's."""
+        return self.path if self.span is None else f"{self.path}/{self.name}"
+
+
+def natural_key(name: str) -> tuple[tuple[tuple[bool, int, str], ...], ...]:
+    """Sort key that puts ``a2`` before ``a10`` and keeps each folder together."""
+    return tuple(_part_key(part) for part in name.split("/"))
+
+
+def _part_key(part: str) -> tuple[tuple[bool, int, str], ...]:
+    pieces = enumerate(_DIGITS.split(part))  # every second piece is digits
+    return tuple((bool(index % 2), int(piece) if index % 2 else 0, piece) for index, piece in pieces)
+
+
+_END, _PART, _NUMBER = "\x00\x00", "\x00\x01", "\x00\x02"
+"""Marks after a piece of a name; they begin with what no name holds, so that a shorter piece comes first."""
+
+
+def order_key(place: int, name: str) -> str:
+    """Text that sorts images by the input they were found under, then by their names in natural order.
+
+    Parameters
+    ----------
+    place : int
+        Number of the input.
+    name : str
+        Relative name of the image.
+    """
+    return f"{place:09d}" + _PART.join(_sortable(part) for part in natural_key(name))
+
+
+def _sortable(pieces: tuple[tuple[bool, int, str], ...]) -> str:
+    text = ""
+    for is_number, value, piece in pieces:
+        text += f"{_NUMBER}{len(str(value)):04d}{value}{piece}{_END}" if is_number else piece
+    return text
