@@ -36,8 +36,9 @@ void check(const Options& o) {
     if (!sane) throw std::invalid_argument("an option of the paper's method is out of range");
 }
 
-paper::Contour contour_of(const Points& points, const Indices& offsets, int degree) {
-    paper::Contour contour{paper::Basis(degree), {}, {}, {}};
+paper::Contour contour_of(const Points& points, const Indices& offsets, const Options& o) {
+    const int degree = o.degree;
+    paper::Contour contour{paper::Basis(degree), {}, {}, {}, o.budget};
     const std::vector<ffseg::Vec2> control = ffseg::points_of(points, kFar);
     const std::vector<std::size_t> ends = ffseg::patch_ends_of(offsets, control.size(), degree);
     const auto step = static_cast<std::size_t>(degree);
@@ -74,10 +75,10 @@ struct PyPaper {
         }
         paper::Field field(gradient.data(), edges.data(), domain ? domain->data() : nullptr, static_cast<int>(height),
                            static_cast<int>(width));
-        return {contour_of(points, offsets, o.degree),
+        return {contour_of(points, offsets, o),
                 std::move(field),
                 {o.balloon, o.exponent, o.sigma},
-                {o.split_threshold, o.refine, o.topology, o.max_iterations, o.budget}};
+                {o.split_threshold, o.refine, o.topology, o.max_iterations}};
     }
 
     bool advance(int iterations) {

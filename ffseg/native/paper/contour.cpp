@@ -188,7 +188,7 @@ std::vector<std::pair<Place, Place>> meeting(Contour& contour) {
 }
 
 void flip(Contour& contour) {
-    for (std::size_t most = contour.num_patches(); most > 0; --most) {
+    for (std::size_t most = contour.num_patches(); most > 0 && !contour.is_spent(); --most) {
         if (!visit_meeting(contour, [&](Place a, Place b) { return flip_pair(contour, a, b); })) return;
     }
 }

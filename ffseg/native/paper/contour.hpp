@@ -15,6 +15,9 @@ struct Place {
     std::size_t component, patch;
 };
 
+// So many tests of two patches take the time of moving one.
+constexpr std::size_t kTestsToAMove = 64;
+
 // What was done, in the units of Lemmas 3 to 5.
 struct Counts {
     int iterations = 0, splits = 0, prunes = 0, flips = 0, merges = 0, reversals = 0;
@@ -22,6 +25,8 @@ struct Counts {
     std::size_t comparisons = 0;    // of two boxes while sorting
     std::size_t box_tests = 0;      // of two boxes by the filter
     std::size_t polygon_tests = 0;  // of two control polygons
+
+    std::size_t work() const { return moved + (comparisons + box_tests + polygon_tests) / kTestsToAMove; }
 };
 
 struct Contour {
@@ -29,7 +34,9 @@ struct Contour {
     std::vector<Component> components;  // Gamma_out of each start: what Algorithm 4 goes on with
     std::vector<Component> inner;       // Gamma_inn: what flips have cut off, as it was then
     Counts counts;
+    std::size_t budget = 0;  // of work: patches moved, and tests of two; 0: no limit
 
+    bool is_spent() const { return budget > 0 && counts.work() > budget; }
     std::size_t num_patches() const;  // of what goes on
 };
 
@@ -45,7 +52,7 @@ void prune(Contour& contour, double threshold);
 std::vector<std::pair<Place, Place>> meeting(Contour& contour);
 
 // Algorithm 3, corrected (the printed order of the second patch does not connect), until no two patches can be flipped
-// or there were as many flips as patches.
+// or there were as many flips as patches, or the budget is spent.
 void flip(Contour& contour);
 
 // The same curve the other way round.

@@ -10,7 +10,6 @@ namespace {
 constexpr double kScale = 32.0;              // units of the stored gradient per grey level and pixel
 constexpr double kSteady = 0.1;              // px; a sample that moves less has reached its steady state
 constexpr std::size_t kShareMoving = 100;    // "almost all": at most one sample in so many still moves
-constexpr std::size_t kTestsToAMove = 64;    // so many tests of two patches take the time of moving one
 constexpr std::size_t kMostPatches = 20000;  // what crosses itself everywhere grows without end
 
 // How far the sample moves along its unit normal.
@@ -121,16 +120,12 @@ bool Evolution::advance(int iterations) {
             stop_ = Stop::kConverged;
         } else if (contour_.num_patches() > kMostPatches) {
             stop_ = Stop::kMaxPatches;
-        } else if (limits_.budget > 0 && work() > limits_.budget) {
+        } else if (contour_.is_spent()) {
             stop_ = Stop::kBudget;
         }
     }
     return stop_ == Stop::kRunning;
 }
 
-std::size_t Evolution::work() const {
-    const Counts& counts = contour_.counts;
-    return counts.moved + (counts.comparisons + counts.box_tests + counts.polygon_tests) / kTestsToAMove;
-}
 
 }  // namespace ffseg::paper

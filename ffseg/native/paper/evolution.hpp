@@ -19,7 +19,6 @@ struct Limits {
     double split_threshold;
     bool refine, topology;
     int max_iterations;
-    std::size_t budget;  // patches moved, box and polygon tests; 0: no limit
 };
 
 // The edge map: gradient magnitude, edges, and where the contour may go.
@@ -57,7 +56,6 @@ public:
     Contour& contour() { return contour_; }
     Moved step();  // one iteration
     Stop stop() const { return stop_; }
-    std::size_t work() const;  // what of the budget was spent
 
 private:
     Contour contour_;
