@@ -100,6 +100,8 @@ class Handler(BaseHTTPRequestHandler):
             self._json(400, {"error": "this was no question of the page; load it again"})
         except (BrokenPipeError, ConnectionResetError):
             self.close_connection = True
+        except Exception as error:  # noqa: BLE001 - the last resort of an answer: the page says it, what is picked is kept
+            self._json(500, {"error": f"unexpected {type(error).__name__}: {error}"})
 
     def _checked(self) -> str | None:
         """The path behind the token; None for whoever does not know it, or comes from elsewhere.

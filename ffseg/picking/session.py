@@ -227,13 +227,20 @@ class Session:
         return track.accepted
 
     def following(self, label: int, index: int) -> int:
-        """The open image to show after another: the one the model is least sure of, else the next in the folder."""
-        statuses = self.statuses(label)
-        count = len(self.sources)
-        places = {one.name: number for number, one in enumerate(self.sources)}
-        doubted = [places[name] for name in self._work[label].order if name in places]
-        rest = [(index + 1 + step) % count for step in range(count)]
-        return next((one for one in (*doubted, *rest) if one != index and one not in statuses), -1)
+        """The open image to show after another; -1 where there is none.
+
+        After one that is open the next in line: those the model is least sure of, then the folder's order. After one
+        that is not, the first that is doubted, else the next in the folder.
+        """
+        statuses, places = self.statuses(label), {one.name: number for number, one in enumerate(self.sources)}
+        doubted = [places[name] for name in self._work[label].order if places.get(name, -1) not in (-1, *statuses)]
+        line = list(dict.fromkeys([*doubted, *(one for one in places.values() if one not in statuses)]))
+        if index in line:
+            following = line[(line.index(index) + 1) % len(line)]
+            return following if following != index else -1
+        if doubted or not line:
+            return line[0] if line else -1
+        return min(line, key=lambda one: (one - index) % len(self.sources))
 
     def news(self, label: int, index: int) -> dict[str, Any]:
         """What may have changed since the page asked last."""

@@ -302,6 +302,7 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(
         work._learned(0, json.dumps(FIGURES), "")
         assert own.news(0, 0)["line"] == "3 masks: .88 expected on the rest; one more may raise it by about .04"
         assert own.following(0, 0) == 2, "the one it is least sure of"
+        assert (own.following(0, 2), own.following(0, 1)) == (1, 2), "the next in line, and round"
         assert own.projects[0].params.edges.model == str(out / "model.ffmodel")
         assert "--starts" in own.projects[0].arguments(), "images without a row are the model's"
         assert f"model: {out}/model.ffmodel" in (out / "pick.yaml").read_text()
