@@ -48,7 +48,8 @@ class Start:
     boxes : tuple of (left, top, right, bottom)
         Each round the object or a part of it.
     probability, clearance : float or None
-        In place of ``region.probability`` and ``contour.clearance``.
+        In place of ``region.probability`` and ``contour.clearance``. With a probability of its own, what tells one
+        decides: ``edges.source`` is ``prior`` where it is ``auto``.
     """
 
     x: float | None = None
@@ -78,12 +79,14 @@ class Start:
         elif circles:
             init = replace(init, center=circles[0][:2], radius=circles[0][2], circles=tuple(circles))
         init = replace(init, boxes=self.boxes or init.boxes, background=(*init.background, *self.background))
-        contour, region = params.contour, params.region
+        contour, region, edges = params.contour, params.region, params.edges
         if self.clearance is not None:
             contour = replace(contour, clearance=self.clearance)
         if self.probability is not None:
             region = replace(region, probability=self.probability)
-        return replace(params, init=init, contour=contour, region=region)
+            if edges.source == "auto" and edges.model is None:
+                edges = replace(edges, source="prior")
+        return replace(params, init=init, contour=contour, region=region, edges=edges)
 
     def text(self) -> str:
         """All that it says: equal texts, equal starts."""

@@ -252,6 +252,8 @@ def test_other_kinds_of_rows_are_what_was_picked_and_are_written_as_they_are_rea
     assert placed.init.background == ((9, 9), *background)
     placed = found["b"].placed(params, (60, 80))
     assert (placed.region.probability, placed.contour.clearance, placed.init) == (0.3, 5, params.init)
+    assert placed.edges.source == "prior", "the image's own edges know no level"
+    assert found["a"].placed(params, (60, 80)).edges == params.edges
     assert (
         len({found["a"].text(), replace(found["a"], boxes=()).text(), replace(found["a"], background=()).text()}) == 3
     )
