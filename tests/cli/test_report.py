@@ -144,6 +144,18 @@ def test_sorts(tab: chromium.Chromium) -> None:
     assert names(tab)[2:] == ["complex.png", "toy.png", "simple.png"]
 
 
+def test_what_needs_a_look_comes_first(browser: chromium.Chromium, tmp_path: Path) -> None:
+    runs.sample_run(tmp_path)
+    table = tmp_path / "timings.csv"
+    head, *rows = table.read_text("utf-8").splitlines()
+    said = {"simple.png": "0.4,", "toy.png": "0.9,a note", "complex.png": "0.99,"}
+    rows = [f"{row},{said.get(row.partition(',')[0], ',')}" for row in rows]
+    table.write_text("\n".join([f"{head},score,note", *rows, ""]), "utf-8")
+    browser.open(write_report(tmp_path).as_uri())
+    done = [name for name in names(browser) if name in said]
+    assert done == ["toy.png", "simple.png", "complex.png"]
+
+
 def test_image_opens_with_its_contours_over_it(tab: chromium.Chromium) -> None:
     open_image(tab, "complex.png")
     tab.until("document.querySelectorAll('#layers .part').length === 11")  # outer, 9 holes, one given back
@@ -266,7 +278,7 @@ def test_of_two_thousand_images_only_those_in_sight_have_their_picture(
 ) -> None:
     runs.large_run(tmp_path, 2000)
     browser.requests.clear()
-    browser.open(write_report(tmp_path).as_uri())
+    browser.open(write_report(tmp_path, (), 0).as_uri())
     browser.until("[...document.querySelectorAll('#sheet img')].some((image) => image.naturalWidth > 0)")
     assert browser.value("document.getElementById('count').textContent") == "2000 of 2000 images"
     assert 0 < len([address for address in browser.requests if "/overlays/" in address]) < MOST_IN_SIGHT

@@ -17,7 +17,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ffseg.batch.report import folder as report_folder
-from ffseg.batch.report import write as report
 from ffseg.batch.report.contours import UNITS, centroid, packed_components, packed_path, read_contours
 from ffseg.batch.report.page import page, script_json
 from ffseg.batch.report.write import write_report
@@ -227,10 +226,14 @@ def test_broken_contours_are_left_out(tmp_path: Path) -> None:
     assert [bool(text) for text in contours] == [True, True, False]
 
 
-def test_many_images_are_linked_not_embedded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(report, "EMBEDDED_UP_TO", 2)
+def test_thumbnails_are_embedded_up_to_a_size(tmp_path: Path) -> None:
     runs.sample_run(tmp_path)
-    assert not any("thumbnail" in image for image in data_of(write_report(tmp_path))["images"])
+
+    def embedded(size: int) -> int:
+        return sum("thumbnail" in image for image in data_of(write_report(tmp_path, (), size))["images"])
+
+    assert (embedded(0), embedded(1)) == (0, 1)
+    assert embedded(20_000_000) > 1
 
 
 def test_no_output_folder(tmp_path: Path) -> None:

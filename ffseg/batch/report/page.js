@@ -145,7 +145,7 @@
 
   // --- sorting and filtering -----------------------------------------------------------------------------------
 
-  const SORTS = [["", "table order"], ["name", "name"], ["iou", "IoU"], ["total_ms", "total time"], ["evolve_ms", "time of the evolution"],
+  const SORTS = [["look", "what needs a look"], ["", "table order"], ["score", "score"], ["name", "name"], ["iou", "IoU"], ["total_ms", "total time"], ["evolve_ms", "time of the evolution"],
     ["holes", "holes"], ["components", "components"], ["iterations", "iterations"], ["final_points", "control points"], ["area_px", "area"]];
   const RANGES = ["iou", "total_ms", "holes"];
   const bound = (id) => $(id).value === "" ? null : Number($(id).value);
@@ -162,6 +162,10 @@
   };
   const compared = (key, sign) => (a, b) => {
     if (a.failed !== b.failed) return a.failed ? -1 : 1; // failures on top
+    if (key === "look") { // notes, then low scores
+      const [one, two] = [rowOf(a), rowOf(b)];
+      return sign * (!!two.note - !!one.note || (one.score ?? 2) - (two.score ?? 2)) || a.index - b.index;
+    }
     if (!key) return sign * (a.index - b.index);
     const [left, right] = key === "name" ? [a.name, b.name] : [rowOf(a)[key], rowOf(b)[key]];
     if (key === "name") return sign * left.localeCompare(right, undefined, { numeric: true });
@@ -458,7 +462,7 @@
       $("parameters").firstElementChild.textContent = parameterTitle();
       $("parameters").append(parameterTable());
     }
-    $("sort").append(...SORTS.filter(([key]) => !key || key === "name" || has(key)).map(([key, label]) => make("option", { value: key }, label)));
+    $("sort").append(...SORTS.filter(([key]) => !key || key === "name" || has(key === "look" ? "score" : key)).map(([key, label]) => make("option", { value: key }, label)));
     $("method-label").hidden = methods.length < 2;
     $("method").append(...methods.map((name) => make("option", { value: name }, name)));
     $("range-iou").hidden = !has("iou");

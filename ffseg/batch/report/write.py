@@ -21,8 +21,8 @@ from ffseg.io.files import printable, write_bytes_atomic
 from ffseg.io.images import REASONS
 
 REPORT = "report.html"
-EMBEDDED_UP_TO = 200
-"""Images whose thumbnails stand in the page: 2 MB in all, made within 3 s. Of more images they are linked."""
+EMBEDDED_BYTES = 20_000_000
+"""Of thumbnails that stand in the page, about 2000 of them, so that it can be sent alone; beyond, pictures are linked."""
 
 _SHOWN = frozenset({".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".webp", ".gif", ".bmp", ".avif"})
 """Files every current browser shows."""
@@ -35,7 +35,7 @@ MOST_SVG = 1 << 27
 """Characters of contours that are read for one page; the images beyond are shown without."""
 
 
-def write_report(folder: str | os.PathLike[str], inputs: Sequence[str] = ()) -> Path:
+def write_report(folder: str | os.PathLike[str], inputs: Sequence[str] = (), embed_bytes: int = EMBEDDED_BYTES) -> Path:
     """Write ``report.html`` into an output folder of ``run`` or ``compare``.
 
     Parameters
@@ -44,6 +44,8 @@ def write_report(folder: str | os.PathLike[str], inputs: Sequence[str] = ()) -> 
     inputs : sequence of str
         Where the images are, as given to ``run``; without it, what ``run.json`` says under ``inputs``. Images that are
         found nowhere are shown by their overlay or mask.
+    embed_bytes : int
+        Of thumbnails that stand in the page itself; the pictures of the images after that are linked.
 
     Returns
     -------
@@ -67,7 +69,7 @@ def write_report(folder: str | os.PathLike[str], inputs: Sequence[str] = ()) -> 
         "failed": failed,
         "about": _about(found.run),
         "parameters": _parameters(found.run.get("parameters")),
-        "images": list(_images(found)),
+        "images": list(_images(found, embed_bytes)),
     }
     target = found.path / REPORT
     write_bytes_atomic(target, page(title, data).encode("utf-8"))
@@ -112,12 +114,12 @@ def _flat(value: object, key: str = "", depth: int = 0) -> Iterator[tuple[str, o
         yield key, value
 
 
-def _images(found: OutputFolder) -> Iterator[dict[str, Any]]:
+def _images(found: OutputFolder, embed_bytes: int) -> Iterator[dict[str, Any]]:
     """One entry for each image, with a row for each method it was segmented by."""
     by_image: dict[str, list[Row]] = {}
     for row in found.rows:
         by_image.setdefault(row.get("image", ""), []).append(row)
-    embed, images = len(by_image) <= EMBEDDED_UP_TO, sources(found, list(by_image))
+    images = sources(found, list(by_image))
     room = MOST_SVG if found.kind == "run" else 0
     for name, rows in by_image.items():
         entry: dict[str, Any] = {
@@ -127,10 +129,11 @@ def _images(found: OutputFolder) -> Iterator[dict[str, Any]]:
         done = any(row.get("status") == "ok" for row in rows)
         readable = done or not _unreadable(rows)
         pictures = _pictures(found, name, images.get(name, ""), done=done) if readable else {}
-        if embed and pictures:
+        if embed_bytes > 0 and pictures:
             best = pictures.get("overlay") or pictures.get("panel") or pictures.get("image") or pictures["mask"]
             data = found.packed(best)
             entry["thumbnail"] = thumbnail_of(data) if data else thumbnail(found.path / best)
+            embed_bytes -= len(entry["thumbnail"])
         linked = {kind: path for kind, path in pictures.items() if path not in found.members}
         entry["pictures"] = {kind: quote(os.fsencode(path)) for kind, path in linked.items()}
         entry["contours"], spent = _contours(found, name) if done and room > 0 else ("", 0)

@@ -22,15 +22,19 @@ def report(
         list[str] | None,
         typer.Option("--images", metavar="INPUT", help="Where the input images are, if moved; may be repeated."),
     ] = None,
+    embed: Annotated[
+        float, typer.Option("--embed", metavar="MB", min=0, max=1000, show_default=True, help="Thumbnails in the page.")
+    ] = 20.0,
 ) -> None:
     """Write DIR/report.html: one page with every image, its contours, numbers and failures.
 
-    The page needs no network and no server: open it in a browser.
+    The page needs no network and no server: open it in a browser. Sent alone it keeps its numbers, contours and
+    thumbnails; the pictures beyond --embed, and those behind the thumbnails, are links into DIR.
     """
     from ffseg.batch.report.write import write_report
 
     _require_there(images or ())
-    console.data(console.escape(str(write_report(folder, images or ()))))
+    console.data(console.escape(str(write_report(folder, images or (), round(embed * 1e6)))))
 
 
 def _require_there(images: Sequence[str]) -> None:
