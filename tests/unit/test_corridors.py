@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import ffseg
+from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import edge_map
-from tests import labyrinths
+from tests import evolutions, labyrinths
 from tests.campaigns import corridors
 
 PASSAGES = [seed for seed in range(400, 460) if seed % 12]
@@ -120,3 +121,25 @@ def test_a_bay_narrower_than_the_clearance_stays_open() -> None:
     scene = labyrinths.Plan("straight", 0, 20.0, 30.0).drawn(9.0)  # nothing lies beyond it
     found = corridors.segmented(scene, {"contour.clearance": 14.0}).mask
     assert corridors.iou_off_border(found, scene.truth) >= corridors.LEAST_IOU
+
+
+def test_stairs_of_one_pixel_are_shut_whichever_way_they_lead() -> None:
+    """No square of two by two free pixels fits into them: from either room, turned and mirrored, as much is filled."""
+    rooms = np.zeros((61, 61), np.uint8)
+    rooms[4:25, 4:25] = rooms[36:57, 36:57] = 1
+    stairs = rooms.copy()
+    for k in range(24, 37):
+        stairs[k, k] = stairs[k, min(k + 1, 36)] = 1
+    filled = set()
+    for turns in range(8):
+        domain = np.ascontiguousarray(np.rot90(stairs if turns < 4 else stairs.T, turns))
+        for start in ((14.0, 14.0), (46.0, 14.0), (14.0, 46.0), (46.0, 46.0)):
+            if domain[int(start[1]), int(start[0])] == 0:
+                continue
+            circle = [FreeForm.circle(start, 5, 13, 3)]
+            made = evolutions.evolution(circle, 0 * domain, domain, refine=True, balloon=8.0, settle=0.0)
+            made.advance(1000)
+            assert made.stop_reason == "converged"
+            filled.add(int(evolutions.region(made, shape=(61, 61)).sum()))
+    assert len(filled) == 1
+    assert filled.pop() <= 21 * 21

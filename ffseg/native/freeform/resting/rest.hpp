@@ -12,7 +12,6 @@ namespace ffseg::resting {
 using freeform::Basis;
 using freeform::kAllSteady;
 using freeform::kMinSpacing;
-using freeform::kSplitBudget;
 using freeform::Places;
 using freeform::Spread;
 
@@ -131,7 +130,7 @@ bool all_held(const Contour<D>& contour) {
 }
 
 // Before the contour counts as converged every patch at rest is looked at closely: where it could still advance it is
-// woken with all its repairs. Says whether any was. A place is tried once only, so that this ends; a sample that lies
+// woken. Says whether any was. A place is tried once only, so that this ends; a sample that lies
 // in the open even so is counted.
 template <int D>
 bool wake_open(Contour<D>& contour) {
@@ -149,7 +148,6 @@ bool wake_open(Contour<D>& contour) {
         const bool ahead = open || (contour.splittable(i) &&
                                     (contour[i].starved || held_back(contour, i) || can_advance<true>(contour, i)));
         if (ahead && first_try(contour, open ? *stray : middle(contour, i))) {
-            contour[i].budget = kSplitBudget;
             contour[i].reductions = 0;
             contour.wake(i);
             if (contour.splittable(i)) contour.split(i);

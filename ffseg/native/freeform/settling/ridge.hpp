@@ -1,7 +1,6 @@
 // The ridge of the gradient, looked for along a line.
 #pragma once
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -17,8 +16,6 @@ using freeform::GradientView;
 
 // The search looks at the gradient every half pixel and refines the peak by a parabola.
 constexpr double kRidgeStep = 0.5;
-// A peak lower than this part of the highest in reach is noise on its flank.
-constexpr double kRidgeShare = 0.5;
 
 class Ridge {
 public:
@@ -47,30 +44,7 @@ public:
         }
     }
 
-    // Signed distance from p along `normal` to the peak nearest to `expected` in [from, to]; NaN without a peak.
-    double offset(Vec2 p, Vec2 normal, double from, double to, double expected) const {
-        constexpr int kMost = 64;
-        std::array<double, kMost> profile;
-        const int count = std::min(kMost, static_cast<int>((to - from) / kRidgeStep) + 3);
-        const double start = from - kRidgeStep;
-        double highest = 0.0;
-        for (int j = 0; j < count; ++j) {
-            profile[static_cast<std::size_t>(j)] = value(p + (start + j * kRidgeStep) * normal);
-            if (j > 0 && j + 1 < count) highest = std::max(highest, profile[static_cast<std::size_t>(j)]);
-        }
-        const double floor = std::max(low_, kRidgeShare * highest);
-        double best = std::numeric_limits<double>::quiet_NaN();
-        for (int j = 1; j + 1 < count; ++j) {
-            const double a = profile[static_cast<std::size_t>(j - 1)], b = profile[static_cast<std::size_t>(j)],
-                         c = profile[static_cast<std::size_t>(j + 1)];
-            if (b < floor || b < a || b <= c) continue;
-            const double peak = start + kRidgeStep * (j + 0.5 * (a - c) / (a - 2 * b + c));
-            if (!(std::abs(peak - expected) >= std::abs(best - expected))) best = peak;
-        }
-        return best;
-    }
-
-    // The same, uphill from `from`: the ridge on whose slope a point stands, if it lies within [least, most].
+    // Signed distance from p along `normal` to the ridge uphill from `from`, if it lies within [least, most]; else NaN.
     double climb(Vec2 p, Vec2 normal, double from, double least, double most) const {
         const double reach = std::max({most, -least, std::abs(from)}) + 2 * kRidgeStep;
         const bool inside = p.x >= reach && p.y >= reach && p.x + reach < right_most_ && p.y + reach < lowest_;

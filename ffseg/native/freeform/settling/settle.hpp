@@ -63,7 +63,7 @@ private:
         std::iota(fresh_.begin(), fresh_.end(), std::size_t{0});
     }
 
-    // Moves the fresh samples to the ridge found uphill from `expected`, else to the nearest in [from, to].
+    // Moves the fresh samples to the ridge found uphill from `expected` in [from, to], else as their neighbours.
     void project(double expected, double from, double to) {
         offset_.assign(at_.size(), 0.0);
         normal_.resize(at_.size());
@@ -74,7 +74,6 @@ private:
         }
         for (const std::size_t i : fresh_) {
             offset_[i] = ridge_.climb(at_[i], normal_[i], expected, from, to);
-            if (std::isnan(offset_[i])) offset_[i] = ridge_.offset(at_[i], normal_[i], from, to, expected);
         }
         reject_outliers();
         for (const std::size_t i : fresh_) {
