@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from ffseg.freespace.outline import Scan as Scan
     from ffseg.freespace.sequence import Frame as Frame
     from ffseg.freespace.sequence import Sequence as Sequence
+    from ffseg.freespace.skeleton import Edge as Edge
+    from ffseg.freespace.skeleton import Node as Node
+    from ffseg.freespace.skeleton import Skeleton as Skeleton
     from ffseg.freespace.structural import ComponentVerdict as ComponentVerdict
     from ffseg.freespace.window import Link as Link
     from ffseg.geometry.freeform import FreeForm as FreeForm
@@ -102,6 +105,9 @@ _HOMES = {
     "Frame": "ffseg.freespace.sequence",
     "Ground": "ffseg.freespace.outline",
     "OccupancyMap": "ffseg.freespace.occupancy",
+    "Skeleton": "ffseg.freespace.skeleton",
+    "Node": "ffseg.freespace.skeleton",
+    "Edge": "ffseg.freespace.skeleton",
     "Station": "ffseg.freespace.occupancy",
     "Scan": "ffseg.freespace.outline",
     "ComponentVerdict": "ffseg.freespace.structural",

@@ -15,6 +15,7 @@ from ffseg.camera.projections import Array
 from ffseg.errors import CalibrationError
 from ffseg.freespace.outline import OUTLINE_SIGMA
 from ffseg.freespace.sequence import Frame
+from ffseg.freespace.skeleton import Skeleton, skeleton_of
 from ffseg.image.free import signed_distance
 from ffseg.io.files import make_folder, write_all_atomic
 from ffseg.io.overlays import Polyline, encode_overlay
@@ -245,6 +246,18 @@ class OccupancyMap:
         chance = self.probability[::-1]
         made = np.where(chance > OCCUPIED, OCCUPIED_LEVEL, np.where(chance < FREE, FREE_LEVEL, UNKNOWN_LEVEL))
         return made.astype(np.uint8)
+
+    def skeleton(self, footprint: float = 0.0) -> Skeleton:
+        """The ways over free cells as a graph.
+
+        Parameters
+        ----------
+        footprint : float
+            Radius of the robot, metres: only what it can drive is left.
+        """
+        chance = self.probability
+        unknown = (chance >= FREE) & (chance <= OCCUPIED)
+        return skeleton_of(chance < FREE, unknown, self.cell, self.origin, footprint)
 
     def save(self, folder: str | os.PathLike[str]) -> None:
         """Write ``map.pgm`` and ``map.yaml`` (ROS's map_server), ``map.png`` to look at, and ``trajectory.csv``.

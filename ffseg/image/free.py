@@ -40,6 +40,22 @@ def signed_distance(mask: Mask) -> NDArray[np.float32]:
     return np.where(mask, inside - np.float32(0.5), np.float32(0.5) - outside)
 
 
+def nearest_outside(mask: Mask) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
+    """Of every pixel of a mask: pixels to the nearest one that is not in it, and (row, column) of that one.
+
+    Beyond the array nothing is in the mask.
+    """
+    inside = np.pad(mask, 1).view(np.uint8)
+    _, labels = cv2.distanceTransformWithLabels(inside, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL)
+    rows, columns = np.nonzero(inside == 0)
+    places = np.zeros((int(labels.max()) + 1, 2), np.intp)
+    places[labels[rows, columns]] = np.stack([rows, columns], axis=1) - 1
+    found = places[labels][1:-1, 1:-1]
+    row, column = np.indices(mask.shape)
+    exact = np.hypot(found[..., 0] - row, found[..., 1] - column)
+    return np.where(mask, exact, 0.0).astype(np.float32), found
+
+
 def ground_under(free: Mask, region: Mask) -> Mask | None:
     """The connected free pixels that hold most of a region, or None where none of the region is free."""
     _, labels = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
