@@ -184,17 +184,13 @@ def run(  # noqa: PLR0913 - the options of the command
         settings = with_selection(with_background(settings, outside), largest, min_area, fill_holes)
         params = checked_params(config, settings, allow_code=allow_code)
         require_source(params, evidence)
-        wanted = read_wanted(export or (), pack, overlay=overlay, animate=animate)
-        wanted = in_metres(wanted, camera) if metric else wanted
+        wanted = in_metres(read_wanted(export or (), pack, overlay=overlay, animate=animate), camera, asked=metric)
         choice = Chosen(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul)
         plan = with_maps(read_plan(choice, out, wanted, truth, starts, params), evidence, camera)
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan, footprint), shard)
         check("executors", executor)
-        files = plugin_files(params)
-        setup = Setup(
-            params=params, views=views, wanted=wanted, truth_label=truth_label, files=files, redirects=redirects
-        )
-        setup = limited(setup, max_pixels, memory)
+        setup = Setup(params=params, views=views, wanted=wanted, truth_label=truth_label, files=plugin_files(params))
+        setup = limited(replace(setup, redirects=redirects), max_pixels, memory)
         if dry_run:
             raise typer.Exit(show_preview(plan, setup, overwrite=overwrite, as_json=as_json))
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
@@ -277,17 +273,17 @@ class Chosen:
     nul: bool = False
 
 
-def in_metres(wanted: Wanted, camera: Path | None) -> Wanted:
-    """The outputs with those in metres.
+def in_metres(wanted: Wanted, camera: Path | None, *, asked: bool) -> Wanted:
+    """The outputs with those in metres, where they are asked for.
 
     Raises
     ------
     UsageError
         Without a camera.
     """
-    if camera is None:
+    if asked and camera is None:
         raise UsageError("--map needs --camera, which knows how large the ground is; name the camera file")
-    return replace(wanted, metric=True)
+    return replace(wanted, metric=asked)
 
 
 def read_plan(
