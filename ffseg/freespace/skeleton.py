@@ -37,6 +37,17 @@ class Node:
         ``junction``; ``end``; ``frontier``: an end beside ground that nobody has seen.
     clearance_m : float
         Metres to the nearest cell that is not free.
+
+    Examples
+    --------
+    >>> import ffseg.freespace.skeleton
+    >>> import numpy as np
+    >>> free = np.zeros((24, 40), bool)
+    >>> free[2:22, 2:38] = True
+    >>> free[10:14, 18:22] = False
+    >>> graph = ffseg.freespace.skeleton.skeleton_of(free, np.zeros_like(free), 0.1, (0.0, 0.0), 0.2)
+    >>> {node.kind for node in graph.nodes} <= {"junction", "end"}
+    True
     """
 
     x: float
@@ -57,6 +68,17 @@ class Edge:
         Metres.
     length_m, width_m : float
         Of the way, and of the free ground at its narrowest.
+
+    Examples
+    --------
+    >>> import ffseg.freespace.skeleton
+    >>> import numpy as np
+    >>> free = np.zeros((24, 40), bool)
+    >>> free[2:22, 2:38] = True
+    >>> free[10:14, 18:22] = False
+    >>> graph = ffseg.freespace.skeleton.skeleton_of(free, np.zeros_like(free), 0.1, (0.0, 0.0), 0.2)
+    >>> all(edge.width_m >= 0.4 for edge in graph.edges)
+    True
     """
 
     start: int
@@ -74,6 +96,17 @@ class Skeleton:
     ----------
     nodes : tuple of Node
     edges : tuple of Edge
+
+    Examples
+    --------
+    >>> import ffseg.freespace.skeleton
+    >>> import numpy as np
+    >>> free = np.zeros((24, 40), bool)
+    >>> free[2:22, 2:38] = True
+    >>> free[10:14, 18:22] = False
+    >>> graph = ffseg.freespace.skeleton.skeleton_of(free, np.zeros_like(free), 0.1, (0.0, 0.0), 0.2)
+    >>> graph.num_loops
+    1
     """
 
     nodes: tuple[Node, ...]
