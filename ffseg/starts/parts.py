@@ -30,6 +30,6 @@ def parts(scene: Scene) -> tuple[FreeForm, ...]:
         starts &= scene.domain > 0
     walls = np.where((scene.edges.edges == 0) & (odds > -1), np.uint8(0), np.uint8(255))
     circles = list(starts_beyond(walls, starts, most))
-    if params.region.islands:
+    if params.region.islands and scene.edges.source == "prior":  # which parts a model means, its start says
         circles += islands(odds, starts, most)
     return tuple(circle_start(circle, params) for circle in circles)

@@ -166,7 +166,13 @@ def _limits() -> list[dict[str, object]]:
         ("init.boxes", [[-1e3, -1e3, 1e3, 1e3]]),
         ("init.center", [1e5, -1e5]),
     ]
-    values += [("init.background", [[1e5, 0, 1e-300]]), ("edges.canny", [0, 0]), ("levelset.stop_speed", 1e-300)]
+    values += [
+        ("init.radius", 1e-300),
+        ("init.radius", 1e300),
+        ("init.background", [[1e5, 0, 1e-300]]),
+        ("edges.canny", [0, 0]),
+        ("levelset.stop_speed", 1e-300),
+    ]
     return [{key: value} for key, value in values]
 
 
@@ -311,8 +317,9 @@ def classes(hint: object) -> set[type]:
     return {one for one in found if one.__module__.startswith("ffseg")}
 
 
-INTERNAL = {"Section", "Tracks"}
-"""The base of parameter sections, and what a ground fit keeps for the structural test: no user makes or asks for them."""
+INTERNAL = {"Section", "Tracks", "Session"}
+"""The base of parameter sections, what a ground fit keeps for the structural test, and what a picking page is served from: no
+user makes or asks for them."""
 
 
 @pytest.mark.parametrize("name", [name for name in ffseg.__all__ if name != "__version__"])

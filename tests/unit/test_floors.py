@@ -63,7 +63,7 @@ def test_a_tilted_view_is_the_level_one_turned() -> None:
 
 def test_cases_are_apart_and_marks_that_touch_count_as_enclosed() -> None:
     every = list(cases(15, FLOOR_KINDS))
-    assert len({case.seed for case in every}) == len(every) == 15 * (5 + 6)
+    assert len({case.seed for case in every}) == len(every) == 15 * (5 + 7)
     assert {(case.texture, case.noise) for case in every if case.kind == "glossy"} == {
         (texture, noise) for texture in (0.0, 1.0, 2.0, 3.0, 5.0) for noise in (1.0, 2.0, 4.0)
     }

@@ -132,7 +132,7 @@ def test_scene_is_one_free_region_with_its_holes(named: tuple[str, Scene]) -> No
 
 def test_default_start_circle_lies_well_inside(named: tuple[str, Scene]) -> None:
     distance = cv2.distanceTransform(named[1].truth, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    assert distance[299:301, 399:401].min() > Parameters().init.radius + 20
+    assert distance[299:301, 399:401].min() > Parameters().init.radius_in((600, 800)) + 20
 
 
 def test_files_are_small_and_the_same_twice() -> None:

@@ -91,7 +91,8 @@ def test_boxes_and_what_closes_in_may_lie_across_edges() -> None:
     image, _ = disc()
     box = ffseg.segment(image, ffseg.load_params(None, {"init.boxes": [[140, 80, 180, 120]]}))
     closing = {"init.circles": [[110, 100, 65]], "contour.balloon": -6.0}
-    assert box.messages == ffseg.segment(image, ffseg.load_params(None, closing)).messages == ()
+    closed = ffseg.segment(image, ffseg.load_params(None, closing))
+    assert not any("across an edge" in message for message in (*box.messages, *closed.messages))
 
 
 def test_slits_and_hollows_join_and_make_no_sides() -> None:
@@ -112,7 +113,7 @@ def test_a_start_round_a_camera_stays_though_the_robot_is_seen_in_it() -> None:
     image, truth = disc()
     center = (CENTER[0] + 6, CENTER[1])
     found = ffseg.segment(image, {"init.radius": RADIUS}, center=center)
-    assert found.messages == ()
+    assert not any("moved" in message for message in found.messages)
     assert found.mask[~truth].mean() > 0.95
     moved = ffseg.segment(image, {"init.center": list(center), "init.radius": RADIUS})
     assert "was moved to" in moved.messages[0]
