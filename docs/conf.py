@@ -13,6 +13,7 @@ version = release = ffseg.__version__
 
 root_doc = "README"
 source_suffix = {".md": "markdown"}
+exclude_patterns = ["paper"]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
 myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 4

@@ -1,4 +1,4 @@
-"""Make the figures of the software paper from the sample pictures: ``python paper/figures.py``."""
+"""Make the figures of the software paper from the sample pictures: ``python docs/paper/figures.py``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import ffseg
 from ffseg.io.overlays import Polyline, draw_overlay
 
 FOLDER = Path(__file__).resolve().parent
-SAMPLES = FOLDER.parent / "samples"
+SAMPLES = FOLDER.parents[1] / "samples"
 
 
 def overlay(image: np.ndarray, result: ffseg.Segmentation | ffseg.Frame) -> np.ndarray:
