@@ -69,7 +69,8 @@ public:
                 if (!contour_.field.blocked(sample)) samples.push_back(sample);
             }
         }
-        const bool fits = options.clearance <= 0 || contour_.field.close_passages(edges, samples, options.clearance, options.plane);
+        const bool fits =
+            options.clearance <= 0 || contour_.field.close_passages(edges, samples, options.clearance, options.plane);
         if (samples.empty() || !fits) reason_ = StopReason::kBlocked;
         if (colours.pixels != nullptr && options.weight > 0) {
             contour_.pressure = std::make_unique<region::Pressure>(colours, options.weight, options.window);

@@ -127,5 +127,4 @@ bool Evolution::advance(int iterations) {
     return stop_ == Stop::kRunning;
 }
 
-
 }  // namespace ffseg::paper

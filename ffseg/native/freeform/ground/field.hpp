@@ -20,9 +20,9 @@ public:
     Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, int width);
 
     // For contour.clearance: blocks the ground that can be reached from `starts` only through passages no disc of this
-    // diameter fits through, on the pixels or on the ground that they show. Where it fits but cannot get to is blocked, with the passages that lead there; dead ends
-    // and narrow passages between places it reaches stay free. False, with nothing changed, if it fits at none of the
-    // starts.
+    // diameter fits through, on the pixels or on the ground that they show. Where it fits but cannot get to is blocked,
+    // with the passages that lead there; dead ends and narrow passages between places it reaches stay free. False, with
+    // nothing changed, if it fits at none of the starts.
     bool close_passages(const std::uint8_t* edges, const std::vector<Vec2>& starts, double clearance,
                         const freeform::Plane& plane);
 
