@@ -121,12 +121,12 @@ def _doubts(
 
 
 def border_share(contours: tuple[FreeForm, ...], shape: tuple[int, ...], domain: NDArray[np.uint8] | None) -> float:
-    """Part of the length of the outer contours that runs along the border of the image or the domain, within `MARGIN` px."""
+    """Part of the outer contours' length, from joint to joint, within `MARGIN` px of the border of the image or the domain."""
     along = whole = 0.0
     for contour in contours:
         if contour.signed_area <= 0:
             continue
-        points = contour.flatten(1.0)
+        points = contour.control_points[:: contour.degree]
         lengths = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
         near = _near_border(points, shape, domain)
         along += float(lengths[near & np.roll(near, -1)].sum())

@@ -236,7 +236,7 @@ def test_contours_are_drawn_where_there_is_no_overlay(browser: chromium.Chromium
 
 def test_pictures_that_are_gone_leave_words(browser: chromium.Chromium, tmp_path: Path) -> None:
     runs.large_run(tmp_path, 201)  # too many to stand in the page
-    page = write_report(tmp_path).as_uri()
+    page = write_report(tmp_path, embed_bytes=0).as_uri()
     (tmp_path / "overlays" / "0001.png").unlink()
     (tmp_path / "masks" / "0001.png").unlink()
     browser.open(page)
