@@ -81,8 +81,8 @@ def _kept(mask: Mask, params: Region) -> Mask:
 def _surely_shown(contour: FreeForm) -> bool:
     """Whether it must enclose a pixel centre: by Steinhaus, when its area in pixels exceeds its length."""
     points = contour.control_points
-    length = float(np.hypot(*(points - np.roll(points, 1, axis=0)).T).sum())  # no curve exceeds its control polygon
-    return abs(contour.signed_area) > length
+    steps = float(np.abs(points[1:] - points[:-1]).sum() + np.abs(points[0] - points[-1]).sum())
+    return abs(contour.signed_area) > steps  # along the axes; no curve exceeds its control polygon
 
 
 def _shown(contour: FreeForm, mask: Mask) -> bool:
