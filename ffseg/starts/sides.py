@@ -73,7 +73,7 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     starts, told, across = list(scene.starts), [], False
     free = free_pixels(scene.edges.edges, scene.domain, scene.params.contour.clearance)
     for at in crossed:
-        old, new = _moved(scene.starts[at], free, sides)
+        old, new = _moved(scene.starts[at], free, sides, widest=scene.disc is not None)
         if new.radius < LEAST_KEPT * old.radius or hypot(new.x - old.x, new.y - old.y) > old.radius:
             across = True
             told.append(f"the start at {old} lies across an edge; the contour grows on both sides of it")
@@ -98,8 +98,12 @@ def _has_sides(start: FreeForm, free: NDArray[np.bool_]) -> bool:
     return _num_sides(near, open_sides(free[window], 1)) > 1
 
 
-def _moved(start: FreeForm, free: NDArray[np.bool_], sides: NDArray[np.int32]) -> tuple[Circle, Circle]:
-    """A start as a circle, and the cheapest free one on the side that holds most of it.
+def _moved(
+    start: FreeForm, free: NDArray[np.bool_], sides: NDArray[np.int32], *, widest: bool = False
+) -> tuple[Circle, Circle]:
+    """A start as a circle, and the cheapest free one on the side that holds most of it, or of all its sides the widest.
+
+    In a mirror the widest is meant: a start round the middle shows the robot's own disc for the most part.
 
     Notes
     -----
@@ -110,7 +114,10 @@ def _moved(start: FreeForm, free: NDArray[np.bool_], sides: NDArray[np.int32]) -
     window, (left, top) = _window(old, (FARTHEST + 1) * old.radius + SPARE + 2)
     room = room_round(free[window]) - SPARE
     near = FreeForm(start.control_points - (left, top), start.degree)
-    counts = np.bincount(sides[window][rasterize([near], room.shape)])[1:]
+    under = sides[window][rasterize([near], room.shape)]
+    counts = np.bincount(under)[1:]
+    if widest:
+        counts = np.where(counts > 0, np.bincount(sides.ravel())[1 : len(counts) + 1], 0)
     _, new = placed(near, room, sides[window] == int(counts.argmax()) + 1 if counts.any() else None)
     return old, replace(new, x=new.x + left, y=new.y + top)
 

@@ -134,3 +134,16 @@ def test_what_is_far_from_a_start_does_not_matter(seed: int) -> None:
     found = sides._moved(old, free, labels)[1]
     assert (found.x, found.y) == (whole.x, whole.y)
     assert found.radius == pytest.approx(whole.radius, rel=1e-5)  # distances are summed in single precision
+
+
+def test_a_start_round_the_robot_in_a_mirror_means_the_ground() -> None:
+    """Most of the start shows the robot, a dark disc in the middle of the mirror's; who starts there means what is round it."""
+    y, x = np.mgrid[:300, :300]
+    depth = np.hypot(x - 150, y - 150)
+    image = np.where(depth < 140, np.where(x + y > 400, 230, 150), 5)
+    robot = depth < 25
+    image = cv2.GaussianBlur(np.where(robot, 30, image).astype(np.uint8), (0, 0), 0.7)
+    found = ffseg.segment(image, {"init.center": [162, 150], "init.radius": 26, "edges.source": "gradient"})
+    ground = (depth < 136) & (x + y < 396) & (depth > 29)
+    assert found.mask[ground].mean() > 0.95
+    assert any("across an edge" in message for message in found.messages)
