@@ -127,7 +127,7 @@ def _documented(scripts: Path, folder: Path) -> bool:
             print(f"== documentation in {shell}: not run, {shell} is not installed")
             continue
         for page in documented.pages():
-            place = folder / f"{shell}-{page.stem}"
+            place = folder / f"{shell}-{page.parent.name}-{page.stem}"
             environment = documented.prepare(place, page, scripts)
             wrong = [
                 text for block in documented.blocks(page) if (text := documented.run(block, shell, place, environment))
