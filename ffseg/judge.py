@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.contour import Found
-from ffseg.evidence.boundary import MARGIN, Boundary
+from ffseg.evidence.boundary import MARGIN, Boundary, near_outside
 from ffseg.evidence.surroundings import STRIDE, thinned
 from ffseg.geometry.freeform import FreeForm
 from ffseg.scene import Scene
@@ -139,12 +139,7 @@ def _near_border(
 ) -> NDArray[np.bool_]:
     most = np.array([shape[1] - 1, shape[0] - 1])
     near = np.asarray(((points < MARGIN) | (points > most - MARGIN)).any(axis=1))
-    if domain is not None:
-        for dx in (-MARGIN, 0, MARGIN):
-            for dy in (-MARGIN, 0, MARGIN):
-                x, y = np.rint(np.clip(points + (dx, dy), 0, most)).astype(np.intp).T
-                near |= domain[y, x] == 0
-    return near
+    return near if domain is None else near | near_outside(points, domain)
 
 
 def _percent(share: float) -> str:

@@ -79,6 +79,16 @@ def needed(edges: EdgeMap) -> float:
     return max(edges.thresholds[1] * GRADIENT_SCALE, 1.0)
 
 
+def near_outside(points: NDArray[np.number], domain: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Whether a pixel outside the domain lies `MARGIN` pixels beside a point (x, y), or at it; at the image's border, there."""
+    near, most = np.zeros(len(points), np.bool_), np.array(domain.shape[::-1]) - 1
+    for dx in (-MARGIN, 0, MARGIN):
+        for dy in (-MARGIN, 0, MARGIN):
+            x, y = np.rint(np.clip(points + (dx, dy), 0, most)).astype(np.intp).T
+            near |= domain[y, x] == 0
+    return near
+
+
 def _strength(contours: tuple[FreeForm, ...], edges: EdgeMap) -> NDArray[np.float64]:
     """Gradients at the joints of the contours, in high thresholds; the largest of nine pixels.
 
@@ -90,10 +100,7 @@ def _strength(contours: tuple[FreeForm, ...], edges: EdgeMap) -> NDArray[np.floa
     joints = np.rint(np.concatenate([c.control_points[:: c.degree] for c in contours])).astype(np.intp)
     x, y = joints[(joints >= MARGIN).all(axis=1) & (joints < np.array([width, height]) - MARGIN).all(axis=1)].T
     if edges.domain is not None:
-        free = np.ones(len(x), np.bool_)
-        for dx in (-MARGIN, 0, MARGIN):
-            for dy in (-MARGIN, 0, MARGIN):
-                free &= edges.domain[y + dy, x + dx] > 0
+        free = ~near_outside(np.stack([x, y], axis=1), edges.domain)
         x, y = x[free], y[free]
     around = np.add.outer(np.arange(-1, 2) * width, np.arange(-1, 2)).reshape(9, 1)
     largest = np.take(edges.gradient, y * width + x + around).max(axis=0)

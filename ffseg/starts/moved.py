@@ -12,11 +12,9 @@ from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.free import free_pixels, ground_under, room_round
 from ffseg.image.raster import rasterize
+from ffseg.parameters import LEAST_START
 from ffseg.scene import Scene
 from ffseg.starts.given import circle_start
-
-SMALLEST = 2.0
-"""Pixels: radius below which a circle of patches has no sample that can move before it meets itself."""
 
 SPARE = 1.0
 """Pixels between the start and what is not free, so that rounding puts no sample on it."""
@@ -61,7 +59,7 @@ def moved(scene: Scene, remedy: str) -> tuple[Scene, str]:
     """
     free = free_pixels(scene.edges.edges, scene.domain, scene.params.contour.clearance)
     room, cause = room_round(free) - SPARE, _cause(scene)
-    if float(room.max(initial=0.0)) < SMALLEST:
+    if float(room.max(initial=0.0)) < LEAST_START:
         raise SegmentationError(f"the start contour lies {cause} at every sample, and there is no free place; {remedy}")
     open_ground = free_pixels(scene.edges.edges, scene.domain)
     pairs = [placed(start, room, ground_under(open_ground, rasterize([start], room.shape))) for start in scene.starts]
@@ -86,12 +84,12 @@ def placed(start: FreeForm, room: NDArray[np.float32], own: Mask | None) -> tupl
     y, x = np.ogrid[: room.shape[0], : room.shape[1]]
     kept = np.minimum(room, old.radius)
     cost = np.hypot(x - old.x, y - old.y) + SIZE_WEIGHT * (old.radius - kept)
-    possible = room >= SMALLEST
+    possible = room >= LEAST_START
     if own is not None and (possible & own).any():
         possible &= own
     cost[~possible] = np.inf
     row, column = np.unravel_index(int(np.argmin(cost)), cost.shape)
-    return old, Circle(float(column), float(row), float(max(SMALLEST, kept[row, column])))
+    return old, Circle(float(column), float(row), float(max(LEAST_START, kept[row, column])))
 
 
 def as_circle(start: FreeForm) -> Circle:
