@@ -5,6 +5,7 @@ Without names, all of them. The page of a report is photographed where a Chromiu
 
 from __future__ import annotations
 
+import re
 import sys
 import tempfile
 import time
@@ -25,6 +26,7 @@ from ffseg.io.snapshots import scaled_contour, scaled_down
 from ffseg.io.strip import film_strip_svg
 from ffseg.rendering.pairs import render_pair
 from ffseg.samples import texture
+from ffseg.samples.drive import drive, drive_camera
 from ffseg.samples.paint import Paper, coverage
 from ffseg.samples.scenes import SCENES
 
@@ -35,6 +37,10 @@ GROUND_SEED = 3
 """Any rendered scene would do; this one has marks and boxes in plain sight."""
 PANEL = 380
 """px, width of one panel."""
+GALLERY = 760
+"""px, width of a picture of the gallery."""
+SHOWN = re.compile(r"<!-- from (\S+) -->\n!\[[^]]*\]\(images/([\w-]+)\.webp\)")
+"""A file that a block of the gallery writes, and the name of its picture."""
 
 
 def sample(name: str) -> Image:
@@ -73,8 +79,12 @@ def captioned(panel: Image, caption: str) -> Image:
 def side_by_side(name: str, panels: list[Image]) -> None:
     """Write panels in one row."""
     gap = np.full((panels[0].shape[0], 8, 3), 255, np.uint8)
-    row = np.hstack([piece for panel in panels for piece in (panel, gap)][:-1])
-    done, data = cv2.imencode(".webp", row, [cv2.IMWRITE_WEBP_QUALITY, 82])
+    webp(name, np.hstack([piece for panel in panels for piece in (panel, gap)][:-1]))
+
+
+def webp(name: str, picture: Image) -> None:
+    """Write a picture as WebP."""
+    done, data = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, 82])
     assert done  # noqa: S101 - a picture of our own making
     write(f"{name}.webp", data.tobytes())
 
@@ -138,6 +148,56 @@ def ground() -> None:
     judged = draw_overlay(image, lines(frame.contours, "obstacle") + lines(frame.merged_contours, "false"))
     caption = f"after the test: {len(frame.merged_contours)} marks given back (blue)"
     side_by_side("ground", [captioned(first, "enclosed components of one image"), captioned(judged, caption)])
+
+
+def driven() -> None:
+    """The sample drive without poses: what the mirror shows, and the map as it grows, with its ways at the end."""
+    from PIL import Image as Pictures
+
+    views = drive().views
+    sequence, full = Sequence(drive_camera()), ffseg.OccupancyMap()
+    grid = ffseg.OccupancyMap(reach=1.7)  # a short reach, so that it can be seen to grow
+    shots = []
+    for view in views:
+        frame = sequence.feed(view.image)
+        grid.add(frame)
+        full.add(frame)
+        lines = [Polyline(c.flatten(0.1), "outer" if c.signed_area > 0 else "obstacle") for c in frame.contours]
+        lines += [Polyline(c.flatten(0.1), "false") for c in frame.merged_contours]
+        shots.append((draw_overlay(view.image, lines)[:, 40:280], grid.probability, grid.origin, len(shots) + 1))
+    ways = [edge.points for edge in grid.skeleton(0.15).edges]
+    pages = [film_page(grid, shot, ways if shot is shots[-1] else []) for shot in shots]
+    pictures = [Pictures.fromarray(np.ascontiguousarray(page[..., ::-1])) for page in pages]
+    with tempfile.TemporaryDirectory() as temporary:
+        path = Path(temporary) / "drive.webp"
+        pace = [150] * (len(pictures) - 1) + [4000]
+        pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=pace, loop=0, quality=50, method=6)
+        write(path.name, path.read_bytes())
+    whole = cv2.imdecode(np.frombuffer(full.picture(full.skeleton(0.15)), np.uint8), cv2.IMREAD_COLOR)
+    write("drive-map.webp", cv2.imencode(".webp", whole, [cv2.IMWRITE_WEBP_QUALITY, 80])[1].tobytes())
+
+
+def film_page(grid: ffseg.OccupancyMap, shot: tuple[Image, Any, tuple[float, float], int], ways: list[Any]) -> Image:
+    """The mirror and the map of one frame, the map at its place in that of the whole drive."""
+    mirror, chance, origin, count = shot
+    whole = np.full(grid.probability.shape, 0.5)
+    column, row = (round((own - first) / grid.cell) for own, first in zip(origin, grid.origin, strict=True))
+    whole[row : row + chance.shape[0], column : column + chance.shape[1]] = chance
+    rows, columns = np.nonzero(grid.probability != 0.5)
+    low, high = np.array([columns.min(), rows.min()]) - 4, np.array([columns.max(), rows.max()]) + 5
+    grey = np.rint(255.0 * (1.0 - whole[low[1] : high[1], low[0] : high[0]][::-1])).astype(np.uint8)
+    large = np.repeat(np.repeat(grey, 3, axis=0), 3, axis=1)
+
+    def line(points: NDArray[np.float64], kind: Kind) -> Polyline:
+        place = ((points - grid.origin) / grid.cell - low) * 3 - 0.5
+        there = np.stack([place[:, 0], len(large) - 1 - place[:, 1]], axis=1)
+        return Polyline(np.concatenate([there, there[::-1]]), kind)
+
+    stations = [one for one in grid.stations[:count] if one is not None]
+    way = np.array([[one.x, one.y] for one in stations])
+    panel = draw_overlay(large, [*(line(points, "false") for points in ways), line(way, "differs")])
+    side = round(mirror.shape[1] * len(panel) / mirror.shape[0])
+    return np.hstack([cv2.resize(mirror, (side, len(panel)), interpolation=cv2.INTER_CUBIC), panel])
 
 
 def snapshots(scene: str, source: str | None, settings: Settings | None = None) -> tuple[Image, list[Any]]:
@@ -208,9 +268,24 @@ def photograph(tab: Any, name: str) -> None:  # noqa: ANN401 - the tests' browse
     with tempfile.TemporaryDirectory() as temporary:
         path = Path(temporary) / "shot.png"
         tab.screenshot(path)
-        done, data = cv2.imencode(".webp", cv2.imread(str(path)), [cv2.IMWRITE_WEBP_QUALITY, 80])
-    assert done  # noqa: S101 - a picture of our own making
-    write(f"{name}.webp", data.tobytes())
+        webp(name, cv2.imread(str(path)))
+
+
+def gallery() -> None:
+    """Run what the gallery shows, as it stands there; each picture is the file that the comment above it names."""
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+    import documented_blocks as documented
+
+    page = FOLDER.parent / "gallery.md"
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        environment = documented.prepare(folder, page, Path(sys.executable).parent)
+        for block in documented.blocks(page):
+            wrong = documented.run(block, "bash", folder, environment)
+            if wrong:
+                raise SystemExit(f"{page.name}: {wrong}")
+        for source, name in SHOWN.findall(page.read_text("utf-8")):
+            webp(name, scaled_down(cv2.imread(str(folder / source)), GALLERY)[0])
 
 
 PICTURES: dict[str, Callable[[], None]] = {
@@ -218,6 +293,7 @@ PICTURES: dict[str, Callable[[], None]] = {
     "toy": toy,
     "toy-paper": toy_paper,
     "report": report,
+    "gallery": gallery,
     "canny": lambda: with_settings(
         "canny",
         "complex",
@@ -234,6 +310,7 @@ PICTURES: dict[str, Callable[[], None]] = {
     ),
     "rooms": rooms,
     "ground": ground,
+    "drive": driven,
     "start": lambda: with_settings(
         "start",
         "complex",

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from ffseg.parameters import Domain as Domain
     from ffseg.parameters import Edges as Edges
     from ffseg.parameters import Init as Init
+    from ffseg.parameters import Input as Input
     from ffseg.parameters import LevelSet as LevelSet
     from ffseg.parameters import Network as Network
     from ffseg.parameters import Obstacles as Obstacles
@@ -73,7 +74,7 @@ if TYPE_CHECKING:
     from ffseg.scene import Segmenter as Segmenter
     from ffseg.scene import Stats as Stats
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOMES = {
     "segment": "ffseg.api",
@@ -122,6 +123,7 @@ _HOMES = {
     "Contour": "ffseg.parameters",
     "Edges": "ffseg.parameters",
     "Init": "ffseg.parameters",
+    "Input": "ffseg.parameters",
     "Domain": "ffseg.parameters",
     "Obstacles": "ffseg.parameters",
     "Snake": "ffseg.parameters",

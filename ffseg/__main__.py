@@ -11,7 +11,7 @@ def main() -> None:
     from ffseg.cli.streams import harden, lost_output
 
     harden()
-    if sys.argv[1:2] == ["run"] and not {"-h", "--help", "--dry-run"} & set(sys.argv):
+    if sys.platform != "win32" and sys.argv[1:2] == ["run"] and not {"-h", "--help", "--dry-run"} & set(sys.argv):
         # A worker takes as long to load OpenCV as this process takes to load Typer and read parameters: side by side.
         from ffseg.batch.workers.launch import launch_early
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ffseg import pipeline, plugins
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.image.checked import checked_image
+from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.edges import EdgeMap
 from ffseg.io.masks import load_mask
 from ffseg.parameters import FARTHEST, ParametersLike, parameter_set
@@ -22,7 +22,7 @@ WIDEST = 10_000
 
 
 def segment(  # noqa: PLR0913 - everything that is particular to one image has its name here
-    image: NDArray[np.uint8],
+    image: Pixels,
     params: ParametersLike = None,
     method: str | Segmenter | None = None,
     *,
@@ -34,14 +34,15 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     center: tuple[float, float] | None = None,
     altitudes: NDArray[np.float64] | None = None,
     options: object = None,
+    rgb: bool = False,
     callback: Callable[[Progress], None] | None = None,
 ) -> Segmentation:
     """Segment one image: edge map, start contours, evolution, mask.
 
     Parameters
     ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
-        Grey or BGR.
+    image : ndarray of uint8, uint16 or float, shape (H, W) or (H, W, 3)
+        Grey or BGR. 16 bits are taken by their full range, floats from 0 to 1; ``input.range`` sets others.
     params : Parameters, str, path or mapping, optional
         A parameter set, the name of a preset, a parameter file, or values by dotted key such as
         ``{"contour.degree": 2}``; without it the defaults.
@@ -65,6 +66,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     options : object, optional
         The method's own section of parameters, where it has one outside `params`; what a peer needs is then all in
         `params` and `options`.
+    rgb : bool
+        The image's channels are red, green, blue, as Pillow, imageio and scikit-image read them.
     callback : callable, optional
         Called with snapshots of the evolution.
 
@@ -90,8 +93,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     >>> result.mask.shape, result.num_holes, result.stats.stop_reason
     ((600, 800), 4, 'converged')
     """
-    pixels = checked_image(image)
     chosen = parameter_set(params)
+    pixels = taken_image(image, rgb, chosen.input.range)
     _check_method(method, callback)
     _check_extras(pixels, edges, center, altitudes)
     return pipeline.segment(
@@ -100,7 +103,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
             chosen,
             plugins.method(chosen.method if method is None else method),
             edges=NO_EDGES if edges is None else edges,
-            given=edges is not None,
+            edges_given=edges is not None,
             domain=_mask("domain", domain, "domain.mask", chosen.domain.mask),
             start_mask=_mask("start_mask", start_mask, "init.mask", chosen.init.mask),
             background=_mask("background", background, "init.background_mask", chosen.init.background_mask),

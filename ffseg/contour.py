@@ -7,6 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
+from ffseg.image.boundary import Boundary
 from ffseg.plugins import method as chosen
 from ffseg.scene import BlockedStartError, Outcome, Scene
 from ffseg.starts.parts import parts
@@ -21,13 +22,14 @@ class Found:
     ----------
     scene : Scene
         What it was asked of: with its bounds, and the starts where they were in the end.
-    outcome : Outcome
     messages : tuple of str
         About starts that could not stay where they were asked for.
     evolve_ms : float
         Wall time of placing the starts and of the method.
     across : bool
         Whether a start lies on both sides of an edge.
+    boundary : Boundary, optional
+        How clear the edges are along the contours, where that has been measured.
     """
 
     scene: Scene
@@ -35,6 +37,7 @@ class Found:
     messages: tuple[str, ...]
     evolve_ms: float
     across: bool = False
+    boundary: Boundary | None = None
 
 
 def contour(scene: Scene) -> Found:
@@ -45,6 +48,10 @@ def contour(scene: Scene) -> Found:
     SegmentationError
         If no start can move and there is no free place for one, or the method says so.
     """
+    if scene.boxes:
+        from ffseg.starts.boxes import in_boxes  # loads what only this needs
+
+        scene = in_boxes(scene)
     scene = bounded(scene)
     scene = replace(scene, starts=(*scene.starts, *parts(scene)))
     begin = perf_counter()
@@ -63,7 +70,8 @@ def bounded(scene: Scene) -> Scene:
     """The scene with its edges bounded by the domain, the valid disc, and what grows from outside the region."""
     edges, domain = scene.edges, scene.domain
     if edges.domain is None:
-        edges = replace(edges, domain=scene.disc if domain is None else domain)
+        limits = scene.disc if domain is None else domain
+        edges = edges if limits is None else replace(edges, domain=limits)
     elif domain is not None and edges.domain is not domain:
         edges = replace(edges, domain=np.where(edges.domain > 0, domain, np.uint8(0)))
     init, region = scene.params.init, scene.params.region
@@ -71,7 +79,9 @@ def bounded(scene: Scene) -> Scene:
         from ffseg.starts.rivals import within_rivals  # loads what only this needs
 
         edges = within_rivals(edges, scene.start_region(), scene.params, scene.background)
-    return replace(scene, edges=edges, domain=edges.domain)
+    return (
+        scene if edges is scene.edges and edges.domain is domain else replace(scene, edges=edges, domain=edges.domain)
+    )
 
 
 def run(scene: Scene) -> Outcome:

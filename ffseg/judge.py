@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.contour import Found
-from ffseg.evidence.boundary import MARGIN, Boundary, near_outside
 from ffseg.evidence.surroundings import STRIDE, thinned
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.ragged import packed_joints
+from ffseg.image.boundary import MARGIN, Boundary
+from ffseg.native import _core
 from ffseg.scene import Scene
 
 FILLED = 0.9
@@ -63,9 +65,12 @@ def judged(
     domain = scene.disc if scene.domain is None else scene.domain
     doubts = tuple(_doubts(found, contours, mask, domain))
     edges = found.scene.edges
-    sure = (
-        Boundary(contours, edges).clear_share() if edges.odds is None else sobered(expected_overlap(edges.odds, mask))
-    )
+    if edges.odds is not None:
+        sure = sobered(expected_overlap(edges.odds, mask))
+    elif found.boundary is not None and contours == found.outcome.contours:
+        sure = found.boundary.clear_share()
+    else:
+        sure = Boundary(contours, edges).clear_share()
     return min([sure, *(doubt.most for doubt in doubts)]), doubts
 
 
@@ -122,24 +127,8 @@ def _doubts(
 
 def border_share(contours: tuple[FreeForm, ...], shape: tuple[int, ...], domain: NDArray[np.uint8] | None) -> float:
     """Part of the outer contours' length, from joint to joint, within `MARGIN` px of the border of the image or the domain."""
-    along = whole = 0.0
-    for contour in contours:
-        if contour.signed_area <= 0:
-            continue
-        points = contour.control_points[:: contour.degree]
-        lengths = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
-        near = _near_border(points, shape, domain)
-        along += float(lengths[near & np.roll(near, -1)].sum())
-        whole += float(lengths.sum())
-    return along / whole if whole > 0 else 0.0
-
-
-def _near_border(
-    points: NDArray[np.float64], shape: tuple[int, ...], domain: NDArray[np.uint8] | None
-) -> NDArray[np.bool_]:
-    most = np.array([shape[1] - 1, shape[0] - 1])
-    near = np.asarray(((points < MARGIN) | (points > most - MARGIN)).any(axis=1))
-    return near if domain is None else near | near_outside(points, domain)
+    outer = packed_joints([contour for contour in contours if contour.signed_area > 0])
+    return _core.share_within(*outer, (shape[0], shape[1]), domain, MARGIN)
 
 
 def _percent(share: float) -> str:

@@ -119,7 +119,9 @@ class Init(Section):
         "px, radius of the start circle; auto = a fifteenth of the image's shorter side",
     )
     circles: tuple[Circle, ...] = declared((), Many(_CIRCLE, _MOST_STARTS), "start circles instead of center, radius")
-    boxes: tuple[Box, ...] = declared((), Many(_BOX, _MOST_STARTS), "start boxes instead of center, radius")
+    boxes: tuple[Box, ...] = declared(
+        (), Many(_BOX, _MOST_STARTS), "boxes round objects: what lies outside all is background"
+    )
     mask: str | None = declared(None, FilePath(), "image whose outlines are the start contours")
     background: tuple[Seed, ...] = declared(
         (), Many(_SEED, _MOST_STARTS), "points and circles outside the region: the contour stops where it meets them"
@@ -149,6 +151,27 @@ class Domain(Section):
         "auto",
         Text(("auto", "off")),
         "auto = where no mask is given, the disc of a mirror or fisheye in a dark surround",
+    )
+
+
+Levels = tuple[float, float] | Literal["auto"]
+"""Of black and of white."""
+
+
+@dataclass(frozen=True, slots=True)
+class Input(Section):
+    """How images are read.
+
+    Examples
+    --------
+    >>> ffseg.load_params(None, {"input.range": [0, 4095]}).input.range
+    (0.0, 4095.0)
+    """
+
+    range: Levels = declared(
+        "auto",
+        OrWord("auto", Row(("black", "white"), (Number(-1e9, 1e9),) * 2, ascending=True)),
+        "values of 16-bit images; auto = what a file states, or 0 to the most of 10, 12, 14 or 16 bits that it uses",
     )
 
 
@@ -188,6 +211,7 @@ class Region(Section):
     largest: int = declared(0, Integer(0, 1_000_000), "so many of the largest regions are kept; 0 = all")
     min_area: int = declared(0, Integer(0, 1_000_000_000), "pixels; smaller regions are dropped")
     fill_holes: int = declared(0, Integer(0, 1_000_000_000), "pixels; smaller holes are filled")
+    label: str = declared("region", Text(), "class that exports give to every region")
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,6 +341,7 @@ class Parameters(Section):
         Name(tuple(METHODS), partial(installed, "methods")),
         "freeform, snake, levelset, paper, the name of a peer, or module:function of your own",
     )
+    input: Input = subsection(Input)
     contour: Contour = subsection(Contour)
     edges: Edges = subsection(Edges)
     init: Init = subsection(Init)
@@ -364,14 +389,19 @@ def load_params(
     if source is None and overrides is None:
         return _defaults()
     problems = Problems()
-    written = {} if source is None else collect(Parameters, _file(source, problems), problems)
+    given = {} if source is None else written(source, problems)
     values: dict[str, object] = {}
     for root in _override_nodes(overrides, problems):
         values.update(collect(Parameters, root, problems))
     if not allow_code:
-        _refuse_code({key: value for key, value in written.items() if key not in values}, str(source), problems)
+        _refuse_code({key: value for key, value in given.items() if key not in values}, str(source), problems)
     problems.raise_as(ParameterError)
-    return build(Parameters, {**written, **values})
+    return build(Parameters, {**given, **values})
+
+
+def written(source: str | os.PathLike[str], problems: Problems) -> dict[str, object]:
+    """Values that a parameter file or preset gives, by dotted key."""
+    return collect(Parameters, _file(source, problems), problems)
 
 
 def _refuse_code(values: Mapping[str, object], name: str, problems: Problems) -> None:

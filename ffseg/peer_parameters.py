@@ -16,8 +16,6 @@ _SIGMA = Number(0, 20, above=True)
 _SIGMA_DOC = "px, smoothing of its edge map"
 _THRESHOLD = Number(0, 1000, above=True)
 _THRESHOLD_DOC = "grey levels per pixel from which on a pixel is an edge"
-_GROW = Number(0, 100)
-_GROW_DOC = "px the region is grown by at the end: it stops before the edge"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,16 +32,13 @@ class EdgeComponents(Section):
 
     sigma: float = declared(0.8, _SIGMA, _SIGMA_DOC)
     threshold: float = declared(8.0, _THRESHOLD, _THRESHOLD_DOC)
-    grow: float = declared(2.5, _GROW, _GROW_DOC)
+    grow: float = declared(2.5, Number(0, 100), "px the region is grown by at the end: it stops before the edge")
 
 
 @dataclass(frozen=True, slots=True)
-class EdgeOpened(Section):
+class EdgeOpened(EdgeComponents):
     """The same, opened against gaps by a disc."""
 
-    sigma: float = declared(0.8, _SIGMA, _SIGMA_DOC)
-    threshold: float = declared(8.0, _THRESHOLD, _THRESHOLD_DOC)
-    grow: float = declared(2.5, _GROW, _GROW_DOC)
     radius: float = declared(3.0, Number(0, 1000), "px; passages narrower than twice this are closed")
 
 
@@ -95,12 +90,8 @@ class SkimageSnake(Section):
 
 
 @dataclass(frozen=True, slots=True)
-class SitkFastMarching(Section):
+class SitkFastMarching(EdgeComponents):
     """SimpleITK FastMarching with speed F_diff, zero on edges."""
-
-    sigma: float = declared(0.8, _SIGMA, _SIGMA_DOC)
-    threshold: float = declared(8.0, _THRESHOLD, _THRESHOLD_DOC)
-    grow: float = declared(2.5, _GROW, _GROW_DOC)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,12 +108,8 @@ class SitkGac(Section):
 
 
 @dataclass(frozen=True, slots=True)
-class SkFmm(Section):
+class SkFmm(EdgeComponents):
     """scikit-fmm travel_time with speed F_diff, edges masked."""
-
-    sigma: float = declared(0.8, _SIGMA, _SIGMA_DOC)
-    threshold: float = declared(8.0, _THRESHOLD, _THRESHOLD_DOC)
-    grow: float = declared(2.5, _GROW, _GROW_DOC)
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from ffseg.native import _core
 from ffseg.plugins import EDGE_SOURCES, find, method
 from ffseg.result import Segmentation, Timings
 from ffseg.scene import Scene, check_sides
-from ffseg.starts.given import start_contours
+from ffseg.starts.initial import start_contours, within
 
 
 def segment(scene: Scene) -> Segmentation:
@@ -53,7 +53,7 @@ def segment(scene: Scene) -> Segmentation:
     score, doubts = judged(scene, found, contours, mask)  # how sure it is, and why not
     timings = _timings(scene, found, known - begin, end - begin)
     thresholds = found.scene.edges.thresholds
-    messages = (*unheard(scene), *found.messages, *(doubt.message for doubt in doubts if doubt.message))
+    messages = (*fallback_messages(scene), *found.messages, *(doubt.message for doubt in doubts if doubt.message))
     names, source = tuple(doubt.name for doubt in doubts), decided_by(scene)
     return Segmentation(mask, contours, found.outcome.stats, timings, messages, source, score, thresholds, names)
 
@@ -97,8 +97,14 @@ def with_starts(scene: Scene) -> Scene:
 
 
 def with_domain(scene: Scene) -> Scene:
-    """The scene with the valid disc of a mirror or fisheye, where no domain is given and every start lies in the disc."""
-    if scene.params.domain.disc == "off" or scene.domain is not None or scene.given:
+    """The scene with what its boxes hold for a domain; else, where none is given, the valid disc of a mirror or fisheye.
+
+    The disc counts only where every start lies in it.
+    """
+    if scene.boxes:
+        held = within(scene.boxes, scene.shape)
+        return replace(scene, domain=held if scene.domain is None else np.where(held > 0, scene.domain, np.uint8(0)))
+    if scene.params.domain.disc == "off" or scene.domain is not None or scene.edges_given:
         return scene
     found = valid_disc(scene.image)
     if found is None or not all(found.holds(start.control_points.mean(axis=0)) for start in scene.starts):
@@ -114,7 +120,7 @@ def with_evidence(scene: Scene) -> Scene:
     ParameterError
         If there is no such source, or it gives no edge map.
     """
-    if scene.given:
+    if scene.edges_given:
         return scene
     name = source_of(scene)
     edges = find("evidence", name)(scene)
@@ -130,8 +136,10 @@ def source_of(scene: Scene) -> str:
         return "evidence"
     if edges.model is not None:
         return "model"
+    if edges.source != "auto":
+        return edges.source
     stands_for = scene.method.source if scene.method is not None else ""
-    return stands_for if edges.source == "auto" and stands_for else edges.source
+    return stands_for or ("box" if scene.boxes and edges.canny == "auto" else "auto")
 
 
 def contour_of(scene: Scene) -> Found:
@@ -160,14 +168,16 @@ def outlines_of(mask: NDArray[np.bool_]) -> tuple[FreeForm, ...]:
 
 def decided_by(scene: Scene) -> str:
     """Name of the evidence source that decided."""
-    asked = source_of(scene) if not scene.given else "given"
+    asked = source_of(scene) if not scene.edges_given else "given"
     return scene.edges.source or asked if asked in EDGE_SOURCES else asked
 
 
-def unheard(scene: Scene) -> tuple[str, ...]:
+def fallback_messages(scene: Scene) -> tuple[str, ...]:
     """What to say where a map or a model tells of no region, so that the image's own edges decide."""
-    who = {"evidence": "the map of evidence", "model": "the model"}.get(source_of(scene), "")
-    if not who or scene.given or scene.edges.source != "gradient" or scene.params.edges.evidence == "edges":
+    who = {"evidence": "the map of evidence", "model": "the model", "box": "what is seen in the box"}.get(
+        source_of(scene), ""
+    )
+    if not who or scene.edges_given or scene.edges.source != "gradient" or scene.params.edges.evidence == "edges":
         return ()
     level = f"the probability {scene.params.region.probability:g} at which the region ends"
     return (f"{who} nowhere crosses {level}: the image's own edges decide",)

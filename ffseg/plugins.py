@@ -132,12 +132,14 @@ EDGE_SOURCES: dict[str, str] = {
     "prior": "ffseg.evidence.prior:prior_edges",
     "model": "ffseg.evidence.source:model_edges",
     "evidence": "ffseg.evidence.source:map_edges",
+    "box": "ffseg.evidence.box:box_edges",
 }
 """Evidence sources by the name they have in ``edges.source``: ``source(scene) -> EdgeMap`` (`ffseg.Scene`)."""
 
 
 EXPORTS: dict[str, str] = {
-    name: f"ffseg.batch.outputs.table:{name.upper()}" for name in ("coco", "labelme", "geojson", "svg")
+    name: f"ffseg.batch.outputs.table:{name.upper()}"
+    for name in ("coco", "labelme", "geojson", "yolo", "svg", "cutout")
 }
 """Outputs by the name they have in ``--export``: an `ffseg.batch.outputs.table.Output`, or a function as it names one."""
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.selection import counted
-from ffseg.io.saving.savable import Savable
+from ffseg.io.saving import Savable
 from ffseg.scene import Stats
 
 

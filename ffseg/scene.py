@@ -15,7 +15,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.regions import oriented
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
-from ffseg.parameters import Parameters
+from ffseg.parameters import Box, Parameters
 from ffseg.plugins import Method
 
 Plane = NDArray[np.uint8]
@@ -109,7 +109,7 @@ class Scene:
         Row of the method; None stands for ``params.method`` until the first step has looked it up.
     edges : EdgeMap
         What stops a contour; empty until it is known.
-    given : bool
+    edges_given : bool
         Whether the edges are the caller's own, which take the place of ``edges.source``.
     starts : tuple of FreeForm
         Start contours of degree ``params.contour.degree``, outer ones with positive area; those given the other way
@@ -146,7 +146,7 @@ class Scene:
     params: Parameters = field(default_factory=Parameters)
     method: Method | None = None
     edges: EdgeMap = NO_EDGES
-    given: bool = False
+    edges_given: bool = False
     starts: tuple[FreeForm, ...] = ()
     domain: Plane | None = None
     disc: Plane | None = None
@@ -177,6 +177,11 @@ class Scene:
     def shuts_passages(self) -> bool:
         """Whether what is too narrow counts as closed: there the contour ends in open ground."""
         return self.params.contour.clearance > 0 or self.footprint is not None
+
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """Boxes that hold what is meant: all outside is background; none where a mask gives the starts."""
+        return self.params.init.boxes if self.start_mask is None else ()
 
     def start_region(self) -> NDArray[np.bool_]:
         """Pixels whose centre lies in a start contour, shape (H, W)."""

@@ -10,10 +10,10 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[1] / "ffseg"
 
 STEPS: dict[str, tuple[str, ...]] = {
-    "starts": ("parameters.py", "starts/given.py", "starts/sides.py", "starts/moved.py"),
+    "starts": ("parameters.py", "starts/initial.py", "starts/sides.py", "starts/moved.py"),
     "domain": ("image/disc.py",),
     "evidence: the image's own edges": ("image/edges.py", "native/edges"),
-    "evidence: auto": ("evidence/auto.py", "evidence/boundary.py"),
+    "evidence: auto": ("evidence/auto.py", "image/boundary.py"),
     "evidence: the prior": (
         "evidence/prior.py", "evidence/features.py", "evidence/surroundings.py", "evidence/openings.py",
         "evidence/maps.py",

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from bad_images import encoded
+from bad_images import READS_GIF, encoded
 from numpy.typing import NDArray
 from PIL import Image, features
 
@@ -71,7 +71,7 @@ def sources() -> dict[str, tuple[bytes, NDArray[np.uint8]]]:
         "restart.jpg": (encoded(image, "JPEG", quality=90, restart_marker_rows=1), rgb),
         "lossless.webp": (encoded(image, "WEBP", lossless=True), rgb),
         "lossy.webp": (encoded(image, "WEBP", quality=90), rgb),
-        "gif": (encoded(palette, "GIF"), _rgb(palette)),
+        **({"gif": (encoded(palette, "GIF"), _rgb(palette))} if READS_GIF else {}),
         "24.bmp": (encoded(image, "BMP"), rgb),
         "8.bmp": (encoded(palette, "BMP"), _rgb(palette)),
         "1.bmp": (encoded(bit, "BMP"), _bits(bit)),
@@ -82,7 +82,7 @@ def sources() -> dict[str, tuple[bytes, NDArray[np.uint8]]]:
         "lossless.jp2": (encoded(image, "JPEG2000"), rgb),
         "lossy.jp2": (encoded(image, "JPEG2000", quality_mode="rates", quality_layers=[8]), rgb),
     }
-    if features.check("avif"):
+    if "avif" in features.get_supported_modules():
         made["avif"] = (encoded(image, "AVIF", quality=95, subsampling="4:4:4"), rgb)
     return made | tiff_sources()
 

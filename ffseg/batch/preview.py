@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,12 +10,13 @@ from ffseg import __version__
 from ffseg.batch.plan.jobs import Job, Plan
 from ffseg.batch.record.header import refuse_other_packing, refuse_other_parameters, run_header
 from ffseg.batch.record.journal import last_records, refuse_special, state_folder
+from ffseg.batch.record.lock import take
 from ffseg.batch.record.values import Record
 from ffseg.batch.runner import refuse_foreign
 from ffseg.batch.workers.freshness import kept_outputs, read_task
 from ffseg.batch.workers.messages import Setup, Task
 from ffseg.errors import ImageReadError, OutputError, UsageError
-from ffseg.io.files import printable, unwritten
+from ffseg.io.files import OWN, printable, unwritten
 from ffseg.io.images import Limits, inspect
 
 
@@ -26,7 +26,6 @@ class Preview:
 
     Attributes
     ----------
-    job : Job
     status : str
         ``unchanged``, ``failed`` (it cannot be read, or its header says that it will not be) or ``to do``.
     error : str
@@ -58,7 +57,7 @@ def preview(plan: Plan, setup: Setup, *, overwrite: bool = False) -> Iterator[Pr
     _refuse_locked(plan.out, folder)
     if not overwrite:
         refuse_other_parameters(plan.out, folder, header)
-        refuse_other_packing(plan.out, folder, pack=plan.wanted.pack)
+        refuse_other_packing(plan.out, folder, pack=plan.products.pack)
     _refuse_unwritable(plan.out)
     known = {} if overwrite else last_records(folder)
     for job in plan.jobs:
@@ -80,12 +79,12 @@ def _preview(plan: Plan, job: Job, setup: Setup, record: Record | None) -> Previ
         read = read_task(task, setup)
     except ImageReadError as error:
         return Preview(job, "failed", f"{error.reason}: {error}")
-    if record is None or record.content != read.evidence.content:
+    if record is None or record.content != read.digests.content:
         wrong = _header_problem(read.data, setup)
         return Preview(job, "failed", wrong) if wrong else Preview(job, "to do", missing=outputs)
-    kept = set(kept_outputs(plan.out, record.known))
+    kept = set(kept_outputs(plan.out, record.recorded))
     missing = tuple(path for path in outputs if path not in kept)
-    if missing or (job.truth and read.evidence.truth != record.truth):
+    if missing or (job.truth and read.digests.truth != record.truth):
         return Preview(job, "to do", missing=missing)
     return Preview(job, "unchanged")
 
@@ -103,13 +102,13 @@ def _refuse_locked(out: str, folder: str) -> None:
     path = os.path.join(folder, "lock")
     refuse_special(path)
     try:
-        descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        descriptor = os.open(path, os.O_RDWR | OWN)
     except FileNotFoundError:
         return
     except OSError as error:
         raise unwritten(path, error) from error
     try:
-        fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        take(descriptor)
     except OSError as error:
         raise UsageError(
             f"another ffseg run is writing to {printable(out)}; wait for it or choose another folder"

@@ -15,16 +15,16 @@ from typing import Any, Protocol
 from ffseg import __version__
 from ffseg.batch.executors.base import Assignment, Choice, Do, Executor
 from ffseg.batch.executors.chunks import left_over, numbered
-from ffseg.batch.outputs.table import OUTPUTS
+from ffseg.batch.outputs.table import GROUND, MAP_FILES, OUTPUTS
 from ffseg.batch.plan.jobs import Job, Plan, foreign_outputs, output_folders, prepare_output
+from ffseg.batch.record.finish import StoppedError, find_moved, put_in_order
 from ffseg.batch.record.header import refuse_other_packing, refuse_other_parameters, run_header
 from ffseg.batch.record.journal import Journal, read_header, state_folder
-from ffseg.batch.record.keeper import Keeper, Settled
+from ffseg.batch.record.keeper import Completed, Keeper
 from ffseg.batch.record.lock import OutputLock
-from ffseg.batch.record.standing import Standing, survey, tidy
+from ffseg.batch.record.ordered import packs_of, remove_packs
+from ffseg.batch.record.survey import Survey, survey, tidy
 from ffseg.batch.record.tables import OBSTACLES, PARQUET, RUN, START_COLUMNS, TIMING_COLUMNS, Tables, remove_old
-from ffseg.batch.tar.finish import StoppedError, find_moved, put_in_order
-from ffseg.batch.tar.ordered import packs_of, remove_packs
 from ffseg.batch.tar.writer import PackWriter, new_pack
 from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Done, Failed, Note, Ready, Reply, Setup, Task, Unchanged
@@ -51,26 +51,20 @@ JOB_REASONS = {
 
 _TOGETHER_MS = 20
 """Milliseconds a reply waits for those of other workers."""
+_TOLD_FRAMES = 200
+"""Frames whose map takes seconds, some 25 ms each: that is said."""
 
 
 class Stop(Protocol):
-    """Tells a run to end early.
-
-    Attributes
-    ----------
-    signal : int
-        0, or the signal that asks for the end.
-    descriptor : int
-        Becomes readable when `signal` is set.
-    """
+    """Tells a run to end early."""
 
     @property
     def signal(self) -> int:
-        """As above."""
+        """0, or the signal that asks for the end."""
 
     @property
     def descriptor(self) -> int:
-        """As above."""
+        """Becomes readable when `signal` is set."""
 
 
 class Observer(Protocol):
@@ -89,7 +83,6 @@ class Options:
 
     Attributes
     ----------
-    num_workers : int
     timeout : float
         Seconds an image may take, 0 for no limit.
     overwrite : bool
@@ -122,10 +115,10 @@ class Summary:
         Images of earlier runs, and outputs, that no longer are what their record says: named in ``run.json``.
     removed : int
         Outputs removed because they belonged to no image any longer.
-    seconds : float
     signal : int
         That ended it early; 0 for none.
-    problems : list of str
+    drive : dict
+        Figures of the map of all frames, where one is made.
     """
 
     total: int
@@ -137,6 +130,7 @@ class Summary:
     seconds: float = 0.0
     signal: int = 0
     problems: list[str] = field(default_factory=list)
+    drive: dict[str, Any] = field(default_factory=dict)
 
     def counts(self) -> dict[str, int]:
         """Numbers of images by what became of them."""
@@ -144,16 +138,7 @@ class Summary:
 
 
 class Run:
-    """One run into one output folder, a context manager that holds the folder's lock from `execute` to its end.
-
-    Parameters
-    ----------
-    plan : Plan
-    setup : Setup
-    options : Options
-    stop : Stop
-    observer : Observer
-    """
+    """One run into one output folder, a context manager that holds the folder's lock from `execute` to its end."""
 
     def __init__(self, plan: Plan, setup: Setup, options: Options, stop: Stop, observer: Observer) -> None:
         self._plan, self._setup, self._options = plan, setup, options
@@ -164,7 +149,7 @@ class Run:
         self._finished = bytearray(len(plan.jobs))
         self._state = state_folder(plan.out, plan.shard)
         self._keeper: Keeper
-        self._standing: Standing
+        self._survey: Survey
         self._held = contextlib.ExitStack()
 
     def __enter__(self) -> Run:
@@ -198,7 +183,7 @@ class Run:
         self._held.enter_context(OutputLock(self._plan.out, self._state))
         if not self._options.overwrite:
             refuse_other_parameters(self._plan.out, self._state, header)
-            refuse_other_packing(self._plan.out, self._state, pack=self._plan.wanted.pack)
+            refuse_other_packing(self._plan.out, self._state, pack=self._plan.products.pack)
         prepare_output(self._plan, self._state)
         self._sweep()
         self._open(header)
@@ -210,10 +195,12 @@ class Run:
     def _open(self, header: Mapping[str, Any]) -> None:
         old = read_header(self._state) or {}
         self._tables_before = [name for name in old.get("tables", ()) if isinstance(name, str)]
-        merged = {kind.merged for kind in self._plan.wanted.kinds if kind.merge}
+        merged = {kind.merged for kind in self._plan.products.kinds if kind.merge}
         others = {OBSTACLES: self._setup.views is not None, PARQUET: self._options.parquet}
+        merged |= {*MAP_FILES} if self._plan.products.metric and not self._plan.shard else set()
         tables = {*self._tables_before, *merged, *(name for name, asked in others.items() if asked), *self._plan.tars}
         names = [job.source.name for job in self._plan.jobs]
+        tables |= {*self._plan.films}
         self._header = {**header, "tables": sorted(tables), **({"pack": True} if self._plan.tars else {})}
         journal = Journal(self._state, self._header, names)
         self._held.callback(journal.close)
@@ -239,14 +226,14 @@ class Run:
                 yield {"image": printable(job.source.name), **record.row}
 
     def _tables(self) -> Tables:
-        folder = self._state if self._plan.shard else self._plan.out
-        camera = self._setup.views is not None
-        asked, kinds = frozenset(self._asked()), tuple(dict.fromkeys((*OUTPUTS, *self._plan.wanted.kinds)))
-        return Tables(self._plan.out, folder, self._standing, camera, asked, self._options.parquet, kinds)
+        folder, camera = self._state if self._plan.shard else self._plan.out, self._setup.views is not None
+        asked, kinds = frozenset(self._asked()), tuple(dict.fromkeys((*OUTPUTS, *self._plan.products.kinds)))
+        films = self._plan.products.films
+        return Tables(self._plan.out, folder, self._survey, camera, asked, self._options.parquet, kinds, films)
 
     def _asked(self) -> set[str]:
         """Columns and folders of outputs that were asked for."""
-        asked = {kind.folder for kind in self._plan.wanted.kinds if kind.merge}
+        asked = {kind.folder for kind in self._plan.products.kinds if kind.merge}
         asked |= {"iou"} if self._plan.with_truth else set()
         return asked | ({START_COLUMNS[0]} if any(job.start for job in self._plan.jobs) else set())
 
@@ -266,11 +253,20 @@ class Run:
     def _work(self, started: Sequence[Process]) -> None:
         """Feed the executor and write what it replies, one reply of each worker together: the disk is waited for less."""
         options = self._options
-        places = (len(self._plan.jobs), self._state, self._keeper.settings)
         chosen = find("executors", options.executor.name)
         if isinstance(chosen, type) and issubclass(chosen, Executor):
-            executor = chosen.begin(
-                Assignment(options.executor, self._setup, options, started, self._stop.descriptor, *places)
+            executor = chosen(
+                Assignment(
+                    self._setup,
+                    options.num_workers,
+                    options.timeout,
+                    started,
+                    self._stop.descriptor,
+                    options.executor,
+                    num_tasks=len(self._plan.jobs),
+                    state=self._state,
+                    settings=self._keeper.settings,
+                )
             )
             try:
                 feed(self, executor)
@@ -313,7 +309,7 @@ class Run:
     def _task(self, job: Job) -> Task:
         record = None if self._options.overwrite else self._keeper.journal.get(job.index)
         fits = record is not None and record.made and record.version == __version__
-        known = record.known if record is not None and fits and record.settings == self._keeper.settings else None
+        recorded = record.recorded if record is not None and fits and record.settings == self._keeper.settings else None
         outputs = self._plan.outputs(job)
         return Task(
             index=job.index,
@@ -321,7 +317,7 @@ class Run:
             truth=job.truth,
             out=self._plan.out,
             outputs=outputs,
-            known=known,
+            recorded=recorded,
             name=job.source.name,
             earlier=job.earlier,
             start=job.start,
@@ -329,13 +325,14 @@ class Run:
             evidence=job.evidence,
             domain=job.domain,
             span=job.source.span,
+            past=job.past,
         )
 
     def take(self, replies: Sequence[Reply]) -> None:
         """Write what replies bring and remember it: never more images at once than there are workers."""
         for first in range(0, len(replies), self.together):
-            for settled in self._keeper.settle(replies[first : first + self.together]):
-                self._count(settled)
+            for completed in self._keeper.complete(replies[first : first + self.together]):
+                self._count(completed)
 
     def hear(self, news: Ready | Note) -> None:
         """Hear of something beside replies."""
@@ -344,12 +341,12 @@ class Run:
         else:
             self._versions = news.versions
 
-    def _count(self, settled: Settled) -> None:
-        self._finished[settled.index] = 1
-        name = "done" if settled.status == "ok" else settled.status
+    def _count(self, completed: Completed) -> None:
+        self._finished[completed.index] = 1
+        name = "done" if completed.status == "ok" else completed.status
         setattr(self.summary, name, getattr(self.summary, name) + 1)
-        note = settled.note if settled.status == "ok" and not self._setup.views else ""
-        self._observer.finished(self._plan.jobs[settled.index], settled.status, settled.error or note)
+        note = completed.note if completed.status == "ok" and not self._setup.views else ""
+        self._observer.finished(self._plan.jobs[completed.index], completed.status, completed.error or note)
 
     def _problem(self, text: str) -> None:
         if text not in self.summary.problems:
@@ -362,18 +359,36 @@ class Run:
         if all(self._finished):
             self._sweep()  # workers of other machines may have died
             self.summary.removed = tidy(journal, self._plan, settings)
-        self._standing = survey(journal, self._plan, settings, self._finished)
-        self.summary.stale = self._standing.num_stale + len(self._standing.left)
+        self._survey = survey(journal, self._plan, settings, self._finished)
+        self.summary.stale = self._survey.num_stale + len(self._survey.left)
         tables = self._tables()
         tars = self._packed()
+        fused = self._fused()
         written = tables.write(self._run_json(), self._problem)
-        remove_old(tables.folder, self._tables_before, [*written, *tars])
+        remove_old(tables.folder, self._tables_before, [*written, *tars, *fused])
         if self._options.report:
             self._write_report()
         elif (self.summary.done or self.summary.failed) and os.path.exists(os.path.join(tables.folder, "report.html")):
             out = shlex.quote(printable(self._plan.out))
             self._observer.note(f"report.html shows an earlier state; write it anew with: ffseg report {out}")
         sync_folders([tables.folder, self._state, *output_folders(self._plan)])
+
+    def _fused(self) -> Sequence[str]:
+        """Write the map of all frames; names of its files."""
+        views, plan = self._setup.views, self._plan
+        if views is None or plan.shard or self.stopped or GROUND.folder not in self._survey.with_outputs:
+            return MAP_FILES if self.stopped else ()
+        from ffseg.batch.drive import drive_of
+
+        if self._survey.count >= _TOLD_FRAMES:
+            self._observer.note(f"{self._survey.count} frames are being fused into map/")
+        drive = drive_of(self._survey.records(), plan.out, views)
+        self.summary.drive = drive.figures()
+        try:
+            return drive.write(plan.out)
+        except OutputError as error:
+            self._problem(str(error))
+        return MAP_FILES
 
     def _packed(self) -> list[str]:
         """Put packed outputs in order once all are there; names of the tar files that stay in the output folder."""
@@ -384,7 +399,7 @@ class Run:
             remove_packs(packs_of(self._state))
             return []
         try:
-            return put_in_order(plan.out, self._keeper.journal, self._standing, self._header, lambda: self.stopped)
+            return put_in_order(plan.out, self._keeper.journal, self._survey, self._header, lambda: self.stopped)
         except OutputError as error:
             self._problem(str(error))
         except StoppedError:
@@ -401,8 +416,8 @@ class Run:
 
     def _run_json(self) -> dict[str, Any]:
         summary = self.summary
-        stale = [{"image": printable(name), "reason": reason} for name, reason in self._standing.stale]
-        left = [{"output": printable(path), "reason": "not what was written"} for path in self._standing.left]
+        stale = [{"image": printable(name), "reason": reason} for name, reason in self._survey.stale]
+        left = [{"output": printable(path), "reason": "not what was written"} for path in self._survey.left]
         return {
             "ffseg": __version__,
             "status": "interrupted" if summary.signal else "finished",
@@ -415,6 +430,7 @@ class Run:
             "versions": dict(self._versions),
             "problems": summary.problems,
             "stale": [*stale, *left],
+            **({"map": summary.drive} if summary.drive else {}),
             **self._part(),
         }
 

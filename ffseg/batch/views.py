@@ -21,7 +21,6 @@ class Views:
 
     Attributes
     ----------
-    camera : Camera
     poses : mapping of str to Pose
         By image name, without the images that have none.
     previous : mapping of str to str

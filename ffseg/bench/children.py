@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import os
 import subprocess
 import sys
@@ -55,15 +54,15 @@ def run_child(command: Sequence[str]) -> Sample:
     if child.returncode != 0:
         last = words.decode("utf-8", "backslashreplace").strip()[-TAIL:]
         raise FfsegError(f"python {' '.join(command)} ended with exit code {child.returncode}: {last}")
-    return Sample(wall * 1e3, (used.ru_utime + used.ru_stime) * 1e3)
+    return wall * 1e3, (used.ru_utime + used.ru_stime) * 1e3
 
 
 def timed_child(command: Command, per: float = 1.0) -> Timer:
     """A timer of a command that is made anew for every sample, in milliseconds divided by `per`."""
 
     def sample() -> Sample:
-        ended = run_child(command())
-        return Sample(ended.value / per, ended.robust / per)
+        wall, processor = run_child(command())
+        return wall / per, processor / per
 
     return sample
 
@@ -82,26 +81,21 @@ def measured_child(command: Command) -> Timer:
 
 def peak_above(path: Path, radius: float, size: int) -> Timer:
     """Peak bytes a pixel of one segmentation above the decoded image, with the program ``peak``."""
-
-    def above(text: str) -> float:
-        seen = json.loads(text)
-        return float((seen["peak"] - seen["before"]) / size)
-
-    return lambda: _told((*HERE, "peak", str(path), str(radius)), above)
+    return lambda: _told((*HERE, "peak", str(path), str(radius)), lambda text: int(text) / size)
 
 
 def _told(command: Sequence[str], read: Callable[[str], float]) -> Sample:
     done = subprocess.run([sys.executable, *command], check=True, capture_output=True, text=True)  # noqa: S603 - our own
-    return Sample(read(done.stdout), read(done.stdout))
+    return read(done.stdout), read(done.stdout)
 
 
-def fresh_folders(work: Path) -> Callable[[], Path]:
+def fresh_folders(work: Path) -> Callable[[], str]:
     """Names of folders that do not exist yet. The others stay.
 
     ext4 will not use the inode of a file that was removed in the last minutes and looks for another, 0.3 ms a file.
     """
     count = itertools.count(1)
-    return lambda: work / f"out-{next(count)}"
+    return lambda: str(work / f"out-{next(count)}")
 
 
 def bare(images: str, masks: str, out: str) -> None:
@@ -128,7 +122,7 @@ def shards(images: str, out: str) -> None:
 
 
 def peak(image_file: str, radius: str) -> None:
-    """Segment an image of an ``.npy`` file and write bytes before and at the peak as JSON to stdout."""
+    """Segment an image of an ``.npy`` file and write how many bytes the peak lies above what there was before."""
     from ffseg.bench.drawing import draw
     from ffseg.image.reference import one_thread
     from ffseg.parameters import load_params
@@ -136,8 +130,9 @@ def peak(image_file: str, radius: str) -> None:
     from ffseg.scene import Scene
 
     with one_thread():
-        small = load_params(None, {"init.radius": 8.0})
-        segment(Scene(draw(1, 160, 120).image, small))  # what is loaded once is not counted
+        segment(
+            Scene(draw(1, 160, 120).image, load_params(None, {"init.radius": 8.0}))
+        )  # what is loaded once does not count
         image = np.load(image_file)
         try:
             Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # the peak begins anew
@@ -145,7 +140,7 @@ def peak(image_file: str, radius: str) -> None:
         except OSError:
             before = _memory("VmHWM")
         segment(Scene(image, load_params(None, {"init.radius": float(radius), "contour.max_iterations": LONG})))
-        sys.stdout.write(json.dumps({"before": before, "peak": _memory("VmHWM")}))
+        sys.stdout.write(str(_memory("VmHWM") - before))
 
 
 def _memory(name: str) -> int:

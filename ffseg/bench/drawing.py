@@ -18,30 +18,20 @@ NOISE = 3.0
 """Grey levels, standard deviation."""
 
 Plane = NDArray[np.float32]
+Shapes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Waves of the outline (amplitude, phase), islands (x, y, half axes, direction), walls (x0, y0, x1, y1, half width)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
     """An image and the ground in it.
 
-    Attributes
-    ----------
-    image : ndarray of uint8, shape (H, W)
-    ground : ndarray of bool, shape (H, W)
-    start_radius : float
-        Pixels; the disc of this radius round the middle is ground.
+    The disc of `start_radius` pixels round the middle is ground.
     """
 
     image: NDArray[np.uint8]
     ground: NDArray[np.bool_]
     start_radius: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Shapes:
-    waves: NDArray[np.float64]  # amplitude and phase of each harmonic of the outline
-    islands: NDArray[np.float64]  # x, y, half axes, direction
-    walls: NDArray[np.float64]  # x0, y0, x1, y1, half width
 
 
 def draw(seed: int, width: int = WIDTH, height: int = HEIGHT) -> Drawing:
@@ -61,7 +51,7 @@ def draw(seed: int, width: int = WIDTH, height: int = HEIGHT) -> Drawing:
     return Drawing(image, ground, START_RADIUS * scale)
 
 
-def _shapes(rng: np.random.Generator) -> _Shapes:
+def _shapes(rng: np.random.Generator) -> Shapes:
     orders = np.arange(2, 9)
     waves = np.stack([rng.uniform(0, 0.3, orders.size) / orders, rng.uniform(0, 2 * np.pi, orders.size)], axis=1)
     count = int(rng.integers(5, 10))
@@ -71,19 +61,20 @@ def _shapes(rng: np.random.Generator) -> _Shapes:
     turn, near = rng.uniform(0, 2 * np.pi, 3), rng.uniform(150, 220, 3)
     ray = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     walls = np.column_stack([ray * near[:, None], ray * (near + 60)[:, None], rng.uniform(2, 4, 3)])
-    return _Shapes(waves, islands, walls)
+    return waves, islands, walls
 
 
-def _free(shapes: _Shapes, x: Plane, y: Plane, scale: float) -> Plane:
+def _free(shapes: Shapes, x: Plane, y: Plane, scale: float) -> Plane:
     """Share of each pixel that is ground, from distances to the borders in pixels."""
+    waves, islands, walls = shapes
     away, angle = np.hypot(x, y * np.float32(1.2)), np.arctan2(y, x)
     radius = np.full_like(away, 300.0)
-    for order, (amplitude, phase) in enumerate(shapes.waves, start=2):
+    for order, (amplitude, phase) in enumerate(waves, start=2):
         radius += np.float32(300.0 * amplitude) * np.cos(order * angle + np.float32(phase))
     inside = np.clip(radius, 110.0, 385.0) - away
-    for island in shapes.islands:
+    for island in islands:
         inside = np.minimum(inside, _beyond_island(island, x, y))
-    for wall in shapes.walls:
+    for wall in walls:
         inside = np.minimum(inside, _beyond_wall(wall, x, y))
     share: Plane = np.clip(0.5 + inside * np.float32(scale), 0, 1)
     return share

@@ -29,17 +29,13 @@ class Baseline:
 
 @dataclass(frozen=True, slots=True)
 class Slower:
-    """A figure that missed the gate."""
+    """A figure that missed the gate, and how many times its baseline it is."""
 
     key: str
     before: float
     now: float
     unit: str
-
-    @property
-    def ratio(self) -> float:
-        """How many times the baseline it is."""
-        return self.now / self.before
+    ratio: float
 
     def __str__(self) -> str:
         unit = "K" if self.unit == "ms" else self.unit
@@ -73,8 +69,11 @@ def read_baseline(path: Path, max_ratio: float, *, quick: bool) -> Baseline:
 
 def slower(figures: Iterable[Figure], baseline: Baseline) -> list[Slower]:
     """Figures above the limit, the worst first; those the baseline lacks are passed over."""
-    known = [figure for figure in figures if figure.key in baseline.steady]
-    found = [Slower(figure.key, baseline.steady[figure.key], figure.steady, figure.unit) for figure in known]
+    found = [
+        Slower(figure.key, before, figure.steady, figure.unit, figure.steady / before)
+        for figure in figures
+        if (before := baseline.steady.get(figure.key)) is not None
+    ]
     return sorted((item for item in found if item.ratio > baseline.max_ratio), key=lambda item: -item.ratio)
 
 

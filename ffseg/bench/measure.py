@@ -15,32 +15,27 @@ from ffseg.image.reference import one_thread, reference_kernel
 from ffseg.plugins import SEGMENTERS
 
 Fact = str | int | float
+Sample = tuple[float, float]
+"""What is reported (ms of wall time, or memory), and what the gate compares: processor time where the work is computing,
+because waiting for a turn on a busy machine is not in it."""
+Timer = Callable[[], Sample]
 BLOCK = 5
 """Rounds whose smallest samples are compared: a disturbance that spares one round of five costs nothing."""
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
-    """What the suites of a run share: a temporary folder, the user's images, tiny inputs or not, methods to measure."""
+class Order:
+    """What to run, on what, and how long: all tasks of a group `rounds` times, fewer once `budget_s` is spent, but once.
 
-    work: Path
+    No suites stand for all of them.
+    """
+
+    suites: Sequence[str] = ()
+    rounds: int = 15
+    budget_s: float = 20.0
     images: Path | None = None
     quick: bool = False
     methods: Sequence[str] = tuple(SEGMENTERS)
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """One measurement: what is reported (ms of wall time, or memory), and what the gate compares.
-
-    The second is processor time where the work is computing, because waiting for a turn on a busy machine is not in it.
-    """
-
-    value: float
-    robust: float
-
-
-Timer = Callable[[], Sample]
 
 
 def timed(work: Callable[[], object], per: float = 1.0) -> Timer:
@@ -56,7 +51,7 @@ def timed_fresh(make: Callable[[], Callable[[], object]], per: float = 1.0) -> T
         processor, begin = process_time(), perf_counter()
         work()
         end, processor_end = perf_counter(), process_time()
-        return Sample((end - begin) * 1e3 / per, (processor_end - processor) * 1e3 / per)
+        return (end - begin) * 1e3 / per, (processor_end - processor) * 1e3 / per
 
     return sample
 
@@ -84,7 +79,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Tasks measured in turns with K on the image `grey`; `rounds` that are enough, 0 for as many as the run is told."""
+    """Tasks measured in turns with K on the image `grey`, `most` rounds of them where fewer than ordered are enough."""
 
     suite: str
     name: str
@@ -92,7 +87,7 @@ class Group:
     tasks: Sequence[Task]
     facts: Mapping[str, Fact]
     comparisons: Sequence[Comparison] = ()
-    rounds: int = 0
+    most: int = 1 << 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,14 +97,6 @@ class Skipped:
     suite: str
     name: str
     reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class Effort:
-    """How long to measure: rounds of all tasks of a group, fewer once `budget_s` is spent, but one at least."""
-
-    rounds: int = 15
-    budget_s: float = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,20 +163,21 @@ class Figure:
         return replace(self, **{name: getattr(self, name) + getattr(other, name) for name in samples})
 
 
-def measure(group: Group, effort: Effort) -> list[Figure]:
+def measure(group: Group, rounds: int, budget_s: float) -> list[Figure]:
     """Measure the tasks of a group in turns, K before each of them; the first round warms up and does not count."""
     kernel = timed(lambda: reference_kernel(group.grey))
-    rounds: list[list[tuple[Sample, Sample]]] = []
+    taken: list[list[tuple[Sample, Sample]]] = []
     with one_thread():
         begin = perf_counter()
         _round(group.tasks, kernel)
-        while len(rounds) < (min(group.rounds, effort.rounds) or effort.rounds):
-            rounds.append(_round(group.tasks, kernel))
-            if perf_counter() - begin > effort.budget_s:
-                break
-    return [
-        _figure(group.suite, task, pairs) for task, pairs in zip(group.tasks, zip(*rounds, strict=True), strict=True)
-    ]
+        while not taken or (len(taken) < min(group.most, rounds) and perf_counter() - begin <= budget_s):
+            taken.append(_round(group.tasks, kernel))
+    figures = []
+    for task, pairs in zip(group.tasks, zip(*taken, strict=True), strict=True):
+        kernels, own = zip(*pairs, strict=True)
+        samples = (*zip(*own, strict=True), *zip(*kernels, strict=True))
+        figures.append(Figure(group.suite, task.case, task.quantity, task.unit, task.x, *samples))
+    return figures
 
 
 def _round(tasks: Sequence[Task], kernel: Timer) -> list[tuple[Sample, Sample]]:
@@ -200,12 +188,6 @@ def _round(tasks: Sequence[Task], kernel: Timer) -> list[tuple[Sample, Sample]]:
         return [(kernel(), task.sample()) for task in tasks]
     finally:
         gc.enable()
-
-
-def _figure(suite: str, task: Task, pairs: Sequence[tuple[Sample, Sample]]) -> Figure:
-    kernels, own = zip(*pairs, strict=True)
-    samples = [tuple(getattr(one, name) for one in part) for part in (own, kernels) for name in ("value", "robust")]
-    return Figure(suite, task.case, task.quantity, task.unit, task.x, *samples)
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,10 +244,9 @@ def growths(figures: Iterable[Figure]) -> list[Growth]:
     found = []
     for (suite, name), series in series_of(figures).items():
         x, y = [figure.x for figure in series], [figure.robust_median for figure in series]
-        if len(series) < 3 or min(y) <= 0:
-            continue
-        half = min(len(x) // 2, len(x) - 2)
-        found.append(Growth(suite, name, exponent(x, y), exponent(x[half:], y[half:])))
+        if len(series) >= 3 and min(y) > 0:
+            half = min(len(x) // 2, len(x) - 2)
+            found.append(Growth(suite, name, exponent(x, y), exponent(x[half:], y[half:])))
     return found
 
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ffseg.batch.workers.truth import read_truth
 from ffseg.bench.children import LONG
-from ffseg.bench.drawing import Drawing, draw
-from ffseg.bench.measure import Comparison, Fact, Group, Settings, Skipped, Task, timed
+from ffseg.bench.drawing import draw
+from ffseg.bench.measure import Comparison, Fact, Group, Order, Skipped, Task, timed
 from ffseg.errors import UsageError
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.keypoints import grey_image
@@ -29,7 +29,7 @@ from ffseg.plugins import PEERS
 from ffseg.plugins import method as row_of
 from ffseg.samples.scenes import SCENES
 from ffseg.scene import Scene
-from ffseg.starts.given import start_contours
+from ffseg.starts.initial import start_contours
 
 Image = NDArray[np.uint8]
 
@@ -52,38 +52,38 @@ class Picture:
     params: Parameters
 
 
-def scenes(settings: Settings) -> Iterator[Group]:
+def scenes(order: Order, _: Path) -> Iterator[Group]:
     """Edge map, evolution and the whole segmentation of the user's images, or of samples and drawn scenes."""
-    for picture in _folder(settings.images) if settings.images else _own(settings):
+    for picture in _folder(order.images) if order.images else _own(order):
         yield _segmented("scenes", picture, "freeform", picture.name)
 
 
-def method(settings: Settings) -> Iterator[Group | Skipped]:
+def method(order: Order, _: Path) -> Iterator[Group | Skipped]:
     """Every method that is asked for on a simple and a complex image."""
-    for picture in _own(settings):
+    for picture in _own(order):
         if picture.name not in ("simple", "complex", "small"):
             continue
-        for name in settings.methods:
+        for name in order.methods:
             yield _segmented("method", picture, name, f"{picture.name} by {name}")
 
 
-def size(settings: Settings) -> Iterator[Group]:
+def size(order: Order, _: Path) -> Iterator[Group]:
     """The same scene from 400x300 to 6400x4800 pixels; what is measured grows with the pixels."""
-    for width in QUICK_WIDTHS if settings.quick else WIDTHS:
+    for width in QUICK_WIDTHS if order.quick else WIDTHS:
         picture = _drawn(1, width)
         name = f"{picture.image.shape[1]}x{picture.image.shape[0]}"
         yield _segmented("size", picture, "freeform", f"scene, {name}", x=picture.image.size)
 
 
-def peers(settings: Settings) -> Iterator[Group | Skipped]:
+def peers(order: Order, _: Path) -> Iterator[Group | Skipped]:
     """The free form beside the peers it has to beat, each pair in turns, on the user's images or the samples."""
-    pictures = _folder(settings.images) if settings.images else _own(settings)
+    pictures = _folder(order.images) if order.images else _own(order)
     for picture in pictures:
         if picture.name.startswith("drawn"):
             continue
         for name in ("sitk_fast_marching", "cv_edges_opened", "skimage_gac"):
             if PEERS[name].installed:
-                yield _beside(picture, name, quick=settings.quick)
+                yield _beside(picture, name, quick=order.quick)
             else:
                 yield Skipped("peers", f"{picture.name}, {name}", f"{PEERS[name].package} is not installed")
 
@@ -167,9 +167,9 @@ def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: flo
     return Group(suite, case, grey_image(image), tasks, facts)
 
 
-def _own(settings: Settings) -> Iterator[Picture]:
+def _own(order: Order) -> Iterator[Picture]:
     """The project's samples and some drawn scenes."""
-    if settings.quick:
+    if order.quick:
         yield _drawn(1, 160, "small")
         return
     for name, scene in SCENES.items():
@@ -181,23 +181,34 @@ def _own(settings: Settings) -> Iterator[Picture]:
 
 
 def _drawn(seed: int, width: int, name: str = "scene") -> Picture:
-    drawing: Drawing = draw(seed, width, width * 3 // 4)
+    drawing = draw(seed, width, width * 3 // 4)
     params = load_params(None, {"init.radius": drawing.start_radius, "contour.max_iterations": LONG})
     return Picture(name, drawing.image, None, params)
 
 
 def _folder(folder: Path) -> Iterator[Picture]:
     """Images of a folder; ``NAME_truth.png`` and ``truth/NAME.png`` are their truths."""
+    for path in listed(folder):
+        image = read_image(path)
+        truth = _truth_of(path, (image.shape[0], image.shape[1]))
+        yield Picture(printable(path.stem), image, truth, Parameters())
+
+
+def listed(folder: Path) -> list[Path]:
+    """Image files of a folder but for their truths.
+
+    Raises
+    ------
+    UsageError
+        If there is no such folder, or it holds no image.
+    """
     if not os.path.isdir(folder):
         raise UsageError(f"--images: there is no folder {printable(folder)}; check the name")
     paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
     paths = [path for path in paths if not path.stem.endswith("_truth")]
     if not paths:
         raise UsageError(f"--images: {printable(folder)} holds no image; give a folder of images")
-    for path in paths:
-        image = read_image(path)
-        truth = _truth_of(path, (image.shape[0], image.shape[1]))
-        yield Picture(printable(path.stem), image, truth, Parameters())
+    return paths
 
 
 def _truth_of(path: Path, shape: tuple[int, int]) -> Image | None:

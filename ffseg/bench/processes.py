@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,9 +18,9 @@ from ffseg.batch.record.tables import RUN as RUN_FILE
 from ffseg.batch.record.values import Record, json_line, record_line
 from ffseg.batch.shards.assign import Shard
 from ffseg.batch.shards.merge import SHARDS
-from ffseg.bench.children import HERE, PARTS, RUN, fresh_folders, measured_child, peak_above, timed_child
+from ffseg.bench.children import HERE, PARTS, RUN, Command, fresh_folders, measured_child, peak_above, timed_child
 from ffseg.bench.drawing import draw
-from ffseg.bench.measure import Comparison, Group, Sample, Settings, Skipped, Task, Timer, timed
+from ffseg.bench.measure import Comparison, Group, Order, Sample, Skipped, Task, Timer, timed
 from ffseg.bench.pictures import QUICK_WIDTHS, WIDTHS
 from ffseg.image.reference import reference_read
 from ffseg.io.images import read_image
@@ -35,35 +35,25 @@ NUM_SHARDED, QUICK_SHARDED = 4000, 4
 """So many that two Dask workers get chunks of 500, and that the two parts, drawn by name, differ by a hundredth."""
 ROWS, QUICK_ROWS = (20_000, 60_000, 200_000), (100, 200, 400)
 """Rows of the merges whose memory is compared."""
-EMPTY_PROGRAM = """\
-import typer
-app = typer.Typer()
-@app.command()
-def main() -> None:
-    pass
-app()
-"""
+EMPTY_PROGRAM = "import typer\napp = typer.Typer()\n@app.command()\ndef main() -> None:\n    pass\napp()\n"
 IMPORTS = "import typer, numpy, cv2, yaml"
 FEW = 3
 """Rounds for memory and batches: memory hardly varies, and a batch is many images already."""
 TRIES = 5
 """Reads of each file in either way; of wall time the fastest counts, which waited least for a turn on a busy machine."""
 
-Command = Callable[[], tuple[str, ...]]
 
-
-def startup(settings: Settings) -> Iterator[Group | Skipped]:
+def startup(order: Order, work: Path) -> Iterator[Group]:
     """Start of the command line beside an empty Typer program and the imports any such program has."""
-    empty, image = settings.work / "empty.py", settings.work / "one" / "0000.png"
+    empty, image = work / "empty.py", work / "one" / "0000.png"
     empty.write_text(EMPTY_PROGRAM, encoding="utf-8")
-    write_images(image.parent, 1, settings)
-    run = _run(image, fresh_folders(settings.work))
+    write_images(image.parent, 1, quick=order.quick)
     commands: dict[str, Command] = {
         "empty Typer program": lambda: (str(empty),),
         "--version": lambda: ("-m", "ffseg", "--version"),
         "--help": lambda: ("-m", "ffseg", "--help"),
         IMPORTS: lambda: ("-c", IMPORTS),
-        "run, one image": run,
+        "run, one image": _run(image, fresh_folders(work)),
     }
     tasks = [Task(name, "start", timed_child(command)) for name, command in commands.items()]
     comparisons = [
@@ -74,13 +64,13 @@ def startup(settings: Settings) -> Iterator[Group | Skipped]:
     yield Group("startup", "commands", draw(1).image, tasks, {}, comparisons)
 
 
-def batch(settings: Settings) -> Iterator[Group | Skipped]:
+def batch(order: Order, work: Path) -> Iterator[Group]:
     """Milliseconds an image of ``ffseg run`` with durable writes, beside the bare pipeline."""
-    images, folders = settings.work / "images", fresh_folders(settings.work)
-    count = QUICK_IMAGES if settings.quick else NUM_IMAGES
-    masks = write_images(images, count, settings)
+    images, folders = work / "images", fresh_folders(work)
+    count = QUICK_IMAGES if order.quick else NUM_IMAGES
+    masks = write_images(images, count, quick=order.quick)
     loop = (*HERE, "bare", str(images), str(masks))
-    tasks = [Task("bare", "image", timed_child(lambda: (*loop, str(folders())), count))]
+    tasks = [Task("bare", "image", timed_child(lambda: (*loop, folders()), count))]
     comparisons = [Comparison("rate of --jobs 1 in rates of the bare pipeline", "bare", "jobs, 1")]
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     for jobs in (jobs for jobs in (1, 2, 4, 8) if jobs <= cores):
@@ -93,7 +83,7 @@ def batch(settings: Settings) -> Iterator[Group | Skipped]:
     tasks += [Task(case, "image", timer) for case, timer in zip((guarded, plain), timers, strict=True)]
     comparisons.append(Comparison(f"{guarded} beyond {plain}, in images of --jobs 1", guarded, "jobs, 1", minus=plain))
     facts = {"images": count, "cores": cores}
-    yield Group("batch", "images", draw(1).image, tasks, facts, comparisons, rounds=FEW)
+    yield Group("batch", "images", draw(1).image, tasks, facts, comparisons, FEW)
 
 
 def reading(paths: Sequence[Path]) -> tuple[Timer, Timer]:
@@ -103,51 +93,44 @@ def reading(paths: Sequence[Path]) -> tuple[Timer, Timer]:
     gives what was measured then.
     """
     ways = [[timed(partial(way, os.fspath(path))) for path in paths] for way in (read_image, reference_read)]
-    plain = [Sample(0.0, 0.0)]
+    plain = [(0.0, 0.0)]
 
     def first() -> Sample:
-        turns = np.array(
-            [[[_pair(timer()) for timer in pair] for _ in range(TRIES)] for pair in zip(*ways, strict=True)]
-        )
+        turns = np.array([[[timer() for timer in pair] for _ in range(TRIES)] for pair in zip(*ways, strict=True)])
         values, robust = turns[..., 0].min(axis=1).mean(axis=0), turns[..., 1].mean(axis=(0, 1))
-        guarded, plain[0] = (Sample(*map(float, one)) for one in zip(values, robust, strict=True))
-        return guarded
+        plain[0] = float(values[1]), float(robust[1])
+        return float(values[0]), float(robust[0])
 
     return first, lambda: plain[0]
 
 
-def _pair(sample: Sample) -> tuple[float, float]:
-    return sample.value, sample.robust
-
-
-def memory(settings: Settings) -> Iterator[Group | Skipped]:
+def memory(order: Order, work: Path) -> Iterator[Group | Skipped]:
     """Peak of a segmentation above the decoded image, and of batches of growing length."""
     if find_spec("resource") is None:
         yield Skipped("memory", "all", "this system does not count peak memory")
         return
-    for width in QUICK_WIDTHS[:1] if settings.quick else WIDTHS:
-        drawing, path = draw(1, width, width * 3 // 4), settings.work / f"{width}.npy"
+    for width in QUICK_WIDTHS[:1] if order.quick else WIDTHS:
+        drawing, path = draw(1, width, width * 3 // 4), work / f"{width}.npy"
         np.save(path, drawing.image)
         case, size = f"segment, {width}x{width * 3 // 4}", drawing.image.size
         task = Task(case, "peak above image", peak_above(path, drawing.start_radius, size), x=size, unit="B/px")
-        yield Group("memory", case, draw(1).image, [task], {}, rounds=FEW)
+        yield Group("memory", case, draw(1).image, [task], {}, most=FEW)
         path.unlink()
-    lengths = QUICK_LENGTHS if settings.quick else LENGTHS
-    commands, folders = [], fresh_folders(settings.work)
-    for length in lengths:
-        write_images(settings.work / f"batch-{length}", length, settings)
-        commands.append(_run(settings.work / f"batch-{length}", folders, "--jobs", "1"))
-    yield _peaks("memory", "batches", "batch", "images", lengths, commands)
+    commands, folders = dict[int, Command](), fresh_folders(work)
+    for length in QUICK_LENGTHS if order.quick else LENGTHS:
+        write_images(work / f"batch-{length}", length, quick=order.quick)
+        commands[length] = _run(work / f"batch-{length}", folders, "--jobs", "1")
+    yield _peaks("memory", "batches", ("batch, {}", "memory of {} images over {}"), commands)
 
 
-def shards(settings: Settings) -> Iterator[Group | Skipped]:
+def shards(order: Order, work: Path) -> Iterator[Group]:
     """Milliseconds an image of two workers, of two shards side by side and of two Dask workers; memory of merges."""
-    images, folders = settings.work / "images", fresh_folders(settings.work)
-    count = QUICK_SHARDED if settings.quick else NUM_SHARDED
-    write_images(images, count, settings)
+    images, folders = work / "images", fresh_folders(work)
+    count = QUICK_SHARDED if order.quick else NUM_SHARDED
+    write_images(images, count, quick=order.quick)
     whole: dict[str, Command] = {
         "jobs, 2": _run(images, folders, "--jobs", "2"),
-        "2 shards": lambda: (*HERE, "shards", str(images), str(folders())),
+        "2 shards": lambda: (*HERE, "shards", str(images), folders()),
     }
     titles = {"2 shards": "rate of 2 shards side by side in rates of --jobs 2"}
     if find_spec("distributed") is not None:
@@ -155,49 +138,37 @@ def shards(settings: Settings) -> Iterator[Group | Skipped]:
         titles["dask, 2 workers"] = "rate of Dask, its start included, in rates of --jobs 2"
     comparisons = [Comparison(title, "jobs, 2", case) for case, title in titles.items()]
     tasks = [Task(name, "image", timed_child(command, count)) for name, command in whole.items()]
-    yield Group("shards", "images", draw(1).image, tasks, {"images": count}, comparisons, rounds=FEW)
-    rows = QUICK_ROWS if settings.quick else ROWS
-    merges: list[Command] = []
-    for number in rows:
-        folder = settings.work / f"rows-{number}"
-        made_up(folder, number)
-        merges.append(partial(_merge, folder))
-    yield _peaks("shards", "merges", "merge", "rows", rows, merges)
+    yield Group("shards", "images", draw(1).image, tasks, {"images": count}, comparisons, FEW)
+    merges = dict[int, Command]()
+    for rows in QUICK_ROWS if order.quick else ROWS:
+        made_up(work / f"rows-{rows}", rows)
+        merges[rows] = partial(tuple, ("-m", "ffseg", "merge", str(work / f"rows-{rows}")))
+    yield _peaks("shards", "merges", ("merge, {} rows", "memory of merging {} rows over {}"), merges)
 
 
-def _merge(folder: Path) -> tuple[str, ...]:
-    return ("-m", "ffseg", "merge", str(folder))
-
-
-def _peaks(suite: str, name: str, what: str, unit: str, sizes: Sequence[int], commands: Sequence[Command]) -> Group:
+def _peaks(suite: str, name: str, texts: tuple[str, str], commands: Mapping[int, Command]) -> Group:
     """Peak memory of commands on inputs of growing sizes, and the largest over the smallest."""
-    label = f" {unit}" if what == "merge" else ""
-    tasks = [
-        Task(f"{what}, {size}{label}", "peak", measured_child(command), x=size, unit="MB")
-        for size, command in zip(sizes, commands, strict=True)
-    ]
-    verb = "merging " if what == "merge" else ""
-    title = f"memory of {verb}{sizes[-1]} {unit} over {sizes[0]}"
-    longest = Comparison(title, tasks[-1].case, tasks[0].case)
-    return Group(suite, name, draw(1).image, tasks, {}, [longest], rounds=FEW)
+    case, title = texts
+    tasks = [Task(case.format(size), "peak", measured_child(command), size, "MB") for size, command in commands.items()]
+    longest = Comparison(title.format(max(commands), min(commands)), tasks[-1].case, tasks[0].case)
+    return Group(suite, name, draw(1).image, tasks, {}, [longest], FEW)
 
 
-def _run(images: Path, folders: Callable[[], Path], *options: str) -> Command:
-    return lambda: (*RUN, str(images), "--quiet", *options, "--out", str(folders()))
+def _run(images: Path, folders: Callable[[], str], *options: str) -> Command:
+    return lambda: (*RUN, str(images), "--quiet", *options, "--out", folders())
 
 
-def write_images(folder: Path, count: int, settings: Settings) -> Path:
+def write_images(folder: Path, count: int, *, quick: bool) -> Path:
     """Write `count` drawn images and the ``.npy`` file of their grounds, whose path is returned."""
     folder.mkdir()
-    width, height = (160, 120) if settings.quick else (800, 600)
-    drawings = [draw(seed, width, height) for seed in range(min(count, NUM_DISTINCT))]
+    drawings = [draw(seed, *((160, 120) if quick else (800, 600))) for seed in range(min(count, NUM_DISTINCT))]
     for index in range(count):
         path = folder / f"{index:04d}.png"
         if index < len(drawings):
             path.write_bytes(encode_png(drawings[index].image, []))
         else:
             os.link(folder / f"{index % len(drawings):04d}.png", path)
-    masks = settings.work / f"{folder.name}.npy"
+    masks = folder.with_suffix(".npy")
     np.save(masks, np.stack([drawing.ground for drawing in drawings]))
     return masks
 

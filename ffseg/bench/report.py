@@ -35,7 +35,7 @@ def to_json(outcome: Outcome) -> bytes:
         "growth": [asdict(growth) for growth in growths(outcome.figures)],
         "facts": {name: dict(facts) for name, facts in outcome.facts.items()},
         "skipped": [asdict(skipped) for skipped in outcome.skipped],
-        "slower": [{**asdict(item), "ratio": item.ratio} for item in outcome.slower],
+        "slower": [asdict(item) for item in outcome.slower],
     }
     return (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode("utf-8")
 

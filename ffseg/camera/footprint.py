@@ -49,7 +49,6 @@ def footprint_of(camera: Camera, radius: float, own: float) -> Footprint:
 
     Parameters
     ----------
-    camera : Camera
     radius : float
         Metres, above 0.
     own : float

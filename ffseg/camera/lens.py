@@ -13,7 +13,6 @@ class Lens:
 
     Attributes
     ----------
-    projection : Projection
     width, height : int
         Pixels.
     center : tuple of float

@@ -82,7 +82,6 @@ class UnifiedSphere:
 
     Attributes
     ----------
-    affine : Affine
     xi : float
         Mirror parameter, 0 (pinhole) and up; 1 is a parabolic mirror.
     distortion : tuple of float
@@ -223,7 +222,6 @@ class Fisheye:
 
     Attributes
     ----------
-    affine : Affine
     distortion : tuple of float
         (k1, k2, k3, k4) of ``theta * (1 + k1 theta**2 + k2 theta**4 + k3 theta**6 + k4 theta**8)``.
     """

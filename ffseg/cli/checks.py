@@ -30,6 +30,11 @@ def folder(text: str) -> Path:
     return path
 
 
+def folder_or_stdout(text: str) -> Path:
+    """Read the name of a folder, or ``-``."""
+    return Path(text) if text == "-" else folder(text)
+
+
 def number(value: float) -> float:
     """Refuse ``nan``, which passes every comparison with a limit."""
     if value != value:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 LISTED = ","
-KINDS = ("mask", "svg", "geojson", "coco", "labelme", "overlay")
+KINDS = ("mask", "svg", "geojson", "coco", "labelme", "yolo", "overlay", "cutout")
 """What ``ffseg segment`` writes."""
 
 

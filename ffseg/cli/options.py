@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from math import isfinite
 from pathlib import Path
@@ -62,6 +63,14 @@ Outside = Annotated[
 ]
 
 
+Boxes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--box", metavar="X,Y,W,H", help="A box round the object: all outside is background; may be repeated."
+    ),
+]
+
+
 Largest = Annotated[
     int | None, typer.Option("--largest", metavar="N", min=0, help="Keep the N largest regions: region.largest.")
 ]
@@ -73,20 +82,45 @@ FillHoles = Annotated[
 ]
 
 
-def with_selection(settings: list[str], largest: int | None, min_area: int | None, fill_holes: int | None) -> list[str]:
-    """Overrides with what is kept of the result as the last of them."""
-    asked = {"largest": largest, "min_area": min_area, "fill_holes": fill_holes}
-    return [*settings, *(f"region.{key}={value}" for key, value in asked.items() if value is not None)]
+Label = Annotated[
+    str | None, typer.Option("--label", metavar="NAME", help="Class of the regions in exports: region.label.")
+]
 
 
-def with_background(settings: list[str] | None, outside: list[str] | None) -> list[str]:
-    """Overrides with the background seeds of ``--not`` as the last of them.
+def with_selection(
+    settings: list[str], largest: int | None, min_area: int | None, fill_holes: int | None, label: str | None
+) -> list[str]:
+    """Overrides with what is kept of the result, and how it is called, as the last of them."""
+    asked = {"largest": largest, "min_area": min_area, "fill_holes": fill_holes, "label": label}
+    values = {key: json.dumps(value) for key, value in asked.items() if value is not None}
+    return [*settings, *(f"region.{key}={value}" for key, value in values.items())]
+
+
+def with_prompts(settings: list[str] | None, outside: list[str] | None, boxes: list[str] | None) -> list[str]:
+    """Overrides with what ``--box`` and ``--not`` say as the last of them.
 
     Raises
     ------
     UsageError
-        If one is not two or three numbers.
+        If one is not of the numbers it needs.
     """
+    return _with_background(_with_boxes(settings, boxes), outside)
+
+
+def _with_boxes(settings: list[str] | None, boxes: list[str] | None) -> list[str]:
+    """Overrides with the boxes of ``--box``, the columns and rows from X and Y on, as the last of them."""
+    rows = []
+    for box in boxes or ():
+        cells = box.split(",")
+        if len(cells) != len("XYWH") or not all(map(_is_number, cells)) or min(map(float, cells[2:])) <= 0:
+            raise UsageError(f"--box {box}: write X,Y,W,H in pixels, such as --box 120,80,60,40")
+        x, y, width, height = map(float, cells)
+        rows.append(f"[{x - 0.5!r}, {y - 0.5!r}, {x + width - 0.5!r}, {y + height - 0.5!r}]")
+    return [*(settings or ()), *([f"init.boxes=[{', '.join(rows)}]"] if rows else ())]
+
+
+def _with_background(settings: list[str] | None, outside: list[str] | None) -> list[str]:
+    """Overrides with the background seeds of ``--not`` as the last of them."""
     given = list(settings or ())
     for seed in outside or ():
         if len(seed.split(",")) not in (2, 3) or not all(map(_is_number, seed.split(","))):

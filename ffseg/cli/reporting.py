@@ -17,6 +17,7 @@ from ffseg.cli import console
 from ffseg.cli.untested import motions, nothing_tested, untested_pairs
 from ffseg.io.files import printable
 from ffseg.io.starts import Start
+from ffseg.io.tables import counted
 
 _MOST_TOLD = 100
 """Failures, and as many notes, told on the terminal; ``timings.csv`` has them all."""
@@ -33,7 +34,7 @@ def disagree(overlaps: Iterable[float | None]) -> bool:
 
 
 class Progress:
-    """Progress bar and messages on stderr.
+    """Progress bar and messages on stderr; what is to be told of images stands below the bar when it has ended.
 
     Parameters
     ----------
@@ -49,6 +50,7 @@ class Progress:
     def __init__(self, total: int, *, bar: bool, verbose: bool, quiet: bool = False) -> None:
         self._verbose, self._quiet = verbose, quiet
         self._told: Counter[str] = Counter()
+        self._kept: list[str] = []
         self._bar: Any = None
         if bar and total > 1 and sys.stderr.isatty():
             from tqdm import tqdm
@@ -60,13 +62,23 @@ class Progress:
         if told and not (self._quiet and status != "failed"):
             self._told[status] += 1
             if self._told[status] <= _MOST_TOLD:
-                self.note(f"{printable(job.source.told)}: {told}")
+                self._tell(f"{printable(job.source.told)}: {told}")
             elif self._told[status] == _MOST_TOLD + 1:
-                self.note(f"further {'failures' if status == 'failed' else 'notes'} are in timings.csv only")
+                self._tell(f"further {'failures' if status == 'failed' else 'notes'} are in timings.csv only")
         elif self._verbose:
             self.note(f"{printable(job.source.told)}: {'unchanged' if status == 'unchanged' else 'done'}")
         if self._bar is not None:
             self._bar.update()
+
+    def _tell(self, text: str) -> None:
+        """Say a line, behind the bar if there is one, which counts it."""
+        if self._bar is None:
+            self.note(text)
+            return
+        self._kept.append(text)
+        failed = self._told["failed"]
+        counts = ((failed, "failed"), (self._told.total() - failed, "with notes"))
+        self._bar.set_postfix_str(", ".join(f"{count} {what}" for count, what in counts if count), refresh=False)
 
     def note(self, text: str) -> None:
         """Say a line without tearing the bar."""
@@ -80,6 +92,29 @@ class Progress:
         """Leave the terminal as it was."""
         if self._bar is not None:
             self._bar.close()
+            self._bar = None
+        for text in self._kept:
+            self.note(text)
+        self._kept.clear()
+
+
+def show_skipped(plan: Plan, *, quiet: bool) -> None:
+    """Say which files of the folders are left out because they are no images."""
+    count = sum(number for _, number in plan.skipped)
+    if count and not quiet:
+        kinds = ", ".join(f"{number} {printable(suffix) or 'without a suffix'}" for suffix, number in plan.skipped[:5])
+        more = ", ..." if len(plan.skipped) > 5 else ""
+        console.message(f"ffseg: left out as no images: {counted(count, 'file')} of the folders ({kinds}{more})")
+
+
+def show_without_start(plan: Plan, starts: str) -> None:
+    """Say how many images a starts file does not name."""
+    names = [printable(job.source.told) for job in plan.jobs if job.start is None and not job.source.problem]
+    if names:
+        where = f"{counted(len(names), 'image')} of {len(plan.jobs)} without a row in {printable(starts)}"
+        console.message(
+            f"ffseg: {where} start as init or the model says: {', '.join(names[:3])}{', ...' * (len(names) > 3)}"
+        )
 
 
 def show_plan(previews: Iterable[Preview], plan: Plan, *, as_json: bool) -> bool:
@@ -140,6 +175,7 @@ def show_result(run: Run, out: str, *, as_json: bool, verbose: bool = False) -> 
     """
     summary, finished = run.summary, list(run.rows())
     lines = [*(motions(finished) if verbose else ()), *(nothing_tested(finished, out) or untested_pairs(finished))]
+    lines += left_out(summary.drive)
     lines += [DISAGREE] if disagree(row.get("iou") for row in finished) else []
     for line in lines:
         console.message(f"ffseg: {line}")
@@ -149,11 +185,20 @@ def show_result(run: Run, out: str, *, as_json: bool, verbose: bool = False) -> 
             "counts": summary.counts(),
             "seconds": round(summary.seconds, 3),
             "problems": summary.problems,
+            **({"map": summary.drive} if summary.drive else {}),
         }
         rows = list(run.rows())
         console.data(json.dumps({**value, **_figures(rows), "images": rows}, indent=2))
         return
     console.summary([*_lines(run, summary), ("output", printable(out))])
+
+
+def left_out(drive: Mapping[str, Any]) -> list[str]:
+    """Frames that are not in the map, by name."""
+    lost = drive.get("lost", ())
+    lines = [f"not in the map: {one['image']}: {one['reason']}" for one in lost[:_MOST_TOLD]]
+    more = drive.get("frames", 0) - drive.get("fused", 0) - len(lines)
+    return [*lines, f"not in the map: {more} more; map/trajectory.csv has them all"] if more else lines
 
 
 DOUBTS = {
@@ -164,6 +209,12 @@ DOUBTS = {
     "start": "with a start across an edge",
 }
 """Words for the doubts of `ffseg.Segmentation.doubts`, to follow their number."""
+
+
+def _map_told(drive: Mapping[str, Any]) -> str:
+    ways = f"{drive['nodes']} nodes, {drive['edges']} ways, {drive['loops']} loops"
+    drift = f"drift {drive['drift_m']:.3f} m, {drive['drift_deg']:.2f} deg" if drive["fused"] else "nothing to show"
+    return f"{drive['fused']} of {drive['frames']} frames; {drift}; {ways}"
 
 
 def _figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -192,6 +243,8 @@ def _lines(run: Run, summary: Summary) -> list[tuple[str, str]]:
         *left,
         ("time", f"{summary.seconds:.2f} s ({rate:.1f} images/s)"),
     ]
+    if summary.drive:
+        lines.append(("map", _map_told(summary.drive)))
     good = [row for row in run.rows() if row["status"] == "ok"]
     if good:
         parts = ("decode_ms", "edges_ms", "evolve_ms", "write_ms", "total_ms")
@@ -202,6 +255,11 @@ def _lines(run: Run, summary: Summary) -> list[tuple[str, str]]:
         told = (f"{count} {DOUBTS.get(name, name)}" for name, count in figures["doubts"].items())
         lines.append(("doubtful", f"{', '.join(told)}; of {len(good)}"))
     overlaps = [row["iou"] for row in good if row.get("iou") is not None]
+    flicker = [row["flicker"] for row in good if row.get("flicker") is not None]
+    if flicker:
+        moved = [row["steady_px"] for row in good if row.get("steady_px") is not None]
+        cost = f"; the past changed {sum(moved) / len(moved):.0f} px a frame" if moved else ""
+        lines.append(("flicker", f"{sum(flicker) / len(flicker):.4f} (most {max(flicker):.4f}){cost}"))
     if overlaps:
         lines.append(("mean IoU", f"{figures['mean_iou']:.4f} (lowest {min(overlaps):.4f}, of {len(overlaps)})"))
     return lines

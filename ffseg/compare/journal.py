@@ -23,12 +23,7 @@ NAME = "compare.jsonl"
 
 
 class Journal:
-    """Rows of the images that are done, in a file that `end` removes; one of another comparison is begun anew.
-
-    Parameters
-    ----------
-    task : Comparison
-    """
+    """Rows of the images that are done, in a file that `end` removes; one of another comparison is begun anew."""
 
     def __init__(self, task: Comparison) -> None:
         self._path = os.path.join(task.out, NAME)
@@ -53,7 +48,7 @@ class Journal:
         """Name and content of everything particular to an image; empty where it cannot be read."""
         task = Task(job.index, job.source.path, job.truth, "", (), None, job.source.name, (), job.start, job.depends)
         try:
-            seen = read_task(task, self._setup).evidence if job.source.span is None else None
+            seen = read_task(task, self._setup).digests if job.source.span is None else None
         except ImageReadError:
             return ""
         return f"{job.source.name} {seen.content} {seen.truth}" if seen is not None else ""

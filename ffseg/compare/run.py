@@ -75,7 +75,6 @@ def compare(
 
     Parameters
     ----------
-    task : Comparison
     tell : callable
         Called with each row when it is known.
     pace : callable, optional
@@ -144,7 +143,6 @@ def missed_gates(rows: Sequence[Row], gates: dict[str, float]) -> list[str]:
 
     Parameters
     ----------
-    rows : sequence of Row
     gates : dict of float
         Least IoU by method; the empty name stands for every method that was run.
     """
@@ -164,7 +162,7 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
     """Rows of one image, and its panel, which is written; empty where the image cannot be read."""
     name = printable(job.source.name)
     try:
-        image = read_source(job.source)
+        image = read_source(job.source, levels=task.params.input.range)
         height, width = image.shape[:2]
         truth = read_truth(job.truth, (height, width), task.truth_label) if job.truth else None
         masks = replace(masks, evidence=read_evidence(job.evidence) if job.evidence else None)

@@ -28,7 +28,6 @@ class Shared:
         With the start circles that were moved, if they were.
     edges : EdgeMap
         Bounded by the domain.
-    edges_ms : float
     moved : bool
         Whether the starts are not those that were asked for.
     """
@@ -41,7 +40,7 @@ class Shared:
     def scene(self, scene: Scene) -> Scene:
         """A method's scene with it."""
         params = replace(scene.params, init=self.params.init)
-        return replace(scene, params=params, edges=self.edges, given=True)
+        return replace(scene, params=params, edges=self.edges, edges_given=True)
 
 
 def common_source(params: Parameters, methods: Sequence[str]) -> str:

@@ -47,11 +47,6 @@ class Comparison:
 
     Attributes
     ----------
-    jobs : tuple of Job
-    out : str
-    methods : tuple of str
-    params : Parameters
-    peers : PeerParameters
     repeat : int
         Runs of each method on each image; the median time counts.
     truth_label : int or None

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from time import perf_counter
 
-import numpy as np
-
 from ffseg.contour import Found, bounded, run
-from ffseg.evidence.boundary import CLEAR, SAMPLE, Boundary, needed
 from ffseg.evidence.gradient import gradient
+from ffseg.image.boundary import CLEAR, SAMPLE, Boundary, needed
 from ffseg.image.edges import EdgeMap
+from ffseg.native import _core
 from ffseg.scene import BlockedStartError, Outcome, Scene
 from ffseg.starts.sides import on_one_side
 
@@ -47,9 +46,13 @@ def _trial(scene: Scene) -> Found | None:
     begin = perf_counter()
     scene, messages, across = on_one_side(scene)
     outcome = _first(scene) if _is_promising(scene) else None
-    if outcome is None or not Boundary(outcome.contours, scene.edges).is_clear(_least_met(scene)):
+    if outcome is None:
         return None
-    return Found(scene, outcome, messages, (perf_counter() - begin) * 1e3, across)
+    boundary = Boundary(outcome.contours, scene.edges)
+    evolve_ms = (perf_counter() - begin) * 1e3
+    return (
+        Found(scene, outcome, messages, evolve_ms, across, boundary) if boundary.is_clear(_least_met(scene)) else None
+    )
 
 
 def _least_met(scene: Scene) -> float:
@@ -69,9 +72,9 @@ def _first(scene: Scene) -> Outcome | None:
 
 def _is_promising(scene: Scene) -> bool:
     """Whether the image's own edges are worth a whole evolution: most are clear, or those that a short one has met."""
-    edges = scene.edges.edges[::SAMPLE] > 0
-    clear = scene.edges.gradient[::SAMPLE][edges] >= CLEAR * needed(scene.edges)
-    if np.count_nonzero(clear) >= PROMISING * len(clear):
+    edges = scene.edges
+    every, clear = _core.edges_from(edges.edges, edges.gradient, CLEAR * needed(edges), SAMPLE)
+    if clear >= PROMISING * every:
         return True
     short = replace(scene.params, contour=replace(scene.params.contour, max_iterations=PROBE))
     met = _first(replace(scene, params=short))

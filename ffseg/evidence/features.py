@@ -46,12 +46,12 @@ WAY_SCALE, WAY_STEP, LEAST_COST = 1.5, 0.1, 1
 little."""
 
 
-def _names(texture: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(f"{name}@{scale:g}" for scale in SCALES for name in (*texture, *RELATIVE))
+def _names(texture: tuple[str, ...], scales: tuple[float, ...]) -> tuple[str, ...]:
+    return tuple(f"{name}@{scale:g}" for scale in scales for name in (*texture, *RELATIVE))
 
 
 NAMES = (
-    *_names(TEXTURE),
+    *_names(TEXTURE, SCALES),
     *(f"{name}@{scale:g}" for scale in WAYS for name in BARRIER),
     "way",
     "likeness",
@@ -59,8 +59,8 @@ NAMES = (
 )
 """Names of the planes in their order, unless less or more is asked for."""
 
-PLAIN = (*_names(COLOUR), *(f"{name}@{WAYS[0]:g}" for name in BARRIER), "likeness", *PLACE)
-"""Names of those that do not tell of shapes, nor of ways at coarse scales."""
+PLAIN = (*_names(COLOUR, WAYS), *(f"{name}@{WAYS[0]:g}" for name in BARRIER), "likeness", *PLACE)
+"""Names of those that do not tell of shapes, nor of the coarsest scale, nor of ways at any but the finest."""
 
 KNOWN = (*NAMES, *OPEN)
 """Names of all planes in their order."""
@@ -146,7 +146,7 @@ def features(
     plain = names == PLAIN
     looks, look = (len(COLOUR), _core.evidence_colour) if plain else (len(TEXTURE), _core.evidence_texture)
     at = 0
-    for scale in SCALES:
+    for scale in WAYS if plain else SCALES:
         texture, relative = planes[at : at + looks], planes[at + looks : at + looks + len(RELATIVE)]
         look(lab, scale, texture)
         _core.evidence_relative(texture[:3], inside, DEVIATION_FLOOR, relative)
@@ -226,10 +226,8 @@ def enlarged(plane: NDArray[np.float32], factor: int, shape: tuple[int, int], st
     ----------
     plane : ndarray of float32, shape (ceil(h / stride), ceil(w / stride))
         Every ``stride``-th value each way of a plane of shape (h, w).
-    factor : int
     shape : tuple of int
         (H, W) of the image.
-    stride : int
 
     Returns
     -------

@@ -154,8 +154,6 @@ class Model:
 
         Parameters
         ----------
-        seen : Features
-        native : EvidenceForest, optional
         prior : ndarray of float32, shape (H, W)
             The prior's log odds, needed where the model asks it.
 

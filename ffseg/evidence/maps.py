@@ -87,7 +87,7 @@ def evidence_edges(
     """
     if not _crosses(probability, LEVEL):
         return image_edges
-    above = _smoothed(probability) - np.float32(LEVEL)
+    above = blurred(probability, SMOOTHING) - np.float32(LEVEL)
     gradient, edges = image_edges.gradient.copy(), image_edges.edges.copy()
     height = min(RIDGE_HEIGHT * image_edges.thresholds[1] * GRADIENT_SCALE, TALLEST)
     _core.evidence_level(above, UNDECIDED, SNAP, RIDGE_WIDTH, height, gradient, edges)
@@ -95,6 +95,21 @@ def evidence_edges(
         certain = np.clip(probability, 1 - MOST_CERTAIN, MOST_CERTAIN)
         odds = np.log(certain / (1 - certain))
     return EdgeMap(gradient, edges, image_edges.domain, image_edges.thresholds, source, odds)
+
+
+def odds_edges(odds: NDArray[np.float32], probability: float, image_edges: EdgeMap, source: str) -> EdgeMap:
+    """An edge map whose edges run where log odds fall to those of a probability: as `evidence_edges`.
+
+    Parameters
+    ----------
+    odds : ndarray of float32, shape (H, W)
+    probability : float
+        Above 0 and below 1.
+    """
+    shift = np.float32(log_odds(probability))
+    odds = odds - shift if shift else odds
+    # The probability's tangent at one half: the same level, without a rounded exponential.
+    return evidence_edges(np.clip(np.float32(0.5) + np.float32(0.25) * odds, 0, 1), image_edges, source, odds)
 
 
 def strength_edges(strength: NDArray[np.float32], image_edges: EdgeMap) -> EdgeMap:
@@ -110,7 +125,7 @@ def strength_edges(strength: NDArray[np.float32], image_edges: EdgeMap) -> EdgeM
     if not _crosses(strength, LEVEL):
         return image_edges
     edges = np.where(strength >= LEVEL, np.uint8(255), np.uint8(0))
-    gradient = _smoothed(strength) * np.float32(STRENGTH * GRADIENT_SCALE)
+    gradient = blurred(strength, SMOOTHING) * np.float32(STRENGTH * GRADIENT_SCALE)
     low = STRENGTH * LEVEL / 2
     return EdgeMap(_stored(gradient), edges, image_edges.domain, (low, 2 * low), image_edges.source)
 
@@ -119,9 +134,10 @@ def _crosses(values: NDArray[np.float32], level: float) -> bool:
     return bool(values.min() < level <= values.max())
 
 
-def _smoothed(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+def blurred(plane: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
+    """A plane smoothed by a Gaussian of that standard deviation, px."""
     out = np.empty_like(plane)
-    _core.evidence_blur(np.ascontiguousarray(plane), SMOOTHING, out)
+    _core.evidence_blur(np.ascontiguousarray(plane), sigma, out)
     return out
 
 

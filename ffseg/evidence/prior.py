@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ffseg.evidence.features import PLACE, PLAIN, Features, enlarged, exposed, features
 from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.maps import evidence_edges, log_odds
+from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, voted
 from ffseg.image.edges import EdgeMap
 from ffseg.native import _core
@@ -24,8 +24,9 @@ from ffseg.scene import Scene
 
 MODEL = Path(__file__).with_name("prior.ffmodel")
 
-SEEN = tuple(name for name in PLAIN if name not in PLACE[:4])
-"""Features the forest sees: all but the place in the image and the direction from the start; the distance it sees."""
+SEEN = tuple(name for name in PLAIN if name not in PLACE[:4] and not name.startswith("slope"))
+"""Features the forest sees: all but the place in the image and the direction from the start (the distance it sees), and but
+gradients as they are, which only tell where they stand on a way."""
 
 TAKEN = (*SEEN, *SURROUNDINGS)
 
@@ -63,9 +64,7 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.flo
     model, native = _model()
     seen = look(image, starts, model.size)
     smooth = voted(np.clip(model.inside.log_odds(all_planes(seen), native), -CERTAIN, CERTAIN), seen)
-    votes = np.empty_like(smooth)
-    _core.evidence_blur(smooth, SMOOTHING / STRIDE, votes)
-    whole = enlarged(votes, seen.factor, seen.shape, STRIDE)
+    whole = enlarged(blurred(smooth, SMOOTHING / STRIDE), seen.factor, seen.shape, STRIDE)
     whole[starts] = CERTAIN
     return whole
 
@@ -95,8 +94,4 @@ def with_prior(scene: Scene, image_edges: EdgeMap) -> EdgeMap:
         starts &= domain > 0
     if not starts.any():
         return image_edges
-    shift = np.float32(log_odds(scene.params.region.probability))
-    odds = prior(scene.image, starts)
-    odds = odds - shift if shift else odds
-    # The probability's tangent at one half: the same level, without a rounded exponential.
-    return evidence_edges(np.clip(np.float32(0.5) + np.float32(0.25) * odds, 0, 1), image_edges, "prior", odds)
+    return odds_edges(prior(scene.image, starts), scene.params.region.probability, image_edges, "prior")

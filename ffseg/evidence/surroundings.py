@@ -1,4 +1,4 @@
-"""What the prior looks at beside features of every pixel: ways at coarse scales, the border of the image, texture."""
+"""What the prior looks at beside features of every pixel: ways at coarse scales, the frame of the image, usual gradients."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence.features import BARRIER, SCALES, STEP, WAY_SCALE, WAYS, Features, reduced_region, reduced_shape, way
+from ffseg.evidence.maps import blurred
 from ffseg.evidence.openings import widened
 from ffseg.native import _core
 
@@ -38,7 +39,6 @@ FINE = ("0.7", "1.5")
 SURROUNDINGS = (
     *(f"{name}@{scale:g}" for scale in WAYS[1:] for name in BARRIER),
     "way",
-    "frame_barrier",
     "frame_hardness",
     "start_or_frame",
     "start_to_frame",
@@ -47,13 +47,8 @@ SURROUNDINGS = (
     "likeness~3",
     "unusual@0.7",
     "unusual@1.5",
-    "rough@0.7",
-    "rough@1.5",
     "start_slope",
-    "to_border",
     "chroma",
-    "busy~3",
-    "busy~6",
 )
 """Names of the planes in their order."""
 
@@ -63,7 +58,6 @@ def surroundings(seen: Features, out: Plane) -> None:
 
     Parameters
     ----------
-    seen : Features
     out : ndarray of float32, shape (len(SURROUNDINGS), ceil(h / STRIDE), ceil(w / STRIDE))
         Of every ``STRIDE``-th pixel each way.
     """
@@ -77,9 +71,7 @@ def surroundings(seen: Features, out: Plane) -> None:
         *ways,
         *_likenesses(seen, colours),
         *_compared(slopes, crossed, start > 0),
-        _to_border(seen.inside.shape),
         np.sqrt(colours[1] ** 2 + colours[2] ** 2),
-        *_busy(slopes["1.5"], start > 0),
     ]
     for to, plane in zip(out, planes, strict=True):
         to[:] = plane
@@ -107,7 +99,7 @@ def _ways(slopes: dict[str, Plane], start: NDArray[np.uint8]) -> list[Plane]:
     way(slope, start, length)
     own, frame = planes[0], _barrier(slope, _frame(slope.shape, 1))[:2]
     usual = np.log(np.median(frame[0][start > 0]) + 1)
-    planes += [length, *frame, np.log((own + 1) / (frame[0] + 1)), np.full_like(slope, usual)]
+    planes += [length, frame[1], np.log((own + 1) / (frame[0] + 1)), np.full_like(slope, usual)]
     for passage in PASSAGES:
         planes += list(_barrier(widened(slope, passage), start)[1:])
     return planes
@@ -118,32 +110,17 @@ def _likenesses(seen: Features, colours: Plane) -> tuple[Plane, Plane]:
     size = float(np.sqrt(seen.inside.shape[0] * seen.inside.shape[1]))
     likeness = np.empty_like(colours[0])
     _core.evidence_likelihood(colours, _frame(likeness.shape, max(2, int(FRAME * size)) // STRIDE), likeness)
-    return _blurred(likeness, 1.0 / STRIDE), _blurred(thinned(seen["likeness"]), 3.0 / STRIDE)
+    return blurred(likeness, 1.0 / STRIDE), blurred(thinned(seen["likeness"]), 3.0 / STRIDE)
 
 
 def _compared(slopes: dict[str, Plane], crossed: dict[str, Plane], inside: NDArray[np.bool_]) -> list[Plane]:
-    """Gradients that must be crossed beside those usual near the start; gradients beside those in the start."""
+    """Gradients that must be crossed beside those usual near the start; the gradient in the start."""
     rows, columns = np.nonzero(inside)
     y, x = np.arange(inside.shape[0])[:, None] - rows.mean(), np.arange(inside.shape[1]) - columns.mean()
     near = y * y + x * x <= NEAR**2 * np.count_nonzero(inside) / np.pi
-    usual, within = ({name: np.median(slopes[name][at]) + FAINT for name in FINE} for at in (near, inside))
+    usual = {name: np.median(slopes[name][near]) + FAINT for name in FINE}
     planes = [np.log((crossed[name] * STEP + FAINT) / usual[name]) for name in FINE]
-    planes += [np.log((slopes[name] + FAINT) / within[name]) for name in FINE]
-    return [*planes, np.full_like(planes[0], np.log(within["1.5"]))]
-
-
-def _to_border(shape: tuple[int, ...]) -> Plane:
-    """Distance to the border of the image, in parts of the root of its area."""
-    y, x = np.arange(0, shape[0], STRIDE)[:, None], np.arange(0, shape[1], STRIDE)
-    nearest = np.minimum(np.minimum(x, shape[1] - 1 - x), np.minimum(y, shape[0] - 1 - y))
-    parts: Plane = (nearest / np.sqrt(shape[0] * shape[1])).astype(np.float32)
-    return parts
-
-
-def _busy(slope: Plane, inside: NDArray[np.bool_]) -> list[Plane]:
-    """How strong gradients are round a pixel, beside those round the start."""
-    smooth = [_blurred(np.log(slope + FAINT), scale / STRIDE) for scale in (3.0, 6.0)]
-    return [plane - plane[inside].mean() for plane in smooth]
+    return [*planes, np.full_like(planes[0], np.log(np.median(slopes["1.5"][inside]) + FAINT))]
 
 
 def _steepest(slope: Plane) -> Plane:
@@ -170,9 +147,3 @@ def _barrier(heights: Plane, start: NDArray[np.uint8]) -> Plane:
     planes = np.empty((len(BARRIER), *heights.shape), np.float32)
     _core.evidence_barrier(np.ascontiguousarray(heights), start, STEP, planes)
     return planes
-
-
-def _blurred(plane: Plane, sigma: float) -> Plane:
-    out = np.empty_like(plane)
-    _core.evidence_blur(np.ascontiguousarray(plane), sigma, out)
-    return out

@@ -50,7 +50,6 @@ def altitude_points(pair: ImagePair, epsilon: float) -> AltitudePoints:
 
     Parameters
     ----------
-    pair : ImagePair
     epsilon : float
         ``obstacles.altitude``, metres.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import erf
 
@@ -16,9 +17,11 @@ from ffseg.errors import CalibrationError
 from ffseg.freespace.outline import OUTLINE_SIGMA
 from ffseg.freespace.sequence import Frame
 from ffseg.freespace.skeleton import Skeleton, skeleton_of
+from ffseg.freespace.window import Link
 from ffseg.image.free import signed_distance
 from ffseg.io.files import make_folder, write_all_atomic
-from ffseg.io.overlays import Polyline, encode_overlay
+from ffseg.io.overlays import Kind, Polyline, encode_overlay
+from ffseg.io.tables import csv_table
 
 OCCUPIED, FREE = 0.65, 0.25
 """Probabilities above which a cell is occupied and below which it is free, map_server's own defaults."""
@@ -37,6 +40,8 @@ SAME = 0.35
 same error."""
 ODOMETRY = 0.02, np.deg2rad(0.5)
 """Standard deviations of a step whose motion says none: relative to its length, and radians."""
+ZOOM, WIDEST, MARGIN = 4, 2400, 8
+"""Pixels of a cell in the picture, fewer where one of its sides would be longer than that many; cells round what is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +69,41 @@ class Station:
     sigma_m: float = 0.0
     sigma_rad: float = 0.0
     estimated: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """What a map takes of a frame.
+
+    Attributes
+    ----------
+    mask : ndarray of bool, shape (H, W)
+        Free space.
+    camera : Camera
+        As it stood.
+    links : tuple of Link
+        How the ground moved since earlier frames, the nearest first, by the names that the map knows them by.
+    sigmas : tuple of float
+        Standard deviations of that motion, metres and radians; 0 where it says none.
+    """
+
+    mask: NDArray[np.bool_]
+    camera: Camera
+    links: tuple[Link, ...] = ()
+    sigmas: tuple[float, float] = (0.0, 0.0)
+
+
+def sighting_of(frame: Frame) -> Sighting:
+    """What a map takes of a frame.
+
+    Raises
+    ------
+    CalibrationError
+        When the frame is of no camera.
+    """
+    motion = frame.motion
+    sigmas = (0.0, 0.0) if motion is None else (motion.translation_sigma, motion.rotation_sigma)
+    return Sighting(frame.mask, frame.standing(), frame.links, sigmas)
 
 
 class OccupancyMap:
@@ -102,7 +142,7 @@ class OccupancyMap:
         self.cell, self.reach = cell, reach
         self._odds = np.zeros((0, 0), np.float32)
         self._corner = np.zeros(2, np.int64)  # cell number of the first column and row
-        self._stations: list[Station | None] = []
+        self._stations: dict[str, Station | None] = {}
         self._flip = 1.0
 
     @property
@@ -120,12 +160,12 @@ class OccupancyMap:
     @property
     def stations(self) -> tuple[Station | None, ...]:
         """One for each frame; None where neither a pose nor the ground told where it was, and nothing was added."""
-        return tuple(self._stations)
+        return tuple(self._stations.values())
 
     @property
     def drift(self) -> tuple[float, float]:
         """Standard deviations of the last station against the first, metres and radians: what the map may be bent by."""
-        last = next((one for one in reversed(self._stations) if one is not None), None)
+        last = next((one for one in reversed(self.stations) if one is not None), None)
         return (0.0, 0.0) if last is None else (last.sigma_m, last.sigma_rad)
 
     def add(self, frame: Frame, pose: Pose | None = None) -> bool:
@@ -147,58 +187,58 @@ class OccupancyMap:
         CalibrationError
             When the frame is of no camera.
         """
-        camera = frame.standing()
-        station = self._placed(frame, camera, pose)
-        self._stations.append(station)
-        if station is None:
-            return False
-        self._flip = 1.0 if camera.mirrored else -1.0
-        self._fuse(frame, camera, station)
-        return True
+        return self.fuse(str(len(self._stations)), sighting_of(frame), pose)
 
-    def _placed(self, frame: Frame, lens: Camera, pose: Pose | None) -> Station | None:
+    def fuse(self, name: str, seen: Sighting, pose: Pose | None = None) -> bool:
+        """The same of a frame that is known by a name, which later frames' links may give.
+
+        Parameters
+        ----------
+        name : str
+            Not one that was used before.
+        seen : Sighting
+        pose : Pose, optional
+        """
+        station = self._stations[name] = self._placed(seen, pose)
+        if station is not None:
+            self._flip = 1.0 if seen.camera.mirrored else -1.0
+            self._add(seen, station)
+        return station is not None
+
+    def miss(self, name: str) -> None:
+        """Take note of a frame that is not there."""
+        self._stations[name] = None
+
+    def _placed(self, seen: Sighting, pose: Pose | None) -> Station | None:
         if pose is not None:
-            turn = pose.rotation @ lens.level().T
+            turn = pose.rotation @ seen.camera.level().T
             theta = float(np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1]))
             return Station(float(pose.position[0]), float(pose.position[1]), theta, *(pose.sigmas or (0.0, 0.0)))
-        if not any(self._stations):
+        if not any(self.stations):
             return Station(0.0, 0.0, 0.0, estimated=True)
-        for link in frame.links:
-            before = self._stations[int(link.name)] if int(link.name) < len(self._stations) else None
+        for link in seen.links:
+            before = self._stations.get(link.name)
             if before is not None:
-                return self._moved(before, link.planar, frame)
+                return _moved(before, link.planar, seen.sigmas)
         return None
 
-    def _moved(self, before: Station, planar: tuple[float, float, float], frame: Frame) -> Station:
-        """The station after a motion; its errors add up, and an error of the turn shifts what lies ahead."""
-        x, y, turn = planar
-        c, s, length = np.cos(before.theta), np.sin(before.theta), float(np.hypot(x, y))
-        told = frame.motion is not None and frame.motion.translation_sigma > 0
-        step = frame.motion.translation_sigma if told and frame.motion is not None else ODOMETRY[0] * length
-        bend = frame.motion.rotation_sigma if told and frame.motion is not None else ODOMETRY[1]
-        return Station(
-            float(before.x + c * x - s * y), float(before.y + s * x + c * y), before.theta + turn,
-            float(np.sqrt(before.sigma_m**2 + step**2 + (before.sigma_rad * length) ** 2)),
-            float(np.hypot(before.sigma_rad, bend)), estimated=True,
-        )  # fmt: skip
-
-    def _fuse(self, frame: Frame, camera: Camera, station: Station) -> None:
+    def _add(self, seen: Sighting, station: Station) -> None:
         low = np.floor((np.array([station.x, self._flip * station.y]) - self.reach) / self.cell).astype(np.int64)
         count = int(np.ceil(2 * self.reach / self.cell)) + 1
         self._grow(low, count)
         column, row = (low - self._corner).tolist()
         window = self._odds[row : row + count, column : column + count]
         x, y = np.meshgrid(*((first + np.arange(count) + 0.5) * self.cell for first in low.tolist()))
-        told = self._told(frame, camera, station, np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(count, count)
+        told = self._told(seen, station, np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(count, count)
         np.clip(window + np.where(window == 0, 1.0, SAME) * told, -LIMIT, LIMIT, out=window)
 
-    def _told(self, frame: Frame, camera: Camera, station: Station, cells: Array) -> Array:
+    def _told(self, frame: Sighting, station: Station, cells: Array) -> Array:
         """Log-odds of cells, shape (n,), that one frame tells: positive occupied, 0 unknown."""
         away = cells * [1.0, self._flip] - [station.x, station.y]
         c, s = np.cos(station.theta), np.sin(station.theta)
         own = away @ np.array([[c, -s], [s, c]])  # the levelled camera frame
         far = np.hypot(*own.T)
-        distance = signed_distance(frame.mask)
+        camera, distance = frame.camera, signed_distance(frame.mask)
         pixels = _pixels(camera, own)
         side = _sampled(distance, pixels)
         nearer = _sampled(distance, _pixels(camera, own * np.maximum(1.0 - BAND / np.maximum(far, 1e-9), 0.0)[:, None]))
@@ -268,6 +308,10 @@ class OccupancyMap:
             When the folder cannot be written.
         """
         make_folder(folder)
+        write_all_atomic([(os.path.join(folder, name), data) for name, data in self.files().items()])
+
+    def files(self, ways: Skeleton | None = None) -> dict[str, bytes]:
+        """The files that `save` writes, by name; the ways are drawn into the picture."""
         levels = self.levels()
         x, y = self.origin
         head = f"P5\n# {self.cell} m a cell\n{levels.shape[1]} {levels.shape[0]}\n255\n".encode("ascii")
@@ -275,31 +319,60 @@ class OccupancyMap:
             f"image: map.pgm\nmode: trinary\nresolution: {self.cell!r}\norigin: [{x!r}, {y!r}, 0.0]\nnegate: 0\n"
             f"occupied_thresh: {OCCUPIED}\nfree_thresh: {FREE}\n"
         )
-        files = {
+        return {
             "map.pgm": head + levels.tobytes(),
             "map.yaml": text.encode("ascii"),
-            "map.png": self.picture(),
-            "trajectory.csv": self._trajectory().encode("ascii"),
+            "map.png": self.picture(ways),
+            "trajectory.csv": csv_table(
+                ["frame", "x", "y", "theta", "sigma_m", "sigma_rad", "origin"],
+                [[name, *_cells(one)] for name, one in self._stations.items()],
+            ),
         }
-        write_all_atomic([(os.path.join(folder, name), data) for name, data in files.items()])
 
-    def picture(self) -> bytes:
-        """PNG file: bright where it is free, dark where occupied, and the way of the camera."""
-        grey = np.rint(255.0 * (1.0 - self.probability[::-1])).astype(np.uint8)
-        way = [np.array([one.x, self._flip * one.y]) for one in self._stations if one is not None]
-        rows = grey.shape[0]
-        line = [(point / self.cell - self._corner - 0.5) * [1.0, -1.0] + [0.0, rows - 1.0] for point in way]
-        return encode_overlay(grey, [Polyline(np.array([*line, *line[::-1]]), "differs")] if line else [])
+    def picture(self, ways: Skeleton | None = None) -> bytes:
+        """PNG file: bright where it is free, dark where occupied; the camera's way magenta, other ways blue."""
+        low, high = self._bounds()
+        grey = np.rint(255.0 * (1.0 - self.probability[low[1] : high[1], low[0] : high[0]][::-1])).astype(np.uint8)
+        zoom = max(1, min(ZOOM, WIDEST // max(grey.shape)))
+        large = grey.repeat(zoom, axis=0).repeat(zoom, axis=1)
+        way = np.array([[one.x, self._flip * one.y] for one in self.stations if one is not None]).reshape(-1, 2)
+        drawn: list[tuple[Array, Kind]] = [(edge.points, "false") for edge in (ways.edges if ways else ())]
+        drawn += [(way, "differs")] if len(way) else []
+        lines = []
+        for points, kind in drawn:
+            column, row = ((points / self.cell - self._corner - low) * zoom).T
+            line = np.stack([column - 0.5, len(large) - row - 0.5], axis=1)
+            lines.append(Polyline(np.concatenate([line, line[::-1]]), kind))
+        return encode_overlay(large, lines)
 
-    def _trajectory(self) -> str:
-        rows = ["frame,x,y,theta,sigma_m,sigma_rad,origin"]
-        for number, one in enumerate(self._stations):
-            if one is None:
-                rows.append(f"{number},,,,,,lost")
-                continue
-            told = f"{one.x:.4f},{one.y:.4f},{one.theta:.5f},{one.sigma_m:.4f},{one.sigma_rad:.5f}"
-            rows.append(f"{number},{told},{'ground' if one.estimated else 'pose'}")
-        return "\n".join(rows) + "\n"
+    def _bounds(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """First column and row that the picture shows, and those after the last: what is known, and some round it."""
+        row, column = np.nonzero(self._odds)
+        size = np.array(self._odds.shape[::-1])
+        if not len(row):
+            return np.zeros(2, np.intp), size
+        low, high = (np.array([edge(column), edge(row)]) for edge in (np.min, np.max))
+        return np.maximum(low - MARGIN, 0), np.minimum(high + 1 + MARGIN, size)
+
+
+def _moved(before: Station, planar: tuple[float, float, float], sigmas: tuple[float, float]) -> Station:
+    """The station after a motion; its errors add up, and an error of the turn shifts what lies ahead."""
+    x, y, turn = planar
+    c, s, length = np.cos(before.theta), np.sin(before.theta), float(np.hypot(x, y))
+    step, bend = sigmas if sigmas[0] > 0 else (ODOMETRY[0] * length, ODOMETRY[1])
+    return Station(
+        float(before.x + c * x - s * y), float(before.y + s * x + c * y), before.theta + turn,
+        float(np.sqrt(before.sigma_m**2 + step**2 + (before.sigma_rad * length) ** 2)),
+        float(np.hypot(before.sigma_rad, bend)), estimated=True,
+    )  # fmt: skip
+
+
+def _cells(one: Station | None) -> Sequence[str | float]:
+    """Cells of a row of the trajectory."""
+    if one is None:
+        return ["", "", "", "", "", "lost"]
+    numbers = [round(one.x, 4), round(one.y, 4), round(one.theta, 5), round(one.sigma_m, 4), round(one.sigma_rad, 5)]
+    return [*numbers, "ground" if one.estimated else "pose"]
 
 
 def _pixels(camera: Camera, own: Array) -> Array:

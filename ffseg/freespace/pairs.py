@@ -30,7 +30,6 @@ class ImagePair:
     current, previous : ndarray of uint8, shape (H, W)
     camera : Camera
         With its true ``up`` at the current image.
-    motion : Motion
     noise : float
         Standard deviation of the pixels' noise, grey levels.
     """
@@ -48,7 +47,6 @@ class Sway:
 
     Attributes
     ----------
-    doubt : Doubt
     shift : ndarray of float64, shape (count, 2)
         Pixels by which the ground would be seen elsewhere.
     covariance : ndarray of float64, shape (count, 2, 2)

@@ -23,11 +23,12 @@ from ffseg.freespace.outline import REACH, Ground, Scan, ground_of
 from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.structural import ComponentVerdict
 from ffseg.freespace.tracks import Tracks
-from ffseg.freespace.window import NO_SAMPLES, WINDOW, Earlier, Link, judged
+from ffseg.freespace.window import NO_SAMPLES, NOTHING_ENCLOSED, WINDOW, Earlier, Link, judged, moved
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.checked import checked_image
+from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.components import Component, contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
+from ffseg.image.leaks import leaked
 from ffseg.parameters import Parameters, ParametersLike, parameter_set
 from ffseg.pipeline import segment
 from ffseg.plugins import method as row_of
@@ -171,7 +172,6 @@ def view_scene(scene: Scene, camera: Camera) -> Scene:
     ----------
     scene : Scene
         Its domain is a further bound.
-    camera : Camera
 
     Raises
     ------
@@ -198,7 +198,7 @@ def segment_view(image: Grey, camera: Camera, params: Parameters) -> Segmentatio
     return segment(view_scene(Scene(image, params), camera))
 
 
-def segment_frame(scene: Scene, earlier: Iterable[Earlier], camera: Camera) -> Frame:
+def segment_frame(scene: Scene, earlier: Iterable[Earlier], camera: Camera, *, mapped: bool = False) -> Frame:
     """Segment an image of a sequence and test it against the image before, and those farther back where one is not enough.
 
     Parameters
@@ -207,7 +207,8 @@ def segment_frame(scene: Scene, earlier: Iterable[Earlier], camera: Camera) -> F
         Of the current image; its domain is a bound beside the camera's rim.
     earlier : iterable of Earlier
         Images before it, the nearest first; none for the first image. They are taken one at a time, as they are needed.
-    camera : Camera
+    mapped : bool
+        Read the motion of an image that encloses nothing, too.
 
     Raises
     ------
@@ -221,8 +222,37 @@ def segment_frame(scene: Scene, earlier: Iterable[Earlier], camera: Camera) -> F
         before = next(views, None)
         if before is not None:
             return _frame_by_altitudes(scene, before, camera)
-    found = segment(scene)
-    return free_space(scene.image, found, None, camera, scene.params.obstacles.altitude, earlier=views)
+    views, again, looks = itertools.tee(views, 3)
+    epsilon = scene.params.obstacles.altitude
+    frame = free_space(scene.image, segment(scene), None, camera, epsilon, earlier=views)
+    if mapped and frame.note == NOTHING_ENCLOSED:
+        others, looks = itertools.tee(looks)
+        frame = _moved(frame, scene, others, camera)
+    if camera.footprint == 0 or frame.motion is None or frame.fit is None:
+        return frame  # poses that the ground does not confirm contradict no ground
+    before = next(view for view in looks if view.name == frame.links[0].name)
+    images = grey_image(scene.image), grey_image(before.image)
+    climbed = leaked(frame.standing(), frame.motion, *images, frame.mask)
+    if not climbed.any():
+        return frame
+    bound = np.where(climbed, np.uint8(0), np.uint8(255) if scene.domain is None else scene.domain)
+    cut = free_space(scene.image, segment(replace(scene, domain=bound)), None, camera, epsilon, earlier=again)
+    if cut.motion is None:  # nothing is enclosed any more; the camera moved as it did
+        cut = replace(cut, motion=frame.motion, camera=frame.camera, fit=frame.fit, links=frame.links)
+    said = f"{np.count_nonzero(climbed)} px of free space that moved as nothing on the ground does were cut off"
+    return replace(cut, note=f"{cut.note}; {said}", obstacles_ms=frame.obstacles_ms + cut.obstacles_ms)
+
+
+def _moved(frame: Frame, scene: Scene, earlier: Iterable[Earlier], camera: Camera) -> Frame:
+    """The frame of an image that encloses nothing, with its motion."""
+    begin = perf_counter()
+    scenery = Scenery(frame.mask, (), outer_joints(frame.contours))
+    found = moved(grey_image(scene.image), scenery, earlier, camera, scene.params.obstacles.altitude)
+    pair, spent = found.pair, (perf_counter() - begin) * 1e3
+    return replace(
+        frame, motion=pair.motion, note=pair.note, camera=pair.camera, fit=pair.fit, links=found.links,
+        contradicted=pair.contradicted, obstacles_ms=frame.obstacles_ms + spent,
+    )  # fmt: skip
 
 
 def _frame_by_altitudes(scene: Scene, before: Earlier, camera: Camera) -> Frame:
@@ -266,7 +296,6 @@ def free_space(
         Of the current image.
     previous : ndarray of uint8 or None
         None for the first image.
-    camera : Camera
     epsilon : float
         ``obstacles.altitude``, metres.
     poses : tuple of Pose, optional
@@ -323,6 +352,10 @@ class Sequence:
         As `ffseg.segment` takes them.
     method : str, optional
         Segmenter; ``params.method`` without it.
+    rgb : bool
+        The channels of the images are red, green, blue.
+    mapped : bool
+        Read the motion off the ground for images that enclose nothing, too: a map needs it where there are no poses.
 
     Raises
     ------
@@ -343,10 +376,18 @@ class Sequence:
     (False, ['false_obstacle', 'obstacle', 'obstacle', 'false_obstacle', 'false_obstacle'])
     """
 
-    def __init__(self, camera: Camera, params: ParametersLike = None, method: str | None = None) -> None:
+    def __init__(
+        self,
+        camera: Camera,
+        params: ParametersLike = None,
+        method: str | None = None,
+        *,
+        rgb: bool = False,
+        mapped: bool = False,
+    ) -> None:
         require_camera(camera)
         camera.mounting()
-        self._camera = camera
+        self._camera, self._rgb, self._mapped = camera, rgb, mapped
         chosen = parameter_set(params)
         self._params = chosen if method is None else replace(chosen, method=method)
         self._earlier: deque[tuple[str, Grey, Pose | None]] = deque(maxlen=WINDOW)
@@ -354,12 +395,13 @@ class Sequence:
         self._paint: dict[int, str] = {}
         self._count = 0
 
-    def feed(self, image: Grey, pose: Pose | None = None) -> Frame:
+    def feed(self, image: Pixels, pose: Pose | None = None) -> Frame:
         """Take the next image, with its pose when there is one.
 
         Parameters
         ----------
-        image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        image : ndarray of uint8, uint16 or float, shape (H, W) or (H, W, 3)
+            As `ffseg.segment` takes it.
         pose : Pose, optional
             Where the camera is, metres, from the camera's frame to one that is the same for all images
             (`planar_pose` makes one of x, y and heading). Without the pose of this image or of the one before, the
@@ -373,15 +415,15 @@ class Sequence:
             When the image is none, with the sequence as it was; when it cannot be segmented, and the sequence goes on from
             it all the same.
         """
-        image = checked_image(image)
+        pixels = taken_image(image, self._rgb, self._params.input.range)
         if pose is not None and not isinstance(pose, Pose):
             raise CalibrationError(f"the pose is of type {type(pose).__name__}; give what ffseg.planar_pose returns")
-        self._camera.check_size(image.shape[1], image.shape[0], "the image")
+        self._camera.check_size(pixels.shape[1], pixels.shape[0], "the image")
         name, self._count = str(self._count), self._count + 1
         window = list(self._earlier)
-        self._earlier.appendleft((name, grey_image(image), pose))
+        self._earlier.appendleft((name, grey_image(pixels), pose))
         views = [Earlier(one, _both(before, pose), number) for number, one, before in window]
-        frame = segment_frame(Scene(image, self._params), views, self._camera)
+        frame = segment_frame(Scene(pixels, self._params), views, self._camera, mapped=self._mapped)
         return self._followed(frame, name, pose, window)
 
     def _followed(

@@ -156,7 +156,7 @@ class Skeleton:
         return "\n".join([*lines, "</graph>", "</graphml>", ""])
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Write ``skeleton.geojson`` and ``skeleton.graphml``.
+        """Write ``graph.geojson`` and ``graph.graphml``.
 
         Raises
         ------
@@ -164,8 +164,11 @@ class Skeleton:
             When the folder cannot be written.
         """
         make_folder(folder)
-        texts = {"skeleton.geojson": self.geojson(), "skeleton.graphml": self.graphml()}
-        write_all_atomic([(os.path.join(folder, name), text.encode("utf-8")) for name, text in texts.items()])
+        write_all_atomic([(os.path.join(folder, name), data) for name, data in self.files().items()])
+
+    def files(self) -> dict[str, bytes]:
+        """The files that `save` writes, by name."""
+        return {"graph.geojson": self.geojson().encode("utf-8"), "graph.graphml": self.graphml().encode("utf-8")}
 
 
 def skeleton_of(free: Mask, unknown: Mask, cell: float, origin: tuple[float, float], footprint: float) -> Skeleton:

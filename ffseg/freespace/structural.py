@@ -101,7 +101,6 @@ def structural_test(
 
     Parameters
     ----------
-    pair : ImagePair
     components : sequence of Component
         Of the current image.
     epsilon : float

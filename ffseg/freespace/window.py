@@ -75,7 +75,6 @@ class Judged:
 
     Attributes
     ----------
-    rows : tuple of ComponentVerdict
     pair : PairMotion
         Of the image before, or the first of the others that has a motion.
     tested : bool
@@ -99,10 +98,8 @@ def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: 
     Parameters
     ----------
     current : ndarray of uint8, shape (H, W)
-    scenery : Scenery
     earlier : iterable of Earlier
         The nearest first; taken one at a time, and only as long as a component is undecided.
-    camera : Camera
     epsilon : float
         ``obstacles.altitude``, metres.
 
@@ -142,6 +139,30 @@ def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: 
             break
     rows = rows if links else _placed(rows, camera)
     return Judged(rows, first or PairMotion(None, NOTHING_ENCLOSED), bool(links), tuple(links), np.concatenate(samples))
+
+
+def moved(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: Camera, epsilon: float) -> Judged:
+    """The motion of an image that encloses nothing: no verdict needs it, but a map does.
+
+    Parameters
+    ----------
+    current, scenery, earlier, camera, epsilon
+        As `judged` takes them; ``MOST_ASKED`` images are asked at most.
+
+    Raises
+    ------
+    CalibrationError
+        When an earlier image has another size.
+    """
+    evidence, note = gathered(camera, current, scenery), NOTHING_ENCLOSED
+    for view in itertools.islice(earlier, MOST_ASKED):
+        camera.check_size(view.image.shape[1], view.image.shape[0], "the previous image")
+        chosen = pair_motion(camera, (grey_image(view.image), current), view.poses, scenery, epsilon, evidence)
+        note = f"{NOTHING_ENCLOSED}; {chosen.note}"
+        if chosen.motion is not None:
+            link = Link(view.name, _planar(chosen.camera or camera, chosen.motion))
+            return Judged((), replace(chosen, note=note), links=(link,))
+    return Judged((), PairMotion(None, note))
 
 
 def _better(old: ComponentVerdict, new: ComponentVerdict) -> ComponentVerdict:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache
+from itertools import pairwise
 from math import comb
 from typing import cast
 
@@ -14,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ffseg.geometry import bezier
 from ffseg.geometry.bezier import Points
 from ffseg.geometry.winding import winding_numbers
+from ffseg.native import _core
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -166,9 +169,7 @@ class FreeForm:
         opposite turn cancel. The first point is subtracted first, so a small contour far away loses no digits.
         """
         if self._area is None:
-            local = self.patches - self.control_points[0]
-            moments = bezier.combined(_area_matrix(self.degree).T, local[..., :1])
-            object.__setattr__(self, "_area", float(np.sum(moments[..., 0] * local[..., 1])))
+            _set_areas((self,), self.control_points, np.array([0, len(self.control_points)]))
         return cast(float, self._area)
 
     @property
@@ -262,6 +263,22 @@ class FreeForm:
         for _ in range(target - self.degree):
             patches = bezier.elevate(patches)
         return FreeForm.from_patches(patches)
+
+
+def chained(points: Points, ends: Sequence[int], degree: int) -> tuple[FreeForm, ...]:
+    """Contours of finite points that lie one after another, contour c from ``ends[c]`` to ``ends[c + 1]``.
+
+    Their areas are computed all at once: they are asked of every contour of a result.
+    """
+    contours = tuple(FreeForm.trusted(points[a:b], degree) for a, b in pairwise(ends))
+    _set_areas(contours, points, np.array(ends))
+    return contours
+
+
+def _set_areas(contours: Sequence[FreeForm], points: Points, ends: NDArray[np.int64]) -> None:
+    areas = _core.signed_areas(points, ends, _area_matrix(contours[0].degree))
+    for contour, area in zip(contours, areas, strict=True):
+        object.__setattr__(contour, "_area", area)
 
 
 def _set(contour: FreeForm, points: Points, degree: int) -> None:

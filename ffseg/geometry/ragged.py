@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from itertools import accumulate, pairwise
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.geometry.bezier import Points
-from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.freeform import FreeForm, chained
 
 
 def packed(contours: Iterable[FreeForm]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Control points of all contours, shape (M, 2), and where each begins, shape (N + 1,), ending with M."""
     return packed_points(contour.control_points for contour in contours)
+
+
+def packed_joints(contours: Iterable[FreeForm]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The joints of all contours in the same way."""
+    return packed_points(contour.control_points[:: contour.degree] for contour in contours)
 
 
 def packed_points(polygons: Iterable[Points]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -30,7 +35,6 @@ def unpacked(points: NDArray[np.float64], offsets: Sequence[int], degree: int) -
     Parameters
     ----------
     points : ndarray of float64, shape (M, 2)
-    offsets : sequence of int
     degree : int
         Of all contours.
 
@@ -42,4 +46,4 @@ def unpacked(points: NDArray[np.float64], offsets: Sequence[int], degree: int) -
     if len(points) == 0:
         return ()
     checked = FreeForm(points, degree).control_points  # all of them at once
-    return tuple(FreeForm.trusted(checked[a:b], degree) for a, b in pairwise(offsets))
+    return chained(checked, offsets, degree)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,55 @@ from numpy.typing import NDArray
 from ffseg.errors import SegmentationError
 
 _CHANNELS = (1, 3, 4)
+_ORDER = "colours are taken as BGR, as cv2 reads them; with rgb=True as RGB, as others do"
+
+Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.floating[Any]]
+"""What `taken_image` takes."""
+
+
+def scaled(image: NDArray[Any], levels: tuple[float, float]) -> NDArray[np.uint8]:
+    """The image as 8 bits, with the level of black as 0 and that of white as 255, rounded; what lies beyond is cut.
+
+    Raises
+    ------
+    SegmentationError
+        If black is white.
+    """
+    low, high = levels
+    if low >= high:
+        raise SegmentationError(f"input.range: black and white are both {low:g}; give two levels")
+    share = (np.clip(image, low, high).astype(np.float32) - np.float32(low)) * np.float32(255 / (high - low))
+    return np.asarray(np.rint(share), np.uint8)
+
+
+def taken_image(
+    image: object, rgb: bool = False, levels: tuple[float, float] | Literal["auto"] = "auto"
+) -> NDArray[np.uint8]:
+    """An image as libraries of the field hand it out, as the core takes it: 8 bits, BGR.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, uint16 or float, shape (H, W) or (H, W, 3)
+        16 bits are cut to the upper 8, as for files; floats go from 0 to 1. Both as `skimage.img_as_ubyte` does.
+    rgb : bool
+        The channels are red, green, blue.
+    levels : tuple of float or "auto"
+        Of black and white of an image of other numbers than 8 bits.
+
+    Raises
+    ------
+    SegmentationError
+        As `checked_image`.
+    """
+    if isinstance(image, np.ndarray) and image.size:
+        if levels != "auto" and image.dtype.kind in "iuf" and image.dtype != np.uint8 and np.isfinite(image).all():
+            image = scaled(image, levels)
+        elif image.dtype == np.uint16:
+            image = (image >> 8).astype(np.uint8)
+        elif image.dtype.kind == "f" and image.min() >= 0 and image.max() <= 1:
+            image = np.rint(image * image.dtype.type(255)).astype(np.uint8)
+    found = checked_image(image)
+    return np.ascontiguousarray(found[..., ::-1]) if rgb and found.ndim == 3 else found
 
 
 def checked_image(image: object) -> NDArray[np.uint8]:
@@ -34,9 +83,9 @@ def _not_an_array(image: object) -> str:
     if isinstance(image, str | os.PathLike):
         return f"the image is a file name; read it first: ffseg.segment(ffseg.read_image({os.fspath(image)!r}))"
     if type(image).__module__.startswith("PIL."):
-        return "the image is a PIL image; give its pixels: np.asarray(image.convert('RGB'))[..., ::-1]"
+        return "the image is a PIL image; give its pixels with rgb=True: np.asarray(image.convert('RGB'))"
     if hasattr(image, "numpy"):
-        return f"the image is a {type(image).__name__}; give a NumPy array: image.numpy()"
+        return f"the image is a {type(image).__name__}; give a NumPy array: image.numpy(); {_ORDER}"
     return f"the image is of type {type(image).__name__}; give a NumPy array of uint8, shape (H, W) or (H, W, 3)"
 
 
@@ -52,20 +101,25 @@ def _remedy(image: NDArray[Any]) -> str:
     if image.ndim == 3 and shape[2] not in _CHANNELS:
         first = "image.transpose(1, 2, 0)" if shape[0] in _CHANNELS else "image[..., :3]"
         return f"shape {shape} does not end with the channels; give {first}"
-    if image.dtype != np.uint8:
-        return _other_pixels(image)
-    return f"shape {shape} has {shape[2]} channels; give image[..., {'0' if shape[2] == 1 else ':3'}]"
+    order = f"; {_ORDER}" if image.ndim == 3 and shape[2] > 1 else ""
+    if image.ndim == 3 and shape[2] != 3:
+        return f"shape {shape} has {shape[2]} channels; give image[..., {'0' if shape[2] == 1 else ':3'}]{order}"
+    return _other_pixels(image) + order
 
 
 def _other_pixels(image: NDArray[Any]) -> str:
     if image.dtype == np.bool_:
         return "for bool give image.astype(np.uint8) * 255"
     if image.dtype == np.uint16:
-        return "for uint16 give (image // 257).astype(np.uint8)"
+        return "for uint16 give (image >> 8).astype(np.uint8)"
     if image.dtype.kind == "f" and not np.isfinite(image).all():
         return f"this one of {image.dtype} holds NaN or infinite values; say first what they are: np.nan_to_num(image)"
     if image.dtype.kind not in "fiu":
         return f"this one is of {image.dtype}, which no pixel is"
-    if image.dtype.kind == "f" and image.max() <= 1:
-        return f"for {image.dtype} from 0 to 1 give (image * 255).round().astype(np.uint8)"
+    if image.dtype.kind == "f":
+        low, high = float(image.min()), float(image.max())
+        if low >= 0 and high <= 1:
+            return f"for {image.dtype} from 0 to 1 give (image * 255).round().astype(np.uint8)"
+        values = f"{image.dtype} with values from {low:g} to {high:g}"
+        return f"floats are taken from 0 to 1; for {values} give image.clip(0, 255).astype(np.uint8)"
     return f"for {image.dtype} give image.clip(0, 255).astype(np.uint8)"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
-from ffseg.image.checked import checked_image
+from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.evening import evened
 from ffseg.native import _core
 from ffseg.parameters import Edges
@@ -86,13 +86,13 @@ AUTO_SPREAD = 2.0
 """Local noise is believed within this factor of that in the quieter windows: shading to a third spans 3, texture more."""
 
 
-def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] | None = None) -> EdgeMap:
+def edge_map(image: Pixels, params: Edges, domain: NDArray[np.uint8] | None = None) -> EdgeMap:
     """Edge map of an image (first step of Algorithm 5, Eq. 8).
 
     Parameters
     ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
-        Colour images contribute their strongest channel at each pixel.
+    image : ndarray of uint8, uint16 or float, shape (H, W) or (H, W, 3)
+        As `segment` takes it. Colour images contribute their strongest channel at each pixel, in whatever order.
     params : Edges
         ``levels`` and ``highlights`` prepare the image; ``sigma`` in pixels, ``canny`` thresholds in grey levels per pixel
         of the smoothed image, or ``auto``.
@@ -120,14 +120,15 @@ def edge_map(image: NDArray[np.uint8], params: Edges, domain: NDArray[np.uint8] 
     >>> edges.thresholds, edges.edges.shape
     ((0.75, 1.5), (600, 800))
     """
-    shape = checked_image(image).shape[:2]
+    pixels = taken_image(image)
+    shape = pixels.shape[:2]
     if not isinstance(params, Edges):
         raise SegmentationError(
             f"params is of type {type(params).__name__}; give the edges of a parameter set: params.edges"
         )
     domain = _checked_domain(domain, shape)
     gradient, edges = np.empty(shape, np.uint16), np.empty(shape, np.uint8)
-    _core.gradient_and_ridges(np.ascontiguousarray(evened(image, params)), params.sigma, gradient, edges)
+    _core.gradient_and_ridges(np.ascontiguousarray(evened(pixels, params)), params.sigma, gradient, edges)
     thresholds = _canny(gradient, params, domain, edges)
     return EdgeMap(gradient, edges, domain, thresholds, "gradient")
 

@@ -49,7 +49,6 @@ def harris_points(grey: Grey, components: Sequence[Component], most: int, grow: 
     Parameters
     ----------
     grey : ndarray of uint8, shape (H, W)
-    components : sequence of Component
     most : int
         Corners kept per component.
     grow : int

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
+from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.disc import Disc, valid_disc
 
 Image = NDArray[np.uint8]
@@ -72,13 +73,16 @@ class _Seen:
     disc: Disc | None  # of the mirror or fisheye, in the image's pixels
 
 
-def own_image(images: Iterable[Image]) -> Mask:
+def own_image(images: Iterable[Pixels], *, rgb: bool = False) -> Mask:
     """Where a camera sees itself or nothing.
 
     Parameters
     ----------
-    images : iterable of ndarray of uint8, shape (H, W) or (H, W, 3)
-        At least `LEAST_IMAGES` of one size, from a camera that has moved between them. About 24 are enough.
+    images : iterable of ndarray of uint8, uint16 or float, shape (H, W) or (H, W, 3)
+        As `segment` takes them: at least `LEAST_IMAGES` of one size, from a camera that has moved between them. About 24
+        are enough.
+    rgb : bool
+        Their channels are red, green, blue.
 
     Returns
     -------
@@ -110,7 +114,7 @@ def own_image(images: Iterable[Image]) -> Mask:
     >>> bool(own[500, 400]), bool(own[100, 200])
     (True, False)
     """
-    shape, seen = _look(images)
+    shape, seen = _look(taken_image(image, rgb) for image in images)
     kinds = _parted(seen)
     dark = np.zeros(shape, np.bool_) if seen.disc is None else seen.disc.mask(shape) == 0
     if not (kinds == OWN).any():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import ceil, floor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,3 +49,13 @@ def rasterize(contours: Sequence[FreeForm], shape: tuple[int, int], tolerance: f
     degrees = np.array([c.degree for c in contours], dtype=np.int64)
     _core.rasterize(points, offsets, degrees, tolerance, mask.view(np.uint8))
     return mask
+
+
+def window_of(box: tuple[float, float, float, float], shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Rows and columns of an image of shape (H, W, ...) whose pixel centres lie in a box (left, top, right, bottom), px."""
+    left, top, right, bottom = box
+    rows, columns = (
+        slice(max(ceil(low), 0), min(floor(high) + 1, size))
+        for low, high, size in ((top, bottom, shape[0]), (left, right, shape[1]))
+    )
+    return rows, columns

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.ragged import packed
 from ffseg.geometry.regions import group_regions
 from ffseg.image.components import filled
 from ffseg.image.polygons import polygons
@@ -40,7 +42,10 @@ def selected(contours: Sequence[FreeForm], mask: Mask, params: Region) -> tuple[
     mask : ndarray of bool, shape (H, W)
     """
     if not (params.largest or params.min_area or params.fill_holes):
-        return tuple(one for one in contours if _surely_shown(one) or _shown(one, mask)), mask
+        steps = _core.steps_along_axes(*packed(contours))  # no curve exceeds its control polygon
+        # By Steinhaus, a contour whose area exceeds its length encloses a pixel centre.
+        shown = (abs(one.signed_area) > most or _shown(one, mask) for one, most in zip(contours, steps, strict=True))
+        return tuple(compress(contours, shown)), mask
     kept = _kept(mask, params)
     held = {id(one) for group in group_regions(contours) if _shown(group.outer, kept) for one in group.contours}
     left = tuple(one for one in contours if id(one) in held and _shown(one, kept))
@@ -76,13 +81,6 @@ def _kept(mask: Mask, params: Region) -> Mask:
     small[labels[0, 0]] = False  # not the outside
     filled_in: Mask = small[labels] & (labels > 0)
     return np.asarray(kept | filled_in[1:-1, 1:-1], np.bool_)
-
-
-def _surely_shown(contour: FreeForm) -> bool:
-    """Whether it must enclose a pixel centre: by Steinhaus, when its area in pixels exceeds its length."""
-    points = contour.control_points
-    steps = float(np.abs(points[1:] - points[:-1]).sum() + np.abs(points[0] - points[-1]).sum())
-    return abs(contour.signed_area) > steps  # along the axes; no curve exceeds its control polygon
 
 
 def _shown(contour: FreeForm, mask: Mask) -> bool:

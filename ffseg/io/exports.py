@@ -1,6 +1,6 @@
-"""Regions in the annotation formats other programs read: COCO, LabelMe, GeoJSON.
+"""Regions in the annotation formats other programs read: COCO, LabelMe, GeoJSON, YOLO.
 
-All three count from the image's outer corner, as their readers and the SVG do: a coordinate is the contour's plus 0.5.
+All count from the image's outer corner, as their readers and the SVG do: a coordinate is the contour's plus 0.5.
 """
 
 from __future__ import annotations
@@ -185,6 +185,56 @@ def geojson_document(image: AnnotatedImage) -> Document:
         for number, region in enumerate(image.regions, start=1)
     ]
     return {"type": "FeatureCollection", "features": features}
+
+
+def yolo_text(image: AnnotatedImage) -> str:
+    """YOLO segmentation labels of one image: a line for each region, its class 0 and its outline in parts of the image.
+
+    Notes
+    -----
+    The format knows one ring for a region and no holes: each hole is joined to the ring by a cut without width, from its
+    rightmost point straight to the right. Readers that fill by either rule see the hole.
+    """
+    size = (image.width, image.height)
+    lines = []
+    for region in image.regions:
+        ring = np.clip((_within(_joined_ring(region), size) + 0.5) / size, 0.0, 1.0)
+        lines.append(" ".join(["0", *(f"{value:.{YOLO_DECIMALS}f}" for value in ring.reshape(-1).tolist())]) + "\n")
+    return "".join(lines)
+
+
+YOLO_DECIMALS = 7
+"""Digits behind the point: less than a hundredth of a pixel at the longest side there is."""
+
+
+def _within(ring: Points, size: tuple[int, int]) -> Points:
+    """What of a ring lies in the image, cut off straight at each border (Sutherland and Hodgman 1974)."""
+    for axis in (0, 1):
+        for side, limit in ((-1, 0.5), (1, size[axis] - 0.5)):
+            beyond = side * ring[:, axis] - limit
+            after, following = np.roll(beyond, -1), np.roll(ring, -1, axis=0)
+            crossing = (beyond > 0) != (after > 0)
+            share = beyond / np.where(crossing, beyond - after, 1.0)
+            both = np.stack([ring, ring + share[:, None] * (following - ring)], axis=1)
+            ring = both[np.stack([beyond <= 0, crossing], axis=1)]
+    return ring
+
+
+def _joined_ring(region: Polygon) -> Points:
+    """Outline of a region as one ring, with a cut from each hole to what lies to its right."""
+    ring = region.outer
+    for hole in sorted(region.holes, key=lambda one: float(one[:, 0].max()), reverse=True):
+        first = int(hole[:, 0].argmax())
+        x, y = hole[first]
+        following = np.roll(ring, -1, axis=0)
+        spans = (ring[:, 1] <= y) != (following[:, 1] <= y)
+        low, high = ring[spans], following[spans]
+        crossed = low[:, 0] + (high[:, 0] - low[:, 0]) * (y - low[:, 1]) / (high[:, 1] - low[:, 1])
+        crossed[crossed <= x] = np.inf
+        at, end = int(np.flatnonzero(spans)[crossed.argmin()]), np.array([[crossed.min(), y]])
+        around = np.roll(hole, -first, axis=0)
+        ring = np.concatenate([ring[: at + 1], end, around, around[:1], end, ring[at + 1 :]])
+    return ring
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> list[int]:

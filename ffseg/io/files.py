@@ -20,6 +20,11 @@ SKIP_FILE = ".ffseg-skip"
 _counter = itertools.count()
 _TOKEN = os.urandom(4).hex()
 
+OWN = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+"""Flags of every file that is opened by its number, as each system has them: children do not get it, bytes stay bytes."""
+AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | OWN
+"""The same where the file may be a pipe or a device, which must not be waited for."""
+
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a named pipe",
@@ -86,7 +91,7 @@ def read_bytes(path: str | os.PathLike[str], max_bytes: int) -> bytes:
     """
     try:
         _require_regular(os.stat(path).st_mode)  # before open: opening a device can act on it
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+        descriptor = os.open(path, os.O_RDONLY | AT_ONCE)
         with os.fdopen(descriptor, "rb", buffering=0) as file:
             status = os.fstat(descriptor)  # again: the file may have been exchanged in between
             _require_regular(status.st_mode)
@@ -96,6 +101,12 @@ def read_bytes(path: str | os.PathLike[str], max_bytes: int) -> bytes:
         raise _refusal(error) from error
     _require_size(len(data), max_bytes)
     return data
+
+
+def read_at(descriptor: int, length: int, offset: int) -> bytes:
+    """Bytes of an open file from a place in it, as ``os.pread`` gives them where there is one; moves to their end."""
+    os.lseek(descriptor, offset, os.SEEK_SET)
+    return os.read(descriptor, length)
 
 
 def _require_regular(mode: int) -> None:
@@ -133,7 +144,6 @@ def write_bytes_atomic(path: str | os.PathLike[str], data: bytes) -> None:
     ----------
     path : path
         The folder must exist.
-    data : bytes
 
     Raises
     ------
@@ -192,7 +202,7 @@ class _Pending:
     def fill(self) -> None:
         """Open the temporary and write the data."""
         require_replaceable(self.target)
-        self.descriptor = os.open(self.temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+        self.descriptor = os.open(self.temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | OWN, 0o666)
         view = memoryview(self.data)
         while view:
             view = view[os.write(self.descriptor, view) :]
@@ -302,7 +312,7 @@ def sync_folders(paths: Sequence[str]) -> None:
 
 
 def _sync_folder(path: str) -> None:
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    descriptor = os.open(path, os.O_RDONLY | OWN)
     try:
         os.fsync(descriptor)
     finally:

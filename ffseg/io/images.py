@@ -4,7 +4,8 @@ Policies
 --------
 Orientation : an EXIF orientation, and the rotation and mirroring of AVIF, are applied; the array, and so every mask, is
     upright. An orientation in XMP, or in a text chunk of PNG, is not looked at.
-Bit depth : 16 bits are scaled by the full range to 8 (65535 becomes 255), 1 bit to 0 and 255, whatever the content.
+Bit depth : 16 bits are scaled to 8 by the range that the file states (TIFF), or that the caller names, or from 0 to the most
+    that 10, 12, 14 or 16 bits hold, the fewest in use; masks by the full range. 1 bit becomes 0 and 255.
 Alpha : ignored, the colours are taken as stored, hidden ones too. TIFF files with alpha are refused.
 Palette : replaced by its colours.
 CMYK : JPEG is converted to BGR by the decoder; TIFF is refused.
@@ -19,20 +20,23 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import ImageReadError
+from ffseg.image.checked import scaled
 from ffseg.io.files import printable, read_bytes
 from ffseg.io.validation.base import Header, damaged
-from ffseg.io.validation.boxes import avif, jpeg2000
+from ffseg.io.validation.boxes import avif, heic, jpeg2000
 from ffseg.io.validation.headers import gif, looks_like, png
 from ffseg.io.validation.jpeg import jpeg
 from ffseg.io.validation.rows import bmp, pnm
 from ffseg.io.validation.tiff import tiff
 from ffseg.io.validation.webp import webp
+from ffseg.parameters import Levels
 
 REASONS = {
     "missing": "no such file",
@@ -70,7 +74,9 @@ class Limits:
     max_side: int = 65_535
 
 
-def read_image(path: str | os.PathLike[str], limits: Limits | None = None) -> NDArray[np.uint8]:
+def read_image(
+    path: str | os.PathLike[str], limits: Limits | None = None, levels: Levels | None = "auto"
+) -> NDArray[np.uint8]:
     """Read one image file.
 
     Parameters
@@ -78,6 +84,8 @@ def read_image(path: str | os.PathLike[str], limits: Limits | None = None) -> ND
     path : path
         A regular file; its format is told by its content, not its name.
     limits : Limits, optional
+    levels : tuple of float, "auto" or None
+        Values of 16 bits that are black and white; "auto" looks for them as ``input.range`` says, None takes the full range.
 
     Returns
     -------
@@ -96,13 +104,20 @@ def read_image(path: str | os.PathLike[str], limits: Limits | None = None) -> ND
     """
     limits = limits or Limits()
     try:
-        return decode_image(read_bytes(path, limits.max_bytes), limits)
+        return decode_image(read_bytes(path, limits.max_bytes), limits, levels)
     except ImageReadError as error:
         raise ImageReadError(error.reason, f"{printable(path)}: {error}") from None
 
 
-def decode_image(data: bytes, limits: Limits | None = None) -> NDArray[np.uint8]:
+def decode_image(data: bytes, limits: Limits | None = None, levels: Levels | None = None) -> NDArray[np.uint8]:
     """Decode the bytes of an image file; as `read_image`, but the message does not name the file."""
+    return read_picture(data, limits, levels)[0]
+
+
+def read_picture(
+    data: bytes, limits: Limits | None = None, levels: Levels | None = "auto"
+) -> tuple[NDArray[np.uint8], str]:
+    """The image in the bytes of a file, and what there is to say of how it was read."""
     limits = limits or Limits()
     header = inspect(data, limits)
     probes = header.check()
@@ -114,18 +129,68 @@ def decode_image(data: bytes, limits: Limits | None = None) -> NDArray[np.uint8]
         raise ImageReadError("damaged", f"the {header.format} pixels have not the size its header claims; convert it")
     if any((_decoded(probe.data, header) is not None) != probe.decodes for probe in probes):
         raise damaged(f"the {header.format} data has zeros where pixels should be (lost blocks?)")
-    return _upright(image, header.orientation)
+    image, said = _levelled(image, data, header, levels)
+    return _upright(image, header.orientation), "; ".join(filter(None, (_note(header), said)))
 
 
-def _decoded(data: bytes, header: Header) -> NDArray[np.uint8] | None:
+DEPTHS = (10, 12, 14)
+"""Bits of the cameras and microscopes whose values stand in files of 16 bits."""
+
+
+def _levelled(
+    image: NDArray[np.uint8], data: bytes, header: Header, levels: Levels | None
+) -> tuple[NDArray[np.uint8], str]:
+    """The image with the black and white of its 16-bit values, and what to say of them where nobody has named them."""
+    if not header.deep or levels is None:
+        return image, ""
+    deep = _decoded(header.still or data, header, cv2.IMREAD_ANYDEPTH)
+    if deep is None or deep.dtype != np.uint16 or np.abs((deep >> 8).astype(np.int16) - image).max() > 1:
+        return image, ""  # of another white, or in another order: the plain reading is sure
+    if levels != "auto":
+        return scaled(deep, levels), ""
+    most = int(deep.max())
+    bits = next((bits for bits in DEPTHS if most < 1 << bits), 16)
+    low, high = header.levels or (0, (1 << bits) - 1)
+    if (low, high) == (0, 65535) or most == 0:
+        return image, ""
+    why = "as the file states" if header.levels else f"no value needs more than {bits} bits"
+    return scaled(deep, (low, high)), f"16-bit values read from {low} to {high}: {why}; input.range sets others"
+
+
+def _decoded(data: bytes, header: Header, depth: int = 0) -> NDArray[Any] | None:
+    if header.format == "HEIC":
+        return _heif(data)
     flag = cv2.IMREAD_GRAYSCALE if header.grey else cv2.IMREAD_COLOR
+    flag |= depth
     if header.orientation:
         flag |= cv2.IMREAD_IGNORE_ORIENTATION
     try:
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), flag)
     except cv2.error:
         return None
-    return None if decoded is None else np.asarray(decoded, np.uint8)
+    return None if decoded is None else np.asarray(decoded)
+
+
+def _heif(data: bytes) -> NDArray[np.uint8] | None:
+    """Pixels of a HEIC file, upright; None where it is damaged.
+
+    Raises
+    ------
+    ImageReadError
+        If the package that reads them is not installed.
+    """
+    try:
+        import pillow_heif
+    except ImportError:
+        text = "HEIC is read with the package pillow-heif: pip install 'ffseg[heif]', or convert it to PNG"
+        raise ImageReadError("unsupported-pixels", text) from None
+    try:
+        decoded = np.asarray(pillow_heif.read_heif(data, convert_hdr_to_8bit=True))
+    except MemoryError:
+        raise
+    except Exception:  # noqa: BLE001 - a foreign parser raises whatever it comes upon
+        return None
+    return decoded if decoded.ndim == 2 else np.ascontiguousarray(decoded[..., 2::-1])
 
 
 _DECODER_BYTES, _DECODER_LEAST = 8, 1 << 20
@@ -167,15 +232,8 @@ def inspect(data: bytes, limits: Limits) -> Header:
     return header
 
 
-def reading_note(data: bytes, limits: Limits | None = None) -> str:
-    """What to say of a file of which other readers may give other pixels: more frames, or EXIF that turns; else empty.
-
-    Raises
-    ------
-    ImageReadError
-        As `inspect`.
-    """
-    header = inspect(data, limits or Limits())
+def _note(header: Header) -> str:
+    """What to say of a file of which other readers may give other pixels: more frames, or EXIF that turns; else empty."""
     said = []
     if header.several:
         part = "page" if header.format == "TIFF" else "frame"
@@ -196,6 +254,7 @@ _PARSERS: tuple[tuple[bytes, Callable[[bytes], Header]], ...] = (
     (rb"P[1-6][\s#]", pnm),
     (rb"\0\0\0\x0cjP  \r\n\x87\n", jpeg2000),
     (rb"....ftypavi[fs]", avif),
+    (rb"....ftyp(he[iv][cxms]|mif1|msf1)", heic),
 )
 
 
@@ -215,8 +274,9 @@ def _require_memory(header: Header) -> None:
 
 
 def _undecodable(header: Header) -> ImageReadError:
-    if header.format in ("AVIF", "GIF", "JPEG 2000", "TIFF"):
-        text = f"the {header.format} data is damaged, or of a kind the decoder does not read; convert it to PNG"
+    if header.format in ("AVIF", "GIF", "HEIC", "JPEG 2000", "TIFF"):
+        reader = f"OpenCV {OPENCV_VERSION}"
+        text = f"the {header.format} data is damaged, or of a kind {reader} does not read; update that, or convert it to PNG"
     else:
         text = f"the {header.format} data is damaged or incomplete; copy the file again"
     return ImageReadError("damaged", text)

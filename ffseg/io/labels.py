@@ -58,7 +58,6 @@ class Labels:
         ----------
         name : str
             Relative name with ``/``.
-        label : str
         shape : tuple of int
             (H, W) of the image.
 
@@ -81,10 +80,6 @@ class Labels:
 
 def read_labels(path: str | os.PathLike[str]) -> Labels:
     """Read a file of LabelMe, COCO or VIA, or a folder of LabelMe files.
-
-    Parameters
-    ----------
-    path : path
 
     Raises
     ------

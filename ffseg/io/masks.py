@@ -52,13 +52,13 @@ def read_levels(path: str | os.PathLike[str], limits: Limits | None = None) -> N
     ImageReadError
         As `read_image`.
     """
-    return _strongest(read_image(path, limits))
+    return _strongest(read_image(path, limits, None))
 
 
 def holds_other_than_mask(path: str | os.PathLike[str]) -> bool:
     """Whether a file is, or may be, an image with anything but 0 and 255 in it."""
     try:
-        image = read_image(path)
+        image = read_image(path, None, None)
     except ImageReadError as error:
         return error.reason not in ("missing", "empty", "not-an-image")  # the others may be images
     return image.ndim != 2 or bool((image + np.uint8(1)).max() > 1)  # 255 becomes 0
@@ -88,8 +88,6 @@ def load_mask(key: str, path: str | None, limits: Limits | None = None) -> NDArr
     ----------
     key : str
         Of the parameter.
-    path : str or None
-    limits : Limits, optional
 
     Raises
     ------

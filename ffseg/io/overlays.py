@@ -73,7 +73,6 @@ def draw_overlay(
     Parameters
     ----------
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
-    polylines : sequence of Polyline
     mask : ndarray of bool, shape (H, W), optional
         Region to tint.
 
@@ -108,6 +107,28 @@ def encode_overlay(
         raise OutputError(f"the picture cannot be written as {suffix}; write it as .png")
     data: bytes = encoded.tobytes()
     return data
+
+
+def encode_cutout(image: NDArray[np.uint8], mask: NDArray[np.bool_], suffix: str = ".png") -> bytes:
+    """PNG or WebP file of the image inside the region, transparent and black elsewhere.
+
+    Raises
+    ------
+    OutputError
+        For a format without transparency.
+    """
+    if suffix not in (".png", ".webp"):
+        raise OutputError(f"a cut-out is transparent, which {suffix} cannot be; write it as .png or .webp")
+    opaque = np.where(mask, np.uint8(255), np.uint8(0))
+    cut = np.ascontiguousarray(np.dstack([as_colour(image) * mask[..., None], opaque]))
+    if suffix == ".png":
+        return encode_png(cut, [])
+    data: bytes = cv2.imencode(suffix, cut, [cv2.IMWRITE_WEBP_QUALITY, _LOSSLESS])[1].tobytes()
+    return data
+
+
+_LOSSLESS = 101
+"""From 101 on OpenCV's WebP keeps every pixel."""
 
 
 def encode_jpeg(image: NDArray[np.uint8], quality: int) -> bytes:

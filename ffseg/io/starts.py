@@ -27,6 +27,7 @@ KINDS = {
 }
 LIMITS = {"probability": (0.01, 0.99), "clearance": (0.0, 1000.0)}
 """Values allowed, as of the parameters whose place they take."""
+_ANY = (-math.inf, math.inf)
 MAX_PIXELS = float(FARTHEST)
 """Positions and radii beyond this lie in no image that is read."""
 
@@ -46,10 +47,10 @@ class Start:
     background : tuple of (x, y) or (x, y, radius)
         Points and circles outside the region.
     boxes : tuple of (left, top, right, bottom)
-        Each round the object or a part of it.
+        Each round an object: all outside is background.
     probability, clearance : float or None
         In place of ``region.probability`` and ``contour.clearance``. With a probability of its own, what tells one
-        decides: ``edges.source`` is ``prior`` where it is ``auto``.
+        decides: ``edges.source`` is ``prior`` where it is ``auto`` and there is no box.
     """
 
     x: float | None = None
@@ -74,7 +75,7 @@ class Start:
             for one in self.circles
             if one.x is not None and one.y is not None
         ]
-        if len(circles) == 1:
+        if len(circles) == 1 and not (self.boxes or init.boxes):
             init = replace(init, center=circles[0][:2], radius=circles[0][2], circles=())
         elif circles:
             init = replace(init, center=circles[0][:2], radius=circles[0][2], circles=tuple(circles))
@@ -84,7 +85,7 @@ class Start:
             contour = replace(contour, clearance=self.clearance)
         if self.probability is not None:
             region = replace(region, probability=self.probability)
-            if edges.source == "auto" and edges.model is None:
+            if edges.source == "auto" and edges.model is None and not init.boxes:
                 edges = replace(edges, source="prior")
         return replace(params, init=init, contour=contour, region=region, edges=edges)
 
@@ -148,26 +149,39 @@ def load_starts(path: str | os.PathLike[str], images: Iterable[str], *, partial:
     images : iterable of str
         Relative names of the images that need a start.
     partial : bool
-        Images without a row are left out instead of refused: a model finds their starts.
+        No image needs a row: a model finds their starts.
 
     Returns
     -------
     mapping of str to Start
-        By relative name, for every image, or with `partial` for those that have rows.
+        By relative name, for the images that have rows; the others start as the parameters say.
 
     Raises
     ------
     ParameterError
-        One line for each thing wrong, with file and line; also for every image without a row.
+        One line for each thing wrong, with file and line; also where no image has a row, and for an image without one whose
+        name is nearly that of a row of no image.
     """
     name, problems = os.fspath(path), Problems()
     text = read_table(name, problems)
     problems.raise_as(ParameterError)
     rows = _rows(text, printable(name), problems)
     problems.raise_as(ParameterError)
-    found = {image: _row_of(image, rows, printable(name), problems, partial) for image in images}
+    names = {image: _row_of(image, rows, printable(name), problems) for image in images}
+    if not partial:
+        _require_rows(names, rows, printable(name), problems)
     problems.raise_as(ParameterError)
-    return {image: start for image, start in found.items() if start is not None}
+    return {image: rows[given][1] for image, given in names.items() if given}
+
+
+def _require_rows(names: Mapping[str, str], rows: Mapping[str, _Row], name: str, problems: Problems) -> None:
+    """Refuse a file that names no image, and rows of no image that are nearly called like one without a row."""
+    used = set(names.values())
+    spare = {row: line for row, (line, _) in rows.items() if row not in used}
+    for image in [image for image, given in names.items() if not given][:_MOST_COMPARED]:
+        near = _nearest(image, spare)
+        if near or used <= {""}:
+            problems.add(name, f"no row for the image {printable(image)!r}{near}; add one, or leave the image out")
 
 
 _Row = tuple[int, Start]
@@ -192,11 +206,12 @@ def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
         if stray:
             problems.add(where, f"{stray[0]}: a row of the kind {kind} has none; leave it empty")
         numbers = {key: _pixels(words.get(key, ""), key, where, problems) for key in KINDS[kind]}
-        low, high = LIMITS.get(kind, (-math.inf, math.inf))
+        low, high = LIMITS.get(kind, _ANY)
         if kind in LIMITS and not low <= (numbers["value"] or low) <= high:
             problems.add(where, f"value: a {kind} is from {low:g} to {high:g}, not {numbers['value']:g}")
-        lines.setdefault(image, line)
-        before, key = said.setdefault(image, {}), (kind,) if kind in LIMITS else (kind, *numbers.values())
+        before, key = said.get(image), (kind,) if kind in LIMITS else (kind, *numbers.values())
+        if before is None:
+            before, lines[image] = said.setdefault(image, {}), line
         if key in before:
             what = "this start already" if kind == "start" else f"a row for this {kind} already"
             problems.add(where, f"{image[:60]!r} has {what}; keep one row of it")
@@ -229,30 +244,34 @@ def _start(rows: Mapping[tuple[Any, ...], _Numbers]) -> Start:
             row = tuple(value for value in numbers.values() if value is not None)
             more.setdefault("background" if kind == "not" else "boxes", []).append(row)
     named: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in more.items()}
-    first = circles[0] if circles else Start()
-    return replace(first, others=tuple(circles[1:]), **named)
+    first, *others = circles or [Start()]
+    return replace(first, others=tuple(others), **named) if others or named else first
 
 
-def _row_of(image: str, rows: Mapping[str, _Row], name: str, problems: Problems, partial: bool) -> Start | None:
-    """What the rows of an image say; a problem when it has none, or some under each of two names."""
-    plain = (image, os.path.splitext(image)[0])
-    shown = [printable(one) for one in plain]
-    given = [key for key in dict.fromkeys((*plain, *shown, *map(neutral, shown))) if key in rows]
+def _row_of(image: str, rows: Mapping[str, _Row], name: str, problems: Problems) -> str:
+    """What the file calls an image, empty where it has no row; a problem when it has some under each of two names."""
+    given = [key for key in _cells_of(image) if key in rows]
     if len(given) > 1:
         first, second = given[:2]
         lines = f"lines {rows[first][0]} ({first[:60]!r}) and {rows[second][0]} ({second[:60]!r})"
         problems.add(name, f"{lines} both name the image {printable(image)!r}; write the same name in both")
-    elif not given and not partial:
-        hint = _nearest(image, rows) if len(problems.lines) < _MOST_COMPARED else ""
-        problems.add(name, f"no row for the image {printable(image)!r}{hint}; add one, or leave the image out")
-    return rows[given[0]][1] if given else None
+    return given[0] if given else ""
 
 
-def _nearest(image: str, rows: Mapping[str, _Row]) -> str:
+def _cells_of(image: str) -> Iterable[str]:
+    """What a file may call an image: its name or that without the suffix, as it is or as a table shows it."""
+    plain = (image, os.path.splitext(image)[0])
+    if image[:1].isalnum() and printable(image) == image:
+        return dict.fromkeys(plain)  # which tables show as they are
+    shown = [printable(one) for one in plain]
+    return dict.fromkeys((*plain, *shown, *map(neutral, shown)))
+
+
+def _nearest(image: str, lines: Mapping[str, int]) -> str:
     from difflib import get_close_matches  # 5 ms that only a wrong name should cost
 
-    near = get_close_matches(image, rows, n=1)
-    return f" (line {rows[near[0]][0]} has {near[0][:60]!r})" if near else ""
+    near = get_close_matches(image, lines, n=1)
+    return f" (line {lines[near[0]]} has {near[0][:60]!r})" if near else ""
 
 
 _MOST_COMPARED = 3

@@ -31,7 +31,6 @@ def film_strip_svg(
         Grey or BGR; it stands once in the file, scaled down.
     snapshots : sequence of Snapshot
         Of these, `panels` are chosen evenly, the first and the last among them.
-    panels : int
     title : str
         Shown by viewers, escaped; left out when empty.
 

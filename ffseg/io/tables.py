@@ -25,7 +25,7 @@ def neutral(cell: Cell) -> str:
     if cell is None:
         return ""
     if isinstance(cell, str):
-        text = cell.translate(_CONTROLS)
+        text = cell if cell.isprintable() else cell.translate(_CONTROLS)
         return f"'{text}" if text.lstrip().startswith(_FORMULA_STARTS) else text
     if isinstance(cell, float):
         return "" if math.isnan(cell) else repr(cell)
@@ -60,7 +60,6 @@ def csv_table(columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> bytes:
 
     Parameters
     ----------
-    columns : sequence of str
     rows : iterable of sequences
         Each as long as `columns`.
     """

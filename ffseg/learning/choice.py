@@ -56,10 +56,8 @@ class Tried:
 
     Attributes
     ----------
-    plain : Trial
     level : float
         ``region.probability`` as it is.
-    levels, others : sequence of Trial
     """
 
     plain: Trial

@@ -23,7 +23,7 @@ from ffseg.io.images import single_thread
 from ffseg.io.starts import Start, finds_starts, load_starts
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.parameters import Parameters
-from ffseg.starts.given import start_contours
+from ffseg.starts.initial import start_contours
 
 MOST_NAMED = 4
 """Images that a message names."""
@@ -41,7 +41,6 @@ class Labelled:
 
     Attributes
     ----------
-    name : str
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
     truth : ndarray of uint8, shape (H, W)
         255 inside, 128 unknown, 0 outside.
@@ -67,7 +66,6 @@ class Gathered:
 
     Attributes
     ----------
-    labelled : list of Labelled
     others : list of Source
         Images without a mask.
     starts : dict
@@ -139,7 +137,7 @@ def _read(
     source: Source, truth: str, params: Parameters, masks: Masks, label: int | None, start: Start | None
 ) -> Labelled:
     try:
-        image = read_source(source)
+        image = read_source(source, levels=params.input.range)
         params = params if start is None else start.placed(params, image.shape)
         levels = read_truth(truth, (image.shape[0], image.shape[1]), label)
         _require_size(masks, image.shape)

@@ -1,8 +1,9 @@
 """Grow the forests that come with ffseg from drawings alone; run ``python -m ffseg.learning.grow [--out DIR]``.
 
-Writes ``prior.ffmodel`` and ``base.ffmodel``. No photograph is read: all they learn from is what ``ffseg/learning/drawn``
-draws from the seeds written there. The same versions of NumPy, OpenCV and LightGBM give the same bytes on any x86-64
-machine: the command starts itself again without the vector instructions that not all of them have (`SAME_EVERYWHERE`).
+Writes ``prior.ffmodel``, ``base.ffmodel`` and ``box.ffmodel``. No photograph is read: all they learn from is what
+``ffseg/learning/drawn`` draws from the seeds written there. The same versions of NumPy, OpenCV and LightGBM give the same
+bytes on any x86-64 machine: the command starts itself again without the vector instructions that not all of them have
+(`SAME_EVERYWHERE`).
 """
 
 from __future__ import annotations
@@ -18,14 +19,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence import base, prior
+from ffseg.evidence import base, box, prior
 from ffseg.evidence.features import NAMES, PLACE, WORKING_SIZE, exposed, features
 from ffseg.evidence.forest import Model, to_bytes
 from ffseg.evidence.surroundings import STRIDE
+from ffseg.image.raster import window_of
 from ffseg.io.files import write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.learning.drawn.sights import KINDS, Sight, sights
 from ffseg.learning.training import SETTINGS, converted, known_pixels
+from ffseg.metrics import IGNORED, INSIDE
 
 LOOKS, PIXELS = 160, 400
 """Looks at each kind of pictures, and pixels taken of each look."""
@@ -43,6 +46,14 @@ GROWN = {
 
 LEARNED_START = 4.0
 """Reduced pixels; the prior learns from smaller starts than it is asked with (`prior.LEAST_START`)."""
+
+BOXES = {"thing": 4, "animal": 4, "tissue": 2, "field": 2, "organ": 2, "nuclei": 2, "colony": 2}
+"""Boxes that are drawn round one object, for each kind of pictures that shows objects and no ground: most round what looks
+most unlike itself."""
+
+WIDE, LOOSE = 0.8, (-0.02, 0.1)
+"""Part of a picture up to which a box is learned from, and by how much a loose box is larger on each side than the one round
+the truth, in parts of the mean of its sides."""
 
 BASE_SEES = tuple(name for name in NAMES if name not in PLACE[:4])
 
@@ -66,7 +77,7 @@ class Samples:
 
 
 def main() -> int:
-    """Write both forests."""
+    """Write all forests."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("--out", type=Path, default=prior.MODEL.parent, help="folder to write to")
     parser.add_argument("--looks", type=int, default=LOOKS, metavar="N", help="looks at each kind of pictures")
@@ -74,21 +85,24 @@ def main() -> int:
     if any(os.environ.get(name) != value for name, value in SAME_EVERYWHERE.items()):
         again = [sys.executable, "-m", "ffseg.learning.grow", *sys.argv[1:]]
         os.execve(sys.executable, again, os.environ | SAME_EVERYWHERE)  # noqa: S606 - this very program
+    options.out.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor() as pool:
         looks = [one for found in pool.map(taken, KINDS, [options.looks] * len(KINDS)) for one in found]
     about = {"drawn": {"looks": options.looks, "kinds": list(KINDS)}, "photographs": 0}
-    for path, place, names in ((prior.MODEL, 0, prior.TAKEN), (base.BASE, 1, BASE_SEES)):
-        write_bytes_atomic(options.out / path.name, to_bytes(grow([look[place] for look in looks], names, about)))
+    forests = ((prior.MODEL, 0, prior.TAKEN), (base.BASE, 1, BASE_SEES), (box.MODEL, 2, box.TAKEN))
+    for path, place, names in forests:
+        seen = [part for look in looks for part in look[place]]
+        write_bytes_atomic(options.out / path.name, to_bytes(grow(seen, names, about)))
     return 0
 
 
-def taken(kind: str, count: int) -> list[tuple[Samples, Samples]]:
-    """What the prior and what the base learn from so many looks at a kind of pictures."""
+def taken(kind: str, count: int) -> list[tuple[list[Samples], list[Samples], list[Samples]]]:
+    """What the prior, the base and the box learn from so many looks at a kind of pictures."""
     single_thread()
     found = []
     for number, seen in enumerate(sights(kind, count)):
         rng = np.random.default_rng([*kind.encode(), number, 1])
-        found.append((for_prior(seen, rng), for_base(seen, rng)))
+        found.append(([for_prior(seen, rng)], [for_base(seen, rng)], for_box(kind, number, seen)))
     return found
 
 
@@ -104,6 +118,25 @@ def for_base(seen: Sight, rng: np.random.Generator) -> Samples:
     found = features(exposed(seen.image), seen.disc())
     planes = found.planes[[NAMES.index(name) for name in BASE_SEES]]
     return picked(planes, known_pixels(seen.truth, found.factor), rng)
+
+
+def for_box(kind: str, number: int, seen: Sight) -> list[Samples]:
+    """Some known pixels in boxes round what is inside, one as narrow as it is and loose ones; none in wide boxes."""
+    rows, columns = (np.flatnonzero((seen.truth == INSIDE).any(axis=axis)) for axis in (1, 0))
+    if kind not in BOXES or len(rows) * len(columns) > WIDE * seen.truth.size:
+        return []
+    rng = np.random.default_rng([*kind.encode(), number, 2])
+    mean_side, found = (len(rows) + len(columns)) / 2, []
+    tight = np.array([columns[0], rows[0], columns[-1], rows[-1]], np.float64)
+    for loose in range(BOXES[kind]):
+        share = rng.uniform(*LOOSE, 4) if loose else np.zeros(4)
+        left, top, right, bottom = (tight + np.array([-1, -1, 1, 1]) * share * mean_side).tolist()
+        view = box.look(seen.image, window_of((left, top, right, bottom), seen.truth.shape))
+        if view is not None:
+            level, within = view.at(seen.truth), view.seen.inside[::STRIDE, ::STRIDE] == 0
+            known = np.where(level == INSIDE, 1, np.where((level == IGNORED) | ~within, -1, 0)).astype(np.int8)
+            found.append(picked(box.all_planes(view), known, rng))
+    return found
 
 
 def picked(planes: NDArray[np.float32], known: NDArray[np.int8], rng: np.random.Generator) -> Samples:

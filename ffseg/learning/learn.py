@@ -17,6 +17,7 @@ from ffseg.evidence.features import KNOWN, exposed, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_start, told
+from ffseg.io.tables import counted
 from ffseg.learning.gather import Gathered, Labelled, known_share, start_region
 from ffseg.learning.training import (
     Asked,
@@ -61,9 +62,8 @@ class Figures:
 
     Attributes
     ----------
-    masks : int
     iou, spread : float
-        Mean and standard deviation of the IoU over the images left out; NaN from one mask.
+        Mean and standard deviation of the IoU over the images left out; NaN where that was not measured, as from one mask.
     without, without_spread : float
         The same without the model, on the same images.
     helps : bool
@@ -102,8 +102,8 @@ class Figures:
     order: tuple[str, ...] = ()
 
 
-def learned(gathered: Gathered, params: Parameters, tell: Tell) -> tuple[Model, Figures]:
-    """Learn a model and measure it.
+def learned(gathered: Gathered, params: Parameters, tell: Tell, *, measured: bool = True) -> tuple[Model, Figures]:
+    """Learn a model and, unless it is not to be `measured`, measure it on images left out.
 
     Raises
     ------
@@ -115,8 +115,8 @@ def learned(gathered: Gathered, params: Parameters, tell: Tell) -> tuple[Model, 
         tell(f"looking at {one.name}")
         chosen.append(_samples(one, params))
     model = learn(chosen)
-    tell(f"grown from {len(chosen)} masks")
-    figures = _figures(gathered.labelled, chosen, tell)
+    tell(f"grown from {counted(len(chosen), 'mask')}")
+    figures = _figures(gathered.labelled, chosen, tell) if measured else _unmeasured(len(chosen))
     order = _order(gathered, model, params, tell)
     figures = replace(
         figures,
@@ -142,10 +142,15 @@ def _samples(one: Labelled, params: Parameters) -> Samples:
         raise UsageError(f"{one.name}: {error}") from error
 
 
+def _unmeasured(count: int) -> Figures:
+    none = float("nan")
+    return Figures(count, none, none, none, none, helps=True)
+
+
 def _figures(labelled: Sequence[Labelled], chosen: Sequence[Samples], tell: Tell) -> Figures:
     count = len(labelled)
     if count < 2:
-        return Figures(count, float("nan"), float("nan"), float("nan"), float("nan"), helps=True)
+        return _unmeasured(count)
     own, other = [0.0] * count, [0.0] * count
     folds = [range(part, count, min(FOLDS, count)) for part in range(min(FOLDS, count))]
     for number, fold in enumerate(folds):
@@ -237,7 +242,7 @@ def _order(gathered: Gathered, model: Model, params: Parameters, tell: Tell) -> 
 
 def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters) -> float:
     try:
-        image = read_source(source)
+        image = read_source(source, levels=params.input.range)
     except ImageReadError:
         return -1.0
     own = gathered.starts[source.name].placed(params, image.shape) if source.name in gathered.starts else params

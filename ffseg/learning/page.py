@@ -33,9 +33,8 @@ WIDEST = 360
 def told(tuned: Tuned) -> list[str]:
     """What there is to say, line by line."""
     count = len(tuned.before)
-    more = f"; for {tuned.left} there was no time: a longer --budget tries more" if tuned.left else ""
     lines = [
-        f"{tuned.tried} settings tried on {count} image{'s' if count > 1 else ''} in {tuned.seconds:.0f} s{more}",
+        f"{tuned.tried} settings tried on {count} image{'s' if count > 1 else ''} in {tuned.seconds:.0f} s",
         f"IoU with the parameters as they were: {mean(tuned.before):.3f} (spread {pstdev(tuned.before):.3f})",
     ]
     lines += few_known(tuned.known)
@@ -56,17 +55,24 @@ def told(tuned: Tuned) -> list[str]:
     return lines
 
 
+def untried(tuned: Tuned) -> list[str]:
+    """What there was no time for."""
+    if not tuned.left:
+        return []
+    count = tuned.tried + tuned.left
+    return [f"not tried for want of time: {tuned.left} of {count} settings; a longer --budget tries them"]
+
+
 def to_yaml(tuned: Tuned, params: Parameters | None = None) -> str:
     """A parameter file of the keys that tuning sets, with what was measured as a comment.
 
     Parameters
     ----------
-    tuned : Tuned
     params : Parameters, optional
         What tuning began with: where it differs from the defaults it stands in the file as well, which is then all that a
         run needs.
     """
-    lines = [f"# ffseg tune {__version__}", *(f"# {line}" for line in told(tuned))]
+    lines = [f"# ffseg tune {__version__}", *(f"# {line}" for line in (*told(tuned), *untried(tuned)))]
     values = (given(params) if params is not None else {}) | tuned.setting
     sections: dict[str, list[str]] = {}
     for key, value in values.items():
@@ -102,7 +108,7 @@ def to_html(
     tuned: Tuned, labelled: Sequence[Labelled], masks: Sequence[tuple[NDArray[np.bool_], NDArray[np.bool_]]]
 ) -> str:
     """A page that needs no other file: what was measured, and each image before and after."""
-    lines = "".join(f"<p>{html.escape(line)}</p>" for line in told(tuned))
+    lines = "".join(f"<p>{html.escape(line)}</p>" for line in (*told(tuned), *untried(tuned)))
     rows = []
     for one, pair, before, after in list(zip(labelled, masks, tuned.before, tuned.after, strict=True))[:MOST_SHOWN]:
         name = html.escape(printable(one.name))

@@ -260,7 +260,6 @@ class Beginning:
 
     Attributes
     ----------
-    corrected : bool
     base : float
         What the base has by itself.
     enough : float
@@ -293,7 +292,6 @@ class Asked:
 
     Attributes
     ----------
-    asked : bool
     prior : float
         What the prior has by itself.
     enough : float

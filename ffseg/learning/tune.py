@@ -55,7 +55,6 @@ class Tuned:
         For each key, how far the mean IoU of its best and worst value lie apart.
     tried : int
         Settings that were tried.
-    seconds : float
     known : float
         Part of the pixels of which the masks know something.
     left : int
@@ -98,7 +97,7 @@ class Bench:
         try:
             shared = params.edges.source == SHARED and params.edges.model is None
             edges = self._edges(number, params) if shared else None
-            scene = Scene(one.image, params, edges=edges or NO_EDGES, given=shared, **one.masks.bounds)
+            scene = Scene(one.image, params, edges=edges or NO_EDGES, edges_given=shared, **one.masks.bounds)
             return segment(scene).mask
         except SegmentationError:
             return None

@@ -21,6 +21,21 @@ def canny(gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), or
     Canny edges (255) from the ridges in `edges`, in place, by hysteresis; thresholds in stored units.
     """
 
+def edges_from(edges: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu', writable=False)], level: float, step: int) -> tuple[int, int]:
+    """
+    Edge pixels in every `step`-th row, and how many of them have a gradient of `level` or more.
+    """
+
+def gradients_at(joints: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu', writable=False)], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, margin: int) -> NDArray[numpy.uint16]:
+    """
+    The largest of nine gradients at each joint not within `margin` px of the border of image or domain.
+    """
+
+def share_within(joints: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], ends: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], shape: tuple[int, int], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, margin: int) -> float:
+    """
+    Part of the polygons' length within `margin` px of the border of the image or the domain.
+    """
+
 def evidence_lab(image: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], factor: int, out: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
     """L, a, b of the means of blocks of `factor` x `factor` pixels."""
 
@@ -186,6 +201,14 @@ def rasterize(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), or
     """
     Region (winding > 0) of closed contours at the pixel centres, 1 or 0 into `out`.
     """
+
+def signed_areas(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], matrix: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> list[float]:
+    """
+    Signed area of each contour; the matrix takes the coordinates of a patch to its part.
+    """
+
+def steps_along_axes(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> list[float]:
+    """Length of each control polygon along the axes."""
 
 class Pressure:
     """The balloon's pressure by colour."""

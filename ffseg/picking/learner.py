@@ -72,7 +72,7 @@ def figures_said(document: str) -> tuple[str, list[str], bool]:
     found = json.loads(document)
     iou, without = found["iou"], found["without"]
     if iou is None or without is None:
-        return "learned from 1 mask; a second one lets it be measured", found.get("order") or [], True
+        return f"learned from {found['masks']} masks, now measured on each left out", found.get("order") or [], True
     line = f"{found['masks']} masks: {_short(iou)} expected on the rest"
     more = found["more"]
     line += f"; {_gain(found['curve'])}" if more else "; more masks will hardly raise it"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.image.checked import checked_image
+from ffseg.image.checked import Pixels, taken_image
 from ffseg.io.files import make_folder, read_bytes, write_bytes_atomic
 from ffseg.io.masks import decode_mask, encode_png
 from ffseg.parameters import ParametersLike, parameter_set
@@ -22,7 +22,7 @@ from ffseg.picking.session import Session
 HEIGHT = 720
 """Pixels of the frame in a notebook."""
 
-Images = str | os.PathLike[str] | Sequence[str | os.PathLike[str] | NDArray[np.uint8]]
+Images = str | os.PathLike[str] | Sequence[str | os.PathLike[str] | Pixels]
 
 
 class Picking:
@@ -92,19 +92,22 @@ def pick(
     *,
     out: str | os.PathLike[str] | None = None,
     labels: Sequence[str] = (),
+    rgb: bool = False,
 ) -> Picking:
     """Open a page to pick regions in images with clicks, boxes and a brush.
 
     Parameters
     ----------
-    images : str, path or sequence of them, or of ndarray of uint8, shape (H, W) or (H, W, 3)
-        Files and folders, or images; arrays are called ``0.png``, ``1.png``, ...
+    images : str, path or sequence of them, or of ndarray, shape (H, W) or (H, W, 3)
+        Files and folders, or images as `ffseg.segment` takes them; arrays are called ``0.png``, ``1.png``, ...
     params : Parameters, str, path or mapping, optional
         As of `ffseg.segment`.
     out : path, optional
         Folder that everything is saved in, and gone on from; without it a temporary one.
     labels : sequence of str
         Names of classes, each picked by itself.
+    rgb : bool
+        The channels of arrays are red, green, blue.
 
     Returns
     -------
@@ -127,11 +130,12 @@ def pick(
     target = os.fspath(out) if out is not None else tempfile.mkdtemp(prefix="ffseg-pick-")
     given = [images] if isinstance(images, str | os.PathLike) else list(images)
     inputs = [os.fspath(one) for one in given if isinstance(one, str | os.PathLike)]
-    arrays = [checked_image(one) for one in given if not isinstance(one, str | os.PathLike)]
+    chosen = parameter_set(params)
+    arrays = [taken_image(one, rgb, chosen.input.range) for one in given if not isinstance(one, str | os.PathLike)]
     if arrays:
         folder = os.path.join(target, "images")
         make_folder(folder)
         for number, image in enumerate(arrays):
             write_bytes_atomic(os.path.join(folder, f"{number}.png"), encode_png(image, []))
         inputs.append(folder)
-    return Picking(Session(inputs, target, parameter_set(params), labels))
+    return Picking(Session(inputs, target, chosen, labels))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import OutputError, UsageError
-from ffseg.io.files import printable, unwritten
+from ffseg.io.files import OWN, printable, unwritten
 from ffseg.io.starts import LIMITS, MAX_PIXELS, Start
 from ffseg.parameters import Box, Circle, Point
 
@@ -149,7 +149,6 @@ def painted(mask: NDArray[np.bool_], strokes: tuple[Stroke, ...], factor: float 
     Parameters
     ----------
     mask : ndarray of bool, shape (H, W)
-    strokes : tuple of Stroke
     factor : float
         Pixels of the image in one of the mask.
     """
@@ -225,7 +224,7 @@ class Journal:
         self._path = path
         self.tracks: dict[str, Track] = {}
         try:
-            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_APPEND, 0o666)
+            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | OWN | os.O_APPEND, 0o666)
             with os.fdopen(os.dup(self._descriptor), "rb") as file:
                 lines = file.read().splitlines(keepends=True)
             if lines and not lines[-1].endswith(b"\n"):

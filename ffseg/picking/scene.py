@@ -39,7 +39,6 @@ class Found:
     ----------
     mask : ndarray of bool, shape (H, W)
         In the size of the copy that was segmented.
-    contours : tuple of FreeForm
     factor : float
         Pixels of the image in one of the copy.
     said : str

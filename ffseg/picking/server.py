@@ -33,7 +33,6 @@ class Server(ThreadingHTTPServer):
 
     Parameters
     ----------
-    session : Session
     port : int
         0 for any that is free.
     framed : bool

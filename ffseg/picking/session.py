@@ -47,7 +47,6 @@ class Session:
         Image files, folders and patterns.
     out : str
         Folder that everything is saved in.
-    params : Parameters
     labels : sequence of str
         Names of classes, each with a folder of its own; none for a single class in `out` itself.
     review : str
@@ -77,6 +76,7 @@ class Session:
         if not self.sources:
             raise UsageError("no image can be opened; check the folder")
         make_folder(out)
+        self._levels = params.input.range
         self._lock = OutputLock(out)
         self._lock.__enter__()
         self.labels = tuple(labels) or ("",)
@@ -141,7 +141,7 @@ class Session:
         """
         with self._opening:
             if index not in self._scenes:
-                self._scenes[index] = Scene(read_source(self.sources[index]))
+                self._scenes[index] = Scene(read_source(self.sources[index], levels=self._levels))
                 while len(self._scenes) > MOST_OPEN:
                     self._scenes.popitem(last=False)
             self._scenes.move_to_end(index)
@@ -278,12 +278,16 @@ def start_radius(shape: tuple[int, int]) -> float:
 
 
 class _Work:
-    """What runs behind one class: learning after each mask, and the run of the folder."""
+    """What runs behind one class: learning after each mask, and the run of the folder.
+
+    A model is used as soon as it is grown, and measured on images left out afterwards; one that is found worse than
+    none is taken away again.
+    """
 
     def __init__(self, project: Project, session: Session) -> None:
         self.project = project
         self.line, self.order, self.generation = "", list[str](), 0
-        self._session, self._spared = session, False
+        self._session, self._spared, self._measuring = session, False, False
         self._learning, self._running = Background(self._learned), Background(self._ran)
 
     @property
@@ -303,12 +307,16 @@ class _Work:
         if not again and self.project.model:
             self.line = f"{count} masks; the model that was learned from them is used"
             return
-        self._spared = self._learning.running
+        self._spared = self._learning.running and not self._measuring
         self.line = f"learning from {count} masks"
         self._count = count
-        new = self.project.path("learning.ffmodel")
-        truth = self.project.path(MASKS)
-        self._learning.start(["learn", *self.project.inputs, "--truth", truth, "--out", new, "--json", "--quiet"])
+        self._start(measuring=False)
+
+    def _start(self, *, measuring: bool) -> None:
+        self._measuring = measuring
+        new, truth = self.project.path("learning.ffmodel"), self.project.path(MASKS)
+        arguments = [*self.project.inputs, "--truth", truth, "--out", new, "--json", "--quiet"]
+        self._learning.start(["learn", *arguments, *([] if measuring else ["--quick"])])
 
     def _learned(self, code: int, out: str, err: str) -> None:
         self._spared = False
@@ -317,16 +325,17 @@ class _Work:
             return
         self.line, self.order, of_use = figures_said(out)
         new, model = self.project.path("learning.ffmodel"), self.project.path(MODEL)
-        if of_use:
-            os.replace(new, model)
-        else:
-            os.unlink(new)
+        os.replace(new, model)
+        if not of_use:
+            os.unlink(model)
             self.line += "; it is not used"
         self._session.forget()
         self.generation += 1
         self.project.write_starts()
         if self.project.count("accepted") != self._count:
             self.learn(again=True)
+        elif not self._measuring:
+            self._start(measuring=True)
 
     def run(self) -> None:
         """Do the folder, anew where it was done before."""

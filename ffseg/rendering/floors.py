@@ -30,9 +30,7 @@ class FloorSequence:
 
     Attributes
     ----------
-    views : tuple of Rendering
     poses : tuple of (x, y, theta)
-    scene : Scene
     """
 
     views: tuple[Rendering, ...]
@@ -45,7 +43,6 @@ def floor_pair(seed: int, kind: FloorKind, texture: float, noise: float) -> Rend
 
     Parameters
     ----------
-    seed : int
     kind : str
         ``plain``; ``glossy`` (a mirrored strip moves with the camera), ``shadows`` (of boxes), ``nodding`` (each view
         tilted by up to 1.5 degrees), ``turning`` (up to 90 degrees between the views), ``discs`` (marks without

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,11 +25,8 @@ class RenderedPair:
 
     Attributes
     ----------
-    previous, current : Rendering
-    camera : Camera
     poses : tuple of (x, y, theta)
         Of the previous and of the current view, metres and radians.
-    scene : Scene
     tilts : tuple of (float, float)
         Of the previous and of the current view from the vertical, radians, as `render` takes them.
     """
@@ -84,7 +82,7 @@ rim_radius: 292
 """Camera file of `sample_camera`."""
 
 
-def poses_csv(pair: RenderedPair, names: tuple[str, str]) -> str:
-    """Poses file of a pair whose images have these names."""
-    rows = [f"{name},{x!r},{y!r},{theta!r}" for name, (x, y, theta) in zip(names, pair.poses, strict=True)]
+def poses_csv(poses: Sequence[PlanarPose], names: Sequence[str]) -> str:
+    """Poses file of images that have these names."""
+    rows = [f"{name},{x!r},{y!r},{theta!r}" for name, (x, y, theta) in zip(names, poses, strict=True)]
     return "\n".join(["image,x,y,theta", *rows, ""])

@@ -69,12 +69,12 @@ def render(
     pose: tuple[float, float, float],
     noise_seed: int = 0,
     tilt: tuple[float, float] = (0.0, 0.0),
+    subsamples: int = SUBSAMPLES,
 ) -> Rendering:
     """Render a view.
 
     Parameters
     ----------
-    scene : Scene
     camera : Camera
         Level (``up`` is (0, 0, -1)), with mount height and rim radius.
     pose : tuple of float
@@ -83,6 +83,8 @@ def render(
         Of the sensor noise.
     tilt : tuple of float
         Turns of the camera about its own x and then y axis, radians: a robot that nods.
+    subsamples : int
+        Per axis, in pixels where two surfaces meet.
     """
     caster = _Caster(scene, camera, pose, tilt)
     x, y = np.meshgrid(np.arange(camera.width, dtype=np.float64), np.arange(camera.height, dtype=np.float64))
@@ -94,14 +96,14 @@ def render(
     grey[~seen & camera.domain()] = ROBOT_GREY
     labels[seen], parts[seen], grey[seen] = hits.label, hits.part, hits.grey
     parts[~seen & camera.domain()] = -2
-    _smooth_edges(grey, parts, caster)
+    _smooth_edges(grey, parts, caster, subsamples)
     noise = np.random.default_rng([scene.seed, 7, noise_seed]).normal(0.0, scene.floor.noise_sigma, grey.shape)
     image = np.clip(np.rint(grey + noise), 0, 255).astype(np.uint8)
     return Rendering(image, _truth(labels, camera), labels)
 
 
-def _smooth_edges(grey: Array, parts: NDArray[np.int32], caster: _Caster) -> None:
-    """Replace pixels on a border between parts by the mean of ``SUBSAMPLES**2`` rays."""
+def _smooth_edges(grey: Array, parts: NDArray[np.int32], caster: _Caster, subsamples: int) -> None:
+    """Replace pixels on a border between parts by the mean of ``subsamples**2`` rays."""
     border = np.zeros(parts.shape, dtype=np.bool_)
     for axis in (0, 1):
         differs = np.diff(parts, axis=axis) != 0
@@ -110,12 +112,12 @@ def _smooth_edges(grey: Array, parts: NDArray[np.int32], caster: _Caster) -> Non
         border[tuple(low)] |= differs
         border[tuple(high)] |= differs
     rows, columns = np.nonzero(border)
-    offsets = (np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES - 0.5
+    offsets = (np.arange(subsamples) + 0.5) / subsamples - 0.5
     total = np.zeros(len(rows))
     for dy in offsets:
         for dx in offsets:
             total += caster.shade(np.stack([columns + dx, rows + dy], axis=1))
-    grey[rows, columns] = total / SUBSAMPLES**2
+    grey[rows, columns] = total / subsamples**2
 
 
 class _Caster:

@@ -26,7 +26,6 @@ class Mark:
     ----------
     outline : ndarray of float64, shape (n, 2)
         Convex polygon on the ground, metres, in order.
-    grey : float
     """
 
     outline: Array
@@ -142,7 +141,6 @@ def random_scene(seed: int, mount_height: float, clear_of: Array, marks_are: Mar
 
     Parameters
     ----------
-    seed : int
     mount_height : float
         Of the camera, metres: decides what a box hides.
     clear_of : ndarray of float64, shape (2,) or (n, 2)

@@ -16,7 +16,6 @@ class Noise:
 
     Parameters
     ----------
-    seed : sequence of int
     octaves : tuple of (wavelength in metres, amplitude in grey levels)
     """
 

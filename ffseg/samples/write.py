@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ffseg.errors import ImageReadError, OutputError
 from ffseg.io.files import SKIP_FILE, make_folder, printable, read_bytes, write_bytes_atomic
-from ffseg.rendering import CAMERA_YAML, poses_csv, render_pair
+from ffseg.rendering import CAMERA_YAML, Rendering, poses_csv, render_pair
+from ffseg.rendering.pairs import PlanarPose
+from ffseg.samples.drive import DRIVE_CAMERA, drive
 from ffseg.samples.png import encode
 from ffseg.samples.scenes import SCENES
 
@@ -17,13 +20,15 @@ PAIR_SEED = 4
 SKIP_TEXT = b"This folder is left out when ffseg walks a folder above it; name it to run it.\n"
 
 
-def sample_files(pairs: int = 1) -> dict[str, bytes]:
+def sample_files(pairs: int = 1, *, driven: bool = False) -> dict[str, bytes]:
     """Contents of every sample file by its path.
 
     Parameters
     ----------
     pairs : int
         Rendered pairs: ``pair/``, then ``pair-2/`` and so on.
+    driven : bool
+        The files of `drive_files` below ``drive/``, too.
 
     Returns
     -------
@@ -39,6 +44,8 @@ def sample_files(pairs: int = 1) -> dict[str, bytes]:
     for index in range(pairs):
         folder = f"pair-{index + 1}" if index else "pair"
         files |= {f"{folder}/{name}": content for name, content in pair_files(PAIR_SEED + index).items()}
+    if driven:
+        files |= {f"drive/{name}": content for name, content in drive_files().items()}
     return files
 
 
@@ -49,30 +56,46 @@ def pair_files(seed: int) -> dict[str, bytes]:
     a file that keeps them out of walks which begin above.
     """
     pair = render_pair(seed)
-    names = ("0001.png", "0002.png")
-    files = {"camera.yaml": CAMERA_YAML.encode(), "poses.csv": poses_csv(pair, names).encode(), SKIP_FILE: SKIP_TEXT}
-    for name, view in zip(names, (pair.previous, pair.current), strict=True):
-        files[name] = encode(view.image)
-        files[f"truth/{name}"] = encode(view.truth.astype(np.uint8) * np.uint8(255))
-        files[f"labels/{name}"] = encode(np.where(view.labels < 0, 255, view.labels).astype(np.uint8))
-    return files | {f"{folder}/{SKIP_FILE}": SKIP_TEXT for folder in ("truth", "labels")}
+    views = (pair.previous, pair.current)
+    labels = {f"labels/{name}": np.where(view.labels < 0, 255, view.labels) for name, view in _named(views)}
+    files = {name: encode(picture.astype(np.uint8)) for name, picture in labels.items()}
+    return _seen(pair.poses, views, CAMERA_YAML) | files | {f"labels/{SKIP_FILE}": SKIP_TEXT}
 
 
-def write_samples(folder: Path, pairs: int = 1) -> list[Path]:
+def drive_files() -> dict[str, bytes]:
+    """Files of a drive: as those of a pair, without labels."""
+    driven = drive()
+    return _seen(driven.poses, driven.views, DRIVE_CAMERA)
+
+
+def _seen(poses: Sequence[PlanarPose], views: Sequence[Rendering], camera: str) -> dict[str, bytes]:
+    names = [name for name, _ in _named(views)]
+    files = {"camera.yaml": camera.encode(), "poses.csv": poses_csv(poses, names).encode(), SKIP_FILE: SKIP_TEXT}
+    files |= {name: encode(view.image) for name, view in _named(views)}
+    files |= {f"truth/{name}": encode(view.truth.astype(np.uint8) * np.uint8(255)) for name, view in _named(views)}
+    return files | {f"truth/{SKIP_FILE}": SKIP_TEXT}
+
+
+def _named(views: Sequence[Rendering]) -> list[tuple[str, Rendering]]:
+    return [(f"{number:04}.png", view) for number, view in enumerate(views, start=1)]
+
+
+def write_samples(folder: Path, pairs: int = 1, *, driven: bool = False) -> list[Path]:
     """Write every sample file under `folder`.
 
     Parameters
     ----------
-    folder : Path
     pairs : int
         Rendered pairs.
+    driven : bool
+        A drive, too.
 
     Raises
     ------
     OutputError
         If a file cannot be written, or one of its name holds something else: then nothing is written.
     """
-    files = {folder / name: content for name, content in sample_files(pairs).items()}
+    files = {folder / name: content for name, content in sample_files(pairs, driven=driven).items()}
     missing = [path for path, content in files.items() if not _is_there(path, content)]
     for path in missing:
         make_folder(path.parent)

@@ -144,7 +144,6 @@ class Name:
 
     Attributes
     ----------
-    choices : tuple of str
     installed : callable, optional
         Gives further names, where none of the choices is meant.
     """

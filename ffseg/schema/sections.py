@@ -60,9 +60,6 @@ class Leaf:
     ----------
     key : str
         Dotted, such as ``contour.degree``.
-    kind : Kind
-    default : object
-    doc : str
     """
 
     key: str
@@ -104,7 +101,6 @@ def collect(section: type[Section], root: Node, problems: Problems, see_all: str
 
     Parameters
     ----------
-    section : type of Section
     root : Node
         A mapping; keys may be nested or dotted.
     problems : Problems

@@ -25,7 +25,6 @@ def rows_of(text: str, name: str, headers: Sequence[list[str]], problems: Proble
 
     Parameters
     ----------
-    text : str
     name : str
         Of the file, for what is said.
     headers : sequence of lists of str

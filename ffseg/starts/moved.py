@@ -14,7 +14,7 @@ from ffseg.image.free import free_pixels, ground_under, room_round
 from ffseg.image.raster import rasterize
 from ffseg.parameters import LEAST_START
 from ffseg.scene import Scene
-from ffseg.starts.given import circle_start
+from ffseg.starts.initial import circle_start
 
 SPARE = 1.0
 """Pixels between the start and what is not free, so that rounding puts no sample on it."""
@@ -74,7 +74,6 @@ def placed(start: FreeForm, room: NDArray[np.float32], own: Mask | None) -> tupl
 
     Parameters
     ----------
-    start : FreeForm
     room : ndarray of float32, shape (H, W)
         Radius that each pixel allows.
     own : ndarray of bool, shape (H, W), or None

@@ -6,7 +6,7 @@ import numpy as np
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.scene import Scene
-from ffseg.starts.given import circle_start
+from ffseg.starts.initial import circle_start
 
 
 def parts(scene: Scene) -> tuple[FreeForm, ...]:

@@ -1,4 +1,4 @@
-"""Parts of a walled region that a contour cannot reach through the narrow places between them."""
+"""Parts of a region that a contour cannot reach through the narrow places between them."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def starts_beyond(walls: NDArray[np.uint8], starts: NDArray[np.bool_], most: flo
 
 def depths(region: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Distance of each pixel to what lies outside the region, the border of the image included."""
-    walled = cv2.copyMakeBorder(region, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-    depth: NDArray[np.float32] = cv2.distanceTransform(walled, cv2.DIST_L2, 3)[1:-1, 1:-1]  # type: ignore[assignment]
+    padded = cv2.copyMakeBorder(region, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    depth: NDArray[np.float32] = cv2.distanceTransform(padded, cv2.DIST_L2, 3)[1:-1, 1:-1]  # type: ignore[assignment]
     return depth
 
 

@@ -27,7 +27,6 @@ def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: P
 
     Parameters
     ----------
-    edges : EdgeMap
     start : ndarray of bool, shape (H, W)
         The start region.
     params : Parameters

@@ -12,7 +12,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.free import free_pixels, open_sides, room_round
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
-from ffseg.starts.given import circle_start
+from ffseg.starts.initial import circle_start
 from ffseg.starts.moved import SIZE_WEIGHT, SPARE, Circle, as_circle, placed
 
 HOLLOW = 64
@@ -38,10 +38,6 @@ FLAT = 0.05
 
 def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     """The scene with every start circle on one side of all edges, and sentences about those that were not.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Returns
     -------

@@ -21,11 +21,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.freespace.sequence import Frame, free_space, segment_view
+from ffseg.freespace.sequence import Frame, segment_frame
+from ffseg.freespace.window import Earlier
 from ffseg.parameters import Parameters, load_params
 from ffseg.rendering import FLOOR_KINDS, RenderedPair, floor_pair
 from ffseg.rendering.floors import NOISES, TEXTURES, FloorKind
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL, GROUND, SHADOW, STREAK
+from ffseg.scene import Scene
 from tests.campaigns.freespace import FIGURES, MODES, Tally, count_things, figures, overlap, poses_of, ring
 
 LEAST = {"poses": 0.95, "noisy": 0.95, "none": 0.90}
@@ -110,14 +112,11 @@ def run(chosen: Iterator[Case], params: Parameters, cache: Path | None = None, f
     for case in chosen:
         pair = rendered(case, cache)
         pair = replace(pair, camera=replace(pair.camera, footprint=footprint))
-        segmentation = segment_view(pair.current.image, pair.camera, params)
         for mode in MODES:
             if mode == "none" and len(pair.scene.marks) < MARKS_WITHOUT_POSES:
                 continue
             poses = poses_of(pair, mode, case.seed)
-            frame = free_space(
-                pair.current.image, segmentation, pair.previous.image, pair.camera, params.obstacles.altitude, poses
-            )
+            frame = segment_frame(Scene(pair.current.image, params), [Earlier(pair.previous.image, poses)], pair.camera)
             name = f"{case.name()} (texture {case.texture:g}, noise {case.noise:g}), {mode}, seed {case.seed}"
             measure(pair, frame, tallies.setdefault((case.name(), mode), Tally()), name)
     return tallies

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -125,25 +124,16 @@ def test_a_baseline_without_a_common_figure_cannot_pass(
 
 
 def test_a_suite_that_fails_leaves_what_was_measured_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from ffseg.bench import processes
+    from ffseg.bench import session
     from ffseg.cli.commands.bench import bench
     from ffseg.errors import FfsegError
 
-    def broken(settings: object) -> None:
+    def broken(*_: object) -> None:
         raise FfsegError("no such luck")
 
-    monkeypatch.setattr(processes, "startup", broken)
+    monkeypatch.setitem(session.SUITES, "startup", broken)
     with pytest.raises(FfsegError, match="luck"):
         bench(tmp_path / "out", ["patches", "startup"], quick=True)
     document = json.loads((tmp_path / "out" / "bench.json").read_text("utf-8"))
     assert {figure["suite"] for figure in document["figures"]} == {"patches"}
     assert (tmp_path / "out" / "bench.md").read_text("utf-8").count("iteration") > 0
-
-
-def test_a_pipe_is_no_baseline(ffseg_command: Command, tmp_path: Path) -> None:
-    """It would be waited for; the sentence comes before anything is measured."""
-    os.mkfifo(tmp_path / "pipe")
-    result = ffseg_command("bench", "--out", tmp_path / "out", "--quick", "--baseline", tmp_path / "pipe")
-    assert result.returncode == 2
-    assert "pipe is not a regular file; give the bench.json of an earlier run" in " ".join(result.stderr.split())
-    assert not (tmp_path / "out").exists()

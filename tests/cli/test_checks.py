@@ -106,13 +106,13 @@ WRONG = {
     ),
     "no images to show": (["report", "there", "--images", "gone"], "--images: there is no file or folder gone"),
     "a long name for a run": (["run", SAMPLES, "--out", LONG], "(File name too long); name another folder"),
-    "a long name for samples": (["samples", LONG], "(File name too long); name another folder"),
+    "a long name for samples": (["samples", LONG, "--pairs", "0"], "(File name too long); name another folder"),
     "a long name for a report": (["report", LONG], "holds neither timings.csv nor compare.csv"),
-    "a long name for images": (["bench", "--out", "there", "--images", LONG], "--images: there is no folder nnn"),
     "a long name for a baseline": (
         ["bench", "--out", "out", "--baseline", LONG],
         "cannot be read (File name too long)",
     ),
+    "a folder for a baseline": (["bench", "--out", "out", "--baseline", "there"], "there is not a regular file"),
     "a long name for settings": (
         ["tune", SAMPLES, "--truth", TRUTH, "--out", f"{LONG}.yaml"],
         ".yaml cannot be written; choose another name",

@@ -7,7 +7,11 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
-from ffseg.parameters import load_params, presets
+from ffseg import parameter_changes
+from ffseg.parameter_changes import since_0_1
+from ffseg.parameters import load_params, presets, written
+from ffseg.schema.nodes import Problems
+from ffseg.schema.sections import flat
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 ROOT = Path(__file__).resolve().parents[2]
@@ -33,7 +37,7 @@ def test_show_can_be_read_back(ffseg_command: Run, tmp_path: Path) -> None:
 
 def test_check_names_good_files_and_every_problem_of_bad_ones(ffseg_command: Run, tmp_path: Path) -> None:
     good, bad, worse = tmp_path / "good.yaml", tmp_path / "bad.yaml", tmp_path / "worse.yaml"
-    good.write_text("contour.degree: 2\n")
+    good.write_text("region.largest: 2\n")
     bad.write_text("contour.degree: 8\ncontuor: {}\n")
     worse.write_text("[")
     done = ffseg_command("config", "check", bad, good, worse)
@@ -69,9 +73,43 @@ def test_samples_writes_the_committed_bytes(ffseg_command: Run, tmp_path: Path) 
         assert (tmp_path / "new" / "folder" / name).read_bytes() == (ROOT / "samples" / name).read_bytes()
 
 
-def test_samples_into_a_file_is_refused(ffseg_command: Run, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("kept")
-    done = ffseg_command("samples", tmp_path / "file")
-    assert done.returncode == 2
-    assert str(tmp_path / "file") in done.stderr
-    assert (tmp_path / "file").read_text() == "kept"
+THEN_FILE = ROOT / "tests/golden/parameters-0.1.yaml"
+
+
+def test_the_table_of_0_1_is_its_default_file_and_each_key_is_still_read() -> None:
+    problems = Problems()
+    assert written(THEN_FILE, problems) == parameter_changes.THEN
+    assert not problems.lines
+    lines = since_0_1(parameter_changes.THEN)
+    assert [line.partition(":")[0] for line in lines[:-1]] == list(parameter_changes.UNSAID)
+    assert lines[-1].startswith("# init.boxes means now: the objects inside them")
+    assert lines[0] == "edges.source: gradient  # auto now"
+
+
+def test_check_says_what_to_add_to_a_file_of_0_1_for_the_results_of_then(ffseg_command: Run, tmp_path: Path) -> None:
+    file = tmp_path / "old.yaml"
+    file.write_text("contour:\n  clearance: 8\n  balloon: 4\ninit:\n  radius: 80\n")
+    done = ffseg_command("config", "check", "old.yaml", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "old.yaml: ok\n")
+    first, *lines = done.stderr.splitlines()
+    assert first.startswith("old.yaml: of defaults that it leaves out some have changed")
+    assert {line.partition(":")[0] for line in lines} == {
+        "contour.split_threshold",
+        "contour.max_iterations",
+        "edges.source",
+        "domain.disc",
+        "input.range",
+    }
+    file.write_text(file.read_text() + "\n".join(lines) + "\n")
+    kept = flat(load_params(file))
+    then = parameter_changes.THEN | parameter_changes.UNSAID | {"contour.clearance": 8.0, "init.radius": 80.0}
+    assert {key: kept[key] for key in then} == then
+    assert not ffseg_command("config", "check", "old.yaml", cwd=tmp_path).stderr
+    image = ROOT / "samples/toy.png"
+    assert ffseg_command("run", image, "--out", "out", "--config", "old.yaml", cwd=tmp_path).returncode == 0
+
+
+def test_check_says_nothing_of_0_1_for_presets_and_files_with_newer_keys(ffseg_command: Run, tmp_path: Path) -> None:
+    (tmp_path / "new.yaml").write_text("edges: {levels: root}\n")
+    done = ffseg_command("config", "check", "toy-full", "new.yaml", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import os
 import pty
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from ffseg.cli import console
+from ffseg.cli.reporting import Progress
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 RED = "\x1b[1;31m"
@@ -65,3 +69,23 @@ def test_columns_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
     console.markdown("# A\n\n| b |")
     lines = "method       ms\nfreeform    1.5\na         100.0\nimages  3\nms      1\n# A\n\n| b |\n"
     assert capsys.readouterr() == (lines, "")
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_notes_are_counted_in_the_bar_and_listed_below_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each tore the bar: 38 lines in a run of 300."""
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stderr", screen)
+    progress = Progress(3, bar=True, verbose=False)
+    for status, told in (("ok", "a note"), ("failed", "truncated: x"), ("ok", "")):
+        progress.finished(cast(Any, SimpleNamespace(source=SimpleNamespace(told="a.png"))), status, told)
+    assert "a.png" not in screen.getvalue()
+    progress.close()
+    progress.close()
+    bar, below = screen.getvalue().rsplit("\r", 1)[-1].split("\n", 1)
+    assert "1 failed, 1 with notes" in bar
+    assert below == "ffseg: a.png: a note\nffseg: a.png: truncated: x\n"

@@ -113,7 +113,7 @@ def test_page_shows_every_image_failures_first(tab: chromium.Chromium) -> None:
 def test_hostile_names_stay_text(tab: chromium.Chromium) -> None:
     assert tab.value("document.querySelectorAll('img[src=x], #sheet script, #failures img').length") == 0
     assert tab.value("document.title") == "aus <b>&amp; #1 - ffseg run"
-    assert HOSTILE in tab.value("document.getElementById('failure-list').innerText")
+    assert HOSTILE in tab.value("document.getElementById('failure-list').textContent")
     open_image(tab, "onerror")
     assert tab.value("document.getElementById('viewer-name').textContent") == HOSTILE
     assert tab.value("document.getElementById('viewer-name').children.length") == 0
@@ -144,16 +144,66 @@ def test_sorts(tab: chromium.Chromium) -> None:
     assert names(tab)[2:] == ["complex.png", "toy.png", "simple.png"]
 
 
-def test_what_needs_a_look_comes_first(browser: chromium.Chromium, tmp_path: Path) -> None:
-    runs.sample_run(tmp_path)
+@pytest.fixture
+def doubted(tmp_path: Path) -> Path:
+    """A page with scores, doubts and notes, and a failure."""
+    runs.sample_run(tmp_path, failures=[("cut.png", "truncated: the data ends")])
     table = tmp_path / "timings.csv"
     head, *rows = table.read_text("utf-8").splitlines()
-    said = {"simple.png": "0.4,", "toy.png": "0.9,a note", "complex.png": "0.99,"}
-    rows = [f"{row},{said.get(row.partition(',')[0], ',')}" for row in rows]
-    table.write_text("\n".join([f"{head},score,note", *rows, ""]), "utf-8")
-    browser.open(write_report(tmp_path).as_uri())
-    done = [name for name in names(browser) if name in said]
-    assert done == ["toy.png", "simple.png", "complex.png"]
+    said = {"simple.png": "0.4,,", "toy.png": "0.9,,a note", "complex.png": "0.99,filled early,"}
+    rows = [f"{row},{said.get(row.partition(',')[0], ',,')}" for row in rows]
+    table.write_text("\n".join([f"{head},score,doubts,note", *rows, ""]), "utf-8")
+    return write_report(tmp_path)
+
+
+def test_what_needs_a_look_comes_first(browser: chromium.Chromium, doubted: Path) -> None:
+    browser.open(doubted.as_uri())
+    assert names(browser) == ["cut.png", "complex.png", "toy.png", "simple.png"]
+    choose(browser, sort="note")
+    assert names(browser) == ["cut.png", "toy.png", "complex.png", "simple.png"]
+    choose(browser, sort="score")
+    assert names(browser) == ["cut.png", "simple.png", "toy.png", "complex.png"]
+    texts = dict(
+        zip(
+            names(browser),
+            browser.value("[...document.querySelectorAll('.card')].map((c) => c.innerText)"),
+            strict=True,
+        )
+    )
+    assert re.search(r"score 0.99, IoU 0.9900, area \d+ px \(\d+\.\d %\)", texts["complex.png"])
+    assert "fills its domain, stopped early" in texts["complex.png"]
+    assert "a note" in texts["toy.png"]
+
+
+def test_doubts_are_filtered_by_kind(browser: chromium.Chromium, doubted: Path) -> None:
+    browser.open(doubted.as_uri())
+    offered = browser.value("[...document.getElementById('doubt').options].map((one) => one.text)")
+    assert offered == ["all", "any (1)", "none (2)", "fills its domain (1)", "stopped early (1)"]
+    choose(browser, doubt="early")
+    assert names(browser) == ["complex.png"]
+    choose(browser, doubt="none")
+    assert names(browser) == ["toy.png", "simple.png"]
+
+
+def test_the_first_screen_shows_results_and_a_page_alone_shows_them(
+    browser: chromium.Chromium, doubted: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    alone = tmp_path_factory.mktemp("alone") / "report.html"
+    alone.write_bytes(doubted.read_bytes())
+    browser.open(alone.as_uri())
+    browser.until("[...document.querySelectorAll('#sheet img')].filter((image) => image.naturalWidth > 0).length === 3")
+    browser.until("document.querySelectorAll('#sheet svg .outer').length >= 3")
+    top, size = "getBoundingClientRect().top", "getBoundingClientRect().height"
+    assert browser.value(f"document.querySelector('.card').{top}") < 500
+    assert browser.value(f"document.getElementById('plots').{top} > document.getElementById('sheet').{top}")
+    small = browser.value(f"[...document.querySelectorAll('.card')].map((card) => card.{size})")
+    assert small[0] < 0.6 * small[1]
+    style = "getComputedStyle(document.querySelector('#sheet .part'))"
+    assert browser.value(f"[{style}.strokeWidth, {style}.vectorEffect]") == ["2px", "non-scaling-stroke"]
+    fill = "getComputedStyle(document.querySelector('#sheet .fill')).fill"
+    assert browser.value(fill) == "none"
+    browser.press("f")
+    assert browser.value(fill) != "none"
 
 
 def test_image_opens_with_its_contours_over_it(tab: chromium.Chromium) -> None:
@@ -161,7 +211,7 @@ def test_image_opens_with_its_contours_over_it(tab: chromium.Chromium) -> None:
     tab.until("document.querySelectorAll('#layers .part').length === 11")  # outer, 9 holes, one given back
     tab.until("document.querySelector('#layers img').naturalWidth === 800")
     tab.hover(10, 10)
-    paths = "[...document.querySelectorAll('#layers path')]"
+    paths = "[...document.querySelectorAll('#layers path.part')]"
     assert tab.value(f"{paths}.filter((path) => path.classList.contains('obstacle')).length") == 1
     # the vector layer lies on the picture: image pixel (240, 190), corner at 0, is inside the hole drawn there
     inside = "document.querySelector('#layers .obstacle').isPointInFill(new DOMPoint(24050, 19050))"
@@ -176,11 +226,11 @@ def test_drawn_contour_covers_the_mask(tab: chromium.Chromium, folder: Path) -> 
     from tests.masks import read_mask
 
     open_image(tab, "complex.png")
-    tab.until("document.querySelectorAll('#layers path').length === 10")
+    tab.until("document.querySelectorAll('#layers path.part').length === 10")
     mask = read_mask(folder / "masks" / "complex.png")
     points = np.random.default_rng(6).integers((0, 0), (800, 600), (400, 2))
     covered = tab.value(
-        "(() => { const paths = [...document.querySelectorAll('#layers path')];"
+        "(() => { const paths = [...document.querySelectorAll('#layers path.part')];"
         f"return {points.tolist()}.map(([x, y]) => paths.filter((path) => path.isPointInFill("
         "new DOMPoint(x * 100 + 50, y * 100 + 50))).length % 2 === 1) })()"
     )
@@ -329,6 +379,7 @@ def test_page_fits_a_narrow_window(browser: chromium.Chromium, tmp_path: Path) -
         narrow = {"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": False}
         browser.call("Emulation.setDeviceMetricsOverride", narrow)
         browser.open(write_report(folder).as_uri())
+        assert browser.value("document.getElementById('fold').open") is False
         beyond = "[...document.querySelectorAll('body *')].filter((e) => e.getBoundingClientRect().right > innerWidth)"
         assert browser.value(f"{beyond}.map((e) => e.outerHTML.slice(0, 80))") == []
         assert browser.value("document.documentElement.scrollWidth") <= 400
@@ -338,6 +389,7 @@ def test_page_fits_a_narrow_window(browser: chromium.Chromium, tmp_path: Path) -
         keys = "[...document.querySelectorAll('#facts th:first-child')].map((e) => e.getBoundingClientRect().width)"
         assert min(browser.value(keys) or [100]) >= 90  # a word such as boundary_mean_px, of 13 px letters
     browser.call("Emulation.clearDeviceMetricsOverride")
+    browser.until("document.getElementById('fold').open")
 
 
 def test_failed_cards_can_be_read(tab: chromium.Chromium) -> None:

@@ -34,7 +34,7 @@ def views(tmp_path: Path) -> Path:
     for name, view in (("1.png", pair.previous), ("2.png", pair.current)):
         cv2.imwrite(str(folder / name), view.image)
     (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
-    (tmp_path / "poses.csv").write_text(poses_csv(pair, ("1.png", "2.png")))
+    (tmp_path / "poses.csv").write_text(poses_csv(pair.poses, ("1.png", "2.png")))
     return tmp_path
 
 

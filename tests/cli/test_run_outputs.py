@@ -41,6 +41,33 @@ def decoded(counts: list[int], size: list[int]) -> np.ndarray:
     return values.reshape(size, order="F") == 1
 
 
+def test_yolo_cutouts_and_labels(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    for name in ("drawing.svg", "sub/more.svg", "notes.txt"):
+        (images / name).write_text("<svg/>")
+    wanted = ("--export", "coco,labelme,geojson,yolo,cutout", "--label", "yes: a horse")
+    result = ffseg_command("run", images, "--out", out, *START, *wanted)
+    assert result.returncode == 0, result.stderr
+    assert "left out as no images: 3 files of the folders (2 .svg, 1 .txt)" in result.stderr
+    mask = cv2.imread(str(out / "masks" / "a.png"), cv2.IMREAD_GRAYSCALE)
+    cut = cv2.imread(str(out / "cutouts" / "a.png"), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(cut[..., 3], mask)
+    np.testing.assert_array_equal(cut[..., 0], np.where(mask, cv2.imread(str(images / "a.png"), 0), 0))
+    assert [line.split()[0] for line in (out / "yolo" / "a.txt").read_text().splitlines()] == ["0"]
+    assert json.loads((out / "coco.json").read_text())["categories"][0]["name"] == "yes: a horse"
+    assert json.loads((out / "labelme" / "a.json").read_text())["shapes"][0]["label"] == "yes: a horse"
+    features = json.loads((out / "geojson" / "a.geojson").read_text())["features"]
+    assert features[0]["properties"]["label"] == "yes: a horse"
+    for name, kind in (("c.png", "cutout"), ("c.webp", "cutout"), ("a.txt", "yolo")):
+        told = ffseg_command("segment", images / "a.png", tmp_path / name, "--as", kind, *START[:2])
+        assert told.returncode == 0, told.stderr
+    assert (tmp_path / "a.txt").read_bytes() == (out / "yolo" / "a.txt").read_bytes()
+    for name in ("c.png", "c.webp"):
+        np.testing.assert_array_equal(cv2.imread(str(tmp_path / name), cv2.IMREAD_UNCHANGED), cut)
+    refused = ffseg_command("segment", images / "a.png", tmp_path / "c.jpg", "--as", "cutout")
+    assert (refused.returncode, "a cut-out is transparent, which .jpg cannot be" in refused.stderr) == (3, True)
+
+
 def test_exports_hold_the_mask_and_find_their_image(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     result = ffseg_command("run", images, "--out", out, *START, "--export", "coco,labelme", "--export", "geojson")
@@ -62,9 +89,9 @@ def test_exports_hold_the_mask_and_find_their_image(ffseg_command: Command, imag
 
 
 def test_unknown_export_is_refused_before_anything(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
-    result = ffseg_command("run", images, "--out", tmp_path / "out", "--export", "coco,yolo")
+    result = ffseg_command("run", images, "--out", tmp_path / "out", "--export", "coco,voc")
     assert result.returncode == 2
-    assert "--export: there is no 'yolo'; choose from coco, labelme, geojson" in result.stderr
+    assert "--export: there is no 'voc'; choose from coco, labelme, geojson" in result.stderr
     assert not (tmp_path / "out").exists()
 
 
@@ -115,7 +142,7 @@ def test_views_are_filmed_and_exported_too(ffseg_command: Command, tmp_path: Pat
     for name, view in (("1.png", pair.previous), ("2.png", pair.current)):
         cv2.imwrite(str(tmp_path / "views" / name), view.image)
     (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
-    (tmp_path / "poses.csv").write_text(poses_csv(pair, ("1.png", "2.png")))
+    (tmp_path / "poses.csv").write_text(poses_csv(pair.poses, ("1.png", "2.png")))
     camera = ("--camera", tmp_path / "camera.yaml", "--poses", tmp_path / "poses.csv", "--jobs", "1")
     out = tmp_path / "out"
     result = ffseg_command("run", tmp_path / "views", "--out", out, *camera, "--export", "geojson", "--animate")

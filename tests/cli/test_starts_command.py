@@ -53,6 +53,15 @@ def test_the_plan_shows_the_starts_and_the_run_takes_them(ffseg_command: Command
     assert places == [[255, 0], [0, 255]]
 
 
+def test_images_without_a_row_start_as_ever_and_are_told(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
+    (images / "b.png").rename(images / "quite_another.png")
+    done = ffseg_command("run", images, "--out", tmp_path / "out", "--starts", starts(tmp_path, "a,30,40,6"))
+    assert done.returncode == 0, done.stderr
+    said = "1 image of 2 without a row in"
+    assert said in done.stderr
+    assert f"start as init or the model says: {images}/quite_another.png" in done.stderr
+
+
 @pytest.mark.parametrize("command", ["run", "compare"])
 def test_what_is_wrong_exits_2_and_writes_nothing(
     command: str, ffseg_command: Command, images: Path, tmp_path: Path

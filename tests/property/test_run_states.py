@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 from ffseg.batch.executors.base import Choice
-from ffseg.batch.outputs.table import OUTPUTS, Wanted
+from ffseg.batch.outputs.table import OUTPUTS, Output, Products
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
 from ffseg.io.masks import encode_mask
@@ -29,12 +29,12 @@ from ffseg.parameters import Parameters, load_params
 
 NAMES = ("a.png", "b.png", "s/d.png", "s/c.jpg")
 INPROCESS = Choice("inprocess")
-EVERYTHING = Wanted(True, ("coco", "geojson"))
+EVERYTHING = Products(True, ("coco", "geojson"))
 TIMES = ("decode_ms", "edges_ms", "evolve_ms", "write_ms", "total_ms")
 
 names = st.sampled_from(NAMES)
 parts = st.sampled_from([None, None, *NAMES])
-wanteds = st.builds(Wanted, st.booleans(), st.sampled_from([(), ("coco",), ("geojson",), ("coco", "geojson")]))
+some_products = st.builds(Products, st.booleans(), st.sampled_from([(), ("coco",), ("geojson",), ("coco", "geojson")]))
 
 
 class Killed(BaseException):
@@ -110,83 +110,77 @@ class Runs(RuleBasedStateMachine):
 
     @rule(pick=st.integers(0, 99), gone=st.booleans())
     def damage_output(self, pick: int, gone: bool) -> None:
-        files = sorted(self.outputs())
+        files = sorted(self.listing())
         if files:
             path = self.out / files[pick % len(files)]
             path.unlink() if gone else path.write_bytes(b"somebody else's %d" % self.versions)
 
-    @rule(wanted=wanteds, truth=st.booleans(), overwrite=st.booleans(), part=parts)
-    def run(self, wanted: Wanted, truth: bool, overwrite: bool, part: str | None) -> None:
-        self.attempt(wanted, truth, overwrite=overwrite, part=part)
+    @rule(products=some_products, truth=st.booleans(), overwrite=st.booleans(), part=parts)
+    def run(self, products: Products, truth: bool, overwrite: bool, part: str | None) -> None:
+        self.attempt(products, truth, overwrite=overwrite, part=part)
 
-    @rule(wanted=wanteds, overwrite=st.sampled_from([True, True, False]), degree=st.sampled_from([2, 4]), part=parts)
-    def run_with_other_parameters(self, wanted: Wanted, overwrite: bool, degree: int, part: str | None) -> None:
+    @rule(
+        products=some_products,
+        overwrite=st.sampled_from([True, True, False]),
+        degree=st.sampled_from([2, 4]),
+        part=parts,
+    )
+    def run_with_other_parameters(self, products: Products, overwrite: bool, degree: int, part: str | None) -> None:
         before, self.degree = self.degree, degree
-        if not self.attempt(wanted, False, overwrite=overwrite, part=part):
+        if not self.attempt(products, False, overwrite=overwrite, part=part):
             self.degree = before
 
     @precondition(lambda self: self.inputs(None))
-    @rule(wanted=wanteds, truth=st.booleans(), overwrite=st.booleans(), after=st.integers(0, 40))
-    def killed_run(self, wanted: Wanted, truth: bool, overwrite: bool, after: int) -> None:
+    @rule(products=some_products, truth=st.booleans(), overwrite=st.booleans(), after=st.integers(0, 40))
+    def killed_run(self, products: Products, truth: bool, overwrite: bool, after: int) -> None:
         try:
             with DeadDisk(after):
-                self.batch(wanted, truth, overwrite=overwrite)
+                self.batch(products, truth, overwrite=overwrite)
         except (Killed, UsageError):
             pass
-        self.attempt(wanted, truth, overwrite=overwrite, part=None)
+        self.attempt(products, truth, overwrite=overwrite, part=None)
 
-    def attempt(self, wanted: Wanted, truth: bool, *, overwrite: bool, part: str | None) -> bool:
+    def attempt(self, products: Products, truth: bool, *, overwrite: bool, part: str | None) -> bool:
         if not self.inputs(part):
             return True
         before = self.listing()
         try:
-            self.batch(wanted, truth, overwrite=overwrite, part=part)
+            self.batch(products, truth, overwrite=overwrite, part=part)
         except UsageError as error:
             assert "other parameters" in str(error)
             assert not overwrite
             assert self.listing() == before
             return False
-        self.check(wanted, truth, part)
+        self.check(products, truth, part)
         return True
 
     def inputs(self, part: str | None) -> list[str]:
         present = [name for name in NAMES if (self.images / name).exists()]
         return [name for name in present if part in (None, name)]
 
-    def batch(self, wanted: Wanted, truth: bool, *, overwrite: bool, part: str | None = None) -> None:
+    def batch(self, products: Products, truth: bool, *, overwrite: bool, part: str | None = None) -> None:
         exclude = [name for name in NAMES if part not in (None, name)]
         options = {"truth": str(self.truth)} if truth else {}
         run_batch(
-            self.images, self.out, params=self.params(), wanted=wanted, overwrite=overwrite, exclude=exclude,
+            self.images, self.out, params=self.params(), products=products, overwrite=overwrite, exclude=exclude,
             executor=INPROCESS, **options,
         )  # fmt: skip
 
     def params(self) -> Parameters:
         return load_params(None, {"contour.degree": self.degree})
 
-    @property
-    def seen(self) -> Path:
-        """Where the outputs are files: the output folder."""
-        return self.out
-
-    def outputs(self) -> set[str]:
-        folders = [output.folder for output in OUTPUTS]
-        return {
-            str(path.relative_to(self.seen))
-            for folder in folders
-            for path in (self.seen / folder).rglob("*")
-            if path.is_file()
-        }
-
     def listing(self) -> dict[str, bytes]:
-        return {path: (self.seen / path).read_bytes() for path in self.outputs()}
+        """Contents of the outputs that are there, by path."""
+        folders = [self.out / output.folder for output in OUTPUTS]
+        files = [path for folder in folders for path in folder.rglob("*") if path.is_file()]
+        return {str(path.relative_to(self.out)): path.read_bytes() for path in files}
 
-    def check(self, wanted: Wanted, truth: bool, part: str | None) -> None:
+    def check(self, products: Products, truth: bool, part: str | None) -> None:
         """Compare the output folder with its tables, and both with a fresh run of the same images."""
         fresh = self.root / "fresh"
         shutil.rmtree(fresh, ignore_errors=True)
         options = {"truth": str(self.truth)}
-        run_batch(self.images, fresh, params=self.params(), wanted=EVERYTHING, executor=INPROCESS, **options)
+        run_batch(self.images, fresh, params=self.params(), products=EVERYTHING, executor=INPROCESS, **options)
         expected = {row["image"]: row for row in rows_of(fresh)}
         rows = rows_of(self.out)
         assert [row["image"] for row in rows] == [name for name in expected if name in {row["image"] for row in rows}]
@@ -195,47 +189,49 @@ class Runs(RuleBasedStateMachine):
         stale_images = {entry["image"] for entry in run["stale"] if "image" in entry}
         stale_outputs = {entry["output"] for entry in run["stale"] if "output" in entry}
         assert not stale_images & {row["image"] for row in rows}
-        owned = set()
+        there, owned = self.listing(), set()
         for row in rows:
             assert cells(row) == {
                 column: cell for column, cell in cells(expected[row["image"]]).items() if column in row
             }
             assert row.get("iou", "") in ("", expected[row["image"]]["iou"])
             if row["status"] == "ok":
-                owned |= self.check_outputs(row["image"], fresh, wanted if part in (None, row["image"]) else Wanted())
+                kinds = (products if part in (None, row["image"]) else Products()).kinds
+                owned |= check_outputs(row["image"], fresh, kinds, there, stale_outputs)
                 assert row.get("iou") or not truth or part not in (None, row["image"])
         for entry in run["stale"]:
             if entry["reason"] == "made with other parameters":  # these are removed, unless they are somebody else's
                 stem = os.path.splitext(entry["image"])[0]
-                there = [self.seen / path for path in {output.path(stem) for output in OUTPUTS} & self.outputs()]
-                assert any(path.read_bytes().startswith(b"somebody else's") for path in there)
+                left = {output.path(stem) for output in OUTPUTS} & there.keys()
+                assert any(there[path].startswith(b"somebody else's") for path in left)
         stale_stems = {os.path.splitext(name)[0] for name in stale_images}
-        for path in self.outputs() - owned - stale_outputs:
+        for path in there.keys() - owned - stale_outputs:
             assert os.path.splitext(path.split("/", 1)[1])[0] in stale_stems, f"{path} belongs to nothing"
-        self.check_coco(rows)
+        made = [row["image"] for row in rows if row["status"] == "ok"]
+        self.check_coco([name for name in made if coco_of(name) in there.keys() - stale_outputs])
 
-    def check_outputs(self, name: str, fresh: Path, wanted: Wanted) -> set[str]:
-        stem = os.path.splitext(name)[0]
-        paths = {output.path(stem) for output in OUTPUTS}
-        there = paths & self.outputs()
-        assert {kind.path(stem) for kind in wanted.kinds} <= there
-        run = json.loads((self.out / "run.json").read_text())
-        for path in there - {entry.get("output") for entry in run["stale"]}:
-            assert (self.seen / path).read_bytes() == (fresh / path).read_bytes(), path
-        return there
-
-    def check_coco(self, rows: list[dict[str, str]]) -> None:
-        stems = [os.path.splitext(row["image"])[0] for row in rows if row["status"] == "ok"]
-        run = json.loads((self.out / "run.json").read_text())
-        stale = {entry.get("output") for entry in run["stale"]}
-        made = [
-            stem for stem in stems if (self.seen / f"coco/{stem}.json").exists() and f"coco/{stem}.json" not in stale
-        ]
+    def check_coco(self, made: list[str]) -> None:
         if (self.out / "coco.json").exists():
             document = json.loads((self.out / "coco.json").read_text())
-            assert [os.path.splitext(image["file_name"])[0] for image in document["images"]] == made
+            assert [coco_of(image["file_name"]) for image in document["images"]] == [coco_of(name) for name in made]
         else:
             assert made == []
+
+
+def check_outputs(
+    name: str, fresh: Path, kinds: tuple[Output, ...], there: dict[str, bytes], stale: set[str]
+) -> set[str]:
+    """What is there of an image: what was asked for at least, each as a fresh run makes it or said to be stale."""
+    stem = os.path.splitext(name)[0]
+    found = {output.path(stem) for output in OUTPUTS} & there.keys()
+    assert {kind.path(stem) for kind in kinds} <= found
+    for path in found - stale:
+        assert there[path] == (fresh / path).read_bytes(), path
+    return found
+
+
+def coco_of(name: str) -> str:
+    return f"coco/{os.path.splitext(name)[0]}.json"
 
 
 def rows_of(out: Path) -> list[dict[str, str]]:
@@ -253,20 +249,17 @@ def _noise(name: str) -> Any:
 
 
 class PackedRuns(Runs):
-    """The same with outputs in tar files, which are unpacked to be looked at."""
+    """The same with outputs in tar files."""
 
-    @property
-    def seen(self) -> Path:
-        folder = self.root / "seen"
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir()
+    def listing(self) -> dict[str, bytes]:
+        found = {}
         for path in sorted(self.out.glob("*.tar")):
             with tarfile.open(path) as archive:
-                archive.extractall(folder, filter="data")
-        return folder
+                found |= {member.name: archive.extractfile(member).read() for member in archive.getmembers()}
+        return found
 
-    def batch(self, wanted: Wanted, truth: bool, *, overwrite: bool, part: str | None = None) -> None:
-        super().batch(replace(wanted, pack=True), truth, overwrite=overwrite, part=part)
+    def batch(self, products: Products, truth: bool, *, overwrite: bool, part: str | None = None) -> None:
+        super().batch(replace(products, pack=True), truth, overwrite=overwrite, part=part)
 
     @rule(pick=st.integers(0, 99), gone=st.booleans())
     def damage_output(self, pick: int, gone: bool) -> None:
@@ -286,8 +279,8 @@ class PackedRuns(Runs):
 
 TestRuns = Runs.TestCase
 TestPackedRuns = PackedRuns.TestCase
-TestPackedRuns.settings = TestRuns.settings = settings(
-    max_examples=40,
+TestRuns.settings = settings(
+    max_examples=25,
     stateful_step_count=14,
     deadline=None,
     suppress_health_check=list(HealthCheck),
@@ -295,3 +288,4 @@ TestPackedRuns.settings = TestRuns.settings = settings(
     phases=[Phase.generate],
     report_multiple_bugs=False,
 )
+TestPackedRuns.settings = settings(TestRuns.settings, max_examples=15)

@@ -11,13 +11,20 @@ import sys
 import typing
 from pathlib import Path
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 import ffseg
+from ffseg.image.checked import taken_image
 from ffseg.io.exports import geojson_document
-from ffseg.io.saving.kinds import annotated
+from ffseg.io.images import decode_image
+from ffseg.io.saving import annotated
 from ffseg.schema.kinds import Integer, Number
 from ffseg.schema.sections import leaves
 from tests.masks import read_mask
@@ -59,11 +66,10 @@ WRONG = {
     "none": (None, "cv2.imread returns for a file it cannot read"),
     "a name": ("a.png", "ffseg.segment(ffseg.read_image('a.png'))"),
     "a path": (Path("a.png"), "ffseg.segment(ffseg.read_image('a.png'))"),
-    "pillow": (Image.fromarray(COLOUR), "np.asarray(image.convert('RGB'))[..., ::-1]"),
+    "pillow": (Image.fromarray(COLOUR), "np.asarray(image.convert('RGB'))"),
     "list": (DISC.tolist(), "give a NumPy array"),
-    "unit floats": (DISC / 255, "(image * 255).round().astype(np.uint8)"),
     "floats": (DISC.astype(float), "image.clip(0, 255).astype(np.uint8)"),
-    "16 bits": (DISC.astype(np.uint16) * 257, "(image // 257).astype(np.uint8)"),
+    "colour floats": (COLOUR.astype(float), "image.clip(0, 255).astype(np.uint8)"),
     "bool": (DISC > 99, "image.astype(np.uint8) * 255"),
     "channels first": (COLOUR.transpose(2, 0, 1), "image.transpose(1, 2, 0)"),
     "float, channels first": (COLOUR.transpose(2, 0, 1) / 255, "image.transpose(1, 2, 0)"),
@@ -84,6 +90,14 @@ def test_what_is_no_image_is_told_in_one_sentence_how_to_become_one(image: objec
         ffseg.segment(image)  # type: ignore[arg-type]
     assert remedy in str(caught.value)
     assert "\n" not in str(caught.value)
+    if "colours" in str(caught.value) or isinstance(image, Image.Image):
+        assert "rgb=True" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["colour floats", "alpha"])
+def test_sentences_on_colours_say_their_order(name: str) -> None:
+    with pytest.raises(ffseg.SegmentationError, match="colours are taken as BGR.* with rgb=True as RGB"):
+        ffseg.segment(WRONG[name][0])  # type: ignore[arg-type]
 
 
 EDGES = ffseg.load_params().edges
@@ -131,7 +145,7 @@ def test_a_domain_bounds_the_contour_on_a_given_edge_map_too(method: str) -> Non
 
 
 NO_EDGES = {
-    "floats": ((DISC / 255, EDGES), "the image must be uint8 of shape"),
+    "floats": ((DISC / 2.0, EDGES), "floats are taken from 0 to 1; for float64 with values from 20 to 105 give"),
     "none": ((None, EDGES), "the image is None"),
     "a row": ((DISC[0], EDGES), "this one has shape"),
     "all parameters": ((DISC, ffseg.load_params()), "give the edges of a parameter set: params.edges"),
@@ -196,7 +210,7 @@ def test_a_balloon_of_nothing_is_told_before_the_core_is_asked() -> None:
         ffseg.segment(DISC, {**SMALL, "contour.balloon": 0})
 
 
-REMEDIES = ("unit floats", "floats", "16 bits", "bool", "channels first", "stack", "alpha", "one channel", "pillow")
+REMEDIES = ("floats", "colour floats", "bool", "channels first", "stack", "alpha", "one channel", "pillow")
 
 
 @pytest.mark.parametrize("name", REMEDIES)
@@ -204,6 +218,49 @@ def test_the_remedy_works(name: str) -> None:
     image, remedy = WRONG[name]
     remedied = eval(remedy, {"np": np, "image": image, "images": image})  # noqa: S307 - our own sentences
     assert ffseg.segment(remedied, {**SMALL, "edges.canny": [5, 10]}).mask.shape == DISC.shape
+
+
+@given(
+    arrays(np.uint8, (12, 16, 3)),
+    st.sampled_from(["uint16", "float16", "float32", "float64"]),
+    st.booleans(),
+)
+def test_an_image_is_taken_as_the_libraries_that_read_it_hand_it_out(
+    image: npt.NDArray[np.uint8], kind: str, rgb: bool
+) -> None:
+    """Orders and types of the same picture are one picture; 16 bits as `read_image` takes a file of them."""
+    pixels = image[..., ::-1] if rgb else image
+    typed = pixels * np.uint16(256) + pixels[::-1] if kind == "uint16" else (pixels / 255).astype(kind)
+    taken = taken_image(typed, rgb)
+    assert taken.dtype == np.uint8
+    assert np.array_equal(taken, image)
+    assert np.array_equal(ffseg.edge_map(typed, EDGES).gradient, ffseg.edge_map(image, EDGES).gradient)
+    if kind == "uint16":
+        deep = typed[..., ::-1] if rgb else typed
+        assert np.array_equal(taken, decode_image(cv2.imencode(".png", deep)[1].tobytes()))
+
+
+def test_a_range_makes_an_image_of_any_numbers() -> None:
+    plain = ffseg.segment(DISC, SMALL).mask
+    for typed, levels in ((DISC.astype(np.uint16) * 16, [0, 4080]), (DISC * 100.0 - 7, [-7, 25_493]), (DISC, [0, 9])):
+        found = ffseg.segment(typed, {**SMALL, "input.range": levels})
+        assert np.array_equal(found.mask, plain)
+    with pytest.raises(ffseg.SegmentationError, match="black and white are both 9; give two levels"):
+        ffseg.segment(DISC / 255, {"input.range": [9, 9]})
+
+
+def test_everything_that_takes_an_image_is_told_the_order_of_its_colours(tmp_path: Path) -> None:
+    picture = np.dstack([DISC, DISC // 2, 255 - DISC])
+    result = ffseg.segment(picture, SMALL)
+    assert np.array_equal(ffseg.segment(picture[..., ::-1] / 255, SMALL, rgb=True).mask, result.mask)
+    for name, order in (("a.png", 1), ("b.png", -1)):
+        result.save_overlay(tmp_path / name, picture[..., ::order], rgb=order < 0)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    with ffseg.pick([picture[..., ::-1]], out=tmp_path / "picked", rgb=True):
+        assert np.array_equal(ffseg.read_image(tmp_path / "picked" / "images" / "0.png"), picture)
+    moving = [np.roll(picture, step, axis=1) for step in range(0, 120, 6)]
+    owned = [ffseg.own_image([image[..., ::order] for image in moving], rgb=order < 0) for order in (1, -1)]
+    assert np.array_equal(*owned)
 
 
 def test_views_of_images_are_images() -> None:
@@ -261,9 +318,9 @@ def test_files_of_a_result(result: ffseg.Segmentation, tmp_path: Path) -> None:
     assert tuple(drawn[1, 1]) == (40, 40, 40)
 
 
-@pytest.mark.parametrize("image", ["disc.png", DISC / 255, DISC[1:], None], ids=["name", "floats", "other", "none"])
+@pytest.mark.parametrize("image", ["disc.png", DISC * 2.0, DISC[1:], None], ids=["name", "floats", "other", "none"])
 def test_an_overlay_needs_the_image(image: typing.Any, result: ffseg.Segmentation, tmp_path: Path) -> None:
-    with pytest.raises(ffseg.OutputError, match=r"uint8 of shape \(90, 120\) or \(90, 120, 3\)"):
+    with pytest.raises(ffseg.OutputError, match="needs the image that was segmented"):
         result.save_overlay(tmp_path / "o.png", image)
 
 
@@ -317,9 +374,9 @@ def classes(hint: object) -> set[type]:
     return {one for one in found if one.__module__.startswith("ffseg")}
 
 
-INTERNAL = {"Section", "Tracks", "Session"}
-"""The base of parameter sections, what a ground fit keeps for the structural test, and what a picking page is served from: no
-user makes or asks for them."""
+INTERNAL = {"Section", "Tracks", "Session", "Sighting"}
+"""The base of parameter sections, what a ground fit keeps for the structural test, what a picking page is served from, and what
+a run's map is fused of: no user makes or asks for them."""
 
 
 @pytest.mark.parametrize("name", [name for name in ffseg.__all__ if name != "__version__"])
@@ -342,7 +399,11 @@ def test_strict_type_checking_accepts_the_python_of_the_pages(tmp_path: Path) ->
         [*command, "--follow-imports=silent", *map(str, sorted(tmp_path.glob("*.py")))],
         capture_output=True, text=True, check=False, cwd=ROOT,
     )  # fmt: skip
-    assert done.returncode == 0, done.stdout
+    wrong = [line for line in done.stdout.splitlines() if ": error:" in line]
+    stubs = [
+        line for line in wrong if line.startswith("ffseg/")
+    ]  # always followed, where the sources are not installed
+    assert done.returncode == 0 or (stubs and wrong == stubs), done.stdout
 
 
 @pytest.mark.parametrize(

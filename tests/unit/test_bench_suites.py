@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from ffseg.bench import children, drawing, pictures
-from ffseg.bench.measure import Settings
-from ffseg.bench.patches import evolution_options, patches
-from ffseg.bench.session import SUITES, Order, Outcome, run_bench
+from ffseg.bench.measure import Order
+from ffseg.bench.patches import patches
+from ffseg.bench.session import SUITES, Outcome, run_bench
 from ffseg.errors import FfsegError, UsageError
 from ffseg.image.edges import edge_map
 from ffseg.image.reference import one_thread, reference_kernel
@@ -65,17 +65,10 @@ def test_drawn_scene_leaves_the_start_free_and_the_rest_mixed() -> None:
 
 
 def test_patch_contours_have_as_many_patches_as_the_figure_says() -> None:
-    (*_, group) = patches(Settings(Path(), quick=True))
+    (*_, group) = patches(Order(quick=True), Path())
     assert group.facts == {"circles": 10}
     assert [task.x for task in group.tasks] == [100, 100, 100]
     assert [task.case for task in group.tasks] == ["still, 100", "filtered, 100", "merging, 100"]
-
-
-def test_evolution_options_are_those_of_the_parameters_but_for_topology() -> None:
-    params = Parameters()
-    options = evolution_options(params, topology=False)
-    assert (options.degree, options.balloon) == (params.contour.degree, params.contour.balloon)
-    assert (options.split_threshold, options.topology) == (params.contour.split_threshold, False)
 
 
 @pytest.fixture(scope="module")
@@ -179,8 +172,8 @@ def test_a_child_that_fails_is_named_with_its_last_words() -> None:
 
 def test_memory_of_a_child_is_its_own() -> None:
     ballast = np.ones(60_000_000, np.uint8)  # of this process: it must not be counted
-    empty = children.measured_child(lambda: ("-c", "pass"))().value
-    filled = children.measured_child(lambda: ("-c", "x = b'x' * 50_000_000"))().value
+    empty = children.measured_child(lambda: ("-c", "pass"))()[0]
+    filled = children.measured_child(lambda: ("-c", "x = b'x' * 50_000_000"))()[0]
     assert ballast[0] == 1
     assert empty < 40
     assert 45 < filled - empty < 60

@@ -305,9 +305,12 @@ def test_a_sequence_takes_what_segment_takes_and_says_what_it_cannot(tmp_path: P
     camera, image = rendered.camera, rendered.previous.image
     plain = Sequence(camera, load_params("omni-indoor")).feed(image)
     assert np.array_equal(Sequence(camera, "omni-indoor").feed(image).mask, plain.mask)
+    colour = np.dstack([image, image // 2, 255 - image]) if image.ndim == 2 else image
+    blue = Sequence(camera, "omni-indoor").feed(colour)
+    assert np.array_equal(Sequence(camera, "omni-indoor", rgb=True).feed(colour[..., ::-1] / 255).mask, blue.mask)
     assert Sequence(camera, {"contour.max_iterations": 3}).feed(image).segmentation.stats.iterations == 3
     sequence = Sequence(camera)
-    for wrong, said in (("0001.png", "the image is a file name"), (image / 255, "must be uint8"), (None, "is None")):
+    for wrong, said in (("0001.png", "the image is a file name"), (image / 2, "must be uint8"), (None, "is None")):
         with pytest.raises(SegmentationError, match=said):
             sequence.feed(wrong)  # type: ignore[arg-type]
     with pytest.raises(CalibrationError, match=r"the pose is of type tuple; give what ffseg\.planar_pose returns"):

@@ -37,7 +37,7 @@ def test_neighbours_follow_within_their_folder() -> None:
 def files(folder: Path) -> tuple[str, str]:
     pair = rendered()
     (folder / "camera.yaml").write_text(CAMERA_YAML)
-    (folder / "poses.csv").write_text(poses_csv(pair, ("0.png", "1.png")))
+    (folder / "poses.csv").write_text(poses_csv(pair.poses, ("0.png", "1.png")))
     return str(folder / "camera.yaml"), str(folder / "poses.csv")
 
 

@@ -91,7 +91,7 @@ def test_all_methods_have_the_same_edges_and_starts(tmp_path: Path, monkeypatch:
     assert "same edge map (source gradient, sigma 1.5 px)" in (tmp_path / "out" / "compare.md").read_text()
     seen.clear()
     work.compare(replace(task, own_edges=True), silent)
-    assert not any(scene.given for scene in seen)
+    assert not any(scene.edges_given for scene in seen)
 
 
 def test_what_a_method_may_not_see_no_other_sees() -> None:

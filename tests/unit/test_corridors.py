@@ -117,6 +117,21 @@ def test_clearance_means_the_width_of_a_passage(clearance: float) -> None:
             assert found[row, column] == is_open, (angle, width)
 
 
+@pytest.mark.parametrize("angle", [0.0, 30.0, 60.0])
+def test_a_shut_passage_takes_nothing_from_the_room_before_it(angle: float) -> None:
+    """At its mouth lay free pixels that no disc on pixel centres quite covered: a dozen went with the passage."""
+    clearance = 20.0
+    scene = labyrinths.passage(clearance - 1.5, angle)
+    yy, xx = np.mgrid[-10:11, -10:11]
+    truth = (scene.truth > 0).astype(np.uint8)
+    roomy = cv2.morphologyEx(truth, cv2.MORPH_OPEN, (np.hypot(xx, yy) <= clearance / 2).astype(np.uint8))
+    _, parts = cv2.connectedComponents(roomy)
+    column, row = map(round, scene.start)
+    room = (parts == parts[row, column]) & (cv2.erode(truth, np.ones((3, 3), np.uint8)) > 0)
+    found = corridors.segmented(scene, {"contour.clearance": clearance}).mask
+    assert np.count_nonzero(room & ~found) <= 2
+
+
 def test_a_bay_narrower_than_the_clearance_stays_open() -> None:
     scene = labyrinths.Plan("straight", 0, 20.0, 30.0).drawn(9.0)  # nothing lies beyond it
     found = corridors.segmented(scene, {"contour.clearance": 14.0}).mask

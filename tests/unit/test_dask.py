@@ -21,9 +21,9 @@ import stand_in
 from batches import Silent, make_images, run_batch, snapshot, table
 
 from ffseg.batch.executors import dask, held
-from ffseg.batch.executors.base import Choice
+from ffseg.batch.executors.base import Assignment, Choice
 from ffseg.batch.executors.processes import Processes
-from ffseg.batch.outputs.table import Wanted
+from ffseg.batch.outputs.table import Products
 from ffseg.batch.workers.launch import Process, launch
 from ffseg.batch.workers.messages import Setup, Task
 from ffseg.errors import UsageError, WorkerLostError
@@ -33,7 +33,7 @@ pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's own, of every kind
 
 NAMES = [f"i{index}.png" for index in range(60)]
-ALL = Wanted(True, ("coco",))
+ALL = Products(True, ("coco",))
 
 
 @pytest.fixture(autouse=True)
@@ -89,19 +89,19 @@ def tree(out: Path) -> dict[str, bytes]:
 
 def test_the_tree_is_that_of_processes(scheduler, tmp_path: Path) -> None:
     make_images(tmp_path / "in", NAMES, {NAMES[5]: stand_in.FAIL, NAMES[7]: stand_in.CRASH, NAMES[9]: stand_in.DEFECT})
-    run_batch(tmp_path / "in", tmp_path / "one", wanted=ALL, num_workers=2)
-    summary = run_batch(tmp_path / "in", tmp_path / "dask", wanted=ALL, **by_dask(scheduler[0]))
+    run_batch(tmp_path / "in", tmp_path / "one", products=ALL, num_workers=2)
+    summary = run_batch(tmp_path / "in", tmp_path / "dask", products=ALL, **by_dask(scheduler[0]))
     assert (summary.done, summary.failed) == (57, 3), "a crash costs its image alone"
     assert tree(tmp_path / "dask") == tree(tmp_path / "one")
     errors = [{row["image"]: row["error"] for row in table(tmp_path / out / "timings.csv")} for out in ("one", "dask")]
     assert errors[0] == errors[1]
-    assert run_batch(tmp_path / "in", tmp_path / "dask", wanted=ALL, **by_dask(scheduler[0])).unchanged == 57
+    assert run_batch(tmp_path / "in", tmp_path / "dask", products=ALL, **by_dask(scheduler[0])).unchanged == 57
     assert not list((tmp_path / "dask" / ".ffseg" / "chunks").iterdir())
     versions = [json.loads((tmp_path / out / "run.json").read_text())["versions"] for out in ("one", "dask")]
     assert versions[0] == versions[1] != {}, "also of a worker process that an earlier chunk or run has left"
     packed = replace(ALL, pack=True)
     for name, how in (("one tar", {"num_workers": 2}), ("dask tar", by_dask(scheduler[0]))):
-        assert run_batch(tmp_path / "in", tmp_path / name, wanted=packed, **how).done == 57
+        assert run_batch(tmp_path / "in", tmp_path / name, products=packed, **how).done == 57
     made = [
         {path.name: path.read_bytes() for path in (tmp_path / name).glob("*.tar")} for name in ("one tar", "dask tar")
     ]
@@ -240,7 +240,7 @@ def test_a_worker_that_is_being_started_when_the_run_is_stopped_ends_as_well(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make_images(tmp_path, NAMES[:1], {NAMES[0]: stand_in.HANG})
-    executor = Processes(Setup(params=load_params(), segmenter=stand_in.NAME), 1)
+    executor = Processes(Assignment(Setup(params=load_params(), segmenter=stand_in.NAME), 1))
 
     def started() -> Process:
         process = launch()

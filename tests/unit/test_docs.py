@@ -63,6 +63,14 @@ def test_every_picture_is_shown_somewhere_and_all_are_small() -> None:
     assert sum(path.stat().st_size for path in pictures) < PICTURES_KB * 1000
 
 
+def test_every_picture_of_the_gallery_names_the_file_it_is() -> None:
+    page = (ROOT / "docs" / "gallery.md").read_text("utf-8")
+    written = re.findall(r"^<!-- from (\w+)\S* -->\n!\[", page, flags=re.MULTILINE)
+    assert len(written) == page.count("![")
+    code = "".join(re.findall(r"^```.*?^```$", page, flags=re.DOTALL | re.MULTILINE))
+    assert [name for name in written if name not in code] == []
+
+
 def is_there(name: str) -> bool:
     """Whether a dotted name leads to something in the package."""
     parts = name.split(".")
@@ -77,6 +85,13 @@ def is_there(name: str) -> bool:
             found = getattr(found, part)
         return True
     return False
+
+
+def test_the_version_is_that_of_the_citation_and_of_a_section_of_the_changelog() -> None:
+    citation = (ROOT / "CITATION.cff").read_text("utf-8")
+    dated = re.search(rf"^version: {re.escape(ffseg.__version__)}\ndate-released: (\S+)$", citation, re.MULTILINE)
+    assert dated
+    assert f"\n## [{ffseg.__version__}] - {dated[1]}\n" in (ROOT / "CHANGELOG.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=IDS)

@@ -89,6 +89,6 @@ def test_samples_hold_the_odds_of_their_own_pixels() -> None:
 
 def test_what_is_said_of_one_mask() -> None:
     assert asked(Asked(True, 0.8, 0.75, None)).startswith(
-        "asks the prior that comes with ffseg too, which has an IoU of 0.80"
+        "asks the prior that comes with ffseg too, which shares 0.80 of the masks' pixels"
     )
     assert asked(Asked(False, 0.3, 0.75, None)).endswith("(0.75 is wanted)")

@@ -1,4 +1,4 @@
-"""COCO, LabelMe and GeoJSON, opened in the programs that read them."""
+"""COCO, LabelMe, GeoJSON and YOLO, opened in the programs that read them."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ from ffseg.io.exports import (
     labelme_document,
     merged_coco,
     run_lengths,
+    yolo_text,
 )
 from ffseg.io.images import read_image
 from ffseg.parameters import load_params
@@ -234,6 +235,30 @@ def judged(image: AnnotatedImage, shown: Mask) -> None:
         assert not (seen & mine).any()
         seen |= mine
     np.testing.assert_array_equal(seen, shown)
+    for region, line in zip(image.regions, yolo_text(image).splitlines(), strict=True):
+        label, *numbers = line.split()
+        ring = np.array(numbers, float).reshape(-1, 2) * (image.width, image.height) - 0.5
+        assert label == "0"
+        assert len(ring) >= 3
+        np.testing.assert_array_equal(rasterize([FreeForm(ring, 1)], shown.shape), pixels(region, shown.shape))
+
+
+def test_yolo_cuts_off_what_leaves_the_image() -> None:
+    mask = np.array([[0, 0, 0, 0, 0], [1, 1, 0, 0, 0], [1, 1, 1, 0, 0], [0, 0, 1, 1, 0], [0, 0, 0, 1, 1]], np.bool_)
+    beyond = FreeForm(np.array([[21.0, 17], [0, 2], [0, 0]]), 1)
+    judged(AnnotatedImage("a", 5, 5, polygons(mask, [beyond])), mask)
+
+
+def test_yolo_knows_holes_as_its_readers_fill_them() -> None:
+    image = islands()
+    painted = np.zeros(SHAPE, np.uint8)
+    for line in yolo_text(image).splitlines():
+        ring = np.array(line.split()[1:], float).reshape(-1, 2) * (image.width, image.height)
+        cv2.fillPoly(painted, [np.rint(ring - 0.5).astype(np.int32)], 1)  # whole pixels, and the outline too
+    shown = np.logical_or.reduce([pixels(region) for region in image.regions])
+    assert num_holes(shown) > 0
+    assert overlap(painted > 0, shown) > 0.98
+    assert yolo_text(annotated([])) == ""
 
 
 @st.composite

@@ -73,7 +73,9 @@ def test_two_starts_merge_and_one_that_closes_in_splits() -> None:
     assert len(merged.contours) == 1
     assert merged.stats.merges >= 1
     apart = np.where(disc((45, 60), 22) | disc((115, 60), 22), 200, 50).astype(np.uint8)
-    params = ffseg.load_params(None, {"init.boxes": [[6, 6, 153, 113]], "contour.balloon": -2.0})
+    params = ffseg.load_params(
+        None, {"init.boxes": [[6, 6, 153, 113]], "contour.balloon": -2.0, "edges.source": "gradient"}
+    )
     split = ffseg.segment(apart, params)
     assert sorted(c.signed_area > 0 for c in split.contours) == [True, True]
     truth = apart == 200

@@ -38,5 +38,5 @@ def test_a_look_does_not_depend_on_how_many_there_are() -> None:
 
 
 def test_the_same_looks_grow_the_same_bytes() -> None:
-    made = [to_bytes(grow([look[0] for look in taken("tissue", 2)], prior.TAKEN, {})) for _ in range(2)]
+    made = [to_bytes(grow([look[0][0] for look in taken("tissue", 2)], prior.TAKEN, {})) for _ in range(2)]
     assert made[0] == made[1]

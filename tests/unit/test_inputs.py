@@ -13,7 +13,7 @@ import pytest
 from batches import make_images, run_batch, snapshot, table
 
 from ffseg.batch.executors.base import Choice
-from ffseg.batch.outputs.table import Wanted
+from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.listing import listed
@@ -70,7 +70,7 @@ def test_the_disk_is_asked_once_for_an_archive(tmp_path: Path, monkeypatch: pyte
 
     for name in ("stat", "lstat"):
         monkeypatch.setattr(os, name, counting(getattr(os, name)))
-    assert len(make_plan([str(archive)], str(tmp_path / "out"), wanted=Wanted(pack=True)).jobs) == 50
+    assert len(make_plan([str(archive)], str(tmp_path / "out"), products=Products(pack=True)).jobs) == 50
     assert len(asked) < 10, "however many members it has"
 
 
@@ -175,7 +175,7 @@ def test_a_list_names_images_one_by_one(
     (tmp_path / "list").write_bytes(end.join([b"b/a9.png", b"a.png", b"a.png", b"b/none.png"]) + end)
     sources = listed(str(tmp_path / "list"), nul=nul)
     assert [source.name for source in sources] == ["b/a9.png", "a.png", "b/none.png"]
-    plan = make_plan([], str(tmp_path / "out"), listed=sources)
+    plan = make_plan(sources, str(tmp_path / "out"))
     assert [job.source.name for job in plan.jobs] == ["b/a9.png", "a.png", "b/none.png"]
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO((tmp_path / "list").read_bytes())))
     assert listed("-", nul=nul) == sources

@@ -19,7 +19,7 @@ from ffseg.evidence.source import told
 from ffseg.learning import learn as learning
 from ffseg.learning.gather import gather
 from ffseg.learning.learn import Figures, _worth_drawing, learned
-from ffseg.learning.training import Beginning, Example, grown, samples
+from ffseg.learning.training import Asked, Beginning, Example, grown, samples
 from ffseg.parameters import load_params
 from ffseg.starts.pockets import starts_beyond
 
@@ -97,11 +97,16 @@ def test_learn_then_run(folder: Path) -> None:
 
 def test_without_starts_the_model_finds_them(folder: Path) -> None:
     params = load_params(None, {"init.radius": 5})
-    model, figures = learned(gather([str(folder / "in")], str(folder / "truth"), params), params, lambda _: None)
+    gathered = gather([str(folder / "in")], str(folder / "truth"), params)
+    model, figures = learned(gathered, params, lambda _: None)
     assert model.start is not None
     assert figures.iou > 0.85
     assert [number for number, _ in figures.curve] == [1, 2]
     assert min(value for _, value in figures.curve) > 0.7  # from starts drawn inside the masks
+    quick, unmeasured = learned(gathered, params, lambda _: None, measured=False)
+    assert all(np.array_equal(values, quick.inside.arrays[name]) for name, values in model.inside.arrays.items())
+    assert unmeasured.following == figures.following
+    assert sentences(unmeasured, "m.ffmodel")[0].endswith("was not measured: that takes longer, and no --quick")
 
 
 def test_a_name_without_the_suffix_is_refused_first(folder: Path) -> None:
@@ -117,13 +122,24 @@ def test_a_mask_of_one_side_names_its_image(folder: Path) -> None:
         learned(gather([str(folder / "in")], str(folder / "truth"), params), params, lambda _: None)
 
 
-def test_what_is_said() -> None:
+def test_the_verdict_comes_first_and_no_figure_has_two_meanings() -> None:
     one = sentences(Figures(1, float("nan"), float("nan"), float("nan"), float("nan"), helps=True), "a.ffmodel")
-    assert "not measured: that takes a second mask" in one
-    worse = sentences(Figures(4, 0.6, 0.1, 0.61, 0.1, False, ((1, 0.5), (3, 0.58)), 3, "b.png"), "a.ffmodel")
-    assert any("no better than without" in line for line in worse)
-    assert any("3 more masks" in line for line in worse)
-    assert "most useful to draw next: b.png" in worse
+    assert one[0] == "a.ffmodel, learned from 1 mask, was not measured: that takes a second mask"
+    curve, base = ((1, 0.7), (2, 0.755), (3, 0.763)), Beginning(True, 0.81, 0.64, None)
+    worse = sentences(
+        Figures(4, 0.155, 0.1, 0.61, 0.1, False, curve, 3, "b.png", base, Asked(True, 0.7, 0.6, None)), "a.ffmodel"
+    )
+    verdict = "worse than no model: IoU on images left out 0.155 (spread 0.100), without it 0.610 (spread 0.100)"
+    assert worse[0].endswith(verdict)
+    assert "what more masks gave small trial models: +0.055 from 1 to 2, +0.008 from 2 to 3" in worse
+    assert [line for line in worse if "IoU" in line] == [worse[0]]
+    assert worse[-4:-1] == [
+        "do without it, or draw more masks", "about 3 more masks may each still raise it by .005 or more",
+        "most useful to draw next: b.png",
+    ]  # fmt: skip
+    no_better = sentences(Figures(4, 0.62, 0.1, 0.61, 0.1, helps=False), "a.ffmodel")
+    assert "no better than no model beyond the noise" in no_better[0]
+    assert "helps: IoU" in sentences(Figures(4, 0.82, 0.1, 0.61, 0.1, helps=True), "a.ffmodel")[0]
 
 
 @pytest.mark.parametrize("curve", [(), ((1, 0.5), (3, 0.58))])

@@ -99,7 +99,7 @@ def test_scribbles_say_what_the_figures_count(folder: Path) -> None:
 
 def test_without_a_start_the_figure_to_beat_says_where_it_grew_from() -> None:
     lines = sentences(Figures(3, 0.9, 0.1, 0.0, 0.0, helps=True, searched=True), "a.ffmodel")
-    assert "without the model:       0.000 (spread 0.000), from the middle of the images: no start is named" in lines
+    assert any("without it the contour grows from the middle" in line for line in lines)
     assert "middle" not in " ".join(sentences(Figures(3, 0.9, 0.1, 0.0, 0.0, helps=True), "a.ffmodel"))
 
 

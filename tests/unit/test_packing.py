@@ -18,7 +18,7 @@ import stand_in
 from batches import Silent, make_images, run_batch, table, tree
 
 from ffseg.batch.executors.base import Choice
-from ffseg.batch.outputs.table import Wanted
+from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.record.journal import last_records
 from ffseg.batch.report.write import write_report
@@ -34,8 +34,8 @@ from ffseg.parameters import load_params
 NAMES = [f"{index % 3}/i{index}.png" for index in range(14)]
 INPROCESS = Choice("inprocess")
 EXPORTS = ("coco", "geojson")
-FILES = Wanted(True, EXPORTS)
-PACKED = Wanted(True, EXPORTS, pack=True)
+FILES = Products(True, EXPORTS)
+PACKED = Products(True, EXPORTS, pack=True)
 KINDS = ("masks", "contours", "overlays", "coco", "geojson")
 
 
@@ -51,9 +51,9 @@ def images(tmp_path: Path) -> Path:
     return tmp_path / "in"
 
 
-def run_shard(images: Path, out: Path, shard: str, wanted: Wanted = PACKED, **options: object) -> None:
-    plan = only(make_plan([str(images)], str(out), wanted=wanted), read_shard(shard))
-    setup = Setup(params=load_params(), segmenter=stand_in.NAME, wanted=wanted)
+def run_shard(images: Path, out: Path, shard: str, products: Products = PACKED, **options: object) -> None:
+    plan = only(make_plan([str(images)], str(out), products=products), read_shard(shard))
+    setup = Setup(params=load_params(), segmenter=stand_in.NAME, products=products)
     observer = Silent()
     with Run(plan, setup, Options(executor=INPROCESS, **options), observer, observer) as run:
         run.execute()
@@ -78,8 +78,8 @@ def packs(out: Path) -> list[str]:
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_unpacked_they_are_what_a_run_without_writes(jobs: int, images: Path, tmp_path: Path) -> None:
-    run_batch(images, tmp_path / "files", wanted=FILES, executor=INPROCESS)
-    summary = run_batch(images, tmp_path / "out", wanted=PACKED, num_workers=jobs)
+    run_batch(images, tmp_path / "files", products=FILES, executor=INPROCESS)
+    summary = run_batch(images, tmp_path / "out", products=PACKED, num_workers=jobs)
     assert (summary.done, summary.failed, summary.problems) == (13, 1, [])
     assert sorted(tars(tmp_path / "out")) == sorted(f"{kind}.tar" for kind in KINDS)
     assert packs(tmp_path / "out") == []
@@ -91,8 +91,8 @@ def test_unpacked_they_are_what_a_run_without_writes(jobs: int, images: Path, tm
 
 
 def test_the_bytes_do_not_depend_on_how_the_work_was_shared_out(images: Path, tmp_path: Path) -> None:
-    run_batch(images, tmp_path / "one", wanted=PACKED, executor=INPROCESS)
-    run_batch(images, tmp_path / "two", wanted=PACKED, num_workers=2)
+    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
+    run_batch(images, tmp_path / "two", products=PACKED, num_workers=2)
     expected = tars(tmp_path / "one")
     assert tars(tmp_path / "two") == expected
     for count in (1, 2, 3):
@@ -108,37 +108,37 @@ def test_the_bytes_do_not_depend_on_how_the_work_was_shared_out(images: Path, tm
 
 def test_a_second_run_does_what_is_missing_or_stale(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    run_batch(images, out, wanted=PACKED, executor=INPROCESS)
+    run_batch(images, out, products=PACKED, executor=INPROCESS)
     before = {path.name: path.stat().st_mtime_ns for path in out.glob("*.tar")}
-    again = run_batch(images, out, wanted=PACKED, num_workers=2)
+    again = run_batch(images, out, products=PACKED, num_workers=2)
     assert (again.done, again.unchanged) == (0, 13)
     assert {path.name: path.stat().st_mtime_ns for path in out.glob("*.tar")} == before, "nothing is written again"
     make_images(images, [NAMES[0]], {NAMES[0]: 9})
     (images / NAMES[3]).unlink()
     make_images(images, ["later.png"])
-    changed = run_batch(images, out, wanted=PACKED, executor=INPROCESS)
+    changed = run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert (changed.done, changed.unchanged) == (2, 12)
-    run_batch(images, tmp_path / "fresh", wanted=PACKED, executor=INPROCESS)
+    run_batch(images, tmp_path / "fresh", products=PACKED, executor=INPROCESS)
     assert tars(out) == tars(tmp_path / "fresh")
 
 
 def test_more_outputs_and_truths_are_made_from_what_is_there(images: Path, tmp_path: Path) -> None:
-    out, few = tmp_path / "out", Wanted(pack=True)
-    run_batch(images, out, wanted=few, executor=INPROCESS)
+    out, few = tmp_path / "out", Products(pack=True)
+    run_batch(images, out, products=few, executor=INPROCESS)
     assert sorted(tars(out)) == ["contours.tar", "masks.tar"]
-    run_batch(images, tmp_path / "one", wanted=PACKED, executor=INPROCESS)
+    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
     first = unpacked(tmp_path / "one", tmp_path / "truths")
-    measured = run_batch(images, out, wanted=few, truth=str(first / "masks"), executor=INPROCESS)
+    measured = run_batch(images, out, products=few, truth=str(first / "masks"), executor=INPROCESS)
     assert (measured.done, measured.unchanged) == (0, 13)
     assert {row["iou"] for row in table(out / "timings.csv") if row["status"] == "ok"} == {"1.0"}
-    run_batch(images, out, wanted=PACKED, executor=INPROCESS)
+    run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert tars(out) == tars(tmp_path / "one")
 
 
 @pytest.mark.parametrize("damage", ["changed", "cut", "gone"])
 def test_damaged_tar_files_are_made_again(damage: str, images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    run_batch(images, out, wanted=PACKED, executor=INPROCESS)
+    run_batch(images, out, products=PACKED, executor=INPROCESS)
     expected, path = tars(out), out / "masks.tar"
     if damage == "gone":
         path.unlink()
@@ -148,7 +148,7 @@ def test_damaged_tar_files_are_made_again(damage: str, images: Path, tmp_path: P
         data = bytearray(path.read_bytes())
         data[place + 3] ^= 1
         path.write_bytes(data if damage == "changed" else data[: place + 3])
-    again = run_batch(images, out, wanted=PACKED, executor=INPROCESS)
+    again = run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert again.done == {"changed": 1, "cut": 6, "gone": 13}[damage]
     assert tars(out) == expected
 
@@ -177,7 +177,7 @@ from ffseg.batch.executors.base import Choice
 if {shard!r}:
     run_shard(images, out, {shard!r})
 else:
-    run_batch(images, out, wanted=PACKED, executor=Choice("inprocess"))
+    run_batch(images, out, products=PACKED, executor=Choice("inprocess"))
 """
 
 
@@ -193,7 +193,7 @@ def kill(images: Path, out: Path, where: tuple[str, str, str], count: int, *, be
 APPEND = ("ffseg.batch.tar.writer", "module.PackWriter", "append")
 ADD = ("ffseg.batch.record.journal", "module.Journal", "add")
 REPLACE = ("os", "module", "replace")
-COMPLETE = ("ffseg.batch.tar.ordered", "module.OrderedPacks", "complete")
+COMPLETE = ("ffseg.batch.record.ordered", "module.OrderedPacks", "complete")
 
 
 @pytest.mark.parametrize(
@@ -215,9 +215,9 @@ def test_a_killed_run_goes_on(
     kill(images, out, where, count, before=before)
     for path in out.glob("*.tar"):
         subprocess.run(["tar", "-tf", path], check=True, capture_output=True)
-    rest = run_batch(images, out, wanted=PACKED, executor=INPROCESS)
+    rest = run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert rest.done == redone
-    run_batch(images, tmp_path / "one", wanted=PACKED, executor=INPROCESS)
+    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
     assert tars(out) == tars(tmp_path / "one")
     assert packs(out) == []
 
@@ -231,15 +231,15 @@ def test_a_tail_that_was_not_finished_is_nobodys(images: Path, tmp_path: Path) -
     last = max(record.members[f"geojson/{os.path.splitext(name)[0]}.geojson"][1] for name, record in known.items()
                if record.members)  # fmt: skip
     os.truncate(out / pack, last + 5)
-    assert run_batch(images, out, wanted=PACKED, executor=INPROCESS).done == 13 - 5 + 1, (
+    assert run_batch(images, out, products=PACKED, executor=INPROCESS).done == 13 - 5 + 1, (
         "the one that was cut is done again"
     )
-    run_batch(images, tmp_path / "one", wanted=PACKED, executor=INPROCESS)
+    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
     assert tars(out) == tars(tmp_path / "one")
 
 
 def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path) -> None:
-    run_batch(images, tmp_path / "one", wanted=PACKED, executor=INPROCESS)
+    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
     out = tmp_path / "out"
     kill(images, out, ADD, 3, before=False, shard="2/2")
     run_shard(images, out, "1/2")
@@ -258,9 +258,9 @@ def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path) -> None:
     for number in (1, 2):
         run_shard(images, out, f"{number}/2")
     assert merge_shards(str(out)).problems == []
-    run_batch(images, tmp_path / "two", wanted=PACKED, executor=INPROCESS)
+    run_batch(images, tmp_path / "two", products=PACKED, executor=INPROCESS)
     assert tars(out) == tars(tmp_path / "two") != tars(tmp_path / "one")
-    whole = run_batch(images, out, wanted=PACKED, executor=INPROCESS)
+    whole = run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert (whole.done, whole.unchanged) == (0, 13)
     assert merge_shards(str(out)).problems == []
     assert tars(out) == tars(tmp_path / "two")
@@ -277,22 +277,22 @@ def test_an_output_that_is_lost_is_named_by_the_merge(images: Path, tmp_path: Pa
     assert all("is not what was written; run its shard again" in problem for problem in problems)
     run_shard(images, out, "1/2")
     assert merge_shards(str(out)).problems == []
-    run_batch(images, tmp_path / "one", wanted=PACKED, executor=INPROCESS)
+    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
     assert tars(out) == tars(tmp_path / "one")
 
 
 def test_files_and_members_are_not_mixed(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    run_batch(images, out, wanted=PACKED, executor=INPROCESS)
+    run_batch(images, out, products=PACKED, executor=INPROCESS)
     with pytest.raises(UsageError, match="holds outputs in tar files; add --pack tar"):
-        run_batch(images, out, wanted=FILES, executor=INPROCESS)
-    run_batch(images, out, wanted=FILES, overwrite=True, executor=INPROCESS)
+        run_batch(images, out, products=FILES, executor=INPROCESS)
+    run_batch(images, out, products=FILES, overwrite=True, executor=INPROCESS)
     assert tars(out) == {}
-    run_batch(images, tmp_path / "files", wanted=FILES, executor=INPROCESS)
+    run_batch(images, tmp_path / "files", products=FILES, executor=INPROCESS)
     assert tree(out) == tree(tmp_path / "files")
     with pytest.raises(UsageError, match="holds outputs in files of their own; leave out --pack"):
-        run_batch(images, out, wanted=PACKED, executor=INPROCESS)
-    run_batch(images, out, wanted=PACKED, overwrite=True, executor=INPROCESS)
+        run_batch(images, out, products=PACKED, executor=INPROCESS)
+    run_batch(images, out, products=PACKED, overwrite=True, executor=INPROCESS)
     assert not [path for path in out.rglob("masks/**/*") if path.is_file()]
     run_shard(images, tmp_path / "parts", "1/2")
     run_shard(images, tmp_path / "parts", "2/2", FILES)
@@ -301,28 +301,17 @@ def test_files_and_members_are_not_mixed(images: Path, tmp_path: Path) -> None:
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "masks.tar").write_bytes(b"mine")
     with pytest.raises(UsageError, match="no run made it"):
-        run_batch(images, tmp_path / "other", wanted=PACKED, executor=INPROCESS)
-
-
-def test_members_of_images_that_are_gone_leave_the_tar(images: Path, tmp_path: Path) -> None:
-    run_batch(images, tmp_path / "out", wanted=PACKED, executor=INPROCESS)
-    (images / NAMES[0]).rename(images / "0" / "renamed.png")
-    (images / NAMES[1]).unlink()
-    summary = run_batch(images, tmp_path / "out", wanted=PACKED, executor=INPROCESS)
-    assert (summary.done, summary.removed, summary.stale) == (1, 2 * len(KINDS), 0)
-    run_batch(images, tmp_path / "one", wanted=PACKED, executor=INPROCESS)
-    for kind in KINDS:
-        assert (tmp_path / "out" / f"{kind}.tar").read_bytes() == (tmp_path / "one" / f"{kind}.tar").read_bytes()
+        run_batch(images, tmp_path / "other", products=PACKED, executor=INPROCESS)
 
 
 def test_a_packed_output_is_an_input(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    run_batch(images, out, wanted=PACKED, executor=INPROCESS)
-    assert run_batch(out / "masks.tar", tmp_path / "next", wanted=PACKED, executor=INPROCESS).done == 13
+    run_batch(images, out, products=PACKED, executor=INPROCESS)
+    assert run_batch(out / "masks.tar", tmp_path / "next", products=PACKED, executor=INPROCESS).done == 13
     with tarfile.open(tmp_path / "next" / "masks.tar") as archive:
         assert archive.getnames()[0] == "masks/masks/0/i0.png"
     with pytest.raises(UsageError, match="would replace an input"):
-        run_batch(out / "masks.tar", out, wanted=PACKED, executor=INPROCESS, overwrite=True)
+        run_batch(out / "masks.tar", out, products=PACKED, executor=INPROCESS, overwrite=True)
 
 
 @pytest.mark.parametrize(
@@ -366,7 +355,7 @@ def test_an_append_that_fails_is_not_seen(call: str, tmp_path: Path, monkeypatch
 def test_a_disk_that_is_full_at_the_end_costs_nothing_that_was_done(
     images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from ffseg.batch.tar.ordered import OrderedPacks
+    from ffseg.batch.record.ordered import OrderedPacks
 
     out = tmp_path / "out"
 
@@ -375,32 +364,32 @@ def test_a_disk_that_is_full_at_the_end_costs_nothing_that_was_done(
 
     with monkeypatch.context() as patch:
         patch.setattr(OrderedPacks, "complete", full)
-        summary = run_batch(images, out, wanted=PACKED, executor=INPROCESS)
+        summary = run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert "masks.tar cannot be written" in summary.problems[0]
     assert tars(out) == {}
     assert len(packs(out)) == 1
-    again = run_batch(images, out, wanted=PACKED, executor=INPROCESS)
+    again = run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert (again.done, again.unchanged, again.problems) == (0, 13, [])
-    run_batch(images, tmp_path / "one", wanted=PACKED, executor=INPROCESS)
+    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
     assert tars(out) == tars(tmp_path / "one")
 
 
 def test_a_run_that_is_stopped_has_its_outputs_still(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    first = run_batch(images, out, wanted=PACKED, executor=INPROCESS, observer=Silent(last=5))
+    first = run_batch(images, out, products=PACKED, executor=INPROCESS, observer=Silent(last=5))
     assert first.signal == 15
     assert tars(out) == {}
-    assert run_batch(images, out, wanted=PACKED, executor=INPROCESS, observer=Silent(last=14)).signal == 15
-    again = run_batch(images, out, wanted=PACKED, executor=INPROCESS)
+    assert run_batch(images, out, products=PACKED, executor=INPROCESS, observer=Silent(last=14)).signal == 15
+    again = run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert (again.done, again.unchanged) == (0, 13)
-    run_batch(images, tmp_path / "one", wanted=PACKED, executor=INPROCESS)
+    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
     assert tars(out) == tars(tmp_path / "one")
 
 
 def test_a_report_shows_what_is_packed(images: Path, tmp_path: Path) -> None:
     pages = {}
-    for name, wanted in (("files", FILES), ("packed", PACKED)):
-        run_batch(images, tmp_path / name, wanted=wanted, executor=INPROCESS)
+    for name, products in (("files", FILES), ("packed", PACKED)):
+        run_batch(images, tmp_path / name, products=products, executor=INPROCESS)
         page = write_report(tmp_path / name).read_text("utf-8")
         pages[name] = json.loads(re.findall('id="data">(.*?)</script>', page, re.DOTALL)[0])["images"]
     assert len(pages["files"]) == 14

@@ -16,7 +16,7 @@ import pytest
 
 from ffseg.native import _core
 from ffseg.parameter_text import default_file, peers_file, schema_file, to_markdown
-from tests import constants
+from tests import constants, contracts
 
 ROOT = Path(__file__).resolve().parents[2]
 STUB = ROOT / "ffseg" / "native" / "_core.pyi"
@@ -45,6 +45,17 @@ def test_page_of_the_pipeline_lists_the_constants(golden: Golden) -> None:
     head, mark, _ = page.read_text("utf-8").partition(MADE_BELOW)
     assert mark, f"{page.name} must hold the line {MADE_BELOW}"
     golden(page, f"{head}{mark}\n\n{constants.table()}")
+
+
+def test_page_of_formats_lists_what_scripts_may_rely_on_and_loses_no_name(golden: Golden, tmp_path: Path) -> None:
+    page = ROOT / "docs" / "formats.md"
+    head, mark, before = page.read_text("utf-8").partition(contracts.MADE_BELOW)
+    lists = contracts.page(tmp_path)
+    lost = [name for name in re.findall(r"`[^`]+`", before) if name not in lists]
+    assert lost == [], (
+        "promised names are gone: bring them back, or take them off the page by hand and say so in CHANGELOG.md"
+    )
+    golden(page, f"{head}{mark}\n\n{lists}")
 
 
 def help_of(*command: str) -> str:

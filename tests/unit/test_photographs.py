@@ -67,14 +67,6 @@ def test_the_even_places_choose_and_the_odd_ones_are_reported(
     assert "| cv_edges | `threshold=8.0` |" in (work / "photographs.md").read_text(encoding="utf-8")
 
 
-def test_without_the_photographs_it_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(monkeypatch, "--work", tmp_path / "work", "--data", tmp_path) == 0
-    assert "skipped" in capsys.readouterr().out
-    assert not (tmp_path / "work").exists()
-
-
 def test_an_image_that_fails_counts_zero(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for folder in photographs.SETS:
         seeds = data / folder / "seeds.csv"

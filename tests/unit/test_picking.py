@@ -299,14 +299,20 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(
         assert own.following(0, 0) == 1, "the next in the folder"
         new = Path(started[0][started[0].index("--out") + 1])
         new.write_bytes(b"model")
+        assert "--quick" in started[0], "a model first, figures afterwards"
+        work._learned(0, json.dumps(FIGURES | {"iou": None, "without": None, "curve": []}), "")
+        assert own.news(0, 0)["line"] == "learned from 3 masks, now measured on each left out"
+        assert own.projects[0].params.edges.model == str(out / "model.ffmodel"), "it need not be measured to be used"
+        assert started[1:] == [[word for word in started[0] if word != "--quick"]]
+        new.write_bytes(b"model")
         work._learned(0, json.dumps(FIGURES), "")
+        assert len(started) == 2
         assert own.news(0, 0)["line"] == "3 masks: .88 expected on the rest; one more may raise it by about .04"
         assert own.following(0, 0) == 2, "the one it is least sure of"
         assert (own.following(0, 2), own.following(0, 1)) == (1, 2), "the next in line, and round"
         assert own.projects[0].params.edges.model == str(out / "model.ffmodel")
         assert "--starts" in own.projects[0].arguments(), "images without a row are the model's"
         assert f"model: {out}/model.ffmodel" in (out / "pick.yaml").read_text()
-        (out / "model.ffmodel").unlink()
         new.write_bytes(b"model")
         work._learned(0, json.dumps(FIGURES | {"iou": 0.5}), "")
         assert "it is not used" in own.news(0, 0)["line"]

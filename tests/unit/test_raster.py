@@ -9,7 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.ragged import packed, unpacked
 from ffseg.image.raster import rasterize
+from ffseg.native import _core
 
 
 def disc(shape: tuple[int, int], center: tuple[float, float], radius: float) -> NDArray[np.bool_]:
@@ -128,3 +130,27 @@ def test_native_border_refuses_bad_offsets_and_values() -> None:
             call(square, offsets, degrees)
     with pytest.raises(ValueError, match="finite"):
         call([[0, 0], [math.nan, 0], [1, 1]], [0, 3], [1])
+
+
+def test_areas_of_many_contours_are_those_of_each_and_their_moments_summed() -> None:
+    rng = np.random.default_rng(4)
+    for degree in (1, 3, 6):
+        contours = [FreeForm(rng.normal(500, 90, (patches * degree, 2)), degree) for patches in (1, 2, 60, 700)]
+        together = unpacked(*packed(contours), degree)
+        assert [one.signed_area for one in together] == [one.signed_area for one in contours]
+        for one in contours:
+            fine = FreeForm.polygon(one.flatten(1e-5))
+            assert one.signed_area == pytest.approx(fine.signed_area, abs=1e-4 * one.length)
+
+
+def test_steps_along_the_axes_are_those_of_the_control_polygon() -> None:
+    contours = [FreeForm.box(2, 1, 9, 5), FreeForm([(0, 0), (3, 4), (6, 0)], 3)]
+    assert _core.steps_along_axes(*packed(contours)) == [22.0, 20.0]
+
+
+def test_areas_need_whole_patches_and_a_square_matrix() -> None:
+    points, ends = np.zeros((4, 2)), np.array([0, 4])
+    with pytest.raises(ValueError, match="control points"):
+        _core.signed_areas(points, ends, np.zeros((4, 4)))
+    with pytest.raises(ValueError, match="rows and columns"):
+        _core.signed_areas(points, ends, np.zeros((4, 3)))

@@ -17,7 +17,7 @@ from batches import Silent, make_images, run_batch, snapshot, table
 from PIL import Image
 
 import ffseg.batch.runner as runner_module
-from ffseg.batch.outputs.table import Wanted
+from ffseg.batch.outputs.table import Products
 from ffseg.batch.runner import TIMING_COLUMNS
 from ffseg.batch.workers import work
 from ffseg.batch.workers.messages import Failed, Setup, Task
@@ -34,7 +34,7 @@ def images(tmp_path: Path) -> Path:
 
 
 def test_outputs_and_table_mirror_the_input(images: Path, tmp_path: Path) -> None:
-    summary = run_batch(images, tmp_path / "out", wanted=Wanted(overlay=True))
+    summary = run_batch(images, tmp_path / "out", products=Products(overlay=True))
     assert (summary.total, summary.done, summary.failed) == (12, 12, 0)
     made = snapshot(tmp_path / "out")
     stems = [name.removesuffix(".png") for name in NAMES]
@@ -49,13 +49,6 @@ def test_outputs_and_table_mirror_the_input(images: Path, tmp_path: Path) -> Non
     record = json.loads((tmp_path / "out" / "run.json").read_text())
     assert record["counts"] == {"total": 12, "done": 12, "unchanged": 0, "failed": 0, "stale": 0}
     assert record["parameters"]["contour"]["degree"] == 3
-
-
-@pytest.mark.parametrize("workers", [2, 4])
-def test_number_of_workers_changes_no_byte(workers: int, images: Path, tmp_path: Path) -> None:
-    run_batch(images, tmp_path / "one", num_workers=1)
-    run_batch(images, tmp_path / "many", num_workers=workers)
-    assert snapshot(tmp_path / "one") == snapshot(tmp_path / "many")
 
 
 def test_second_run_does_only_what_is_missing_or_stale(images: Path, tmp_path: Path) -> None:
@@ -152,7 +145,7 @@ def test_opencv_without_memory_is_out_of_memory(images: Path, monkeypatch: pytes
         error.code = cv2.Error.StsNoMem
         raise error
 
-    monkeypatch.setattr(work, "decode_image", starved)
+    monkeypatch.setattr(work, "read_picture", starved)
     task = Task(0, str(images / NAMES[0]), "", "", ("masks/a.png", "contours/a.svg"), None, NAMES[0])
     reply = work.Workbench(Setup(params=load_params())).reply(task)
     assert isinstance(reply, Failed)

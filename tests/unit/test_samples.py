@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import json
 import struct
 import zlib
+from dataclasses import asdict
 from pathlib import Path
 
 import cv2
@@ -15,11 +17,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from PIL import Image
+from worlds import free_ground
 
+import ffseg
 from ffseg.batch.plan.discover import discover
+from ffseg.camera.motion import planar_pose
 from ffseg.errors import OutputError
 from ffseg.parameters import Parameters
+from ffseg.rendering import CAMERA_YAML, sample_camera
 from ffseg.samples import png, texture
+from ffseg.samples.drive import DRIVE_CAMERA, drive, drive_camera, drive_poses, drive_scene
 from ffseg.samples.paint import CURVE_STEPS, GRID, Paper, centers, coverage, spline
 from ffseg.samples.scenes import SCENES, Scene
 from ffseg.samples.write import PAIR_SEED, pair_files, sample_files, write_samples
@@ -161,6 +168,43 @@ def test_labels_of_the_pair_are_its_scene() -> None:
     assert set(np.unique(labels)) == {0, 1, 2, 3, 100, 101, 200, 201, 202, 203, 255}  # marks, boxes, walls, no scene
     assert (truth[(labels > 0) & (labels < 100)] == 255).all()
     assert not truth[(labels >= 100) & (labels < 255)].any()  # the disc of the robot has no label and is free
+
+
+def test_the_drive_is_what_its_files_say() -> None:
+    """Its map, made of the first views by the files, is the world's floor: camera, poses and truth belong together."""
+    begin = drive(4)
+    camera = drive_camera()
+    sequence, grid = ffseg.Sequence(camera), ffseg.OccupancyMap(reach=3.0)
+    for view, values in zip(begin.views, drive_poses(), strict=False):
+        pose = planar_pose(camera, *values)
+        frame = sequence.feed(view.image, pose)
+        assert grid.add(frame, pose)
+    assert (frame.mask & view.truth).sum() / (frame.mask | view.truth).sum() > 0.95
+    chance, world = grid.probability, free_ground(drive_scene())
+    rows, columns = np.nonzero(chance < 0.25)
+    places = (np.stack([columns, rows], axis=1) + 0.5) * grid.cell + grid.origin
+    assert len(places) > 6000
+    assert shapely.contains_xy(world, places[:, 0], places[:, 1]).mean() > 0.99
+    assert len(drive_poses()) == 40
+
+
+def test_the_cameras_of_the_samples_are_their_files(tmp_path: Path) -> None:
+    for text, camera in ((CAMERA_YAML, sample_camera()), (DRIVE_CAMERA, drive_camera())):
+        (tmp_path / "camera.yaml").write_text(text)
+        read = ffseg.load_camera(tmp_path / "camera.yaml")
+        assert json.dumps(asdict(read), default=np.ndarray.tolist) == json.dumps(
+            asdict(camera), default=np.ndarray.tolist
+        )
+
+
+def test_the_drive_lies_in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ffseg.samples.write.drive", lambda: drive(2))
+    written = {path.relative_to(tmp_path).as_posix() for path in write_samples(tmp_path, 0, driven=True)}
+    below = {name.removeprefix("drive/") for name in written if name.startswith("drive/")}
+    images = {f"{folder}{number}.png" for folder in ("", "truth/") for number in ("0001", "0002")}
+    assert below == images | {"camera.yaml", "poses.csv", ".ffseg-skip", "truth/.ffseg-skip"}
+    assert len((tmp_path / "drive" / "poses.csv").read_text().splitlines()) == 3
+    assert [source.name for source in discover([str(tmp_path)])] == sorted(f"{name}.png" for name in SCENES)
 
 
 @pytest.mark.parametrize("pairs", [0, 2])

@@ -25,7 +25,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     clone, site = tmp_path_factory.mktemp("clone"), tmp_path_factory.mktemp("site")
     for place in (clone, site):
         shutil.copytree(
-            SOURCES, place / "ffseg", ignore=shutil.ignore_patterns("*.cpp", "*.hpp", "__pycache__", "_core.c*")
+            SOURCES, place / "ffseg", ignore=shutil.ignore_patterns("*.cpp", "*.hpp", "__pycache__", CORE.name)
         )
     shutil.copyfile(CORE, site / "ffseg" / "native" / CORE.name)
     return clone, site
@@ -33,7 +33,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 def python(clone: Path, places: list[str], *command: str) -> subprocess.CompletedProcess[str]:
     """Run Python in the clone, as a user does: the working directory comes first, what is installed later."""
-    environment = {"PYTHONPATH": ":".join(["", *places, *LIBRARIES]), "PATH": "/usr/bin:/bin"}
+    environment = {"PYTHONPATH": ":".join(["", *places]), "PATH": "/usr/bin:/bin"}
     return subprocess.run(
         [sys.executable, "-S", *command], cwd=clone, env=environment, capture_output=True, text=True, check=False
     )
@@ -42,16 +42,16 @@ def python(clone: Path, places: list[str], *command: str) -> subprocess.Complete
 def test_python_in_the_clone_uses_the_installed_package(folders: tuple[Path, Path]) -> None:
     clone, site = folders
     code = "import numpy, ffseg; print(ffseg.__file__); from ffseg.native import _core; print(_core.__file__)"
-    done = python(clone, [str(site)], "-c", code)
+    done = python(clone, [str(site), *LIBRARIES], "-c", code)
     assert done.returncode == 0, done.stderr
     assert all(line.startswith(str(site)) for line in done.stdout.split())
 
 
 def test_python_m_in_the_clone_uses_the_installed_package(folders: tuple[Path, Path]) -> None:
     clone, site = folders
-    done = python(clone, [str(site)], "-m", "ffseg.batch.workers.process")
+    done = python(clone, [str(site), *LIBRARIES], "-m", "ffseg.batch.workers.process")
     assert "No module named" not in done.stderr
-    shown = python(clone, [str(site)], "-c", "import ffseg.errors; print(ffseg.errors.__file__)")
+    shown = python(clone, [str(site), *LIBRARIES], "-c", "import ffseg.errors; print(ffseg.errors.__file__)")
     assert shown.stdout.startswith(str(site))
 
 

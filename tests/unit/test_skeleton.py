@@ -116,11 +116,11 @@ def test_a_cell_is_simple_where_nothing_comes_apart_or_together() -> None:
 def test_files_hold_the_graph(tmp_path: Path) -> None:
     graph = made(world(1)[0])
     graph.save(tmp_path)
-    features = json.loads((tmp_path / "skeleton.geojson").read_text())["features"]
+    features = json.loads((tmp_path / "graph.geojson").read_text())["features"]
     kinds = [feature["geometry"]["type"] for feature in features]
     assert (kinds.count("Point"), kinds.count("LineString")) == (len(graph.nodes), len(graph.edges))
     space = "{http://graphml.graphdrawing.org/xmlns}"
-    root = ElementTree.fromstring((tmp_path / "skeleton.graphml").read_text())  # noqa: S314 - our own file
+    root = ElementTree.fromstring((tmp_path / "graph.graphml").read_text())  # noqa: S314 - our own file
     names = {one.get("id") for one in root.iter(f"{space}node")}
     ends = {one.get(side) for one in root.iter(f"{space}edge") for side in ("source", "target")}
     declared = {one.get("id") for one in root.iter(f"{space}key")}

@@ -11,7 +11,7 @@ import ffseg
 from ffseg.image.free import free_pixels, ground_under, open_sides, room_round
 from ffseg.image.raster import rasterize
 from ffseg.starts import sides
-from ffseg.starts.given import circle_start
+from ffseg.starts.initial import circle_start
 from ffseg.starts.moved import SPARE, placed
 
 CENTER, RADIUS, START = (110.0, 100.0), 60.0, 14.0

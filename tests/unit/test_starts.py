@@ -92,6 +92,17 @@ def test_bad_files_are_refused_by_line(name: str, tmp_path: Path) -> None:
     assert str(caught.value).startswith(str(tmp_path / "starts.csv"))
 
 
+def test_a_file_need_not_name_every_image(tmp_path: Path) -> None:
+    """One photograph without a row kept a whole folder from being run."""
+    path = write(tmp_path, "image,x,y\nhorse.jpg,1,2\nzebra.jpg,5,5\n")
+    found = load_starts(path, ["horse.jpg", "IMG_0001.jpg"])
+    assert found == {"horse.jpg": found["horse.jpg"]}
+    with pytest.raises(ParameterError, match=r"no row for the image 'zebras.jpg' \(line 3 has 'zebra.jpg'\)"):
+        load_starts(path, ["horse.jpg", "zebras.jpg"])
+    with pytest.raises(ParameterError, match="no row for the image 'IMG_0001.jpg'; add one"):
+        load_starts(path, ["IMG_0001.jpg"])
+
+
 def test_a_folder_and_an_absent_file_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="not a regular file"):
         load_starts(tmp_path, ["a"])

@@ -15,7 +15,7 @@ import pytest
 from ffseg.learning import tune as tuning
 from ffseg.learning.choice import Trial
 from ffseg.learning.gather import Labelled, gather
-from ffseg.learning.page import given, to_html, to_yaml, told
+from ffseg.learning.page import given, to_html, to_yaml, told, untried
 from ffseg.learning.space import MOST_SETTINGS, applied, halton, levels, settings
 from ffseg.learning.tune import Tuned, _sensitivity, before_and_after, tune
 from ffseg.parameters import load_params
@@ -130,11 +130,14 @@ def test_the_budget_is_kept(budget: int, most: int, monkeypatch: pytest.MonkeyPa
     found = tune([Labelled(str(n), image, image, params, None) for n in range(8)], budget, lambda _: None)
     assert found.seconds == len(seen) <= most  # 8 for the parameters at hand, and at most a round of 2, 4 and 8 images
     assert found.tried + found.left == MOST_SETTINGS
-    assert f"for {found.left} there was no time" in told(found)[0]
+    assert untried(found)[0].startswith(
+        f"not tried for want of time: {found.left} of {MOST_SETTINGS} settings; a longer"
+    )
+    assert f"# {untried(found)[0]}" in to_yaml(found)
 
 
 def test_what_had_its_time_says_nothing_of_it() -> None:
-    assert "budget" not in told(Tuned({}, {}, (0.5, 0.5), (0.5, 0.5), (0.5, 0.5), (), 249, 1.0))[0]
+    assert untried(Tuned({}, {}, (0.5, 0.5), (0.5, 0.5), (0.5, 0.5), (), 249, 1.0)) == []
 
 
 def test_sensitivity_is_the_span_of_the_means() -> None:

@@ -15,7 +15,7 @@ from batches import Silent, make_images, run_batch, snapshot, table
 from PIL import Image
 
 from ffseg.batch.executors.base import Choice
-from ffseg.batch.outputs.table import Wanted
+from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.preview import preview
 from ffseg.batch.record.lock import OutputLock
@@ -24,7 +24,7 @@ from ffseg.errors import OutputError, UsageError
 from ffseg.parameters import load_params
 
 NAMES = [f"{name}.png" for name in "abcdef"]
-ALL = Wanted(True, ("coco", "geojson"))
+ALL = Products(True, ("coco", "geojson"))
 
 
 @pytest.fixture
@@ -50,27 +50,27 @@ def truths(images: Path, folder: Path) -> str:
 
 def test_a_run_over_part_of_the_images_keeps_the_rest(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    run_in(images, out, wanted=ALL)
+    run_in(images, out, products=ALL)
     coco = (out / "coco.json").read_bytes()
     before = table(out / "timings.csv")
-    assert run_in(images / "c.png", out, wanted=ALL).unchanged == 1
+    assert run_in(images / "c.png", out, products=ALL).unchanged == 1
     assert table(out / "timings.csv") == before
     assert (out / "coco.json").read_bytes() == coco
     shutil.copy(images / "d.png", images / "c.png")
-    assert run_in(images / "c.png", out, wanted=ALL).done == 1
+    assert run_in(images / "c.png", out, products=ALL).done == 1
     assert rows(out) == NAMES
-    assert run_in(images, out, wanted=ALL).unchanged == 6
+    assert run_in(images, out, products=ALL).unchanged == 6
 
 
 def test_other_outputs_make_only_what_is_asked_for_and_missing(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    run_in(images, out, wanted=ALL)
+    run_in(images, out, products=ALL)
     assert run_in(images, out).unchanged == 6, "nothing is asked for that is not there"
     assert (out / "coco.json").exists()
     (out / "overlays" / "b.png").unlink()
     assert run_in(images, out).unchanged == 6
     masks = {path: path.stat().st_mtime_ns for path in (out / "masks").iterdir()}
-    summary = run_in(images, out, wanted=ALL)
+    summary = run_in(images, out, products=ALL)
     assert (summary.unchanged, summary.done) == (5, 1)
     assert (out / "overlays" / "b.png").exists()
     assert masks == {path: path.stat().st_mtime_ns for path in (out / "masks").iterdir()}
@@ -109,7 +109,7 @@ def test_an_iou_is_not_taken_over_from_other_parameters(images: Path, tmp_path: 
 
 def test_overwriting_removes_what_belongs_to_no_image_any_longer(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    run_in(images, out, wanted=ALL)
+    run_in(images, out, products=ALL)
     (out / "overlays" / "a.png").write_bytes(b"drawn by hand")
     other = load_params(None, {"contour.degree": 2})
     shutil.copy(images / "b.png", tmp_path / "b.png")
@@ -128,11 +128,11 @@ def test_overwriting_removes_what_belongs_to_no_image_any_longer(images: Path, t
 
 def test_images_that_changed_or_are_gone_leave_the_tables_and_are_named(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    run_in(images, out, wanted=ALL)
+    run_in(images, out, products=ALL)
     shutil.copy(images / "a.png", images / "b.png")
     (images / "c.png").unlink()
     (out / "masks" / "d.png").unlink()
-    summary = run_in(images / "f.png", out, wanted=ALL)
+    summary = run_in(images / "f.png", out, products=ALL)
     assert rows(out) == ["a.png", "e.png", "f.png"]
     stale = json.loads((out / "run.json").read_text())["stale"]
     assert [entry["image"] for entry in stale] == ["b.png", "c.png", "d.png"]
@@ -146,7 +146,7 @@ def test_an_image_that_takes_over_an_output_takes_its_row(tmp_path: Path) -> Non
     make_images(tmp_path / "one", ["x.png", "y.png"])
     make_images(tmp_path / "two", ["x.jpg"])
     out = tmp_path / "out"
-    run_in(tmp_path / "one", out, wanted=ALL)
+    run_in(tmp_path / "one", out, products=ALL)
     run_in(tmp_path / "two", out)
     assert rows(out) == ["x.jpg", "y.png"]
     assert not (out / "overlays" / "x.png").exists()
@@ -194,15 +194,15 @@ def test_every_file_a_job_depends_on_makes_it_stale(images: Path, tmp_path: Path
 
 def test_a_preview_says_what_the_run_does(images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    setup = Setup(params=load_params(), segmenter=stand_in.NAME, wanted=ALL)
+    setup = Setup(params=load_params(), segmenter=stand_in.NAME, products=ALL)
 
     def seen(params=setup.params, overwrite: bool = False) -> list[str]:
-        plan = make_plan([str(images)], str(out), wanted=ALL)
-        return [one.status for one in preview(plan, Setup(params=params, wanted=ALL), overwrite=overwrite)]
+        plan = make_plan([str(images)], str(out), products=ALL)
+        return [one.status for one in preview(plan, Setup(params=params, products=ALL), overwrite=overwrite)]
 
     assert seen() == ["to do"] * 6
     assert not out.exists()
-    run_in(images, out, wanted=ALL)
+    run_in(images, out, products=ALL)
     (out / "overlays" / "b.png").write_bytes(b"")
     (images / "c.png").write_bytes(b"")
     assert seen() == ["unchanged", "to do", "failed", "unchanged", "unchanged", "unchanged"]
@@ -274,7 +274,7 @@ def test_pipes_in_the_place_of_tables_are_not_replaced(name: str, images: Path, 
     out = tmp_path / "out"
     out.mkdir()
     os.mkfifo(out / name)
-    summary = run_in(images, out, wanted=ALL)
+    summary = run_in(images, out, products=ALL)
     assert (summary.done, summary.failed, summary.problems) == (
         len(NAMES), 0, [f"{out / name} is a named pipe and is not replaced; remove it or choose another name"],
     )  # fmt: skip
@@ -316,7 +316,7 @@ def test_fewer_processes_than_asked_for_do_the_work(
 def test_names_that_are_no_utf8_are_readable_in_coco(tmp_path: Path) -> None:
     name = os.fsdecode(b"b\xff.png")
     make_images(tmp_path / "in", ["a\\b.png", name])
-    run_in(tmp_path / "in", tmp_path / "out", wanted=Wanted(exports=("coco", "geojson")))
+    run_in(tmp_path / "in", tmp_path / "out", products=Products(exports=("coco", "geojson")))
     document = (tmp_path / "out" / "coco.json").read_bytes()
     assert [image["file_name"] for image in json.loads(document)["images"]] == ["a\\b.png", "b\\xff.png"]
     document.decode("utf-8")
@@ -325,7 +325,7 @@ def test_names_that_are_no_utf8_are_readable_in_coco(tmp_path: Path) -> None:
 
 def test_long_names_are_refused_where_an_export_does_not_fit(tmp_path: Path) -> None:
     make_images(tmp_path / "in", ["n" * 247 + ".png", "m" * 249 + ".png"])
-    run_in(tmp_path / "in", tmp_path / "out", wanted=Wanted(exports=("geojson",)))
+    run_in(tmp_path / "in", tmp_path / "out", products=Products(exports=("geojson",)))
     errors = {row["image"][0]: row["error"][:8] for row in table(tmp_path / "out" / "timings.csv")}
     assert errors == {"n": "", "m": "bad-name"}
     run_in(tmp_path / "in", tmp_path / "plain")

@@ -5,23 +5,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Event, Reply, Setup, Task
 from ffseg.errors import ParameterError, UsageError
-
-
-class Amount(Protocol):
-    """How much an executor may use."""
-
-    @property
-    def num_workers(self) -> int:
-        """Images worked on at once."""
-
-    @property
-    def timeout(self) -> float:
-        """Seconds an image may take; 0 for no limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +36,10 @@ class Assignment:
 
     Attributes
     ----------
-    choice : Choice
-    setup : Setup
-    amount : Amount
+    num_workers : int
+        Images worked on at once.
+    timeout : float
+        Seconds an image may take; 0 for no limit.
     started : sequence of Process
         Worker processes that are there already; whoever does not use them leaves them to the command.
     stop : int
@@ -64,11 +52,12 @@ class Assignment:
         Digest of the parameters.
     """
 
-    choice: Choice
     setup: Setup
-    amount: Amount
+    num_workers: int
+    timeout: float = 0.0
     started: Sequence[Process] = ()
     stop: int = -1
+    choice: Choice = Choice()
     num_tasks: int = 1
     state: str = ""
     settings: str = ""
@@ -83,10 +72,9 @@ class Executor(ABC):
     executor may give `Ready` (the versions its workers have) and `Note` (something to tell the user).
     """
 
-    @classmethod
     @abstractmethod
-    def begin(cls, assignment: Assignment) -> Executor:
-        """Start it."""
+    def __init__(self, start: Assignment) -> None:
+        """Begin."""
 
     @abstractmethod
     def room(self) -> int:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ffseg.batch.record.values import json_line, parsed_line
-from ffseg.batch.workers.messages import Done, Encoded, Evidence, Failed, Reply, Unchanged
+from ffseg.batch.workers.messages import Digests, Done, Encoded, Failed, Reply, Unchanged
 from ffseg.io.files import make_folder
 
 CHUNKS = "chunks"
@@ -27,7 +27,6 @@ class Chunks:
 
     Attributes
     ----------
-    folder : str
     run : str
         Different for every run.
     """
@@ -76,8 +75,8 @@ def _plain(reply: Reply) -> dict[str, Any]:
     if isinstance(reply, Done):
         parts["outputs"] = [[one.path, one.digest, one.member] for one in reply.outputs]
     if not isinstance(reply, Failed):
-        evidence = reply.evidence
-        parts["evidence"] = [evidence.content, evidence.truth, dict(evidence.files)]
+        digests = reply.digests
+        parts["digests"] = [digests.content, digests.truth, dict(digests.files)]
     return parts
 
 
@@ -97,17 +96,17 @@ def _reply(kind: str, parts: Mapping[str, Any]) -> Reply:
     parts = dict(parts)
     if kind == "Failed":
         return Failed(-1, **{name: str(text) for name, text in parts.items()})
-    content, truth, files = parts.pop("evidence")
+    content, truth, files = parts.pop("digests")
     seen = {role: (path, digest, (int(mark[0]), int(mark[1]))) for role, (path, digest, mark) in files.items()}
-    evidence = Evidence(content, truth, seen)
+    digests = Digests(content, truth, seen)
     kept = tuple(parts.pop("kept"))
     if kind == "Unchanged":
-        return Unchanged(-1, evidence, kept, **parts)
+        return Unchanged(-1, digests, kept, **parts)
     outputs = tuple(
         Encoded(path, None, digest, (str(member[0]), int(member[1]), int(member[2])) if member else None)
         for path, digest, member in parts.pop("outputs")
     )
-    return Done(-1, evidence=evidence, outputs=outputs, kept=kept, **parts)
+    return Done(-1, digests=digests, outputs=outputs, kept=kept, **parts)
 
 
 def left_over(state: str, settings: str) -> Iterator[tuple[str, Reply]]:

@@ -50,7 +50,6 @@ class Order:
 
     Attributes
     ----------
-    setup : Setup
     timeout : float
         Seconds an image may take.
     settings : str
@@ -61,7 +60,6 @@ class Order:
         File of the chunk.
     going : str
         File that is there as long as the chunk is wanted.
-    tasks : tuple of Task
     """
 
     setup: Setup
@@ -92,8 +90,8 @@ class Dask(Executor):
             raise UsageError("--executor dask needs distributed; install it with: pip install 'ffseg[dask]'")
         self._start = start
         self._client, self._cluster = _connect(start)
-        workers = max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]), start.amount.num_workers)
-        self._key = digest(pickle.dumps((start.setup, start.amount.timeout)))
+        workers = max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]), start.num_workers)
+        self._key = digest(pickle.dumps((start.setup, start.timeout)))
         if self._cluster is not None:
             lend(self._key, start)
         self._parts, self._left = workers * CHUNKS_EACH, start.num_tasks
@@ -108,11 +106,6 @@ class Dask(Executor):
         self._poll = select.poll()
         if start.stop >= 0:
             self._poll.register(start.stop, select.POLLIN)
-
-    @classmethod
-    def begin(cls, assignment: Assignment) -> Dask:
-        """As `Executor.begin`."""
-        return cls(assignment)
 
     def room(self) -> int:
         """As `Executor.room`."""
@@ -134,7 +127,7 @@ class Dask(Executor):
         self._size = self._next_size()
         start, self._number = self._start, self._number + 1
         path = self._chunks.path(self._number)
-        order = Order(start.setup, start.amount.timeout, start.settings, self._key, path, self._chunks.going, tasks)
+        order = Order(start.setup, start.timeout, start.settings, self._key, path, self._chunks.going, tasks)
         future = self._client.submit(do_chunk, order, pure=False)
         self._waiting[future] = (tasks, self._number)
         future.add_done_callback(self._ended.put)
@@ -221,7 +214,7 @@ def _connect(start: Assignment) -> tuple[Any, Any]:
     if not address:  # workers that are threads: each has a process of ours that works on the images
         config.set(_QUIET)
         cluster = distributed.LocalCluster(
-            n_workers=start.amount.num_workers,
+            n_workers=start.num_workers,
             threads_per_worker=1,
             processes=False,
             memory_limit=0,
@@ -280,7 +273,7 @@ class _Outputs:
     def __init__(self, order: Order) -> None:
         self._out = order.tasks[0].out
         self._pack: PackWriter | None = None
-        if order.setup.wanted.pack:
+        if order.setup.products.pack:
             state = os.path.dirname(os.path.dirname(order.path))
             self._pack = PackWriter(self._out, new_pack(self._out, state))
 

@@ -39,8 +39,8 @@ _watched: list[threading.Thread] = []
 
 def lend(key: str, start: Assignment) -> None:
     """Let workers of this process have the worker processes that were started with the command."""
-    for process in start.started[: start.amount.num_workers]:
-        _keep(key, Held(Processes(start.setup, 1, start.amount.timeout, [process])))
+    for process in start.started[: start.num_workers]:
+        _keep(key, Held(Processes(Assignment(start.setup, 1, start.timeout, [process]))))
 
 
 @contextlib.contextmanager
@@ -51,7 +51,6 @@ def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterat
     ----------
     key : str
         Digest of what the process is for.
-    setup : Setup
     timeout : float
         Seconds an image may take.
     going : str
@@ -59,7 +58,7 @@ def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterat
     """
     with _changed:
         idle = _idle.get(key)
-        held = idle.pop() if idle else Held(Processes(setup, 1, timeout))
+        held = idle.pop() if idle else Held(Processes(Assignment(setup, 1, timeout)))
         _busy.add(held)
     end_others(key)
     try:

@@ -7,7 +7,7 @@ import os
 import select
 import signal
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from time import monotonic
 from typing import Any
@@ -23,7 +23,6 @@ from ffseg.batch.workers.messages import (
     Ready,
     Refused,
     Reply,
-    Setup,
     Task,
     Unchanged,
     send,
@@ -73,42 +72,20 @@ class Worker:
 
 
 class Processes(Executor):
-    """Workers fed with tasks in order; replies come as they are ready.
+    """Workers fed with tasks in order; replies come as they are ready."""
 
-    Parameters
-    ----------
-    setup : Setup
-    num_workers : int
-    timeout : float
-        Seconds an image may take; 0 for no limit.
-    started : sequence of Process
-        Those that were started before.
-    stop : int
-        A file descriptor that ends the waiting in `replies` when it becomes readable; -1 for none.
-    """
-
-    def __init__(
-        self, setup: Setup, num_workers: int, timeout: float = 0.0, started: Sequence[Process] = (), stop: int = -1
-    ) -> None:
-        self._setup = setup
-        self._num_workers = num_workers
-        self._timeout = timeout
+    def __init__(self, start: Assignment) -> None:
+        self._setup, self._num_workers, self._timeout = start.setup, start.num_workers, start.timeout
         self._waiting: deque[Task] = deque()
         self._workers: list[Worker] = []
         self._poll = select.poll()
         self._stillborn = 0  # workers in a row that died before they were ready
         self._news: list[Event] = []
         self._interrupted = False
-        if stop >= 0:
-            self._poll.register(stop, select.POLLIN)
-        for process in started:
+        if start.stop >= 0:
+            self._poll.register(start.stop, select.POLLIN)
+        for process in start.started:
             self._adopt(process)
-
-    @classmethod
-    def begin(cls, assignment: Assignment) -> Processes:
-        """As `Executor.begin`."""
-        amount = assignment.amount
-        return cls(assignment.setup, amount.num_workers, amount.timeout, assignment.started, assignment.stop)
 
     def room(self) -> int:
         """As `Executor.room`."""

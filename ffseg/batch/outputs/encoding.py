@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from ffseg.batch.outputs.table import Output
 from ffseg.errors import SegmentationError
 from ffseg.io.files import printable
 from ffseg.io.masks import encode_mask
-from ffseg.io.overlays import Polyline, encode_overlay, jpeg_address
+from ffseg.io.overlays import Polyline, encode_cutout, encode_overlay, jpeg_address
 from ffseg.io.svg import svg_document
 from ffseg.plugins import load
 from ffseg.result import Segmentation
@@ -65,6 +65,10 @@ class Context:
         For the animation; the result is added.
     ground : Ground, optional
         Free space of a camera's image in metres.
+    stood : mapping
+        How the camera stood, and how it moved since earlier images.
+    label : str
+        Class of every region.
     """
 
     image: NDArray[np.uint8]
@@ -74,6 +78,8 @@ class Context:
     lines: Sequence[Polyline] = ()
     snapshots: Sequence[Progress] = ()
     ground: Ground | None = None
+    stood: Mapping[str, Any] = field(default_factory=dict)
+    label: str = "region"
 
 
 def encoded(kind: Output, result: Segmentation, context: Context) -> bytes:
@@ -117,25 +123,39 @@ def overlay(result: Segmentation, context: Context) -> bytes:
 
 def coco(result: Segmentation, context: Context) -> bytes:
     """COCO document of the image."""
-    return _document(result, "coco", context.name)
+    return _document(result, "coco", context.name, context.label)
 
 
 def labelme(result: Segmentation, context: Context) -> bytes:
     """LabelMe document of the image, which names it by the path from where the document is stored."""
     folder = os.path.realpath(os.path.dirname(context.target))  # LabelMe opens it from there, without following links
-    return _document(result, "labelme", os.path.relpath(os.path.realpath(context.path), folder).replace(os.sep, "/"))
+    name = os.path.relpath(os.path.realpath(context.path), folder).replace(os.sep, "/")
+    return _document(result, "labelme", name, context.label)
 
 
 def geojson(result: Segmentation, context: Context) -> bytes:
     """GeoJSON document of the image."""
-    return _document(result, "geojson", context.name)
+    return _document(result, "geojson", context.name, context.label)
 
 
-def _document(result: Segmentation, kind: str, name: str) -> bytes:
+def _document(result: Segmentation, kind: str, name: str, label: str) -> bytes:
     from ffseg.io.exports import json_text
-    from ffseg.io.saving.kinds import documents
+    from ffseg.io.saving import documents
 
-    return json_text(documents(result, kind, readable(name))).encode("ascii")
+    return json_text(documents(result, kind, readable(name), label)).encode("ascii")
+
+
+def yolo(result: Segmentation, _: Context) -> bytes:
+    """YOLO segmentation labels of the image."""
+    from ffseg.io.exports import yolo_text
+    from ffseg.io.saving import annotated
+
+    return yolo_text(annotated(result, "")).encode("ascii")
+
+
+def cutout(result: Segmentation, context: Context) -> bytes:
+    """The image inside the region, as a PNG file that is transparent elsewhere."""
+    return encode_cutout(context.image, result.mask)
 
 
 _QUALITY = 90

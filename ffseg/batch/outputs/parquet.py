@@ -13,7 +13,9 @@ from ffseg.io.files import printable, require_replaceable, temporary_path
 
 _BATCH = 20_000
 _TEXTS = frozenset({"image", "status", "error", "method", "stop_reason", "note", "source", "pair", "doubts"})
-_REALS = frozenset({"iou", "start_x", "start_y", "start_radius", "score", "canny_low", "canny_high"})
+_REALS = frozenset(
+    {"iou", "start_x", "start_y", "start_radius", "score", "canny_low", "canny_high", "time_s", "flicker"}
+)
 
 
 def require_parquet() -> None:

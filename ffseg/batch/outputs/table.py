@@ -11,6 +11,13 @@ from ffseg.errors import ParameterError, UsageError
 from ffseg.plugins import EXPORTS, find, home_of
 
 _HERE = "ffseg.batch.outputs"
+PACKS = "packs"
+"""Folder below a state folder with the tar files that are being written."""
+
+
+def tar_name(kind: str) -> str:
+    """Name of the tar file of a kind in the output folder."""
+    return f"{kind}.tar"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +58,9 @@ OVERLAY = Output("overlay", "overlays", ".png", f"{_HERE}.encoding:overlay")
 COCO = Output("coco", "coco", ".json", f"{_HERE}.encoding:coco", f"{_HERE}.encoding:coco_of_all", "coco.json")
 LABELME = Output("labelme", "labelme", ".json", f"{_HERE}.encoding:labelme")
 GEOJSON = Output("geojson", "geojson", ".geojson", f"{_HERE}.encoding:geojson")
+YOLO = Output("yolo", "yolo", ".txt", f"{_HERE}.encoding:yolo")
 SVG = Output("svg", "svg", ".svg", f"{_HERE}.encoding:drawing")
+CUTOUT = Output("cutout", "cutouts", ".png", f"{_HERE}.encoding:cutout")
 FILM = Output("animation", "animations", ".webp", f"{_HERE}.encoding:film")
 STRIP = Output("animation", "animations", ".svg", f"{_HERE}.encoding:strip")
 GROUND = Output("map", "ground", ".geojson", f"{_HERE}.metric:ground")
@@ -59,9 +68,16 @@ SCAN = Output("map", "scans", ".csv", f"{_HERE}.metric:scan_csv")
 SCAN_JSON = Output("map", "scans", ".json", f"{_HERE}.metric:scan_json")
 BIRDS_EYE = Output("map", "birdseye", ".png", f"{_HERE}.metric:picture")
 
-OUTPUTS = (MASK, CONTOURS, OVERLAY, COCO, LABELME, GEOJSON, SVG, FILM, STRIP, GROUND, SCAN, SCAN_JSON, BIRDS_EYE)
+OUTPUTS = (
+    MASK, CONTOURS, OVERLAY, COCO, LABELME, GEOJSON, YOLO, SVG, CUTOUT, FILM, STRIP, GROUND, SCAN, SCAN_JSON, BIRDS_EYE,
+)  # fmt: skip
 """Every kind of ffseg's own, in the order in which they are written."""
-OUTPUT_FOLDERS = (*dict.fromkeys(output.folder for output in OUTPUTS), "panels")
+MAP_FILES = tuple(
+    f"map/{name}" for name in ("map.pgm", "map.yaml", "map.png", "trajectory.csv", "graph.geojson", "graph.graphml")
+)
+"""Of all frames together, where each has a ground."""
+MAP_PICTURE = MAP_FILES[2]
+OUTPUT_FOLDERS = (*dict.fromkeys(output.folder for output in OUTPUTS), "panels", "map")
 """Folders below an output folder whose images are no inputs; ``panels`` is written by ``compare``."""
 
 
@@ -96,19 +112,19 @@ _SUFFIX = re.compile(r"\.[A-Za-z0-9_.-]{1,20}")
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class Products:
     """What is to be written beside masks and contours.
 
     Attributes
     ----------
-    overlay : bool
     exports : tuple of str
         Names that `output_named` takes.
-    animation : bool
     pack : bool
         Into tar files, one for each folder, instead of a file each.
     metric : bool
         In metres, of a camera's images: ground, scan and a picture from above.
+    films : tuple of str
+        Kinds of films made of all frames: ``mask``, ``overlay``, ``cutout``.
     """
 
     overlay: bool = False
@@ -116,6 +132,7 @@ class Wanted:
     animation: bool = False
     pack: bool = False
     metric: bool = False
+    films: tuple[str, ...] = ()
 
     @property
     def kinds(self) -> tuple[Output, ...]:
@@ -126,7 +143,9 @@ class Wanted:
         return (MASK, CONTOURS, *overlay, *map(output_named, self.exports), *films, *metric)
 
 
-MASKS_AND_CONTOURS = Wanted()
+FILM_KINDS = {"mask": "mp4", "overlay": "mp4", "cutout": "webm"}
+"""Films made of the outputs of all frames, as ``--film-out`` names them, and their containers."""
+MASKS_AND_CONTOURS = Products()
 
 
 def read_pack(text: str) -> bool:

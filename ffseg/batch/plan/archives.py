@@ -33,7 +33,6 @@ def members(path: str, suffixes: Collection[str] = SUFFIXES) -> list[Source]:
 
     Parameters
     ----------
-    path : str
     suffixes : collection of str
         Of what counts, in lower case.
 

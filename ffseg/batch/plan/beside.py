@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 
 from ffseg.batch.plan.archives import is_archive, members
 from ffseg.batch.plan.sources import SUFFIXES, Source
@@ -21,7 +21,6 @@ class Beside:
     ----------
     option : str
         Names the folder in messages.
-    folder : str
     suffixes : collection of str
         In lower case. Of files that differ in nothing else, the first by name counts.
     packed : bool
@@ -34,7 +33,7 @@ class Beside:
     """
 
     def __init__(self, option: str, folder: str, suffixes: Collection[str] = SUFFIXES, *, packed: bool = False) -> None:
-        self._folder, self._suffixes = folder, suffixes
+        self.option, self.folder, self._suffixes = option, folder, suffixes
         self._listings: dict[str, dict[str, str]] = {}
         self._packed = packed and is_archive(folder) and os.path.isfile(folder)
         if self._packed:
@@ -57,7 +56,7 @@ class Beside:
     def _path(self, stem: str) -> str:
         place, name = os.path.split(stem)
         if place not in self._listings:
-            self._listings[place] = {} if self._packed else self._by_stem(os.path.join(self._folder, place))
+            self._listings[place] = {} if self._packed else self._by_stem(os.path.join(self.folder, place))
         return self._listings[place].get(name, "")
 
     def _by_stem(self, folder: str) -> dict[str, str]:
@@ -106,16 +105,8 @@ def find_evidence(sources: Iterable[Source], folder: str) -> dict[str, str]:
         If there is no such folder or tar file, or an image has no map in it.
     """
     beside = Beside("--evidence", folder, {*SUFFIXES, ARRAY_SUFFIX}, packed=True)
-    found = {}
-    for source in sources:
-        path = beside.file_of(source, (os.path.splitext(source.name)[0],))
-        if not path:
-            raise UsageError(
-                f"--evidence: {printable(source.name)} has no map of its name in {printable(folder)} (NAME.png, "
-                "NAME.tiff or NAME.npy)"
-            )
-        found[source.name] = path
-    return found
+    missing = "has no map of its name in {} (NAME.png, NAME.tiff or NAME.npy)"
+    return _of_each(sources, beside, lambda name: (os.path.splitext(name)[0],), missing)
 
 
 def find_domains(sources: Iterable[Source], folder: str) -> dict[str, str]:
@@ -128,16 +119,17 @@ def find_domains(sources: Iterable[Source], folder: str) -> dict[str, str]:
     UsageError
         If the folder does not exist, or an image has no mask in it.
     """
-    beside = Beside("domain.masks", folder)
-    found = {}
-    for source in sources:
-        path = beside.file_of(source, _own_or_folders(source.name))
-        if not path:
-            raise UsageError(
-                f"domain.masks: {printable(source.name)} has no mask of its name or of its folder's in "
-                f"{printable(folder)} (NAME.png or FOLDER.png)"
-            )
-        found[source.name] = path
+    missing = "has no mask of its name or of its folder's in {} (NAME.png or FOLDER.png)"
+    return _of_each(sources, Beside("domain.masks", folder), _own_or_folders, missing)
+
+
+def _of_each(
+    sources: Iterable[Source], beside: Beside, stems: Callable[[str], Iterable[str]], missing: str
+) -> dict[str, str]:
+    found = {source.name: beside.file_of(source, stems(source.name)) for source in sources}
+    without = next((name for name, path in found.items() if not path), None)
+    if without is not None:
+        raise UsageError(f"{beside.option}: {printable(without)} {missing.format(printable(beside.folder))}")
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -11,31 +12,41 @@ from ffseg.batch.outputs.table import OUTPUT_FOLDERS
 from ffseg.batch.plan.archives import is_archive, members
 from ffseg.batch.plan.remote import file_system, is_remote
 from ffseg.batch.plan.sources import READ_SUFFIXES, STATE_FOLDER, SUFFIXES, Source, natural_key
-from ffseg.errors import UsageError
+from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.files import SKIP_FILE, is_temporary, printable
+from ffseg.io.films import ANIMATIONS, contents, is_film, require_video
 
 _CHECK = "check the name"
 
 
-def discover(inputs: Sequence[str]) -> list[Source]:
-    """Images named by files, folders and patterns, each once.
+def discover(
+    inputs: Sequence[str | Source], *, film: bool = False, skipped: Counter[str] | None = None
+) -> list[Source]:
+    """Images named by files, folders and patterns, each once; of a film its frames.
 
     Parameters
     ----------
-    inputs : sequence of str
-        Each a file, a folder (walked recursively, natural order), or a pattern with ``*``, ``?``, ``[...]`` or ``**``.
+    inputs : sequence of str or Source
+        Each an image that was found before, a file, a folder (walked recursively, natural order), or a pattern
+        with ``*``, ``?``, ``[...]`` or ``**``.
+    film : bool
+        Take every frame of animations and every page of stacks, not only the first.
+    skipped : Counter, optional
+        Counts files of folders by suffix that are taken for no images.
 
     Raises
     ------
     UsageError
-        If an input does not exist, or holds no image.
+        If an input does not exist, or holds no image, or films cannot be read here.
     """
     found: dict[tuple[str, str], Source] = {}
-    for place, text in enumerate(inputs):
-        sources = _expand(text)
+    skipped = Counter() if skipped is None else skipped
+    for place, given in enumerate(inputs):
+        files = _expand(given, skipped) if isinstance(given, str) else [given]
+        sources = [frame for source in files for frame in frames(source, film=film)]
         if not sources:
             raise UsageError(
-                f"{printable(text)} holds no image; hidden files, outputs of ffseg and folders below with a file "
+                f"{printable(str(given))} holds no image; hidden files, outputs of ffseg and folders below with a file "
                 f"{SKIP_FILE} are left out, and images in a folder need one of the suffixes {READ_SUFFIXES}"
             )
         places: dict[str, str] = {}  # of archives: their members need not ask the disk each
@@ -47,23 +58,57 @@ def discover(inputs: Sequence[str]) -> list[Source]:
     return list(found.values())
 
 
+def frames(source: Source, *, film: bool = False) -> list[Source]:
+    """The frames of a film, called ``film_000123.mp4``; what is none alone, and what cannot be read with its problem.
+
+    Parameters
+    ----------
+    film : bool
+        Whether animations and stacks of pages are films.
+
+    Raises
+    ------
+    UsageError
+        If the package that reads it is not installed.
+    """
+    wanted = is_film(source.path) or (film and source.path.lower().endswith(ANIMATIONS))
+    if not wanted or source.problem or source.span is not None or is_remote(source.path):
+        return [source]
+    require_video(source.path)
+    try:
+        found = contents(source.path)
+    except ImageReadError as error:
+        return [replace(source, problem=f"{error.reason}: {error}")]
+    if len(found.times) == 1 and not is_film(source.path):
+        return [source]
+    stem, end = os.path.splitext(source.name)
+    listed = [
+        replace(source, name=f"{stem}_{number:06d}{end}", span=(number, 1), time=time)
+        for number, time in enumerate(found.times)
+    ]
+    missing = replace(source, name=f"{stem}_{len(listed):06d}{end}", span=(len(listed), 1), problem=found.problem)
+    return [*listed, missing] if found.problem else listed
+
+
 def _identity_of(source: Source) -> str:
     return source.path if "://" in source.path else os.path.realpath(source.path)
 
 
-def _expand(text: str) -> list[Source]:
+def _expand(text: str, skipped: Counter[str]) -> list[Source]:
     if is_remote(text):
         return _remote_sources(text)
     if os.path.isdir(text):
-        return sorted(_walk(text), key=_source_key)
+        return sorted(_walk(text, skipped), key=_source_key)
     if is_archive(text) and os.path.isfile(text):
         return sorted(members(text), key=_source_key)
     if os.path.lexists(text):
         return [Source(text, os.path.basename(text))]
     if not glob.has_magic(text):
-        remedy = "write --list - for names and 'ffseg segment - OUT' for an image on stdin" if text == "-" else _CHECK
+        remedy = (
+            "'ffseg segment - OUT' takes an image on stdin, 'ffseg run - --out -' frames" if text == "-" else _CHECK
+        )
         raise UsageError(f"there is no file or folder {printable(text)}; {remedy}")
-    return _expand_pattern(text)
+    return _expand_pattern(text, skipped)
 
 
 def _remote_sources(url: str) -> list[Source]:
@@ -95,7 +140,7 @@ def _remote_sources(url: str) -> list[Source]:
     ]
 
 
-def _expand_pattern(pattern: str) -> list[Source]:
+def _expand_pattern(pattern: str, skipped: Counter[str]) -> list[Source]:
     base = _fixed_folder(pattern)
     if ".." in pattern[len(base) :].split("/"):  # the name of an output would lead out of the output folder
         raise UsageError(f"the pattern {printable(pattern)} has '..' behind a wildcard; write the folder it leads to")
@@ -106,9 +151,11 @@ def _expand_pattern(pattern: str) -> list[Source]:
     for match in matches:
         if os.path.isdir(match):
             if "**" not in pattern:  # '**' names the files below as well
-                below = sorted(_walk(match), key=_source_key)
+                below = sorted(_walk(match, skipped), key=_source_key)
                 sources += [Source(found.path, _relative(found.path, base), found.problem) for found in below]
-        elif _is_image_name(os.path.basename(match)) and not _is_output(_relative(match, base), base):
+        elif (is_film(match) or _is_image_name(os.path.basename(match))) and not _is_output(
+            _relative(match, base), base
+        ):
             sources.append(Source(match, _relative(match, base)))
     return sources
 
@@ -143,7 +190,7 @@ def _source_key(source: Source) -> tuple[tuple[tuple[bool, int, str], ...], ...]
     return natural_key(source.name)
 
 
-def _walk(root: str) -> Iterator[Source]:
+def _walk(root: str, skipped: Counter[str]) -> Iterator[Source]:
     """Images below a folder; every real folder is entered once, first by its own name, then by links to it."""
     visited: set[tuple[int, int] | None] = set()
     folders, links = [(root, "")], list[tuple[str, str]]()
@@ -159,14 +206,16 @@ def _walk(root: str) -> Iterator[Source]:
             continue
         if prefix and any(entry.name == SKIP_FILE for entry in entries):
             continue
-        skipped = OUTPUT_FOLDERS if any(entry.name == STATE_FOLDER for entry in entries) else ()
+        outputs = OUTPUT_FOLDERS if any(entry.name == STATE_FOLDER for entry in entries) else ()
         for entry in entries:
-            if entry.name.startswith(".") or entry.name in skipped:
+            if entry.name.startswith(".") or entry.name in outputs:
                 continue
             if _is_folder(entry):
                 (links if entry.is_symlink() else folders).append((entry.path, f"{prefix}{entry.name}/"))
             elif _is_image_name(entry.name):
                 yield Source(entry.path, prefix + entry.name)
+            elif not (outputs or is_temporary(entry.name)):
+                skipped[os.path.splitext(entry.name)[1].lower()] += 1
 
 
 def _entries(folder: str) -> list[os.DirEntry[str]] | str:

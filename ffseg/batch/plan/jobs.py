@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from itertools import chain
+from typing import Any
 
-from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, OUTPUT_FOLDERS, Wanted
+from ffseg.batch.outputs.table import (
+    FILM_KINDS,
+    MAP_FILES,
+    MASKS_AND_CONTOURS,
+    OUTPUT_FOLDERS,
+    PACKS,
+    Products,
+    tar_name,
+)
 from ffseg.batch.plan.beside import find_domains, find_evidence, find_truths
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.reading import parted, place_of
-from ffseg.batch.plan.sources import STATE_FOLDER, Source
-from ffseg.batch.tar.members import PACKS, tar_name
+from ffseg.batch.plan.sources import STATE_FOLDER, Source, film_of
 from ffseg.errors import OutputError, UsageError
 from ffseg.io.files import SKIP_FILE, make_folder, printable, write_bytes_atomic
 from ffseg.io.starts import Start, load_starts
@@ -29,7 +39,6 @@ class Job:
     ----------
     index : int
         Place in the input order.
-    source : Source
     stem : str
         Name of its outputs below ``masks/`` and so on, without the suffix.
     truth : str
@@ -45,6 +54,8 @@ class Job:
         Path of its map of evidence, or empty; also one of `depends`.
     domain : str
         Path of its own domain, or empty; also one of `depends`.
+    past : str
+        Mask of the frame before it in its film, below the output folder; or empty.
     """
 
     index: int
@@ -56,6 +67,7 @@ class Job:
     depends: tuple[str, ...] = ()
     evidence: str = ""
     domain: str = ""
+    past: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,35 +76,40 @@ class Plan:
 
     Attributes
     ----------
-    out : str
-    jobs : tuple of Job
-    wanted : Wanted
-    with_truth : bool
     inputs : tuple of str
         What was asked for, as absolute paths and patterns: how the images are found again.
     shard : str
         Name of the shard this is, as ``3-of-8``; empty when it is the whole.
     whole : int
         Images of all shards together.
+    skipped : tuple of (str, int)
+        Suffixes of the files in folders that are taken for no images, and how many there are of each.
     """
 
     out: str
     jobs: tuple[Job, ...]
-    wanted: Wanted = MASKS_AND_CONTOURS
+    products: Products = MASKS_AND_CONTOURS
     with_truth: bool = False
     inputs: tuple[str, ...] = ()
     shard: str = ""
     whole: int = 0
+    skipped: tuple[tuple[str, int], ...] = ()
 
     def outputs(self, job: Job) -> tuple[str, ...]:
         """Outputs of a job, relative to `out`."""
-        return tuple(kind.path(job.stem) for kind in self.wanted.kinds)
+        return tuple(kind.path(job.stem) for kind in self.products.kinds)
 
     @property
     def tars(self) -> tuple[str, ...]:
         """Tar files of the outputs, relative to `out`; none where each is a file of its own."""
-        folders = dict.fromkeys(kind.folder for kind in self.wanted.kinds if self.wanted.pack)
+        folders = dict.fromkeys(kind.folder for kind in self.products.kinds if self.products.pack)
         return tuple(map(tar_name, folders))
+
+    @property
+    def films(self) -> tuple[str, ...]:
+        """Films of all outputs, relative to `out`."""
+        names = dict.fromkeys(film_of(job.source.name) for job in self.jobs) if self.products.films else ()
+        return tuple(f"{name}_{kind}.{FILM_KINDS[kind]}" for name in names for kind in self.products.films)
 
     def written(self, job: Job) -> tuple[str, ...]:
         """Files that a job's outputs are written to, relative to `out`."""
@@ -100,14 +117,14 @@ class Plan:
 
 
 def make_plan(
-    inputs: Sequence[str],
+    inputs: Sequence[str | Source],
     out: str,
     *,
-    wanted: Wanted = MASKS_AND_CONTOURS,
+    products: Products = MASKS_AND_CONTOURS,
     truth: str = "",
     exclude: Sequence[str] = (),
     keep_suffix: bool = False,
-    listed: Sequence[Source] = (),
+    film: bool = False,
 ) -> Plan:
     """Find the inputs, pair them with their outputs and truths, and refuse what cannot work.
 
@@ -115,24 +132,24 @@ def make_plan(
 
     Parameters
     ----------
-    inputs : sequence of str
-    out : str
-    wanted : Wanted
+    inputs : sequence of str or Source
+        As `discover` takes them.
     truth : str
         Folder or tar file of true masks, or empty.
     exclude : sequence of str
         Patterns of relative names, or of folders or files in them, that are left out.
     keep_suffix : bool
         Outputs keep the suffix of their image before their own, so that ``a.jpg`` and ``a.png`` do not collide.
-    listed : sequence of Source
-        Images named one by one, before those of the inputs.
+    film : bool
+        Take every frame of animations and every page of stacks.
 
     Raises
     ------
     UsageError
         If an input is missing, two inputs share an output, or an output would replace an input.
     """
-    sources = without([*listed, *discover(inputs)], exclude)
+    skipped: Counter[str] = Counter()
+    sources = without(discover(inputs, film=film, skipped=skipped), exclude)
     truths: dict[str, str] = {}
     if truth:
         truths = find_truths(sources, truth)
@@ -140,11 +157,11 @@ def make_plan(
         sources = [source for source in sources if os.path.realpath(source.content) not in used]
     stem = _whole_name if keep_suffix else _stem
     jobs = tuple(
-        Job(index, _checked_name(source, stem(source), wanted), stem(source), truths.get(source.name, ""))
+        Job(index, _checked_name(source, stem(source), products), stem(source), truths.get(source.name, ""))
         for index, source in enumerate(sources)
     )
-    asked = tuple(map(place_of, inputs))
-    plan = Plan(out, jobs, wanted, with_truth=bool(truth), inputs=asked)
+    asked = tuple(place_of(text) for text in inputs if isinstance(text, str))
+    plan = Plan(out, jobs, products, with_truth=bool(truth), inputs=asked, skipped=tuple(skipped.most_common()))
     _refuse_collisions(plan)
     _refuse_outputs_over_inputs(plan)
     return plan
@@ -157,40 +174,39 @@ def with_earlier(plan: Plan, chain: Callable[[str], Iterable[str]]) -> Plan:
     return replace(plan, jobs=jobs)
 
 
+def with_past(plan: Plan) -> Plan:
+    """The plan with each frame's predecessor in its film."""
+    last: dict[str, Job] = {}
+    jobs = []
+    for job in plan.jobs:
+        before = last.get(film_of(job.source.name))
+        last[film_of(job.source.name)] = job
+        if before is not None:
+            job = replace(job, earlier=(before.source.content,), past=plan.outputs(before)[0])  # noqa: PLW2901 - the same
+        jobs.append(job)
+    return replace(plan, jobs=tuple(jobs))
+
+
 def with_starts(plan: Plan, path: str, *, partial: bool = False) -> Plan:
-    """The plan with each image's start out of a file; images that cannot even be tried need none, nor, with `partial`, do others.
+    """The plan with each image's start out of a file, if it has one there; with `partial` none needs one.
 
     Raises
     ------
     ParameterError
-        If the file is wrong, or has no row for an image.
+        As `load_starts`.
     """
     starts = load_starts(path, [source.name for source in _tried(plan)], partial=partial)
     return replace(plan, jobs=tuple(replace(job, start=starts.get(job.source.name)) for job in plan.jobs))
 
 
 def with_evidence(plan: Plan, folder: str) -> Plan:
-    """The plan with each image's map of evidence; images that cannot even be tried need none.
-
-    Raises
-    ------
-    UsageError
-        If there is no such folder, or an image has no map in it.
-    """
-    maps = find_evidence(_tried(plan), folder)
-    return _depending(plan, maps, lambda job, path: replace(job, evidence=path))
+    """The plan with each image's map of evidence: as `find_evidence`; images that cannot even be tried need none."""
+    return _depending(plan, "evidence", find_evidence(_tried(plan), folder))
 
 
 def with_domains(plan: Plan, folder: str) -> Plan:
-    """The plan with each image's own domain; images that cannot even be tried need none.
-
-    Raises
-    ------
-    UsageError
-        If there is no such folder, or an image has no mask in it.
-    """
-    masks = find_domains(_tried(plan), folder)
-    return _depending(plan, masks, lambda job, path: replace(job, domain=path))
+    """The plan with each image's own domain: as `find_domains`; images that cannot even be tried need none."""
+    return _depending(plan, "domain", find_domains(_tried(plan), folder))
 
 
 def _tried(plan: Plan) -> list[Source]:
@@ -198,12 +214,13 @@ def _tried(plan: Plan) -> list[Source]:
     return [job.source for job in plan.jobs if not job.source.problem]
 
 
-def _depending(plan: Plan, files: Mapping[str, str], given: Callable[[Job, str], Job]) -> Plan:
+def _depending(plan: Plan, role: str, files: Mapping[str, str]) -> Plan:
     """The plan with each image given its file, by its name, which its result depends on."""
 
     def one(job: Job) -> Job:
         path = files.get(job.source.name, "")
-        return replace(given(job, path), depends=(*job.depends, path)) if path else job
+        given: dict[str, Any] = {role: path, "depends": (*job.depends, path)}
+        return replace(job, **given) if path else job
 
     return replace(plan, jobs=tuple(map(one, plan.jobs)))
 
@@ -234,10 +251,10 @@ def _matches(name: str, pattern: str) -> bool:
     return fnmatchcase(name, pattern) or any(fnmatchcase(part, pattern.rstrip("/")) for part in name.split("/"))
 
 
-def _checked_name(source: Source, stem: str, wanted: Wanted) -> Source:
+def _checked_name(source: Source, stem: str, products: Products) -> Source:
     *folders, last = stem.split("/")
     longest = max(len(os.fsencode(part)) for part in (*folders, ""))
-    suffix = max(len(kind.suffix) for kind in wanted.kinds)
+    suffix = max(len(kind.suffix) for kind in products.kinds)
     if source.problem:
         return source
     if {"", ".", ".."} & set(folders) or last in ("", ".", ".."):  # its outputs would leave the output folder
@@ -297,13 +314,17 @@ def _ignores_case(folder: str) -> bool:
 def _refuse_outputs_over_inputs(plan: Plan) -> None:
     read = {path for job in plan.jobs for path in (job.source.path, job.truth, job.evidence, job.domain)}
     inputs = {_identity(file) for file in {parted(path)[0] for path in read - {""}}} - {None}
-    for job in plan.jobs[:1] if plan.tars else plan.jobs:
-        for output in plan.written(job):
-            path = os.path.join(plan.out, output)
-            if _identity(path) in inputs:
-                raise UsageError(
-                    f"the output {printable(path)} would replace an input image; choose another output folder"
-                )
+    for path in _written(plan):
+        if _identity(path) in inputs:
+            raise UsageError(f"the output {printable(path)} would replace an input image; choose another output folder")
+
+
+def _written(plan: Plan) -> Iterator[str]:
+    """Paths of all files that images' outputs are written to."""
+    fused = MAP_FILES if plan.products.metric else ()
+    jobs = plan.jobs[:1] if plan.tars else plan.jobs
+    outputs = (output for job in jobs for output in plan.written(job))
+    return (os.path.join(plan.out, output) for output in chain(fused, outputs))
 
 
 def _identity(path: str) -> tuple[int, int] | None:
@@ -320,9 +341,7 @@ def foreign_outputs(plan: Plan) -> str:
         return ""
     if not plan.tars and not any(os.path.isdir(os.path.join(plan.out, folder)) for folder in OUTPUT_FOLDERS):
         return ""
-    jobs = plan.jobs[:1] if plan.tars else plan.jobs
-    paths = (os.path.join(plan.out, output) for job in jobs for output in plan.written(job))
-    return next((path for path in paths if os.path.lexists(path)), "")
+    return next((path for path in _written(plan) if os.path.lexists(path)), "")
 
 
 def output_folders(plan: Plan) -> list[str]:
@@ -345,7 +364,7 @@ def prepare_output(plan: Plan, state: str) -> None:
     packs = [os.path.join(state, PACKS)] if plan.tars else []
     for folder in (state, *packs, *output_folders(plan)):
         make_folder(folder)
-    for kind in () if plan.tars else plan.wanted.kinds:
+    for kind in () if plan.tars else plan.products.kinds:
         if kind.folder not in OUTPUT_FOLDERS:  # of a plug-in: its pictures are no inputs of the next run
             write_bytes_atomic(os.path.join(plan.out, kind.folder, SKIP_FILE), b"")
     probe = os.path.join(state, "probe")

@@ -28,7 +28,6 @@ def read_evidence(path: str, limits: Limits | None = None) -> NDArray[np.float32
     ----------
     path : str
         For `read_input`: grey image of 8 or 16 bits, or a NumPy file of these or of numbers from 0 to 1.
-    limits : Limits, optional
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Reading an input wherever it is: a file, a part of one, or a URL."""
+"""Reading an input wherever it is: a file, a member of a tar file, a frame of a film, or a URL."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ import re
 
 from ffseg.batch.plan.remote import is_remote, read_remote
 from ffseg.errors import ImageReadError
-from ffseg.io.files import read_bytes
+from ffseg.io.files import AT_ONCE, read_at, read_bytes
+from ffseg.io.films import ANIMATIONS, FILMS, frame_bytes
 
 Span = tuple[int, int]
-"""Offset and length of a member inside an archive."""
+"""Offset and length of a member inside an archive; number of a frame in a film, and 1."""
 
 _MEMBER = re.compile(r"(.+)#([0-9]+)\+([0-9]+)", re.DOTALL)
-_ARCHIVE = re.compile(r"\.tar/", re.IGNORECASE)
+_ARCHIVE = re.compile(rf"({'|'.join(map(re.escape, ('.tar', *FILMS, *ANIMATIONS)))})/", re.IGNORECASE)
 
 
 def member_path(archive: str, name: str, span: Span) -> str:
-    """One text for a member of a tar file, ``photos.tar/a.png#1536+2048``, that is read like the path of a file."""
+    """One text for a member of a tar file, ``photos.tar/a.png#1536+2048``, or a frame, that is read like a file's path."""
     return f"{archive}/{name}#{span[0]}+{span[1]}"
 
 
@@ -51,7 +52,9 @@ def read_input(path: str, max_bytes: int, span: Span | None = None, *, redirects
         return read_remote(path, max_bytes, redirects=redirects)
     if span is None:
         path, _, span = parted(path)
-    return read_bytes(path, max_bytes) if span is None else _part(path, span, max_bytes)
+    if span is None:
+        return read_bytes(path, max_bytes)
+    return _part(path, span, max_bytes) if path.lower().endswith(".tar") else frame_bytes(path, span[0], max_bytes)
 
 
 def _part(path: str, span: Span, max_bytes: int) -> bytes:
@@ -61,11 +64,11 @@ def _part(path: str, span: Span, max_bytes: int) -> bytes:
     if length > max_bytes:
         raise ImageReadError("too-many-bytes", f"the member has {length} bytes, the limit is {max_bytes}")
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+        descriptor = os.open(path, os.O_RDONLY | AT_ONCE)
     except OSError as error:
         raise ImageReadError("unreadable", f"the archive cannot be read ({os.strerror(error.errno or 0)})") from error
     try:
-        data = os.pread(descriptor, length, offset)
+        data = read_at(descriptor, length, offset)
     except OSError as error:
         raise ImageReadError("unreadable", f"the archive cannot be read ({os.strerror(error.errno or 0)})") from error
     finally:

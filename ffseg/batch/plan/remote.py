@@ -43,8 +43,6 @@ def read_remote(url: str, max_bytes: int, *, redirects: bool = False) -> bytes:
 
     Parameters
     ----------
-    url : str
-    max_bytes : int
     redirects : bool
         Whether HTTP may lead to another host: whoever answers there was not named by anybody here.
 

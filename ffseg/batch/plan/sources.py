@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import posixpath
 import re
 from dataclasses import dataclass
 
 from ffseg.batch.plan.reading import member_path
+from ffseg.io.films import ANIMATIONS, FILMS
 
-READ_SUFFIXES = ".png .jpg .jpeg .jpe .jfif .tif .tiff .bmp .dib .webp .gif .ppm .pgm .pbm .pnm .jp2 .avif"
-_REFUSED = ".heic .heif .jxl .exr .hdr .pfm .pam .j2k .jpx .psd"
+READ_SUFFIXES = ".png .jpg .jpeg .jpe .jfif .tif .tiff .bmp .dib .webp .gif .ppm .pgm .pbm .pnm .jp2 .avif .heic .heif"
+_REFUSED = ".jxl .exr .hdr .pfm .pam .j2k .jpx .psd"
 SUFFIXES = frozenset(f"{READ_SUFFIXES} {_REFUSED}".split())
 """Files of a folder that count as images, also those of formats that are refused: they get a row that says so. A file
 that is named itself is taken whatever its suffix."""
@@ -34,7 +36,9 @@ class Source:
     place : int
         Number of the INPUT it was found under: images stand in the order of these, then of their names.
     span : tuple of (int, int) or None
-        Offset and length in the archive that `path` names.
+        Offset and length in the archive that `path` names; of a frame its number in the film, and 1.
+    time : float or None
+        Seconds of a frame in its film.
     """
 
     path: str
@@ -42,6 +46,7 @@ class Source:
     problem: str = ""
     place: int = 0
     span: tuple[int, int] | None = None
+    time: float | None = None
 
     @property
     def content(self) -> str:
@@ -52,6 +57,15 @@ class Source:
     def told(self) -> str:
         """The path as people know it: that of a member stands behind its archive's."""
         return self.path if self.span is None else f"{self.path}/{self.name}"
+
+
+def film_of(name: str) -> str:
+    """Name of the film an image belongs to: of a frame its film's, else its folder's."""
+    found = _FRAME.fullmatch(name) if name.lower().endswith((*FILMS, *ANIMATIONS)) else None
+    return (found[1] if found else posixpath.dirname(name) or "images").replace("/", "_")
+
+
+_FRAME = re.compile(r"(.+)_\d{6,}\.\w+", re.DOTALL)
 
 
 def natural_key(name: str) -> tuple[tuple[tuple[bool, int, str], ...], ...]:

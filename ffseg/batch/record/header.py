@@ -32,7 +32,8 @@ def run_header(setup: Setup) -> dict[str, Any]:
     files = {key: _digest_of(key, path, setup.max_bytes) for key, path in named.items()}
     views = setup.views
     files["camera"] = digest(views.camera_text().encode()) if views else ""
-    header: dict[str, Any] = json.loads(json.dumps({"parameters": asdict(setup.params), "files": files}))
+    past = {"past": setup.past} if setup.past else {}
+    header: dict[str, Any] = json.loads(json.dumps({"parameters": asdict(setup.params) | past, "files": files}))
     return {"settings": digest(json.dumps(header, sort_keys=True).encode()), **header}
 
 

@@ -15,7 +15,7 @@ from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.streams import atomic_stream
 from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.errors import UsageError
-from ffseg.io.files import printable, unwritten
+from ffseg.io.files import OWN, printable, read_at, unwritten
 
 FORMAT = 2
 """Version of the lines; a journal of another one is not read."""
@@ -46,32 +46,29 @@ def read_header(folder: str) -> dict[str, Any] | None:
     return header if header is not None and header.get("format") == FORMAT else None
 
 
+def journal_lines(folder: str) -> Iterator[bytes]:
+    """Lines of the journal in a state folder, without its header; none where there is none that can be read."""
+    if read_header(folder) is not None:
+        with Path(folder, JOURNAL).open("rb") as file:
+            file.readline()
+            yield from file
+
+
 def read_records(folder: str) -> Iterator[Record]:
     """All records of a journal in the order of their lines; a later one of a name replaces the earlier."""
-    if read_header(folder) is None:
-        return
-    with Path(folder, JOURNAL).open("rb") as file:
-        file.readline()
-        for line in file:
-            record = parsed_record(line)
-            if record is not None:
-                yield record
+    return (record for line in journal_lines(folder) if (record := parsed_record(line)) is not None)
 
 
 def last_records(folder: str) -> dict[str, Record]:
     """The record of each name that is not gone."""
     found: dict[str, Record] = {}
-    if read_header(folder) is None:
-        return found
-    with Path(folder, JOURNAL).open("rb") as file:
-        file.readline()
-        for line in file:
-            name, gone = _subject(line)
-            record = parsed_record(line)
-            if gone:
-                found.pop(name, None)
-            elif record is not None:
-                found[name] = record
+    for line in journal_lines(folder):
+        name, gone = _subject(line)
+        record = parsed_record(line)
+        if gone:
+            found.pop(name, None)
+        elif record is not None:
+            found[name] = record
     return found
 
 
@@ -122,7 +119,7 @@ class Journal:
         with atomic_stream(self._path) as file:
             self._write(file, json_line({"format": FORMAT, **header}))
             self._take_over(folder, {name: index for index, name in enumerate(names)}, file)
-        self._descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC)
+        self._descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | OWN)
 
     def _write(self, file: BinaryIO, line: bytes) -> int:
         place, self._end = self._end, self._end + file.write(line)
@@ -179,7 +176,7 @@ class Journal:
     def _at(self, place: int) -> Record | None:
         line = b""
         while not line.endswith(b"\n"):
-            piece = os.pread(self._descriptor, 4096, place + len(line))
+            piece = read_at(self._descriptor, 4096, place + len(line))
             if not piece:
                 return None
             line += piece[: piece.find(b"\n") + 1 or len(piece)]
@@ -233,7 +230,7 @@ class Journal:
                     others[entry] = end
                 end += file.write(record_line(record))
         os.close(self._descriptor)
-        self._descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC)
+        self._descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | OWN)
         self._places, self._others, self._end = places, others, end
         self._unwritten.clear()
 

@@ -16,6 +16,7 @@ from ffseg.batch.plan.jobs import Job, Plan
 from ffseg.batch.plan.reading import place_of
 from ffseg.batch.plan.sources import order_key
 from ffseg.batch.record.journal import Journal, state_folder
+from ffseg.batch.record.tables import TIME_COLUMN
 from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import Member, output_digest
 from ffseg.batch.tar.writer import PackWriter
@@ -28,7 +29,7 @@ Outputs = Mapping[str, tuple[str, Mark]]
 
 
 @dataclass(frozen=True, slots=True)
-class Settled:
+class Completed:
     """What became of a reply: ``ok``, ``unchanged`` or ``failed`` with its error, and what there is to note."""
 
     index: int
@@ -43,8 +44,6 @@ class Keeper:
 
     Attributes
     ----------
-    plan : Plan
-    journal : Journal
     settings : str
         Digest of the parameters of this run.
     method : str
@@ -73,14 +72,14 @@ class Keeper:
                 record = replace(record, left=self._left(before, record))
             self._remember(reply.index, record)
 
-    def settle(self, replies: Sequence[Reply]) -> list[Settled]:
+    def complete(self, replies: Sequence[Reply]) -> list[Completed]:
         """Write the outputs of replies together, then remember each."""
         begin = perf_counter()
         self._places.clear()
         done = [reply for reply in replies if isinstance(reply, Done)]
         problems = self._written(done)
         spent = (perf_counter() - begin) * 1e3 / max(1, len(done))
-        return [self._settled(reply, problems.get(reply.index, ""), spent) for reply in replies]
+        return [self._completed(reply, problems.get(reply.index, ""), spent) for reply in replies]
 
     def _written(self, replies: Sequence[Done]) -> dict[int, str]:
         """Write the outputs of images, all of them at once where that works; the problems of the others by index."""
@@ -102,7 +101,7 @@ class Keeper:
     def _path(self, output: str) -> str:
         return os.path.join(self.plan.out, output)
 
-    def _settled(self, reply: Reply, problem: str, spent: float) -> Settled:
+    def _completed(self, reply: Reply, problem: str, spent: float) -> Completed:
         before = self.journal.get(reply.index)
         if isinstance(reply, Unchanged) and before is not None:
             record, status = self._confirmed(reply, before), "unchanged"
@@ -116,7 +115,7 @@ class Keeper:
             self.journal.forget(reply.index)  # whatever happens now, the earlier line is no longer true
             self._remember(reply.index, record)
         ended = "failed" if record.status == "failed" else status
-        return Settled(reply.index, ended, record.row["error"], record.row.get("note") or "")
+        return Completed(reply.index, ended, record.row["error"], record.row.get("note") or "")
 
     def _remember(self, index: int, record: Record) -> None:
         try:
@@ -127,7 +126,7 @@ class Keeper:
     def _done(self, reply: Done, before: Record | None, spent: float) -> Record:
         """Record of an image whose outputs are written, in so many milliseconds."""
         job = self.plan.jobs[reply.index]
-        row = {"status": "ok", "error": "", **reply.row}
+        row = {"status": "ok", "error": "", **reply.row, **_time_of(job)}
         row["write_ms"] += spent
         row["total_ms"] += spent
         row = {column: round(cell, 3) if column.endswith("_ms") else cell for column, cell in row.items()}
@@ -144,12 +143,12 @@ class Keeper:
             status="ok",
             version=__version__,
             settings=self.settings,
-            content=reply.evidence.content,
+            content=reply.digests.content,
             outputs={**kept, **written},
             row=row,
             extra=reply.extra,
-            truth=reply.evidence.truth,
-            files=reply.evidence.files,
+            truth=reply.digests.truth,
+            files=reply.digests.files,
             order=self._order(job, before),
             members={**_members_of(before, kept), **members},
         )
@@ -161,11 +160,11 @@ class Keeper:
         """Record of an image that was not done again; its IoU may have been measured anew."""
         job = self.plan.jobs[reply.index]
         outputs = {path: before.outputs[path] for path in reply.kept}
-        files = {**before.files, **reply.evidence.files}
+        files = {**before.files, **reply.digests.files}
         record = replace(before, outputs=outputs, files=files, members=_members_of(before, outputs))
         if reply.scored:
             row = {**record.row, "iou": reply.iou}
-            return _judged(replace(record, row=row, truth=reply.evidence.truth), reply.problem)
+            return _judged(replace(record, row=row, truth=reply.digests.truth), reply.problem)
         if not job.truth and before.status == "failed":  # its true mask was wrong, and is not asked for
             row = {key: cell for key, cell in record.row.items() if key != "iou"}
             files = {role: file for role, file in record.files.items() if role != "truth"}
@@ -181,7 +180,7 @@ class Keeper:
                 message += f"; see {self._log_name()} in the output folder"
         else:
             reason, message = "output", problem
-        row = {"status": "failed", "error": f"{reason}: {message}", "method": self.method}
+        row = {"status": "failed", "error": f"{reason}: {message}", "method": self.method, **_time_of(job)}
         path = place_of(job.source.content)
         left = before.outputs if before is not None and reason == "output" else {}
         return Record(
@@ -226,6 +225,11 @@ class Keeper:
             self.tell(str(error))
 
 
+def _time_of(job: Job) -> dict[str, float]:
+    """Cell of a frame's time in its film."""
+    return {} if job.source.time is None else {TIME_COLUMN: job.source.time}
+
+
 def _members_of(record: Record | None, outputs: Mapping[str, Any]) -> dict[str, Member]:
     """Where those of the outputs lie that are no files of their own."""
     known = {} if record is None else record.members
@@ -255,7 +259,6 @@ def retire(out: str, outputs: Mapping[str, str], members: Mapping[str, Member]) 
 
     Parameters
     ----------
-    out : str
     outputs : mapping of str to str
         Path below `out` to the digest of what was written there.
     members : mapping of str to Member

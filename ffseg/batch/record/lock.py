@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
+import sys
 from types import TracebackType
 
 from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.journal import refuse_special
 from ffseg.errors import OutputError, UsageError
-from ffseg.io.files import make_folder, printable, unwritten
+from ffseg.io.files import OWN, make_folder, printable, unwritten
+
+if sys.platform == "win32":
+    from msvcrt import LK_NBLCK, locking
+
+    def take(descriptor: int) -> None:
+        """Lock an open file, or raise an ``OSError``: ``EACCES`` or ``EAGAIN`` if another process has."""
+        locking(descriptor, LK_NBLCK, 1)
+else:
+    from fcntl import LOCK_EX, LOCK_NB, lockf
+
+    def take(descriptor: int) -> None:
+        """Lock an open file, or raise an ``OSError``: ``EACCES`` or ``EAGAIN`` if another process has."""
+        lockf(descriptor, LOCK_EX | LOCK_NB)
 
 
 class OutputLock:
@@ -37,11 +50,11 @@ class OutputLock:
         path = os.path.join(self._folder, "lock")
         refuse_special(path)
         try:
-            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | OWN, 0o666)
         except OSError as error:
             raise unwritten(path, error) from error
         try:
-            fcntl.lockf(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            take(self._descriptor)
         except OSError as error:
             self._close()
             if error.errno in (errno.EACCES, errno.EAGAIN):

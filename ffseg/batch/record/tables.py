@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
-from ffseg.batch.outputs.table import OUTPUTS, Output
+from ffseg.batch.outputs.table import MAP_FILES, OUTPUTS, Output
 from ffseg.batch.record.streams import write_stream
 from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import output_bytes
@@ -27,6 +28,10 @@ EDGES = ("source", "score", "canny_low", "canny_high", "doubts")
 """What decided where edges are, how sure the result is (0 to 1), the thresholds in grey levels per pixel, and why not sure."""
 START_COLUMNS = ("start_x", "start_y", "start_radius")
 """With ``--starts``: the start circle of the image, in pixels."""
+TIME_COLUMN = "time_s"
+"""Of frames: seconds after the first of the film."""
+PAST_COLUMNS = ("flicker", "steady_px")
+"""With ``--flicker`` and ``--steady``: one less the IoU with the mask before, carried by motion; pixels that the past changed."""
 OBSTACLE_COLUMNS = (
     "image", "component", "area_px", "centroid_x", "centroid_y", "matched_points", "max_altitude_m", "verdict",
     "against", "ground_x_m", "ground_y_m", "track",
@@ -38,23 +43,35 @@ TOGETHER = 10_000
 Pieces = Iterator[bytes]
 
 
-class Records(Protocol):
-    """The records that stand in the tables; see `Standing`."""
+@dataclass(slots=True)
+class Records(ABC):
+    """The records that stand in the tables, gone through as often as needed and never held together.
 
-    @property
-    def count(self) -> int:
-        """How many there are."""
+    Attributes
+    ----------
+    columns : set of str
+        Of all rows together.
+    with_outputs : set of str
+        Folders of outputs that any record has.
+    left : list of str
+        Outputs that belong to no image any longer, but hold something else than was written.
+    """
 
-    @property
-    def columns(self) -> set[str]:
-        """Of all rows together."""
+    count: int = field(default=0, init=False)
+    columns: set[str] = field(default_factory=set, init=False)
+    with_outputs: set[str] = field(default_factory=set, init=False)
+    left: list[str] = field(default_factory=list, init=False)
 
-    @property
-    def with_outputs(self) -> set[str]:
-        """Folders of outputs that any record has."""
-
+    @abstractmethod
     def records(self) -> Iterator[Record]:
         """Records in the order of the tables, anew at every call."""
+
+    def note(self, record: Record) -> None:
+        """Take a record into account."""
+        self.count += 1
+        self.columns |= record.row.keys()
+        self.with_outputs |= {path.split("/", 1)[0] for path in record.outputs}
+        self.left += record.left
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +84,6 @@ class Tables:
         Folder of the images' outputs.
     folder : str
         Folder of the tables: the same, or a shard's.
-    standing : Records
     camera : bool
         Whether components were tested.
     asked : set of str
@@ -76,26 +92,31 @@ class Tables:
         Write ``timings.parquet``, too.
     kinds : tuple of Output
         That may have to be merged.
+    films : tuple of str
+        Kinds of outputs to be written as films, too.
     """
 
     out: str
     folder: str
-    standing: Records
+    survey: Records
     camera: bool = False
     asked: frozenset[str] = field(default_factory=frozenset)
     parquet: bool = False
     kinds: tuple[Output, ...] = OUTPUTS
+    films: tuple[str, ...] = ()
 
     def columns(self) -> tuple[str, ...]:
         """Columns of ``timings.csv``."""
-        there = self.standing.columns | self.asked
+        there = self.survey.columns | self.asked
         iou = ("iou",) if "iou" in there else ()
         starts = START_COLUMNS if "start_x" in there else ()
-        return (*TIMING_COLUMNS, *iou, "stop_reason", "note", *EDGES, *(("pair",) if self.camera else ()), *starts)
+        pair, time = ("pair",) if self.camera else (), (TIME_COLUMN,) if TIME_COLUMN in there else ()
+        past = tuple(column for column in PAST_COLUMNS if column in there)
+        return (*TIMING_COLUMNS, *iou, "stop_reason", "note", *EDGES, *pair, *starts, *time, *past)
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of ``timings.csv``."""
-        for record in self.standing.records():
+        for record in self.survey.records():
             yield {"image": printable(record.name), **record.row}
 
     def pieces(self) -> dict[str, Pieces]:
@@ -104,7 +125,7 @@ class Tables:
         made = {TIMINGS: csv_lines(columns, ([row.get(column) for column in columns] for row in self.rows()))}
         if self.camera:
             made[OBSTACLES] = csv_lines(OBSTACLE_COLUMNS, self._obstacles())
-        there = self.standing.with_outputs | self.asked
+        there = self.survey.with_outputs | self.asked
         for output in self.kinds:
             if output.merge and output.folder in there:
                 made[output.merged] = load(output.merge)(self._contents(output))
@@ -113,8 +134,8 @@ class Tables:
     def _obstacles(self) -> Iterator[list[Any]]:
         from ffseg.batch.sightings import numbered
 
-        lines = {printable(record.name): record.extra for record in self.standing.records()}
-        found = numbered(map(printable, in_time(self.standing.records())), lines)
+        lines = {printable(record.name): record.extra for record in self.survey.records()}
+        found = numbered(map(printable, in_time(self.survey.records())), lines)
         for name in lines:
             yield from ([name, *(line.get(column) for column in OBSTACLE_COLUMNS[1:])] for line in found[name])
 
@@ -122,7 +143,7 @@ class Tables:
         """Gives the contents of all outputs of a kind, in the order of the tables."""
 
         def contents() -> Iterator[bytes]:
-            for record in self.standing.records():
+            for record in self.survey.records():
                 for path in record.outputs:
                     if path.startswith(f"{output.folder}/") and path.endswith(output.suffix):
                         with contextlib.suppress(ImageReadError):  # removed in this very moment
@@ -136,7 +157,11 @@ class Tables:
         names = [*tables, *((PARQUET,) if self.parquet else ())]
         if self.parquet:
             self._write_parquet(tell)
-        if self.standing.count > TOGETHER:
+        if self.films:
+            from ffseg.batch.record.films import write_films
+
+            names += write_films(self.out, self.films, self.survey, tell)
+        if self.survey.count > TOGETHER:
             self._write_each(tables.items(), tell)
             return names
         whole = [(os.path.join(self.folder, name), b"".join(pieces)) for name, pieces in tables.items()]
@@ -187,6 +212,6 @@ def json_bytes(value: Mapping[str, Any]) -> bytes:
 def remove_old(folder: str, before: Sequence[str], now: Sequence[str]) -> None:
     """Remove tables that an earlier run wrote and this one has nothing for."""
     for name in set(before) - set(now):
-        if name == os.path.basename(name):
+        if name == os.path.basename(name) or name in MAP_FILES:
             with contextlib.suppress(OSError):
                 os.unlink(os.path.join(folder, name))

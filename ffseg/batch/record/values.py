@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ffseg.batch.tar.members import Member
-from ffseg.batch.workers.messages import Known, Mark
+from ffseg.batch.workers.messages import Mark, Recorded
 
 File = tuple[str, str, Mark]
 """Path, digest and mark."""
@@ -40,7 +40,7 @@ class Record:
     truth : str
         Digest of the true mask its IoU was measured with.
     files : mapping of str to File
-        What it was made from, by what each file is for (`Evidence.files`).
+        What it was made from, by what each file is for (`Digests.files`).
     left : sequence of str
         Paths below the output folder where it had an output that now holds something else: not ours to remove, but named.
     order : str
@@ -69,9 +69,9 @@ class Record:
         return bool(self.content)
 
     @property
-    def known(self) -> Known:
+    def recorded(self) -> Recorded:
         """What a worker is told of it."""
-        return Known(
+        return Recorded(
             self.content, self.truth, {path: digest for path, (digest, _) in self.outputs.items()}, self.members
         )
 

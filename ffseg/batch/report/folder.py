@@ -17,8 +17,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from ffseg.batch.outputs.table import tar_name
 from ffseg.batch.tar.index import listed
-from ffseg.batch.tar.members import Member, output_bytes, tar_name
+from ffseg.batch.tar.members import Member, output_bytes
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.files import printable, read_bytes
 from ffseg.io.tables import names_meant_by
@@ -47,7 +48,6 @@ class OutputFolder:
 
     Attributes
     ----------
-    path : Path
     kind : str
         ``run`` or ``compare``.
     rows : list of dict
@@ -109,7 +109,6 @@ def read_folder(path: Path, inputs: Sequence[str] = ()) -> OutputFolder:
 
     Parameters
     ----------
-    path : Path
     inputs : sequence of str
         Where the images are; without it, what ``run.json`` says.
 
@@ -140,7 +139,6 @@ def sources(folder: OutputFolder, images: Sequence[str]) -> dict[str, str]:
 
     Parameters
     ----------
-    folder : OutputFolder
     images : sequence of str
         Names as the tables show them.
     """

@@ -3,6 +3,7 @@
   const report = JSON.parse(document.getElementById("data").textContent);
   const UNITS = 100; // of the packed paths in a pixel
   const STAGES = ["decode_ms", "edges_ms", "evolve_ms", "obstacles_ms", "write_ms"];
+  const DOUBTS = { empty: "empty", filled: "fills its domain", border: "follows the border", early: "stopped early", start: "start across an edge" };
   const MOST_FAILURES = 200, MOST_PARTS = 500;
   const $ = (id) => document.getElementById(id);
   const NS = "http://www.w3.org/2000/svg";
@@ -20,7 +21,8 @@
   const entries = report.images.map((image, index) => ({
     ...image, index, card: null,
     failed: image.rows.some((row) => row.status === "failed"),
-    haystack: [image.name, ...image.rows.flatMap((row) => [row.error, row.method, row.stop_reason])].join("\n").toLowerCase(),
+    hopeless: image.rows.every((row) => row.status === "failed"),
+    haystack: [image.name, ...image.rows.flatMap((row) => [row.error, row.method, row.stop_reason, row.note])].join("\n").toLowerCase(),
   }));
   const has = (key) => entries.some((entry) => entry.rows.some((row) => typeof row[key] === "number"));
   let shown = entries, method = methods[0], open = null;
@@ -67,7 +69,8 @@
   const layer = (entry, parts) => {
     const row = entry.rows.find((candidate) => candidate.width) ?? {};
     const box = `0 0 ${(row.width ?? 1) * UNITS} ${(row.height ?? 1) * UNITS}`;
-    return draw("svg", { viewBox: box, "aria-hidden": "true" }, ...parts.map(drawnPart));
+    const fill = draw("path", { d: parts.map((part) => part.d ?? "").join(""), class: "fill" });
+    return draw("svg", { viewBox: box, "aria-hidden": "true" }, fill, ...parts.map(drawnPart));
   };
 
   // --- pictures ------------------------------------------------------------------------------------------------
@@ -91,8 +94,9 @@
     if (entry.furnished) return;
     entry.furnished = true;
     const place = entry.card.querySelector(".picture");
-    place.replaceChildren(picture(entry, entry.thumbnail ? [] : ["overlay", "panel", "image", "mask"]));
-    if (entry.pictures.overlay || !entry.pictures.image) return;
+    const drawn = ["overlay", "panel", "image", "mask"], plain = ["image", "overlay", "mask"];
+    place.replaceChildren(picture(entry, entry.thumbnail ? [] : entry.contours ? plain : drawn));
+    if (!entry.contours) return;
     const parts = await partsOf(entry);
     if (entry.furnished) place.append(layer(entry, parts)); // not scrolled away meanwhile
   };
@@ -106,22 +110,28 @@
   const summaryOf = (entry) => {
     const row = rowOf(entry);
     if (row.status !== "ok") return [methods.length > 1 ? row.method : "", row.error || row.status].filter(Boolean).join(": ");
-    const facts = [];
+    const facts = [], sorted = $("sort").value;
     if (methods.length > 1) facts.push(row.method);
+    if (typeof row.score === "number") facts.push(`score ${row.score.toFixed(2)}`);
     if (typeof row.iou === "number") facts.push(`IoU ${row.iou.toFixed(4)}`);
-    if (typeof row.total_ms === "number") facts.push(`${number(row.total_ms)} ms`);
+    if (typeof row.area_px === "number" && row.width > 0) facts.push(`area ${row.area_px} px (${(100 * row.area_px / row.width / row.height).toFixed(1)} %)`);
+    if (typeof row.total_ms === "number" && (methods.length > 1 || sorted.endsWith("_ms"))) facts.push(`${number(row.total_ms)} ms`);
     if (typeof row.holes === "number") facts.push(`${row.holes} ${row.holes === 1 ? "hole" : "holes"}`);
     return facts.join(", ");
   };
+  const doubtsOf = (entry) => String(rowOf(entry).doubts ?? "").split(" ").filter(Boolean);
+  const notesOf = (entry) => [doubtsOf(entry).map((name) => DOUBTS[name] ?? name).join(", "), rowOf(entry).note].filter(Boolean).join("; ");
   const cardOf = (entry) => {
     if (!entry.card) {
       const place = make("span", { class: "picture" });
-      const parts = [place, make("span", { class: "name", title: entry.name }, entry.name), make("span", { class: "numbers" })];
-      const classes = ["card", entry.failed ? "failed" : "", entry.failed && !kinds(entry).length ? "wordy" : ""].filter(Boolean).join(" ");
+      const parts = [place, make("span", { class: "name", title: entry.name }, entry.name), make("span", { class: "numbers" }), make("span", { class: "note" })];
+      const classes = ["card", entry.failed ? "failed" : "", entry.hopeless ? "wordy" : ""].filter(Boolean).join(" ");
       entry.card = make("button", { type: "button", class: classes, "data-index": entry.index }, ...parts);
       sight.observe(entry.card);
     }
     entry.card.querySelector(".numbers").textContent = summaryOf(entry);
+    const note = notesOf(entry), place = entry.card.querySelector(".note");
+    [place.textContent, place.title] = [note, note];
     return entry.card;
   };
 
@@ -145,8 +155,8 @@
 
   // --- sorting and filtering -----------------------------------------------------------------------------------
 
-  const SORTS = [["look", "what needs a look"], ["", "table order"], ["score", "score"], ["name", "name"], ["iou", "IoU"], ["total_ms", "total time"], ["evolve_ms", "time of the evolution"],
-    ["holes", "holes"], ["components", "components"], ["iterations", "iterations"], ["final_points", "control points"], ["area_px", "area"]];
+  const SORTS = [["look", "what needs a look"], ["", "table order"], ["score", "score"], ["area_px", "area"], ["note", "doubts and notes"], ["name", "name"], ["iou", "IoU"], ["total_ms", "total time"], ["evolve_ms", "time of the evolution"],
+    ["holes", "holes"], ["components", "components"], ["iterations", "iterations"], ["final_points", "control points"]];
   const RANGES = ["iou", "total_ms", "holes"];
   const bound = (id) => $(id).value === "" ? null : Number($(id).value);
 
@@ -154,6 +164,8 @@
     const words = $("text").value.toLowerCase().split(/\s+/).filter(Boolean), status = $("status").value;
     if (!words.every((word) => entry.haystack.includes(word))) return false;
     if (status && (status === "failed") !== entry.failed) return false;
+    const doubt = $("doubt").value, found = doubtsOf(entry);
+    if (doubt && (doubt === "any" ? !found.length : doubt === "none" ? found.length || entry.failed : !found.includes(doubt))) return false;
     return RANGES.every((key) => {
       const value = rowOf(entry)[key], low = bound(`${key}-min`), high = bound(`${key}-max`);
       if (low === null && high === null) return true;
@@ -162,9 +174,13 @@
   };
   const compared = (key, sign) => (a, b) => {
     if (a.failed !== b.failed) return a.failed ? -1 : 1; // failures on top
-    if (key === "look") { // notes, then low scores
+    if (key === "look") { // doubts, notes, then low scores
       const [one, two] = [rowOf(a), rowOf(b)];
-      return sign * (!!two.note - !!one.note || (one.score ?? 2) - (two.score ?? 2)) || a.index - b.index;
+      return sign * (!!two.doubts - !!one.doubts || !!two.note - !!one.note || (one.score ?? 2) - (two.score ?? 2)) || a.index - b.index;
+    }
+    if (key === "note") {
+      const [one, two] = [notesOf(a), notesOf(b)];
+      return !one - !two || sign * one.localeCompare(two) || a.index - b.index;
     }
     if (!key) return sign * (a.index - b.index);
     const [left, right] = key === "name" ? [a.name, b.name] : [rowOf(a)[key], rowOf(b)[key]];
@@ -190,7 +206,9 @@
 
   const tiles = () => {
     const facts = [["images", shown.length], ["failed", shown.filter((entry) => entry.failed).length]];
-    for (const [key, label] of [["iou", "median IoU"], ["total_ms", "median ms"], ["holes", "median holes"]]) {
+    const doubted = shown.filter((entry) => doubtsOf(entry).length).length;
+    if (doubted) facts.push(["doubtful", doubted]);
+    for (const [key, label] of [["score", "median score"], ["iou", "median IoU"], ["total_ms", "median ms"], ["holes", "median holes"]]) {
       const values = columnOf(shown, key);
       if (values.length) facts.push([methods.length > 1 ? `${label}, ${method}` : label, number(median(values))]);
     }
@@ -274,6 +292,7 @@
     const found = [];
     if (dotsOf("total_ms").length) found.push(timePlot(), stagePlot());
     if (dotsOf("iou").length) found.push(qualityPlot());
+    if (report.map) found.push(framed("Map of the drive and its ways", make("a", { href: "map/map.png" }, make("img", { src: report.map, alt: "map" }))));
     $("plots").replaceChildren(...found);
   };
 
@@ -359,10 +378,14 @@
     if (open !== entry || !parts.length) return; // another image was opened meanwhile
     const drawn = layer(entry, parts);
     $("layers").append(drawn);
-    if ($("facts").firstChild) $("facts").firstChild.after(partTable(parts, [...drawn.children]));
+    if ($("facts").firstChild) $("facts").firstChild.after(partTable(parts, [...drawn.querySelectorAll(".part")]));
     toggleContours();
   };
   const toggleContours = () => $("layers").querySelector("svg")?.toggleAttribute("hidden", !$("contours").checked);
+  const fillRegions = (on) => {
+    $("filled").checked = on;
+    document.body.classList.toggle("filled", on);
+  };
   const step = (by) => {
     const at = shown.indexOf(open) + by;
     if (at >= 0 && at < shown.length) show(shown[at]);
@@ -376,6 +399,7 @@
 
   const viewerKeys = {
     ArrowLeft: () => step(-1), ArrowRight: () => step(1), "+": () => zoom(1.5), "=": () => zoom(1.5), "-": () => zoom(1 / 1.5), 0: fit,
+    f: () => fillRegions(!$("filled").checked),
     c: () => { $("contours").checked = !$("contours").checked; toggleContours(); },
     b: () => {
       const buttons = [...$("backdrops").children], at = buttons.findIndex((button) => button.getAttribute("aria-pressed") === "true");
@@ -397,6 +421,7 @@
     } else if (!typing && !$("help").open) {
       if (event.key === "/") { event.preventDefault(); $("text").focus(); }
       else if (event.key === "?") $("help").showModal();
+      else if (event.key === "f") fillRegions(!$("filled").checked);
       else sheetKey(event);
     }
   });
@@ -433,7 +458,8 @@
   });
   $("filters").addEventListener("input", soon);
   $("filters").addEventListener("submit", (event) => event.preventDefault());
-  $("filters").addEventListener("reset", () => setTimeout(soon));
+  $("filters").addEventListener("reset", () => setTimeout(() => { soon(); fillRegions(false); }));
+  $("filled").addEventListener("change", () => fillRegions($("filled").checked));
   $("method").addEventListener("change", () => { method = $("method").value; });
 
   const failures = () => {
@@ -452,6 +478,17 @@
       status === "interrupted" ? "interrupted: not all images are here" : null, ...problems];
     $("about").textContent = facts.filter(Boolean).join(", ");
   };
+  const doubts = () => {
+    const counts = new Map();
+    for (const name of entries.flatMap(doubtsOf)) counts.set(name, (counts.get(name) ?? 0) + 1);
+    const doubted = entries.filter((entry) => doubtsOf(entry).length).length;
+    const options = [["any", "any", doubted], ["none", "none", entries.filter((entry) => !entry.failed).length - doubted],
+      ...[...counts].map(([name, count]) => [name, DOUBTS[name] ?? name, count])];
+    $("doubt-label").hidden = !doubted;
+    $("doubt").append(...options.map(([value, label, count]) => make("option", { value }, `${label} (${count})`)));
+  };
+  const narrow = matchMedia("(max-width: 800px)");
+  const fold = () => { $("fold").open = !narrow.matches; };
   const start = () => {
     $("title").textContent = report.title;
     $("sheet").classList.toggle("panels", report.kind === "compare");
@@ -462,14 +499,17 @@
       $("parameters").firstElementChild.textContent = parameterTitle();
       $("parameters").append(parameterTable());
     }
-    $("sort").append(...SORTS.filter(([key]) => !key || key === "name" || has(key === "look" ? "score" : key)).map(([key, label]) => make("option", { value: key }, label)));
+    $("sort").append(...SORTS.filter(([key]) => !key || key === "name" || (key === "note" ? entries.some(notesOf) : has(key === "look" ? "score" : key))).map(([key, label]) => make("option", { value: key }, label)));
     $("method-label").hidden = methods.length < 2;
     $("method").append(...methods.map((name) => make("option", { value: name }, name)));
     $("range-iou").hidden = !has("iou");
+    doubts();
+    fold();
     refresh();
     fromHash();
   };
   addEventListener("hashchange", fromHash);
   addEventListener("resize", measure);
+  narrow.addEventListener("change", fold);
   start();
 })();

@@ -12,6 +12,7 @@ from typing import Any
 from urllib.parse import quote
 
 from ffseg import __version__
+from ffseg.batch.outputs.table import MAP_PICTURE
 from ffseg.batch.report.contours import packed_components, read_contours
 from ffseg.batch.report.folder import MAX_CELL, OutputFolder, Row, read_folder, sources
 from ffseg.batch.report.page import page
@@ -40,7 +41,6 @@ def write_report(folder: str | os.PathLike[str], inputs: Sequence[str] = (), emb
 
     Parameters
     ----------
-    folder : path
     inputs : sequence of str
         Where the images are, as given to ``run``; without it, what ``run.json`` says under ``inputs``. Images that are
         found nowhere are shown by their overlay or mask.
@@ -69,6 +69,7 @@ def write_report(folder: str | os.PathLike[str], inputs: Sequence[str] = (), emb
         "failed": failed,
         "about": _about(found.run),
         "parameters": _parameters(found.run.get("parameters")),
+        "map": thumbnail(found.path / MAP_PICTURE),
         "images": list(_images(found, embed_bytes)),
     }
     target = found.path / REPORT
@@ -129,16 +130,24 @@ def _images(found: OutputFolder, embed_bytes: int) -> Iterator[dict[str, Any]]:
         done = any(row.get("status") == "ok" for row in rows)
         readable = done or not _unreadable(rows)
         pictures = _pictures(found, name, images.get(name, ""), done=done) if readable else {}
+        entry["contours"], spent = _contours(found, name) if done and room > 0 else ("", 0)
+        room -= spent
         if embed_bytes > 0 and pictures:
-            best = pictures.get("overlay") or pictures.get("panel") or pictures.get("image") or pictures["mask"]
-            data = found.packed(best)
-            entry["thumbnail"] = thumbnail_of(data) if data else thumbnail(found.path / best)
+            entry["thumbnail"] = _thumbnail(found, pictures, images.get(name, "") if entry["contours"] else "")
             embed_bytes -= len(entry["thumbnail"])
         linked = {kind: path for kind, path in pictures.items() if path not in found.members}
         entry["pictures"] = {kind: quote(os.fsencode(path)) for kind, path in linked.items()}
-        entry["contours"], spent = _contours(found, name) if done and room > 0 else ("", 0)
-        room -= spent
         yield entry
+
+
+def _thumbnail(found: OutputFolder, pictures: Mapping[str, str], source: str) -> str:
+    """The image, for contours that are drawn over it; where there is none, the picture that shows most."""
+    plain = thumbnail(source) if source else ""
+    if plain:
+        return plain
+    best = next(pictures[kind] for kind in ("overlay", "panel", "image", "mask") if kind in pictures)
+    data = found.packed(best)
+    return thumbnail_of(data) if data else thumbnail(found.path / best)
 
 
 def _unreadable(rows: Sequence[Row]) -> bool:

@@ -15,18 +15,19 @@ from pathlib import Path
 from typing import Any
 
 from ffseg import __version__
+from ffseg.batch.outputs.table import GROUND
 from ffseg.batch.plan.sources import STATE_FOLDER
+from ffseg.batch.record.finish import is_gone, relocated
 from ffseg.batch.record.header import changes
-from ffseg.batch.record.journal import FORMAT, JOURNAL, read_header
+from ffseg.batch.record.journal import FORMAT, JOURNAL, journal_lines, read_header
 from ffseg.batch.record.lock import OutputLock
-from ffseg.batch.record.standing import standing, without_old_truth
+from ffseg.batch.record.ordered import OrderedPacks, packs_of, publish, remove_packs
 from ffseg.batch.record.streams import atomic_stream
-from ffseg.batch.record.tables import RUN, Tables, remove_old
+from ffseg.batch.record.survey import stale_reason, without_old_truth
+from ffseg.batch.record.tables import RUN, Records, Tables, remove_old
 from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.batch.shards.assign import Shard, shard_of_folder
 from ffseg.batch.shards.sort import Keyed, sorted_lines
-from ffseg.batch.tar.finish import is_gone, relocated
-from ffseg.batch.tar.ordered import OrderedPacks, packs_of, publish, remove_packs
 from ffseg.batch.workers.freshness import still_true
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.files import is_temporary, printable, read_bytes
@@ -44,8 +45,6 @@ class Part:
 
     Attributes
     ----------
-    shard : Shard
-    folder : str
     header : mapping or None
         Of its journal.
     run : mapping
@@ -67,7 +66,6 @@ class Merge:
 
     Attributes
     ----------
-    out : str
     counts : dict of int
         Images by status.
     problems : list of str
@@ -75,6 +73,8 @@ class Merge:
         cannot be written.
     stale : list of (str, str)
         Names of images that are no longer what their record says, and why; `num_stale` counts those not named, too.
+    notes : list of str
+        What a merge does not do.
     """
 
     out: str
@@ -82,6 +82,7 @@ class Merge:
     num_stale: int = 0
     counts: dict[str, int] = field(default_factory=lambda: {"total": 0, "ok": 0, "failed": 0})
     problems: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     def note(self, name: str, changed: str) -> None:
         """Take into account that a file an image was made from has changed or is gone; nothing where that is empty."""
@@ -91,14 +92,10 @@ class Merge:
 
 
 @dataclass(slots=True)
-class MergedRecords:
-    """Records in the order of the tables, in a file: as `Standing`, for any number of them."""
+class MergedRecords(Records):
+    """Records in the order of the tables, in a file: as `Survey`, for any number of them."""
 
     path: str
-    count: int = 0
-    columns: set[str] = field(default_factory=set)
-    with_outputs: set[str] = field(default_factory=set)
-    left: list[str] = field(default_factory=list)
 
     def records(self) -> Iterator[Record]:
         """Records in the order of the tables."""
@@ -109,20 +106,12 @@ class MergedRecords:
                 if record is not None:
                     yield without_old_truth(record)
 
-    def note(self, record: Record) -> None:
-        """Take a record into account."""
-        self.count += 1
-        self.columns |= record.row.keys()
-        self.with_outputs |= {path.split("/", 1)[0] for path in record.outputs}
-        self.left += record.left
-
 
 def merge_shards(out: str, *, parquet: bool = False) -> Merge:
     """Write the tables of an output folder as one run over all its shards would have.
 
     Parameters
     ----------
-    out : str
     parquet : bool
         Write ``timings.parquet`` too.
 
@@ -224,6 +213,11 @@ def _write(merge: Merge, records: MergedRecords, parts: list[Part], before: list
     tables = Tables(merge.out, merge.out, records, camera, frozenset(asked), parquet)
     written = tables.write(_run_json(merge, parts), merge.problems.append)
     remove_old(merge.out, before, written)
+    if GROUND.folder in records.with_outputs:
+        merge.notes.append(
+            "no map of all frames: a merge knows neither camera nor poses; for it run the same command once more without "
+            "--shard, which segments nothing again"
+        )
 
 
 def find_parts(out: str) -> list[Part]:
@@ -305,15 +299,11 @@ def _sweep(out: str) -> None:
 def _all_lines(state: str, parts: list[Part]) -> Iterator[Keyed]:
     """Lines of the journal of earlier merges and runs, then of all shards, with keys in the order of the tables."""
     for rank, folder in enumerate([state, *(part.folder for part in parts)]):
-        if read_header(folder) is None:
-            continue
-        with Path(folder, JOURNAL).open("rb") as file:
-            file.readline()
-            for line in file:
-                value = parsed_line(line)
-                if value is not None and isinstance(value.get("order"), str) and isinstance(value.get("name"), str):
-                    key = f"{value['order']}\0{value['name']}".encode("utf-8", "surrogatepass")
-                    yield key, bytes([min(rank, 1)]) + line
+        for line in journal_lines(folder):
+            value = parsed_line(line)
+            if value is not None and isinstance(value.get("order"), str) and isinstance(value.get("name"), str):
+                key = f"{value['order']}\0{value['name']}".encode("utf-8", "surrogatepass")
+                yield key, bytes([min(rank, 1)]) + line
 
 
 def chosen(lines: Iterator[Keyed], out: str, settings: str) -> Iterator[tuple[Record, bytes]]:
@@ -335,9 +325,9 @@ def _record(own: bytes, shards: bytes, out: str, settings: str) -> Iterator[tupl
         record = relocated(out, record, merged)
         found = merged.members.items()
         lost = any(is_gone(out, member) for _, member in record.members.items() - found)
-        if lost and not standing(merged, out, settings):
+        if lost and not stale_reason(merged, out, settings):
             record = merged
-    if shards or not standing(record, out, settings):
+    if shards or not stale_reason(record, out, settings):
         yield record, shards or own
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 
+from ffseg.batch.outputs.table import tar_name
 from ffseg.batch.plan.reading import read_input
 from ffseg.errors import ImageReadError
 from ffseg.io.files import read_bytes
@@ -14,8 +15,6 @@ Member = tuple[str, int, int]
 
 NOWHERE: Member = ("", 0, 0)
 """Place of an output that was found to be something else than was written: its image is done again."""
-PACKS = "packs"
-"""Folder below a state folder with the tar files that are being written."""
 BLOCK = 512
 """Bytes that the parts of a tar file are padded to."""
 _MARK = "@"
@@ -31,11 +30,6 @@ def digest(data: bytes) -> str:
 def kind_of(path: str) -> str:
     """Folder of an output: what is one tar file in the end."""
     return path.partition("/")[0]
-
-
-def tar_name(kind: str) -> str:
-    """Name of the tar file of a kind in the output folder."""
-    return f"{kind}.tar"
 
 
 def ordered_pack(packs: str, kind: str, token: str) -> str:

@@ -9,9 +9,10 @@ import tarfile
 import uuid
 from collections.abc import Sequence
 
-from ffseg.batch.tar.members import BLOCK, PACKS, Member, padding
+from ffseg.batch.outputs.table import PACKS
+from ffseg.batch.tar.members import BLOCK, Member, padding
 from ffseg.errors import OutputError
-from ffseg.io.files import make_folder, printable
+from ffseg.io.files import OWN, make_folder, printable
 
 _TIME = 315_532_800
 """Time of change of every member, the first of 1980: the same outputs are the same bytes, and no program doubts it."""
@@ -95,7 +96,7 @@ class PackWriter:
         try:
             if self._descriptor == _CLOSED:
                 make_folder(os.path.dirname(self._path))
-                self._descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+                self._descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OWN, 0o666)
             os.lseek(self._descriptor, self._end, os.SEEK_SET)  # over what an append that failed has left
             view = memoryview(data)
             while view:

@@ -30,18 +30,13 @@ _KINDS: dict[str, Kind] = {"obstacle": "obstacle", "false_obstacle": "false", "u
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameBench:
-    """Makes frames; none depends on the frames before.
-
-    Attributes
-    ----------
-    views : Views
-    params : Parameters
-    masks : Masks
-    """
+    """Makes frames; none depends on the frames before."""
 
     views: Views
     params: Parameters
     masks: Masks
+    mapped: bool = False
+    """The motion is wanted of every image, whether it encloses something or not."""
 
     def frame(
         self, image: NDArray[np.uint8], earlier: Iterable[Earlier], name: str, callback: Callback = None
@@ -56,7 +51,7 @@ class FrameBench:
             As `ffseg.segment`.
         """
         scene = Scene(image, self.params, callback=callback, **self.masks.bounds)
-        frame = segment_frame(scene, earlier, self.views.camera)
+        frame = segment_frame(scene, earlier, self.views.camera, mapped=self.mapped)
         unposed = " and ".join(map(printable, self.views.unposed(name)))
         return replace(frame, note=f"no pose of {unposed}; {frame.note}") if unposed else frame
 
@@ -88,7 +83,7 @@ class FrameBench:
         """An image before, or why it is of no use."""
         camera = self.views.camera
         try:
-            image = decode_image(data, limits)
+            image = decode_image(data, limits, self.params.input.range)
         except ImageReadError as error:
             return str(error)
         if image.shape[:2] != (camera.height, camera.width):
@@ -135,11 +130,20 @@ def _cell(value: float, digits: int) -> float | str:
     return round(value, digits) if math.isfinite(value) else ""
 
 
+def stood(frame: Frame) -> dict[str, Any]:
+    """How the camera stood at an image, and how it moved since earlier ones, as the map of the drive asks for it."""
+    sigmas = (frame.motion.translation_sigma, frame.motion.rotation_sigma) if frame.motion is not None else (0.0, 0.0)
+    moved = [[link.name, *link.planar] for link in frame.links]
+    return {"up": frame.standing().up.tolist(), "moved": moved, "sigmas": [float(one) for one in sigmas]}
+
+
 def pair_state(frame: Frame) -> str:
     """What came of comparing an image with those before: one of four words."""
     if frame.tested:
         return "tested"
-    return {FIRST_IMAGE: "first", NOTHING_ENCLOSED: "empty"}.get(frame.note, "untested")
+    if frame.note.startswith(NOTHING_ENCLOSED):
+        return "empty"
+    return "first" if frame.note == FIRST_IMAGE else "untested"
 
 
 RESIDUAL_SCALE = 10.0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ffseg.batch.plan.reading import member_path, parted, place_of, read_input, told
 from ffseg.batch.tar.members import Member, digest, output_digest
-from ffseg.batch.workers.messages import Evidence, Known, Mark, Setup, Task
+from ffseg.batch.workers.messages import Digests, Mark, Recorded, Setup, Task
 from ffseg.errors import ImageReadError
 from ffseg.io.files import printable
 
@@ -41,14 +41,13 @@ class Read:
         The image.
     before : list of bytes
         The images before, the nearest first; empty, which no decoder takes, when one cannot be read.
-    evidence : Evidence
     truth_problem : str
         Why the true mask cannot be used.
     """
 
     data: bytes
     before: list[bytes]
-    evidence: Evidence
+    digests: Digests
     truth_problem: str = ""
 
 
@@ -60,15 +59,15 @@ def read_task(task: Task, setup: Setup) -> Read:
     ImageReadError
         When the image cannot be read.
     """
+    # Frames of a film are read in rising order.
+    earlier = [_optional(path, setup.max_bytes) for path in reversed(task.earlier)][::-1]
     mark = mark_of(task.path)  # before the content: a change in between makes the mark stale, not the digest
     data = read_input(task.path, setup.max_bytes, task.span, redirects=setup.redirects)
     path = task.path if task.span is None else member_path(task.path, task.name, task.span)
     files: dict[str, File] = {"image": (place_of(path), digest(data), mark)}
     content = [files["image"][1]]
-    before = []
-    for number, path in enumerate(task.earlier):
-        earlier, files[f"earlier {number}"] = _optional(path, setup.max_bytes)
-        before.append(earlier)
+    before = [found for found, _ in earlier]
+    files |= {f"earlier {number}": file for number, (_, file) in enumerate(earlier)}
     if setup.views is not None:
         seen = digest("".join(map(digest, before)).encode("ascii"))
         content.append(seen + _pair_digest(setup.views, task.name))
@@ -83,7 +82,7 @@ def read_task(task: Task, setup: Setup) -> Read:
             truth = _truth(task.truth, setup, files)
         except ImageReadError as error:
             truth, problem = f"unreadable {error.reason}", f"truth: {error}"
-    return Read(data, before, Evidence(" ".join(content), truth, files), problem)
+    return Read(data, before, Digests(" ".join(content), truth, files), problem)
 
 
 def _optional(path: str, max_bytes: int) -> tuple[bytes, File]:
@@ -111,10 +110,10 @@ def _pair_digest(views: Views, name: str) -> str:
     return digest(views.pair_text(name).encode("utf-8"))
 
 
-def kept_outputs(out: str, known: Known) -> Iterator[str]:
-    """Known outputs that are there with the content they were given."""
-    for path, wanted in known.outputs.items():
-        if output_digest(out, path, known.members.get(path)) == wanted:
+def kept_outputs(out: str, recorded: Recorded) -> Iterator[str]:
+    """Recorded outputs that are there with the content they were given."""
+    for path, wanted in recorded.outputs.items():
+        if output_digest(out, path, recorded.members.get(path)) == wanted:
             yield path
 
 

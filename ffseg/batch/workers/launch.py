@@ -50,7 +50,6 @@ class Process:
 
     Attributes
     ----------
-    handle : Handle
     tasks, replies, log : int
         File descriptors: tasks are written, replies read; the log is what the process wrote to stdout and stderr.
     """

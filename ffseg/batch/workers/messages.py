@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, Wanted
+from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, Products
 from ffseg.batch.tar.members import Member
 from ffseg.parameters import Parameters
 
@@ -25,12 +25,10 @@ class Setup:
 
     Attributes
     ----------
-    params : Parameters
     segmenter : str
         Function that segments, as ``module:name``, called like `ffseg.segment`; not used with `views`.
     views : Views or None
         Camera, poses and pairs, when components are to be tested on pairs of images.
-    wanted : Wanted
     max_pixels, max_bytes : int
         Limits of one image file.
     memory_bytes : int
@@ -42,28 +40,31 @@ class Setup:
         another content they count as other parameters.
     redirects : bool
         Whether HTTP may lead to another host than the one that was named.
+    past : str
+        ``flicker`` or ``steady`` where a frame needs the one before it, so that one worker does all in order.
     """
 
     params: Parameters
     segmenter: str = "ffseg.pipeline:segment"
     views: Views | None = None
-    wanted: Wanted = MASKS_AND_CONTOURS
+    products: Products = MASKS_AND_CONTOURS
     max_pixels: int = 100_000_000
     max_bytes: int = 1 << 30
     memory_bytes: int = 0
     truth_label: int | None = None
     files: Mapping[str, str] = field(default_factory=dict)
     redirects: bool = False
+    past: str = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class Recorded:
     """What an earlier run with the same parameters and version made of an image.
 
     Attributes
     ----------
     content : str
-        Digest of everything that went in (`Evidence.content`).
+        Digest of everything that went in (`Digests.content`).
     truth : str
         Digest of the true mask its IoU was measured with; empty without.
     outputs : mapping of str to str
@@ -84,15 +85,13 @@ class Task:
 
     Attributes
     ----------
-    index : int
-    path : str
     truth : str
         Path of its true mask, or empty.
     out : str
         Output folder.
     outputs : tuple of str
-        Where its outputs go below `out`, one for each of the wanted kinds.
-    known : Known or None
+        Where its outputs go below `out`, one for each of the products.
+    recorded : Recorded or None
         What an earlier run left, which makes the image unchanged if it is still so.
     name : str
         Relative name of the image, by which poses are found.
@@ -108,6 +107,8 @@ class Task:
         Path of its map of evidence, or empty.
     domain : str
         Path of its own domain, or empty.
+    past : str
+        Mask of the frame before, below `out`, or empty.
     """
 
     index: int
@@ -115,7 +116,7 @@ class Task:
     truth: str
     out: str
     outputs: tuple[str, ...]
-    known: Known | None = None
+    recorded: Recorded | None = None
     name: str = ""
     earlier: tuple[str, ...] = ()
     start: Start | None = None
@@ -123,6 +124,7 @@ class Task:
     evidence: str = ""
     span: tuple[int, int] | None = None
     domain: str = ""
+    past: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +153,7 @@ Mark = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class Digests:
     """What an image's result was made from.
 
     Attributes
@@ -189,14 +191,12 @@ class Done:
 
     Attributes
     ----------
-    index : int
     row : dict
         Cells of ``timings.csv`` by column, without those the run adds.
-    evidence : Evidence
     outputs : tuple of Encoded
         Those that were missing.
     kept : tuple of str
-        Paths of known outputs that are still right.
+        Paths of recorded outputs that are still right.
     extra : list of dict
         Lines of ``obstacles.csv``.
     problem : str
@@ -205,7 +205,7 @@ class Done:
 
     index: int
     row: dict[str, Any]
-    evidence: Evidence
+    digests: Digests
     outputs: tuple[Encoded, ...]
     kept: tuple[str, ...] = ()
     extra: list[dict[str, Any]] = field(default_factory=list)
@@ -218,19 +218,16 @@ class Unchanged:
 
     Attributes
     ----------
-    index : int
-    evidence : Evidence
     kept : tuple of str
-        Paths of known outputs that are still right: all that are asked for, and perhaps others.
+        Paths of recorded outputs that are still right: all that are asked for, and perhaps others.
     scored : bool
         Whether the mask was measured again; `iou` and `problem` then say what came of it.
-    iou : float or None
     problem : str
         As in `Done`.
     """
 
     index: int
-    evidence: Evidence
+    digests: Digests
     kept: tuple[str, ...]
     scored: bool = False
     iou: float | None = None

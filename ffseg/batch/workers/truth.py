@@ -39,7 +39,6 @@ def read_truth(
     label : int or None
         Number that means inside; 255 then is not counted, unless it is the label, and all other numbers are outside.
         None: 255 is inside, 128 not counted, 0 outside, and a file of 0 and 1 only has 1 inside.
-    limits : Limits, optional
 
     Returns
     -------

@@ -18,10 +18,10 @@ from ffseg.batch.outputs.table import Output
 from ffseg.batch.plan.masks import named_masks
 from ffseg.batch.tar.members import digest, output_bytes
 from ffseg.batch.workers.freshness import Read, kept_outputs, read_task
-from ffseg.batch.workers.messages import Done, Encoded, Failed, Known, Reply, Setup, Task, Unchanged
+from ffseg.batch.workers.messages import Done, Encoded, Failed, Recorded, Reply, Setup, Task, Unchanged
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError, is_out_of_memory
 from ffseg.image.selection import counted
-from ffseg.io.images import OPENCV_VERSION, Limits, decode_image, reading_note, single_thread
+from ffseg.io.images import OPENCV_VERSION, Limits, read_picture, single_thread
 from ffseg.io.masks import decode_mask
 from ffseg.io.overlays import FLATNESS, Polyline, polylines
 from ffseg.parameters import Parameters
@@ -31,6 +31,7 @@ from ffseg.scene import Scene
 
 if TYPE_CHECKING:
     from ffseg.batch.workers.frames import FrameBench
+    from ffseg.batch.workers.past import Past
     from ffseg.freespace.outline import Ground
 
 
@@ -49,11 +50,16 @@ class Workbench:
         self._setup = setup
         self._limits = Limits(setup.max_bytes, setup.max_pixels)
         self._masks = named_masks(setup.params, self._limits)
+        self._past: Past | None = None
+        if setup.past:
+            from ffseg.batch.workers.past import Past
+
+            self._past = Past(setup.past == "steady", self._limits)
         self._frames: FrameBench | None = None
         if setup.views is not None:
             from ffseg.batch.workers.frames import FrameBench  # loads what only cameras need
 
-            self._frames = FrameBench(setup.views, setup.params, self._masks)
+            self._frames = FrameBench(setup.views, setup.params, self._masks, setup.products.metric)
 
     def versions(self) -> dict[str, str]:
         """Versions that a result can depend on."""
@@ -67,6 +73,12 @@ class Workbench:
 
     def reply(self, task: Task) -> Reply:
         """Do a task; whatever goes wrong with its image is in the reply."""
+        reply = self._reply(task)
+        if self._past is not None:
+            self._past.remember(task, reply)
+        return reply
+
+    def _reply(self, task: Task) -> Reply:
         try:
             return self._do(task)
         except ImageReadError as error:
@@ -88,54 +100,61 @@ class Workbench:
     def _do(self, task: Task) -> Reply:
         begin = perf_counter()
         read = read_task(task, self._setup)
-        known = task.known if task.known is not None and task.known.content == read.evidence.content else None
-        kept = tuple(kept_outputs(task.out, known)) if known is not None else ()
+        read = self._past.known(task, read) if self._past is not None else read
+        recorded = (
+            task.recorded if task.recorded is not None and task.recorded.content == read.digests.content else None
+        )
+        kept = tuple(kept_outputs(task.out, recorded)) if recorded is not None else ()
         missing = [
-            (path, kind) for path, kind in zip(task.outputs, self._setup.wanted.kinds, strict=True) if path not in kept
+            (path, kind)
+            for path, kind in zip(task.outputs, self._setup.products.kinds, strict=True)
+            if path not in kept
         ]
-        if known is not None and not missing:
-            return self._unchanged(task, known, read, kept)
-        image = decode_image(read.data, self._limits)
+        if recorded is not None and not missing:
+            return self._unchanged(task, recorded, read, kept)
+        image, told = read_picture(read.data, self._limits, self._setup.params.input.range)
         decoded = perf_counter()
+        if self._past is not None:
+            self._past.look(image, task, read)
         params = self._params(task, image.shape)
         found = self._found(image, read.before, task, params)
         segmented = perf_counter()
         outputs = tuple(self._outputs(image, found, task, missing))
         result = found.result
         row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, task)
-        row["note"] = "; ".join(
-            filter(None, (reading_note(read.data, self._limits), *result.messages, row.get("note")))
-        )
+        row["note"] = "; ".join(filter(None, (told, *result.messages, row.get("note"))))
         overlap, problem = self._iou(result.mask, task, read)
         row |= {"iou": overlap} if task.truth else {}
         end = perf_counter()
         row |= {"decode_ms": (decoded - begin) * 1e3, "write_ms": (end - segmented) * 1e3}
         row["total_ms"] = (end - begin) * 1e3
-        return Done(task.index, row, read.evidence, outputs, kept, found.extra, problem)
+        return Done(task.index, row, read.digests, outputs, kept, found.extra, problem)
 
-    def _unchanged(self, task: Task, known: Known, read: Read, kept: tuple[str, ...]) -> Unchanged:
+    def _unchanged(self, task: Task, recorded: Recorded, read: Read, kept: tuple[str, ...]) -> Unchanged:
         """The reply for an image that need not be segmented; the mask on the disk is enough to measure its IoU."""
-        if not task.truth or read.evidence.truth == known.truth:
-            return Unchanged(task.index, read.evidence, kept)
-        mask = decode_mask(output_bytes(task.out, task.outputs[0], known.members.get(task.outputs[0])), self._limits)
+        if not task.truth or read.digests.truth == recorded.truth:
+            return Unchanged(task.index, read.digests, kept)
+        mask = decode_mask(output_bytes(task.out, task.outputs[0], recorded.members.get(task.outputs[0])), self._limits)
         overlap, problem = self._iou(mask, task, read)
-        return Unchanged(task.index, read.evidence, kept, scored=True, iou=overlap, problem=problem)
+        return Unchanged(task.index, read.digests, kept, scored=True, iou=overlap, problem=problem)
 
     def _found(self, image: NDArray[np.uint8], before: list[bytes], task: Task, params: Parameters) -> _Found:
-        film = Film() if self._setup.wanted.animation else None
-        overlay = self._setup.wanted.overlay
+        film = Film() if self._setup.products.animation else None
+        overlay = self._setup.products.overlay
         masks = self._masks.within(task.domain, self._limits)
         if self._frames is None:
             evidence = self._evidence(task.evidence) if task.evidence else None
             result = self._segment(Scene(image, params, evidence=evidence, callback=film, **masks.bounds))
+            result, cells = self._past.result(result) if self._past is not None else (result, {})
             lines = polylines(result.contours) if overlay else []
-            return _Found(result, lines, film)
+            return _Found(result, lines, film, cells)
         from ffseg.batch.workers.frames import (
             evidence_lines,
             merged_segmentation,
             obstacle_rows,
             overlay_lines,
             pair_state,
+            stood,
         )
 
         frames = replace(self._frames, params=params, masks=masks)
@@ -144,8 +163,8 @@ class Workbench:
         if overlay and params.obstacles.draw:
             lines += evidence_lines(frame)
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note, "pair": pair_state(frame)}
-        ground = frame.ground() if self._setup.wanted.metric else None
-        return _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame), ground)
+        found = _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame))
+        return replace(found, ground=frame.ground(), stood=stood(frame)) if self._setup.products.metric else found
 
     def _evidence(self, path: str) -> NDArray[np.float32]:
         from ffseg.batch.plan.maps import read_evidence
@@ -154,15 +173,19 @@ class Workbench:
 
     def _params(self, task: Task, shape: tuple[int, ...]) -> Parameters:
         """Parameters of one image."""
-        return self._setup.params if task.start is None else task.start.placed(self._setup.params, shape)
+        params = self._setup.params if task.start is None else task.start.placed(self._setup.params, shape)
+        return params if self._past is None else self._past.start(params, shape)
 
     def _outputs(
         self, image: NDArray[np.uint8], found: _Found, task: Task, missing: Sequence[tuple[str, Output]]
     ) -> Iterator[Encoded]:
         snapshots = found.film.snapshots if found.film is not None else ()
+        label = self._setup.params.region.label
         for path, kind in missing:
             target = os.path.join(task.out, path)
-            context = Context(image, task.name, task.path, target, found.lines, snapshots, found.ground)
+            context = Context(
+                image, task.name, task.path, target, found.lines, snapshots, found.ground, found.stood, label
+            )
             data = encoded(kind, found.result, context)
             yield Encoded(path, data, digest(data))
 
@@ -190,6 +213,7 @@ class _Found:
     row: dict[str, Any] = field(default_factory=dict)
     extra: list[dict[str, Any]] = field(default_factory=list)
     ground: Ground | None = None
+    stood: dict[str, Any] = field(default_factory=dict)
 
 
 def _start_cells(params: Parameters, task: Task) -> dict[str, Any]:

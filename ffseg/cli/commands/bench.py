@@ -67,16 +67,16 @@ def bench(  # noqa: PLR0913 - the options of the command
     and, with matplotlib, plots at the end. Exit code 4: a figure missed the baseline.
     """
     from ffseg.bench.gate import read_baseline
-    from ffseg.bench.measure import Effort, Skipped
+    from ffseg.bench.measure import Order, Skipped
     from ffseg.bench.report import plots
-    from ffseg.bench.session import Order, run_bench
+    from ffseg.bench.session import run_bench
     from ffseg.io.files import make_folder, write_bytes_atomic
     from ffseg.plugins import methods_named
 
     known = read_baseline(baseline, max_ratio, quick=quick) if baseline else None
     make_folder(out)
-    order = Order(suite or (), Effort(repeat, budget), images, quick, known, methods_named(methods))
-    outcome = run_bench(order, console.message, lambda so_far: _write(out, so_far))
+    order = Order(suite or (), repeat, budget, images, quick, methods_named(methods))
+    outcome = run_bench(order, console.message, known, lambda so_far: _write(out, so_far))
     plotting = find_spec("matplotlib") is not None
     if not plotting:
         outcome.skipped.append(Skipped("plots", "all", "matplotlib is not installed: pip install 'ffseg[plot]'"))

@@ -20,8 +20,8 @@ from ffseg.errors import UsageError
 if TYPE_CHECKING:
     from ffseg.compare.values import Row
 
-FAILED_IMAGES, MISSED_GATE = 3, 4
-"""Exit codes."""
+MISSED_GATE = 4
+"""Exit code when a figure lies below what is asked for."""
 
 
 def compare(  # noqa: PLR0913 - the options of the command
@@ -98,7 +98,7 @@ def compare(  # noqa: PLR0913 - the options of the command
     for sentence in missed:
         console.error(sentence)
     if any(row.status == "failed" for row in rows):
-        raise typer.Exit(FAILED_IMAGES)
+        raise typer.Exit(console.FAILED_IMAGES)
     if missed:
         raise typer.Exit(MISSED_GATE)
 

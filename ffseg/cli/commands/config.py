@@ -61,16 +61,32 @@ def check(
         typer.Argument(metavar="FILE...", autocompletion=completion.presets, help="Parameter files or presets."),
     ],
 ) -> None:
-    """Check parameter files: everything that is wrong, each with file and line; exit code 2 if anything is."""
+    """Check parameter files: everything that is wrong, each with file and line; exit code 2 if anything is.
+
+    Of a file that may be from ffseg 0.1 it says what to write into it for the results of then.
+    """
     problems = []
     for file in files:
         try:
             checked_params(file)
             console.data(f"{console.escape(file)}: ok")
+            _say_changes(file)
         except ParameterError as error:
             problems.append(str(error))
     if problems:
         raise ParameterError("\n".join(problems))
+
+
+def _say_changes(file: str) -> None:
+    """Tell on stderr what a sound file of ffseg 0.1 left to defaults that have changed since."""
+    from ffseg.parameter_changes import since_0_1
+    from ffseg.parameters import presets, written
+    from ffseg.schema.nodes import Problems
+
+    lines = [] if file in presets() else since_0_1(written(file, Problems()))
+    if lines:
+        console.message(f"{file}: of defaults that it leaves out some have changed; for results as in ffseg 0.1 add")
+        console.message("\n".join(lines))
 
 
 @app.command(epilog=epilog("config schema"))

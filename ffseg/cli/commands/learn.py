@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +16,7 @@ from ffseg.cli.checks import checked_params, output_file, require_source
 from ffseg.cli.commands.telling import progress, warn_of_starts
 from ffseg.cli.options import Config, Inputs, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
+from ffseg.io.tables import counted
 
 if TYPE_CHECKING:
     from ffseg.learning.learn import Figures
@@ -34,6 +36,12 @@ def learn(  # noqa: PLR0913 - the options of the command
     config: Config = None,
     settings: Settings = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of sentences.")] = False,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick", help="The model and the image to draw next only, in a fifth of the time; not measured."
+        ),
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; the figures only.")] = False,
 ) -> None:
     """Learn from a few masks what is inside, for --set edges.model=FILE of the other commands.
@@ -54,7 +62,7 @@ def learn(  # noqa: PLR0913 - the options of the command
 
     found = gather(inputs, os.fspath(truth), params, starts_file(starts, params), truth_label)
     warn_of_starts([one for one in found.labelled if one.start is not None])
-    model, figures = learned(found, params, progress(quiet=quiet))
+    model, figures = learned(found, params, progress(quiet=quiet), measured=not quick)
     write_bytes_atomic(os.fspath(out), to_bytes(model))
     if as_json:
         plain = {key: None if value != value else value for key, value in asdict(figures).items()}
@@ -67,21 +75,38 @@ def sentences(figures: Figures, out: str) -> list[str]:
     """What there is to say of a model."""
     from ffseg.learning.gather import few_known
 
-    lines = [f"{out}: learned from {figures.masks} mask{'s' if figures.masks > 1 else ''}"]
+    lines = [verdict(figures, out), *few_known(figures.known)]
+    if figures.searched and figures.masks > 1:
+        lines.append(
+            "no start is named: the model finds its own, without it the contour grows from the middle of the images"
+        )
     if figures.base is not None:
         lines.append(begun(figures.base))
     if figures.prior is not None:
         lines.append(asked(figures.prior))
-    if figures.masks < 2:
-        lines.append("not measured: that takes a second mask")
-    else:
-        lines.append(f"IoU on images left out: {figures.iou:.3f} (spread {figures.spread:.3f})")
-        middle = ", from the middle of the images: no start is named" if figures.searched else ""
-        lines.append(f"without the model:       {figures.without:.3f} (spread {figures.without_spread:.3f}){middle}")
-        lines += few_known(figures.known)
-    if figures.curve:
-        lines.append("by number of masks: " + ", ".join(f"{number}: {value:.3f}" for number, value in figures.curve))
+    if len(figures.curve) > 1:
+        pairs = pairwise(figures.curve)
+        steps = ", ".join(f"{high - low:+.3f} from {few} to {many}" for (few, low), (many, high) in pairs)
+        lines.append(f"what more masks gave small trial models: {steps}")
     return [*lines, *advice(figures), f"use it with --set edges.model={out}"]
+
+
+def verdict(figures: Figures, out: str) -> str:
+    """Whether the model is worth using, and by which figures."""
+    learned = f"{out}, learned from {counted(figures.masks, 'mask')},"
+    if figures.masks < 2:
+        return f"{learned} was not measured: that takes a second mask"
+    if figures.iou != figures.iou:
+        return f"{learned} was not measured: that takes longer, and no --quick"
+    own, without = (
+        f"{value:.3f} (spread {spread:.3f})"
+        for value, spread in ((figures.iou, figures.spread), (figures.without, figures.without_spread))
+    )
+    what = f"IoU on images left out {own}, without it {without}"
+    if figures.helps:
+        return f"{learned} helps: {what}"
+    how = "is worse than no model" if figures.iou < figures.without else "is no better than no model beyond the noise"
+    return f"{learned} {how}: {what}"
 
 
 def advice(figures: Figures) -> list[str]:
@@ -94,8 +119,7 @@ def advice(figures: Figures) -> list[str]:
     )
     lines = []
     if not figures.helps:
-        doubt = "this is no better than without the model beyond the noise"
-        lines = [f"{doubt}: do without it{'' if figures.curve and not figures.more else ', or draw more masks'}"]
+        lines = [f"do without it{'' if figures.curve and not figures.more else ', or draw more masks'}"]
     if figures.curve:
         lines.append(rises)
     if figures.following:
@@ -106,18 +130,18 @@ def advice(figures: Figures) -> list[str]:
 
 def begun(base: Beginning) -> str:
     """Whether the forest that comes with ffseg was corrected, and why."""
-    shipped, own = "the forest that comes with ffseg", f"an IoU of {base.base:.2f} on these masks by itself"
+    shipped, own = "the forest that comes with ffseg", f"{base.base:.2f} of the masks' pixels by itself"
     how = f"corrects {shipped}" if base.corrected else f"grown from the masks alone, without {shipped}"
     if base.taught is not None:
-        return f"{how}, which has {own} (they teach each other {base.taught:.2f})"
+        return f"{how}, which shares {own} (they teach each other {base.taught:.2f})"
     why = f"{base.enough:.2f} is enough" if base.base >= base.enough else "one mask is too little to begin with"
-    return f"{how}, which has {own} ({why})"
+    return f"{how}, which shares {own} ({why})"
 
 
 def asked(prior: Asked) -> str:
     """Whether the model asks the prior too, and why."""
-    own = f"an IoU of {prior.prior:.2f} on these masks by itself"
+    own = f"{prior.prior:.2f} of the masks' pixels by itself"
     how = "asks the prior that comes with ffseg too" if prior.asked else "does not ask the prior that comes with ffseg"
     if prior.taught is not None:
-        return f"{how}, which has {own} (they teach each other {prior.taught:.2f})"
-    return f"{how}, which has {own} ({prior.enough:.2f} is {'enough' if prior.asked else 'wanted'})"
+        return f"{how}, which shares {own} (they teach each other {prior.taught:.2f})"
+    return f"{how}, which shares {own} ({prior.enough:.2f} is {'enough' if prior.asked else 'wanted'})"

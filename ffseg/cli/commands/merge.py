@@ -36,7 +36,7 @@ def merge(
     done = merge_shards(str(folder), parquet=read_tables(table))
     if report:
         write_report(folder)
-    for problem in done.problems:
+    for problem in (*done.problems, *done.notes):
         console.message(f"ffseg: {problem}")
     if done.num_stale:
         console.message(f"ffseg: {done.num_stale} images are no longer what was segmented; run.json names them")

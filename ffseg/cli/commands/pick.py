@@ -64,12 +64,14 @@ def pick(  # noqa: PLR0913 - the options of the command
             "name the folder for what is picked with --out DIR; it has a name of its own for one folder only"
         )
     from ffseg.io.labels import read_labels
+    from ffseg.io.tables import counted
 
     drawn = None if labels_from is None else read_labels(labels_from)
     chosen = [one.strip() for one in labels.split(",")] if labels is not None else []
     with Session(inputs, target, params, chosen, os.fspath(review) if review else "") as session:
         if drawn is not None:
-            console.message(f"ffseg: {session.take(drawn)} masks taken from {printable(os.fspath(labels_from or ''))}")
+            taken = counted(session.take(drawn), "mask")
+            console.message(f"ffseg: {taken} taken from {printable(os.fspath(labels_from or ''))}")
         _serve(session, port, browser)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,51 +13,65 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.batch.workers.launch import Process, launch, take
-from ffseg.cli import completion
+from ffseg.cli import completion, console
 from ffseg.cli.checks import (
     MOST_MEGABYTES,
     MOST_SECONDS,
     checked_params,
+    folder_or_stdout,
     number,
     plugin_files,
     require_source,
     require_truth,
 )
+from ffseg.cli.commands.pipe import PIPE, pipe
 from ffseg.cli.options import (
     AllowCode,
+    Boxes,
     Config,
     Evidence,
     FillHoles,
+    Label,
     Largest,
     MinArea,
-    Out,
     Outside,
     Settings,
     SomeInputs,
     Starts,
     TruthLabel,
     starts_file,
-    with_background,
+    with_prompts,
     with_selection,
 )
 from ffseg.errors import UsageError
+from ffseg.io.films import is_film
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ffseg.batch.outputs.table import Wanted
+    from ffseg.batch.executors.base import Choice
+    from ffseg.batch.outputs.table import Products
     from ffseg.batch.plan.jobs import Plan
     from ffseg.batch.views import Views
     from ffseg.batch.workers.messages import Setup
     from ffseg.parameters import Parameters
 
-FAILED_IMAGES = 3
-"""Exit code when at least one image failed."""
+PROCESSES = "inprocess" if sys.platform == "win32" else "processes"
+"""The default of ``--executor``: worker processes are waited for with ``poll``, which Windows does not have."""
 _MEGABYTE = 1 << 20
 
 
 def run(  # noqa: PLR0913 - the options of the command
-    out: Out,
+    context: typer.Context,
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            parser=folder_or_stdout,
+            help="Folder for the outputs, made if absent; - for stdout.",
+        ),
+    ],
     inputs: SomeInputs = None,
     config: Config = None,
     settings: Settings = None,
@@ -64,9 +79,11 @@ def run(  # noqa: PLR0913 - the options of the command
     starts: Starts = None,
     evidence: Evidence = None,
     outside: Outside = None,
+    boxes: Boxes = None,
     largest: Largest = None,
     min_area: MinArea = None,
     fill_holes: FillHoles = None,
+    label: Label = None,
     camera: Annotated[
         Path | None, typer.Option("--camera", metavar="FILE", help="Camera file: tests enclosed components on pairs.")
     ] = None,
@@ -96,7 +113,7 @@ def run(  # noqa: PLR0913 - the options of the command
     executor: Annotated[
         str,
         typer.Option("--executor", metavar="NAME", help="Who works: processes, dask, inprocess to debug, or your own."),
-    ] = "processes",
+    ] = PROCESSES,
     dask: Annotated[
         str, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster; else one is started here.")
     ] = "",
@@ -121,14 +138,35 @@ def run(  # noqa: PLR0913 - the options of the command
             "--export",
             metavar="LIST",
             autocompletion=completion.exports,
-            help="Also write coco, labelme, geojson files, or svg: the contours over the image.",
+            help="Also write coco, labelme, geojson, yolo files, svg (contours over the image), cutout (PNG with alpha).",
         ),
     ] = None,
     metric: Annotated[
-        bool, typer.Option("--map", help="Write the free space in metres: ground, scans, pictures from above.")
+        bool, typer.Option("--map", help="Write the free space in metres: of each image, and a map and graph of all.")
     ] = False,
+    film_out: Annotated[
+        str,
+        typer.Option(
+            "--film-out", metavar="LIST", help="Films of all frames, too: mask, overlay, cutout (with alpha)."
+        ),
+    ] = "",
     animate: Annotated[bool, typer.Option("--animate", help="Write a film and a film strip of each image.")] = False,
     report: Annotated[bool, typer.Option("--report", help="Write report.html, a page to look at it all.")] = False,
+    film: Annotated[
+        bool, typer.Option("--film", help="Animations and stacks of pages frame by frame, not only the first.")
+    ] = False,
+    steady: Annotated[
+        bool, typer.Option("--steady", help="Film frames in order: start and outline follow the frame before.")
+    ] = False,
+    flicker: Annotated[
+        bool, typer.Option("--flicker", help="Film frames in order: measure what changes beside motion.")
+    ] = False,
+    raw: Annotated[
+        str,
+        typer.Option(
+            "--raw", metavar="WxH:LAYOUT", help="Pixels of INPUT -, if not Y4M: 800x600:bgr24, rgb24 or gray."
+        ),
+    ] = "",
     exclude: Annotated[
         list[str] | None, typer.Option("--exclude", metavar="PATTERN", help="Leave out what matches; may be repeated.")
     ] = None,
@@ -168,35 +206,35 @@ def run(  # noqa: PLR0913 - the options of the command
     A second run into the same folder does only what is missing or stale. Exit code: 0 every image done; 2 nothing was
     run; 3 at least one image failed, the others are written.
     """
-    early = early_workers(inputs or (), jobs or cores()) if not dry_run else []
-    from ffseg.batch.executors.base import Choice
+    if PIPE in (*(inputs or ()), str(out)) or raw:
+        raise typer.Exit(pipe(context))
+    early = early_workers(inputs or (), jobs or cores()) if PROCESSES == "processes" and not dry_run else []
     from ffseg.batch.runner import Options, Run
     from ffseg.batch.workers.messages import Setup
     from ffseg.cli.interruption import Interruption
     from ffseg.cli.reporting import Progress, show_result
-    from ffseg.plugins import check
 
     with contextlib.ExitStack() as cleanup:
-        for process in early:
-            cleanup.callback(process.end)
+        cleanup.callback(end, early)
         interruption = cleanup.enter_context(Interruption("run it again to go on"))
         require_truth(truth, truth_label)
-        settings = with_selection(with_background(settings, outside), largest, min_area, fill_holes)
+        settings = with_selection(with_prompts(settings, outside, boxes), largest, min_area, fill_holes, label)
         params = checked_params(config, settings, allow_code=allow_code)
         require_source(params, evidence)
-        wanted = in_metres(read_wanted(export or (), pack, overlay=overlay, animate=animate), camera, asked=metric)
-        choice = Chosen(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul)
-        plan = with_maps(read_plan(choice, out, wanted, truth, starts, params), evidence, camera)
+        products = read_products(export or (), pack, film_out, overlay=overlay, animate=animate)
+        products = in_metres(products, camera, asked=metric)
+        who = chosen_executor(executor, dask, chunk)
+        choice = InputOptions(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul, film, quiet)
+        plan = with_maps(read_plan(choice, out, products, truth, starts, params), evidence, camera)
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan, footprint), shard)
-        check("executors", executor)
-        setup = Setup(params=params, views=views, wanted=wanted, truth_label=truth_label, files=plugin_files(params))
-        setup = limited(replace(setup, redirects=redirects), max_pixels, memory)
+        setup = Setup(params=params, views=views, products=products, truth_label=truth_label, redirects=redirects)
+        setup = limited(replace(setup, files=plugin_files(params)), max_pixels, memory)
+        plan, setup, most = in_order(plan, setup, who, "steady" if steady else "flicker" * flicker)
         if dry_run:
             raise typer.Exit(show_preview(plan, setup, overwrite=overwrite, as_json=as_json))
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
         cleanup.callback(progress.close)
-        who = Choice("dask" if dask else executor, dask, chunk)
-        options = Options(jobs or cores(), timeout, overwrite, report, who, read_tables(table))
+        options = Options(most or jobs or cores(), timeout, overwrite, report, who, read_tables(table))
         work = cleanup.enter_context(Run(plan, setup, options, interruption, progress))
         interruption.defer()
         summary = work.execute(early)
@@ -206,7 +244,34 @@ def run(  # noqa: PLR0913 - the options of the command
         if summary.signal:
             raise typer.Exit(interruption.exit_code)
     if summary.failed or summary.problems:
-        raise typer.Exit(FAILED_IMAGES)
+        raise typer.Exit(console.FAILED_IMAGES)
+
+
+def in_order(plan: Plan, setup: Setup, who: Choice, past: str) -> tuple[Plan, Setup, int]:
+    """Plan and setup of a run whose frames need the ones before, and the most workers: one; 0 for any number.
+
+    Raises
+    ------
+    UsageError
+        For what cannot go in order.
+    """
+    if not past:
+        return plan, setup, 0
+    option = f"--{past}"
+    refused = {
+        "--shard": plan.shard,
+        "--camera": setup.views,
+        "--pack": plan.products.pack,
+        "--dask": who.name == "dask",
+    }
+    other = next((name for name, there in refused.items() if there), "")
+    if other:
+        raise UsageError(
+            f"{option} and {other} do not go together: every frame needs the one before it; run each film by itself"
+        )
+    from ffseg.batch.plan.jobs import with_past
+
+    return with_past(plan), replace(setup, past=past), 1
 
 
 def limited(setup: Setup, max_pixels: int, megabytes: int) -> Setup:
@@ -214,12 +279,27 @@ def limited(setup: Setup, max_pixels: int, megabytes: int) -> Setup:
     return replace(setup, max_pixels=max_pixels, memory_bytes=megabytes * _MEGABYTE)
 
 
+def chosen_executor(name: str, dask: str, chunk: int) -> Choice:
+    """Who works on the images.
+
+    Raises
+    ------
+    ParameterError
+        If there is no executor of this name.
+    """
+    from ffseg.batch.executors.base import Choice
+    from ffseg.plugins import check
+
+    check("executors", name)
+    return Choice("dask" if dask else name, dask, chunk)
+
+
 def show_preview(plan: Plan, setup: Setup, *, overwrite: bool, as_json: bool) -> int:
     """Show what a run would do; its exit code as far as that is known."""
     from ffseg.batch.preview import preview
     from ffseg.cli.reporting import show_plan
 
-    return 0 if show_plan(preview(plan, setup, overwrite=overwrite), plan, as_json=as_json) else FAILED_IMAGES
+    return 0 if show_plan(preview(plan, setup, overwrite=overwrite), plan, as_json=as_json) else console.FAILED_IMAGES
 
 
 def read_tables(text: str) -> bool:
@@ -241,13 +321,25 @@ def read_tables(text: str) -> bool:
 
 
 def part_of(plan: Plan, shard: str) -> Plan:
-    """The part of a plan that a shard does; all of it without one."""
+    """The part of a plan that a shard does; all of it without one.
+
+    Raises
+    ------
+    UsageError
+        If there is no such part, or it is to be made a film.
+    """
+    if shard and plan.products.films:
+        raise UsageError(
+            "--film-out and --shard do not go together; merge the shards, then run it once more without --shard"
+        )
     from ffseg.batch.shards.assign import only, read_shard
 
     return only(plan, read_shard(shard)) if shard else plan
 
 
-def read_wanted(export: Sequence[str], pack: str = "", *, overlay: bool, animate: bool) -> Wanted:
+def read_products(
+    export: Sequence[str], pack: str = "", film_out: str = "", *, overlay: bool, animate: bool
+) -> Products:
     """Outputs that are asked for.
 
     Raises
@@ -255,15 +347,21 @@ def read_wanted(export: Sequence[str], pack: str = "", *, overlay: bool, animate
     UsageError
         For a format that does not exist, or a film without Pillow.
     """
-    from ffseg.batch.outputs.table import Wanted, read_exports, read_pack
+    from ffseg.batch.outputs.table import Products, read_exports, read_pack
 
     if animate and find_spec("PIL") is None:
         raise UsageError("--animate needs Pillow; install it with: pip install 'ffseg[film]'")
-    return Wanted(overlay, read_exports(export), animate, pack=read_pack(pack))
+    films: tuple[str, ...] = ()
+    if film_out:
+        from ffseg.batch.record.films import read_film_kinds
+
+        films = read_film_kinds(film_out)
+    overlay = overlay or "overlay" in films
+    return Products(overlay, read_exports(export), animate, pack=read_pack(pack), films=films)
 
 
 @dataclass(frozen=True, slots=True)
-class Chosen:
+class InputOptions:
     """Which images are to be run, and how their outputs are named."""
 
     inputs: tuple[str, ...]
@@ -271,9 +369,11 @@ class Chosen:
     keep_suffix: bool
     listed: str = ""
     nul: bool = False
+    film: bool = False
+    quiet: bool = False
 
 
-def in_metres(wanted: Wanted, camera: Path | None, *, asked: bool) -> Wanted:
+def in_metres(products: Products, camera: Path | None, *, asked: bool) -> Products:
     """The outputs with those in metres, where they are asked for.
 
     Raises
@@ -283,31 +383,36 @@ def in_metres(wanted: Wanted, camera: Path | None, *, asked: bool) -> Wanted:
     """
     if asked and camera is None:
         raise UsageError("--map needs --camera, which knows how large the ground is; name the camera file")
-    return replace(wanted, metric=asked)
+    return replace(products, metric=asked)
 
 
 def read_plan(
-    choice: Chosen, out: Path, wanted: Wanted, truth: Path | None, starts: Path | None, params: Parameters
+    choice: InputOptions, out: Path, products: Products, truth: Path | None, starts: Path | None, params: Parameters
 ) -> Plan:
     """Images of a run with their outputs, truths, starts and domains."""
     from ffseg.batch.plan.jobs import make_plan, with_domains, with_starts
     from ffseg.batch.plan.listing import listed
+    from ffseg.cli.reporting import show_skipped, show_without_start
     from ffseg.io.starts import finds_starts
 
     starting, domains = starts_file(starts, params), params.domain.masks
 
     if not choice.inputs and not choice.listed:
         raise UsageError("there is no input; name image files, folders or patterns, or a list with --list FILE")
+    named = listed(choice.listed, nul=choice.nul) if choice.listed else ()
     plan = make_plan(
-        choice.inputs,
+        [*named, *choice.inputs],
         os.fspath(out),
-        wanted=wanted,
+        film=choice.film,
+        products=products,
         truth=os.fspath(truth) if truth else "",
         exclude=choice.exclude,
         keep_suffix=choice.keep_suffix,
-        listed=listed(choice.listed, nul=choice.nul) if choice.listed else (),
     )
+    show_skipped(plan, quiet=choice.quiet)
     plan = with_starts(plan, starting, partial=finds_starts(params)) if starting else plan
+    if starting and not choice.quiet:
+        show_without_start(plan, starting)
     return with_domains(plan, domains) if domains else plan
 
 
@@ -364,12 +469,18 @@ def read_views(
 
 def early_workers(inputs: Sequence[str], jobs: int) -> list[Process]:
     """Workers that load OpenCV while this process loads the rest, reads parameters and plans; two if there may be work."""
-    several = jobs > 1 and (len(inputs) != 1 or os.path.isdir(inputs[0]))
+    several = jobs > 1 and (len(inputs) != 1 or os.path.isdir(inputs[0]) or is_film(inputs[0]))
     early: list[Process] = []
     with contextlib.suppress(OSError):  # no more descriptors or processes: the run says so itself
         early.append(take())
         early += [launch()] if several else []
     return early
+
+
+def end(processes: Sequence[Process]) -> None:
+    """End workers, also those that a run has taken over and ended."""
+    for process in processes:
+        process.end()
 
 
 def cores() -> int:

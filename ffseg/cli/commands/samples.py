@@ -16,9 +16,12 @@ def samples(
     pairs: Annotated[
         int, typer.Option(min=0, max=1000, metavar="N", help="Pairs of a camera under a mirror: pair, pair-2, ...")
     ] = 1,
+    driven: Annotated[
+        bool, typer.Option("--drive", help="Also a drive of 40 images round a room, with camera and poses.")
+    ] = False,
 ) -> None:
     """Write sample images, their truths, and pairs with camera and poses; the same bytes every time."""
     from ffseg.samples.write import write_samples
 
-    for path in write_samples(folder, pairs):
+    for path in write_samples(folder, pairs, driven=driven):
         console.data(console.escape(str(path)))

@@ -14,13 +14,15 @@ from ffseg.cli.checks import checked_params, refuse_pictures, require_source
 from ffseg.cli.completion import KINDS
 from ffseg.cli.options import (
     AllowCode,
+    Boxes,
     Config,
     FillHoles,
+    Label,
     Largest,
     MinArea,
     Outside,
     Settings,
-    with_background,
+    with_prompts,
     with_selection,
 )
 from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError, is_out_of_memory
@@ -31,10 +33,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from ffseg.parameters import Levels
     from ffseg.result import Segmentation
 
-FAILED_IMAGES = 3
-"""Exit code when the image cannot be read or segmented, or an output cannot be written."""
 PIPE = "-"
 
 
@@ -56,9 +57,11 @@ def segment(  # noqa: PLR0913 - the options of the command
     settings: Settings = None,
     allow_code: AllowCode = False,
     outside: Outside = None,
+    boxes: Boxes = None,
     largest: Largest = None,
     min_area: MinArea = None,
     fill_holes: FillHoles = None,
+    label: Label = None,
     evidence: Annotated[
         Path | None, typer.Option("--evidence", metavar="FILE", help="Map of what is inside: grey image, or .npy.")
     ] = None,
@@ -69,26 +72,25 @@ def segment(  # noqa: PLR0913 - the options of the command
 ) -> None:
     """Segment one image and write what the suffix of OUT asks for.
 
-    NAME.png is the mask, NAME.svg the exact contours, NAME.geojson and NAME.json (COCO) the regions, NAME.jpg or
-    NAME.webp the image with the region drawn. A picture that is there is replaced if it is a mask. Exit code: 0 done;
-    2 nothing was run; 3 the image cannot be read or segmented, or an output cannot be written.
+    NAME.png is the mask, NAME.svg the exact contours, NAME.geojson, NAME.json (COCO) and NAME.txt (YOLO) the regions,
+    NAME.jpg or NAME.webp the image with the region drawn. A picture that is there is replaced if it is a mask. Exit
+    code: 0 done; 2 nothing was run; 3 the image cannot be read or segmented, or an output cannot be written.
     """
     wanted = [(path, _kind(path, kind)) for path in outputs]
     _require_other_names(image, wanted)
     if not overwrite:
         refuse_pictures([path for path in outputs if path != PIPE], "choose another name or add --overwrite")
-    settings = with_selection(with_background(settings, outside), largest, min_area, fill_holes)
+    settings = with_selection(with_prompts(settings, outside, boxes), largest, min_area, fill_holes, label)
     params = checked_params(config, settings, allow_code=allow_code)
     require_source(params, evidence)
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from ffseg.api import segment as segment_pixels
-    from ffseg.io.saving.kinds import encoded
-    from ffseg.io.saving.source import Source
+    from ffseg.io.saving import Source, encoded
 
     try:
-        pixels, note = _read(image)
+        pixels, note = _read(image, params.input.range)
         result = segment_pixels(pixels, params, evidence=_evidence(evidence))
-        source = Source("" if image == PIPE else os.path.basename(image), pixels)
+        source = Source("" if image == PIPE else os.path.basename(image), pixels, label=params.region.label)
         for path, output in wanted:
             suffix = ".png" if path == PIPE else os.path.splitext(path)[1].lower()
             _write(path, encoded(result, output, source, suffix))
@@ -99,7 +101,7 @@ def segment(  # noqa: PLR0913 - the options of the command
             str(error) if isinstance(error, FfsegError) else "there is not enough memory for the image; scale it down"
         )
         console.error(told)
-        raise typer.Exit(FAILED_IMAGES) from error
+        raise typer.Exit(console.FAILED_IMAGES) from error
     if not quiet:
         for text in filter(None, (note, *result.messages)):
             console.message(f"ffseg: {text}")
@@ -122,7 +124,7 @@ def _kind(path: str, named: str | None) -> str:
         raise UsageError(f"--as {named}: choose one of {', '.join(KINDS)}{nearest_word(named, KINDS)}")
     if named is not None or path == PIPE:
         return named or "mask"
-    from ffseg.io.saving.suffixes import kind_of
+    from ffseg.io.saving import kind_of
 
     try:
         return kind_of(path)
@@ -151,15 +153,15 @@ def _same(path: str, image: str) -> bool:
         return False
 
 
-def _read(image: str) -> tuple[NDArray[np.uint8], str]:
+def _read(image: str, levels: Levels) -> tuple[NDArray[np.uint8], str]:
     """Pixels of an image, and what there is to say of frames that were not read."""
     from ffseg.io.files import printable, read_bytes
-    from ffseg.io.images import Limits, decode_image, reading_note
+    from ffseg.io.images import Limits, read_picture
 
     limits = Limits()
     try:
         data = _stdin(limits.max_bytes) if image == PIPE else read_bytes(image, limits.max_bytes)
-        return decode_image(data, limits), reading_note(data, limits)
+        return read_picture(data, limits, levels)
     except ImageReadError as error:
         name = "" if image == PIPE else f"{printable(image)}: "
         raise ImageReadError(error.reason, f"{name}{error}") from None

@@ -62,7 +62,7 @@ def tune(  # noqa: PLR0913 - the options of the command
     _require_edges(params.method)
     from ffseg.io.files import write_bytes_atomic
     from ffseg.learning.gather import gather
-    from ffseg.learning.page import given, to_html, to_yaml, told
+    from ffseg.learning.page import given, to_html, to_yaml, told, untried
     from ffseg.learning.tune import before_and_after
     from ffseg.learning.tune import tune as search
 
@@ -78,7 +78,7 @@ def tune(  # noqa: PLR0913 - the options of the command
         console.data(json.dumps({"out": os.fspath(out), **asdict(tuned)}, indent=2))
     else:
         use = f"use it with --config {out}" if tuned.setting or given(params) else f"{out} changes nothing"
-        console.data("\n".join([*told(tuned), use]))
+        console.data("\n".join([*told(tuned), use, *untried(tuned)]))
 
 
 def _require_edges(method: str) -> None:

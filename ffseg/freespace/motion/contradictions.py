@@ -56,7 +56,6 @@ def likely_cause(camera: Camera, poses: tuple[Pose, Pose], confirmed: Confirmed,
 
     Parameters
     ----------
-    camera : Camera
     poses : tuple of Pose
         Of the previous and the current image, as given.
     confirmed : callable

@@ -44,7 +44,6 @@ class PairMotion:
 
     Attributes
     ----------
-    motion : Motion or None
     note : str
         One sentence for the log: where the motion comes from, with its figures, or why there is none.
     camera : Camera or None
@@ -74,7 +73,6 @@ def pair_motion(
 
     Parameters
     ----------
-    camera : Camera
     images : tuple of ndarray
         Previous and current image, grey.
     poses : tuple of Pose or None

@@ -36,7 +36,6 @@ class Scenery:
     ----------
     free : ndarray of bool, shape (H, W)
         Free space without its enclosed components.
-    components : sequence of Component
     border : ndarray of float64, shape (n, 2)
         Samples of the outer contours, pixels; empty where nobody asks.
     """

@@ -169,14 +169,12 @@ def fit_ground(
 
     Parameters
     ----------
-    camera : Camera
     prior : Motion
         What it says of its own origin, the result says as well.
     sigmas : ndarray of float64, shape (8,)
         Of the prior's parameters, as `prior_sigmas` gives them.
     pair : tuple of ndarray of uint8, shape (H, W)
         Current and previous image.
-    evidence : Evidence
     looks : tuple of str
         How the points are placed, one after another: ``far`` looks for each within 16 pixels of where it is expected,
         ``half`` at half the resolution first, ``full`` as the images stand.

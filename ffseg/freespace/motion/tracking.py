@@ -78,7 +78,6 @@ def tracked(camera: Camera, motion: Motion, pair: tuple[Grey, Grey], evidence: E
     camera, motion
     pair : tuple of ndarray
         Current and previous image.
-    evidence : Evidence
     look : str
         ``far``, ``half`` or ``full``.
     """

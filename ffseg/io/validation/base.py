@@ -37,13 +37,17 @@ class Header:
     Attributes
     ----------
     format : str
-        ``PNG``, ``JPEG``, ``BMP``, ``TIFF``, ``WebP``, ``GIF``, ``PNM``, ``JPEG 2000`` or ``AVIF``.
+        ``PNG``, ``JPEG``, ``BMP``, ``TIFF``, ``WebP``, ``GIF``, ``PNM``, ``JPEG 2000``, ``AVIF`` or ``HEIC``.
     width, height : int
         As stored, before any orientation is applied.
     grey : bool
         The pixels have one colour channel.
     orientation : int
         EXIF's number for what turns the pixels upright; 0 leaves it to the decoder.
+    deep : bool
+        Samples have 16 bits.
+    levels : (int, int) or None
+        Of black and white, where the file states them for 16 bits.
     several : bool
         More frames or pages follow the first.
     still : bytes or None
@@ -59,6 +63,8 @@ class Header:
     grey: bool = False
     orientation: int = 0
     several: bool = False
+    deep: bool = False
+    levels: tuple[int, int] | None = None
     still: bytes | None = None
     check: Callable[[], Iterable[Probe]] = tuple
 

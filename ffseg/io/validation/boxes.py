@@ -1,4 +1,4 @@
-"""The gate for the formats made of boxes, JPEG 2000 and AVIF."""
+"""The gate for the formats made of boxes, JPEG 2000, AVIF and HEIC."""
 
 from __future__ import annotations
 
@@ -102,16 +102,22 @@ class _Meta:
         return [self.properties[i - 1] for i in self.of_item.get(item, ()) if 0 < i <= len(self.properties)]
 
 
-def avif(data: bytes) -> Header:
-    """Size and orientation of the primary image of an AVIF file."""
+def _primary(data: bytes, format_: str) -> tuple[dict[bytes, tuple[int, int]], _Meta, tuple[int, int]]:
+    """Boxes of the file, what describes its items, and width and height of the primary one."""
     top = {name: (at, end) for name, at, end in _boxes(data, 0, len(data))}
     if b"meta" not in top:
-        raise truncated("the AVIF file ends inside its header, or has no still picture")
+        raise truncated(f"the {format_} file ends inside its header, or has no still picture")
     meta = _read_meta(data, *top[b"meta"])
     extent = meta.named(meta.primary, b"ispe")
     if extent is None or extent[1] - extent[0] < 12:
-        raise damaged("the AVIF file does not say how large its image is")
-    size = struct.unpack(">II", data[extent[0] + 4 : extent[0] + 12])
+        raise damaged(f"the {format_} file does not say how large its image is")
+    width, height = struct.unpack(">II", data[extent[0] + 4 : extent[0] + 12])
+    return top, meta, (width, height)
+
+
+def avif(data: bytes) -> Header:
+    """Size and orientation of the primary image of an AVIF file."""
+    top, meta, size = _primary(data, "AVIF")
     kind = meta.kinds.get(meta.primary)
     if kind != b"av01":
         raise unsupported("the AVIF image is put together from several")
@@ -122,6 +128,24 @@ def avif(data: bytes) -> Header:
     if not data[-ZEROS:].strip(b"\0"):
         raise damaged(f"the last {ZEROS} bytes of the AVIF file are zeros (an interrupted copy?)")
     return Header("AVIF", *size, orientation=_turn(data, meta), several=b"moov" in top)
+
+
+def heic(data: bytes) -> Header:
+    """Size of the primary image of a HEIC file, of one piece or of tiles, none of which lies beyond the file.
+
+    Its decoder turns it upright.
+    """
+    _, meta, size = _primary(data, "HEIC")
+    if meta.kinds.get(meta.primary) not in (b"hvc1", b"grid"):
+        raise unsupported("the HEIF image is not coded as HEVC")
+    refuse_claim("HEIC", size, len(data), FLAT_PIXELS_PER_BYTE, FREE_PIXELS)
+    cropped = meta.named(meta.primary, b"clap")  # sides that are odd are coded a pixel longer
+    if cropped is not None and cropped[1] - cropped[0] >= 16:
+        width, per_width, height, per_height = struct.unpack(">4I", data[cropped[0] : cropped[0] + 16])
+        size = (width // max(per_width, 1), height // max(per_height, 1))
+    if any(at + length > len(data) for at, length in meta.places.values()):
+        raise truncated("the HEIC pixels lie beyond the end of the file")
+    return Header("HEIC", *size)
 
 
 _SEQUENCE_BYTES = 64
@@ -207,7 +231,7 @@ class _Fields:
         """The next number of `size` bytes."""
         part = self._content[self._at : self._at + size]
         if len(part) < size:
-            raise truncated("the AVIF file ends inside a box")
+            raise truncated("the file ends inside a box")
         self._at += size
         return int.from_bytes(part, "big")
 

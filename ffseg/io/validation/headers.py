@@ -37,7 +37,9 @@ def png(data: bytes) -> Header:
         left_out = _FRAMES | _PACKED_TEXTS
         still = data[:8] + b"".join(data[at:end] for name, at, end in chunks if name not in left_out)
     turned = next((orientation_of(data[at + 8 : end - 4]) for name, at, end in chunks if name == b"eXIf"), 1)
-    return Header("PNG", width, height, kind in (0, 4), turned, several=bool(names & _FRAMES), still=still)
+    return Header(
+        "PNG", width, height, kind in (0, 4), turned, several=bool(names & _FRAMES), still=still, deep=depth == 16
+    )
 
 
 _FRAMES = {b"acTL", b"fcTL", b"fdAT"}
@@ -93,6 +95,7 @@ def _gif_colours(flags: int) -> int:
     return 3 << (flags & 7) + 1 if flags & 0x80 else 0
 
 
+_AS_FILM = "'ffseg run' reads files named .mp4, .mkv, .webm, .avi or .mov frame by frame"
 _OTHERS: tuple[tuple[bytes, str], ...] = (
     (b"version https://git-lfs", "a Git LFS pointer; fetch the real file with `git lfs pull`"),
     (b"PK\x03\x04", "a zip archive; unpack it"),
@@ -110,8 +113,8 @@ _OTHERS: tuple[tuple[bytes, str], ...] = (
     (b"\xff\x0a", "a JPEG XL image; convert it to PNG"),
     (b"\0\0\0\x0cJXL ", "a JPEG XL image; convert it to PNG"),
     (b"\0\0\x01\0", "an icon; convert it to PNG"),
-    (b"RIFF", "a sound or video file; export its frames"),
-    (b"\x1aE\xdf\xa3", "a video file; export its frames"),
+    (b"RIFF", f"a sound or video file; {_AS_FILM}"),
+    (b"\x1aE\xdf\xa3", f"a video file; {_AS_FILM}"),
 )
 
 
@@ -122,7 +125,7 @@ def looks_like(data: bytes) -> str:
         if head.startswith(start):
             return what
     if head[4:8] == b"ftyp":
-        return "a HEIF image or a video file; convert it to PNG"
+        return f"a video file, or a HEIF image to be converted to PNG; {_AS_FILM}"
     if not head.strip(b"\0"):
         return "zeros only (lost blocks or an interrupted copy); copy it again"
     text = head.lstrip(b"\xef\xbb\xbf \t\r\n").lower()

@@ -115,7 +115,6 @@ class CodeStream:
 
     Attributes
     ----------
-    width, height : int
     channels : bytes
         Three bytes for each: bits less 1, horizontal and vertical step.
     """

@@ -28,7 +28,6 @@ class Pieces:
 
     Attributes
     ----------
-    compression : int
     row_bits : int
         Bits of one unpacked row of a piece.
     width : int
@@ -41,7 +40,6 @@ class Pieces:
         Offset and length of each.
     tables : bytes
         What the pieces of JPEG data share.
-    tiled : bool
     """
 
     compression: int

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 
+from ffseg.errors import ImageReadError
 from ffseg.io.validation.base import Header, damaged, refuse_claim, truncated, unsupported
 from ffseg.io.validation.strips import (
     DEFLATE,
@@ -30,6 +32,9 @@ _STRIP_OFFSETS, _ORIENTATION, _SAMPLES, _STRIP_ROWS, _STRIP_BYTES, _PLANAR = 273
 _PREDICTOR, _COLOURS = 317, 320
 _TILE_WIDTH, _TILE_HEIGHT, _TILE_OFFSETS, _TILE_BYTES = 322, 323, 324, 325
 _EXTRA_SAMPLES, _SAMPLE_FORMAT, _JPEG_TABLES = 338, 339, 347
+_LEAST, _MOST, _SIGNED_LEAST, _SIGNED_MOST = _STATED = (280, 281, 340, 341)
+"""Smallest and largest value of a sample; where they are no whole numbers they say nothing here."""
+_DEEP, _FULL = 16, 65535
 _KNOWN = {
     *(_WIDTH, _HEIGHT, _BITS, _COMPRESSION, _PHOTOMETRIC, _FILL_ORDER, _STRIP_OFFSETS, _ORIENTATION, _SAMPLES),
     *(_STRIP_ROWS, _STRIP_BYTES, _PLANAR, _PREDICTOR, _COLOURS, _TILE_WIDTH, _TILE_HEIGHT),
@@ -81,7 +86,19 @@ def tiff(data: bytes) -> Header:
     _refuse_size(tags, (width, height), min(sum(length for _, length in places), len(data)))
     pieces = _pieces(tags, (width, height), places)
     grey = samples == 1 and _one(tags, _PHOTOMETRIC, _BLACK_IS_ZERO) in _GREYS
-    return Header("TIFF", width, height, grey=grey, several=several, check=partial(check_pieces, data, pieces))
+    deep = _one(tags, _BITS, 1) == _DEEP
+    return Header(
+        "TIFF", width, height, grey=grey, several=several, check=partial(check_pieces, data, pieces),
+        deep=deep, levels=_stated(tags) if deep else None,
+    )  # fmt: skip
+
+
+def _stated(tags: dict[int, tuple[int, ...]]) -> tuple[int, int] | None:
+    """Least and largest value, where the file states the largest for all samples."""
+    highest = tags.get(_SIGNED_MOST) or tags.get(_MOST) or (0,)
+    lowest = tags.get(_SIGNED_LEAST) or tags.get(_LEAST) or (0,)
+    low, high = min(lowest), max(highest)
+    return (low, high) if low < high <= _FULL else None
 
 
 def _refuse_size(tags: dict[int, tuple[int, ...]], size: tuple[int, int], num_bytes: int) -> None:
@@ -131,6 +148,9 @@ def _read_directory(data: bytes, layout: _Layout) -> tuple[dict[int, tuple[int, 
             raise damaged(f"the TIFF directory has tag {tag} twice")
         if tag in _KNOWN:
             tags[tag] = _read_values(data, layout, position, tag)
+        elif tag in _STATED:
+            with suppress(ImageReadError):
+                tags[tag] = _read_values(data, layout, position, tag)
     end = start + count_bytes + count * layout.entry_bytes
     return tags, any(data[end : end + word])
 

@@ -41,7 +41,6 @@ class Kind:
 
     Attributes
     ----------
-    draw : callable
     shares : tuple of float
         Share of the picture that a truth takes; others are drawn again.
     afoot : bool

@@ -1,8 +1,15 @@
+#include <nanobind/stl/pair.h>
+
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
 #include "bindings.hpp"
+#include "common/arrays.hpp"
+#include "edges/boundary.hpp"
 #include "edges/canny.hpp"
 #include "edges/gradient.hpp"
 #include "edges/noise.hpp"
@@ -93,6 +100,49 @@ void py_canny(const Gradient& gradient, int low, int high, Plane8 edges) {
     ffseg::edges::link_edges(gradient.data(), height, width, thresholds, edges.data());
 }
 
+ffseg::edges::Limits limits_of(std::size_t height, std::size_t width, const std::optional<Domain>& domain, int margin) {
+    if (height == 0 || width == 0 || height > 65535 || width > 65535 || margin < 1 || margin > 65535) {
+        throw std::invalid_argument("the image must have 1 to 65535 pixels a side, and a margin of 1 or more");
+    }
+    if (domain) check_plane(*domain, height, width);
+    return {domain ? domain->data() : nullptr, static_cast<int>(height), static_cast<int>(width), margin};
+}
+
+nb::ndarray<nb::numpy, std::uint16_t> py_gradients_at(const ffseg::Points& joints, const Gradient& gradient,
+                                                      const std::optional<Domain>& domain, int margin) {
+    const ffseg::edges::Limits limits = limits_of(gradient.shape(0), gradient.shape(1), domain, margin);
+    const std::vector<ffseg::Vec2> points = ffseg::points_of(joints, std::numeric_limits<double>::max());
+    return ffseg::given(ffseg::edges::gradients_at(points, gradient.data(), limits));
+}
+
+double py_share_within(const ffseg::Points& joints, const ffseg::Indices& ends,
+                       std::pair<std::size_t, std::size_t> shape, const std::optional<Domain>& domain, int margin) {
+    const ffseg::edges::Limits limits = limits_of(shape.first, shape.second, domain, margin);
+    const std::vector<ffseg::Vec2> points = ffseg::points_of(joints, std::numeric_limits<double>::max());
+    return ffseg::edges::share_within(points, ffseg::ends_of(ends, points.size()), limits);
+}
+
+// Edges in every `step`-th row, and how many of them lie on a gradient of `level` or more.
+std::pair<std::size_t, std::size_t> py_edges_from(const Domain& edges, const Gradient& gradient, double level,
+                                                  std::size_t step) {
+    check_plane(edges, gradient.shape(0), gradient.shape(1));
+    if (step == 0) throw std::invalid_argument("the step must be 1 or more");
+    std::size_t all = 0, strong = 0;
+    const std::size_t width = edges.shape(1);
+    const auto least = static_cast<std::uint32_t>(std::clamp(std::ceil(level), 0.0, 65536.0));
+    for (std::size_t y = 0; y < edges.shape(0); y += step) {
+        std::uint32_t row_all = 0, row_strong = 0;
+        for (std::size_t at = y * width; at < (y + 1) * width; ++at) {
+            const std::uint32_t edge = edges.data()[at] != 0;
+            row_all += edge;
+            row_strong += edge & static_cast<std::uint32_t>(gradient.data()[at] >= least);
+        }
+        all += row_all;
+        strong += row_strong;
+    }
+    return {all, strong};
+}
+
 }  // namespace
 
 void bind_edges(nb::module_& m) {
@@ -107,4 +157,10 @@ void bind_edges(nb::module_& m) {
           "of quiet windows. Stored units.");
     m.def("canny", &py_canny, "gradient"_a, "low"_a, "high"_a, "edges"_a,
           "Canny edges (255) from the ridges in `edges`, in place, by hysteresis; thresholds in stored units.");
+    m.def("edges_from", &py_edges_from, "edges"_a, "gradient"_a, "level"_a, "step"_a,
+          "Edge pixels in every `step`-th row, and how many of them have a gradient of `level` or more.");
+    m.def("gradients_at", &py_gradients_at, "joints"_a, "gradient"_a, "domain"_a.none(), "margin"_a,
+          "The largest of nine gradients at each joint not within `margin` px of the border of image or domain.");
+    m.def("share_within", &py_share_within, "joints"_a, "ends"_a, "shape"_a, "domain"_a.none(), "margin"_a,
+          "Part of the polygons' length within `margin` px of the border of the image or the domain.");
 }

@@ -1,7 +1,12 @@
+#include <nanobind/stl/vector.h>
+
+#include <limits>
 #include <stdexcept>
+#include <vector>
 
 #include "bindings.hpp"
 #include "common/arrays.hpp"
+#include "common/measures.hpp"
 #include "raster/raster.hpp"
 
 namespace nb = nanobind;
@@ -49,9 +54,40 @@ void py_rasterize(const Points& points, const Indices& offsets, const Indices& d
     ffseg::raster::fill_mask(edges, mask);
 }
 
+std::vector<double> py_signed_areas(const Points& points, const Indices& offsets,
+                                    const ffseg::Array<const double, nb::ndim<2>>& matrix) {
+    const std::vector<ffseg::Vec2> control = ffseg::points_of(points, std::numeric_limits<double>::max());
+    const std::vector<std::size_t> ends = ffseg::ends_of(offsets, control.size());
+    const std::size_t degree = matrix.shape(0) - 1;
+    if (degree < 1 || degree > ffseg::raster::kMaxDegree || matrix.shape(1) != degree + 1) {
+        throw std::invalid_argument("the matrix of an area has degree + 1 rows and columns");
+    }
+    std::vector<double> areas;
+    for (std::size_t c = 1; c < ends.size(); ++c) {
+        const std::size_t count = ends[c] - ends[c - 1];
+        if (count == 0 || count % degree != 0) throw std::invalid_argument("a contour needs N * d control points");
+        areas.push_back(ffseg::signed_area(control.data() + ends[c - 1], count, matrix.data(), degree));
+    }
+    return areas;
+}
+
+std::vector<double> py_steps_along_axes(const Points& points, const Indices& offsets) {
+    const std::vector<ffseg::Vec2> control = ffseg::points_of(points, std::numeric_limits<double>::max());
+    const std::vector<std::size_t> ends = ffseg::ends_of(offsets, control.size());
+    std::vector<double> steps;
+    for (std::size_t c = 1; c < ends.size(); ++c) {
+        steps.push_back(ffseg::steps_along_axes(control.data() + ends[c - 1], ends[c] - ends[c - 1]));
+    }
+    return steps;
+}
+
 }  // namespace
 
 void bind_raster(nb::module_& m) {
     m.def("rasterize", &py_rasterize, "points"_a, "offsets"_a, "degrees"_a, "tolerance"_a, "out"_a,
           "Region (winding > 0) of closed contours at the pixel centres, 1 or 0 into `out`.");
+    m.def("signed_areas", &py_signed_areas, "points"_a, "offsets"_a, "matrix"_a,
+          "Signed area of each contour; the matrix takes the coordinates of a patch to its part.");
+    m.def("steps_along_axes", &py_steps_along_axes, "points"_a, "offsets"_a,
+          "Length of each control polygon along the axes.");
 }

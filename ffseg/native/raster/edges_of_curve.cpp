@@ -7,7 +7,8 @@
 namespace ffseg::raster {
 namespace {
 
-using Patch = std::array<Vec2, kMaxDegree + 1>;
+template <int D>
+using Patch = std::array<Vec2, D + 1>;
 
 // Up to this many chords a piece is sampled outright; a longer one is halved first, so that its far parts are dropped.
 constexpr double kMaxChords = 32.0;
@@ -23,64 +24,81 @@ void append_chord(Vec2 from, Vec2 to, std::vector<Edge>& edges) {
 }
 
 // Number of equal steps whose chords stay within the tolerance: h^2 |B''| / 8 <= tolerance.
-double chord_count(const Patch& p, int degree, double tolerance) {
+template <int D>
+double chord_count(const Patch<D>& p, double tolerance) {
     double bend = 0.0;
-    for (int i = 0; i + 2 <= degree; ++i) {
+    for (int i = 0; i + 2 <= D; ++i) {
         const Vec2 second = (p[i] - p[i + 1]) + (p[i + 2] - p[i + 1]);
         bend = std::max(bend, std::abs(second.x) + std::abs(second.y));  // >= its length, and cannot overflow
     }
-    return std::max(1.0, std::ceil(std::sqrt(degree * (degree - 1) / 8.0 * (bend / tolerance))));
+    return std::max(1.0, std::ceil(std::sqrt(D * (D - 1) / 8.0 * (bend / tolerance))));
 }
 
-Vec2 evaluate(Patch p, int degree, double t) {
-    for (int level = degree; level > 0; --level) {
+template <int D>
+FFSEG_INLINE Vec2 evaluate(Patch<D> p, double t) {
+    for (int level = D; level > 0; --level) {
         for (int i = 0; i < level; ++i) p[i] = (1.0 - t) * p[i] + t * p[i + 1];
     }
     return p[0];
 }
 
-void append_samples(const Patch& p, int degree, int chords, std::vector<Edge>& edges) {
+template <int D>
+void append_samples(const Patch<D>& p, int chords, std::vector<Edge>& edges) {
     Vec2 from = p[0];
     for (int k = 1; k < chords; ++k) {
-        const Vec2 to = evaluate(p, degree, static_cast<double>(k) / chords);
+        const Vec2 to = evaluate<D>(p, static_cast<double>(k) / chords);
         append_chord(from, to, edges);
         from = to;
     }
-    append_chord(from, p[degree], edges);
+    append_chord(from, p[D], edges);
 }
 
 // Leaves the first half in p and returns the second.
-Patch halve(Patch& p, int degree) {
-    Patch second = p, column = p;
-    for (int level = degree; level > 0; --level) {
+template <int D>
+Patch<D> halve(Patch<D>& p) {
+    Patch<D> second = p, column = p;
+    for (int level = D; level > 0; --level) {
         second[level] = column[level];
         for (int i = 0; i < level; ++i) column[i] = middle(column[i], column[i + 1]);
-        p[degree - level + 1] = column[0];
+        p[D - level + 1] = column[0];
     }
     second[0] = column[0];
     return second;
 }
 
-void append_piece(Patch p, int degree, const PixelGrid& grid, int halvings, std::vector<Edge>& edges) {
+template <int D>
+void append_piece(Patch<D> p, const PixelGrid& grid, int halvings, std::vector<Edge>& edges) {
     for (;; ++halvings) {
         Box box;
-        for (int i = 0; i <= degree; ++i) box.add(p[i]);
+        for (const Vec2 point : p) box.add(point);
         if (box.y1 < 0.0 || box.y0 > grid.bottom || box.x0 > grid.right) return;
-        if (box.x1 <= 0.0 || halvings == kMaxHalvings) return append_chord(p[0], p[degree], edges);
-        const double chords = chord_count(p, degree, grid.tolerance);
-        if (chords <= kMaxChords) return append_samples(p, degree, static_cast<int>(chords), edges);
-        const Patch second = halve(p, degree);
-        append_piece(p, degree, grid, halvings + 1, edges);
+        if (box.x1 <= 0.0 || halvings == kMaxHalvings) return append_chord(p[0], p[D], edges);
+        const double chords = chord_count<D>(p, grid.tolerance);
+        if (chords <= kMaxChords) return append_samples<D>(p, static_cast<int>(chords), edges);
+        const Patch<D> second = halve<D>(p);
+        append_piece<D>(p, grid, halvings + 1, edges);
         p = second;
+    }
+}
+
+template <int D>
+void append_patches(const Vec2* points, std::size_t count, const PixelGrid& grid, std::vector<Edge>& edges) {
+    for (std::size_t begin = 0; begin < count; begin += D) {
+        Patch<D> patch;
+        std::copy(points + begin, points + begin + D, patch.begin());
+        patch[D] = points[(begin + D) % count];
+        append_piece<D>(patch, grid, 0, edges);
     }
 }
 
 }  // namespace
 
-void append_edges(const Vec2* patch, int degree, const PixelGrid& grid, std::vector<Edge>& edges) {
-    Patch p{};
-    std::copy(patch, patch + degree + 1, p.begin());
-    append_piece(p, degree, grid, 0, edges);
+void append_contour(const Vec2* points, std::size_t count, int degree, const PixelGrid& grid,
+                    std::vector<Edge>& edges) {
+    constexpr std::array kAppend{append_patches<1>, append_patches<2>, append_patches<3>,
+                                 append_patches<4>, append_patches<5>, append_patches<6>};
+    static_assert(kAppend.size() == kMaxDegree);
+    kAppend[static_cast<std::size_t>(degree) - 1](points, count, grid, edges);
 }
 
 }  // namespace ffseg::raster

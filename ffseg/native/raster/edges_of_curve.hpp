@@ -1,5 +1,6 @@
 // Straight edges that stand for Bezier patches on a grid of pixel centres.
 #pragma once
+#include <cstddef>
 #include <vector>
 
 #include "common/vec.hpp"
@@ -20,8 +21,9 @@ struct PixelGrid {
     double tolerance;
 };
 
-// Appends the edges of one patch of d + 1 control points. Pieces that no row of centres can see are dropped; pieces
-// left of all centres are replaced by their chord, which crosses the same rows with the same sum of signs.
-void append_edges(const Vec2* patch, int degree, const PixelGrid& grid, std::vector<Edge>& edges);
+// Appends the edges of a closed contour of `count` control points (Definition 1: the last patch wraps to the first
+// point). Pieces that no row of centres can see are dropped; pieces left of all centres are replaced by their chord,
+// which crosses the same rows with the same sum of signs.
+void append_contour(const Vec2* points, std::size_t count, int degree, const PixelGrid& grid, std::vector<Edge>& edges);
 
 }  // namespace ffseg::raster

@@ -1,7 +1,6 @@
 #include "raster/raster.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -11,47 +10,6 @@
 
 namespace ffseg::raster {
 namespace {
-
-// One row's crossings: per column the sum of signs of edges that pass left of or through its centre but right of the
-// column before, and one bit per column that was touched, so that a row costs its crossings and not its width.
-class CrossingRow {
-public:
-    explicit CrossingRow(int width) : width_(width), change_(width + 1, 0), touched_(width / 64 + 1, 0) {}
-
-    void add(int column, int change) {
-        change_[column] += change;
-        touched_[column / 64] |= std::uint64_t{1} << (column % 64);
-    }
-
-    // Writes the row and clears itself.
-    void write(std::uint8_t* row) {
-        int winding = 0, from = 0;
-        std::memset(row, 0, static_cast<std::size_t>(width_));
-        for (std::size_t word = 0; word < touched_.size(); ++word) {
-            for (std::uint64_t bits = touched_[word]; bits != 0; bits &= bits - 1) {
-                const int column = static_cast<int>(word) * 64 + lowest(bits);
-                if (winding > 0) std::memset(row + from, 1, static_cast<std::size_t>(column - from));
-                winding += change_[column];
-                change_[column] = 0;
-                from = column;
-            }
-            touched_[word] = 0;
-        }
-        if (winding > 0) std::memset(row + from, 1, static_cast<std::size_t>(width_ - from));
-    }
-
-private:
-    static int lowest(std::uint64_t bits) {
-        int index = 0;
-        for (; (bits & 0xff) == 0; bits >>= 8) index += 8;
-        for (; (bits & 1) == 0; bits >>= 1) ++index;
-        return index;
-    }
-
-    int width_;
-    std::vector<int> change_;
-    std::vector<std::uint64_t> touched_;
-};
 
 // Smallest integer >= value, brought to 0..limit.
 int ceil_clamped(double value, int limit) {
@@ -80,92 +38,65 @@ int column_of(const Edge& edge, double y, int width) {
     return first;
 }
 
-struct Rows {
-    int first, end;
+// An edge that passes left of or through the centre of `column`, but right of the column before.
+struct Crossing {
+    int column, change;
 };
 
-Rows rows_of(const Edge& edge, int height) {
-    return {ceil_clamped(edge.low.y, height), ceil_clamped(edge.high.y, height)};
-}
-
-// Indices of the edges in order of their first row: edges of row y are order[begin[y]..begin[y + 1]).
+// The crossings of the edges with the rows of centres: those of row y are at[begin[y]..begin[y + 1]).
 struct ByRow {
-    std::vector<std::size_t> begin, order;
+    std::vector<std::size_t> begin;
+    std::vector<Crossing> at;
 
-    ByRow(const std::vector<Edge>& edges, int height) : begin(static_cast<std::size_t>(height) + 2, 0) {
+    ByRow(const std::vector<Edge>& edges, int height, int width) : begin(static_cast<std::size_t>(height) + 1, 0) {
+        std::vector<std::pair<int, Crossing>> found;
         for (const Edge& edge : edges) {
-            const Rows rows = rows_of(edge, height);
-            if (rows.first < rows.end) ++begin[rows.first + 1];
+            const int end = ceil_clamped(edge.high.y, height);
+            for (int y = ceil_clamped(edge.low.y, height); y < end; ++y) {
+                found.push_back({y, {column_of(edge, y, width), -edge.sign}});
+                ++begin[y];
+            }
         }
-        for (int y = 0; y < height; ++y) begin[y + 1] += begin[y];
-        order.resize(begin[height]);
-        std::vector<std::size_t> next(begin);
-        for (std::size_t i = 0; i < edges.size(); ++i) {
-            const Rows rows = rows_of(edges[i], height);
-            if (rows.first < rows.end) order[next[rows.first]++] = i;
-        }
+        std::size_t total = 0;
+        for (std::size_t& row : begin) row = total += row;
+        at.resize(total);
+        for (const auto& [y, crossing] : found) at[--begin[y]] = crossing;
     }
 };
+
+// Calls use(y, begin, end) for the runs of pixels whose winding number is > 0, in order of row and column.
+template <class Use>
+void each_span(const std::vector<Edge>& edges, int height, int width, const Use& use) {
+    ByRow rows(edges, height, width);
+    for (int y = 0; y < height; ++y) {
+        const auto first = rows.at.begin() + rows.begin[y], last = rows.at.begin() + rows.begin[y + 1];
+        std::sort(first, last, [](const Crossing& a, const Crossing& b) { return a.column < b.column; });
+        int winding = 0, from = 0;
+        for (auto one = first; one != last;) {
+            const bool was_inside = winding > 0;
+            const int column = one->column;
+            for (; one != last && one->column == column; ++one) winding += one->change;
+            if (!was_inside && winding > 0) from = column;
+            if (was_inside && winding <= 0) use(y, from, column);
+        }
+        if (winding > 0 && from < width) use(y, from, width);
+    }
+}
 
 }  // namespace
 
-void append_contour(const Vec2* points, std::size_t count, int degree, const PixelGrid& grid,
-                    std::vector<Edge>& edges) {
-    for (std::size_t begin = 0; begin < count; begin += static_cast<std::size_t>(degree)) {
-        std::array<Vec2, kMaxDegree + 1> patch;
-        for (int i = 0; i < degree; ++i) patch[i] = points[begin + i];
-        patch[degree] = points[(begin + degree) % count];
-        append_edges(patch.data(), degree, grid, edges);
-    }
-}
-
 void fill_mask(const std::vector<Edge>& edges, const MaskView& mask) {
     if (mask.height == 0 || mask.width == 0) return;  // its data may be null
-    const ByRow by_row(edges, mask.height);
-    CrossingRow crossings(mask.width);
-    std::vector<std::size_t> active;
-    for (int y = 0; y < mask.height; ++y) {
-        active.insert(active.end(), by_row.order.begin() + by_row.begin[y], by_row.order.begin() + by_row.begin[y + 1]);
-        std::size_t kept = 0;
-        for (const std::size_t index : active) {
-            const Edge& edge = edges[index];
-            if (!(y < edge.high.y)) continue;
-            active[kept++] = index;
-            crossings.add(column_of(edge, y, mask.width), -edge.sign);
-        }
-        active.resize(kept);
-        crossings.write(mask.data + static_cast<std::size_t>(y) * mask.width);
-    }
+    const std::size_t width = static_cast<std::size_t>(mask.width);
+    std::memset(mask.data, 0, width * mask.height);
+    each_span(edges, mask.height, mask.width, [&](int y, int begin, int end) {
+        std::memset(mask.data + y * width + begin, 1, static_cast<std::size_t>(end - begin));
+    });
 }
 
 std::vector<Span> fill_spans(const std::vector<Edge>& edges, int height, int width) {
     std::vector<Span> spans;
-    if (height == 0 || width == 0) return spans;
-    const ByRow by_row(edges, height);
-    std::vector<std::size_t> active;
-    std::vector<std::pair<int, int>> crossings;  // column and change of the winding number
-    for (int y = 0; y < height; ++y) {
-        active.insert(active.end(), by_row.order.begin() + by_row.begin[y], by_row.order.begin() + by_row.begin[y + 1]);
-        crossings.clear();
-        std::size_t kept = 0;
-        for (const std::size_t index : active) {
-            if (!(y < edges[index].high.y)) continue;
-            active[kept++] = index;
-            crossings.emplace_back(column_of(edges[index], y, width), -edges[index].sign);
-        }
-        active.resize(kept);
-        std::sort(crossings.begin(), crossings.end());
-        int winding = 0;
-        for (std::size_t i = 0; i < crossings.size(); ++i) {
-            const bool was_inside = winding > 0;
-            const int column = crossings[i].first;
-            for (winding += crossings[i].second; i + 1 < crossings.size() && crossings[i + 1].first == column; ++i) {
-                winding += crossings[i + 1].second;
-            }
-            if (!was_inside && winding > 0 && column < width) spans.push_back({y, column, width});
-            if (was_inside && winding <= 0) spans.back().end = column;
-        }
-    }
+    each_span(edges, height, width, [&](int y, int begin, int end) { spans.push_back({y, begin, end}); });
     return spans;
 }
 

@@ -14,10 +14,6 @@ struct MaskView {
     int height, width;
 };
 
-// Appends the edges of a closed contour of `count` control points (Definition 1: the last patch wraps to the first
-// point).
-void append_contour(const Vec2* points, std::size_t count, int degree, const PixelGrid& grid, std::vector<Edge>& edges);
-
 // Sets 1 where the winding number of all edges together round the pixel centre is > 0, else 0.
 // Half-open: an edge owns its end of smaller y; a centre on an edge counts as right of it. So a box [0, n] x [0, n]
 // holds the centres 0..n-1 of both axes, and regions that share an edge share no pixel and leave none between them.

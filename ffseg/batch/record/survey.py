@@ -9,6 +9,7 @@ from ffseg import __version__
 from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.record.journal import Journal
 from ffseg.batch.record.keeper import retire
+from ffseg.batch.record.tables import Records
 from ffseg.batch.record.values import Record
 from ffseg.batch.workers.freshness import output_stands, still_true, unchanged
 
@@ -16,7 +17,7 @@ _NAMED = 1000
 """Stale images that ``run.json`` names; their number is always given."""
 
 
-def standing(record: Record, out: str, settings: str) -> str:
+def stale_reason(record: Record, out: str, settings: str) -> str:
     """Why a record no longer says what is in the output folder; empty when it does."""
     if record.settings != settings:
         return "made with other parameters"
@@ -40,36 +41,21 @@ def without_old_truth(record: Record) -> Record:
 
 
 @dataclass(slots=True)
-class Standing:
-    """The records that stand in the tables, gone through as often as needed and never held together.
+class Survey(Records):
+    """The records of a journal that stand in the tables.
 
     Attributes
     ----------
-    journal : Journal
     entries : list of int or str
         Index in the plan, or name of an image that is not in it, in the order of the tables.
-    columns : set of str
-        Of all rows together.
-    with_outputs : set of str
-        Folders of outputs that any record has.
     stale : list of (str, str)
         Names of images whose outputs are no longer true, and why; `num_stale` counts those that are not named, too.
-    left : list of str
-        Outputs that belong to no image any longer, but hold something else than was written.
     """
 
     journal: Journal
     entries: list[int | str] = field(default_factory=list)
-    columns: set[str] = field(default_factory=set)
-    with_outputs: set[str] = field(default_factory=set)
     stale: list[tuple[str, str]] = field(default_factory=list)
     num_stale: int = 0
-    left: list[str] = field(default_factory=list)
-
-    @property
-    def count(self) -> int:
-        """Records that stand in the tables."""
-        return len(self.entries)
 
     def records(self) -> Iterator[Record]:
         """Records in the order of the tables."""
@@ -78,37 +64,34 @@ class Standing:
             if record is not None:
                 yield without_old_truth(record)
 
-    def _note(self, record: Record) -> None:
-        self.columns |= record.row.keys()
-        self.with_outputs |= {path.split("/", 1)[0] for path in record.outputs}
-        self.left += record.left
-
-    def _miss(self, record: Record, reason: str) -> None:
+    def miss(self, record: Record, reason: str) -> None:
+        """Take into account that a record is no longer true."""
         if record.made:
             self.num_stale += 1
             if len(self.stale) < _NAMED:
                 self.stale.append((record.name, reason))
 
 
-def survey(journal: Journal, plan: Plan, settings: str, finished: bytearray) -> Standing:
+def survey(journal: Journal, plan: Plan, settings: str, finished: bytearray) -> Survey:
     """Go through all records once: those of this run, and those of earlier ones that are still true.
 
     Rows stand in input order when the run covers all of them, else sorted by the order in which they were found.
     """
-    found = Standing(journal)
+    found = Survey(journal)
     planned: list[tuple[str, int | str]] = []
     for job in plan.jobs:
         record = journal.get(job.index)
         if record is None:
             continue
-        reason = "" if finished[job.index] else standing(record, plan.out, settings)
+        reason = "" if finished[job.index] else stale_reason(record, plan.out, settings)
         if reason:
-            found._miss(record, reason)
+            found.miss(record, reason)
         else:
-            found._note(record)
+            found.note(record)
             planned.append((record.order, job.index))
     others = [(record.order, record.name) for record in _others(journal.others(), plan, settings, found)]
-    found.entries = [entry for _, entry in (sorted([*planned, *others], key=_order) if others else planned)]
+    ordered = sorted([*planned, *others], key=lambda one: (one[0], str(one[1]))) if others else planned
+    found.entries = [entry for _, entry in ordered]
     return found
 
 
@@ -124,38 +107,28 @@ def tidy(journal: Journal, plan: Plan, settings: str) -> int:
         How many outputs were removed. An image with one that holds something else than was written stays stale.
     """
     others = [
-        (
-            other.name,
-            other.settings != settings or (plan.tars and still_true(other.files)),
-            other.outputs,
-            other.members,
-        )
-        for other in journal.others()
+        (other, other.settings != settings or (plan.tars and still_true(other.files))) for other in journal.others()
     ]
     if not others:
         return 0
     records = (journal.get(job.index) for job in plan.jobs)
     owned = {path for record in records if record is not None for path in record.outputs}
     removed = 0
-    for name, over, outputs, members in others:
-        if over or not owned.isdisjoint(outputs):
-            retired = {path: digest for path, (digest, _) in outputs.items() if path not in owned}
-            count, left = retire(plan.out, retired, members)
+    for other, over in others:
+        if over or not owned.isdisjoint(other.outputs):
+            retired = {path: digest for path, (digest, _) in other.outputs.items() if path not in owned}
+            count, left = retire(plan.out, retired, other.members)
             removed += count
             if not left:
-                journal.drop(name)
+                journal.drop(other.name)
     return removed
 
 
-def _order(entry: tuple[str, int | str]) -> tuple[str, str]:
-    return entry[0], str(entry[1])
-
-
-def _others(records: Iterable[Record], plan: Plan, settings: str, found: Standing) -> Iterator[Record]:
+def _others(records: Iterable[Record], plan: Plan, settings: str, found: Survey) -> Iterator[Record]:
     for record in records:
-        reason = standing(record, plan.out, settings)
+        reason = stale_reason(record, plan.out, settings)
         if reason:
-            found._miss(record, reason)
+            found.miss(record, reason)
         else:
-            found._note(record)
+            found.note(record)
             yield record

@@ -9,10 +9,10 @@ from typing import Any
 
 from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.record.journal import Journal, read_records, state_folder
-from ffseg.batch.record.standing import Standing
+from ffseg.batch.record.ordered import OrderedPacks, in_order, packs_of, publish, remove_packs
+from ffseg.batch.record.survey import Survey
 from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import Member, is_ordered, pack_path
-from ffseg.batch.tar.ordered import OrderedPacks, in_order, packs_of, publish, remove_packs
 
 
 class StoppedError(Exception):
@@ -20,7 +20,7 @@ class StoppedError(Exception):
 
 
 def put_in_order(
-    out: str, journal: Journal, standing: Standing, header: Mapping[str, Any], stopped: Callable[[], bool]
+    out: str, journal: Journal, survey: Survey, header: Mapping[str, Any], stopped: Callable[[], bool]
 ) -> list[str]:
     """Copy all outputs into tar files in the order of the tables, unless they lie so already.
 
@@ -39,7 +39,7 @@ def put_in_order(
     StoppedError
         If the end is asked for.
     """
-    entries = [*standing.entries]
+    entries = [*survey.entries]
     known = {entry for entry in entries if isinstance(entry, str)}
     entries += sorted(record.name for record in journal.others() if record.name not in known)
 

@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.outlines import outlines
-from ffseg.parameters import Parameters
+from ffseg.image.raster import window_of
+from ffseg.parameters import LEAST_START, Box, Circle, Parameters
+
+MIDDLE_SHARE = 0.25
+"""Radius of the circle in the middle of a box in parts of its shorter side, where no evidence tells a better place."""
 
 
 def start_contours(
@@ -44,13 +48,42 @@ def start_contours(
         circles = ((*_center(shape, params, center), params.init.radius_in(shape)),)
     for x, y, radius in circles:
         _check_inside((x, y), shape, f"the start circle at ({x:g}, {y:g}), radius {radius:g}")
-    for x0, y0, x1, y1 in boxes:
-        if not (x0 < x1 and y0 < y1):
-            raise SegmentationError(f"the start box [{x0:g}, {y0:g}, {x1:g}, {y1:g}] needs x0 < x1 and y0 < y1")
-        _check_inside(((x0 + x1) / 2, (y0 + y1) / 2), shape, f"the start box [{x0:g}, {y0:g}, {x1:g}, {y1:g}]")
-    contours = [circle_start(circle, params) for circle in circles]
-    contours += [_box(box, params) for box in boxes]
-    return tuple(contours)
+        if boxes and not any(x0 <= x <= x1 and y0 <= y <= y1 for x0, y0, x1, y1 in boxes):
+            raise SegmentationError(
+                f"the start circle at ({x:g}, {y:g}) lies in no box; move it into one, or leave it out"
+            )
+    for box in boxes:
+        _check_box(box, shape)
+    if params.contour.balloon < 0:
+        return (*(circle_start(circle, params) for circle in circles), *(_box(box, params) for box in boxes))
+    circles = circles or tuple(_middle(box, shape) for box in boxes)
+    return tuple(circle_start(circle, params) for circle in circles)
+
+
+def within(boxes: tuple[Box, ...], shape: tuple[int, int]) -> NDArray[np.uint8]:
+    """255 where a pixel's centre lies in a box, 0 elsewhere; shape (H, W)."""
+    found = np.zeros(shape, np.uint8)
+    for box in boxes:
+        found[window_of(box, shape)] = 255
+    return found
+
+
+def _check_box(box: Box, shape: tuple[int, int]) -> None:
+    x0, y0, x1, y1 = box
+    what = f"the box [{x0:g}, {y0:g}, {x1:g}, {y1:g}]"
+    if not (x0 < x1 and y0 < y1):
+        raise SegmentationError(f"{what} needs x0 < x1 and y0 < y1")
+    _check_inside(((x0 + x1) / 2, (y0 + y1) / 2), shape, what)
+    if any(part.stop <= part.start for part in window_of(box, shape)):
+        raise SegmentationError(f"{what} holds no pixel's centre; make it larger")
+
+
+def _middle(box: Box, shape: tuple[int, int]) -> Circle:
+    """A circle in the middle of what the image has of a box."""
+    rows, columns = window_of(box, shape)
+    least = min(part.stop - part.start for part in (rows, columns))
+    y, x = ((part.start + part.stop - 1) / 2 for part in (rows, columns))
+    return x, y, max(LEAST_START, MIDDLE_SHARE * least)
 
 
 def circle_start(circle: tuple[float, float, float], params: Parameters) -> FreeForm:
@@ -78,7 +111,7 @@ def _check_inside(point: tuple[float, float], shape: tuple[int, int], what: str)
         raise SegmentationError(f"{what} has its centre outside the image of {width} x {height} pixels; move it inside")
 
 
-def _box(box: tuple[float, float, float, float], params: Parameters) -> FreeForm:
+def _box(box: Box, params: Parameters) -> FreeForm:
     x0, y0, x1, y1 = box
     return _along(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), params)
 

@@ -9,12 +9,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import BinaryIO
 
+from ffseg.batch.outputs.table import PACKS, tar_name
 from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import (
     BLOCK,
     NOWHERE,
-    PACKS,
     Member,
     digest,
     is_ordered,
@@ -22,11 +22,10 @@ from ffseg.batch.tar.members import (
     ordered_pack,
     pack_path,
     padding,
-    tar_name,
 )
 from ffseg.batch.tar.writer import head, head_size, unwritable
 from ffseg.errors import OutputError
-from ffseg.io.files import make_folder, printable, sync_folders
+from ffseg.io.files import AT_ONCE, make_folder, printable, read_at, sync_folders
 
 _END = bytes(2 * BLOCK)
 """End of a tar file."""
@@ -61,10 +60,6 @@ class OrderedPacks:
 
     Nothing refers to them before the journal does that is written from what `move` gives: `complete` comes before it,
     `publish` after it. A context manager that leaves nothing behind unless they were completed.
-
-    Parameters
-    ----------
-    out : str
     """
 
     def __init__(self, out: str) -> None:
@@ -131,7 +126,7 @@ class OrderedPacks:
             return None
         pack, offset, length = member
         try:
-            return os.pread(self._source(pack), length, offset)
+            return read_at(self._source(pack), length, offset)
         except OSError:
             return None
 
@@ -139,7 +134,7 @@ class OrderedPacks:
         if pack not in self._sources:
             if len(self._sources) >= _MOST_OPEN:
                 self._close_sources()
-            self._sources[pack] = os.open(pack_path(self._out, pack), os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+            self._sources[pack] = os.open(pack_path(self._out, pack), os.O_RDONLY | AT_ONCE)
         return self._sources[pack]
 
     def _close_sources(self) -> None:

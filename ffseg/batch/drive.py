@@ -1,0 +1,134 @@
+"""The map of a drive and the graph of its ways, from what a run has stored of each frame."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ffseg.batch.outputs.table import GROUND, MAP_FILES, MASK
+from ffseg.batch.record.tables import in_time
+from ffseg.batch.record.values import Record
+from ffseg.batch.tar.members import output_bytes
+from ffseg.batch.views import Views
+from ffseg.errors import ImageReadError
+from ffseg.freespace.occupancy import OccupancyMap, Sighting
+from ffseg.freespace.skeleton import Skeleton
+from ffseg.freespace.window import Link
+from ffseg.io.files import make_folder, printable, write_all_atomic
+from ffseg.io.masks import decode_mask
+
+_NAMED = 1000
+"""Frames that are not in the map and are named in ``run.json``; their number is always given."""
+
+
+@dataclass(slots=True)
+class Drive:
+    """A map and what went into it.
+
+    Attributes
+    ----------
+    frames : int
+        All of the drive.
+    lost : dict of str to str
+        Why a frame is not in the map, by its name.
+    """
+
+    grid: OccupancyMap = field(default_factory=OccupancyMap)
+    ways: Skeleton = field(default_factory=lambda: Skeleton((), ()))
+    frames: int = 0
+    lost: dict[str, str] = field(default_factory=dict)
+
+    def figures(self) -> dict[str, Any]:
+        """For ``run.json``."""
+        metres, radians = self.grid.drift
+        named = list(self.lost.items())[:_NAMED]
+        return {
+            "frames": self.frames,
+            "fused": self.frames - len(self.lost),
+            "estimated": sum(one is not None and one.estimated for one in self.grid.stations),
+            "drift_m": round(metres, 4),
+            "drift_deg": round(float(np.rad2deg(radians)), 3),
+            "nodes": len(self.ways.nodes),
+            "edges": len(self.ways.edges),
+            "loops": self.ways.num_loops,
+            "lost": [{"image": name, "reason": reason} for name, reason in named],
+        }
+
+    def take(self, record: Record, out: str, views: Views) -> None:
+        """Fuse one frame, or note why not."""
+        name, pose = printable(record.name), views.poses.get(record.name)
+        try:
+            seen = _sighting(record, out, views)
+        except (ImageReadError, KeyError, TypeError, ValueError) as error:
+            told = f"what is stored of it cannot be read ({type(error).__name__}: {error})"
+            self._lose(name, f"it failed: {record.row['error']}" if record.status == "failed" else told)
+            return
+        if pose is None and views.poses and not any(self.grid.stations):
+            self._lose(name, "it has no pose, nor has a frame before it")
+        elif not self.grid.fuse(name, seen, pose):
+            why = "it moved since frames that are not in the map" if seen.links else record.row.get("note", "")
+            self.lost[name] = f"it has no pose; {why}"
+
+    def _lose(self, name: str, reason: str) -> None:
+        self.grid.miss(name)
+        self.lost[name] = reason
+
+    def write(self, out: str) -> Sequence[str]:
+        """Write `MAP_FILES` below an output folder, if any frame is in the map; their names.
+
+        Raises
+        ------
+        OutputError
+            When they cannot be written.
+        """
+        if len(self.lost) == self.frames:
+            return ()
+        files = self.grid.files(self.ways) | self.ways.files()
+        make_folder(os.path.join(out, os.path.dirname(MAP_FILES[0])))
+        write_all_atomic([(os.path.join(out, path), files[os.path.basename(path)]) for path in MAP_FILES])
+        return MAP_FILES
+
+
+def drive_of(records: Iterable[Record], out: str, views: Views) -> Drive:
+    """Fuse the frames of a run in the order in which they were driven.
+
+    Parameters
+    ----------
+    records : iterable of Record
+        All that stand.
+    out : str
+        Where their masks and grounds are.
+    views : Views
+        Whose poses place them; a frame without a pose is placed by its motion since one that has a place.
+    """
+    known = {record.name: record for record in records}
+    drive = Drive(frames=len(known))
+    for name in in_time(known.values()):
+        drive.take(known[name], out, views)
+    drive.ways = drive.grid.skeleton(views.camera.footprint)
+    return drive
+
+
+def _sighting(record: Record, out: str, views: Views) -> Sighting:
+    """What the stored outputs of a frame say.
+
+    Raises
+    ------
+    ImageReadError, KeyError, TypeError, ValueError
+        When they are gone, or say nothing of how the camera stood.
+    """
+    paths = {path.partition("/")[0]: path for path in record.outputs}
+    mask, ground = (
+        output_bytes(out, paths[kind.folder], record.members.get(paths[kind.folder])) for kind in (MASK, GROUND)
+    )
+    stood: Mapping[str, Any] = json.loads(ground)["camera"]
+    links = tuple(Link(str(one), (float(x), float(y), float(turn))) for one, x, y, turn in stood["moved"])
+    sigma_m, sigma_rad = map(float, stood["sigmas"])
+    camera, up = views.camera, np.array([float(part) for part in stood["up"]])
+    camera = camera if np.array_equal(up, camera.up) else replace(camera, up=up)
+    return Sighting(decode_mask(mask), camera, links, (sigma_m, sigma_rad))

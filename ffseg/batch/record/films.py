@@ -1,0 +1,142 @@
+"""Outputs of all frames as films, written frame by frame with the frames' own times."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from fractions import Fraction
+from importlib.util import find_spec
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.outputs.table import FILM_KINDS
+from ffseg.batch.plan.reading import parted, read_input
+from ffseg.batch.plan.sources import film_of
+from ffseg.batch.record.values import Record
+from ffseg.batch.tar.members import output_bytes
+from ffseg.errors import ImageReadError, OutputError, UsageError
+from ffseg.io.files import printable, require_replaceable, temporary_path
+from ffseg.io.images import decode_image
+from ffseg.io.overlays import as_colour
+
+_CODECS = {
+    "mask": ("libx264", "yuv420p", {"qp": "0", "preset": "veryfast"}),
+    "overlay": ("libx264", "yuv420p", {"crf": "18", "preset": "veryfast"}),
+    "cutout": ("libvpx-vp9", "yuva420p", {"crf": "20", "b:v": "0", "deadline": "realtime", "cpu-used": "8"}),
+}
+"""Codec, layout of the pixels and how well: masks without loss, cut-outs with alpha."""
+_RATE = 25
+"""Frames a second where they have no times, as in a folder."""
+_CLOCK = 90_000
+_MOST_BYTES = 1 << 30
+Timed = tuple[float, NDArray[np.uint8]]
+
+
+class Records(Protocol):
+    """The records that stand in the tables."""
+
+    def records(self) -> Iterator[Record]:
+        """In the order of the tables, anew at every call."""
+
+
+def read_film_kinds(text: str) -> tuple[str, ...]:
+    """Kinds of film that a text such as ``mask,overlay`` names.
+
+    Raises
+    ------
+    UsageError
+        For another name, or without PyAV.
+    """
+    kinds = tuple(dict.fromkeys(name.strip().lower() for name in text.split(",") if name.strip()))
+    unknown = next((name for name in kinds if name not in FILM_KINDS), "")
+    if unknown:
+        raise UsageError(f"--film-out {printable(unknown)}: choose from {', '.join(FILM_KINDS)}")
+    if kinds and find_spec("av") is None:
+        raise UsageError("--film-out needs PyAV; install it with: pip install 'ffseg[video]'")
+    return kinds
+
+
+def write_films(out: str, kinds: Sequence[str], standing: Records, tell: Callable[[str], None]) -> list[str]:
+    """Write the films of all images that stand; `tell` hears of each that cannot be written. Gives their names."""
+    written: list[str] = []
+    films = dict.fromkeys(film_of(record.name) for record in standing.records()) if kinds else {}
+    inputs = (
+        {os.path.realpath(parted(record.files["image"][0])[0]) for record in standing.records()} if films else set()
+    )
+    for film in films:
+        for kind in kinds:
+            name = f"{film}_{kind}.{FILM_KINDS[kind]}"
+            frames = (record for record in standing.records() if record.outputs and film_of(record.name) == film)
+            try:
+                if os.path.realpath(os.path.join(out, name)) in inputs:
+                    raise OutputError(
+                        f"the film {printable(name)} would replace an input; choose another output folder"
+                    )
+                _write(os.path.join(out, name), kind, _timed(out, kind, frames))
+            except (OutputError, ImageReadError) as error:
+                tell(str(error))
+            written.append(name)
+    return written
+
+
+def _timed(out: str, kind: str, records: Iterable[Record]) -> Iterator[Timed]:
+    """Time and picture of each frame."""
+    for number, record in enumerate(records):
+        time = record.row.get("time_s")
+        yield number / _RATE if time is None else float(time), _picture(out, kind, record)
+
+
+def _picture(out: str, kind: str, record: Record) -> NDArray[np.uint8]:
+    """Pixels of a frame, shape (H, W, 3) in BGR order, or (H, W, 4) with alpha."""
+    folder = "overlays/" if kind == "overlay" else "masks/"
+    path = next(path for path in record.outputs if path.startswith(folder))
+    made = decode_image(output_bytes(out, path, record.members.get(path)))
+    if kind == "cutout":
+        image = decode_image(read_input(record.files["image"][0], _MOST_BYTES))
+        made = np.dstack([as_colour(image) * (made[:, :, None] > 0), made])
+    else:
+        made = as_colour(made)
+    height, width = made.shape[:2]
+    even = np.pad(
+        made, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge"
+    )  # colours of two pixels are stored as one
+    return np.ascontiguousarray(even)
+
+
+def _write(path: str, kind: str, frames: Iterator[Timed]) -> None:
+    """Write a film, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        Naming the path.
+    """
+    import av
+
+    require_replaceable(path)
+    codec, layout, options = _CODECS[kind]
+    temporary, size = temporary_path(path), (0, 0)
+    try:
+        with av.open(temporary, "w", format=FILM_KINDS[kind], container_options={"fflags": "+bitexact"}) as film:
+            track: Any = film.add_stream(codec, rate=_RATE, options=options)
+            track.pix_fmt, track.codec_context.time_base = layout, Fraction(1, _CLOCK)
+            for time, pixels in frames:
+                if not any(size):
+                    track.width, track.height = size = (pixels.shape[1], pixels.shape[0])
+                if size != (pixels.shape[1], pixels.shape[0]):
+                    raise OutputError(
+                        f"{printable(path)}: frames of several sizes make no film; run them one film at a time"
+                    )
+                frame = av.VideoFrame.from_ndarray(pixels, format="bgra" if pixels.shape[2] == 4 else "bgr24")
+                frame.pts, frame.time_base = round(time * _CLOCK), Fraction(1, _CLOCK)
+                film.mux(track.encode(frame))
+            film.mux(track.encode())
+        os.replace(temporary, path)
+    except (OSError, av.FFmpegError) as error:
+        raise OutputError(f"{printable(path)} cannot be written ({error}); free some space") from error
+    finally:
+        with contextlib.suppress(OSError):  # it has got its name
+            os.unlink(temporary)

@@ -1,0 +1,91 @@
+"""The frame before, for films whose frames are done in order: what it looked like, and its region."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.batch.tar.members import digest
+from ffseg.batch.workers.freshness import Read
+from ffseg.batch.workers.messages import Done, Failed, Reply, Task
+from ffseg.errors import ImageReadError
+from ffseg.image.flow import carried, start_in, steadied
+from ffseg.io.files import read_bytes
+from ffseg.io.images import Limits, decode_image
+from ffseg.io.masks import decode_mask
+from ffseg.parameters import Parameters
+from ffseg.pipeline import outlines_of
+from ffseg.result import Segmentation
+
+
+@dataclass(slots=True, eq=False)
+class Past:
+    """What a worker remembers of the frame it has done last; else its mask is read from the output folder.
+
+    Attributes
+    ----------
+    steady : bool
+        Whether the past changes what is found, or only the flicker is measured.
+    limits : Limits
+    """
+
+    steady: bool
+    limits: Limits
+    _last: tuple[str, bytes | None] = ("", None)
+    _region: NDArray[np.bool_] | None = None
+
+    def known(self, task: Task, read: Read) -> Read:
+        """What went into a frame, with the frame before and its mask."""
+        seen = "".join(map(digest, (*read.before, self._mask(task))))
+        content = f"{read.digests.content} past {digest(seen.encode('ascii'))}"
+        return replace(read, digests=replace(read.digests, content=content))
+
+    def look(self, image: NDArray[np.uint8], task: Task, read: Read) -> None:
+        """Carry the region of the frame before to this one; there is none where one of them could not be read."""
+        self._region = None
+        mask, before = self._mask(task), next(iter(read.before), b"")
+        if mask and before:
+            earlier, region = decode_image(before, self.limits), decode_mask(mask, self.limits)
+            if earlier.shape == image.shape:
+                self._region = carried(earlier, image, region)
+
+    def start(self, params: Parameters, shape: tuple[int, ...]) -> Parameters:
+        """The parameters with the start moved into the carried region, where there is but one and it is not this frame's own."""
+        init = params.init
+        if self._region is None or not self.steady or init.circles or init.boxes or init.mask:
+            return params
+        x, y = init.center if init.center != "auto" else ((shape[1] - 1) / 2, (shape[0] - 1) / 2)
+        circle = start_in(self._region, (x, y, init.radius_in(shape)))
+        return replace(params, init=replace(init, circles=(circle,)))
+
+    def result(self, found: Segmentation) -> tuple[Segmentation, dict[str, float | int]]:
+        """The result, steadied where that is asked for, and the cells of its row."""
+        if self._region is None:
+            return found, {}
+        kept, cells = found, {}
+        if self.steady:
+            mask = steadied(found.mask, self._region)
+            moved = int(np.count_nonzero(mask != found.mask))
+            kept = replace(found, mask=mask, contours=outlines_of(mask)) if moved else found
+            cells = {"steady_px": moved}
+        either = int(np.count_nonzero(kept.mask | self._region))
+        both = int(np.count_nonzero(kept.mask & self._region))
+        return kept, {"flicker": 1 - both / either if either else 0.0, **cells}
+
+    def remember(self, task: Task, reply: Reply) -> None:
+        """Keep the mask of a frame that is done; that of one that need not be done is on the disk."""
+        made = reply.outputs if isinstance(reply, Done) else ()
+        none = b"" if isinstance(reply, Failed) else None
+        self._last = (task.outputs[0], next((one.data for one in made if one.path == task.outputs[0]), none))
+
+    def _mask(self, task: Task) -> bytes:
+        """Mask of the frame before; empty where there is none."""
+        path, data = self._last
+        if not task.past or (path == task.past and data is not None):
+            return data or b"" if task.past else b""
+        try:
+            return read_bytes(f"{task.out}/{task.past}", self.limits.max_bytes)
+        except ImageReadError:
+            return b""

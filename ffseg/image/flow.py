@@ -1,0 +1,91 @@
+"""What was seen in one frame of a film, laid where motion has taken it in the next."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.image.keypoints import grey_image
+
+Image = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+BAND = 3.0
+"""Pixels from both boundaries within which they are taken for two readings of the same one."""
+_LEAST = 64
+"""Pixels a side: with less than 12 OpenCV's flow refuses, with 24 beside 400 it reads what is not there."""
+
+
+def carried(before: Image, now: Image, region: Mask) -> Mask:
+    """A region of the frame before, where the motion between the two frames takes it.
+
+    Parameters
+    ----------
+    before, now : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Two frames of one size.
+    region : ndarray of bool, shape (H, W)
+
+    References
+    ----------
+    T. Kroeger, R. Timofte, D. Dai, L. Van Gool: Fast Optical Flow using Dense Inverse Search, ECCV 2016.
+    """
+    height, width = region.shape
+    seen, last = _wide(now), _wide(before)
+    flow = np.zeros((*seen.shape, 2), np.float32)
+    flow = np.asarray(cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST).calc(seen, last, flow))[
+        :height, :width
+    ]
+    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    share = cv2.remap(region.astype(np.float32), x + flow[..., 0], y + flow[..., 1], cv2.INTER_LINEAR)
+    return np.asarray(share >= 0.5)
+
+
+def steadied(own: Mask, before: Mask) -> Mask:
+    """A frame's own region with its boundary half-way to that carried from the frame before, where they lie close.
+
+    What lies further than `BAND` from either boundary is the frame's own affair, and so is every hole of it.
+
+    Parameters
+    ----------
+    own, before : ndarray of bool, shape (H, W)
+    """
+    if not (own.any() and before.any()):
+        return own
+    depth, old = _depth(own), _depth(before)
+    near = (np.abs(depth) <= BAND) & (np.abs(old) <= BAND) & ~_holes(own)
+    return np.where(near, depth + old > 0, own)
+
+
+def start_in(region: Mask, circle: tuple[float, float, float]) -> tuple[float, float, float]:
+    """A start circle, x, y and radius, moved as little as it must to lie in a region; as it is where there is no room."""
+    x, y, radius = circle
+    depth = _depth(region)
+    radius = min(radius, float(depth.max(initial=0.0)) / 2)
+    rows, columns = np.nonzero(depth > radius)
+    if radius < 1 or not len(rows):
+        return circle
+    nearest = int(np.argmin((columns - x) ** 2 + (rows - y) ** 2))
+    return float(columns[nearest]), float(rows[nearest]), radius
+
+
+def _wide(image: Image) -> Image:
+    """The image in grey, its last rows and columns repeated as often as the flow needs."""
+    grey = grey_image(image)
+    height, width = grey.shape
+    more = (max(0, _LEAST - height), max(0, _LEAST - width))
+    return np.asarray(cv2.copyMakeBorder(grey, 0, more[0], 0, more[1], cv2.BORDER_REPLICATE), np.uint8)
+
+
+def _depth(region: Mask) -> NDArray[np.float32]:
+    """Distance of each pixel to the boundary, px: positive inside, the border of the image being none."""
+    inside = region.astype(np.uint8)
+    deep, far = (cv2.distanceTransform(side, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for side in (inside, 1 - inside))
+    return np.asarray(np.where(region, deep - 0.5, 0.5 - far), np.float32)
+
+
+def _holes(region: Mask) -> Mask:
+    """Pixels outside that do not reach the border of the image."""
+    _, labels = cv2.connectedComponents((~region).astype(np.uint8), connectivity=8)
+    rim = np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))
+    return np.asarray(~region & ~np.isin(labels, rim))

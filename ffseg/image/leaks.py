@@ -1,0 +1,143 @@
+"""Where the free space of an image has run up something upright: there the pair moves as nothing on the ground does."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.model import Camera
+from ffseg.camera.motion import Motion
+from ffseg.image.keypoints import Array, Grey, Mask, plane_pixels
+from ffseg.image.planes import CLEAR, pixel_noise
+
+STEP = 4
+"""Pixels between the places that are compared: one in sixteen says as much after the smoothing."""
+SMOOTHING = 2.0
+"""Pixels; of both images, before they are compared."""
+SMOOTHED_NOISE = 0.2
+"""Part of the pixels' noise that this leaves in a difference: sqrt(2) / (2 sqrt(pi) SMOOTHING)."""
+SLOPE_PX, ROUNDING = 0.2, 0.3
+"""What a ground place is good to, pixels, and what whole grey levels leave."""
+MOST = 50.0
+"""Squared deviations that a place counts at most: a few edges do not speak for all round them."""
+WINDOW, NARROW, LEAST_SEEN = 9, 5, 0.35
+"""Places across the windows that are averaged over, and the part of a window that must be seen in both images."""
+SURE, LIKELY = 16.0, 2.0
+"""Mean squared deviations from which on a window contradicts the ground, and with which what hangs together with it does.
+On 37 rendered floors (matt, glossy, shaded, under nodding cameras) they reach 11 at most, on walls that were climbed 50."""
+RAISED, BETTER = np.array([0.0, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75]), 0.25
+"""Altitudes, metres: that of the ground, and those of which one must explain a sure window with a quarter of its deviations.
+What is reflected lies below the ground, and none of them explains it."""
+UNDER_THE_ROBOT = 0.25
+"""Part of the places, the nearest to the robot, that are ground in any case: a pair in which half of them differ, as on a glossy
+floor under lamps, tells nothing."""
+HIDERS = np.array([-1e3, -8, -4, -2.5, -1.7, -1.2, -0.8, -0.5, -0.3, -0.15, 0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
+"""Altitudes, metres, at which what is not free may have stood before the ground: reflections lie below it."""
+
+
+def leaked(camera: Camera, motion: Motion, current: Grey, previous: Grey, free: Mask) -> Mask:
+    """Free pixels that contradict the ground's motion, shape (H, W).
+
+    Parameters
+    ----------
+    camera, motion
+        As it stood at the current image.
+    current, previous : ndarray of uint8, shape (H, W)
+    free : ndarray of bool, shape (H, W)
+        Of the current image.
+
+    Notes
+    -----
+    Every place is compared with where the previous image shows it if it lies on the ground. Places that something may have
+    hidden there say nothing, nor do those whose surroundings look the same everywhere: of a plain wall nothing is found.
+    """
+    row, column = np.meshgrid(*(np.arange(STEP // 2, side, STEP) for side in free.shape), indexing="ij")
+    places = np.stack([column, row], axis=-1).astype(np.float64)
+    inside = free[row, column]
+    away = np.hypot(*np.moveaxis(places - camera.center, -1, 0))
+    asked = inside & (away > camera.robot_radius + CLEAR)
+    solid = places[camera.domain()[row, column] & ~inside]
+    then = np.swapaxes(_finite(plane_pixels(camera, motion, places[asked], RAISED)), 0, 1)
+    hidden = _hidden(camera, motion, solid, inside.shape)
+    seen = _shown(camera, then[0]) & ~_read(hidden, (then[0] - STEP // 2) / STEP)
+    steps = _steps((current, previous), free, (row[asked], column[asked]), then)
+    near = seen & (away[asked] <= np.quantile(away[asked][seen], UNDER_THE_ROBOT)) if seen.any() else seen
+    if not near.any() or np.median(steps[0, near]) > LIKELY:
+        return np.zeros_like(free)
+    steps = np.where(np.array([_shown(camera, one) for one in then]), steps, MOST)
+    told = np.zeros((len(RAISED) + 1, *inside.shape), np.float32)
+    told[:, asked] = np.where(seen, np.vstack([steps, np.ones_like(steps[:1])]), 0.0)
+    *deviations, known = told
+    ground, *upright = (_mean(one, known, WINDOW) for one in deviations)
+    likely = _opened((ground > LIKELY) & inside, 5)
+    _, parts = cv2.connectedComponents(likely.astype(np.uint8))
+    sure = np.unique(parts[likely & (ground > SURE) & (np.min(upright, axis=0) < BETTER * ground)])
+    found = likely & np.isin(parts, sure) & (_mean(deviations[0], known, NARROW) > LIKELY)
+    size = free.shape[::-1]
+    whole = cv2.resize(_opened(found, 3).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    climbed: Mask = np.asarray(whole, np.bool_) & free
+    return climbed
+
+
+def _steps(
+    images: tuple[Grey, Grey], free: Mask, places: tuple[NDArray[np.intp], NDArray[np.intp]], then: Array
+) -> NDArray[np.float32]:
+    """Squared differences between n places of the current image and positions (k, n, 2) of the previous one, shape (k, n).
+
+    In units of what noise, slopes and rounding explain.
+    """
+    current, previous = (cv2.GaussianBlur(one.astype(np.float32), (0, 0), SMOOTHING) for one in images)
+    x, y = (np.ascontiguousarray(then[..., axis], np.float32) for axis in (0, 1))
+    step = cv2.remap(previous, x, y, cv2.INTER_LINEAR) - current[places]
+    slope = sum(part[places] ** 2 for part in np.gradient(current))
+    noise = SMOOTHED_NOISE * pixel_noise(images[0], free)
+    told: NDArray[np.float32] = np.minimum(step**2 / (noise**2 + SLOPE_PX**2 * slope + ROUNDING**2), MOST)
+    return told
+
+
+def _hidden(camera: Camera, motion: Motion, solid: Array, shape: tuple[int, ...]) -> Mask:
+    """Places of the previous image before which what is not free may have stood."""
+    at = _finite(plane_pixels(camera, motion, solid, HIDERS).reshape(-1, 2))
+    column, row = np.rint((at - STEP // 2) / STEP).astype(np.intp).T
+    within = (column >= 0) & (row >= 0) & (column < shape[1]) & (row < shape[0])
+    hidden = np.zeros(shape, np.uint8)
+    hidden[row[within], column[within]] = 1
+    return np.asarray(cv2.dilate(hidden, np.ones((3, 3), np.uint8)), np.bool_)
+
+
+def _shown(camera: Camera, pixels: Array) -> Mask:
+    """Whether pixels lie well inside the scene and outside the robot's disc."""
+    scene = cv2.erode(camera.domain().view(np.uint8), np.ones((CLEAR, CLEAR), np.uint8))
+    away = np.hypot(*(pixels - camera.center).T) > camera.robot_radius + CLEAR
+    shown: Mask = _read(np.asarray(scene, np.bool_), pixels) & away
+    return shown
+
+
+def _read(plane: Mask, at: Array) -> Mask:
+    """Values nearest to positions (x, y); False outside."""
+    column, row = np.rint(at).astype(np.intp).T
+    within = (column >= 0) & (row >= 0) & (column < plane.shape[1]) & (row < plane.shape[0])
+    read: Mask = within & plane[np.where(within, row, 0), np.where(within, column, 0)]
+    return read
+
+
+def _finite(pixels: Array) -> Array:
+    """Pixels, far outside where there is none."""
+    finite: Array = np.where(np.abs(pixels) < 1e4, pixels, -1e4)
+    return finite
+
+
+def _mean(values: NDArray[np.float32], known: NDArray[np.float32], width: int) -> NDArray[np.float32]:
+    """Means over windows of what is known, toward 0 where too little is."""
+    total, count = (
+        cv2.boxFilter(one, -1, (width, width), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        for one in (values, known)
+    )
+    return np.asarray(total / np.maximum(count, LEAST_SEEN * width * width), np.float32)
+
+
+def _opened(mask: Mask, width: int) -> Mask:
+    """The mask without what is narrower."""
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width))
+    return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, disc), np.bool_)

@@ -1,0 +1,288 @@
+"""Frames of films (PyAV) and of animated or paged pictures (Pillow), read one after another, never all at once.
+
+Policies
+--------
+Frame : counted from 0 as shown; where every packet has a time of its own, a frame keeps its number though others are lost.
+Time : seconds after the first frame, of the packets; pages have none.
+Reading : from the first frame on, without jumps: what a jump decodes may differ from what playing does.
+Containers : those of `CONTAINERS` only; a play list under another name, which would open further files, is refused.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.util import find_spec
+from threading import Lock
+from typing import Any
+
+from ffseg.errors import ImageReadError, UsageError
+from ffseg.io.files import printable
+
+FILMS = (".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi")
+ANIMATIONS = (".gif", ".webp", ".png", ".apng", ".tif", ".tiff")
+"""Pictures that may hold several frames or pages."""
+CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi"
+_LATE = 2.5
+"""Frames that a film may end before its own head says, which rounds and counts the last frame in its own way."""
+_RATE = 25.0
+"""Frames a second of a film that does not say."""
+_COPY = "copy the film again, or write what is left of it anew: ffmpeg -i IN OUT.mkv"
+
+Encode = Callable[[], bytes]
+Numbered = tuple[int, Encode | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What a film holds.
+
+    Attributes
+    ----------
+    times : tuple of float or None
+        Seconds of each frame; None for pages.
+    problem : str
+        What is known to be missing behind the last frame (``reason: text``), or empty.
+    """
+
+    times: tuple[float | None, ...]
+    problem: str = ""
+
+
+def is_film(path: str) -> bool:
+    """Whether a file is named as a film."""
+    return path.lower().endswith(FILMS)
+
+
+def require_video(path: str) -> None:
+    """Refuse a film or an animation whose reader is not installed.
+
+    Raises
+    ------
+    UsageError
+        Naming the file and what to install.
+    """
+    module, what = ("av", "a film needs PyAV") if is_film(path) else ("PIL", "--film needs Pillow for it")
+    if find_spec(module) is None:
+        raise UsageError(f"{printable(path)}: {what}; install it with: pip install 'ffseg[video]'")
+
+
+def contents(path: str) -> Contents:
+    """Times of all frames, read without decoding those of a film.
+
+    Raises
+    ------
+    ImageReadError
+        If the file is none that can be read.
+    """
+    return _film_contents(path) if is_film(path) else Contents(tuple(_times(path)))
+
+
+def frame_bytes(path: str, number: int, max_bytes: int) -> bytes:
+    """One frame as the bytes of an image file: PNM of a film, PNG of a picture.
+
+    Frames asked for in rising order are read once; for an earlier one the film is read again from its beginning.
+
+    Raises
+    ------
+    ImageReadError
+        If there is no such frame, or it cannot be decoded.
+    """
+    try:
+        status = os.stat(path)
+    except OSError as error:
+        raise ImageReadError("unreadable", f"the film cannot be read ({os.strerror(error.errno or 0)})") from error
+    return _reader(path, (status.st_size, status.st_mtime_ns), max_bytes).frame(number)
+
+
+class _Reader:
+    """A film being read; holds the place it is at."""
+
+    def __init__(self, path: str, max_bytes: int) -> None:
+        self._path, self._max_bytes = path, max_bytes
+        self._lock = Lock()
+        self._asked = sys.maxsize  # begins at the first frame
+
+    def frame(self, number: int) -> bytes:
+        """As `frame_bytes`."""
+        with self._lock:
+            if number < self._asked:
+                read = _film_frames if is_film(self._path) else _pages
+                self._frames = read(self._path, self._max_bytes)
+                self._held: Numbered = (-1, None)
+            self._asked = number
+            while self._held[0] < number:
+                self._held = next(self._frames, (sys.maxsize, None))
+            found, encode = self._held
+            if found == number and encode is not None:
+                return encode()
+        reason, what = ("truncated", "ends before") if encode is None else ("damaged", "cannot be decoded at")
+        raise ImageReadError(reason, f"the film {what} frame {number}; {_COPY}")
+
+
+@lru_cache(maxsize=2)
+def _reader(path: str, _mark: tuple[int, int], max_bytes: int) -> _Reader:
+    """The reader of a file, kept while it is the same file: a second one would begin again."""
+    return _Reader(path, max_bytes)
+
+
+def _opened(path: str) -> Any:  # noqa: ANN401 - container and picture track of PyAV
+    import av
+
+    try:
+        container: Any = av.open(os.path.abspath(path), options={"format_whitelist": CONTAINERS})
+    except (av.FFmpegError, OSError, ValueError) as error:
+        raise ImageReadError("damaged", f"it is no film that can be read, or its index is cut off; {_COPY}") from error
+    track = container.streams.best("video")
+    if track is None or not track.codec_context.width:
+        raise ImageReadError("not-an-image", f"the film has no picture track, or its index is cut off; {_COPY}")
+    track.codec_context.thread_count = 1  # of a worker
+    return container, track
+
+
+def _packets(path: str) -> Iterator[tuple[Any, Any]]:
+    """Track and packets of the frames that are shown, and in the end an empty packet, which drains the decoder."""
+    import av
+
+    container, track = _opened(path)
+    with container, suppress(av.FFmpegError):  # what cannot be read any more is missing at the end
+        for packet in container.demux(track):
+            hidden = track.codec_context.name.startswith("vp8") and packet.size and not bytes(packet)[0] & 0x10
+            if packet.size == 0 or not (packet.is_discard or hidden):
+                yield track, packet
+
+
+@dataclass(frozen=True, slots=True)
+class _Track:
+    """What the head of a film says, taken while it is open: what PyAV gives is gone with the container."""
+
+    clock: float
+    """Seconds of a tick."""
+    rate: float
+    frames: int
+    """0 where the head does not say."""
+    seconds: float
+    has_times: bool
+
+
+def _described(track: Any) -> _Track:  # noqa: ANN401 - of PyAV
+    rate = float(track.average_rate or track.guessed_rate or _RATE)
+    has_times = track.container.format.name != "avi"  # which stores none: those made up are in the order of storage
+    said = _seconds(track.metadata.get("DURATION", ""))
+    return _Track(float(track.time_base), rate, int(track.frames), said, has_times)
+
+
+def _stamps(path: str) -> tuple[_Track | None, list[int | None], int]:
+    """The head, the time of each packet in the order in which frames are shown, and how long the last is shown, in ticks."""
+    head: _Track | None = None
+    stamps: dict[int | None, int] = {}
+    count = 0
+    for track, packet in _packets(path):
+        head = head or _described(track)
+        if packet.size:
+            count += 1
+            stamps[packet.pts] = packet.duration or 0
+    if None in stamps or len(stamps) < count or head is None or not head.has_times:
+        return head, [None] * count, 0
+    shown = sorted(stamp for stamp in stamps if stamp is not None)
+    return head, [*shown], stamps[shown[-1]] if shown else 0
+
+
+def _film_contents(path: str) -> Contents:
+    head, stamps, last = _stamps(path)
+    if head is None or not stamps:
+        raise ImageReadError("truncated", f"the film has no frame left; {_COPY}")
+    times = [
+        index / head.rate if stamp is None else (stamp - (stamps[0] or 0)) * head.clock
+        for index, stamp in enumerate(stamps)
+    ]
+    missing = head.frames > len(times) or head.seconds > times[-1] + last * head.clock + _LATE / head.rate
+    problem = f"truncated: the film ends after {len(times)} frames, before its head says; {_COPY}" if missing else ""
+    return Contents(tuple(round(time, 6) for time in times), problem)
+
+
+def _seconds(text: str) -> float:
+    """Seconds of Matroska's ``00:00:12.345000000``; 0 of anything else."""
+    try:
+        hours, minutes, seconds = text.split(":")
+        return int(hours) * 3600 + int(minutes) * 60 + float(seconds)
+    except ValueError:
+        return 0.0
+
+
+def _film_frames(path: str, max_bytes: int) -> Iterator[Numbered]:
+    import av
+
+    stamps = _stamps(path)[1]
+    places = {stamp: number for number, stamp in enumerate(stamps) if stamp is not None}
+    count = 0
+    for _track, packet in _packets(path):
+        with suppress(av.FFmpegError):  # this frame is missing, and said to be when it is asked for
+            for frame in packet.decode():
+                count = places.get(frame.pts, count)
+                yield count, lambda frame=frame: _pnm(frame, max_bytes)  # type: ignore[misc]
+                count += 1
+
+
+def _pnm(frame: Any, max_bytes: int) -> bytes:  # noqa: ANN401 - of PyAV
+    """A frame upright, as the film's own note of rotation says."""
+    _require_room(frame, 3, max_bytes)
+    if frame.is_corrupt:
+        raise ImageReadError("damaged", f"the frame is incomplete; {_COPY}")
+    grey = frame.format.name.startswith("gray")
+    pixels = frame.to_ndarray(format="gray" if grey else "rgb24")
+    turns = round(frame.rotation / 90) % 4
+    if turns:
+        import numpy as np
+
+        pixels = np.rot90(pixels, turns)
+    height, width = pixels.shape[:2]
+    data: bytes = pixels.tobytes()
+    return b"P%d\n%d %d\n255\n" % (5 if grey else 6, width, height) + data
+
+
+def _require_room(frame: Any, channels: int, max_bytes: int) -> None:  # noqa: ANN401 - of PyAV or Pillow
+    if frame.width * frame.height * channels > max_bytes:
+        size = f"{frame.width}x{frame.height}"
+        raise ImageReadError("too-many-bytes", f"the frame has {size} pixels, the limit is {max_bytes} bytes")
+
+
+def _pictures(path: str) -> Iterator[Any]:
+    """Frames or pages of a picture file, each valid until the next is asked for."""
+    from PIL import Image, ImageSequence
+
+    try:
+        with Image.open(path, formats=("GIF", "WEBP", "PNG", "TIFF")) as picture:
+            yield from ImageSequence.Iterator(picture)
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise ImageReadError("damaged", f"a frame of it cannot be read ({error}); write the file again") from error
+
+
+def _times(path: str) -> Iterator[float | None]:
+    passed = 0.0
+    for picture in _pictures(path):
+        yield None if picture.format == "TIFF" else round(passed / 1e3, 6)
+        if picture.format != "TIFF":
+            picture.load()  # WebP tells how long a frame is shown when it decodes it
+            passed += float(picture.info.get("duration", 0))
+
+
+def _pages(path: str, max_bytes: int) -> Iterator[Numbered]:
+    for number, picture in enumerate(_pictures(path)):
+        yield number, lambda picture=picture: _png(picture, max_bytes)  # type: ignore[misc]
+
+
+def _png(picture: Any, max_bytes: int) -> bytes:  # noqa: ANN401 - of Pillow
+    _require_room(picture, 4, max_bytes)
+    data = io.BytesIO()
+    try:
+        picture.save(data, "PNG", compress_level=0)
+    except (OSError, ValueError) as error:
+        reason = "unsupported-pixels" if "mode" in str(error) else "damaged"
+        raise ImageReadError(reason, f"the frame cannot be read ({error}); save it in 8 bits") from error
+    return data.getvalue()

@@ -1,0 +1,131 @@
+"""Frames through pipes: Y4M and raw pixels in, masks and pictures out, as between two ffmpeg."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from drawn_films import pictures
+
+import ffseg
+
+COMMAND = [sys.executable, "-m", "ffseg", "run", "-", "--out", "-"]
+FRAMES = pictures(4)
+HEIGHT, WIDTH = FRAMES[0].shape[:2]
+RAW = b"".join(pixels[:, :, ::-1].tobytes() for pixels in FRAMES)
+
+
+def y4m(frames: list[np.ndarray], colours: str = "420jpeg") -> bytes:
+    """A stream as ffmpeg writes it: BT.601, studio range."""
+    height, width = frames[0].shape[:2]
+    data = b"YUV4MPEG2 W%d H%d F30000:1001 Ip A1:1 C%s XYSCSS=420JPEG\n" % (width, height, colours.encode())
+    for pixels in frames:
+        r, g, b = (pixels[:, :, k].astype(float) for k in range(3))
+        y = 16 + (65.738 * r + 129.057 * g + 25.064 * b) / 256
+        u = 128 + (-37.945 * r - 74.494 * g + 112.439 * b) / 256
+        v = 128 + (112.439 * r - 94.154 * g - 18.285 * b) / 256
+        planes = (
+            y,
+            u.reshape(height // 2, 2, width // 2, 2).mean((1, 3)),
+            v.reshape(height // 2, 2, width // 2, 2).mean((1, 3)),
+        )
+        data += b"FRAME\n" + b"".join(np.rint(plane).clip(0, 255).astype(np.uint8).tobytes() for plane in planes)
+    return data
+
+
+def through(data: bytes, *options: str) -> subprocess.CompletedProcess[bytes]:
+    return subprocess.run([*COMMAND, *options], input=data, capture_output=True, check=False)
+
+
+def masks(data: bytes) -> np.ndarray:
+    return np.frombuffer(data, np.uint8).reshape(-1, HEIGHT, WIDTH)
+
+
+def test_raw_frames_give_the_masks_of_the_images() -> None:
+    done = through(RAW, "--raw", f"{WIDTH}x{HEIGHT}:bgr24", "-q")
+    assert (done.returncode, done.stderr) == (0, b"")
+    for found, pixels in zip(masks(done.stdout), FRAMES, strict=True):
+        own = ffseg.segment(np.ascontiguousarray(pixels[:, :, ::-1])).mask
+        assert ((found > 0) == own).all()
+
+
+def test_y4m_goes_in_and_out_with_its_rate() -> None:
+    done = through(y4m(FRAMES))
+    assert done.returncode == 0
+    head, *parts = done.stdout.split(b"FRAME\n")
+    assert head == b"YUV4MPEG2 W80 H60 F30000:1001 Ip A1:1 Cmono\n"
+    raw = masks(through(RAW, "--raw", f"{WIDTH}x{HEIGHT}:bgr24").stdout)
+    for part, mask in zip(parts, raw, strict=True):
+        found = np.frombuffer(part, np.uint8).reshape(HEIGHT, WIDTH)
+        assert set(np.unique(found)) == {0, 255}
+        assert np.mean(found != mask) < 0.02  # colours of two pixels are stored as one
+    assert b"4 frames, " in done.stderr
+
+
+def test_pictures_come_back_in_colour() -> None:
+    cut = through(y4m(FRAMES), "--film-out", "cutout")
+    head, first, *_ = cut.stdout.split(b"FRAME\n")
+    assert head.endswith(b"C420jpeg\n")
+    assert len(first) == WIDTH * HEIGHT * 3 // 2
+    luma = np.frombuffer(first, np.uint8)[: WIDTH * HEIGHT].reshape(HEIGHT, WIDTH)
+    assert luma[0, 0] == 16  # black outside
+    assert luma[30, 40] > 100
+    drawn = through(RAW, "--raw", f"{WIDTH}x{HEIGHT}:bgr24", "--film-out", "overlay").stdout
+    assert len(drawn) == len(RAW)
+    assert drawn != RAW
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "code", "sentence"),
+    [
+        (b"", [], 2, "stdin holds no Y4M"),
+        (b"\x89PNG....", [], 2, "stdin holds no Y4M; send ffmpeg -f yuv4mpegpipe"),
+        (y4m(FRAMES, "420p10"), [], 2, "colours 420p10; send 8 bits"),
+        (b"YUV4MPEG2 W80 F25:1\n", [], 2, "has no size"),
+        (b"YUV4MPEG2 W81 H60\n", [], 2, "81x60 is odd"),
+        (b"YUV4MPEG2 W80 H60\nWRONG\n", [], 3, "no frame begins where frame 0 should"),
+        (b"YUV4MPEG2 W99999 H99999\n", [], 2, "send another size"),
+        (RAW[:-7], ["--raw", "80x60:bgr24"], 3, "stdin ends inside frame 3"),
+        (RAW, ["--raw", "80x60"], 2, "--raw 80x60: write WIDTHxHEIGHT:LAYOUT"),
+        (RAW, ["--raw", "80x60:bgr24", "--camera", "c.yaml"], 2, "frames of a pipe take no --camera"),
+        (RAW, ["--raw", "80x60:bgr24", "--film-out", "mask,overlay"], 2, "a pipe takes one of mask, overlay, cutout"),
+    ],
+)
+def test_streams_that_cannot_be_read_are_named(data: bytes, options: list[str], code: int, sentence: str) -> None:
+    done = through(data, *options)
+    assert (done.returncode, sentence in done.stderr.decode()) == (code, True), done.stderr
+
+
+def test_frames_before_the_break_are_sent() -> None:
+    done = through(RAW[:-7], "--raw", f"{WIDTH}x{HEIGHT}:bgr24")
+    assert len(masks(done.stdout)) == 3
+
+
+def test_a_frame_that_fails_keeps_its_place() -> None:
+    done = through(RAW, "--raw", f"{WIDTH}x{HEIGHT}:bgr24", "--set", "init.center=[500,500]")
+    assert done.returncode == 3
+    assert not masks(done.stdout).any()
+    assert len(masks(done.stdout)) == 4
+    assert b"4 failed" in done.stderr
+
+
+def test_a_pipe_has_two_ends() -> None:
+    done = subprocess.run([*COMMAND[:-1], "folder"], input=RAW, capture_output=True, check=False)
+    assert (done.returncode, b"ffseg run - --out -" in done.stderr) == (2, True)
+
+
+def test_it_ends_when_nobody_reads() -> None:
+    """Heard of at the next frame that is written, however many are still to come."""
+    code = "import sys; sys.stdin.buffer.read(10)"
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE) as reader:
+        done = subprocess.run(
+            [*COMMAND, "--raw", f"{WIDTH}x{HEIGHT}:bgr24"],
+            input=RAW * 25,
+            stdout=reader.stdin,
+            stderr=subprocess.PIPE,
+            check=False,
+        )
+    assert done.returncode == 3
+    assert b"whoever reads stdout has gone" in done.stderr

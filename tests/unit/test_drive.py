@@ -1,0 +1,166 @@
+"""The map and graph that a run makes of all its frames: as the frames' own map, whatever way the run took."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pytest
+import shapely
+
+import ffseg
+from ffseg.batch.outputs.table import MAP_FILES
+from ffseg.rendering import CAMERA_YAML, floor_sequence
+from ffseg.rendering.floors import FloorSequence
+from ffseg.rendering.raycast import render
+from ffseg.samples.drive import DRIVE_CAMERA, drive_camera, drive_poses, drive_scene
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+COUNT = 4
+
+
+@lru_cache(maxsize=1)
+def drive() -> FloorSequence:
+    return floor_sequence(990_003, COUNT, 2.0, 1.0)
+
+
+def write(folder: Path, lacking: int | None = None) -> None:
+    """Images, camera and poses, of which one may lack."""
+    (folder / "views").mkdir()
+    lines = ["image,x,y,theta"]
+    for number, (view, pose) in enumerate(zip(drive().views, drive().poses, strict=True)):
+        cv2.imwrite(str(folder / "views" / f"{number}.png"), view.image)
+        lines += [f"{number}.png,{pose[0]!r},{pose[1]!r},{pose[2]!r}"] if number != lacking else []
+    (folder / "poses.csv").write_text("\n".join(lines) + "\n")
+    (folder / "camera.yaml").write_text(CAMERA_YAML + "footprint: 0.15\n")
+
+
+def asked(folder: Path, out: str, *options: object) -> tuple[object, ...]:
+    return ("run", folder / "views", "--camera", folder / "camera.yaml", "--map", "--out", folder / out, *options)
+
+
+def fused(folder: Path) -> dict[str, bytes]:
+    return {name: (folder / name).read_bytes() for name in MAP_FILES}
+
+
+def expected(folder: Path, *, posed: bool) -> dict[str, bytes]:
+    """The files of the map that the same frames make one after the other, without files between."""
+    camera = ffseg.load_camera(folder / "camera.yaml")
+    names = [f"{number}.png" for number in range(COUNT)]
+    poses = ffseg.load_poses(folder / "poses.csv", names, camera) if posed else {}
+    sequence, grid = ffseg.Sequence(camera, mapped=True), ffseg.OccupancyMap()
+    for name in names:
+        image = ffseg.read_image(folder / "views" / name)
+        assert grid.add(sequence.feed(image, poses.get(name)), poses.get(name))
+    ways = grid.skeleton(camera.footprint)
+    return {f"map/{name}": data for name, data in (grid.files(ways) | ways.files()).items()}
+
+
+@pytest.mark.parametrize("posed", [True, False])
+def test_a_run_fuses_what_its_frames_show(ffseg_command: Command, tmp_path: Path, posed: bool) -> None:
+    write(tmp_path)
+    options = ("--poses", tmp_path / "poses.csv") if posed else ()
+    done = ffseg_command(*asked(tmp_path, "out", *options, "--json"))
+    assert done.returncode == 0
+    figures = json.loads(done.stdout)["map"]
+    assert (figures["frames"], figures["fused"], figures["estimated"]) == (COUNT, COUNT, 0 if posed else COUNT)
+    assert (figures["drift_m"] > 0) == (not posed), "what the ground told adds up and is said"
+    assert figures == json.loads((tmp_path / "out" / "run.json").read_text())["map"]
+    found, wanted = fused(tmp_path / "out"), expected(tmp_path, posed=posed)
+    assert {name for name in found if found[name] != wanted[name]} == {"map/trajectory.csv"}
+    rows = list(csv.DictReader(found["map/trajectory.csv"].decode().splitlines()))
+    assert [row.pop("frame") for row in rows] == [f"{number}.png" for number in range(COUNT)]
+    others = list(csv.DictReader(wanted["map/trajectory.csv"].decode().splitlines()))
+    assert rows == [{key: cell for key, cell in row.items() if key != "frame"} for row in others]
+    features = json.loads(found["map/graph.geojson"])["features"]
+    ways = [shapely.geometry.shape(one["geometry"]) for one in features if one["geometry"]["type"] == "LineString"]
+    assert len(ways) == figures["edges"]
+    graph = ElementTree.fromstring(found["map/graph.graphml"])[-1]  # noqa: S314 - our own file
+    assert len(graph) == figures["nodes"] + figures["edges"]
+
+
+def test_the_map_is_the_same_however_the_run_came_to_its_end(ffseg_command: Command, tmp_path: Path) -> None:
+    write(tmp_path)
+    assert ffseg_command(*asked(tmp_path, "whole")).returncode == 0
+    whole = fused(tmp_path / "whole")
+    (tmp_path / "whole" / "masks" / "2.png").unlink()
+    (tmp_path / "whole" / "map" / "map.pgm").unlink()
+    assert ffseg_command(*asked(tmp_path, "whole")).returncode == 0
+    assert fused(tmp_path / "whole") == whole
+    assert ffseg_command(*asked(tmp_path, "packed", "--pack", "tar")).returncode == 0
+    assert fused(tmp_path / "packed") == whole
+    for shard in ("1/2", "2/2"):
+        assert ffseg_command(*asked(tmp_path, "parts", "--shard", shard)).returncode == 0
+    merged = ffseg_command("merge", tmp_path / "parts")
+    assert merged.returncode == 0
+    assert "no map of all frames" in merged.stderr
+    assert not (tmp_path / "parts" / "map").exists()
+    again = ffseg_command(*asked(tmp_path, "parts", "--json"))
+    assert json.loads(again.stdout)["counts"]["unchanged"] == COUNT, "as the merge said: nothing is segmented again"
+    assert fused(tmp_path / "parts") == whole
+    assert ffseg_command("run", tmp_path / "views", "--out", tmp_path / "whole", "--overwrite").returncode == 0
+    assert not any((tmp_path / "whole" / name).exists() for name in MAP_FILES), "no frame has a ground any more"
+
+
+def test_frames_that_are_not_in_the_map_are_named(ffseg_command: Command, tmp_path: Path) -> None:
+    write(tmp_path, lacking=0)
+    (tmp_path / "views" / "2.png").write_text("no image")
+    done = ffseg_command(*asked(tmp_path, "out", "--poses", tmp_path / "poses.csv", "--report"))
+    assert done.returncode == 3
+    assert "not in the map: 0.png: it has no pose" in done.stderr
+    assert "not in the map: 2.png: it failed" in done.stderr
+    assert '"map": "data:image/webp' in (tmp_path / "out" / "report.html").read_text().replace('":"', '": "')
+    lines = (tmp_path / "out" / "map" / "trajectory.csv").read_text().splitlines()[1:]
+    assert [line.rpartition(",")[2] for line in lines] == ["lost", "pose", "lost", "pose"]
+    document = json.loads((tmp_path / "out" / "run.json").read_text())["map"]
+    assert [one["image"] for one in document["lost"]] == ["0.png", "2.png"]
+    assert (document["frames"], document["fused"]) == (COUNT, 2)
+    alone = ffseg_command(*asked(tmp_path, "alone"))
+    assert alone.returncode == 3
+    assert "not in the map: 3.png: it has no pose; the previous image 2.png cannot be used" in alone.stderr
+    for number in (1, 3):
+        (tmp_path / "views" / f"{number}.png").write_text("no image")
+    none = ffseg_command(*asked(tmp_path, "out", "--poses", tmp_path / "poses.csv"))
+    assert "not in the map: 0.png: it has no pose" in none.stderr
+    assert "0 of 4 frames; nothing to show" in none.stdout
+    assert not any((tmp_path / "out" / name).exists() for name in MAP_FILES)
+
+
+def test_a_drive_over_ground_that_encloses_nothing_is_mapped_without_poses(
+    ffseg_command: Command, tmp_path: Path
+) -> None:
+    camera, scene = drive_camera(), replace(drive_scene(), boxes=(), marks=())
+    poses = drive_poses()[:4]
+    (tmp_path / "views").mkdir()
+    for number, pose in enumerate(poses):
+        image = render(scene, camera, pose, number, subsamples=1).image
+        cv2.imwrite(str(tmp_path / "views" / f"{number}.png"), image)
+    (tmp_path / "camera.yaml").write_text(DRIVE_CAMERA)
+    done = ffseg_command(*asked(tmp_path, "out"))
+    assert done.returncode == 0
+    assert "not in the map" not in done.stderr
+    rows = list(csv.DictReader((tmp_path / "out" / "map" / "trajectory.csv").read_text().splitlines()))
+    x, y, theta = poses[0]
+    c, s = np.cos(theta), np.sin(theta)
+    true = (np.array(poses)[:, :2] - [x, y]) @ np.array([[c, -s], [s, c]])
+    assert np.abs(np.array([[float(row["x"]), float(row["y"])] for row in rows]) - true).max() < 0.02
+    table = list(csv.DictReader((tmp_path / "out" / "timings.csv").read_text().splitlines()))
+    assert [row["pair"] for row in table] == ["first", "empty", "empty", "empty"]
+
+
+def test_a_map_of_somebody_else_is_not_replaced(ffseg_command: Command, tmp_path: Path) -> None:
+    write(tmp_path)
+    (tmp_path / "out" / "map").mkdir(parents=True)
+    (tmp_path / "out" / "map" / "map.yaml").write_text("image: mine.pgm\n")
+    done = ffseg_command(*asked(tmp_path, "out"))
+    assert done.returncode == 2
+    assert "map.yaml exists and no run made it" in done.stderr
+    assert np.array_equal(sorted(tmp_path.glob("out/*")), [tmp_path / "out" / "map"])

@@ -1,0 +1,252 @@
+"""Films as inputs: every frame is an image with its time, whatever the container, and damage costs what it damaged."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+from batches import Silent, run_batch, snapshot, table
+from drawn_films import pictures, write_animation, write_film
+
+from ffseg.batch.executors.base import Choice
+from ffseg.batch.outputs.table import Products
+from ffseg.batch.plan.discover import discover
+from ffseg.batch.plan.jobs import make_plan
+from ffseg.batch.plan.reading import parted, read_input
+from ffseg.batch.workers.sources import read_source
+from ffseg.errors import ImageReadError, UsageError
+from ffseg.io.films import contents
+
+INPROCESS = Choice("inprocess")
+CODECS = {
+    "a.mp4": "libx264", "a.mkv": "libx264", "a.avi": "libx264", "b.avi": "mpeg4", "a.mov": "mjpeg",
+    "a.webm": "libvpx", "b.webm": "libvpx-vp9",
+}  # fmt: skip
+"""Codecs with frames stored in another order than shown (AVI even without their times), and with frames never shown."""
+
+
+@pytest.fixture
+def film(tmp_path: Path) -> Path:
+    return write_film(tmp_path / "film.mp4", pictures(12))
+
+
+@pytest.mark.parametrize("name", CODECS)
+def test_every_frame_is_read_in_the_order_shown(tmp_path: Path, name: str) -> None:
+    frames = pictures(12)
+    options = {"auto-alt-ref": "1", "lag-in-frames": "10"} if CODECS[name] == "libvpx" else None
+    sources = discover([str(write_film(tmp_path / name, frames, CODECS[name], options=options))])
+    stem, suffix = name.split(".")
+    assert [source.name for source in sources] == [f"{stem}_{number:06d}.{suffix}" for number in range(12)]
+    assert [source.time for source in sources] == pytest.approx([number / 25 for number in range(12)], abs=2e-3)
+    for source, pixels in zip(sources, frames, strict=True):
+        off = np.abs(read_source(source).astype(int) - pixels[:, :, ::-1]).mean()
+        others = [np.abs(read_source(source).astype(int) - other[:, :, ::-1]).mean() for other in frames[:3]]
+        assert off < 12
+        assert off <= min(others) + 0.1
+
+
+@pytest.mark.parametrize("name", ["a.gif", "a.webp", "a.png", "a.tiff"])
+def test_animations_and_pages_are_films_where_asked(tmp_path: Path, name: str) -> None:
+    frames = pictures(5)
+    path = str(write_animation(tmp_path / name, frames))
+    (still,) = discover([path])
+    assert still.name == name
+    sources = discover([path], film=True)
+    times = [None] * 5 if name == "a.tiff" else pytest.approx([0, 0.04, 0.08, 0.12, 0.16])
+    assert [source.time for source in sources] == times
+    for source, pixels in zip(sources, frames, strict=True):
+        assert np.abs(read_source(source).astype(int) - pixels[:, :, ::-1]).max() <= 8  # a GIF has 256 colours
+    single = write_animation(tmp_path / f"single{Path(name).suffix}", frames[:1])
+    assert [source.span for source in discover([str(single)], film=True)] == [None]
+
+
+def test_a_frame_is_one_text_and_is_read_from_anywhere(film: Path) -> None:
+    sources = discover([str(film)])
+    assert parted(sources[3].content) == (str(film), "film_000003.mp4", (3, 1))
+    data = [read_input(source.content, 1 << 20) for source in sources]
+    assert len(set(data)) == 12
+    assert [read_input(sources[number].content, 1 << 20) for number in (7, 2, 2, 11)] == [
+        data[n] for n in (7, 2, 2, 11)
+    ]
+
+
+def test_rows_have_times_and_a_stopped_run_goes_on_inside_the_film(film: Path, tmp_path: Path) -> None:
+    straight, out = tmp_path / "straight", tmp_path / "out"
+    assert run_batch(film, straight, executor=INPROCESS).done == 12
+    assert [row["time_s"] for row in table(straight / "timings.csv")][:3] == ["0.0", "0.04", "0.08"]
+    assert run_batch(film, out, executor=INPROCESS, observer=Silent(last=5)).done == 5
+    after = run_batch(film, out, executor=INPROCESS)
+    assert (after.done, after.unchanged) == (7, 5)
+    assert snapshot(out) == snapshot(straight)
+    assert [row["time_s"] for row in table(out / "timings.csv")] == [
+        row["time_s"] for row in table(straight / "timings.csv")
+    ]
+
+
+def test_a_film_that_changed_is_done_again_where_its_frames_did(film: Path, tmp_path: Path) -> None:
+    run_batch(film, tmp_path / "out", executor=INPROCESS)
+    write_film(film, [*pictures(6), *(255 - pixels for pixels in pictures(6))])
+    again = run_batch(film, tmp_path / "out", executor=INPROCESS)
+    assert again.failed == 0
+    assert again.done >= 6
+
+
+def cut(path: Path, part: float) -> Path:
+    data = path.read_bytes()
+    short = path.with_name(f"cut{path.suffix}")
+    short.write_bytes(data[: int(len(data) * part)])
+    return short
+
+
+@pytest.mark.parametrize(("name", "codec"), [("a.mp4", "mjpeg"), ("a.mkv", "libx264"), ("a.avi", "mjpeg")])
+def test_a_film_that_was_cut_says_so_behind_its_last_frame(tmp_path: Path, name: str, codec: str) -> None:
+    *frames, last = discover([str(cut(write_film(tmp_path / name, pictures(40, noise=20), codec), 0.7))])
+    assert 5 < len(frames) < 40
+    assert last.problem.startswith(f"truncated: the film ends after {len(frames)} frames, before its head says; copy")
+    read_source(frames[0])
+
+
+def test_a_damaged_film_costs_the_frames_it_damaged(tmp_path: Path) -> None:
+    path = write_film(tmp_path / "a.mp4", pictures(20, noise=20))
+    with av.open(str(path)) as film:
+        packet = list(film.demux(video=0))[10]
+        place, size = packet.pos, packet.size
+    data = bytearray(path.read_bytes())
+    data[place : place + size] = bytes(size)
+    path.write_bytes(data)
+    out = run_batch(path, tmp_path / "out", executor=INPROCESS)
+    assert (out.total, out.done) == (20, 20 - out.failed)
+    assert 1 <= out.failed <= 2
+    for row in table(tmp_path / "out" / "timings.csv"):
+        assert row["error"].startswith("damaged: ") == (row["status"] == "failed")
+        assert row["time_s"]
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [(b"", "damaged"), (b"no film at all" * 100, "damaged"), (b"#EXTM3U\n#EXTINF:1,\n/etc/other.mp4\n", "damaged")],
+)
+def test_what_is_no_film_is_a_row_that_says_so(tmp_path: Path, content: bytes, reason: str) -> None:
+    """Also a list of other files, which a reader of lists would open."""
+    path = tmp_path / "a.mp4"
+    path.write_bytes(content)
+    (source,) = discover([str(path)])
+    assert source.problem.startswith(f"{reason}: it is no film that can be read")
+    with pytest.raises(ImageReadError):
+        contents(str(path))
+
+
+def test_sound_alone_is_no_film(tmp_path: Path) -> None:
+    with av.open(str(tmp_path / "a.mkv"), "w") as film:
+        track = film.add_stream("pcm_s16le", rate=8000, layout="mono")
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 800), np.int16), format="s16", layout="mono")
+        frame.sample_rate = 8000
+        film.mux(track.encode(frame))
+    (source,) = discover([str(tmp_path / "a.mkv")])
+    assert source.problem.startswith("not-an-image: the film has no picture track")
+
+
+def test_without_its_reader_a_film_is_refused_by_name(
+    film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    animation = write_animation(tmp_path / "a.gif", pictures(3))
+    monkeypatch.setattr("ffseg.io.films.find_spec", lambda _: None)
+    with pytest.raises(UsageError, match=r"film.mp4: a film needs PyAV; install it with: pip install 'ffseg\[video\]'"):
+        make_plan([str(film)], str(tmp_path / "out"))
+    with pytest.raises(UsageError, match=r"a.gif: --film needs Pillow for it; install it with: pip install 'ffseg"):
+        make_plan([str(animation)], str(tmp_path / "out"), film=True)
+    assert len(make_plan([str(animation)], str(tmp_path / "out")).jobs) == 1
+    assert importlib.util.find_spec("av") is not None
+
+
+def test_a_phone_held_upright_gives_upright_frames(tmp_path: Path) -> None:
+    """Turned by the container's note, as players do; a quarter turn, either way."""
+    frames = pictures(3)
+    plain = write_film(tmp_path / "plain.mp4", frames)
+    with av.open(str(plain)) as source, av.open(str(tmp_path / "turned.mp4"), "w") as film:
+        track = film.add_stream_from_template(source.streams.video[0])
+        if not hasattr(track, "set_display_rotation"):
+            pytest.skip("this PyAV cannot write a rotation")
+        track.set_display_rotation(90)
+        for packet in source.demux(video=0):
+            if packet.dts is not None:
+                packet.stream = track
+                film.mux(packet)
+    first = read_source(discover([str(tmp_path / "turned.mp4")])[0])
+    assert first.shape[:2] == (80, 60)
+
+
+def test_the_command_takes_films_beside_images(film: Path, tmp_path: Path) -> None:
+    write_animation(tmp_path / "stack.tiff", pictures(3))
+    command = [sys.executable, "-m", "ffseg", "run", film, tmp_path / "stack.tiff", "--film", "--out", tmp_path / "out"]
+    done = subprocess.run([*command, "--jobs", "2"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    rows = table(tmp_path / "out" / "timings.csv")
+    assert [row["image"] for row in rows[11:]] == [
+        "film_000011.mp4",
+        *(f"stack_00000{number}.tiff" for number in range(3)),
+    ]
+    assert [row["time_s"] for row in rows[11:]] == ["0.44", "", "", ""]
+    assert (tmp_path / "out" / "masks" / "stack_000002.png").is_file()
+
+
+def played(path: Path) -> list[tuple[float, np.ndarray]]:
+    layout = "rgba" if path.suffix == ".webm" else "rgb24"
+    with av.open(str(path)) as film:
+        track = film.streams.video[0]
+        decoder = av.CodecContext.create("libvpx-vp9", "r") if layout == "rgba" else None  # the other one drops alpha
+        packets = film.demux(track)
+        frames = (frame for packet in packets for frame in (decoder or track).decode(packet if packet.size else None))
+        return [(float(frame.pts * track.time_base), frame.to_ndarray(format=layout)) for frame in frames]
+
+
+def test_outputs_come_as_films_with_the_frames_times(film: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    wanted = Products(overlay=True, films=("mask", "overlay", "cutout"))
+    run_batch(film, out, executor=INPROCESS, products=wanted, exclude=["*_000003.mp4"])
+    times = [number / 25 for number in range(12) if number != 3]
+    masks, overlays, cutouts = (played(out / f"film_{kind}") for kind in ("mask.mp4", "overlay.mp4", "cutout.webm"))
+    for frames in (masks, overlays, cutouts):
+        assert [time for time, _ in frames] == pytest.approx(times, abs=2e-3)
+    for (_, found), path in zip(masks, sorted((out / "masks").iterdir()), strict=True):
+        assert ((found[:, :, 0] > 127) == (cv2.imread(str(path), 0) > 0)).all()
+        assert np.minimum(found, 255 - found).max() < 8  # of the layout, none of the codec
+    alpha = cutouts[0][1][:, :, 3]
+    assert np.abs(alpha.astype(int) - masks[0][1][:, :, 0]).mean() < 8
+    assert run_batch(film, out, executor=INPROCESS).unchanged == 11
+    assert not (out / "film_mask.mp4").exists()  # what is not asked for does not grow old
+
+
+def test_a_film_of_a_folder_is_called_by_it_and_never_replaces_an_input(film: Path, tmp_path: Path) -> None:
+    (tmp_path / "in" / "day").mkdir(parents=True)
+    for number, pixels in enumerate(pictures(3, (61, 47))):
+        cv2.imwrite(str(tmp_path / "in" / "day" / f"{number}.png"), pixels)
+    run_batch(tmp_path / "in", tmp_path / "out", executor=INPROCESS, products=Products(films=("mask",)))
+    assert [pixels.shape for _, pixels in played(tmp_path / "out" / "day_mask.mp4")] == [(48, 62, 3)] * 3
+    film.rename(tmp_path / "film_mask.mp4")
+    before = (tmp_path / "film_mask.mp4").read_bytes()
+    twice = write_film(tmp_path / "film.mp4", pictures(2))
+    summary = run_batch(
+        [tmp_path / "film_mask.mp4", twice], tmp_path, executor=INPROCESS, products=Products(films=("mask",))
+    )
+    assert any("film_mask.mp4 would replace an input" in text for text in summary.problems)
+    assert (tmp_path / "film_mask.mp4").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--film-out", "gif"], "--film-out gif: choose from mask, overlay, cutout"),
+        (["--film-out", "mask", "--shard", "1/2"], "--film-out and --shard do not go together; merge the shards"),
+    ],
+)
+def test_films_that_cannot_be_made_are_refused(film: Path, tmp_path: Path, options: list[str], sentence: str) -> None:
+    command = [sys.executable, "-m", "ffseg", "run", film, "--out", tmp_path / "out", *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, sentence in done.stderr) == (2, True)

@@ -1,0 +1,121 @@
+"""Frames in order: what the frame before is good for, and what it must never do."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from batches import snapshot, table
+from drawn_films import pictures, write_film
+
+from ffseg.image.flow import BAND, carried, start_in, steadied
+
+ROWS, COLUMNS = np.mgrid[:120, :160]
+GROUND = np.random.default_rng(2).integers(60, 90, (120, 160), dtype=np.uint8)
+
+
+def disc(x: float, y: float, radius: float) -> np.ndarray:
+    return (COLUMNS - x) ** 2 + (ROWS - y) ** 2 <= radius**2
+
+
+def overlap(one: np.ndarray, other: np.ndarray) -> float:
+    return float((one & other).sum() / (one | other).sum())
+
+
+def test_a_region_goes_where_motion_takes_it() -> None:
+    texture = np.random.default_rng(1).integers(0, 60, (120, 160), dtype=np.uint8)
+    before = np.where(disc(70, 60, 30), 180 + texture // 2, GROUND).astype(np.uint8)
+    now = np.where(disc(76, 64, 30), 180 + np.roll(texture, (4, 6), (0, 1)) // 2, GROUND).astype(np.uint8)
+    region = carried(before, now, disc(70, 60, 30))
+    assert overlap(region, disc(76, 64, 30)) > 0.97
+    assert overlap(disc(70, 60, 30), disc(76, 64, 30)) < 0.8
+    assert overlap(carried(np.dstack([before] * 3), np.dstack([now] * 3), disc(70, 60, 30)), region) > 0.99
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 100), (8, 100), (24, 400), (100, 7)])
+def test_the_smallest_frames_are_carried_too(shape: tuple[int, int]) -> None:
+    """OpenCV's flow refuses some of them and ends the process at others."""
+    image = np.random.default_rng(1).integers(0, 255, shape, dtype=np.uint8)
+    assert overlap(carried(image, image, image >= 0), image >= 0) == 1
+
+
+def test_the_outline_goes_half_way_where_the_two_lie_close() -> None:
+    assert overlap(steadied(disc(80, 60, 32), disc(80, 60, 30)), disc(80, 60, 31)) > 0.98
+    far = disc(80, 60, 30 + 3 * BAND)
+    assert np.array_equal(steadied(far, disc(80, 60, 30)), far)
+    nothing = np.zeros_like(far)
+    assert np.array_equal(steadied(nothing, far), nothing)
+    assert np.array_equal(steadied(far, nothing), far)
+
+
+@pytest.mark.parametrize("radius", [0, 1, 2, 4, 8])
+@pytest.mark.parametrize("x", [80, 105, 108])
+def test_a_hole_is_never_held_closed(x: int, radius: int) -> None:
+    """Also one of a pixel, or close to the outline, where the past would outvote it."""
+    whole, hole = disc(80, 60, 34), disc(x, 60, radius) & disc(80, 60, 32)
+    found = steadied(whole & ~hole, whole)
+    assert not (found & hole).any()
+
+
+def test_a_start_moves_no_further_than_it_must() -> None:
+    region = disc(60, 60, 30)
+    assert start_in(region, (62.0, 58.0, 8.0)) == (62.0, 58.0, 8.0)
+    x, y, radius = start_in(region, (130.0, 60.0, 8.0))
+    assert (y, radius) == (60, 8)
+    assert 78 <= x <= 82
+    assert start_in(np.zeros_like(region), (5.0, 5.0, 8.0)) == (5.0, 5.0, 8.0)
+    assert start_in(disc(60, 60, 6), (60.0, 60.0, 50.0))[2] < 6
+
+
+def ran(film: Path, out: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "ffseg", "run", film, "--out", out, "--executor", "inprocess", *options]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def film(tmp_path: Path) -> Path:
+    return write_film(tmp_path / "film.mp4", pictures(10, (160, 120), noise=25))
+
+
+def test_steady_films_resume_to_the_same_bytes_and_flicker_less(film: Path, tmp_path: Path) -> None:
+    measured, straight, out = tmp_path / "measured", tmp_path / "straight", tmp_path / "out"
+    assert ran(film, measured, "--flicker").returncode == 0
+    done = ran(film, straight, "--steady")
+    assert done.returncode == 0, done.stderr
+    assert "px a frame" in done.stdout
+    flicker = {name: [row["flicker"] for row in table(name / "timings.csv")] for name in (measured, straight)}
+    assert [values[0] for values in flicker.values()] == ["", ""]
+    means = {name: np.mean([float(value) for value in values[1:]]) for name, values in flicker.items()}
+    assert means[straight] < 0.8 * means[measured]
+    assert sum(int(row["steady_px"] or 0) for row in table(straight / "timings.csv")) > 0
+    assert ran(film, tmp_path / "plain").returncode == 0
+    assert snapshot(tmp_path / "plain") == snapshot(measured)  # to measure changes nothing
+    ran(film, out, "--steady", "--exclude", "*_00000[4-9].mp4")  # as far as a run came that was stopped
+    assert ran(film, out, "--steady").returncode == 0
+    assert snapshot(out) == snapshot(straight)
+
+
+def test_a_frame_is_done_again_when_the_mask_before_it_is_another(film: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    ran(film, out, "--steady")
+    before = snapshot(out)
+    (out / "masks" / "film_000004.png").unlink()
+    ran(film, out, "--steady")
+    assert snapshot(out) == before
+
+
+@pytest.mark.parametrize("other", [("--shard", "1/2"), ("--pack", "tar")])
+def test_what_cannot_go_in_order_is_refused(film: Path, tmp_path: Path, other: tuple[str, str]) -> None:
+    done = ran(film, tmp_path / "out", "--steady", *other)
+    assert done.returncode == 2
+    assert f"--steady and {other[0]} do not go together: every frame needs the one before it" in done.stderr
+
+
+def test_steady_frames_do_not_mix_with_others(film: Path, tmp_path: Path) -> None:
+    ran(film, tmp_path / "out", "--exclude", "*_00000[3-9].mp4")
+    done = ran(film, tmp_path / "out", "--steady")
+    assert done.returncode == 2
+    assert 'past was null, is "steady"' in done.stderr
