@@ -11,6 +11,7 @@ const MOST_LISTED = 300, NEWS_MS = 1500;
 
 const pending = []; // changes that the server has not yet
 let about, label = 0, index = -1, image = null, picked = OPEN, statuses = {}, model = -1;
+let notice = { text: "", bad: false }; // stays beside what is said of the region, until the hand does something
 let tool = "pick", brush = 12, hovering = true, space = false, drag = null, history = [], saving = Promise.resolve();
 export const times = []; // of contours drawn while the hand moved: for those who measure
 window.ffsegTimes = times;
@@ -25,6 +26,10 @@ const say = (text, bad = false) => {
   $("said").textContent = text ?? "";
   $("said").hidden = !text;
   $("said").classList.toggle("bad", bad);
+};
+const notify = (text, bad = false) => {
+  notice = { text, bad };
+  say(text, bad);
 };
 
 // --- the region: one question at a time in each lane, the newest waits, others are forgotten -----------------------
@@ -47,7 +52,7 @@ const answer = async (lane) => {
       if (place !== index || kind !== label || number < drawn[id]) continue;
       drawn[id] = number;
       view.region(found, id);
-      if (id === "region") say(found.said);
+      if (id === "region") say([notice.text, found.said].filter(Boolean).join("; "), notice.bad);
       if (begin) requestAnimationFrame(() => times.push({ quick, waited: sent - begin, server: found.server_ms, asked: performance.now() - sent, all: performance.now() - begin }));
     } catch (error) {
       say(error.message, true);
@@ -82,6 +87,7 @@ const adopt = (found) => {
 // Steps are kept one after the other; what each changes is said of what the one before has left.
 const step = (change, does = "pick") => {
   const place = index;
+  notify("");
   if (change) pending.push(change);
   saving = saving.then(async () => {
     const next = { ...picked, ...change?.(picked) }, there = place === index && image;
@@ -91,7 +97,7 @@ const step = (change, does = "pick") => {
     if (found.code === 409) await load(index, "changed in another tab: this is how it stands now");
     else if (found instanceof Error) {
       adopt(image);
-      say(found.message, true);
+      notify(found.message, true);
     } else adopt(found);
     if (next.status !== "accepted") whole(current());
     return !(found instanceof Error);
@@ -116,7 +122,7 @@ const load = async (place, said = "") => {
       view.show(`image/${place}`, found.width, found.height);
     }
     adopt(found);
-    say(said);
+    notify(said);
   } catch (error) {
     image = null;
     say(error.message, true);
