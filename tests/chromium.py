@@ -79,12 +79,26 @@ class Chromium:
 
     def _attach(self) -> None:
         deadline = time.monotonic() + _WAIT
-        pages: list[dict[str, Any]] = []
-        while not pages and time.monotonic() < deadline:
-            targets = self.call("Target.getTargets")["targetInfos"]
-            pages = [target for target in targets if target["type"] == "page"]
-        parameters = {"targetId": pages[0]["targetId"], "flatten": True}
-        self._session = self.call("Target.attachToTarget", parameters)["sessionId"]
+        while not (pages := self._pages()) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        self._show(pages[0])
+
+    def _pages(self) -> list[str]:
+        targets = self.call("Target.getTargets")["targetInfos"]
+        return [target["targetId"] for target in targets if target["type"] == "page"]
+
+    def renew(self) -> None:
+        """Go on in a new tab, with no problem and no request; the others are closed."""
+        self._session = ""
+        old, new = self._pages(), self.call("Target.createTarget", {"url": "about:blank"})["targetId"]
+        for page in old:
+            self.call("Target.closeTarget", {"targetId": page})
+        self._show(new)
+        self.problems.clear()
+        self.requests.clear()
+
+    def _show(self, page: str) -> None:
+        self._session = self.call("Target.attachToTarget", {"targetId": page, "flatten": True})["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
@@ -115,6 +129,8 @@ class Chromium:
         return dict(json.loads(first))
 
     def _note(self, event: dict[str, Any]) -> None:
+        if event.get("sessionId") != self._session:  # of a tab that was closed
+            return
         parameters = event.get("params", {})
         if event.get("method") == "Runtime.exceptionThrown":
             self.problems.append(str(parameters["exceptionDetails"]))
@@ -127,8 +143,20 @@ class Chromium:
 
     def open(self, address: str) -> None:
         """Go to a page and wait until it has loaded."""
-        self.call("Page.navigate", {"url": address})
-        self.until("document.readyState === 'complete' && location.href !== 'about:blank'")
+        self._leave("Page.navigate", {"url": address})
+
+    def reload(self) -> None:
+        """Load the page anew and wait until it has loaded."""
+        self._leave("Page.reload", {})
+
+    def _leave(self, method: str, parameters: dict[str, Any]) -> None:
+        """Until the new document is there, the browser answers for the old one, which has loaded long ago."""
+        self.value("window.isLeft = true")
+        answer = self.call(method, parameters)
+        if "errorText" in answer:
+            raise RuntimeError(f"{parameters}: {answer['errorText']}")
+        left = "true" if method == "Page.navigate" and "loaderId" not in answer else "!window.isLeft"
+        self.until(f"{left} && document.readyState === 'complete'")
 
     def value(self, script: str) -> Any:
         """Value of an expression in the page; promises are awaited."""
@@ -138,13 +166,21 @@ class Chromium:
             raise AssertionError(f"{script}: {answer['exceptionDetails']}")
         return answer["result"].get("value")
 
-    def until(self, script: str, seconds: float = 20.0) -> None:
-        """Wait for an expression to become true."""
-        deadline = time.monotonic() + seconds
-        while not self.value(script):
+    def until(self, script: str) -> None:
+        """Wait for an expression to become true, also in the document that follows this one."""
+        deadline = time.monotonic() + _WAIT
+        while not self._holds(script):
             if time.monotonic() > deadline:
                 raise AssertionError(f"never true: {script}")
             time.sleep(0.02)
+
+    def _holds(self, script: str) -> bool:
+        try:
+            return bool(self.value(script))
+        except RuntimeError as error:
+            if "context" in str(error) or "navigated" in str(error):  # the document was left meanwhile
+                return False
+            raise
 
     def press(self, key: str) -> None:
         """Type one key."""

@@ -83,10 +83,8 @@ def program_at_work(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromi
 
 @pytest.fixture
 def browser(program_at_work: chromium.Chromium) -> chromium.Chromium:
-    """The browser without what an earlier test has left in it."""
-    program_at_work.open("about:blank#")
-    program_at_work.problems.clear()
-    program_at_work.requests.clear()
+    """The browser with a new tab: nothing that an earlier test has left, or that its page still says, is in it."""
+    program_at_work.renew()
     return program_at_work
 
 
@@ -97,7 +95,7 @@ def ffseg_command() -> Callable[..., subprocess.CompletedProcess[str]]:
     def run(*arguments: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-m", "ffseg", *map(str, arguments)]
         return subprocess.run(
-            command, check=False, capture_output=True, text=True, encoding="utf-8", timeout=120, **options
+            command, check=False, capture_output=True, text=True, encoding="utf-8", timeout=600, **options
         )
 
     return run

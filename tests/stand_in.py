@@ -10,9 +10,11 @@ import numpy as np
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.result import Segmentation, Timings
-from ffseg.scene import Scene, Stats
+from ffseg.scene import Outcome, Scene, Stats
 
 NAME = "stand_in:segment"
+METHOD = "stand_in:method"
+"""The same for ``--set method=...`` of a command, in an environment whose PYTHONPATH has this folder."""
 CRASH, HANG, EAT, FAIL, DEFECT = 251, 252, 253, 254, 255
 """Grey levels of the first pixel of an image that is to go wrong."""
 
@@ -30,6 +32,13 @@ def segment(scene: Scene) -> Segmentation:
     box = FreeForm.box(0.0, 0.0, width - 1.0 + more, height - 1.0)
     stats = Stats(1, 0, 0, 0, 0, 4, 4, 4, "converged")
     return Segmentation(mask, (box,), stats, Timings(0.1, 0.2, 0.3))
+
+
+def method(scene: Scene) -> Outcome:
+    """Pixels above 127, as `segment`, for the command line."""
+    grey = scene.image if scene.image.ndim == 2 else scene.image.max(axis=2)
+    _misbehave(int(grey[0, 0]))
+    return Outcome(mask=grey > 127)
 
 
 def _misbehave(level: int) -> None:

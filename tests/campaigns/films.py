@@ -66,10 +66,12 @@ def campaign(work: Path, frames: int, kills: int, size: tuple[int, int] = SIZE, 
     reference = harness.outputs(straight)
     rng = random.Random(1)  # noqa: S311 - moments to kill at
     while figures.kills < kills:
-        process = harness.start("run", film, "--out", out, "--jobs", "1", "-q", *WAYS["gradient"])
-        time.sleep(rng.uniform(0.4, 0.4 + seconds / max(1, kills)))
-        if process.poll() is not None:
-            break
+        process, delay = harness.start("run", film, "--out", out, "--jobs", "1", "-q", *WAYS["gradient"]), rng.random()
+        time.sleep(0.4 + delay * seconds / kills)
+        if process.poll() is not None:  # the machine has become quicker: once more
+            shutil.rmtree(out)
+            seconds *= 0.7
+            continue
         harness.kill(process)
         figures.kills += 1
     harness.run("run", film, "--out", out, "--jobs", "1", "-q", *WAYS["gradient"])

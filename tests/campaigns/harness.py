@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tarfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,8 +50,48 @@ def run(*arguments: str | os.PathLike[str], env: Mapping[str, str] | None = None
 def start(*arguments: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
     """Start ``ffseg`` in a process group of its own."""
     return subprocess.Popen(
-        command(*arguments), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+        command(*arguments), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True, env=TESTS
     )
+
+
+TESTS = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parent.parent)}
+"""An environment in which ``stand_in`` can be imported."""
+
+
+def endless(work: Path, images: int = 12) -> list[str | os.PathLike[str]]:
+    """Arguments of a run into ``out`` that cannot end by itself, however late somebody looks: its last image hangs."""
+    import stand_in
+    from PIL import Image
+
+    draw_blobs(work / "in", images)
+    Image.fromarray(np.full((48, 64), stand_in.HANG, np.uint8)).save(work / "in" / "z.png")
+    return [
+        "run",
+        work / "in",
+        "--out",
+        work / "out",
+        "--jobs",
+        "2",
+        "--set",
+        CONFIG,
+        "--set",
+        f"method={stand_in.METHOD}",
+    ]
+
+
+def until_written(out: Path, images: int = 12) -> None:
+    """Wait until so many images stand in the journal of a run."""
+    journal = out / ".ffseg" / "journal.jsonl"
+    until(lambda: journal.exists() and journal.read_bytes().count(b"\n") > images)
+
+
+def until(true: Callable[[], bool], patience: float = 120.0) -> None:
+    """Wait for a state."""
+    end = time.monotonic() + patience
+    while not true():
+        if time.monotonic() > end:
+            raise TimeoutError(f"not so within {patience:g} s")
+        time.sleep(0.01)
 
 
 def draw_blobs(folder: Path, count: int, size: tuple[int, int] = (64, 48)) -> None:
@@ -92,8 +132,11 @@ def counts(out: Path) -> dict[str, int]:
     return found
 
 
-def group_is_gone(process: subprocess.Popen[bytes], patience: float = 2.0) -> bool:
-    """Whether no process of a group started by `start` is left after a while."""
+def group_is_gone(process: subprocess.Popen[bytes], patience: float = 20.0) -> bool:
+    """Whether no process of a group started by `start` is left after a while.
+
+    A worker that has just been started asks to die with the run when it comes to it, which a busy machine delays.
+    """
     end = time.monotonic() + patience
     while time.monotonic() < end:
         try:
@@ -107,7 +150,7 @@ def group_is_gone(process: subprocess.Popen[bytes], patience: float = 2.0) -> bo
 def kill(process: subprocess.Popen[bytes], number: int = signal.SIGKILL) -> int:
     """Send a signal to the command itself and wait for its end."""
     process.send_signal(number)
-    return process.wait(timeout=30)
+    return process.wait(timeout=120)
 
 
 def resident_mb(pids: Sequence[int]) -> float:

@@ -60,9 +60,8 @@ def _one_kill(
         return False
     harness.kill(process)
     figures.kills += 1
-    # A worker that has just been started asks to die with the run when it comes to it, which a busy machine delays.
     begin = time.perf_counter()
-    figures.orphans += not harness.group_is_gone(process, patience=20.0)
+    figures.orphans += not harness.group_is_gone(process)
     figures.slowest_end_s = max(figures.slowest_end_s, time.perf_counter() - begin)
     found = harness.outputs(out)
     figures.partial += sum(reference[name] != data for name, data in found.items())

@@ -89,7 +89,7 @@ class Hand:
 @pytest.fixture
 def hand(browser: chromium.Chromium, server: Server) -> Iterator[Hand]:
     yield Hand(browser, server.address)
-    assert browser.problems == []
+    assert [one for one in browser.problems if "409" not in one] == []  # a step that was refused is noted at some time
     assert [one for one in browser.requests if not one.startswith((server.address, "about:"))] == []
 
 
@@ -170,8 +170,8 @@ def test_drags_are_boxes_levels_and_strokes(hand: Hand, server: Server) -> None:
     hand.until_marks("start")
 
 
-def wait_for(true: Callable[[], bool], seconds: float = 20) -> None:
-    deadline = time.monotonic() + seconds
+def wait_for(true: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 60
     while not true():
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -198,7 +198,7 @@ def test_a_reload_and_another_tab_show_what_is_kept(hand: Hand, server: Server) 
     hand.until_marks("start")
     address = hand.tab.value("location.href")
     assert address.endswith("#0/1")
-    hand.tab.call("Page.reload")
+    hand.tab.reload()
     hand.tab.until("document.body?.dataset.ready === 'yes'")
     hand.tab.value(NEWS_THAT_STOPS)
     hand.until_image("a.png")
@@ -217,8 +217,6 @@ def test_a_reload_and_another_tab_show_what_is_kept(hand: Hand, server: Server) 
     hand.until_area(30, 80)
     assert "another tab" in hand.tab.value("document.getElementById('said').textContent"), "the region leaves it there"
     assert state(server, 1)["starts"] == ((*RIGHT, 6),), "nothing is lost, nothing is mixed up"
-    assert [one for one in hand.tab.problems if "409" not in one] == []
-    hand.tab.problems.clear()  # the browser notes the refusal
 
 
 def test_a_name_of_a_class_and_the_list_of_images(browser: chromium.Chromium, folder: Path, tmp_path: Path) -> None:
@@ -275,7 +273,6 @@ def test_a_killed_server_goes_on_where_it_was(
     again.until_marks("start")
     again.until_area(45, 55)
     second.terminate()
-    _, said = second.communicate(timeout=20)
+    _, said = second.communicate(timeout=60)
     assert second.returncode == 0, said
     assert "the same command goes on from there" in said
-    browser.problems.clear()

@@ -272,7 +272,6 @@ def test_keys(tab: chromium.Chromium) -> None:
 
 
 def test_address_opens_an_image(browser: chromium.Chromium, folder: Path) -> None:
-    browser.open("about:blank#")
     browser.open((folder / "report.html").as_uri() + "#image-3")
     browser.until("document.getElementById('viewer-name').textContent === 'toy.png'")
 

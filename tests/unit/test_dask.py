@@ -79,8 +79,11 @@ def by_dask(address: str, chunk: int = 10) -> dict[str, object]:
 
 def offspring(processes: list[subprocess.Popen[bytes]]) -> list[str]:
     """Children of processes."""
-    lists = (path for process in processes for path in Path(f"/proc/{process.pid}/task").glob("*/children"))
-    return [child for path in lists for child in path.read_text().split()]
+    found = []
+    for path in [path for process in processes for path in Path(f"/proc/{process.pid}/task").glob("*/children")]:
+        with contextlib.suppress(OSError):  # of a thread that has ended meanwhile
+            found += path.read_text().split()
+    return found
 
 
 def tree(out: Path) -> dict[str, bytes]:
@@ -187,9 +190,10 @@ def test_a_worker_that_dies_costs_nothing(scheduler, tmp_path: Path) -> None:
 def test_a_scheduler_that_dies_ends_the_run_and_the_next_one_goes_on(
     scheduler, ffseg_command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
 ) -> None:
-    make_images(tmp_path / "in", NAMES)
+    make_images(tmp_path / "in", NAMES, {NAMES[-1]: stand_in.HANG})  # so that the run cannot be done before
     address, processes = scheduler
-    out = tmp_path / "out"
+    out, way = tmp_path / "out", ("--set", f"method={stand_in.METHOD}")
+    environment = {**os.environ, "PYTHONPATH": str(Path(stand_in.__file__).parent)}
 
     def kill() -> None:
         chunks = out / ".ffseg" / "chunks"
@@ -199,14 +203,19 @@ def test_a_scheduler_that_dies_ends_the_run_and_the_next_one_goes_on(
 
     killer = threading.Thread(target=kill, daemon=True)
     killer.start()
-    gone = ffseg_command("run", tmp_path / "in", "--out", out, "--quiet", "--dask", address, "--chunk", "60")
+    gone = ffseg_command(
+        "run", tmp_path / "in", "--out", out, "--quiet", "--dask", address, "--chunk", "60", *way, env=environment
+    )
     assert gone.returncode == 1
     (line,) = gone.stderr.splitlines()  # no traceback of Dask's
     assert re.match("ffseg: error: the Dask scheduler is gone.*; run again to go on$", line)
-    rest = json.loads(ffseg_command("run", tmp_path / "in", "--out", out, "--json").stdout)["counts"]
+    make_images(tmp_path / "in", NAMES)
+    rest = json.loads(ffseg_command("run", tmp_path / "in", "--out", out, "--json", *way, env=environment).stdout)[
+        "counts"
+    ]
     assert rest["done"] + rest["unchanged"] == 60
     assert rest["unchanged"] > 0, "what was written down of the chunk is not done again"
-    assert ffseg_command("run", tmp_path / "in", "--out", tmp_path / "one").returncode == 0
+    assert ffseg_command("run", tmp_path / "in", "--out", tmp_path / "one", *way, env=environment).returncode == 0
     assert snapshot(out) == snapshot(tmp_path / "one")
 
 

@@ -186,7 +186,7 @@ def kill(images: Path, out: Path, where: tuple[str, str, str], count: int, *, be
     module, owner, name = where
     path = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
     code = KILLED.format(path=path, module=module, owner=owner, name=name, count=count, before=before, shard=shard)
-    killed = subprocess.run([sys.executable, "-c", code, images, out], check=False, capture_output=True, timeout=120)
+    killed = subprocess.run([sys.executable, "-c", code, images, out], check=False, capture_output=True, timeout=600)
     assert killed.returncode == -signal.SIGKILL, killed.stderr.decode()
 
 

@@ -112,9 +112,9 @@ def test_what_is_no_regular_file_is_refused_without_waiting(kind: str, tmp_path:
 
 
 def test_no_file_handle_is_left_open(tmp_path: Path) -> None:
-    before = len(os.listdir("/proc/self/fd")) if os.path.isdir("/proc/self/fd") else None
-    if before is None:
+    if not os.path.isdir("/proc/self/fd"):
         pytest.skip("no /proc to count open files in")
+    before = set(os.listdir("/proc/self/fd"))
     for _ in range(20):
         read(tmp_path, Problems())
-    assert len(os.listdir("/proc/self/fd")) == before
+    assert set(os.listdir("/proc/self/fd")) <= before  # what earlier tests have left may be closed meanwhile

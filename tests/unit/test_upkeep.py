@@ -6,6 +6,8 @@ import errno
 import json
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +20,6 @@ from ffseg.batch.executors.base import Choice
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.preview import preview
-from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import OutputError, UsageError
 from ffseg.parameters import load_params
@@ -210,19 +211,13 @@ def test_a_preview_says_what_the_run_does(images: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"contour\.degree was 3, is 2"):
         seen(other)
     assert seen(other, overwrite=True)[0] == "to do"
-    pid = os.fork()  # locks belong to processes
-    if pid == 0:
-        with OutputLock(str(out)):
-            os.kill(os.getppid(), 0)
-            while os.path.exists(tmp_path / "in"):
-                (tmp_path / "held").touch()
-        os._exit(0)
-    while not (tmp_path / "held").exists():
-        pass
-    with pytest.raises(UsageError, match="another ffseg run"):
-        seen()
-    shutil.move(images, tmp_path / "moved")
-    os.waitpid(pid, 0)
+    code = "import sys; from ffseg.batch.record.lock import OutputLock\nwith OutputLock(sys.argv[1]): print(); input()"
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", code, out], **pipes) as holder:  # locks belong to processes
+        assert holder.stdout.readline() == b"\n"
+        with pytest.raises(UsageError, match="another ffseg run"):
+            seen()
+        holder.communicate(b"\n")
 
 
 def test_pipes_in_the_place_of_outputs_are_not_replaced(images: Path, tmp_path: Path) -> None:
