@@ -186,7 +186,7 @@ def _is_image_name(name: str) -> bool:
     return os.path.splitext(name)[1].lower() in SUFFIXES
 
 
-def _source_key(source: Source) -> tuple[tuple[tuple[bool, int, str], ...], ...]:
+def _source_key(source: Source) -> str:
     return natural_key(source.name)
 
 

@@ -68,35 +68,25 @@ def film_of(name: str) -> str:
 _FRAME = re.compile(r"(.+)_\d{6,}\.\w+", re.DOTALL)
 
 
-def natural_key(name: str) -> tuple[tuple[tuple[bool, int, str], ...], ...]:
-    """Sort key that puts ``a2`` before ``a10`` and keeps each folder together."""
-    return tuple(_part_key(part) for part in name.split("/"))
-
-
-def _part_key(part: str) -> tuple[tuple[bool, int, str], ...]:
-    pieces = enumerate(_DIGITS.split(part))  # every second piece is digits
-    return tuple((bool(index % 2), int(piece) if index % 2 else 0, piece) for index, piece in pieces)
-
-
 _END, _PART, _NUMBER = "\x00\x00", "\x00\x01", "\x00\x02"
 """Marks after a piece of a name; they begin with what no name holds, so that a shorter piece comes first."""
 
 
+def natural_key(name: str) -> str:
+    """Text that puts ``a2`` before ``a10`` and keeps each folder together."""
+    return _PART.join(_part_key(part) for part in name.split("/"))
+
+
+def _part_key(part: str) -> str:
+    pieces = enumerate(_DIGITS.split(part))  # every second piece is digits
+    return "".join(_number_key(piece) if index % 2 else piece for index, piece in pieces)
+
+
+def _number_key(digits: str) -> str:
+    value = str(int(digits))
+    return f"{_NUMBER}{len(value):04d}{value}{digits}{_END}"
+
+
 def order_key(place: int, name: str) -> str:
-    """Text that sorts images by the input they were found under, then by their names in natural order.
-
-    Parameters
-    ----------
-    place : int
-        Number of the input.
-    name : str
-        Relative name of the image.
-    """
-    return f"{place:09d}" + _PART.join(_sortable(part) for part in natural_key(name))
-
-
-def _sortable(pieces: tuple[tuple[bool, int, str], ...]) -> str:
-    text = ""
-    for is_number, value, piece in pieces:
-        text += f"{_NUMBER}{len(str(value)):04d}{value}{piece}{_END}" if is_number else piece
-    return text
+    """Text that sorts images by the number of the input they were found under, then by their names in natural order."""
+    return f"{place:09d}" + natural_key(name)

@@ -9,8 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from itertools import groupby, islice
-from operator import itemgetter
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,7 @@ from ffseg.batch.record.survey import stale_reason, without_old_truth
 from ffseg.batch.record.tables import RUN, Records, Tables, remove_old
 from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.batch.shards.assign import Shard, shard_of_folder
-from ffseg.batch.shards.sort import Keyed, sorted_lines
+from ffseg.batch.shards.last import last_lines
 from ffseg.batch.workers.freshness import still_true
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.files import is_temporary, printable, read_bytes
@@ -135,7 +134,7 @@ def merge_shards(out: str, *, parquet: bool = False) -> Merge:
         tables_known = sorted({*before, *(name for part in there for name in (part.header or {}).get("tables", ()))})
         packs = {part.folder: packs_of(part.folder) for part in there}
         records = MergedRecords(os.path.join(state, JOURNAL))
-        lines = chosen(sorted_lines(_all_lines(state, there), state), out, header["settings"])
+        lines = chosen(last_lines(_all_lines(state, there), state), out, header["settings"])
         first = {**header, "format": FORMAT, "tables": tables_known}
         if header.get("pack"):
             tars = _write_packed(merge, records, first, lines)
@@ -296,39 +295,34 @@ def _sweep(out: str) -> None:
             os.unlink(os.path.join(folder, name))
 
 
-def _all_lines(state: str, parts: list[Part]) -> Iterator[Keyed]:
-    """Lines of the journal of earlier merges and runs, then of all shards, with keys in the order of the tables."""
+def _all_lines(state: str, parts: list[Part]) -> Iterator[tuple[bytes, int, bytes]]:
+    """Lines of the journal of earlier merges and runs (rank 0), then of all shards, with keys in the order of the tables."""
     for rank, folder in enumerate([state, *(part.folder for part in parts)]):
         for line in journal_lines(folder):
             value = parsed_line(line)
             if value is not None and isinstance(value.get("order"), str) and isinstance(value.get("name"), str):
                 key = f"{value['order']}\0{value['name']}".encode("utf-8", "surrogatepass")
-                yield key, bytes([min(rank, 1)]) + line
+                yield key, min(rank, 1), line
 
 
-def chosen(lines: Iterator[Keyed], out: str, settings: str) -> Iterator[tuple[Record, bytes]]:
-    """The last line of each image, of a shard rather than of the folder's own journal, if it is a record.
+def chosen(lines: Iterable[tuple[bytes, bytes]], out: str, settings: str) -> Iterator[tuple[Record, bytes]]:
+    """Of the folder's own line and the shards' line of each image the one that counts, if it is a record.
 
     A record of the folder's own journal stays only where no shard knows the image and it is still true.
     """
-    for _, same in groupby(lines, key=itemgetter(0)):
-        last = {line[0]: line[1:] for _, line in same}  # of the folder's own, and of the shards
-        yield from _record(last.get(0, b""), last.get(1, b""), out, settings)
-
-
-def _record(own: bytes, shards: bytes, out: str, settings: str) -> Iterator[tuple[Record, bytes]]:
-    record = parsed_record(shards or own)
-    if record is None or record.settings != settings:
-        return
-    merged = parsed_record(own) if shards and record.members else None
-    if merged is not None:  # an earlier merge has moved the outputs
-        record = relocated(out, record, merged)
-        found = merged.members.items()
-        lost = any(is_gone(out, member) for _, member in record.members.items() - found)
-        if lost and not stale_reason(merged, out, settings):
-            record = merged
-    if shards or not stale_reason(record, out, settings):
-        yield record, shards or own
+    for own, shards in lines:
+        record = parsed_record(shards or own)
+        if record is None or record.settings != settings:
+            continue
+        merged = parsed_record(own) if shards and record.members else None
+        if merged is not None:  # an earlier merge has moved the outputs
+            record = relocated(out, record, merged)
+            found = merged.members.items()
+            lost = any(is_gone(out, member) for _, member in record.members.items() - found)
+            if lost and not stale_reason(merged, out, settings):
+                record = merged
+        if shards or not stale_reason(record, out, settings):
+            yield record, shards or own
 
 
 def _run_json(merge: Merge, parts: list[Part]) -> dict[str, Any]:
