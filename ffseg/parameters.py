@@ -34,7 +34,7 @@ _POINT = Row(("x", "y"), (_PLACE, _PLACE))
 _CIRCLE = Row(("x", "y", "radius"), (_PLACE, _PLACE, _RADIUS))
 _SEED = Row(("x", "y", "radius"), (_PLACE, _PLACE, _RADIUS), fewest=2)
 _BOX = Row(("left", "top", "right", "bottom"), (_PLACE,) * 4)
-_THRESHOLDS = Row(("low", "high"), (Number(0, 10_000),) * 2, ascending=True)  # no magnitude of 8-bit grey exceeds 1443
+_THRESHOLDS = Row(("low", "high"), (Number(0, 10_000),) * 2, "ascending")  # no magnitude of 8-bit grey exceeds 1443
 _MOST_STARTS = 1000
 
 
@@ -170,7 +170,7 @@ class Input(Section):
 
     range: Levels = declared(
         "auto",
-        OrWord("auto", Row(("black", "white"), (Number(-1e9, 1e9),) * 2, ascending=True)),
+        OrWord("auto", Row(("black", "white"), (Number(-1e9, 1e9),) * 2, "ascending and apart")),
         "values of 16-bit images; auto = what a file states, or 0 to the most of 10, 12, 14 or 16 bits that it uses",
     )
 

@@ -18,16 +18,8 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.floating[Any]]
 
 
 def scaled(image: NDArray[Any], levels: tuple[float, float]) -> NDArray[np.uint8]:
-    """The image as 8 bits, with the level of black as 0 and that of white as 255, rounded; what lies beyond is cut.
-
-    Raises
-    ------
-    SegmentationError
-        If black is white.
-    """
+    """The image as 8 bits, with the level of black as 0 and that of white as 255, rounded; what lies beyond is cut."""
     low, high = levels
-    if low >= high:
-        raise SegmentationError(f"input.range: black and white are both {low:g}; give two levels")
     share = (np.clip(image, low, high).astype(np.float32) - np.float32(low)) * np.float32(255 / (high - low))
     return np.asarray(np.rint(share), np.uint8)
 

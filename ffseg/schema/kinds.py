@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 from ffseg.schema.nodes import Node, Problems, shown
 
@@ -211,11 +211,11 @@ class FilePath:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Named numbers such as ``[x, y, radius]``, all or the first `fewest` at least; ascending where `ascending`."""
+    """Named numbers such as ``[x, y, radius]``, all or the first `fewest` at least, in an `order`."""
 
     names: tuple[str, ...]
     parts: tuple[Number, ...]
-    ascending: bool = False
+    order: Literal["", "ascending", "ascending and apart"] = ""
     fewest: int = 0
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
@@ -227,13 +227,14 @@ class Row:
         values = tuple(part.check(item, f"{key}, {name}", problems) for part, item, name in named)
         if BAD in values:
             return BAD
-        if self.ascending and list(values) != sorted(values):  # type: ignore[type-var]
+        order = sorted(set(values) if "apart" in self.order else values)  # type: ignore[type-var]
+        if self.order and list(values) != order:
             return _reject(self, node, key, problems)
         return values
 
     def allowed(self) -> str:
         """See `Kind`."""
-        order = ", ascending" if self.ascending else ""
+        order = f", {self.order}" if self.order else ""
         each = {part.allowed() for part in self.parts}
         ranges = f", each {each.pop()}" if len(each) == 1 else ""
         short = f"[{', '.join(self.names[: self.fewest])}] or " if self.fewest else ""

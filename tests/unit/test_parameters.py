@@ -71,6 +71,11 @@ def test_python_overrides_take_python_values() -> None:
     assert params.init == Init(center=(1.0, 2.0), mask="m.png")
 
 
+def test_two_equal_levels_are_thresholds_but_no_range() -> None:
+    assert load_params(None, {"edges.canny": [10, 10]}).edges.canny == (10, 10)
+    assert "ascending and apart" in lines_of(load_params, None, {"input.range": [10, 10]})[0]
+
+
 def test_all_errors_at_once_each_with_its_place(tmp_path: Path) -> None:
     text = "contour:\n  degree: 9\n  split_treshold: 3\nedges:\n  canny: [30,\n    10]\nzebra: 1\ndegree: 2\n"
     path = file_with(text, tmp_path)
