@@ -121,7 +121,7 @@ def read_picture(
     limits = limits or Limits()
     header = inspect(data, limits)
     probes = header.check()
-    image = _decoded(header.still or data, header)
+    image = _decoded(header.still or data, header, cv2.IMREAD_ANYDEPTH if header.deep and levels is not None else 0)
     if image is None:
         _require_memory(header)
         raise _undecodable(header)
@@ -129,7 +129,7 @@ def read_picture(
         raise ImageReadError("damaged", f"the {header.format} pixels have not the size its header claims; convert it")
     if any((_decoded(probe.data, header) is not None) != probe.decodes for probe in probes):
         raise damaged(f"the {header.format} data has zeros where pixels should be (lost blocks?)")
-    image, said = _levelled(image, data, header, levels)
+    image, said = _levelled(image, header, levels)
     return _upright(image, header.orientation), "; ".join(filter(None, (_note(header), said)))
 
 
@@ -137,24 +137,20 @@ DEPTHS = (10, 12, 14)
 """Bits of the cameras and microscopes whose values stand in files of 16 bits."""
 
 
-def _levelled(
-    image: NDArray[np.uint8], data: bytes, header: Header, levels: Levels | None
-) -> tuple[NDArray[np.uint8], str]:
+def _levelled(image: NDArray[Any], header: Header, levels: Levels | None) -> tuple[NDArray[np.uint8], str]:
     """The image with the black and white of its 16-bit values, and what to say of them where nobody has named them."""
-    if not header.deep or levels is None:
+    if image.dtype != np.uint16:
         return image, ""
-    deep = _decoded(header.still or data, header, cv2.IMREAD_ANYDEPTH)
-    if deep is None or deep.dtype != np.uint16 or np.abs((deep >> 8).astype(np.int16) - image).max() > 1:
-        return image, ""  # of another white, or in another order: the plain reading is sure
-    if levels != "auto":
-        return scaled(deep, levels), ""
-    most = int(deep.max())
+    if levels is not None and levels != "auto":
+        return scaled(image, levels), ""
+    most = int(image.max())
     bits = next((bits for bits in DEPTHS if most < 1 << bits), 16)
     low, high = header.levels or (0, (1 << bits) - 1)
-    if (low, high) == (0, 65535) or most == 0:
-        return image, ""
+    if (low, high) == (0, 65535) or most == 0:  # as OpenCV itself makes 8 bits of them
+        rounds = header.format == "TIFF" and image.ndim == 3
+        return scaled(image, (0, 65535)) if rounds else (image >> 8).astype(np.uint8), ""
     why = "as the file states" if header.levels else f"no value needs more than {bits} bits"
-    return scaled(deep, (low, high)), f"16-bit values read from {low} to {high}: {why}; input.range sets others"
+    return scaled(image, (low, high)), f"16-bit values read from {low} to {high}: {why}; input.range sets others"
 
 
 def _decoded(data: bytes, header: Header, depth: int = 0) -> NDArray[Any] | None:

@@ -45,7 +45,7 @@ class Header:
     orientation : int
         EXIF's number for what turns the pixels upright; 0 leaves it to the decoder.
     deep : bool
-        Samples have 16 bits.
+        Samples have 16 bits, of which the least is black.
     levels : (int, int) or None
         Of black and white, where the file states them for 16 bits.
     several : bool

@@ -86,7 +86,7 @@ def tiff(data: bytes) -> Header:
     _refuse_size(tags, (width, height), min(sum(length for _, length in places), len(data)))
     pieces = _pieces(tags, (width, height), places)
     grey = samples == 1 and _one(tags, _PHOTOMETRIC, _BLACK_IS_ZERO) in _GREYS
-    deep = _one(tags, _BITS, 1) == _DEEP
+    deep = _one(tags, _BITS, 1) == _DEEP and _one(tags, _PHOTOMETRIC, -1) != _WHITE_IS_ZERO
     return Header(
         "TIFF", width, height, grey=grey, several=several, check=partial(check_pieces, data, pieces),
         deep=deep, levels=_stated(tags) if deep else None,
