@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter, deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from copy import copy
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 
@@ -217,26 +218,29 @@ def segment_frame(scene: Scene, earlier: Iterable[Earlier], camera: Camera, *, m
     SegmentationError
         As `ffseg.segment`.
     """
-    views, scene = iter(earlier), view_scene(scene, camera)
+    views, scene = itertools.tee(earlier, 1)[0], view_scene(scene, camera)  # a copy of it begins again
     if (scene.method or row_of(scene.params.method)).altitudes:
         before = next(views, None)
         if before is not None:
             return _frame_by_altitudes(scene, before, camera)
-    views, again, looks = itertools.tee(views, 3)
-    epsilon = scene.params.obstacles.altitude
-    frame = free_space(scene.image, segment(scene), None, camera, epsilon, earlier=views)
+    frame = free_space(scene.image, segment(scene), None, camera, scene.params.obstacles.altitude, earlier=copy(views))
     if mapped and frame.note == NOTHING_ENCLOSED:
-        others, looks = itertools.tee(looks)
-        frame = _moved(frame, scene, others, camera)
+        frame = _moved(frame, scene, copy(views), camera)
+    return _without_leaks(frame, scene, views, camera)
+
+
+def _without_leaks(frame: Frame, scene: Scene, views: Iterator[Earlier], camera: Camera) -> Frame:
+    """The frame with free space cut off that has climbed something upright; poses alone, unconfirmed, cut nothing."""
     if camera.footprint == 0 or frame.motion is None or frame.fit is None:
-        return frame  # poses that the ground does not confirm contradict no ground
-    before = next(view for view in looks if view.name == frame.links[0].name)
+        return frame
+    before = next(view for view in copy(views) if view.name == frame.links[0].name)
     images = grey_image(scene.image), grey_image(before.image)
     climbed = leaked(frame.standing(), frame.motion, *images, frame.mask)
     if not climbed.any():
         return frame
     bound = np.where(climbed, np.uint8(0), np.uint8(255) if scene.domain is None else scene.domain)
-    cut = free_space(scene.image, segment(replace(scene, domain=bound)), None, camera, epsilon, earlier=again)
+    again, epsilon = segment(replace(scene, domain=bound)), scene.params.obstacles.altitude
+    cut = free_space(scene.image, again, None, camera, epsilon, earlier=views)
     if cut.motion is None:  # nothing is enclosed any more; the camera moved as it did
         cut = replace(cut, motion=frame.motion, camera=frame.camera, fit=frame.fit, links=frame.links)
     said = f"{np.count_nonzero(climbed)} px of free space that moved as nothing on the ground does were cut off"
