@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import erf
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from ffseg.freespace.outline import OUTLINE_SIGMA
 from ffseg.freespace.sequence import Frame
 from ffseg.freespace.skeleton import Skeleton, skeleton_of
 from ffseg.freespace.window import Link
-from ffseg.image.free import signed_distance
+from ffseg.image.planar import NOWHERE, Values, laid_out, read_at, softened
 from ffseg.io.files import make_folder, write_all_atomic
 from ffseg.io.overlays import Kind, Polyline, encode_overlay
 from ffseg.io.tables import csv_table
@@ -31,15 +31,22 @@ BAND = 0.1
 """Metres behind an outline that are told occupied: what stands there has a front, and nothing is known of its depth."""
 BLOCK = 64
 """Cells by which the grid grows, so that a robot that drives on does not copy it at every frame."""
-SURE = 4.0
-"""Log-odds that one frame tells at most: one outline in fifty is wrong for reasons that no pixel noise explains."""
-LIMIT = 8.0
-"""Log-odds of a cell at most, so that what has moved away is forgotten after a few frames."""
-SAME = 0.35
-"""Part of its log-odds that a frame adds to a cell that is known already: neighbouring frames see an outline with the
-same error."""
-ODOMETRY = 0.02, np.deg2rad(0.5)
+DOUBT = 0.06
+"""Part of the readings that err for reasons which no noise of pixels explains: on rendered drives one in thirty cells well
+behind an outline is free."""
+ALIKE = 0.5
+"""Correlation of what two frames tell of a cell: they see an outline by the same edge, and err by it together."""
+REMEMBERED = 30.0
+"""Frames that a cell is told by at most: with more, older ones fade, and what has moved away is forgotten."""
+ODOMETRY = 0.02, float(np.deg2rad(0.5))
 """Standard deviations of a step whose motion says none: relative to its length, and radians."""
+TABLE, BEYOND = 0.05, 1.4
+"""Metres between the places on the ground whose pixels are kept (linear between them, a millimetre is lost), and how
+many times the reach they cover: a camera that leans sees farther on one side."""
+STILL = 0.05
+"""Part of a cell that a pose may be off by, at the frame's reach, and moves nothing: half of what an outline 2 m away is."""
+CORNERS = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+"""Four places round a pose, in standard deviations of x, y and turn, with the pose's own mean and covariance."""
 ZOOM, WIDEST, MARGIN = 4, 2400, 8
 """Pixels of a cell in the picture, fewer where one of its sides would be longer than that many; cells round what is known."""
 
@@ -53,7 +60,7 @@ class Station:
     x, y, theta : float
         Metres and radians, of the levelled camera frame; as in a poses file.
     sigma_m, sigma_rad : float
-        Standard deviations against the first frame: 0 where poses were given without their own.
+        Standard deviations, against the frame of the poses; without poses against the first frame.
     estimated : bool
         Whether it was read off the ground.
 
@@ -140,10 +147,20 @@ class OccupancyMap:
         if not (cell > 0 and reach > 0 and np.isfinite([cell, reach]).all()):
             raise CalibrationError("cell and reach of a map are metres above 0")
         self.cell, self.reach = cell, reach
-        self._odds = np.zeros((0, 0), np.float32)
+        self._told = np.zeros((2, 0, 0), np.float32)  # how many frames told something, and the sums of their log-odds
         self._corner = np.zeros(2, np.int64)  # cell number of the first column and row
         self._stations: dict[str, Station | None] = {}
+        self._last: Station | None = None
+        self._lens: Camera | None = None
+        self._errors = np.zeros(3)  # squared differences between poses and ground, metres and radians, and their number
         self._flip = 1.0
+
+    @property
+    def _odds(self) -> NDArray[np.float32]:
+        """Log-odds of the cells. Of n readings with a correlation, the sum is worth as much as n / (1 + (n - 1) ALIKE) do."""
+        count, total = self._told
+        odds: NDArray[np.float32] = total / (1.0 + ALIKE * np.maximum(count - 1.0, 0.0))
+        return odds
 
     @property
     def probability(self) -> NDArray[np.float64]:
@@ -164,9 +181,8 @@ class OccupancyMap:
 
     @property
     def drift(self) -> tuple[float, float]:
-        """Standard deviations of the last station against the first, metres and radians: what the map may be bent by."""
-        last = next((one for one in reversed(self.stations) if one is not None), None)
-        return (0.0, 0.0) if last is None else (last.sigma_m, last.sigma_rad)
+        """Standard deviations of the last station, metres and radians: what the map may be bent by."""
+        return (0.0, 0.0) if self._last is None else (self._last.sigma_m, self._last.sigma_rad)
 
     def add(self, frame: Frame, pose: Pose | None = None) -> bool:
         """Fuse a frame: the next one of its sequence.
@@ -201,7 +217,7 @@ class OccupancyMap:
         """
         station = self._stations[name] = self._placed(seen, pose)
         if station is not None:
-            self._flip = 1.0 if seen.camera.mirrored else -1.0
+            self._last, self._flip = station, 1.0 if seen.camera.mirrored else -1.0
             self._add(seen, station)
         return station is not None
 
@@ -210,75 +226,51 @@ class OccupancyMap:
         self._stations[name] = None
 
     def _placed(self, seen: Sighting, pose: Pose | None) -> Station | None:
-        if pose is not None:
-            turn = pose.rotation @ seen.camera.level().T
-            theta = float(np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1]))
-            return Station(float(pose.position[0]), float(pose.position[1]), theta, *(pose.sigmas or (0.0, 0.0)))
-        if not any(self.stations):
-            return Station(0.0, 0.0, 0.0, estimated=True)
-        for link in seen.links:
-            before = self._stations.get(link.name)
-            if before is not None:
-                return _moved(before, link.planar, seen.sigmas)
-        return None
+        """Where a frame is: by its pose, by the motion since an earlier frame, or where both put it together."""
+        before = next(((one, link) for link in seen.links if (one := self._stations.get(link.name)) is not None), None)
+        led = None if before is None else _moved(before[0], before[1].planar, seen.sigmas)
+        if pose is None:
+            return led if self._last is not None else Station(0.0, 0.0, 0.0, estimated=True)
+        turn = pose.rotation @ seen.camera.level().T
+        theta = float(np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1]))
+        given = Station(float(pose.position[0]), float(pose.position[1]), theta, *(pose.sigmas or (0.0, 0.0)))
+        if led is None or not seen.sigmas[0]:
+            return given
+        return self._between(given, led, stated=pose.sigmas is not None)
+
+    def _between(self, given: Station, led: Station, *, stated: bool) -> Station:
+        """A pose and what the ground says, weighted by their variances; of a pose that states none, as they have differed."""
+        x, y, turn = given.x - led.x, given.y - led.y, (given.theta - led.theta + np.pi) % (2 * np.pi) - np.pi
+        self._errors += [0.5 * (x * x + y * y), turn * turn, 1.0]
+        own = np.square([given.sigma_m, given.sigma_rad]) if stated else self._errors[:2] / self._errors[2]
+        ground = np.square([led.sigma_m, led.sigma_rad])
+        share = ground / np.maximum(own + ground, 1e-18)
+        sigma_m, sigma_rad = np.sqrt((1.0 - share) * ground).tolist()
+        a, b = share.tolist()
+        return Station(led.x + a * x, led.y + a * y, led.theta + b * turn, sigma_m, sigma_rad)
 
     def _add(self, seen: Sighting, station: Station) -> None:
         low = np.floor((np.array([station.x, self._flip * station.y]) - self.reach) / self.cell).astype(np.int64)
-        count = int(np.ceil(2 * self.reach / self.cell)) + 1
+        count, step = int(np.ceil(2 * self.reach / self.cell)) + 1, self.cell * np.array([1.0, self._flip])
         self._grow(low, count)
+        self._lens = self._lens or seen.camera
+        told, chance = _read(seen, self._lens, _Window(station, (low + 0.5) * step, step, count), self.reach)
         column, row = (low - self._corner).tolist()
-        window = self._odds[row : row + count, column : column + count]
-        x, y = np.meshgrid(*((first + np.arange(count) + 0.5) * self.cell for first in low.tolist()))
-        told = self._told(seen, station, np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(count, count)
-        np.clip(window + np.where(window == 0, 1.0, SAME) * told, -LIMIT, LIMIT, out=window)
-
-    def _told(self, frame: Sighting, station: Station, cells: Array) -> Array:
-        """Log-odds of cells, shape (n,), that one frame tells: positive occupied, 0 unknown."""
-        away = cells * [1.0, self._flip] - [station.x, station.y]
-        c, s = np.cos(station.theta), np.sin(station.theta)
-        own = away @ np.array([[c, -s], [s, c]])  # the levelled camera frame
-        far = np.hypot(*own.T)
-        camera, distance = frame.camera, signed_distance(frame.mask)
-        pixels = _pixels(camera, own)
-        side = _sampled(distance, pixels)
-        nearer = _sampled(distance, _pixels(camera, own * np.maximum(1.0 - BAND / np.maximum(far, 1e-9), 0.0)[:, None]))
-        sigma = self._sigma(camera, station, own, pixels, distance)
-        with np.errstate(invalid="ignore"):
-            seen = (far < self.reach) & _shown(camera, pixels)
-            told = seen & ((side > 0) | (nearer > 0))
-            free = 0.5 * (1.0 + _erf(side / (sigma * np.sqrt(2.0))))
-        free = np.clip(np.where(told, free, 0.5), 1e-9, 1.0 - 1e-9)
-        odds: Array = np.clip(np.log((1.0 - free) / free), -SURE, SURE)
-        return odds
-
-    def _sigma(
-        self, camera: Camera, station: Station, own: Array, pixels: Array, distance: NDArray[np.float32]
-    ) -> Array:
-        """Standard deviation of an outline at cells across itself, pixels: of the outline, and of the pose."""
-        if station.sigma_m == 0.0 and station.sigma_rad == 0.0:
-            return np.full(len(own), OUTLINE_SIGMA)
-        step = 0.01
-        slopes = np.stack([(_pixels(camera, own + step * axis) - pixels) / step for axis in np.eye(2)], axis=-1)
-        across = np.stack(
-            [_sampled(distance, pixels + axis) - _sampled(distance, pixels - axis) for axis in np.eye(2)], axis=-1
-        )
-        across /= np.maximum(np.hypot(*across.T), 1e-9)[:, None]
-        pull = np.einsum("ni,nij->nj", across, slopes)  # pixels across the outline for a metre along x and y
-        turned = pull[:, 0] * -own[:, 1] + pull[:, 1] * own[:, 0]
-        variance = station.sigma_m**2 * np.sum(pull**2, axis=1) + station.sigma_rad**2 * turned**2
-        sigma: Array = np.sqrt(OUTLINE_SIGMA**2 + variance)
-        return sigma
+        window = self._told[:, row : row + count, column : column + count]
+        chance = 0.5 * DOUBT + (1.0 - DOUBT) * chance
+        window *= 1.0 - told / np.float32(REMEMBERED)
+        window += told, np.log(1.0 / chance - 1.0) * told
 
     def _grow(self, low: NDArray[np.int64], count: int) -> None:
         """Make the grid hold a square of cells."""
-        size = np.array(self._odds.shape[::-1])
+        size = np.array(self._told.shape[:0:-1])
         if not size.any():
             self._corner = low.copy()
         before = np.maximum(self._corner - low, 0)
         after = np.maximum(low + count - (self._corner + size), 0)
         if before.any() or after.any():
             before, after = (-(-one // BLOCK) * BLOCK for one in (before, after))
-            self._odds = np.pad(self._odds, ((before[1], after[1]), (before[0], after[0])))
+            self._told = np.pad(self._told, ((0, 0), (before[1], after[1]), (before[0], after[0])))
             self._corner = self._corner - before
 
     def levels(self) -> NDArray[np.uint8]:
@@ -347,8 +339,8 @@ class OccupancyMap:
 
     def _bounds(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """First column and row that the picture shows, and those after the last: what is known, and some round it."""
-        row, column = np.nonzero(self._odds)
-        size = np.array(self._odds.shape[::-1])
+        row, column = np.nonzero(self._told[0])
+        size = np.array(self._told.shape[:0:-1])
         if not len(row):
             return np.zeros(2, np.intp), size
         low, high = (np.array([edge(column), edge(row)]) for edge in (np.min, np.max))
@@ -375,40 +367,66 @@ def _cells(one: Station | None) -> Sequence[str | float]:
     return [*numbers, "ground" if one.estimated else "pose"]
 
 
-def _pixels(camera: Camera, own: Array) -> Array:
-    """Pixels that show ground of the levelled camera frame, shape (n, 2)."""
-    down = np.full((len(own), 1), camera.mounting())
-    pixels: Array = camera.project(np.hstack([own, down]) @ camera.level())
-    return pixels
+def _read(seen: Sighting, lens: Camera, window: _Window, reach: float) -> tuple[NDArray[np.bool_], Values]:
+    """Which cells of a window, shape (count, count), a frame tells something of, and how likely they are free.
+
+    Parameters
+    ----------
+    lens : Camera
+        The same camera as it is mounted.
+    """
+    table, shown, station = _ground_pixels(lens, reach), lens.domain(), window.station
+    inside = 255 * (seen.mask | ~shown).view(np.uint8)  # where the view ends is no outline
+    pixels = window.laid(table, lens, seen.camera)
+    near = read_at(inside, *pixels[2:], nearest=True) | read_at(inside, *pixels[:2], nearest=True)
+    told = window.within(reach) & (near & read_at(shown.view(np.uint8), *pixels[:2], nearest=True) > 0)
+    soft = softened(inside, OUTLINE_SIGMA)
+    if station.sigma_m + reach * station.sigma_rad < STILL * window.step[0]:
+        return told, np.float32(1 / 255) * read_at(soft, *pixels[:2])
+    mean = np.zeros(told.shape, np.float32)
+    for x, y, turn in CORNERS * [station.sigma_m, station.sigma_m, station.sigma_rad]:
+        beside = replace(station, x=station.x + x, y=station.y + y, theta=station.theta + turn)
+        mean += read_at(soft, *replace(window, station=beside).laid(table, lens, seen.camera)[:2])
+    return told, mean / np.float32(255 * len(CORNERS))
 
 
-def _shown(camera: Camera, pixels: Array) -> NDArray[np.bool_]:
-    """Whether pixels lie in the scene."""
-    column, row = np.rint(np.nan_to_num(pixels, nan=-1.0)).astype(np.intp).T
-    inside = (column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height)
-    shown: NDArray[np.bool_] = inside & camera.domain()[np.where(inside, row, 0), np.where(inside, column, 0)]
-    return shown
+@dataclass(frozen=True, slots=True, eq=False)
+class _Window:
+    """A square of cells round a station: the middle of the first, and the step to the next along x and y; metres."""
+
+    station: Station
+    first: Array
+    step: Array
+    count: int
+
+    def within(self, reach: float) -> NDArray[np.bool_]:
+        """Cells that lie so near."""
+        x, y = (self.first - [self.station.x, self.station.y] + np.arange(self.count)[:, None] * self.step).T
+        near: NDArray[np.bool_] = x**2 + (y**2)[:, None] < reach**2
+        return near
+
+    def laid(self, table: Values, lens: Camera, leaning: Camera) -> tuple[Values, ...]:
+        """The table's values at the cells, as a leaning camera sees them."""
+        c, s = np.cos(self.station.theta), np.sin(self.station.theta)
+        x, y = self.first - [self.station.x, self.station.y]
+        cells = np.array([[self.step[0], 0.0, x], [0.0, self.step[1], y], [0.0, 0.0, lens.mounting()]])
+        rays = lens.level() @ leaning.level().T @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ cells
+        middle = len(table) // 2
+        places = np.array(
+            [[lens.mounting(), 0.0, middle * TABLE], [0.0, lens.mounting(), middle * TABLE], [0.0, 0.0, TABLE]]
+        )
+        return laid_out(table, places @ rays, self.count)
 
 
-def _sampled(plane: NDArray[np.float32], pixels: Array) -> Array:
-    """Values of a plane at pixels, bilinear; NaN outside."""
-    height, width = plane.shape
-    x, y = pixels.T
-    with np.errstate(invalid="ignore"):
-        inside = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
-    x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
-    column, row = np.minimum(x.astype(np.intp), width - 2), np.minimum(y.astype(np.intp), height - 2)
-    u, v = x - column, y - row
-    top = plane[row, column] * (1 - u) + plane[row, column + 1] * u
-    bottom = plane[row + 1, column] * (1 - u) + plane[row + 1, column + 1] * u
-    return np.where(inside, top * (1 - v) + bottom * v, np.nan)
+@lru_cache(maxsize=2)
+def _ground_pixels(camera: Camera, reach: float) -> Values:
+    """Pixels that show places of the ground `TABLE` apart, the camera in the middle, and those `BAND` nearer to it.
 
-
-def _erf(values: Array) -> Array:
-    """The error function, from a table of steps of 1/500 to what float32 can tell."""
-    found: Array = np.interp(values, _ERF_AT, _ERF)
-    return found
-
-
-_ERF_AT = np.linspace(-4.0, 4.0, 4001)
-_ERF = np.array([erf(one) for one in _ERF_AT.tolist()])
+    Shape (n, n, 4): rows along y of the levelled frame, columns along x; far away where nothing is shown.
+    """
+    along = TABLE * np.arange(-(side := int(np.ceil(BEYOND * reach / TABLE))), side + 1)
+    x, y = np.meshgrid(along, along)
+    nearer = np.maximum(1.0 - BAND / np.maximum(np.hypot(x, y), 1e-9), 0.0)
+    places = [np.stack([share * x, share * y, np.full_like(x, camera.mounting())], axis=-1) for share in (1.0, nearer)]
+    pixels = np.concatenate([camera.project(place @ camera.level()) for place in places], axis=-1)
+    return np.where(np.isfinite(pixels), pixels, NOWHERE).astype(np.float32)

@@ -33,13 +33,6 @@ def room_round(free: Mask) -> NDArray[np.float32]:
     return _distance(np.pad(free, 1))[1:-1, 1:-1]
 
 
-def signed_distance(mask: Mask) -> NDArray[np.float32]:
-    """Pixels from every pixel's centre to the outline of a mask, half-way between centres: positive inside."""
-    inside = cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    outside = cv2.distanceTransform((~mask).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.where(mask, inside - np.float32(0.5), np.float32(0.5) - outside)
-
-
 def nearest_outside(mask: Mask) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
     """Of every pixel of a mask: pixels to the nearest one that is not in it, and (row, column) of that one.
 

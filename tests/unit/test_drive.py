@@ -72,7 +72,7 @@ def test_a_run_fuses_what_its_frames_show(ffseg_command: Command, tmp_path: Path
     assert done.returncode == 0
     figures = json.loads(done.stdout)["map"]
     assert (figures["frames"], figures["fused"], figures["estimated"]) == (COUNT, COUNT, 0 if posed else COUNT)
-    assert (figures["drift_m"] > 0) == (not posed), "what the ground told adds up and is said"
+    assert 0.0 < figures["drift_m"] < (0.0005 if posed else 0.02), "what the ground told adds up and is said"
     assert figures == json.loads((tmp_path / "out" / "run.json").read_text())["map"]
     found, wanted = fused(tmp_path / "out"), expected(tmp_path, posed=posed)
     assert {name for name in found if found[name] != wanted[name]} == {"map/trajectory.csv"}

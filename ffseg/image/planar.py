@@ -1,0 +1,32 @@
+"""Planes looked up elsewhere: softened, laid out by a homography, read between their pixels."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Plane = NDArray[np.uint8]
+Values = NDArray[np.float32]
+NOWHERE = -1e4
+"""Pixel of what is not shown."""
+
+
+def softened(plane: Plane, sigma: float) -> Plane:
+    """A plane as a point sees it that is off by a standard deviation of `sigma` pixels along x and y, below 0.7."""
+    kernel = np.array([0.5 * sigma**2, 1.0 - sigma**2, 0.5 * sigma**2])
+    return np.asarray(cv2.sepFilter2D(plane, cv2.CV_8U, kernel, kernel), np.uint8)
+
+
+def laid_out(table: Values, homography: NDArray[np.float64], count: int) -> tuple[Values, ...]:
+    """Values of a table, shape (n, n, 4), where a homography takes columns and rows: four planes of `count` a side."""
+    how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    laid = cv2.warpPerspective(table, homography, (count, count), flags=how, borderValue=(NOWHERE,) * 4)
+    return tuple(np.asarray(plane, np.float32) for plane in cv2.split(laid))
+
+
+def read_at(plane: Plane, x: Values, y: Values, *, nearest: bool = False) -> Plane:
+    """A plane at pixels: linear between them, or that of the nearest; 0 outside."""
+    found = np.empty(x.shape, np.uint8)
+    cv2.remap(plane, x, y, cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR, dst=found)
+    return found
