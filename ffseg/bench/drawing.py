@@ -17,6 +17,9 @@ STRIP = 128
 NOISE = 3.0
 """Grey levels, standard deviation."""
 
+LONG = 1_000_000
+"""Iterations: a large image takes as many as it needs."""
+
 Plane = NDArray[np.float32]
 Shapes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """Waves of the outline (amplitude, phase), islands (x, y, half axes, direction), walls (x0, y0, x1, y1, half width)."""
@@ -24,10 +27,7 @@ Shapes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
-    """An image and the ground in it.
-
-    The disc of `start_radius` pixels round the middle is ground.
-    """
+    """An image and the ground in it, which the disc of `start_radius` pixels round the middle is part of."""
 
     image: NDArray[np.uint8]
     ground: NDArray[np.bool_]

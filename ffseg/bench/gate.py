@@ -69,11 +69,8 @@ def read_baseline(path: Path, max_ratio: float, *, quick: bool) -> Baseline:
 
 def slower(figures: Iterable[Figure], baseline: Baseline) -> list[Slower]:
     """Figures above the limit, the worst first; those the baseline lacks are passed over."""
-    found = [
-        Slower(figure.key, before, figure.steady, figure.unit, figure.steady / before)
-        for figure in figures
-        if (before := baseline.steady.get(figure.key)) is not None
-    ]
+    known = ((figure, baseline.steady[figure.key]) for figure in figures if figure.key in baseline.steady)
+    found = [Slower(one.key, before, one.steady, one.unit, one.steady / before) for one, before in known]
     return sorted((item for item in found if item.ratio > baseline.max_ratio), key=lambda item: -item.ratio)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter, process_time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,7 @@ from ffseg.plugins import SEGMENTERS
 
 Fact = str | int | float
 Sample = tuple[float, float]
-"""What is reported (ms of wall time, or memory), and what the gate compares: processor time where the work is computing,
-because waiting for a turn on a busy machine is not in it."""
+"""What is reported (ms of wall time, or memory), and what the gate compares: processor time, or memory."""
 Timer = Callable[[], Sample]
 BLOCK = 5
 """Rounds whose smallest samples are compared: a disturbance that spares one round of five costs nothing."""
@@ -38,18 +38,13 @@ class Order:
     methods: Sequence[str] = tuple(SEGMENTERS)
 
 
-def timed(work: Callable[[], object], per: float = 1.0) -> Timer:
-    """A timer of a call, in milliseconds divided by `per`."""
-    return timed_fresh(lambda: work, per)
-
-
-def timed_fresh(make: Callable[[], Callable[[], object]], per: float = 1.0) -> Timer:
-    """A timer of a call that is made anew, untimed, for every sample."""
+def timed(work: Callable[[], object], per: float = 1.0, *, fresh: bool = False) -> Timer:
+    """A timer of a call, or with `fresh` of the one it makes untimed for every sample, in milliseconds divided by `per`."""
 
     def sample() -> Sample:
-        work = make()
+        call: Any = work() if fresh else work
         processor, begin = process_time(), perf_counter()
-        work()
+        call()
         end, processor_end = perf_counter(), process_time()
         return (end - begin) * 1e3 / per, (processor_end - processor) * 1e3 / per
 
@@ -67,26 +62,19 @@ class Task:
     unit: str = "ms"
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """Two cases of a group whose medians are divided; that of `minus`, when there is one, is taken from the first."""
-
-    title: str
-    case: str
-    over: str
-    minus: str = ""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Tasks measured in turns with K on the image `grey`, `most` rounds of them where fewer than ordered are enough."""
+    """Tasks measured in turns with K on the image `grey`, `most` rounds of them where fewer than ordered are enough.
+
+    Comparisons are a title and the two cases whose medians are divided.
+    """
 
     suite: str
     name: str
     grey: NDArray[np.uint8]
     tasks: Sequence[Task]
     facts: Mapping[str, Fact]
-    comparisons: Sequence[Comparison] = ()
+    comparisons: Sequence[tuple[str, str, str]] = ()
     most: int = 1 << 30
 
 
@@ -101,7 +89,7 @@ class Skipped:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Samples of one quantity and of K, taken in turns; ``robust`` is what the gate compares (`Sample`)."""
+    """Samples of one quantity, and processor time of K in turns; ``robust`` is what the gate compares (`Sample`)."""
 
     suite: str
     case: str
@@ -111,7 +99,6 @@ class Figure:
     values: tuple[float, ...]
     robust: tuple[float, ...]
     kernel_values: tuple[float, ...]
-    kernel_robust: tuple[float, ...]
 
     @property
     def key(self) -> str:
@@ -119,15 +106,15 @@ class Figure:
         return f"{self.suite}/{self.case}/{self.quantity}"
 
     @property
-    def median(self) -> float:
-        """Median of the samples."""
-        return float(np.median(self.values))
+    def quartiles(self) -> tuple[float, float, float]:
+        """First quartile, median and third quartile of the samples."""
+        low, middle, high = np.quantile(self.values, [0.25, 0.5, 0.75])
+        return float(low), float(middle), float(high)
 
     @property
-    def quartiles(self) -> tuple[float, float]:
-        """First and third quartile of the samples."""
-        low, high = np.quantile(self.values, [0.25, 0.75])
-        return float(low), float(high)
+    def median(self) -> float:
+        """Median of the samples."""
+        return self.quartiles[1]
 
     @property
     def robust_median(self) -> float:
@@ -136,8 +123,8 @@ class Figure:
 
     @property
     def kernel(self) -> float:
-        """Median of K in milliseconds, robust."""
-        return float(np.median(self.kernel_robust))
+        """Median of K in milliseconds of processor time."""
+        return float(np.median(self.kernel_values))
 
     @property
     def ratio(self) -> float | None:
@@ -154,12 +141,12 @@ class Figure:
         if self.unit != "ms":
             return self.robust_median
         blocks = np.array_split(np.arange(len(self.robust)), max(1, len(self.robust) // BLOCK))
-        robust, kernel = np.array(self.robust), np.array(self.kernel_robust)
+        robust, kernel = np.array(self.robust), np.array(self.kernel_values)
         return float(np.median([robust[block].min() / kernel[block].min() for block in blocks]))
 
     def joined(self, other: Figure) -> Figure:
         """The figure with the samples of another measurement of it."""
-        samples = ("values", "robust", "kernel_values", "kernel_robust")
+        samples = ("values", "robust", "kernel_values")
         return replace(self, **{name: getattr(self, name) + getattr(other, name) for name in samples})
 
 
@@ -174,9 +161,8 @@ def measure(group: Group, rounds: int, budget_s: float) -> list[Figure]:
             taken.append(_round(group.tasks, kernel))
     figures = []
     for task, pairs in zip(group.tasks, zip(*taken, strict=True), strict=True):
-        kernels, own = zip(*pairs, strict=True)
-        samples = (*zip(*own, strict=True), *zip(*kernels, strict=True))
-        figures.append(Figure(group.suite, task.case, task.quantity, task.unit, task.x, *samples))
+        values, robust, kernels = zip(*((*own, kernel[1]) for kernel, own in pairs), strict=True)
+        figures.append(Figure(group.suite, task.case, task.quantity, task.unit, task.x, values, robust, kernels))
     return figures
 
 
@@ -202,12 +188,9 @@ class Compared:
 
 def compared(group: Group, figures: Sequence[Figure]) -> list[Compared]:
     """The comparisons of a group from its figures."""
-    of = {figure.case: np.array([figure.median, figure.robust_median]) for figure in figures}
-    found = []
-    for part in group.comparisons:
-        value, robust = (of[part.case] - (of[part.minus] if part.minus else 0.0)) / of[part.over]
-        found.append(Compared(group.suite, part.title, float(value), float(robust)))
-    return found
+    of = {figure.case: (figure.median, figure.robust_median) for figure in figures}
+    pairs = ((title, of[case], of[over]) for title, case, over in group.comparisons)
+    return [Compared(group.suite, title, own[0] / other[0], own[1] / other[1]) for title, own, other in pairs]
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,29 +205,22 @@ class Growth:
     exponent: float
     upper: float
 
-    def __str__(self) -> str:
-        return f"{self.series}: exponent {self.exponent:.2f}, upper half {self.upper:.2f}"
 
+def growths(figures: Iterable[Figure]) -> list[Growth]:
+    """Exponents of every series of three positive figures or more: least squares on logarithms.
 
-def series_of(figures: Iterable[Figure]) -> dict[tuple[str, str], list[Figure]]:
-    """Figures with a place on an axis by suite and series, in the order of x.
-
-    The series is the case without what follows its last comma (the place itself), and the quantity.
+    The series is the case without what follows its last comma (its place on the axis), and the quantity.
     """
-    found: dict[tuple[str, str], list[Figure]] = {}
+    series: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for figure in figures:
         if figure.x > 0:
             case = figure.case.rpartition(", ")[0]
-            found.setdefault((figure.suite, f"{case} {figure.quantity}".strip()), []).append(figure)
-    return {name: sorted(series, key=lambda figure: figure.x) for name, series in found.items()}
-
-
-def growths(figures: Iterable[Figure]) -> list[Growth]:
-    """Exponents of every series of three positive figures or more: least squares on logarithms."""
+            place = figure.suite, f"{case} {figure.quantity}".strip()
+            series.setdefault(place, []).append((figure.x, figure.robust_median))
     found = []
-    for (suite, name), series in series_of(figures).items():
-        x, y = [figure.x for figure in series], [figure.robust_median for figure in series]
-        if len(series) >= 3 and min(y) > 0:
+    for (suite, name), points in series.items():
+        x, y = zip(*sorted(points), strict=True)
+        if len(points) >= 3 and min(y) > 0:
             half = min(len(x) // 2, len(x) - 2)
             found.append(Growth(suite, name, exponent(x, y), exponent(x[half:], y[half:])))
     return found

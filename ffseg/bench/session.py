@@ -16,7 +16,7 @@ from time import sleep
 import numpy as np
 
 from ffseg import __version__
-from ffseg.bench import patches, pictures, processes
+from ffseg.bench import images, processes
 from ffseg.bench.gate import Baseline, Slower, confirmed, slower
 from ffseg.bench.measure import Compared, Fact, Figure, Group, Order, Skipped, compared, measure
 from ffseg.errors import UsageError
@@ -24,20 +24,13 @@ from ffseg.image.reference import opencv_version
 from ffseg.schema.kinds import nearest_word
 
 SUITES: dict[str, Callable[[Order, Path], Iterator[Group | Skipped]]] = {
-    "patches": patches.patches,
-    "size": pictures.size,
-    "method": pictures.method,
-    "scenes": pictures.scenes,
-    "peers": pictures.peers,
-    "batch": processes.batch,
-    "startup": processes.startup,
-    "memory": processes.memory,
-    "shards": processes.shards,
+    **{suite.__name__: suite for suite in (images.patches, images.size, images.method, images.scenes, images.peers)},
+    **{suite.__name__: suite for suite in (processes.batch, processes.startup, processes.memory, processes.shards)},
 }
 """What gives the groups of each suite; its files go to the folder named."""
 PAUSE_S = 2.0
 """Before a figure that looks slow is measured again: what keeps the machine busy may have ended by then."""
-PACKAGES = ("typer", "matplotlib", "scikit-image", "SimpleITK", "scikit-fmm")
+PACKAGES = ("typer", "SimpleITK")
 
 Note = Callable[[str], None]
 
@@ -79,7 +72,7 @@ def run_bench(
         near = nearest_word(unknown, tuple(SUITES)) or f"; choose from {', '.join(SUITES)}"
         raise UsageError(f"--suite: there is no suite '{unknown}'{near}")
     if order.images is not None:
-        pictures.listed(order.images)
+        images.listed(order.images)
     outcome = Outcome(order.quick, datetime.now(UTC).isoformat(timespec="seconds"), _machine(), _versions())
     with tempfile.TemporaryDirectory(prefix="ffseg-bench-") as folder:
         for name in dict.fromkeys(order.suites or SUITES):

@@ -33,11 +33,6 @@ def reference_kernel(grey: NDArray[np.uint8]) -> int:
     return int(filled)
 
 
-def reference_read(path: str) -> bool:
-    """Read an image file as a script of one line would, without a look at it first; whether OpenCV gave an image."""
-    return cv2.imread(path, cv2.IMREAD_ANYCOLOR) is not None
-
-
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Keep OpenCV to one thread meanwhile."""

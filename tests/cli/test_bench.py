@@ -5,14 +5,10 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from subprocess import CompletedProcess
 
 import pytest
-
-from ffseg.bench.measure import Figure
-from ffseg.bench.report import plots
 
 Command = Callable[..., CompletedProcess[str]]
 QUICK = ("bench", "--quick", "--suite", "patches", "--out")
@@ -38,23 +34,6 @@ def test_report_is_written_and_shown(report: tuple[Path, CompletedProcess[str]])
     assert document["machine"]["cores"] >= 1
     assert all(len(figure["values"]) == len(figure["kernel_values"]) for figure in document["figures"])
     assert "patches: N = 100" in done.stderr
-
-
-def test_plots_or_a_word_that_they_are_skipped(report: tuple[Path, CompletedProcess[str]]) -> None:
-    folder, done = report
-    has_plot = (folder / "patches.svg").is_file()
-    assert has_plot == (find_spec("matplotlib") is not None)
-    assert ("plots skipped" in done.stderr) != has_plot
-
-
-def test_plot_is_the_same_for_the_same_figures() -> None:
-    pytest.importorskip("matplotlib")
-    sizes = (10.0, 100.0, 1000.0)
-    figures = [Figure("patches", f"still, {x:g}", "iteration", "ms", x, (x,), (x,), (1.0,), (1.0,)) for x in sizes]
-    drawn = plots(figures)
-    assert list(drawn) == ["patches.svg"]
-    assert drawn == plots(figures)
-    assert "still iteration: exponent 1.00, upper half 1.00" in drawn["patches.svg"].decode("utf-8")
 
 
 def with_steady(path: Path, factor: float, target: Path) -> Path:

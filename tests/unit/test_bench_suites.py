@@ -8,18 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from ffseg.bench import children, drawing, pictures
+from ffseg.bench import drawing, images, processes, programs
 from ffseg.bench.measure import Order
-from ffseg.bench.patches import patches
 from ffseg.bench.session import SUITES, Outcome, run_bench
 from ffseg.errors import FfsegError, UsageError
-from ffseg.image.edges import edge_map
 from ffseg.image.reference import one_thread, reference_kernel
 from ffseg.io.masks import encode_mask
-from ffseg.methods.peers import geodesic
-from ffseg.metrics import iou
-from ffseg.parameters import Parameters
-from ffseg.peer_parameters import SkimageGac
 from ffseg.plugins import PEERS
 from tests.masks import read_mask
 
@@ -27,8 +21,8 @@ OTHERS = {"peers", "batch", "startup", "memory", "shards"}
 """Suites whose quantities depend on what is installed, or are those of processes."""
 
 
-def quick(*suites: str, images: Path | None = None) -> Outcome:
-    return run_bench(Order(suites, quick=True, images=images), lambda text: None)
+def quick(*suites: str, folder: Path | None = None) -> Outcome:
+    return run_bench(Order(suites, quick=True, images=folder), lambda text: None)
 
 
 def test_kernel_fills_what_the_edges_enclose() -> None:
@@ -65,7 +59,7 @@ def test_drawn_scene_leaves_the_start_free_and_the_rest_mixed() -> None:
 
 
 def test_patch_contours_have_as_many_patches_as_the_figure_says() -> None:
-    (*_, group) = patches(Order(quick=True), Path())
+    (*_, group) = images.patches(Order(quick=True), Path())
     assert group.facts == {"circles": 10}
     assert [task.x for task in group.tasks] == [100, 100, 100]
     assert [task.case for task in group.tasks] == ["still, 100", "filtered, 100", "merging, 100"]
@@ -84,39 +78,18 @@ def test_every_suite_measures_what_it_says(whole: Outcome) -> None:
     assert quantities == {("patches", "iteration"), *stages}
     assert all(figure.median > 0 for figure in whole.figures)
     assert all(figure.ratio > 0 for figure in whole.figures if figure.unit == "ms")
-    assert all(item.ratio > 0 for item in whole.comparisons if " beyond " not in item.title)
+    assert all(item.ratio > 0 for item in whole.comparisons)
     assert {values["stopped"] for name, values in whole.facts.items() if "scenes" in name} == {"converged"}
     assert whole.slower == []
 
 
 def test_peers_are_measured_beside_the_free_form(whole: Outcome) -> None:
-    names = [name for name in ("sitk_fast_marching", "cv_edges_opened", "skimage_gac") if PEERS[name].installed]
+    names = [name for name in images.BESIDE if PEERS[name].installed]
     assert "cv_edges_opened" in names
     cases = [case for name in names for case in (f"small, freeform beside {name}", f"small, {name}")]
     assert [figure.case for figure in whole.figures if figure.suite == "peers"] == cases
     assert len([item for item in whole.comparisons if item.suite == "peers"]) == len(names)
-    assert len([part for part in whole.skipped if part.suite == "peers"]) == 3 - len(names)
-
-
-def test_a_geodesic_contour_gets_the_iterations_it_needs() -> None:
-    pytest.importorskip("skimage")
-    image = np.full((60, 60), 200, np.uint8)
-    image[15:45, 15:45] = 50
-    seeds = np.zeros((60, 60), np.bool_)
-    seeds[25:35, 25:35] = True
-    edges, section = edge_map(image, Parameters().edges), SkimageGac(iterations=60)
-    enough = pictures.enough(edges, seeds, section)
-    final, reached = (geodesic(edges, seeds, each).astype(np.uint8) * np.uint8(255) for each in (section, enough))
-    before = geodesic(edges, seeds, SkimageGac(iterations=enough.iterations - 1))
-    assert 5 <= enough.iterations < 30  # ten pixels to go, one an iteration, and some to settle
-    assert iou(reached > 0, final) >= pictures.SAME > iou(before, final)
-
-
-def test_guarded_reading_is_compared_with_the_bare_decoder_in_images_of_a_batch(whole: Outcome) -> None:
-    median = {figure.case: figure.median for figure in whole.figures if figure.suite == "batch"}
-    share = next(item for item in whole.comparisons if item.title.startswith("guarded reading beyond cv2.imread"))
-    assert share.ratio == (median["guarded reading"] - median["cv2.imread"]) / median["jobs, 1"]
-    assert share.ratio < 0.10  # the promise; of tiny images it is less, as starting takes most of their time
+    assert len([part for part in whole.skipped if part.suite == "peers"]) == len(images.BESIDE) - len(names)
 
 
 def test_the_truth_of_an_image_must_say_what_is_inside(tmp_path: Path) -> None:
@@ -130,23 +103,23 @@ def test_the_truth_of_an_image_must_say_what_is_inside(tmp_path: Path) -> None:
     ):
         (tmp_path / "one_truth.png").write_bytes(cv2.imencode(".png", truth)[1].tobytes())
         with pytest.raises(FfsegError, match=said):
-            quick("scenes", images=tmp_path)
+            quick("scenes", folder=tmp_path)
 
 
 def test_scenes_of_a_folder_are_scored_by_their_truth(tmp_path: Path) -> None:
     scene = drawing.draw(2, 240, 180)
     cv2.imwrite(str(tmp_path / "one.png"), scene.image)
     (tmp_path / "one_truth.png").write_bytes(encode_mask(scene.ground))
-    outcome = quick("scenes", images=tmp_path)
+    outcome = quick("scenes", folder=tmp_path)
     assert [figure.case for figure in outcome.figures] == ["one"] * 3
     assert 0 < outcome.facts["scenes/one"]["iou"] <= 1
 
 
 def test_a_folder_without_images_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="holds no image"):
-        quick("scenes", images=tmp_path)
+        quick("scenes", folder=tmp_path)
     with pytest.raises(UsageError, match="there is no folder"):
-        quick("scenes", images=tmp_path / "absent")
+        quick("scenes", folder=tmp_path / "absent")
 
 
 def test_an_unknown_suite_is_refused_before_anything_runs() -> None:
@@ -155,25 +128,25 @@ def test_an_unknown_suite_is_refused_before_anything_runs() -> None:
 
 
 def test_bare_pipeline_writes_a_mask_for_each_image(tmp_path: Path) -> None:
-    scene, images, out = drawing.draw(2, 160, 120), tmp_path / "images", tmp_path / "out"
-    images.mkdir()
+    scene, folder, out = drawing.draw(2, 160, 120), tmp_path / "images", tmp_path / "out"
+    folder.mkdir()
     for name in ("a", "b"):
-        cv2.imwrite(str(images / f"{name}.png"), scene.image)
+        cv2.imwrite(str(folder / f"{name}.png"), scene.image)
     np.save(tmp_path / "masks.npy", scene.ground[None])
-    children.bare(str(images), str(tmp_path / "masks.npy"), str(out))
+    programs.bare(str(folder), str(tmp_path / "masks.npy"), str(out))
     assert sorted(path.name for path in out.iterdir()) == ["a.png", "b.png"]
     assert (read_mask(out / "b.png") == scene.ground).all()
 
 
 def test_a_child_that_fails_is_named_with_its_last_words() -> None:
     with pytest.raises(FfsegError, match=r"ended with exit code 3: no such luck"):
-        children.run_child(("-c", "import sys; print('no such luck', file=sys.stderr); sys.exit(3)"))
+        processes.run_child(("-c", "import sys; print('no such luck', file=sys.stderr); sys.exit(3)"))
 
 
 def test_memory_of_a_child_is_its_own() -> None:
     ballast = np.ones(60_000_000, np.uint8)  # of this process: it must not be counted
-    empty = children.measured_child(lambda: ("-c", "pass"))()[0]
-    filled = children.measured_child(lambda: ("-c", "x = b'x' * 50_000_000"))()[0]
+    empty = processes.peak_memory(lambda: ("-c", "pass"))()[0]
+    filled = processes.peak_memory(lambda: ("-c", "x = b'x' * 50_000_000"))()[0]
     assert ballast[0] == 1
     assert empty < 40
     assert 45 < filled - empty < 60

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -63,26 +62,19 @@ def bench(  # noqa: PLR0913 - the options of the command
 ) -> None:
     """Measure speed and memory: medians, ratios to a fixed kernel K, exponents.
 
-    Writes bench.json, bench.csv and bench.md after every suite, so that one that fails loses nothing measured before it,
-    and, with matplotlib, plots at the end. Exit code 4: a figure missed the baseline.
+    Writes bench.json, bench.csv and bench.md after every suite, so that one that fails loses nothing measured before it.
+    Exit code 4: a figure missed the baseline.
     """
     from ffseg.bench.gate import read_baseline
-    from ffseg.bench.measure import Order, Skipped
-    from ffseg.bench.report import plots
+    from ffseg.bench.measure import Order
     from ffseg.bench.session import run_bench
-    from ffseg.io.files import make_folder, write_bytes_atomic
+    from ffseg.io.files import make_folder
     from ffseg.plugins import methods_named
 
     known = read_baseline(baseline, max_ratio, quick=quick) if baseline else None
     make_folder(out)
     order = Order(suite or (), repeat, budget, images, quick, methods_named(methods))
     outcome = run_bench(order, console.message, known, lambda so_far: _write(out, so_far))
-    plotting = find_spec("matplotlib") is not None
-    if not plotting:
-        outcome.skipped.append(Skipped("plots", "all", "matplotlib is not installed: pip install 'ffseg[plot]'"))
-        console.message("plots skipped, matplotlib is not installed: pip install 'ffseg[plot]'")
-    for name, content in (plots(outcome.figures) if plotting else {}).items():
-        write_bytes_atomic(os.path.join(out, name), content)
     report = _write(out, outcome)
     if as_json:
         console.data(report["bench.json"].decode("utf-8").rstrip("\n"))
