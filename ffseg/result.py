@@ -50,7 +50,7 @@ class Segmentation(Savable):
         clear edges; low where there is a doubt.
     doubts : tuple of str
         Why nobody can be sure: ``empty``, ``filled`` (the region fills its domain), ``border`` (it ends at the border nearly
-        all round), ``early`` (the contour was stopped), ``start`` (the start lies across an edge).
+        all round), ``early`` (the contour was stopped), ``start`` (the start lies across an edge or the domain's limit).
     thresholds : tuple of float
         The (low, high) Canny thresholds that were used, in grey levels per pixel.
 

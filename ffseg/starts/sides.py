@@ -1,4 +1,4 @@
-"""A start circle that an edge crosses: put on the side where most of it lies, and said so."""
+"""A start circle that an edge or the domain's limit crosses: put on the side where most of it lies, and said so."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
+from ffseg.image.components import filled
 from ffseg.image.free import free_pixels, open_sides, room_round
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
@@ -19,8 +20,8 @@ HOLLOW = 64
 """Pixels: free ground that is smaller is no side of an edge but a hollow in one, as noise leaves."""
 
 LEAST_KEPT = 0.5
-"""A start over a boundary keeps this part of its radius, and its centre moves by no more than its radius. Where it
-could not, edges run all over it: it stays, and that is said."""
+"""A start over a boundary keeps this part of its radius, and its centre moves by no more than its radius, round what lies
+outside the domain by `FARTHEST` of them. Where it could not, edges run all over it: it stays, and that is said."""
 
 FARTHEST = 1 + SIZE_WEIGHT
 """Radii from its centre beyond which no place for a start is as cheap as the worst that would be taken."""
@@ -37,7 +38,7 @@ FLAT = 0.05
 
 
 def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
-    """The scene with every start circle on one side of all edges, and sentences about those that were not.
+    """The scene with every start circle in the domain on one side of all edges, and sentences about those that were not.
 
     Returns
     -------
@@ -45,37 +46,39 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
         The same if no start can be moved.
     tuple of str
     bool
-        Whether a start is left on both sides of an edge.
+        Whether a start is left on both sides of an edge or of the domain's limit.
 
     Notes
     -----
     Starts that close in may hold anything, and boxes and masks are drawn as they are wanted: only circles that grow
     are looked at, and not those round a camera, which sees its own robot in them. A mark that lies in a circle whole has
-    no side on its rim.
+    no side on its rim; what lies outside the domain would stay in the region, wherever in the circle it is.
     """
     if scene.fixed or scene.params.contour.balloon < 0:
         return scene, (), False
+    beyond = {at for at, start in enumerate(scene.starts) if _leaves_domain(start, scene) and _is_circle(start)}
     crossed = [at for at, start in enumerate(scene.starts) if _holds_edge(start, scene) and _is_circle(start)]
-    if not crossed:
+    if not (crossed or beyond):
         return scene, (), False
     open_ground = free_pixels(scene.edges.edges, scene.domain)
     crossed = [at for at in crossed if _has_sides(scene.starts[at], open_ground)]
-    if not crossed:
+    if not (crossed or beyond):
         return scene, (), False
     sides = open_sides(open_ground, HOLLOW)
-    crossed = [at for at in crossed if _num_sides(scene.starts[at], sides) > 1]
+    crossed = sorted(beyond.union(at for at in crossed if _num_sides(scene.starts[at], sides) > 1))
     if not crossed:
         return scene, (), False
     starts, told, across = list(scene.starts), [], False
     free = free_pixels(scene.edges.edges, scene.domain, scene.params.contour.clearance)
     for at in crossed:
+        what, most = ("the domain's limit", FARTHEST) if at in beyond else ("an edge", 1)
         old, new = _moved(scene.starts[at], free, sides, widest=scene.disc is not None)
-        if new.radius < LEAST_KEPT * old.radius or hypot(new.x - old.x, new.y - old.y) > old.radius:
+        if new.radius < LEAST_KEPT * old.radius or hypot(new.x - old.x, new.y - old.y) > most * old.radius:
             across = True
-            told.append(f"the start at {old} lies across an edge; the contour grows on both sides of it")
+            told.append(f"the start at {old} lies across {what}; the region holds both sides of it")
             continue
         starts[at] = circle_start((new.x, new.y, new.radius), scene.params)
-        told.append(f"the start at {old} lay across an edge and was moved to {new}")
+        told.append(f"the start at {old} lay across {what} and was moved to {new}")
     kept = all(start is old for start, old in zip(starts, scene.starts, strict=True))
     return (scene if kept else replace(scene, starts=tuple(starts))), tuple(told), across
 
@@ -130,6 +133,14 @@ def _holds_edge(start: FreeForm, scene: Scene) -> bool:
     low, high = start.control_points.min(axis=0).tolist(), start.control_points.max(axis=0).tolist()
     columns, rows = (slice(int(max(a - 1, 0)), ceil(max(b + 2, 0))) for a, b in zip(low, high, strict=True))
     return bool(scene.edges.edges[rows, columns].any())
+
+
+def _leaves_domain(start: FreeForm, scene: Scene) -> bool:
+    """Whether a start holds a pixel outside the domain."""
+    if scene.domain is None:
+        return False
+    own = filled(start, scene.domain.shape)
+    return bool((scene.domain[own.window()][own.mask] == 0).any())
 
 
 def _num_sides(start: FreeForm, sides: NDArray[np.int32]) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -147,3 +149,17 @@ def test_a_start_round_the_robot_in_a_mirror_means_the_ground() -> None:
     ground = (depth < 136) & (x + y < 396) & (depth > 29)
     assert found.mask[ground].mean() > 0.95
     assert any("across an edge" in message for message in found.messages)
+
+
+@pytest.mark.parametrize("hole", [(30, 8, 10), (14, 0, 8), (0, 0, 5)])
+def test_a_start_over_ground_outside_the_domain_leaves_it(hole: tuple[int, int, int], tmp_path: Path) -> None:
+    """What a start covers outside the domain stayed in the region, with a score of one and no word."""
+    image, truth = disc()
+    right, down, radius = hole
+    domain = np.full(image.shape, 255, np.uint8)
+    cv2.circle(domain, (110 + right, 100 + down), radius, 0, -1)
+    assert cv2.imwrite(str(tmp_path / "domain.png"), domain)
+    given = {"init.center": list(CENTER), "init.radius": 25, "domain.mask": str(tmp_path / "domain.png")}
+    found = ffseg.segment(image, ffseg.load_params(None, given))
+    assert iou(found.mask, truth & (domain > 0)) > 0.98
+    assert "lay across the domain's limit and was moved to (" in found.messages[0]
