@@ -256,8 +256,7 @@ def load(home: str) -> Any:  # noqa: ANN401 - the caller knows the signature
         If there is no such module or function, or the module fails.
     """
     module, _, name = home.partition(":")
-    here = os.getcwd()
-    if not module.startswith("ffseg.") and not {"", here} & set(sys.path):
+    if not module.startswith("ffseg.") and not {"", here := os.getcwd()} & set(sys.path):
         sys.path.insert(0, here)
     try:
         found = attrgetter(name)(import_module(module))

@@ -25,8 +25,8 @@ def packed_joints(contours: Iterable[FreeForm]) -> tuple[NDArray[np.float64], ND
 def packed_points(polygons: Iterable[Points]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """The same of polygons, each of shape (m, 2)."""
     points = list(polygons)
-    offsets = np.array([0, *accumulate(len(polygon) for polygon in points)], dtype=np.int64)
-    return np.concatenate([np.empty((0, 2)), *points]), offsets
+    offsets = np.array([0, *accumulate(map(len, points))], dtype=np.int64)
+    return np.concatenate(points or [np.empty((0, 2))]), offsets
 
 
 def unpacked(points: NDArray[np.float64], offsets: Sequence[int], degree: int) -> tuple[FreeForm, ...]:

@@ -1,6 +1,5 @@
 #include "edges/canny.hpp"
 
-#include <algorithm>
 #include <cstddef>
 #include <cstring>
 
@@ -18,42 +17,45 @@ enum Mark : std::uint8_t { kNone = 0, kWeak = 1, kStrong = 2, kTaken = 4 };
 constexpr std::uint8_t kOpen = kWeak | kStrong;
 constexpr std::uint8_t kEdge = 255;
 
-struct Pixel {
-    int x, y;
-};
-
 // The pixels of one chain after the other, on one stack.
 class Linker {
 public:
     Linker(int height, int width, std::uint8_t* marks) : height_(height), width_(width), marks_(marks) {}
 
     // Mark all that is connected to a strong pixel as edge, or as nothing if the chain is short.
-    void follow(Pixel seed) {
+    void follow(std::uint8_t* seed) {
+        const std::ptrdiff_t place = seed - marks_;
         chain_.clear();
-        take(seed);
+        take({seed, static_cast<int>(place % width_), static_cast<int>(place / width_)});
         for (std::size_t at = 0; at < chain_.size(); ++at) {
             const Pixel here = chain_[at];
-            const bool inside = here.x > 0 && here.x + 1 < width_;
-            for (int y = std::max(here.y - 1, 0); y <= std::min(here.y + 1, height_ - 1); ++y) {
-                const std::uint8_t* middle = &mark({here.x, y});
-                // Most pixels near an edge are none or taken: three are asked at once.
-                if (inside && ((middle[-1] | middle[0] | middle[1]) & kOpen) == 0) continue;
-                for (int x = std::max(here.x - 1, 0); x <= std::min(here.x + 1, width_ - 1); ++x) take_open({x, y});
-            }
+            if (here.y > 0) take_open(here, -1);
+            take_open(here, 0);
+            if (here.y + 1 < height_) take_open(here, 1);
         }
         if (chain_.size() >= kShortestEdge) return;
-        for (const Pixel pixel : chain_) mark(pixel) = kNone;
+        for (const Pixel& pixel : chain_) *pixel.mark = kNone;
     }
 
 private:
-    std::uint8_t& mark(Pixel at) { return marks_[static_cast<std::ptrdiff_t>(at.y) * width_ + at.x]; }
-    void take(Pixel at) {
-        mark(at) = kTaken;
-        chain_.push_back(at);
+    struct Pixel {
+        std::uint8_t* mark;
+        int x, y;
+    };
+
+    void take(const Pixel& pixel) {
+        *pixel.mark = kTaken;
+        chain_.push_back(pixel);
     }
 
-    void take_open(Pixel at) {
-        if ((mark(at) & kOpen) != 0) take(at);
+    // Those beside a pixel in one row: most are none or taken, and all three are asked at once.
+    void take_open(const Pixel& here, int down) {
+        std::uint8_t* const row = here.mark + static_cast<std::ptrdiff_t>(down) * width_;
+        const int left = here.x > 0 ? -1 : 0, right = here.x + 1 < width_ ? 1 : 0;
+        if (((row[left] | row[0] | row[right]) & kOpen) == 0) return;
+        for (int by = left; by <= right; ++by) {
+            if ((row[by] & kOpen) != 0) take({row + by, here.x + by, here.y + down});
+        }
     }
 
     int height_, width_;
@@ -99,11 +101,11 @@ void link_edges(const std::uint16_t* gradient, int height, int width, const Thre
     }
     Linker linker(height, width, edges);
     const std::ptrdiff_t count = static_cast<std::ptrdiff_t>(height) * width;
-    const std::uint8_t* const end = edges + count;
-    for (const std::uint8_t* at = edges; at < end;) {
-        at = static_cast<const std::uint8_t*>(std::memchr(at, kStrong, static_cast<std::size_t>(end - at)));
+    std::uint8_t* const end = edges + count;
+    for (std::uint8_t* at = edges; at < end;) {
+        at = static_cast<std::uint8_t*>(std::memchr(at, kStrong, static_cast<std::size_t>(end - at)));
         if (at == nullptr) break;
-        linker.follow({static_cast<int>((at - edges) % width), static_cast<int>((at - edges) / width)});
+        linker.follow(at);
     }
     keep_edges(edges, count);
 }
