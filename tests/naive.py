@@ -143,14 +143,3 @@ def winding_image(vertices: np.ndarray, height: int, width: int) -> np.ndarray:
 def turn(a: Point, b: Point, c: Point) -> Number:
     """Twice the signed area of a triangle."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def proper_crossings(polygons: Sequence[Sequence[Point]]) -> set[tuple[tuple[int, int], tuple[int, int]]]:
-    """Pairs of edges (polygon, edge) that cross at a point inside both."""
-    edges = [((n, i), poly[i], poly[(i + 1) % len(poly)]) for n, poly in enumerate(polygons) for i in range(len(poly))]
-    return {
-        (one, two)
-        for place, (one, a, b) in enumerate(edges)
-        for two, c, d in edges[place + 1 :]
-        if turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0
-    }

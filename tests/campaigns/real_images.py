@@ -25,7 +25,7 @@ SETS = ("road", "seeded_objects", "real_floors/indoor", "real_floors/omni")
 LARGEST_START, SMALL_START = 20.0, 8.0
 """Radius of the start circle, px: half of the free radius round the seed where the seeds tell it, else small."""
 COLUMNS = (
-    *("set", "image", "half", "iou", "score", "missed_px", "leaked_px", "cause", "stop_reason", "components", "holes"),
+    *("set", "image", "half", "iou", "score", "missed_px", "leaked_px", "stop_reason", "components", "holes"),
     *("edges_ms", "segment_ms", "edge_map_ms", "ratio", "status", "message"),
 )
 
@@ -58,7 +58,6 @@ class Outcome:
     edge_map_ms: float
     segment_ms: float
     message: str
-    cause: str = ""
 
     @property
     def missed(self) -> NDArray[np.bool_]:
@@ -79,7 +78,7 @@ class Outcome:
         sure, times = score(result), [self.edge_map_ms, self.segment_ms]
         return [
             *(one.folder, one.name, ("even", "odd")[one.half], round(self.overlap, 4)),
-            *("" if sure is None else round(sure, 4), *numbers, self.cause, stop),
+            *("" if sure is None else round(sure, 4), *numbers, stop),
             *(sum(area > 0 for area in areas), sum(area < 0 for area in areas)),
             *(round(result.timings.edges_ms, 2) if result else "", round(times[1], 2), round(times[0], 2)),
             *(round(times[1] / times[0], 2), "ok" if result else "failed", self.message),
@@ -118,7 +117,7 @@ def evaluate(one: Photograph, params: Parameters, repeat: int = 1) -> Outcome:
         spent = _timed(lambda: segment(one.image, placed), repeat)
     except FfsegError as error:
         nothing = np.zeros(one.truth.shape, bool)
-        return Outcome(one, nothing, 0.0, None, base, 0.0, str(error), "failed")
+        return Outcome(one, nothing, 0.0, None, base, 0.0, str(error))
     said = "; ".join(result.messages)
     return Outcome(one, result.mask, iou(result.mask, one.truth), result, base, spent, said)
 

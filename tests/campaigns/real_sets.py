@@ -15,20 +15,21 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import mean, median
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.io.files import write_bytes_atomic
 from ffseg.io.images import single_thread
+from ffseg.io.masks import encode_png
 from ffseg.io.tables import csv_table
-from ffseg.metrics import INSIDE
+from ffseg.metrics import IGNORED, INSIDE
 from ffseg.parameters import load_params
-from tests.campaigns import real_causes, real_invariance
+from tests.campaigns import real_invariance
 from tests.campaigns.real_images import COLUMNS, SETS, Outcome, evaluate, load, score
 from tests.real_data import data_folder
 
@@ -51,18 +52,17 @@ def main() -> int:
         return 0
     single_thread()
     params = load_params(options.config, options.set)
-    outcomes = [real_causes.named(evaluate(one, params, options.repeat)) for one in photographs]
+    outcomes = [evaluate(one, params, options.repeat) for one in photographs]
     write_bytes_atomic(options.out / "images.csv", csv_table(COLUMNS, [one.cells() for one in outcomes]))
     table = summary(outcomes)
     write_bytes_atomic(options.out / "sets.csv", csv_table(table[0], table[1:]))
     say(aligned(table))
     say(about_scores(outcomes))
-    say(about_causes(outcomes))
     if options.before:
         say(changes(outcomes, options.before))
     for rank, one in enumerate(worst(outcomes, options.overlays)):
         name = f"{rank:02d}-{one.photograph.folder.replace('/', '-')}-{Path(one.photograph.name).stem}.png"
-        write_bytes_atomic(options.out / "worst" / name, real_causes.overlay(one))
+        write_bytes_atomic(options.out / "worst" / name, overlay(one))
     if options.invariance:
         say(real_invariance.table(photographs if options.invariance == "real" else None, params, options.scenes))
     if options.stability:
@@ -142,16 +142,6 @@ def _ranks(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((last - (count - 1) / 2)[place], np.float64)
 
 
-def about_causes(outcomes: Sequence[Outcome]) -> str:
-    """The guessed causes and their part of the lost area of all images, each image weighing by its lost share."""
-    weights: Counter[str] = Counter()
-    for one in outcomes:
-        for cause, share in real_causes.causes(one).items():
-            weights[cause] += share * sum(lost(one))
-    total = sum(weights.values()) or 1.0
-    return "lost area: " + ", ".join(f"{cause} {weight / total:.0%}" for cause, weight in weights.most_common())
-
-
 def changes(outcomes: Sequence[Outcome], before: Path) -> str:
     """What became better or worse by more than .05 since an earlier table."""
     with before.open(encoding="utf-8", newline="") as file:
@@ -171,6 +161,24 @@ def changes(outcomes: Sequence[Outcome], before: Path) -> str:
 def worst(outcomes: Sequence[Outcome], count: int) -> list[Outcome]:
     """The outcomes with the lowest overlap."""
     return sorted(outcomes, key=lambda one: one.overlap)[:count]
+
+
+def overlay(outcome: Outcome) -> bytes:
+    """PNG file: truth green, result red, missed blue, leaked orange, ignored darker, the start circle white."""
+    one = outcome.photograph
+    canvas = one.image.copy() if one.image.ndim == 3 else np.repeat(one.image[..., None], 3, axis=2)
+    canvas[one.truth == IGNORED] //= 2
+    for region, colour in ((outcome.missed, (255, 90, 30)), (outcome.leaked, (20, 140, 255))):
+        canvas[region] = (0.6 * canvas[region] + 0.4 * np.array(colour)).astype(np.uint8)
+    for region, colour in ((one.truth == INSIDE, (0, 230, 0)), (outcome.mask, (0, 0, 255))):
+        lines, _ = cv2.findContours(region.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+        cv2.drawContours(canvas, lines, -1, colour, 1)
+    x, y, radius = (round(value) for value in one.circle)
+    cv2.circle(canvas, (x, y), radius, (255, 255, 255), 1, cv2.LINE_AA)
+    caption = np.zeros((34, canvas.shape[1], 3), np.uint8)
+    for line, text in enumerate((f"{one.name} IoU {outcome.overlap:.3f}", outcome.message)):
+        cv2.putText(caption, text, (4, 13 + 15 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (255, 255, 255), 1, cv2.LINE_AA)
+    return encode_png(np.vstack([caption, canvas]), [cv2.IMWRITE_PNG_COMPRESSION, 3])
 
 
 def aligned(table: Sequence[Sequence[object]]) -> str:

@@ -288,6 +288,6 @@ def test_r12_names_are_escaped_on_the_terminal_and_in_the_table(blobs: Path, tmp
 
 
 def test_a_film_killed_in_the_middle_ends_as_if_it_had_not_been(tmp_path: Path) -> None:
-    figures = films.campaign(tmp_path, frames=40, kills=2, size=(160, 120), rates=False)
+    figures = films.campaign(tmp_path, frames=40, kills=2, size=(160, 120))
     assert figures.kills >= 1
     assert figures.differ == 0

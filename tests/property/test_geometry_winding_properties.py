@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.orientation import signs_of_turns
 from tests import naive
 from tests import strategies as own
 
@@ -16,6 +19,16 @@ SHAPE = (9, 10)
 def grid() -> np.ndarray:
     y, x = np.indices(SHAPE)
     return np.stack([x, y], axis=-1)
+
+
+@given(own.troubled_points(6), st.sampled_from([1e-60, 1.0, 1e60]))
+def test_turns_have_the_exact_sign(points: own.Points, scale: float) -> None:
+    scaled = points * scale
+    triples = np.array(list(permutations(range(6), 3))).T
+    signs = signs_of_turns(*scaled[triples])
+    for sign, (i, j, k) in zip(signs.tolist(), triples.T.tolist(), strict=True):
+        turn = naive.turn(*(naive.exact(scaled)[at] for at in (i, j, k)))
+        assert sign == (turn > 0) - (turn < 0)
 
 
 @given(own.half_grid_polygon())
