@@ -27,7 +27,6 @@ KINDS = {
 }
 LIMITS = {"probability": (0.01, 0.99), "clearance": (0.0, 1000.0)}
 """Values allowed, as of the parameters whose place they take."""
-_ANY = (-math.inf, math.inf)
 MAX_PIXELS = float(FARTHEST)
 """Positions and radii beyond this lie in no image that is read."""
 
@@ -186,62 +185,68 @@ def _require_rows(names: Mapping[str, str], rows: Mapping[str, _Row], name: str,
 
 _Row = tuple[int, Start]
 """Line of the first row, and start."""
-_Numbers = dict[str, float | None]
+_Said = dict[tuple[Any, ...], float | None]
+"""Kind and numbers of the rows of one image; those of `LIMITS` come once, with their value behind."""
+_PLACES = {kind: [PICKED.index(key) for key in keys] for kind, keys in KINDS.items()}
 
 
 def _rows(text: str, name: str, problems: Problems) -> dict[str, _Row]:
     lines: dict[str, int] = {}
-    said: dict[str, dict[tuple[Any, ...], _Numbers]] = {}
+    said: dict[str, _Said] = {}
     for line, cells in rows_of(text, name, HEADERS, problems):
-        where = f"{name}:{line}"
-        header = PICKED if len(cells) == len(PICKED) else ["image", "x", "y", "radius"]
-        words = dict(zip(header, cells, strict=False))
-        image, kind = words["image"], words.get("kind", "start")
+        where, given = f"{name}:{line}", len(cells)
+        if given < len(PICKED):
+            cells[1:] = ["start", *cells[1:], *[""] * (len(PICKED) - given - 1)]
+        image, kind = cells[:2]
         if not image:
             problems.add(where, "image: the name is empty; write the image's relative name")
         if kind not in KINDS:
             problems.add(where, f"kind: {kind[:40]!r} is none of {', '.join(KINDS)}")
             continue
-        stray = [key for key in header[2:] if words.get(key) and key not in KINDS[kind]] if header is PICKED else []
-        if stray:
-            problems.add(where, f"{stray[0]}: a row of the kind {kind} has none; leave it empty")
-        numbers = {key: _pixels(words.get(key, ""), key, where, problems) for key in KINDS[kind]}
-        low, high = LIMITS.get(kind, _ANY)
-        if kind in LIMITS and not low <= (numbers["value"] or low) <= high:
-            problems.add(where, f"value: a {kind} is from {low:g} to {high:g}, not {numbers['value']:g}")
-        before, key = said.get(image), (kind,) if kind in LIMITS else (kind, *numbers.values())
-        if before is None:
-            before, lines[image] = said.setdefault(image, {}), line
-        if key in before:
+        places = _PLACES[kind]
+        if given == len(PICKED):
+            stray = [key for at, key in enumerate(PICKED[2:], 2) if cells[at] and at not in places]
+            if stray:
+                problems.add(where, f"{stray[0]}: a row of the kind {kind} has none; leave it empty")
+        numbers = [_number(cells[at], at, where, problems) for at in places]
+        key, value = ((kind,), numbers[0]) if kind in LIMITS else ((kind, *numbers), None)
+        if value is not None and not LIMITS[kind][0] <= value <= LIMITS[kind][1]:
+            problems.add(where, f"value: a {kind} is from {LIMITS[kind][0]:g} to {LIMITS[kind][1]:g}, not {value:g}")
+        if image not in said:
+            said[image], lines[image] = {}, line
+        elif key in said[image]:
             what = "this start already" if kind == "start" else f"a row for this {kind} already"
             problems.add(where, f"{image[:60]!r} has {what}; keep one row of it")
-        before[key] = numbers
+        said[image][key] = value
     return {image: (lines[image], _start(rows)) for image, rows in said.items()}
 
 
-def _pixels(word: str, key: str, where: str, problems: Problems) -> float | None:
-    if key == "radius" and not word:
+_RADIUS, _VALUE = PICKED.index("radius"), PICKED.index("value")
+
+
+def _number(word: str, at: int, where: str, problems: Problems) -> float | None:
+    if at == _RADIUS and not word:
         return None
     value = finite(word, MAX_PIXELS)
     if math.isnan(value):
-        unit = "number" if key == "value" else "number of pixels"
-        problems.add(where, f"{key}: {word[:40]!r} is not a finite {unit} up to {MAX_PIXELS:g}")
-    if key == "radius" and value <= 0:
+        unit = "number" if at == _VALUE else "number of pixels"
+        problems.add(where, f"{PICKED[at]}: {word[:40]!r} is not a finite {unit} up to {MAX_PIXELS:g}")
+    if at == _RADIUS and value <= 0:
         problems.add(where, f"radius: {value:g} is not above 0; leave it empty for init.radius")
     return value
 
 
-def _start(rows: Mapping[tuple[Any, ...], _Numbers]) -> Start:
+def _start(said: _Said) -> Start:
     """What all rows of one image say together."""
     circles: list[Start] = []
     more: dict[str, Any] = {}
-    for (kind, *_), numbers in rows.items():
+    for (kind, *numbers), value in said.items():
         if kind == "start":
-            circles.append(Start(numbers["x"], numbers["y"], numbers["radius"]))
+            circles.append(Start(*numbers))
         elif kind in LIMITS:
-            more[kind] = numbers["value"]
+            more[kind] = value
         else:
-            row = tuple(value for value in numbers.values() if value is not None)
+            row = tuple(number for number in numbers if number is not None)
             more.setdefault("background" if kind == "not" else "boxes", []).append(row)
     named: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in more.items()}
     first, *others = circles or [Start()]

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from ffseg.schema.nodes import Problems
 from ffseg.schema.strict_yaml import read_text
@@ -20,7 +20,7 @@ def read_table(path: str | os.PathLike[str], problems: Problems) -> str:
     return read_text(path, problems, MAX_BYTES)
 
 
-def rows_of(text: str, name: str, headers: Sequence[list[str]], problems: Problems) -> list[tuple[int, list[str]]]:
+def rows_of(text: str, name: str, headers: Sequence[list[str]], problems: Problems) -> Iterator[tuple[int, list[str]]]:
     """Rows after the header with their line numbers; blank lines are skipped, cells stripped.
 
     Parameters
@@ -33,13 +33,12 @@ def rows_of(text: str, name: str, headers: Sequence[list[str]], problems: Proble
         Receives what is wrong, each with ``file:line``.
     """
     reader = csv.reader(io.StringIO(text.lstrip("\ufeff"), newline=""), strict=True)
-    rows: list[tuple[int, list[str]]] = []
     try:
         header = [cell.strip() for cell in next(reader, [])]
         if header not in headers:
             allowed = " or ".join(",".join(words) for words in headers)
             problems.add(f"{name}:1", f"the header must be {allowed}, it is {','.join(header)[:60]!r}")
-            return []
+            return
         for row in reader:
             if not row or row == [""]:
                 continue
@@ -47,10 +46,9 @@ def rows_of(text: str, name: str, headers: Sequence[list[str]], problems: Proble
                 said = f"{len(row)} columns, must be {len(header)}: {','.join(header)}"
                 problems.add(f"{name}:{reader.line_num}", said)
             else:
-                rows.append((reader.line_num, [cell.strip() for cell in row]))
+                yield reader.line_num, [cell.strip() for cell in row]
     except csv.Error as error:
         problems.add(f"{name}:{reader.line_num}", f"not valid CSV ({error})")
-    return rows
 
 
 def finite(word: str, limit: float) -> float:
