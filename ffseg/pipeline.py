@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.contour import Found, contour
+from ffseg.enlargement import before_enlargement, enlarged
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import unpacked
@@ -42,6 +43,7 @@ def segment(scene: Scene) -> Segmentation:
     """
     scene = with_method(scene)  # what runs, with its own parameters
     scene = with_starts(scene)  # where contours start
+    shape, scene = scene.shape, before_enlargement(scene)  # at the size that the picture once had
     scene = with_domain(scene)  # where they may go
     begin = perf_counter()
     scene = with_evidence(scene)  # what stops them
@@ -51,6 +53,9 @@ def segment(scene: Scene) -> Segmentation:
     contours, mask = selected(contours, mask, scene.params.region)  # which parts and holes are kept
     end = perf_counter()
     score, doubts = judged(scene, found, contours, mask)  # how sure it is, and why not
+    if scene.factor > 1:
+        contours = enlarged(contours, scene.factor)  # and back to the size it has
+        mask = rasterize(contours, shape)
     timings = _timings(scene, found, known - begin, end - begin)
     thresholds = found.scene.edges.thresholds
     messages = (*fallback_messages(scene), *found.messages, *(doubt.message for doubt in doubts if doubt.message))

@@ -134,6 +134,8 @@ class Scene:
     callback : callable, optional
         Wants a `Progress` at the start, after every `every` iterations, and at the end.
     every : int
+    factor : int
+        By which the picture that was given is larger (`ffseg.enlargement`); sentences tell places in that one.
 
     Examples
     --------
@@ -159,6 +161,7 @@ class Scene:
     footprint: Footprint | None = None
     callback: Callable[[Progress], None] | None = None
     every: int = 10
+    factor: int = 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "starts", oriented(self.starts))

@@ -11,6 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "ffseg"
 
 STEPS: dict[str, tuple[str, ...]] = {
     "starts": ("parameters.py", "starts/initial.py", "starts/sides.py", "starts/moved.py"),
+    "size": ("image/magnified.py",),
     "domain": ("image/disc.py",),
     "evidence: the image's own edges": ("image/edges.py", "native/edges"),
     "evidence: auto": ("evidence/auto.py", "image/boundary.py"),

@@ -33,6 +33,11 @@ class Circle:
     y: float
     radius: float
 
+    def enlarged(self, factor: int) -> Circle:
+        """The circle on an enlargement by that factor."""
+        x, y = (factor * (place + 0.5) - 0.5 for place in (self.x, self.y))
+        return Circle(x, y, factor * self.radius)
+
     def __str__(self) -> str:
         return f"({self.x:.4g}, {self.y:.4g}), radius {self.radius:.4g}"
 
@@ -65,7 +70,8 @@ def moved(scene: Scene, remedy: str) -> tuple[Scene, str]:
     pairs = [placed(start, room, ground_under(open_ground, rasterize([start], room.shape))) for start in scene.starts]
     starts = tuple(circle_start((new.x, new.y, new.radius), scene.params) for _, new in pairs)
     others = f", and {len(pairs) - 1} more" if len(pairs) > 1 else ""
-    told = f"the start at {pairs[0][0]} lay {cause} and was moved to {pairs[0][1]}{others}"
+    old, new = (one.enlarged(scene.factor) for one in pairs[0])
+    told = f"the start at {old} lay {cause} and was moved to {new}{others}"
     return replace(scene, starts=starts), told
 
 

@@ -73,12 +73,13 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     for at in crossed:
         what, most = ("the domain's limit", FARTHEST) if at in beyond else ("an edge", 1)
         old, new = _moved(scene.starts[at], free, sides, widest=scene.disc is not None)
+        before, after = (one.enlarged(scene.factor) for one in (old, new))
         if new.radius < LEAST_KEPT * old.radius or hypot(new.x - old.x, new.y - old.y) > most * old.radius:
             across = True
-            told.append(f"the start at {old} lies across {what}; the region holds both sides of it")
+            told.append(f"the start at {before} lies across {what}; the region holds both sides of it")
             continue
         starts[at] = circle_start((new.x, new.y, new.radius), scene.params)
-        told.append(f"the start at {old} lay across {what} and was moved to {new}")
+        told.append(f"the start at {before} lay across {what} and was moved to {after}")
     kept = all(start is old for start, old in zip(starts, scene.starts, strict=True))
     return (scene if kept else replace(scene, starts=tuple(starts))), tuple(told), across
 

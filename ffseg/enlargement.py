@@ -1,0 +1,89 @@
+"""A picture that somebody has enlarged: segmented at the size it had before, so that both have the same region."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.geometry.freeform import FreeForm
+from ffseg.image.magnified import magnified
+from ffseg.image.resized import resized
+from ffseg.parameters import LEAST_START, Init, Parameters, Seed
+from ffseg.scene import Scene
+
+
+def before_enlargement(scene: Scene) -> Scene:
+    """The scene, with its starts, at the size that its picture had before it was enlarged by a whole factor; else the same.
+
+    What interpolation has put between pixels tells nothing. A picture is taken as it is where more than masks is given at
+    its size: edges, maps, models, what a camera measures, lengths in pixels that are not the defaults.
+    """
+    params = scene.params
+    told = scene.edges_given or scene.evidence is not None or scene.footprint is not None or len(scene.altitudes) > 0
+    as_printed = scene.method is not None and bool(scene.method.source)
+    if told or as_printed or params.edges.model is not None or _lengths(params) != _lengths(Parameters()):
+        return scene
+    smallest = min((abs(start.signed_area) for start in scene.starts), default=0.0)
+    factor, image = magnified(scene.image, sqrt(smallest / pi) / LEAST_START)
+    return scene if factor == 1 else _reduced(scene, factor, image)
+
+
+def enlarged(contours: tuple[FreeForm, ...], factor: int) -> tuple[FreeForm, ...]:
+    """Contours of a picture on its enlargement by a whole factor."""
+    return tuple(one.affine(factor * np.eye(2), ((factor - 1) / 2,) * 2) for one in contours)
+
+
+def _reduced(scene: Scene, factor: int, image: NDArray[np.uint8]) -> Scene:
+    region, callback = scene.params.region, scene.callback
+    few = replace(region, min_area=-(-region.min_area // factor**2), fill_holes=-(-region.fill_holes // factor**2))
+    domain, start_mask, background = (
+        None if mask is None else np.where(resized(mask, image.shape[:2]) >= least, np.uint8(255), np.uint8(0))
+        for mask, least in ((scene.domain, 128), (scene.start_mask, 128), (scene.background, 1))
+    )
+    return replace(
+        scene,
+        image=image,
+        factor=factor,
+        params=replace(scene.params, init=_placed(scene.params.init, factor), region=few),
+        starts=tuple(one.affine(np.eye(2) / factor, (_small(0, factor),) * 2) for one in scene.starts),
+        domain=domain,
+        start_mask=start_mask,
+        background=background,
+        center=None if scene.center is None else _point(scene.center, factor),
+        callback=callback and (lambda now: callback(replace(now, contours=enlarged(now.contours, factor)))),
+    )
+
+
+def _placed(init: Init, factor: int) -> Init:
+    """Where contours start, on the picture before."""
+    return replace(
+        init,
+        center="auto" if init.center == "auto" else _point(init.center, factor),
+        radius="auto" if init.radius == "auto" else init.radius / factor,
+        circles=tuple((*_point((x, y), factor), radius / factor) for x, y, radius in init.circles),
+        boxes=tuple((*_point((x0, y0), factor), *_point((x1, y1), factor)) for x0, y0, x1, y1 in init.boxes),
+        background=tuple(_seed(one, factor) for one in init.background),
+    )
+
+
+def _seed(seed: Seed, factor: int) -> Seed:
+    place = _point((seed[0], seed[1]), factor)
+    return (*place, seed[2] / factor) if len(seed) == 3 else place
+
+
+def _point(point: tuple[float, float], factor: int) -> tuple[float, float]:
+    return _small(point[0], factor), _small(point[1], factor)
+
+
+def _small(place: float, factor: int) -> float:
+    """Where a place along an axis lies on the picture before: pixels begin half a pixel before their centres."""
+    return (place + 0.5) / factor - 0.5
+
+
+def _lengths(params: Parameters) -> tuple[object, ...]:
+    contour, edges = params.contour, params.edges
+    own = (contour.split_threshold, contour.balloon, contour.clearance, contour.settle, params.region.window)
+    return (*own, edges.sigma, edges.canny, edges.highlights, params.snake, params.levelset)

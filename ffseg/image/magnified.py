@@ -1,0 +1,116 @@
+"""Pictures that have been enlarged: by what factor, and as they were before.
+
+What interpolation has put between the pixels of a picture tells nothing: such a picture is segmented as it was before, so
+that it and its enlargement have the same region.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Image = NDArray[np.uint8]
+
+FACTORS = (8, 7, 6, 5, 4, 3, 2)
+"""Enlargements that are looked for."""
+
+KINDS = (cv2.INTER_NEAREST, cv2.INTER_LINEAR, cv2.INTER_CUBIC)
+
+LEAST_SIDE = 64
+"""Pixels: a picture that was smaller before is taken as it is."""
+
+ROUNDED = 2
+"""Grey levels by which a pixel may differ from an interpolated one: twice rounded, and another program's cubic."""
+
+DIFFERENT = 0.01
+"""Part of the pixels unlike their neighbours that may differ by more: where an interpolated curve was cut at black and white."""
+
+KNOTS, BESIDE = 8, 4
+"""Pixels of the picture before that a line is told from, and those beside that interpolation looks at."""
+
+LINES, MOST_LOOKED_AT, SKIPPED = 4, 100, 8
+"""Lines each way that are looked at before the whole picture is: those of so many that change most, by every so many pixels."""
+
+STEPS, GAIN = 8, 1.5
+"""Steps in which the picture before is found, and how much of the error each takes back: at least three eighths, for
+interpolation leaves a quarter of the finest pattern each way."""
+
+
+def magnified(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
+    """The whole factor, at most `most`, by which a picture has been enlarged, and what it was before; 1 and itself if by none.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+
+    Notes
+    -----
+    An enlargement by nearest neighbours, linear or cubic interpolation is a picture whose lines lie in the space that the
+    enlarged unit vectors span. A few lines each way tell all others; then the picture before is found by back-projection,
+    and must give the whole one.
+    """
+    height, width = image.shape[:2]
+    factors = [
+        factor for factor in FACTORS
+        if factor <= most and not height % factor and not width % factor and min(height, width) >= LEAST_SIDE * factor
+    ]  # fmt: skip
+    plane = image if image.ndim == 2 or not factors else image[..., 1]
+    ways = [_liveliest(lines) for lines in (plane, plane.T)] if factors else []
+    for factor in factors:
+        amiss, kind = min((_amiss(ways, factor, kind), kind) for kind in KINDS)
+        if amiss <= DIFFERENT:
+            before = _before(image, factor, kind)
+            made = cv2.resize(before, (width, height), interpolation=kind)
+            if _share(cv2.absdiff(image, made), image, factor) <= DIFFERENT:
+                return factor, before
+    return 1, image
+
+
+def _liveliest(plane: Image) -> NDArray[np.float32]:
+    """The rows with the greatest differences, of every few."""
+    some = plane[:: max(1, len(plane) // MOST_LOOKED_AT)]
+    change = np.abs(np.diff(some[:, ::SKIPPED].astype(np.int16), axis=1)).sum(axis=1)
+    return some[np.argsort(-change, kind="stable")[:LINES]].astype(np.float32)
+
+
+def _amiss(ways: list[NDArray[np.float32]], factor: int, kind: int) -> float:
+    """The greater share of pixels, in some rows and in some columns, that no interpolation between fewer can make."""
+    rest, size, found = _rest(factor, kind), KNOTS * factor, 0.0
+    for lines in ways:
+        inner = lines[:, size : lines.shape[1] // size * size - size]  # what lies beyond the border is another's rule
+        found = max(found, _share(np.abs(inner.reshape(-1, size) @ rest), inner, factor))
+        if found > DIFFERENT:
+            break
+    return found
+
+
+def _share(error: NDArray[Any], lines: NDArray[Any], factor: int) -> float:
+    """Pixels that err by more than rounding, in those unlike the ones beside; where all are alike nothing can be told."""
+    unlike = np.count_nonzero(cv2.absdiff(lines[:, factor:], lines[:, :-factor]) > ROUNDED)
+    return np.count_nonzero(error > ROUNDED) / unlike if unlike else np.inf
+
+
+@cache
+def _rest(factor: int, kind: int) -> NDArray[np.float32]:
+    """What takes from a line of pixels all that interpolation between fewer can make, shape (L, L)."""
+    knots = KNOTS + 2 * BESIDE
+    lines = cv2.resize(np.eye(knots, dtype=np.float32), (knots * factor, knots), interpolation=kind).T
+    inner = lines[BESIDE * factor : -BESIDE * factor].astype(np.float64)
+    found: NDArray[np.float32] = (np.eye(len(inner)) - inner @ np.linalg.pinv(inner, rcond=1e-6)).astype(np.float32)
+    return found
+
+
+def _before(image: Image, factor: int, kind: int) -> Image:
+    """The picture whose enlargement comes nearest to this one."""
+    size = image.shape[1::-1]
+    less = (size[0] // factor, size[1] // factor)
+    whole = image.astype(np.float32)
+    found = cv2.resize(whole, less, interpolation=cv2.INTER_AREA)
+    for _ in range(0 if kind == cv2.INTER_NEAREST else STEPS):
+        error = whole - np.clip(cv2.resize(found, size, interpolation=kind), 0, 255)
+        found = np.clip(found + np.float32(GAIN) * cv2.resize(error, less, interpolation=cv2.INTER_AREA), 0, 255)
+    return np.asarray(np.rint(found), np.uint8)
