@@ -31,6 +31,8 @@ BAND = 0.1
 """Metres behind an outline that are told occupied: what stands there has a front, and nothing is known of its depth."""
 BLOCK = 64
 """Cells by which the grid grows, so that a robot that drives on does not copy it at every frame."""
+OUTWARD = 0.06
+"""Pixels that outlines lie too far from the camera, in the mean: measured on 14 rendered drives, and not seen in one frame."""
 DOUBT = 0.06
 """Part of the readings that err for reasons which no noise of pixels explains: on rendered drives one in thirty cells well
 behind an outline is free."""
@@ -428,5 +430,8 @@ def _ground_pixels(camera: Camera, reach: float) -> Values:
     x, y = np.meshgrid(along, along)
     nearer = np.maximum(1.0 - BAND / np.maximum(np.hypot(x, y), 1e-9), 0.0)
     places = [np.stack([share * x, share * y, np.full_like(x, camera.mounting())], axis=-1) for share in (1.0, nearer)]
-    pixels = np.concatenate([camera.project(place @ camera.level()) for place in places], axis=-1)
+    shown, before = (camera.project(place @ camera.level()) for place in places)
+    away = shown - before
+    shown = shown + OUTWARD * away / np.maximum(np.hypot(*np.moveaxis(away, -1, 0)), 1e-9)[..., None]
+    pixels = np.concatenate([shown, before], axis=-1)
     return np.where(np.isfinite(pixels), pixels, NOWHERE).astype(np.float32)

@@ -14,6 +14,8 @@ from ffseg.camera.model import Camera
 from ffseg.camera.projections import Array
 from ffseg.camera.robot import to_pixels, to_robot
 from ffseg.geometry.freeform import FreeForm
+from ffseg.image.free import room_round
+from ffseg.image.planar import read_at
 from ffseg.image.polygons import polygons
 
 REACH = 6.0
@@ -152,19 +154,10 @@ class Ground:
         ranges = _first_exits([ring for rings in self.polygons for ring in rings], count)
         points = ranges[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
         pixels = to_pixels(self.camera, points)
-        ends = np.where(np.isnan(ranges), "unknown", np.where(self._at_rim(pixels), "rim", "obstacle"))
+        at_rim = read_at(_away_from_rim(self.camera, self.reach), *pixels.T.astype(np.float32), nearest=True) == 0
+        ends = np.where(np.isnan(ranges), "unknown", np.where(at_rim, "rim", "obstacle"))
         told: tuple[End, ...] = tuple(ends.tolist())
         return Scan(bearings, ranges, _range_sigma(self.camera, pixels), told, self.reach)
-
-    def _at_rim(self, pixels: Array) -> Mask:
-        """Whether what can be seen ends within `RIM_PX` of pixels, shape (n, 2)."""
-        turn = np.arange(8) * (np.pi / 4)
-        around = pixels[:, None] + RIM_PX * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        column, row = np.rint(np.nan_to_num(around, nan=-1.0)).astype(np.intp).transpose(2, 0, 1)
-        height, width = self.seen.shape
-        inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
-        ends: Mask = ~(inside & self.seen[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]).all(axis=1)
-        return ends
 
 
 def ground_of(mask: Mask, contours: Sequence[FreeForm], cameras: tuple[Camera, Camera], reach: float = REACH) -> Ground:
@@ -201,6 +194,13 @@ def _within(camera: Camera, reach: float) -> Mask:
         near: Mask = camera.domain() & (np.sum(camera.ground() ** 2, axis=-1) < reach * reach)
     near.setflags(write=False)
     return near
+
+
+@lru_cache(maxsize=2)
+def _away_from_rim(camera: Camera, reach: float) -> NDArray[np.uint8]:
+    """Pixels within reach that are farther than `RIM_PX` from what shows no ground within it; beyond the image nothing does."""
+    away: NDArray[np.uint8] = (room_round(_within(camera, reach)) > RIM_PX).view(np.uint8)
+    return away
 
 
 def _dense(ring: Array) -> Array:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -37,14 +38,21 @@ class Polygon:
         Of negative area.
     origin : tuple of int
         (x, y) of the first pixel of `mask` in the image.
-    mask : ndarray of bool, shape (h, w)
-        The region's pixels in their own window.
+    labels : ndarray of int, shape (h, w)
+        `label` on the region's pixels, in their own window.
     """
 
     outer: Points
     holes: tuple[Points, ...]
     origin: tuple[int, int]
-    mask: NDArray[np.bool_]
+    labels: NDArray[Any]
+    label: int
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """The region's pixels in their own window, shape (h, w)."""
+        mask: NDArray[np.bool_] = self.labels == self.label
+        return mask
 
     @property
     def rings(self) -> tuple[Points, ...]:
@@ -75,25 +83,20 @@ def polygons(mask: NDArray[np.bool_], contours: Sequence[FreeForm] = ()) -> tupl
     steps = found.reshape(-1, 2)
     if not len(steps):
         return ()
-    _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=4)
-    rings = np.split(_crossed(steps, contours, (mask.shape[0], mask.shape[1])), offsets[1:-1])
-    outer: dict[int, Points] = {}
-    holes: dict[int, list[Points]] = {}
-    for first, ring in zip(steps[offsets[:-1]], rings, strict=True):
-        label = int(labels[round(first[1] + 0.5), round(first[0])])  # every outline begins above a pixel of its region
-        if _area(ring) > 0:
-            outer[label] = _simplified(ring)
-        else:
-            holes.setdefault(label, []).append(_simplified(ring))
+    rings = [_simplified(one) for one in np.split(_crossed(steps, contours, mask.shape), offsets[1:-1])]
+    firsts, outer = steps[offsets[:-1]], [_area(ring) > 0 for ring in rings]
+    labels = mask.view(np.uint8) if sum(outer) == 1 else cv2.connectedComponents(mask.view(np.uint8), connectivity=4)[1]
+    owners = [int(labels[round(y + 0.5), round(x)]) for x, y in firsts]  # an outline begins above a pixel of its region
     made = []
-    for label, ring in outer.items():
-        x, y, width, height, _ = boxes[label].tolist()
-        window = labels[y : y + height, x : x + width] == label
-        made.append(Polygon(ring, tuple(holes.get(label, ())), (x, y), window))
+    for number in np.flatnonzero(outer).tolist():
+        label, own = owners[number], steps[offsets[number] : offsets[number + 1]]
+        (left, top), (right, bottom) = np.ceil(own.min(axis=0)).astype(int), np.floor(own.max(axis=0)).astype(int) + 1
+        holes = tuple(ring for ring, owner, out in zip(rings, owners, outer, strict=True) if owner == label and not out)
+        made.append(Polygon(rings[number], holes, (int(left), int(top)), labels[top:bottom, left:right], label))
     return tuple(made)
 
 
-def _crossed(steps: Points, contours: Sequence[FreeForm], shape: tuple[int, int]) -> Points:
+def _crossed(steps: Points, contours: Sequence[FreeForm], shape: tuple[int, ...]) -> Points:
     """The middle of each step moved to where a contour crosses it; the mean, where several do."""
     moved = steps.copy()
     lines = [np.vstack([line, line[:1]]) for line in (contour.flatten(TOLERANCE) for contour in contours)]
