@@ -49,7 +49,7 @@ def yaml_value(value: object) -> str:
     """Write one value so that the strict reader gives it back."""
     if isinstance(value, str) and _PLAIN.fullmatch(value) and isinstance(scalar(value), str) and value == value.strip():
         return value
-    return json.dumps(value)
+    return json.dumps(value, ensure_ascii=False)
 
 
 def json_schema() -> JsonSchema:

@@ -92,7 +92,7 @@ def with_selection(
 ) -> list[str]:
     """Overrides with what is kept of the result, and how it is called, as the last of them."""
     asked = {"largest": largest, "min_area": min_area, "fill_holes": fill_holes, "label": label}
-    values = {key: json.dumps(value) for key, value in asked.items() if value is not None}
+    values = {key: json.dumps(value, ensure_ascii=False) for key, value in asked.items() if value is not None}
     return [*settings, *(f"region.{key}={value}" for key, value in values.items())]
 
 

@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 import cv2
 import numpy as np
 import pytest
+import yaml
 from PIL import Image
 
 from ffseg.rendering import CAMERA_YAML, poses_csv, render_pair
@@ -41,11 +42,15 @@ def decoded(counts: list[int], size: list[int]) -> np.ndarray:
     return values.reshape(size, order="F") == 1
 
 
+LABEL = 'yes: "a horse" \N{HORSE}'
+"""Which YAML escapes, in one way and JSON in another."""
+
+
 def test_yolo_cutouts_and_labels(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     for name in ("drawing.svg", "sub/more.svg", "notes.txt"):
         (images / name).write_text("<svg/>")
-    wanted = ("--export", "coco,labelme,geojson,yolo,cutout", "--label", "yes: a horse")
+    wanted = ("--export", "coco,labelme,geojson,yolo,cutout", "--label", LABEL)
     result = ffseg_command("run", images, "--out", out, *START, *wanted)
     assert result.returncode == 0, result.stderr
     assert "left out as no images: 3 files of the folders (2 .svg, 1 .txt)" in result.stderr
@@ -54,10 +59,11 @@ def test_yolo_cutouts_and_labels(ffseg_command: Command, images: Path, tmp_path:
     np.testing.assert_array_equal(cut[..., 3], mask)
     np.testing.assert_array_equal(cut[..., 0], np.where(mask, cv2.imread(str(images / "a.png"), 0), 0))
     assert [line.split()[0] for line in (out / "yolo" / "a.txt").read_text().splitlines()] == ["0"]
-    assert json.loads((out / "coco.json").read_text())["categories"][0]["name"] == "yes: a horse"
-    assert json.loads((out / "labelme" / "a.json").read_text())["shapes"][0]["label"] == "yes: a horse"
+    assert yaml.safe_load((out / "yolo.yaml").read_text("utf-8")) == {"names": {0: LABEL}}
+    assert json.loads((out / "coco.json").read_text())["categories"][0]["name"] == LABEL
+    assert json.loads((out / "labelme" / "a.json").read_text())["shapes"][0]["label"] == LABEL
     features = json.loads((out / "geojson" / "a.geojson").read_text())["features"]
-    assert features[0]["properties"]["label"] == "yes: a horse"
+    assert features[0]["properties"]["label"] == LABEL
     for name, kind in (("c.png", "cutout"), ("c.webp", "cutout"), ("a.txt", "yolo")):
         told = ffseg_command("segment", images / "a.png", tmp_path / name, "--as", kind, *START[:2])
         assert told.returncode == 0, told.stderr

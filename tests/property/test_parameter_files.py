@@ -18,7 +18,7 @@ from ffseg.schema.sections import Leaf, collect, flat, leaves
 from ffseg.schema.strict_yaml import parse
 
 LEAVES = leaves(Parameters)
-WORDS = st.text(string.ascii_letters + string.digits + " ./-_:#'\"é\n", min_size=1, max_size=12)
+WORDS = st.text(string.ascii_letters + string.digits + " ./-_:#'\"é\N{HORSE}\n", min_size=1, max_size=12)
 SCHEMA = jsonschema.Draft7Validator(json_schema())
 
 

@@ -190,8 +190,13 @@ def _frames(result: Segmentation, context: Context) -> list[Progress]:
     return [*(snapshot for snapshot in before if snapshot.contours), last]
 
 
-def coco_of_all(contents: Callable[[], Iterable[bytes]]) -> Iterator[bytes]:
+def coco_of_all(contents: Callable[[], Iterable[bytes]], _: str) -> Iterator[bytes]:
     """One COCO document of those of all images."""
     from ffseg.io.exports import merged_coco
 
     return merged_coco(lambda: map(json.loads, contents()))
+
+
+def yolo_of_all(_: Callable[[], Iterable[bytes]], label: str) -> Iterator[bytes]:
+    """The names of the classes of all YOLO labels, as a data set's YAML file has them."""
+    yield f"names:\n  0: {json.dumps(readable(label), ensure_ascii=False)}\n".encode()

@@ -34,8 +34,9 @@ class Output:
         ``module:function`` that makes its bytes, called as ``encode(result, context)`` with a `Segmentation` and a
         `ffseg.batch.outputs.encoding.Context`.
     merge : str
-        ``module:function`` that makes one file of those of all images, called as ``merge(contents)``, where every call
-        of ``contents()`` gives the bytes of each image's file in order; gives pieces of bytes. Empty for none.
+        ``module:function`` that makes one file of those of all images, called as ``merge(contents, label)``, where every call
+        of ``contents()`` gives the bytes of each image's file in order, and the label is the class of the regions; gives
+        pieces of bytes. Empty for none.
     merged : str
         Name of that file below the output folder.
     """
@@ -58,7 +59,7 @@ OVERLAY = Output("overlay", "overlays", ".png", f"{_HERE}.encoding:overlay")
 COCO = Output("coco", "coco", ".json", f"{_HERE}.encoding:coco", f"{_HERE}.encoding:coco_of_all", "coco.json")
 LABELME = Output("labelme", "labelme", ".json", f"{_HERE}.encoding:labelme")
 GEOJSON = Output("geojson", "geojson", ".geojson", f"{_HERE}.encoding:geojson")
-YOLO = Output("yolo", "yolo", ".txt", f"{_HERE}.encoding:yolo")
+YOLO = Output("yolo", "yolo", ".txt", f"{_HERE}.encoding:yolo", f"{_HERE}.encoding:yolo_of_all", "yolo.yaml")
 SVG = Output("svg", "svg", ".svg", f"{_HERE}.encoding:drawing")
 CUTOUT = Output("cutout", "cutouts", ".png", f"{_HERE}.encoding:cutout")
 FILM = Output("animation", "animations", ".webp", f"{_HERE}.encoding:film")

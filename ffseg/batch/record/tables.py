@@ -119,8 +119,8 @@ class Tables:
         for record in self.survey.records():
             yield {"image": printable(record.name), **record.row}
 
-    def pieces(self) -> dict[str, Pieces]:
-        """Every table by name, as pieces of its bytes."""
+    def pieces(self, run: Mapping[str, Any]) -> dict[str, Pieces]:
+        """Every table by name, as pieces of its bytes, of a run of which ``run.json`` will say so much."""
         columns = self.columns()
         made = {TIMINGS: csv_lines(columns, ([row.get(column) for column in columns] for row in self.rows()))}
         if self.camera:
@@ -128,7 +128,7 @@ class Tables:
         there = self.survey.with_outputs | self.asked
         for output in self.kinds:
             if output.merge and output.folder in there:
-                made[output.merged] = load(output.merge)(self._contents(output))
+                made[output.merged] = load(output.merge)(self._contents(output), run["parameters"]["region"]["label"])
         return made
 
     def _obstacles(self) -> Iterator[list[Any]]:
@@ -153,7 +153,7 @@ class Tables:
 
     def write(self, run: Mapping[str, Any], tell: Callable[[str], None]) -> list[str]:
         """Write every table and ``run.json``; `tell` hears of each that cannot be written. Gives their names."""
-        tables = {**self.pieces(), RUN: iter([json_bytes(run)])}
+        tables = {**self.pieces(run), RUN: iter([json_bytes(run)])}
         names = [*tables, *((PARQUET,) if self.parquet else ())]
         if self.parquet:
             self._write_parquet(tell)

@@ -345,7 +345,7 @@ def _run_json(merge: Merge, parts: list[Part]) -> dict[str, Any]:
         "seconds": round(sum(run.get("seconds", 0.0) for run in runs), 3),
         "counts": {**counts, "stale": num_stale},
         "inputs": first.get("inputs", []),
-        "parameters": first.get("parameters", {}),
+        "parameters": next(part.header["parameters"] for part in parts if part.header is not None),
         "versions": first.get("versions", {}),
         "problems": [*merge.problems, *(text for run in runs for text in run.get("problems", ()))],
         "stale": stale,
