@@ -20,7 +20,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "tune": ("ffseg tune own --truth masks --out tuned.yaml --budget 3",),
     "domain": (
-        "ffseg samples seen --pairs 3 && ffseg domain 'seen/pair*' --out own.png",
+        "ffseg domain 'seen/pair*' --out own.png",
         "ffseg run 'seen/pair*' --out within --set domain.mask=own.png --set 'init.center=[400,450]'",
     ),
     "compare": (
@@ -36,11 +36,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "config show": ("ffseg config show --set contour.degree=2 > mine.yaml",),
     "config check": ("ffseg config check mine.yaml",),
     "config schema": ("ffseg config schema > schema.json",),
-    "samples": ("ffseg samples pictures", "ffseg samples more --pairs 2"),
+    "samples": ("ffseg samples pictures", "ffseg samples seen --pairs 3"),
     "report": ("ffseg report out", "ffseg report out --images photos"),
     "merge": ("for i in 1 2 3; do ffseg run photos --out parts --shard $i/3; done; ffseg merge parts",),
 }
-"""By the words of the command; they use folders ``photos``, ``own`` with its ``masks``, and the samples in ``pictures``."""
+"""By the words of the command; they use folders ``photos``, ``own`` with its ``masks``, samples in ``pictures`` and ``seen``."""
 
 
 def epilog(command: str) -> str | None:
