@@ -74,8 +74,9 @@ def bounded(scene: Scene) -> Scene:
         edges = edges if limits is None else replace(edges, domain=limits)
     elif domain is not None and edges.domain is not domain:
         edges = replace(edges, domain=np.where(edges.domain > 0, domain, np.uint8(0)))
-    init, region = scene.params.init, scene.params.region
-    if scene.background is not None or init.background or region.border != "free":
+    region = scene.params.region
+    heard = edges.source == "hints"  # of what lies outside
+    if region.border != "free" or (scene.clicked_outside and not heard):
         from ffseg.starts.rivals import within_rivals  # loads what only this needs
 
         edges = within_rivals(edges, scene.start_region(), scene.params, scene.background)

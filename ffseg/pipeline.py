@@ -179,9 +179,12 @@ def decided_by(scene: Scene) -> str:
 
 def fallback_messages(scene: Scene) -> tuple[str, ...]:
     """What to say where a map or a model tells of no region, so that the image's own edges decide."""
-    who = {"evidence": "the map of evidence", "model": "the model", "box": "what is seen in the box"}.get(
-        source_of(scene), ""
-    )
+    who = {
+        "evidence": "the map of evidence",
+        "model": "the model",
+        "hints": "what is seen of the clicks",
+        "box": "what is seen in the box",
+    }.get(source_of(scene), "")
     if not who or scene.edges_given or scene.edges.source != "gradient" or scene.params.edges.evidence == "edges":
         return ()
     level = f"the probability {scene.params.region.probability:g} at which the region ends"

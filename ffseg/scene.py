@@ -186,6 +186,11 @@ class Scene:
         """Boxes that hold what is meant: all outside is background; none where a mask gives the starts."""
         return self.params.init.boxes if self.start_mask is None else ()
 
+    @property
+    def clicked_outside(self) -> bool:
+        """Whether it is told what lies outside the region, but for boxes."""
+        return bool(self.params.init.background) or self.background is not None
+
     def start_region(self) -> NDArray[np.bool_]:
         """Pixels whose centre lies in a start contour, shape (H, W)."""
         return rasterize(self.starts, self.shape)

@@ -1,4 +1,4 @@
-"""The source ``auto``: the image's own edges where they are clear along the whole boundary, else the learned prior."""
+"""The source ``auto``: the image's own edges where they are clear along the whole boundary, else what was learned."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from ffseg.contour import Found, bounded, run
 from ffseg.evidence.gradient import gradient
 from ffseg.image.boundary import CLEAR, SAMPLE, Boundary, needed
 from ffseg.image.edges import EdgeMap
+from ffseg.image.raster import rasterize
 from ffseg.native import _core
 from ffseg.scene import BlockedStartError, Outcome, Scene
+from ffseg.starts.rivals import seeds
 from ffseg.starts.sides import on_one_side
 
 PROMISING = 0.6
@@ -22,7 +24,7 @@ edge is taken to be met."""
 
 
 def auto(scene: Scene) -> EdgeMap:
-    """The image's own edges, if a contour on them stands on clear ones all round; else where the prior ends.
+    """The image's own edges, if a contour on them stands on clear ones all round; else where the prior or the hints end.
 
     Parameters
     ----------
@@ -32,12 +34,31 @@ def auto(scene: Scene) -> EdgeMap:
     edges = gradient(scene)
     if scene.params.edges.canny != "auto":
         return edges
-    found = _trial(replace(scene, edges=edges, callback=None))
-    if found is not None:
+    found = _trial(replace(_not_told_outside(scene), edges=edges, callback=None))
+    if found is not None and not _holds_clicks_outside(found, scene):
         return replace(edges, trial=found)
-    from ffseg.evidence.prior import with_prior  # loads the forest, which clear edges do not need
+    if len(scene.starts) > 1 or scene.clicked_outside:
+        from ffseg.evidence.hints import with_hints  # these load forests, which clear edges do not need
+
+        return with_hints(scene, edges)
+    from ffseg.evidence.prior import with_prior
 
     return with_prior(scene, edges)
+
+
+def _not_told_outside(scene: Scene) -> Scene:
+    """The scene without clicks outside: a contour on edges that are clear all round shows whether it needs them."""
+    if not scene.clicked_outside:
+        return scene
+    init = replace(scene.params.init, background=())
+    return replace(scene, background=None, params=replace(scene.params, init=init))
+
+
+def _holds_clicks_outside(found: Found, scene: Scene) -> bool:
+    if not scene.clicked_outside:
+        return False
+    outside = seeds(scene.params.init.background, scene.start_region(), scene.background)
+    return bool((rasterize(found.outcome.contours or (), scene.shape) & outside).any())
 
 
 def _trial(scene: Scene) -> Found | None:

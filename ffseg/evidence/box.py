@@ -21,7 +21,7 @@ from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.prior import CERTAIN, SEEN, SMOOTHING
-from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, every, surroundings, voted
+from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, colours_of, every, likelier, surroundings, voted
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import window_of
 from ffseg.image.resized import resized
@@ -116,21 +116,8 @@ def in_box(image: NDArray[np.uint8], box: Box) -> tuple[tuple[slice, slice], NDA
     model, native = _model()
     odds = np.clip(model.inside.log_odds(all_planes(view), native), -CERTAIN, CERTAIN)
     odds[view.seen.inside[::STRIDE, ::STRIDE] > 0] = -CERTAIN
-    smooth = voted(odds + _by_colours(voted(odds, view.seen) > 0, view.seen), view.seen)
+    smooth = voted(odds + np.float32(AGAIN) * likelier(colours_of(view.seen), voted(odds, view.seen) > 0), view.seen)
     return window, view.enlarged(blurred(smooth, SMOOTHING / STRIDE))
-
-
-def _by_colours(found: NDArray[np.bool_], seen: Features) -> Plane:
-    """How much likelier each colour is in what was found than in all else, by a part; nothing where there are not both."""
-    odds = np.zeros(found.shape, np.float32)
-    if found.any() and not found.all():
-        colours = np.empty((len(COLOURS), *found.shape), np.float32)
-        every(seen, COLOURS, colours)
-        alike, other = np.empty((2, *found.shape), np.float32)
-        _core.evidence_likelihood(colours, found.view(np.uint8), alike)
-        _core.evidence_likelihood(colours, (~found).view(np.uint8), other)
-        odds += np.float32(AGAIN) * (alike - other)
-    return odds
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -138,7 +138,7 @@ def features(
     """
     shape = (image.shape[0], image.shape[1])
     factor = reduction(shape, size)
-    inside = _widened(reduced_region(start, factor), least)
+    inside = broadened(reduced_region(start, factor), least)
     height, width = inside.shape
     planes = np.empty((len(names), height, width), np.float32)
     lab = np.empty((3, height, width), np.float32)
@@ -189,7 +189,7 @@ def reduced_region(region: NDArray[np.bool_], factor: int) -> NDArray[np.uint8]:
     return found
 
 
-def _widened(inside: NDArray[np.uint8], least: float) -> NDArray[np.uint8]:
+def broadened(inside: NDArray[np.uint8], least: float) -> NDArray[np.uint8]:
     """A region with what lies so near to it that a disc of its area would have the radius `least`."""
     reach = least - np.sqrt(np.count_nonzero(inside) / np.pi)
     if reach <= 0:

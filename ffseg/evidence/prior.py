@@ -41,9 +41,10 @@ CERTAIN = 7.0
 
 
 @lru_cache(maxsize=1)
-def _model() -> tuple[Model, _core.EvidenceForest]:
-    model = load_model(MODEL, TAKEN)
-    return model, model.inside.compiled()
+def model() -> tuple[Model, _core.EvidenceForest]:
+    """The forest, as read and in the native core."""
+    read = load_model(MODEL, TAKEN)
+    return read, read.inside.compiled()
 
 
 def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -61,9 +62,9 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.flo
     ndarray of float32, shape (H, W)
         Logarithm of the odds of belonging to what the start lies on, at most ``CERTAIN`` either way.
     """
-    model, native = _model()
-    seen = look(image, starts, model.size)
-    smooth = voted(np.clip(model.inside.log_odds(all_planes(seen), native), -CERTAIN, CERTAIN), seen)
+    asked, native = model()
+    seen = look(image, starts, asked.size)
+    smooth = voted(np.clip(asked.inside.log_odds(all_planes(seen), native), -CERTAIN, CERTAIN), seen)
     whole = enlarged(blurred(smooth, SMOOTHING / STRIDE), seen.factor, seen.shape, STRIDE)
     whole[starts] = CERTAIN
     return whole

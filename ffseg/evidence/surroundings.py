@@ -62,7 +62,7 @@ def surroundings(seen: Features, out: Plane) -> None:
         Of every ``STRIDE``-th pixel each way.
     """
     start = reduced_region(seen.inside > 0, STRIDE)
-    slopes = {name: _steepest(seen[f"slope@{name}"]) for name in (*FINE, "3")}
+    slopes = {name: steepest(seen[f"slope@{name}"]) for name in (*FINE, "3")}
     ways = _ways(slopes, start)
     crossed = {FINE[0]: thinned(seen[f"barrier@{FINE[0]}"]), FINE[1]: ways[0]}
     colours = np.empty((len(COLOURS), *start.shape), np.float32)
@@ -81,6 +81,27 @@ def every(seen: Features, names: tuple[str, ...], out: Plane) -> None:
     """Write every ``STRIDE``-th pixel each way of the planes of those names."""
     places = {name: place for place, name in enumerate(seen.names)}
     _core.evidence_thin(seen.planes, np.array([places[name] for name in names], np.int32), out)
+
+
+def colours_of(seen: Features) -> Plane:
+    """``COLOURS`` of every ``STRIDE``-th pixel each way."""
+    planes = np.empty((len(COLOURS), *reduced_shape(seen.inside.shape, STRIDE)), np.float32)
+    every(seen, COLOURS, planes)
+    return planes
+
+
+def likeness(colours: Plane, region: NDArray[np.uint8]) -> Plane:
+    """Logarithm of how much likelier each colour is in a region than in all."""
+    ratio = np.empty(region.shape, np.float32)
+    _core.evidence_likelihood(colours, region, ratio)
+    return ratio
+
+
+def likelier(colours: Plane, region: NDArray[np.bool_]) -> Plane:
+    """How much likelier each colour is in a region than in all else; nothing where there are not both."""
+    if not region.any() or region.all():
+        return np.zeros(region.shape, np.float32)
+    return likeness(colours, region.view(np.uint8)) - likeness(colours, (~region).view(np.uint8))
 
 
 def voted(odds: Plane, seen: Features) -> Plane:
@@ -123,7 +144,7 @@ def _compared(slopes: dict[str, Plane], crossed: dict[str, Plane], inside: NDArr
     return [*planes, np.full_like(planes[0], np.log(np.median(slopes["1.5"][inside]) + FAINT))]
 
 
-def _steepest(slope: Plane) -> Plane:
+def steepest(slope: Plane) -> Plane:
     """The largest gradient of each ``STRIDE`` x ``STRIDE`` pixels, so that no way leads between two of them."""
     found = np.empty(reduced_shape(slope.shape, STRIDE), np.float32)
     _core.evidence_steepest(np.ascontiguousarray(slope), found)

@@ -1,7 +1,7 @@
 """Grow the forests that come with ffseg from drawings alone; run ``python -m ffseg.learning.grow [--out DIR]``.
 
-Writes ``prior.ffmodel``, ``base.ffmodel`` and ``box.ffmodel``. No photograph is read: all they learn from is what
-``ffseg/learning/drawn`` draws from the seeds written there. The same versions of NumPy, OpenCV and LightGBM give the same
+Writes ``prior.ffmodel``, ``base.ffmodel``, ``box.ffmodel`` and ``hints.ffmodel``. No photograph is read: all they learn from
+is what ``ffseg/learning/drawn`` draws from the seeds written there. The same versions of NumPy, OpenCV and LightGBM give the same
 bytes on any x86-64 machine: the command starts itself again without the vector instructions that not all of them have
 (`SAME_EVERYWHERE`).
 """
@@ -19,13 +19,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence import base, box, prior
-from ffseg.evidence.features import NAMES, PLACE, WORKING_SIZE, exposed, features
-from ffseg.evidence.forest import Model, to_bytes
+from ffseg.evidence import base, box, hints, prior
+from ffseg.evidence.features import NAMES, PLACE, WORKING_SIZE, enlarged, exposed, features
+from ffseg.evidence.forest import Model, from_bytes, to_bytes
 from ffseg.evidence.surroundings import STRIDE
 from ffseg.image.raster import window_of
 from ffseg.io.files import write_bytes_atomic
 from ffseg.io.images import single_thread
+from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import KINDS, Sight, sights
 from ffseg.learning.training import SETTINGS, converted, known_pixels
 from ffseg.metrics import IGNORED, INSIDE
@@ -54,6 +55,15 @@ most unlike itself."""
 WIDE, LOOSE = 0.8, (-0.02, 0.1)
 """Part of a picture up to which a box is learned from, and by how much a loose box is larger on each side than the one round
 the truth, in parts of the mean of its sides."""
+
+HINTED = 10
+"""Looks at each kind with clicks; each gives a dozen of what one start gives."""
+
+OTHERS = 50_000
+"""Number of the first picture with clicks: what the prior says of those that it has learned from is too good."""
+
+CLICKS, CLICKED, CLICK_SIZES = (3, 8), 150, (0.005, 0.02)
+"""Least number of clicks in a picture and one more than the most; pixels taken after each; radii in parts of its longer side."""
 
 BASE_SEES = tuple(name for name in NAMES if name not in PLACE[:4])
 
@@ -86,13 +96,20 @@ def main() -> int:
         again = [sys.executable, "-m", "ffseg.learning.grow", *sys.argv[1:]]
         os.execve(sys.executable, again, os.environ | SAME_EVERYWHERE)  # noqa: S606 - this very program
     options.out.mkdir(parents=True, exist_ok=True)
+    few = max(1, options.looks * HINTED // LOOKS)
+    about, about_few = (
+        {"drawn": {"looks": count, "kinds": list(KINDS)}, "photographs": 0} for count in (options.looks, few)
+    )
     with ProcessPoolExecutor() as pool:
         looks = [one for found in pool.map(taken, KINDS, [options.looks] * len(KINDS)) for one in found]
-    about = {"drawn": {"looks": options.looks, "kinds": list(KINDS)}, "photographs": 0}
-    forests = ((prior.MODEL, 0, prior.TAKEN), (base.BASE, 1, BASE_SEES), (box.MODEL, 2, box.TAKEN))
-    for path, place, names in forests:
-        seen = [part for look in looks for part in look[place]]
-        write_bytes_atomic(options.out / path.name, to_bytes(grow(seen, names, about)))
+        models = [
+            to_bytes(grow([part for look in looks for part in look[place]], names, about))
+            for place, names in enumerate((prior.TAKEN, BASE_SEES, box.TAKEN))
+        ]
+        hinted = pool.map(told, KINDS, [few] * len(KINDS), models[:1] * len(KINDS))
+        models.append(to_bytes(grow([part for found in hinted for part in found], hints.TAKEN, about_few)))
+    for path, model in zip((prior.MODEL, base.BASE, box.MODEL, hints.MODEL), models, strict=True):
+        write_bytes_atomic(options.out / path.name, model)
     return 0
 
 
@@ -120,6 +137,36 @@ def for_base(seen: Sight, rng: np.random.Generator) -> Samples:
     return picked(planes, known_pixels(seen.truth, found.factor), rng)
 
 
+def told(kind: str, count: int, asked: bytes) -> list[Samples]:
+    """What the hints learn from clicks in pictures that the prior, whose file this is, has not learned from."""
+    single_thread()
+    model = from_bytes(asked, prior.TAKEN)
+    ask, found = (model, model.inside.compiled()), []
+    for number, seen in enumerate(sights(kind, count, OTHERS)):
+        rng = np.random.default_rng([*kind.encode(), number, 2])
+        found += for_clicks(seen, ask, rng)
+    return found
+
+
+def for_clicks(seen: Sight, ask: hints.Asked, rng: np.random.Generator) -> list[Samples]:
+    """Some known pixels after each click of a simulated user but the first, who sees what the prior and colours say."""
+    clicks, found = Clicks((seen.start,)), list[Samples]()
+    for _ in range(int(rng.integers(*CLICKS))):
+        inside, outside = clicks.regions(seen.truth.shape)
+        view = hints.look(seen.image, inside, outside)
+        planes = hints.all_planes(view, ask)
+        if found or len(clicks.inside) + len(clicks.outside) > 1:
+            known = known_pixels(seen.truth, view.seen.factor)[::STRIDE, ::STRIDE]
+            found.append(picked(planes, known, rng, CLICKED))
+        likelier, nearer = (planes[hints.TAKEN.index(name)] for name in ("likelier", "inside_or_outside"))
+        guess = (
+            planes[hints.TAKEN.index("prior")] + rng.uniform() * likelier - rng.uniform(0, 2) * nearer + rng.normal()
+        )
+        mask = (enlarged(guess, view.seen.factor, view.seen.shape, STRIDE) > 0) & ~outside | inside
+        clicks = clicks.next(mask, seen.truth, float(rng.uniform(*CLICK_SIZES)) * max(mask.shape))
+    return found
+
+
 def for_box(kind: str, number: int, seen: Sight) -> list[Samples]:
     """Some known pixels in boxes round what is inside, one as narrow as it is and loose ones; none in wide boxes."""
     rows, columns = (np.flatnonzero((seen.truth == INSIDE).any(axis=axis)) for axis in (1, 0))
@@ -139,14 +186,16 @@ def for_box(kind: str, number: int, seen: Sight) -> list[Samples]:
     return found
 
 
-def picked(planes: NDArray[np.float32], known: NDArray[np.int8], rng: np.random.Generator) -> Samples:
+def picked(
+    planes: NDArray[np.float32], known: NDArray[np.int8], rng: np.random.Generator, most: int = PIXELS
+) -> Samples:
     """Some of the pixels that are known, of planes of shape (F, h, w), half of them inside.
 
     Both sides are weighed between alike and by their area.
     """
     known = known.ravel()
     sides = [np.flatnonzero(known == side) for side in (0, 1)]
-    chosen = [rng.permutation(side)[: PIXELS // 2] for side in sides]
+    chosen = [rng.permutation(side)[: most // 2] for side in sides]
     share = len(sides[1]) / max(1, len(sides[0]) + len(sides[1]))
     weights = [
         np.full(len(one), (0.25 + 0.5 * part) / max(1, len(one)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +11,12 @@ from numpy.typing import NDArray
 from ffseg.errors import SegmentationError
 from ffseg.image.edges import EdgeMap
 from ffseg.native import _core
-from ffseg.parameters import Parameters
+from ffseg.parameters import Parameters, Seed
 
 Plane = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
+
+IN_START = "a background seed lies in the start region; move init.background or the start"
 
 POINT_RADIUS = 2.0
 """Pixels: a point stands for a disc of this radius, as its own pixel may be noise."""
@@ -45,7 +48,10 @@ def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: P
     everything the domain leaves: edges slow them and do not stop them, so that they meet on the edges between them and,
     in a gap, half-way. A pixel both reach at once belongs to the start.
     """
-    rivals = seeds(edges, start, params, background)
+    rivals = seeds(params.init.background, start, background)
+    if params.region.border == "outside":
+        rivals[[0, -1]] = rivals[:, [0, -1]] = True
+        rivals &= ~start
     if not rivals.any():
         return edges
     speed = 1.0 / (1.0 + (edges.magnitude() / SLOPE) ** params.edges.exponent)
@@ -53,16 +59,24 @@ def within_rivals(edges: EdgeMap, start: Mask, params: Parameters, background: P
     return replace(edges, domain=np.where(np.isfinite(ours) & (ours <= theirs), np.uint8(255), np.uint8(0)))
 
 
-def seeds(edges: EdgeMap, start: Mask, params: Parameters, background: Plane | None) -> Mask:
-    """Pixels the rivals start from."""
-    shape = edges.gradient.shape
+def seeds(points: Iterable[Seed], start: Mask, background: Plane | None = None) -> Mask:
+    """Pixels known to lie outside: discs and points, and a mask; what a disc shares with the start is the start's.
+
+    Raises
+    ------
+    SegmentationError
+        If the middle of one lies in the start region or outside the image, or the mask overlaps the start or has another size.
+    """
+    shape = start.shape
     found = np.zeros(shape, np.bool_)
     y, x = np.ogrid[: shape[0], : shape[1]]
-    for column, row, *rest in params.init.background:
+    for column, row, *rest in points:
         if not (-0.5 <= column <= shape[1] - 0.5 and -0.5 <= row <= shape[0] - 0.5):
             raise SegmentationError(
                 f"the background seed at ({column:g}, {row:g}) lies outside the image of {shape[1]} x {shape[0]} pixels"
             )
+        if start[min(round(row), shape[0] - 1), min(round(column), shape[1] - 1)]:
+            raise SegmentationError(IN_START)
         found |= np.hypot(x - column, y - row) <= (rest[0] if rest else POINT_RADIUS)
     if background is not None:
         if background.shape != shape:
@@ -70,12 +84,10 @@ def seeds(edges: EdgeMap, start: Mask, params: Parameters, background: Plane | N
                 f"the background mask has {background.shape[1]} x {background.shape[0]} pixels, the image {shape[1]} x "
                 f"{shape[0]}; init.background_mask must have the image's size"
             )
+        if (start & (background > 0)).any():
+            raise SegmentationError(IN_START)
         found |= background > 0
-    if (found & start).any():
-        raise SegmentationError("a background seed lies in the start region; move init.background or the start")
-    if params.region.border == "outside":
-        found[[0, -1]] = found[:, [0, -1]] = True
-        found &= ~start
+    found &= ~start
     return found
 
 

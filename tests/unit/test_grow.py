@@ -5,20 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ffseg.evidence import base, prior
+from ffseg.evidence import base, hints, prior
 from ffseg.evidence.forest import load_model, to_bytes
 from ffseg.learning.drawn.sights import KINDS, LEAST_DEPTH, sights
-from ffseg.learning.grow import LOOKS, grow, taken
+from ffseg.learning.grow import HINTED, LOOKS, grow, taken, told
 from ffseg.metrics import INSIDE
 
 FLAT = [name for name, kind in KINDS.items() if not kind.alike]
 """Kinds that are painted, not ray cast: quick to draw."""
 
 
-@pytest.mark.parametrize(("path", "names"), [(prior.MODEL, prior.TAKEN), (base.BASE, None)])
-def test_the_models_that_ship_say_what_they_are_of(path: object, names: object) -> None:
+@pytest.mark.parametrize(
+    ("path", "names", "looks"),
+    [(prior.MODEL, prior.TAKEN, LOOKS), (base.BASE, None, LOOKS), (hints.MODEL, hints.TAKEN, HINTED)],
+)
+def test_the_models_that_ship_say_what_they_are_of(path: object, names: object, looks: int) -> None:
     about = load_model(path, *([names] if names else [])).about
-    assert about == {"drawn": {"looks": LOOKS, "kinds": list(KINDS)}, "photographs": 0}
+    assert about == {"drawn": {"looks": looks, "kinds": list(KINDS)}, "photographs": 0}
 
 
 @pytest.mark.parametrize("name", FLAT)
@@ -39,4 +42,9 @@ def test_a_look_does_not_depend_on_how_many_there_are() -> None:
 
 def test_the_same_looks_grow_the_same_bytes() -> None:
     made = [to_bytes(grow([look[0][0] for look in taken("tissue", 2)], prior.TAKEN, {})) for _ in range(2)]
+    assert made[0] == made[1]
+
+
+def test_the_same_clicks_grow_the_same_bytes() -> None:
+    made = [to_bytes(grow(told("nuclei", 2, prior.MODEL.read_bytes()), hints.TAKEN, {})) for _ in range(2)]
     assert made[0] == made[1]

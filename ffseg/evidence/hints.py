@@ -1,0 +1,219 @@
+"""The source ``hints``: what a forest learned from drawings says of what several clicks mean.
+
+What is known to lie inside (start regions) and outside (``init.background``) teaches the colours and ways of both sides of this
+image: the forest sees what the prior sees from the inside, the prior's own say, and the same ways and colours seen from the
+outside. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.evidence import prior
+from ffseg.evidence.box import AGAIN
+from ffseg.evidence.features import BARRIER, STEP, Features, broadened, enlarged, reduced_region, way
+from ffseg.evidence.forest import Model, load_model
+from ffseg.evidence.gradient import gradient
+from ffseg.evidence.maps import blurred, odds_edges
+from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
+from ffseg.evidence.surroundings import STRIDE, colours_of, likelier, likeness, steepest, voted
+from ffseg.image.edges import EdgeMap
+from ffseg.native import _core
+from ffseg.scene import Scene
+from ffseg.starts.rivals import seeds
+
+Plane = NDArray[np.float32]
+Region = NDArray[np.bool_]
+Asked = tuple[Model, _core.EvidenceForest]
+
+MODEL = Path(__file__).with_name("hints.ffmodel")
+
+FAR = 2.0
+"""Distance of what is not there, in parts of the root of the area that is looked at."""
+
+EVEN = 1e-3
+"""Log odds of colours below which clicks on both sides show the same: of equal ones rounding leaves less."""
+
+NEAREST = 0.01
+"""Added to distances, in the same parts, before their logarithm."""
+
+TOLD = (
+    "prior",
+    *(f"outside_{name}" for name in BARRIER),
+    "outside_way",
+    "inside_or_outside",
+    "barrier_or_outside",
+    "outside_likeness",
+    "likelier",
+    "likelier~3",
+    "guessed",
+    "near_inside",
+    "near_outside",
+    "nearer",
+)
+TAKEN = (*prior.TAKEN, *TOLD)
+
+
+@lru_cache(maxsize=1)
+def _model() -> Asked:
+    model = load_model(MODEL, TAKEN)
+    return model, model.inside.compiled()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """What the forest looks at.
+
+    Attributes
+    ----------
+    seen : Features
+        Seen from what is known to lie inside.
+    outside : ndarray of uint8, shape (h, w)
+        1 where it is known to lie outside.
+    """
+
+    seen: Features
+    outside: NDArray[np.uint8]
+
+    def is_even(self) -> bool:
+        """Whether clicks outside show just the colours that those inside show, as in pictures of flat ink."""
+        if not self.outside.any():
+            return False
+        inside, outside = _halved(self.seen.inside), _halved(self.outside)
+        colours = colours_of(self.seen)
+        differs = likeness(colours, inside) - likeness(colours, outside)
+        return bool(np.abs(differs[(inside | outside) > 0]).max() < EVEN)
+
+
+def hint_edges(scene: Scene) -> EdgeMap:
+    """Edges where what was clicked ends: the source ``hints``."""
+    return with_hints(scene, gradient(scene))
+
+
+def with_hints(scene: Scene, own: EdgeMap) -> EdgeMap:
+    """Edges where the evidence falls to ``region.probability``; the image's own where clicks on both sides show the same.
+
+    Raises
+    ------
+    SegmentationError
+        If a click outside lies in the start region or beyond the image.
+    """
+    inside, limits = scene.start_region(), scene.disc if scene.domain is None else scene.domain
+    outside = seeds(scene.params.init.background, inside, scene.background)
+    if limits is not None:
+        inside &= limits > 0
+    odds = hints(scene.image, inside, outside) if inside.any() else None
+    if odds is None:
+        return own
+    edges = odds_edges(odds, scene.params.region.probability, own, "hints")
+    if edges is own or not outside.any():
+        return edges
+    within = ~outside if limits is None else ~outside & (limits > 0)
+    return replace(edges, domain=np.where(within, np.uint8(255), np.uint8(0)))
+
+
+def hints(image: NDArray[np.uint8], inside: Region, outside: Region) -> Plane | None:
+    """Evidence of what clicks mean.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    inside, outside : ndarray of bool, shape (H, W)
+        Pixels known to lie there, at least one inside, none in both.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W), or None
+        Logarithm of the odds of belonging to what is meant, at most ``CERTAIN`` either way; None where both sides show the same.
+    """
+    view = look(image, inside, outside)
+    if view.is_even():
+        return None
+    whole = enlarged(_odds(view), view.seen.factor, view.seen.shape, STRIDE)
+    whole[outside], whole[inside] = -CERTAIN, CERTAIN
+    return whole
+
+
+def _odds(view: View) -> Plane:
+    """Log odds of every `STRIDE`-th pixel; colours of what was found at first are asked again."""
+    model, native = _model()
+    seen = view.seen
+    odds = np.clip(model.inside.log_odds(all_planes(view, prior.model()), native), -CERTAIN, CERTAIN)
+    odds[thin(view.outside) > 0], odds[thin(seen.inside) > 0] = -CERTAIN, CERTAIN
+    again = likelier(colours_of(seen), voted(odds, seen) > 0)
+    return blurred(voted(odds + np.float32(AGAIN) * again, seen), SMOOTHING / STRIDE)
+
+
+def look(image: NDArray[np.uint8], inside: Region, outside: Region) -> View:
+    """The image, seen from what is known of it."""
+    seen = prior.look(image, inside, prior.model()[0].size)
+    beyond = (
+        broadened(reduced_region(outside, seen.factor), LEAST_START) if outside.any() else np.zeros_like(seen.inside)
+    )
+    beyond[seen.inside > 0] = 0
+    return View(seen, beyond)
+
+
+def thin(region: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Every `STRIDE`-th pixel each way."""
+    return np.ascontiguousarray(region[::STRIDE, ::STRIDE])
+
+
+def all_planes(view: View, asked: Asked) -> Plane:
+    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel; of the prior, `asked` is the model."""
+    seen = view.seen
+    planes = np.empty((len(TAKEN), *thin(seen.inside).shape), np.float32)
+    own, told = planes[: len(prior.TAKEN)], planes[len(prior.TAKEN) :]
+    own[:] = prior.all_planes(seen)
+    told[0] = np.clip(asked[0].inside.log_odds(own, asked[1]), -CERTAIN, CERTAIN)
+    from_inside = {name: own[prior.TAKEN.index(name)] for name in ("way", "barrier@1.5")}
+    for to, plane in zip(told[1:], _told(view, told[0], from_inside["way"], from_inside["barrier@1.5"]), strict=True):
+        to[:] = plane
+    return planes
+
+
+def _told(view: View, odds: Plane, own_way: Plane, own_barrier: Plane) -> list[Plane]:
+    """What stands on ways from outside, how much likelier a colour is inside, and which side is nearer."""
+    seen, inside, outside = view.seen, _halved(view.seen.inside), _halved(view.outside)
+    barrier, length = np.zeros((len(BARRIER), *odds.shape), np.float32), np.zeros_like(odds)
+    colours = colours_of(seen)
+    alike, other = likeness(colours, inside), np.zeros_like(odds)
+    near, far = _distance(inside), np.full_like(odds, FAR)
+    guess = odds > 0
+    if outside.any():
+        slope = steepest(seen["slope@1.5"])
+        _core.evidence_barrier(slope, outside, STEP, barrier)
+        way(slope, outside, length)
+        other, far = likeness(colours, outside), _distance(outside)
+        guess &= own_way < length
+    return [
+        *barrier,
+        length,
+        np.log((own_way + 1) / (length + 1)),
+        np.log((own_barrier + 1) / (barrier[0] + 1)),
+        blurred(other, 1.0 / STRIDE),
+        blurred(alike - other, 1.0 / STRIDE),
+        blurred(alike - other, 3.0 / STRIDE),
+        blurred(likelier(colours, guess), 1.0 / STRIDE),
+        near,
+        far,
+        np.log((near + NEAREST) / (far + NEAREST)),
+    ]
+
+
+def _halved(region: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A region at every `STRIDE`-th pixel: where half of these lie in it, or, if there are none, any."""
+    return reduced_region(region > 0, STRIDE) if region.any() else thin(region)
+
+
+def _distance(region: NDArray[np.uint8]) -> Plane:
+    """Distance to a region in parts of the root of the area."""
+    length = np.empty(region.shape, np.float32)
+    _core.evidence_geodesic(np.zeros_like(length), region, 1.0, 1, length)
+    return length / np.float32(np.sqrt(length.size))

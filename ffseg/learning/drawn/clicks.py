@@ -1,0 +1,51 @@
+"""A simulated user, who clicks deepest in the largest error; evidence learns from its clicks, and campaigns count them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.metrics import IGNORED, INSIDE
+from ffseg.parameters import Circle
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Clicks:
+    """Circles (x, y, radius) inside and outside, px."""
+
+    inside: tuple[Circle, ...] = ()
+    outside: tuple[Circle, ...] = ()
+
+    def next(self, mask: Mask, truth: NDArray[np.uint8], radius: float) -> Clicks:
+        """With one more in what a mask misses or has too much; a circle is no larger than the error is deep."""
+        depths = [
+            cv2.distanceTransform(np.pad(error.astype(np.uint8), 1), cv2.DIST_L2, 5)[1:-1, 1:-1]
+            for error in ((truth == INSIDE) & ~mask, (truth != INSIDE) & (truth != IGNORED) & mask)
+        ]
+        outside = bool(depths[1].max() > depths[0].max())
+        deepest = float(depths[outside].max())
+        row, column = np.unravel_index(int(depths[outside].argmax()), truth.shape)
+        if deepest == 0:
+            return self
+        circle = (float(column), float(row), min(radius, max(1.0, deepest - 1)))
+        if outside:
+            return replace(self, outside=(*self.outside, circle))
+        return replace(self, inside=(*self.inside, circle))
+
+    def regions(self, shape: tuple[int, ...]) -> tuple[Mask, Mask]:
+        """Pixels known to lie inside, and outside."""
+        return covered(self.inside, shape), covered(self.outside, shape)
+
+
+def covered(circles: tuple[Circle, ...], shape: tuple[int, ...]) -> Mask:
+    """Pixels of circles."""
+    rows, columns = np.ogrid[: shape[0], : shape[1]]
+    found = np.zeros(shape[:2], np.bool_)
+    for x, y, radius in circles:
+        found |= (rows - y) ** 2 + (columns - x) ** 2 <= radius**2
+    return found

@@ -1,0 +1,94 @@
+"""What clicks say of an image: where they lie holds, and what they show of both sides teaches the evidence."""
+
+from __future__ import annotations
+
+from statistics import mean
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import ffseg
+from ffseg.learning.drawn.clicks import Clicks, covered
+from ffseg.learning.drawn.sights import Sight, sights
+from ffseg.metrics import INSIDE, iou
+from ffseg.parameters import Circle
+from ffseg.result import Segmentation
+
+UNSEEN = 300_000
+"""Number of the first picture: the forest has learned from others."""
+
+
+def segmented(seen: Sight, clicks: Clicks) -> Segmentation:
+    circles, background = ([list(one) for one in side] for side in (clicks.inside, clicks.outside))
+    return ffseg.segment(seen.image, {"init.circles": circles, "init.background": background})
+
+
+def clicked(seen: Sight, count: int) -> list[tuple[Clicks, Segmentation]]:
+    """What so many clicks of a simulated user give, one after another."""
+    clicks, mask, found = Clicks(), np.zeros(seen.truth.shape, np.bool_), []
+    for _ in range(count):
+        clicks = clicks.next(mask, seen.truth, 0.01 * max(mask.shape))
+        found.append((clicks, segmented(seen, clicks)))
+        mask = found[-1][1].mask
+    return found
+
+
+@pytest.mark.parametrize("kind", ["animal", "organ", "nuclei"])
+def test_every_click_holds(kind: str) -> None:
+    for seen in sights(kind, 2, UNSEEN):
+        for clicks, found in clicked(seen, 5):
+            assert_held(clicks, found)
+
+
+def assert_held(clicks: Clicks, found: Segmentation) -> None:
+    """But for a rim of a pixel and a half: the contour settles on an edge that near."""
+    inside, outside = (
+        tuple((x, y, max(radius - 1.5, 0.5)) for x, y, radius in side) for side in (clicks.inside, clicks.outside)
+    )
+    assert found.mask[covered(inside, found.mask.shape)].all()
+    assert not found.mask[covered(outside, found.mask.shape)].any()
+
+
+def test_clicks_on_drawings_that_were_not_learned_from_mend_what_the_first_left() -> None:
+    first, third = [], []
+    for kind in ("animal", "organ", "nuclei", "tissue", "thing"):
+        for seen in sights(kind, 2, UNSEEN):
+            runs = clicked(seen, 3)
+            first.append(iou(runs[0][1].mask, seen.truth))
+            third.append(iou(runs[2][1].mask, seen.truth))
+    assert mean(third) > mean(first) + 0.05
+    assert mean(third) > 0.8
+
+
+def halves() -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Two speckled halves of almost one colour with no edge between them, and the left one as a truth."""
+    image = np.full((160, 240, 3), 120, np.uint8)
+    image[:, 120:] = (120, 132, 108)
+    rng = np.random.default_rng(0)
+    image = np.clip(image + rng.normal(0, 12, image.shape), 0, 255).astype(np.uint8)
+    return image, np.where(np.arange(240) < 120, INSIDE, 0).astype(np.uint8)[None].repeat(160, axis=0)
+
+
+def test_one_start_alone_is_the_priors() -> None:
+    image, _ = halves()
+    start = {"init.center": [40, 80], "init.radius": 12}
+    assert ffseg.segment(image, start).source in {"gradient", "prior"}
+
+
+def test_both_sides_teach_their_colours() -> None:
+    image, truth = halves()
+    discs: dict[str, list[Circle]] = {"init.circles": [(40, 80, 12)], "init.background": [(200, 80, 12)]}
+    found = ffseg.segment(image, discs)
+    assert found.source == "hints"
+    assert iou(found.mask, truth) > 0.9
+    turned = {"init.circles": discs["init.background"], "init.background": discs["init.circles"]}
+    assert iou(ffseg.segment(image, turned).mask, np.where(truth == INSIDE, 0, INSIDE).astype(np.uint8)) > 0.9
+
+
+def test_circles_that_overlap_a_click_outside_keep_their_own_pixels() -> None:
+    image, _ = halves()
+    clicks = Clicks(((40.0, 80.0, 8.0),), ((51.0, 80.0, 4.0),))
+    circles, background = ([list(one) for one in side] for side in (clicks.inside, clicks.outside))
+    found = ffseg.segment(image, {"init.circles": circles, "init.background": background, "edges.source": "hints"})
+    assert_held(clicks, found)
