@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence.features import PLACE, PLAIN, Features, enlarged, exposed, features
+from ffseg.evidence.features import BARRIER, PLACE, PLAIN, STEP, Features, enlarged, exposed, features, reduced_region
 from ffseg.evidence.forest import Model, load_model
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
-from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, voted
+from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, thinned, voted
 from ffseg.image.edges import EdgeMap
 from ffseg.native import _core
 from ffseg.scene import Scene
@@ -28,7 +28,13 @@ SEEN = tuple(name for name in PLAIN if name not in PLACE[:4] and not name.starts
 """Features the forest sees: all but the place in the image and the direction from the start (the distance it sees), and but
 gradients as they are, which only tell where they stand on a way."""
 
-TAKEN = (*SEEN, *SURROUNDINGS)
+UNLIKE = tuple(f"unlike_{name}" for name in BARRIER)
+"""Planes of a flood from the start over colours, which rises as these become less like the start's."""
+
+ALIKE = 5.0
+"""Logarithm of how much likelier a colour is in the start than in the image from which on it holds no flood up."""
+
+TAKEN = (*SEEN, *SURROUNDINGS, *UNLIKE)
 
 SMOOTHING = 1.0
 """Reduced pixels, afterwards."""
@@ -76,10 +82,12 @@ def look(image: NDArray[np.uint8], starts: NDArray[np.bool_], size: int, least: 
 
 
 def all_planes(seen: Features) -> NDArray[np.float32]:
-    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel: those of ``SEEN``, the surroundings."""
+    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel: `SEEN`, the surroundings, the flood."""
     planes = np.empty((len(TAKEN), *seen.inside[::STRIDE, ::STRIDE].shape), np.float32)
     every(seen, SEEN, planes[: len(SEEN)])
-    surroundings(seen, planes[len(SEEN) :])
+    surroundings(seen, planes[len(SEEN) : -len(UNLIKE)])
+    heights = np.maximum(np.float32(ALIKE) - blurred(thinned(seen["likeness"]), 1.0 / STRIDE), np.float32(0))
+    _core.evidence_barrier(heights, reduced_region(seen.inside > 0, STRIDE), STEP, planes[-len(UNLIKE) :])
     return planes
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ffseg.api import segment
 from ffseg.evidence.features import MIDDLE, exposed
-from ffseg.evidence.prior import CERTAIN, LEAST_START, look, prior
+from ffseg.evidence.prior import CERTAIN, LEAST_START, TAKEN, all_planes, look, prior
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.boundary import Boundary
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
@@ -102,6 +102,19 @@ def test_the_start_is_inside_whatever_it_looks_like() -> None:
     start = np.zeros((90, 120), np.bool_)
     start[40:50, 50:70] = True
     assert (prior(image, start)[start] == CERTAIN).all()
+
+
+def test_what_looks_like_the_start_behind_another_colour_is_as_far_off_as_that() -> None:
+    """No colour tells the strips on both sides from each other; a flood over colours does."""
+    image = np.repeat(np.repeat([90, 160, 90], 30)[None], 60, axis=0).astype(np.uint8)
+    start = np.hypot(*(np.indices(image.shape) - np.array([30, 15])[:, None, None])) < 8
+    planes = dict(zip(TAKEN, all_planes(look(image, start, 400)), strict=True))
+    near, across, behind = ((slice(None), slice(first, first + 8)) for first in (3, 18, 34))  # of every second pixel
+    middles = [np.median(planes["from_start@0.7"][place]) for place in (near, behind)]
+    assert middles[0] == pytest.approx(middles[1], abs=1e-3)
+    flood = planes["unlike_barrier"]
+    assert flood[near].max() < flood[across].min()
+    assert flood[behind].min() >= flood[across].max()
 
 
 @pytest.mark.parametrize("radius", [1.0, 2.0, 3.0])
