@@ -131,13 +131,6 @@ def test_points_on_the_ground_let_it_pass_a_painted_ring() -> None:
     assert (both & truth).sum() / (both | truth).sum() > 0.99
 
 
-def test_an_obstacle_wins_where_zones_overlap() -> None:
-    edges, truth = altitude_case()
-    mixed = np.concatenate([ring_of(0.0, 24), ring_of(0.5, 24)])
-    contours, _ = evolved(edges, (START,), Parameters(), altitudes=mixed)
-    assert rasterize(contours, SHAPE).sum() < 0.4 * truth.sum()
-
-
 def test_too_few_ground_points_do_not_open_the_ring() -> None:
     edges, truth = altitude_case()
     sparse = ring_of(0.0, 3)
