@@ -16,9 +16,10 @@ from ffseg import __version__
 from ffseg.batch.executors.base import Assignment, Choice, Do, Executor
 from ffseg.batch.executors.chunks import left_over, numbered
 from ffseg.batch.outputs.table import GROUND, MAP_FILES, OUTPUTS
-from ffseg.batch.plan.jobs import Job, Plan, foreign_outputs, output_folders, prepare_output
+from ffseg.batch.plan.jobs import Plan, output_folders, prepare_output, refuse_foreign
+from ffseg.batch.plan.sources import Job
 from ffseg.batch.record.finish import StoppedError, find_moved, put_in_order
-from ffseg.batch.record.header import refuse_other_packing, refuse_other_parameters, run_header
+from ffseg.batch.record.header import refuse_mixing, run_header
 from ffseg.batch.record.journal import Journal, read_header, state_folder
 from ffseg.batch.record.keeper import Completed, Keeper
 from ffseg.batch.record.lock import OutputLock
@@ -182,8 +183,7 @@ class Run:
         begin = perf_counter()
         self._held.enter_context(OutputLock(self._plan.out, self._state))
         if not self._options.overwrite:
-            refuse_other_parameters(self._plan.out, self._state, header)
-            refuse_other_packing(self._plan.out, self._state, pack=self._plan.products.pack)
+            refuse_mixing(self._plan.out, self._state, header, pack=self._plan.products.pack)
         prepare_output(self._plan, self._state)
         self._sweep()
         self._open(header)
@@ -308,25 +308,8 @@ class Run:
 
     def _task(self, job: Job) -> Task:
         record = None if self._options.overwrite else self._keeper.journal.get(job.index)
-        fits = record is not None and record.made and record.version == __version__
-        recorded = record.recorded if record is not None and fits and record.settings == self._keeper.settings else None
-        outputs = self._plan.outputs(job)
-        return Task(
-            index=job.index,
-            path=job.source.path,
-            truth=job.truth,
-            out=self._plan.out,
-            outputs=outputs,
-            recorded=recorded,
-            name=job.source.name,
-            earlier=job.earlier,
-            start=job.start,
-            depends=job.depends,
-            evidence=job.evidence,
-            domain=job.domain,
-            span=job.source.span,
-            past=job.past,
-        )
+        fits = record is not None and record.fits(self._keeper.settings)
+        return Task(job, self._plan.out, self._plan.outputs(job), record if fits else None)
 
     def take(self, replies: Sequence[Reply]) -> None:
         """Write what replies bring and remember it: never more images at once than there are workers."""
@@ -444,19 +427,6 @@ def _untried(job: Job) -> Failed:
     """The reply for an image that cannot even be tried."""
     reason, message = job.source.problem.split(": ", 1)
     return Failed(job.index, reason, message)
-
-
-def refuse_foreign(plan: Plan) -> None:
-    """Refuse to replace what no run has made.
-
-    Raises
-    ------
-    UsageError
-        Naming it.
-    """
-    foreign = foreign_outputs(plan)
-    if foreign:
-        raise UsageError(f"{printable(foreign)} exists and no run made it; choose another folder or use --overwrite")
 
 
 def feed(run: Run, executor: Executor) -> None:

@@ -9,8 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from ffseg.batch.plan.jobs import Job, Plan
+from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.plan.reading import told
+from ffseg.batch.plan.sources import Job
 from ffseg.batch.preview import Preview
 from ffseg.batch.runner import Run, Summary
 from ffseg.cli import console

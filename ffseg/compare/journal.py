@@ -9,12 +9,12 @@ from dataclasses import asdict
 from pathlib import Path
 
 from ffseg import __version__
-from ffseg.batch.plan.jobs import Job
+from ffseg.batch.plan.sources import Job
 from ffseg.batch.record.header import run_header
 from ffseg.batch.record.values import json_line, parsed_line
 from ffseg.batch.tar.members import digest
-from ffseg.batch.workers.freshness import read_task
-from ffseg.batch.workers.messages import Setup, Task
+from ffseg.batch.workers.freshness import read_job
+from ffseg.batch.workers.messages import Setup
 from ffseg.compare.values import Comparison, Row
 from ffseg.errors import ImageReadError
 from ffseg.plugins import check
@@ -46,9 +46,8 @@ class Journal:
 
     def key(self, job: Job) -> str:
         """Name and content of everything particular to an image; empty where it cannot be read."""
-        task = Task(job.index, job.source.path, job.truth, "", (), None, job.source.name, (), job.start, job.depends)
         try:
-            seen = read_task(task, self._setup).digests if job.source.span is None else None
+            seen = read_job(job, self._setup).digests if job.source.span is None else None
         except ImageReadError:
             return ""
         return f"{job.source.name} {seen.content} {seen.truth}" if seen is not None else ""

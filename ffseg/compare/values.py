@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ffseg.batch.plan.jobs import Job
+from ffseg.batch.plan.sources import Job
 from ffseg.parameters import Parameters
 from ffseg.peer_parameters import PeerParameters
 

@@ -9,7 +9,7 @@ import os
 import re
 import stat
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from ffseg.errors import ImageReadError, OutputError
 
@@ -246,7 +246,8 @@ _REMEDIES = {
 def unwritten(path: str, error: OSError) -> OutputError:
     """What is said of a file that cannot be written."""
     remedy = _REMEDIES.get(error.errno or 0, "check the folder")
-    return OutputError(f"{printable(path)} cannot be written ({os.strerror(error.errno or 0)}); {remedy}")
+    reason = os.strerror(error.errno) if error.errno else error
+    return OutputError(f"{printable(path)} cannot be written ({reason}); {remedy}")
 
 
 def require_replaceable(target: str) -> None:
@@ -282,6 +283,27 @@ def temporary_path(target: str) -> str:
     """
     name = f"{TEMPORARY_PREFIX}{os.getpid()}-{_TOKEN}-{next(_counter)}{TEMPORARY_SUFFIX}"
     return os.path.join(os.path.dirname(target), name)
+
+
+@contextlib.contextmanager
+def replacement(path: str) -> Iterator[str]:
+    """Name to write a file under, which gets its own when the block ends; nothing is left of it when the block fails.
+
+    Raises
+    ------
+    OutputError
+        Naming the path and the system's reason, when something cannot be written.
+    """
+    require_replaceable(path)
+    temporary = temporary_path(path)
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    except OSError as error:
+        raise unwritten(path, error) from error
+    finally:
+        with contextlib.suppress(OSError):  # it has got its name, or was never made
+            os.unlink(temporary)
 
 
 def is_temporary(name: str) -> bool:

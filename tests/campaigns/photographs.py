@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.api import segment
-from ffseg.batch.plan.jobs import Job
+from ffseg.batch.plan.sources import Job
 from ffseg.compare.run import compare, plan_comparison
 from ffseg.compare.values import Comparison, Row
 from ffseg.errors import FfsegError

@@ -24,6 +24,7 @@ from ffseg.batch.executors import dask, held
 from ffseg.batch.executors.base import Assignment, Choice
 from ffseg.batch.executors.processes import Processes
 from ffseg.batch.outputs.table import Products
+from ffseg.batch.plan.sources import Job, Source
 from ffseg.batch.workers.launch import Process, launch
 from ffseg.batch.workers.messages import Setup, Task
 from ffseg.errors import UsageError, WorkerLostError
@@ -257,7 +258,11 @@ def test_a_worker_that_is_being_started_when_the_run_is_stopped_ends_as_well(
         return process
 
     monkeypatch.setattr("ffseg.batch.executors.processes.launch", started)
-    executor.put(Task(0, str(tmp_path / NAMES[0]), "", str(tmp_path), ("masks/i0.png", "contours/i0.svg")))
+    executor.put(
+        Task(
+            Job(0, Source(str(tmp_path / NAMES[0]), NAMES[0]), "i0"), str(tmp_path), ("masks/i0.png", "contours/i0.svg")
+        )
+    )
     assert list(executor.replies(20_000)) == []  # the process is handed the image, and its end is heard of
     with pytest.raises(WorkerLostError, match="told to end"):
         list(executor.replies(20_000))

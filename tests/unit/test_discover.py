@@ -10,7 +10,7 @@ import pytest
 from batches import make_images
 
 from ffseg.batch.plan.discover import discover
-from ffseg.batch.plan.jobs import foreign_outputs, make_plan, prepare_output
+from ffseg.batch.plan.jobs import make_plan, prepare_output, refuse_foreign
 from ffseg.errors import OutputError, UsageError
 
 
@@ -133,11 +133,12 @@ def test_truths_beside_their_images_are_no_inputs(tmp_path: Path) -> None:
 def test_outputs_no_run_made_are_found(tmp_path: Path) -> None:
     _touch(tmp_path / "in", "a.png")
     plan = make_plan([str(tmp_path / "in")], str(tmp_path / "out"))
-    assert foreign_outputs(plan) == ""
+    refuse_foreign(plan)
     _touch(tmp_path / "out", "masks/a.png")
-    assert foreign_outputs(plan).endswith("masks/a.png")
+    with pytest.raises(UsageError, match=r"masks/a\.png exists and no run made it"):
+        refuse_foreign(plan)
     _touch(tmp_path / "out", ".ffseg/lock")
-    assert foreign_outputs(plan) == ""
+    refuse_foreign(plan)
 
 
 def test_names_too_long_for_their_outputs_are_a_failed_row(tmp_path: Path) -> None:

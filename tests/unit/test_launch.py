@@ -24,6 +24,7 @@ from ffseg.batch.workers.launch import Forked, launch
 held = os.open(os.devnull, os.O_RDONLY)
 worker = launch()
 seen = {{"forked": isinstance(worker.handle, Forked), "heavy": "numpy" in sys.modules}}
+from ffseg.batch.plan.sources import Job, Source
 from ffseg.batch.workers.messages import Setup, Task, receive, send
 from ffseg.parameters import load_params
 
@@ -37,7 +38,7 @@ names = ("masks/0.png", "contours/0.svg")
 for index in range(8):
     if index == 4:
         first = faults()
-    send(worker.tasks, Task(index, sys.argv[1], "", "out", names))
+    send(worker.tasks, Task(Job(index, Source(sys.argv[1], "0.png"), "0"), "out", names))
     reply = receive(worker.replies)
 seen["faults"] = (faults() - first) / 4
 seen["status"] = type(reply).__name__

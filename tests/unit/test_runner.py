@@ -15,8 +15,8 @@ import stand_in
 from batches import Silent, make_images, run_batch, snapshot, table
 from PIL import Image
 
-import ffseg.batch.runner as runner_module
 from ffseg.batch.outputs.table import Products
+from ffseg.batch.plan.sources import Job, Source
 from ffseg.batch.runner import TIMING_COLUMNS
 from ffseg.batch.workers import work
 from ffseg.batch.workers.messages import Failed, Setup, Task
@@ -75,7 +75,7 @@ def test_touched_image_of_the_same_content_is_done(images: Path, tmp_path: Path)
 
 def test_other_version_does_all_again(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run_batch(images, tmp_path / "out")
-    monkeypatch.setattr(runner_module, "__version__", "99")
+    monkeypatch.setattr("ffseg.batch.record.values.__version__", "99")
     assert run_batch(images, tmp_path / "out").done == 12
 
 
@@ -146,7 +146,7 @@ def test_opencv_without_memory_is_out_of_memory(images: Path, monkeypatch: pytes
         raise error
 
     monkeypatch.setattr(work, "read_picture", starved)
-    task = Task(0, str(images / NAMES[0]), "", "", ("masks/a.png", "contours/a.svg"), None, NAMES[0])
+    task = Task(Job(0, Source(str(images / NAMES[0]), NAMES[0]), "a"), "", ("masks/a.png", "contours/a.svg"))
     reply = work.Workbench(Setup(params=load_params())).reply(task)
     assert isinstance(reply, Failed)
     assert reply.reason == "out-of-memory"

@@ -175,9 +175,9 @@ class Dask(Executor):
         found = dict(replies(self._chunks.path(number), self._start.settings))
         for task in tasks:
             lost = Failed(
-                task.index, "crash", "the workers that had it ended before it was done; run again to try it again"
+                task.job.index, "crash", "the workers that had it ended before it was done; run again to try it again"
             )
-            yield numbered(found[task.name], task.index) if task.name in found else lost
+            yield numbered(found[task.job.source.name], task.job.index) if task.job.source.name in found else lost
         with contextlib.suppress(OSError):
             os.unlink(self._chunks.path(number))
 
@@ -242,14 +242,14 @@ def do_chunk(order: Order) -> dict[str, str]:
         If the setup does not work.
     """
     done = {name for name, _ in replies(order.path, order.settings)}
-    left = [task for task in order.tasks if task.name not in done]
+    left = [task for task in order.tasks if task.job.source.name not in done]
     with (
         worker_process(order.key, order.setup, order.timeout, order.going) as held,
         open(order.path, "ab", buffering=0) as file,  # noqa: PTH123 - append
         contextlib.closing(_Outputs(order)) as outputs,
     ):
         file.write(b"\n")  # after a line that a dead worker has not finished
-        names = {task.index: task.name for task in left}
+        names = {task.job.index: task.job.source.name for task in left}
         executor, tasks = held.executor, iter(left)
         waiting = 0
         while os.path.exists(order.going):

@@ -227,7 +227,7 @@ class Processes(Executor):
             task = worker.queue.popleft()
             self._waiting.extendleft(reversed(worker.queue))
             message = f"the worker process ended ({_ending(code)}) while it had this image; it was not tried again"
-            yield Failed(task.index, "crash", message, tail)
+            yield Failed(task.job.index, "crash", message, tail)
 
     def _overdue(self) -> Iterator[Reply]:
         if not self._timeout:
@@ -239,7 +239,7 @@ class Processes(Executor):
             worker.queue.clear()
             self._drop(worker)
             message = f"it took more than {self._timeout:g} s; raise --timeout or leave it out"
-            yield Failed(task.index, "timeout", message)
+            yield Failed(task.job.index, "timeout", message)
 
 
 def _ending(code: int) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from itertools import islice
 from typing import Any
 
-from ffseg.errors import OutputError, UsageError
-from ffseg.io.files import printable, require_replaceable, temporary_path
+from ffseg.errors import UsageError
+from ffseg.io.files import replacement
 
 _BATCH = 20_000
 _TEXTS = frozenset({"image", "status", "error", "method", "stop_reason", "note", "source", "pair", "doubts"})
@@ -42,20 +41,11 @@ def write_parquet(path: str, columns: Sequence[str], rows: Iterable[Mapping[str,
     from pyarrow import parquet
 
     schema = pyarrow.schema([(column, _type(pyarrow, column)) for column in columns])
-    require_replaceable(path)
-    temporary = temporary_path(path)
     rows = iter(rows)
-    try:
-        with parquet.ParquetWriter(temporary, schema) as writer:
-            while batch := list(islice(rows, _BATCH)):
-                cells = [[_cell(row.get(column), column) for row in batch] for column in columns]
-                writer.write_batch(pyarrow.record_batch(cells, schema=schema))
-        os.replace(temporary, path)
-    except OSError as error:
-        raise OutputError(f"{printable(path)} cannot be written ({error}); free some space") from error
-    finally:
-        if os.path.exists(temporary):
-            os.unlink(temporary)
+    with replacement(path) as temporary, parquet.ParquetWriter(temporary, schema) as writer:
+        while batch := list(islice(rows, _BATCH)):
+            cells = [[_cell(row.get(column), column) for row in batch] for column in columns]
+            writer.write_batch(pyarrow.record_batch(cells, schema=schema))
 
 
 def _type(pyarrow: Any, column: str) -> Any:  # noqa: ANN401 - a module without types

@@ -22,52 +22,13 @@ from ffseg.batch.outputs.table import (
 from ffseg.batch.plan.beside import find_domains, find_evidence, find_truths
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.reading import parted, place_of
-from ffseg.batch.plan.sources import STATE_FOLDER, Source, film_of
+from ffseg.batch.plan.sources import STATE_FOLDER, Job, Source, film_of
 from ffseg.errors import OutputError, UsageError
 from ffseg.io.files import SKIP_FILE, make_folder, printable, write_bytes_atomic
-from ffseg.io.starts import Start, load_starts
+from ffseg.io.starts import load_starts
 
 MAX_NAME_BYTES = 255
 """The longest file name of the file systems in use."""
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """One image of a run.
-
-    Attributes
-    ----------
-    index : int
-        Place in the input order.
-    stem : str
-        Name of its outputs below ``masks/`` and so on, without the suffix.
-    truth : str
-        Path of the true mask, for `read_input`; or empty.
-    earlier : tuple of str
-        Paths of the images before it in its sequence, the nearest first.
-    start : Start or None
-        Its own start circle; None leaves the parameters'.
-    depends : tuple of str
-        Paths of further files that its result depends on, such as its own domain or evidence map. Whatever is added to a
-        job and read from a file belongs here: with another content the image is done again.
-    evidence : str
-        Path of its map of evidence, or empty; also one of `depends`.
-    domain : str
-        Path of its own domain, or empty; also one of `depends`.
-    past : str
-        Mask of the frame before it in its film, below the output folder; or empty.
-    """
-
-    index: int
-    source: Source
-    stem: str
-    truth: str = ""
-    earlier: tuple[str, ...] = ()
-    start: Start | None = None
-    depends: tuple[str, ...] = ()
-    evidence: str = ""
-    domain: str = ""
-    past: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,13 +296,21 @@ def _identity(path: str) -> tuple[int, int] | None:
     return status.st_dev, status.st_ino
 
 
-def foreign_outputs(plan: Plan) -> str:
-    """First planned output that exists although no run has left its state in the output folder; else empty."""
+def refuse_foreign(plan: Plan) -> None:
+    """Refuse to replace what no run has made.
+
+    Raises
+    ------
+    UsageError
+        If a planned output exists although no run has left its state in the output folder; naming it.
+    """
     if os.path.isdir(os.path.join(plan.out, STATE_FOLDER)):
-        return ""
+        return
     if not plan.tars and not any(os.path.isdir(os.path.join(plan.out, folder)) for folder in OUTPUT_FOLDERS):
-        return ""
-    return next((path for path in _written(plan) if os.path.lexists(path)), "")
+        return
+    foreign = next((path for path in _written(plan) if os.path.lexists(path)), "")
+    if foreign:
+        raise UsageError(f"{printable(foreign)} exists and no run made it; choose another folder or use --overwrite")
 
 
 def output_folders(plan: Plan) -> list[str]:

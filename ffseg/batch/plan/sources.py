@@ -1,13 +1,17 @@
-"""One input image, the suffixes images have, and the order of their names."""
+"""One input image and the job it becomes, the suffixes images have, and the order of their names."""
 
 from __future__ import annotations
 
 import posixpath
 import re
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from ffseg.batch.plan.reading import member_path
 from ffseg.io.films import ANIMATIONS, FILMS
+
+if TYPE_CHECKING:
+    from ffseg.io.starts import Start
 
 READ_SUFFIXES = ".png .jpg .jpeg .jpe .jfif .tif .tiff .bmp .dib .webp .gif .ppm .pgm .pbm .pnm .jp2 .avif .heic .heif"
 _REFUSED = ".jxl .exr .hdr .pfm .pam .j2k .jpx .psd"
@@ -57,6 +61,45 @@ class Source:
     def told(self) -> str:
         """The path as people know it: that of a member stands behind its archive's."""
         return self.path if self.span is None else f"{self.path}/{self.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One image of a run.
+
+    Attributes
+    ----------
+    index : int
+        Place in the input order.
+    stem : str
+        Name of its outputs below ``masks/`` and so on, without the suffix.
+    truth : str
+        Path of the true mask, for `read_input`; or empty.
+    earlier : tuple of str
+        Paths of the images before it in its sequence, the nearest first.
+    start : Start or None
+        Its own start circle; None leaves the parameters'.
+    depends : tuple of str
+        Paths of further files that its result depends on, such as its own domain or evidence map. Whatever is added to a
+        job and read from a file belongs here: with another content the image is done again.
+    evidence : str
+        Path of its map of evidence, or empty; also one of `depends`.
+    domain : str
+        Path of its own domain, or empty; also one of `depends`.
+    past : str
+        Mask of the frame before it in its film, below the output folder; or empty.
+    """
+
+    index: int
+    source: Source
+    stem: str
+    truth: str = ""
+    earlier: tuple[str, ...] = ()
+    start: Start | None = None
+    depends: tuple[str, ...] = ()
+    evidence: str = ""
+    domain: str = ""
+    past: str = ""
 
 
 def film_of(name: str) -> str:

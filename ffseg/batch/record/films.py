@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from importlib.util import find_spec
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +17,12 @@ from ffseg.batch.plan.sources import film_of
 from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import output_bytes
 from ffseg.errors import ImageReadError, OutputError, UsageError
-from ffseg.io.files import printable, require_replaceable, temporary_path
+from ffseg.io.files import printable, replacement
 from ffseg.io.images import decode_image
 from ffseg.io.overlays import as_colour
+
+if TYPE_CHECKING:
+    from ffseg.batch.record.tables import Records
 
 _CODECS = {
     "mask": ("libx264", "yuv420p", {"qp": "0", "preset": "veryfast"}),
@@ -33,13 +35,6 @@ _RATE = 25
 _CLOCK = 90_000
 _MOST_BYTES = 1 << 30
 Timed = tuple[float, NDArray[np.uint8]]
-
-
-class Records(Protocol):
-    """The records that stand in the tables."""
-
-    def records(self) -> Iterator[Record]:
-        """In the order of the tables, anew at every call."""
 
 
 def read_film_kinds(text: str) -> tuple[str, ...]:
@@ -116,27 +111,23 @@ def _write(path: str, kind: str, frames: Iterator[Timed]) -> None:
     """
     import av
 
-    require_replaceable(path)
     codec, layout, options = _CODECS[kind]
-    temporary, size = temporary_path(path), (0, 0)
-    try:
-        with av.open(temporary, "w", format=FILM_KINDS[kind], container_options={"fflags": "+bitexact"}) as film:
-            track: Any = film.add_stream(codec, rate=_RATE, options=options)
-            track.pix_fmt, track.codec_context.time_base = layout, Fraction(1, _CLOCK)
-            for time, pixels in frames:
-                if not any(size):
-                    track.width, track.height = size = (pixels.shape[1], pixels.shape[0])
-                if size != (pixels.shape[1], pixels.shape[0]):
-                    raise OutputError(
-                        f"{printable(path)}: frames of several sizes make no film; run them one film at a time"
-                    )
-                frame = av.VideoFrame.from_ndarray(pixels, format="bgra" if pixels.shape[2] == 4 else "bgr24")
-                frame.pts, frame.time_base = round(time * _CLOCK), Fraction(1, _CLOCK)
-                film.mux(track.encode(frame))
-            film.mux(track.encode())
-        os.replace(temporary, path)
-    except (OSError, av.FFmpegError) as error:
-        raise OutputError(f"{printable(path)} cannot be written ({error}); free some space") from error
-    finally:
-        with contextlib.suppress(OSError):  # it has got its name
-            os.unlink(temporary)
+    size = (0, 0)
+    with replacement(path) as temporary:
+        try:
+            with av.open(temporary, "w", format=FILM_KINDS[kind], container_options={"fflags": "+bitexact"}) as film:
+                track: Any = film.add_stream(codec, rate=_RATE, options=options)
+                track.pix_fmt, track.codec_context.time_base = layout, Fraction(1, _CLOCK)
+                for time, pixels in frames:
+                    if not any(size):
+                        track.width, track.height = size = (pixels.shape[1], pixels.shape[0])
+                    if size != (pixels.shape[1], pixels.shape[0]):
+                        raise OutputError(
+                            f"{printable(path)}: frames of several sizes make no film; run them one film at a time"
+                        )
+                    frame = av.VideoFrame.from_ndarray(pixels, format="bgra" if pixels.shape[2] == 4 else "bgr24")
+                    frame.pts, frame.time_base = round(time * _CLOCK), Fraction(1, _CLOCK)
+                    film.mux(track.encode(frame))
+                film.mux(track.encode())
+        except av.FFmpegError as error:
+            raise OutputError(f"{printable(path)} cannot be written ({error}); free some space") from error

@@ -55,39 +55,25 @@ def _digest_of(key: str, path: str, max_bytes: int) -> str:
         raise UsageError(f"{key}: {printable(path)} cannot be used: {error}") from error
 
 
-def refuse_other_parameters(out: str, folder: str, header: Mapping[str, Any]) -> None:
-    """Refuse to mix results; where every image failed, there are none to mix with.
+def refuse_mixing(out: str, folder: str, header: Mapping[str, Any], *, pack: bool) -> None:
+    """Refuse to mix results, or outputs in tar files with files of their own; where every image failed, there are none.
 
     Raises
     ------
     UsageError
-        If an earlier run into this output folder had other parameters, or other files of theirs.
+        If an earlier run into this output folder had other parameters, other files of theirs, or packed otherwise.
     """
     old = read_header(folder)
-    if old is None or old.get("settings") == header["settings"]:
+    same = old is None or (old.get("settings") == header["settings"] and bool(old.get("pack")) == pack)
+    if old is None or same or not any(record.made for record in read_records(folder)):
         return
-    if not any(record.made for record in read_records(folder)):
-        return
+    if old.get("settings") != header["settings"]:
+        what, remedy = f"results with other parameters ({changes(old, header)})", ""
+    else:
+        way, remedy = ("files of their own", "leave out --pack, ") if pack else ("tar files", "add --pack tar, ")
+        what = f"outputs in {way}"
     raise UsageError(
-        f"{printable(out)} holds results with other parameters ({changes(old, header)}); "
-        "use --overwrite to do them again, or another output folder"
-    )
-
-
-def refuse_other_packing(out: str, folder: str, *, pack: bool) -> None:
-    """Refuse to have some outputs in tar files and others in files of their own.
-
-    Raises
-    ------
-    UsageError
-        If an earlier run into this output folder did it the other way.
-    """
-    old = read_header(folder)
-    if old is None or bool(old.get("pack")) == pack or not any(record.made for record in read_records(folder)):
-        return
-    way, remedy = ("files of their own", "leave out --pack") if pack else ("tar files", "add --pack tar")
-    raise UsageError(
-        f"{printable(out)} holds outputs in {way}; {remedy}, use --overwrite to do them again, or another output folder"
+        f"{printable(out)} holds {what}; {remedy}use --overwrite to do them again, or another output folder"
     )
 
 

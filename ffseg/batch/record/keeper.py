@@ -12,16 +12,16 @@ from time import perf_counter
 from typing import Any
 
 from ffseg import __version__
-from ffseg.batch.plan.jobs import Job, Plan
+from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.plan.reading import place_of
-from ffseg.batch.plan.sources import order_key
+from ffseg.batch.plan.sources import Job, order_key
 from ffseg.batch.record.journal import Journal, state_folder
 from ffseg.batch.record.tables import TIME_COLUMN
-from ffseg.batch.record.values import Record
+from ffseg.batch.record.values import Mark, Record
 from ffseg.batch.tar.members import Member, output_digest
 from ffseg.batch.tar.writer import PackWriter
 from ffseg.batch.workers.freshness import mark_of
-from ffseg.batch.workers.messages import Done, Failed, Mark, Reply, Unchanged
+from ffseg.batch.workers.messages import Done, Failed, Reply, Unchanged
 from ffseg.errors import OutputError
 from ffseg.io.files import printable, require_replaceable, write_all_atomic
 

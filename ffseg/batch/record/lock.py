@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from types import TracebackType
 
 from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.journal import refuse_special
@@ -41,34 +40,37 @@ class OutputLock:
     """
 
     def __init__(self, out: str, folder: str = "") -> None:
-        self._out = out
-        self._folder = folder or os.path.join(out, STATE_FOLDER)
+        self._out, self._folder = out, folder or os.path.join(out, STATE_FOLDER)
         self._descriptor = -1
 
     def __enter__(self) -> OutputLock:
         make_folder(self._folder)
-        path = os.path.join(self._folder, "lock")
-        refuse_special(path)
-        try:
-            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | OWN, 0o666)
-        except OSError as error:
-            raise unwritten(path, error) from error
-        try:
-            take(self._descriptor)
-        except OSError as error:
-            self._close()
-            if error.errno in (errno.EACCES, errno.EAGAIN):
-                raise UsageError(
-                    f"another ffseg run is writing to {printable(self._out)}; wait for it or choose another folder"
-                ) from error
-            raise OutputError(f"{printable(path)} cannot be locked ({os.strerror(error.errno or 0)})") from error
+        self._descriptor = _locked(self._out, os.path.join(self._folder, "lock"))
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._close()
-
-    def _close(self) -> None:
+    def __exit__(self, *_: object) -> None:
         os.close(self._descriptor)  # gives the lock up as well
-        self._descriptor = -1
+
+
+def refuse_locked(out: str, folder: str) -> None:
+    """Refuse, without making anything, what `OutputLock` of these would refuse."""
+    path = os.path.join(folder, "lock")
+    if os.path.lexists(path):
+        os.close(_locked(out, path))
+
+
+def _locked(out: str, path: str) -> int:
+    refuse_special(path)
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | OWN, 0o666)
+    except OSError as error:
+        raise unwritten(path, error) from error
+    try:
+        take(descriptor)
+    except OSError as error:
+        os.close(descriptor)
+        if error.errno in (errno.EACCES, errno.EAGAIN):
+            busy = f"another ffseg run is writing to {printable(out)}; wait for it or choose another folder"
+            raise UsageError(busy) from error
+        raise OutputError(f"{printable(path)} cannot be locked ({os.strerror(error.errno or 0)})") from error
+    return descriptor

@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable, Iterator
 from typing import BinaryIO
 
-from ffseg.io.files import require_replaceable, temporary_path, unwritten
+from ffseg.io.files import replacement
 
 _BUFFER = 1 << 20
 
@@ -21,19 +21,10 @@ def atomic_stream(path: str) -> Iterator[BinaryIO]:
     OutputError
         Naming the path and the system's reason, when something cannot be written.
     """
-    require_replaceable(path)
-    temporary = temporary_path(path)
-    try:
-        with open(temporary, "xb", buffering=_BUFFER) as file:  # noqa: PTH123 - like its sibling
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        raise unwritten(path, error) from error
-    finally:
-        with contextlib.suppress(OSError):  # it has got its name, or was never made
-            os.unlink(temporary)
+    with replacement(path) as temporary, open(temporary, "xb", buffering=_BUFFER) as file:  # noqa: PTH123 - like its sibling
+        yield file
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def write_stream(path: str, pieces: Iterable[bytes]) -> None:

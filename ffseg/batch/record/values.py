@@ -7,9 +7,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from ffseg import __version__
 from ffseg.batch.tar.members import Member
-from ffseg.batch.workers.messages import Mark, Recorded
 
+Mark = tuple[int, int]
+"""Size and time of change (ns) of a file: while they are the same, its content is not read again."""
 File = tuple[str, str, Mark]
 """Path, digest and mark."""
 
@@ -68,12 +70,9 @@ class Record:
         """Whether there is a result: of a failed image when only its true mask was wrong."""
         return bool(self.content)
 
-    @property
-    def recorded(self) -> Recorded:
-        """What a worker is told of it."""
-        return Recorded(
-            self.content, self.truth, {path: digest for path, (digest, _) in self.outputs.items()}, self.members
-        )
+    def fits(self, settings: str) -> bool:
+        """Whether there is a result of these parameters and this version."""
+        return self.made and (self.version, self.settings) == (__version__, settings)
 
 
 _TEXTS = ("name", "status", "version", "settings", "content", "truth", "order")

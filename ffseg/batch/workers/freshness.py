@@ -7,16 +7,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ffseg.batch.plan.reading import member_path, parted, place_of, read_input, told
+from ffseg.batch.plan.reading import parted, place_of, read_input, told
+from ffseg.batch.record.values import File, Mark, Record
 from ffseg.batch.tar.members import Member, digest, output_digest
-from ffseg.batch.workers.messages import Digests, Mark, Recorded, Setup, Task
+from ffseg.batch.workers.messages import Digests, Setup
 from ffseg.errors import ImageReadError
 from ffseg.io.files import printable
 
 if TYPE_CHECKING:
+    from ffseg.batch.plan.sources import Job
     from ffseg.batch.views import Views
-
-File = tuple[str, str, Mark]
 
 _MOST_BYTES = 1 << 40
 """Of a member that is compared with what it was."""
@@ -33,7 +33,7 @@ def mark_of(path: str) -> Mark:
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """The files of a task, read once.
+    """The files of a job, read once.
 
     Attributes
     ----------
@@ -51,8 +51,8 @@ class Read:
     truth_problem: str = ""
 
 
-def read_task(task: Task, setup: Setup) -> Read:
-    """Read the files of a task and digest them.
+def read_job(job: Job, setup: Setup) -> Read:
+    """Read the files of a job and digest them.
 
     Raises
     ------
@@ -60,26 +60,26 @@ def read_task(task: Task, setup: Setup) -> Read:
         When the image cannot be read.
     """
     # Frames of a film are read in rising order.
-    earlier = [_optional(path, setup.max_bytes) for path in reversed(task.earlier)][::-1]
-    mark = mark_of(task.path)  # before the content: a change in between makes the mark stale, not the digest
-    data = read_input(task.path, setup.max_bytes, task.span, redirects=setup.redirects)
-    path = task.path if task.span is None else member_path(task.path, task.name, task.span)
-    files: dict[str, File] = {"image": (place_of(path), digest(data), mark)}
+    earlier = [_optional(path, setup.max_bytes) for path in reversed(job.earlier)][::-1]
+    source = job.source
+    mark = mark_of(source.path)  # before the content: a change in between makes the mark stale, not the digest
+    data = read_input(source.path, setup.max_bytes, source.span, redirects=setup.redirects)
+    files: dict[str, File] = {"image": (place_of(source.content), digest(data), mark)}
     content = [files["image"][1]]
     before = [found for found, _ in earlier]
     files |= {f"earlier {number}": file for number, (_, file) in enumerate(earlier)}
     if setup.views is not None:
         seen = digest("".join(map(digest, before)).encode("ascii"))
-        content.append(seen + _pair_digest(setup.views, task.name))
-    if task.start is not None:
-        content.append(f"start {digest(task.start.text().encode('ascii'))}")
-    for number, path in enumerate(task.depends):
+        content.append(seen + _pair_digest(setup.views, source.name))
+    if job.start is not None:
+        content.append(f"start {digest(job.start.text().encode('ascii'))}")
+    for number, path in enumerate(job.depends):
         _, files[f"depends {number}"] = _optional(path, setup.max_bytes)
         content.append(f"depends {files[f'depends {number}'][1]}")
     truth, problem = "", ""
-    if task.truth:
+    if job.truth:
         try:
-            truth = _truth(task.truth, setup, files)
+            truth = _truth(job.truth, setup, files)
         except ImageReadError as error:
             truth, problem = f"unreadable {error.reason}", f"truth: {error}"
     return Read(data, before, Digests(" ".join(content), truth, files), problem)
@@ -110,10 +110,10 @@ def _pair_digest(views: Views, name: str) -> str:
     return digest(views.pair_text(name).encode("utf-8"))
 
 
-def kept_outputs(out: str, recorded: Recorded) -> Iterator[str]:
+def kept_outputs(out: str, record: Record) -> Iterator[str]:
     """Recorded outputs that are there with the content they were given."""
-    for path, wanted in recorded.outputs.items():
-        if output_digest(out, path, recorded.members.get(path)) == wanted:
+    for path, (wanted, _) in record.outputs.items():
+        if output_digest(out, path, record.members.get(path)) == wanted:
             yield path
 
 

@@ -13,8 +13,9 @@ from ffseg.batch.tar.members import Member
 from ffseg.parameters import Parameters
 
 if TYPE_CHECKING:
+    from ffseg.batch.plan.sources import Job
+    from ffseg.batch.record.values import File, Record
     from ffseg.batch.views import Views
-    from ffseg.io.starts import Start
 
 _LENGTH_BYTES = 8
 
@@ -58,73 +59,23 @@ class Setup:
 
 
 @dataclass(frozen=True, slots=True)
-class Recorded:
-    """What an earlier run with the same parameters and version made of an image.
-
-    Attributes
-    ----------
-    content : str
-        Digest of everything that went in (`Digests.content`).
-    truth : str
-        Digest of the true mask its IoU was measured with; empty without.
-    outputs : mapping of str to str
-        Path below the output folder to the digest of its content.
-    members : mapping of str to Member
-        Where those of them lie that are no files of their own.
-    """
-
-    content: str
-    truth: str
-    outputs: Mapping[str, str]
-    members: Mapping[str, Member] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
 class Task:
     """One image for a worker.
 
     Attributes
     ----------
-    truth : str
-        Path of its true mask, or empty.
     out : str
         Output folder.
     outputs : tuple of str
         Where its outputs go below `out`, one for each of the products.
-    recorded : Recorded or None
-        What an earlier run left, which makes the image unchanged if it is still so.
-    name : str
-        Relative name of the image, by which poses are found.
-    earlier : tuple of str
-        Paths of the images before it, the nearest first.
-    start : Start or None
-        Its own start circle.
-    depends : tuple of str
-        Paths of further files the result depends on; their content is part of what makes an image unchanged.
-    span : tuple of (int, int) or None
-        Offset and length of the image in the archive that `path` names.
-    evidence : str
-        Path of its map of evidence, or empty.
-    domain : str
-        Path of its own domain, or empty.
-    past : str
-        Mask of the frame before, below `out`, or empty.
+    recorded : Record or None
+        What an earlier run with the same parameters and version left, which makes the image unchanged if it is still so.
     """
 
-    index: int
-    path: str
-    truth: str
+    job: Job
     out: str
     outputs: tuple[str, ...]
-    recorded: Recorded | None = None
-    name: str = ""
-    earlier: tuple[str, ...] = ()
-    start: Start | None = None
-    depends: tuple[str, ...] = ()
-    evidence: str = ""
-    span: tuple[int, int] | None = None
-    domain: str = ""
-    past: str = ""
+    recorded: Record | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,10 +99,6 @@ class Note:
     text: str
 
 
-Mark = tuple[int, int]
-"""Size and time of change (ns) of a file: while they are the same, its content is not read again."""
-
-
 @dataclass(frozen=True, slots=True)
 class Digests:
     """What an image's result was made from.
@@ -163,13 +110,13 @@ class Digests:
         pair, of the start circle and of the files it depends on.
     truth : str
         Digest of the true mask and its label; empty without.
-    files : mapping of str to (str, str, Mark)
-        What a file is for (``image``, ``truth``, ``earlier 0``, ``depends 0``, ...) to its path, digest and mark.
+    files : mapping of str to File
+        By what each is for: ``image``, ``truth``, ``earlier 0``, ``depends 0``, ...
     """
 
     content: str
     truth: str = ""
-    files: Mapping[str, tuple[str, str, Mark]] = field(default_factory=dict)
+    files: Mapping[str, File] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

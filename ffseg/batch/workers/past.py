@@ -83,9 +83,10 @@ class Past:
     def _mask(self, task: Task) -> bytes:
         """Mask of the frame before; empty where there is none."""
         path, data = self._last
-        if not task.past or (path == task.past and data is not None):
-            return data or b"" if task.past else b""
+        past = task.job.past
+        if not past or (path == past and data is not None):
+            return data or b"" if past else b""
         try:
-            return read_bytes(f"{task.out}/{task.past}", self.limits.max_bytes)
+            return read_bytes(f"{task.out}/{past}", self.limits.max_bytes)
         except ImageReadError:
             return b""

@@ -17,8 +17,8 @@ from ffseg.batch.outputs.encoding import Context, Film, encoded
 from ffseg.batch.outputs.table import Output
 from ffseg.batch.plan.masks import named_masks
 from ffseg.batch.tar.members import digest, output_bytes
-from ffseg.batch.workers.freshness import Read, kept_outputs, read_task
-from ffseg.batch.workers.messages import Done, Encoded, Failed, Recorded, Reply, Setup, Task, Unchanged
+from ffseg.batch.workers.freshness import Read, kept_outputs, read_job
+from ffseg.batch.workers.messages import Done, Encoded, Failed, Reply, Setup, Task, Unchanged
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError, is_out_of_memory
 from ffseg.image.selection import counted
 from ffseg.io.images import OPENCV_VERSION, Limits, read_picture, single_thread
@@ -30,6 +30,8 @@ from ffseg.result import Segmentation
 from ffseg.scene import Scene
 
 if TYPE_CHECKING:
+    from ffseg.batch.plan.sources import Job
+    from ffseg.batch.record.values import Record
     from ffseg.batch.workers.frames import FrameBench
     from ffseg.batch.workers.past import Past
     from ffseg.freespace.outline import Ground
@@ -82,28 +84,27 @@ class Workbench:
         try:
             return self._do(task)
         except ImageReadError as error:
-            return Failed(task.index, error.reason, str(error))
+            return Failed(task.job.index, error.reason, str(error))
         except SegmentationError as error:
-            return Failed(task.index, "segmentation", str(error))
+            return Failed(task.job.index, "segmentation", str(error))
         except CalibrationError as error:
-            return Failed(task.index, "calibration", str(error))
+            return Failed(task.job.index, "calibration", str(error))
         except FfsegError as error:
-            return Failed(task.index, "parameters", str(error))
+            return Failed(task.job.index, "parameters", str(error))
         except Exception as error:  # noqa: BLE001 - a defect costs one image, and is written down
             if is_out_of_memory(error):
                 text = "more memory than a worker may use; raise --memory or scale it down"
-                return Failed(task.index, "out-of-memory", text)
+                return Failed(task.job.index, "out-of-memory", text)
             import traceback
 
-            return Failed(task.index, "internal", f"{type(error).__name__}: {error}", traceback.format_exc())
+            return Failed(task.job.index, "internal", f"{type(error).__name__}: {error}", traceback.format_exc())
 
     def _do(self, task: Task) -> Reply:
-        begin = perf_counter()
-        read = read_task(task, self._setup)
+        begin, job = perf_counter(), task.job
+        read = read_job(job, self._setup)
         read = self._past.known(task, read) if self._past is not None else read
-        recorded = (
-            task.recorded if task.recorded is not None and task.recorded.content == read.digests.content else None
-        )
+        same = task.recorded is not None and task.recorded.content == read.digests.content
+        recorded = task.recorded if same else None
         kept = tuple(kept_outputs(task.out, recorded)) if recorded is not None else ()
         missing = [
             (path, kind)
@@ -116,34 +117,34 @@ class Workbench:
         decoded = perf_counter()
         if self._past is not None:
             self._past.look(image, task, read)
-        params = self._params(task, image.shape)
-        found = self._found(image, read.before, task, params)
+        params = self._params(job, image.shape)
+        found = self._found(image, read.before, job, params)
         segmented = perf_counter()
         outputs = tuple(self._outputs(image, found, task, missing))
         result = found.result
-        row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, task)
+        row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, job)
         row["note"] = "; ".join(filter(None, (told, *result.messages, row.get("note"))))
-        overlap, problem = self._iou(result.mask, task, read)
-        row |= {"iou": overlap} if task.truth else {}
+        overlap, problem = self._iou(result.mask, job, read)
+        row |= {"iou": overlap} if job.truth else {}
         end = perf_counter()
         row |= {"decode_ms": (decoded - begin) * 1e3, "write_ms": (end - segmented) * 1e3}
         row["total_ms"] = (end - begin) * 1e3
-        return Done(task.index, row, read.digests, outputs, kept, found.extra, problem)
+        return Done(job.index, row, read.digests, outputs, kept, found.extra, problem)
 
-    def _unchanged(self, task: Task, recorded: Recorded, read: Read, kept: tuple[str, ...]) -> Unchanged:
+    def _unchanged(self, task: Task, recorded: Record, read: Read, kept: tuple[str, ...]) -> Unchanged:
         """The reply for an image that need not be segmented; the mask on the disk is enough to measure its IoU."""
-        if not task.truth or read.digests.truth == recorded.truth:
-            return Unchanged(task.index, read.digests, kept)
+        if not task.job.truth or read.digests.truth == recorded.truth:
+            return Unchanged(task.job.index, read.digests, kept)
         mask = decode_mask(output_bytes(task.out, task.outputs[0], recorded.members.get(task.outputs[0])), self._limits)
-        overlap, problem = self._iou(mask, task, read)
-        return Unchanged(task.index, read.digests, kept, scored=True, iou=overlap, problem=problem)
+        overlap, problem = self._iou(mask, task.job, read)
+        return Unchanged(task.job.index, read.digests, kept, scored=True, iou=overlap, problem=problem)
 
-    def _found(self, image: NDArray[np.uint8], before: list[bytes], task: Task, params: Parameters) -> _Found:
+    def _found(self, image: NDArray[np.uint8], before: list[bytes], job: Job, params: Parameters) -> _Found:
         film = Film() if self._setup.products.animation else None
         overlay = self._setup.products.overlay
-        masks = self._masks.within(task.domain, self._limits)
+        masks = self._masks.within(job.domain, self._limits)
         if self._frames is None:
-            evidence = self._evidence(task.evidence) if task.evidence else None
+            evidence = self._evidence(job.evidence) if job.evidence else None
             result = self._segment(Scene(image, params, evidence=evidence, callback=film, **masks.bounds))
             result, cells = self._past.result(result) if self._past is not None else (result, {})
             lines = polylines(result.contours) if overlay else []
@@ -158,7 +159,7 @@ class Workbench:
         )
 
         frames = replace(self._frames, params=params, masks=masks)
-        frame = frames.frame_of(image, before, task.name, self._limits, film)
+        frame = frames.frame_of(image, before, job.source.name, self._limits, film)
         lines = overlay_lines(frame, FLATNESS) if overlay else []
         if overlay and params.obstacles.draw:
             lines += evidence_lines(frame)
@@ -171,34 +172,34 @@ class Workbench:
 
         return read_evidence(path, self._limits)
 
-    def _params(self, task: Task, shape: tuple[int, ...]) -> Parameters:
+    def _params(self, job: Job, shape: tuple[int, ...]) -> Parameters:
         """Parameters of one image."""
-        params = self._setup.params if task.start is None else task.start.placed(self._setup.params, shape)
+        params = self._setup.params if job.start is None else job.start.placed(self._setup.params, shape)
         return params if self._past is None else self._past.start(params, shape)
 
     def _outputs(
         self, image: NDArray[np.uint8], found: _Found, task: Task, missing: Sequence[tuple[str, Output]]
     ) -> Iterator[Encoded]:
         snapshots = found.film.snapshots if found.film is not None else ()
-        label = self._setup.params.region.label
+        label, source = self._setup.params.region.label, task.job.source
         for path, kind in missing:
             target = os.path.join(task.out, path)
             context = Context(
-                image, task.name, task.path, target, found.lines, snapshots, found.ground, found.stood, label
+                image, source.name, source.path, target, found.lines, snapshots, found.ground, found.stood, label
             )
             data = encoded(kind, found.result, context)
             yield Encoded(path, data, digest(data))
 
-    def _iou(self, mask: NDArray[np.bool_], task: Task, read: Read) -> tuple[float | None, str]:
+    def _iou(self, mask: NDArray[np.bool_], job: Job, read: Read) -> tuple[float | None, str]:
         """Overlap with the true mask, if there is one, and what is wrong with it."""
-        if not task.truth or read.truth_problem:
+        if not job.truth or read.truth_problem:
             return None, read.truth_problem
         from ffseg.batch.workers.truth import read_truth
         from ffseg.metrics import iou
 
         height, width = mask.shape
         try:
-            return iou(mask, read_truth(task.truth, (height, width), self._setup.truth_label, self._limits)), ""
+            return iou(mask, read_truth(job.truth, (height, width), self._setup.truth_label, self._limits)), ""
         except ImageReadError as error:
             return None, f"{error.reason}: {error}"
 
@@ -216,11 +217,11 @@ class _Found:
     stood: dict[str, Any] = field(default_factory=dict)
 
 
-def _start_cells(params: Parameters, task: Task) -> dict[str, Any]:
+def _start_cells(params: Parameters, job: Job) -> dict[str, Any]:
     """The image's own start circle, as it was asked for."""
-    if task.start is None:
+    if job.start is None:
         return {}
-    return {"start_x": task.start.x, "start_y": task.start.y, "start_radius": params.init.radius}
+    return {"start_x": job.start.x, "start_y": job.start.y, "start_radius": params.init.radius}
 
 
 def _row(image: NDArray[np.uint8], result: Segmentation, method: str) -> dict[str, Any]:
