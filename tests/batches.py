@@ -13,9 +13,10 @@ import numpy as np
 import stand_in
 from PIL import Image
 
+from ffseg.batch.executors.base import Options
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.sources import Job
-from ffseg.batch.runner import Options, Run, Summary
+from ffseg.batch.runner import Run, Summary
 from ffseg.batch.workers.messages import Setup
 from ffseg.parameters import Parameters, load_params
 

@@ -8,12 +8,13 @@ import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
+from itertools import takewhile
 from time import perf_counter
 from types import TracebackType
 from typing import Any, Protocol
 
 from ffseg import __version__
-from ffseg.batch.executors.base import Assignment, Choice, Do, Executor
+from ffseg.batch.executors.base import Assignment, Do, Executor, Options, served
 from ffseg.batch.executors.chunks import left_over, numbered
 from ffseg.batch.outputs.table import GROUND, MAP_FILES, OUTPUTS
 from ffseg.batch.plan.jobs import Plan, output_folders, prepare_output, refuse_foreign
@@ -26,9 +27,9 @@ from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.record.ordered import packs_of, remove_packs
 from ffseg.batch.record.survey import Survey, survey, tidy
 from ffseg.batch.record.tables import OBSTACLES, PARQUET, RUN, START_COLUMNS, TIMING_COLUMNS, Tables, remove_old
-from ffseg.batch.tar.writer import PackWriter, new_pack
+from ffseg.batch.tar.writer import Store
 from ffseg.batch.workers.launch import Process
-from ffseg.batch.workers.messages import Done, Failed, Note, Ready, Reply, Setup, Task, Unchanged
+from ffseg.batch.workers.messages import Failed, Note, Ready, Reply, Setup, Task
 from ffseg.errors import FfsegError, OutputError, UsageError
 from ffseg.io.files import is_temporary, printable, sync_folders
 from ffseg.plugins import find
@@ -76,32 +77,6 @@ class Observer(Protocol):
 
     def note(self, text: str) -> None:
         """Something the user should know that belongs to no image."""
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """How a run goes about its plan.
-
-    Attributes
-    ----------
-    timeout : float
-        Seconds an image may take, 0 for no limit.
-    overwrite : bool
-        Do everything again, whatever an earlier run left.
-    report : bool
-        Write the report page at the end.
-    executor : Choice
-        Who works on the images.
-    parquet : bool
-        Write ``timings.parquet``, too.
-    """
-
-    num_workers: int = 1
-    timeout: float = 0.0
-    overwrite: bool = False
-    report: bool = False
-    executor: Choice = field(default_factory=Choice)
-    parquet: bool = False
 
 
 @dataclass(slots=True)
@@ -204,10 +179,9 @@ class Run:
         self._header = {**header, "tables": sorted(tables), **({"pack": True} if self._plan.tars else {})}
         journal = Journal(self._state, self._header, names)
         self._held.callback(journal.close)
-        pack = PackWriter(self._plan.out, new_pack(self._plan.out, self._state)) if self._plan.tars else None
-        if pack is not None:
-            self._held.callback(pack.close)
-        self._keeper = Keeper(self._plan, journal, header["settings"], self._setup.params.method, self._problem, pack)
+        store = Store(self._plan.out, self._state, packed=bool(self._plan.tars))
+        self._held.callback(store.close)
+        self._keeper = Keeper(self._plan, journal, header["settings"], self._setup.params.method, self._problem, store)
         index = {name: number for number, name in enumerate(names)}
         for name, reply in left_over(self._state, header["settings"]):
             if name in index:
@@ -251,60 +225,65 @@ class Run:
                     os.unlink(path)
 
     def _work(self, started: Sequence[Process]) -> None:
-        """Feed the executor and write what it replies, one reply of each worker together: the disk is waited for less."""
-        options = self._options
-        chosen = find("executors", options.executor.name)
+        """Feed the executor and write what it replies."""
+        jobs, name = self._plan.jobs, self._options.executor
+        self.take([_untried(job) for job in jobs if job.source.problem])
+        tasks = (self._task(job) for job in jobs if not job.source.problem)
+        chosen = find("executors", name)
         if isinstance(chosen, type) and issubclass(chosen, Executor):
+            descriptor, settings = self._stop.descriptor, self._keeper.settings
             executor = chosen(
-                Assignment(
-                    self._setup,
-                    options.num_workers,
-                    options.timeout,
-                    started,
-                    self._stop.descriptor,
-                    options.executor,
-                    num_tasks=len(self._plan.jobs),
-                    state=self._state,
-                    settings=self._keeper.settings,
-                )
+                Assignment(self._setup, self._options, started, descriptor, len(jobs), self._state, settings)
             )
             try:
-                feed(self, executor)
+                self._feed(executor, tasks)
             finally:
                 executor.close()
         else:
-            self._map(options.executor.name, chosen)
+            self._map(name, chosen, tasks)
         self.summary.signal = self._stop.signal
 
-    def _map(self, name: str, executor: Callable[[Do, Iterator[Task]], Iterable[Reply]]) -> None:
+    def _feed(self, executor: Executor, tasks: Iterator[Task]) -> None:
+        """Write one reply of each worker together: the disk is waited for less. What has come is written in any case."""
+        held: list[Reply] = []
+        came = 0
+        try:
+            for event in served(executor, tasks, lambda: not self.stopped, lambda: _TOGETHER_MS if held else None):
+                if event is None:
+                    if len(held) >= self._options.num_workers or not came:
+                        together = held.copy()
+                        held.clear()
+                        self.take(together)
+                    came = 0
+                elif isinstance(event, Note):
+                    self._observer.note(event.text)
+                elif isinstance(event, Ready):
+                    self._versions = event.versions
+                else:
+                    held.append(event)
+                    came += 1
+        finally:
+            self.take(held)
+
+    def _map(self, name: str, executor: Callable[[Do, Iterator[Task]], Iterable[Reply]], tasks: Iterator[Task]) -> None:
         """Let a function do the tasks, in any order; it may draw them from another thread."""
-        do, jobs = Do(self._setup), self._plan.jobs
+        do = Do(self._setup)
         self._versions = do.bench.versions()
-        self.take([_untried(job) for job in jobs if job.source.problem])
-        for reply in executor(do, (self._task(job) for job in jobs if not (job.source.problem or self.stopped))):
-            if not isinstance(reply, Done | Unchanged | Failed):
+        for reply in executor(do, takewhile(lambda _: not self.stopped, tasks)):
+            if not isinstance(reply, Reply):
                 raise UsageError(f"--executor: {name} gave {type(reply).__name__}, not what do(task) returned")
             if not self._finished[reply.index]:
                 self.take([reply])
             if self.stopped:
                 return
         lost = f"the executor {name} gave no reply for it"
-        self.take([Failed(job.index, "crash", lost) for job in jobs if not (self.stopped or self._finished[job.index])])
+        left = (job for job in self._plan.jobs if not (self.stopped or self._finished[job.index]))
+        self.take([Failed(job.index, "crash", lost) for job in left])
 
     @property
     def stopped(self) -> bool:
         """Whether the end has been asked for."""
         return bool(self._stop.signal)
-
-    @property
-    def together(self) -> int:
-        """Replies that are written together."""
-        return self._options.num_workers
-
-    def tasks(self) -> Iterator[Task | Reply]:
-        """A task for each image, or the reply for one that cannot even be tried."""
-        for job in self._plan.jobs:
-            yield _untried(job) if job.source.problem else self._task(job)
 
     def _task(self, job: Job) -> Task:
         record = None if self._options.overwrite else self._keeper.journal.get(job.index)
@@ -313,16 +292,10 @@ class Run:
 
     def take(self, replies: Sequence[Reply]) -> None:
         """Write what replies bring and remember it: never more images at once than there are workers."""
-        for first in range(0, len(replies), self.together):
-            for completed in self._keeper.complete(replies[first : first + self.together]):
+        together = self._options.num_workers
+        for first in range(0, len(replies), together):
+            for completed in self._keeper.complete(replies[first : first + together]):
                 self._count(completed)
-
-    def hear(self, news: Ready | Note) -> None:
-        """Hear of something beside replies."""
-        if isinstance(news, Note):
-            self._observer.note(news.text)
-        else:
-            self._versions = news.versions
 
     def _count(self, completed: Completed) -> None:
         self._finished[completed.index] = 1
@@ -427,34 +400,3 @@ def _untried(job: Job) -> Failed:
     """The reply for an image that cannot even be tried."""
     reason, message = job.source.problem.split(": ", 1)
     return Failed(job.index, reason, message)
-
-
-def feed(run: Run, executor: Executor) -> None:
-    """Give an executor the tasks of a run and the run its replies, until all are in or the run is to end.
-
-    What has come is written even when the executor breaks off.
-    """
-    tasks, waiting = run.tasks(), 0
-    held: list[Reply] = []
-    try:
-        while not run.stopped:
-            while executor.room() > 0 and (task := next(tasks, None)) is not None:
-                if isinstance(task, Task):
-                    executor.put(task)
-                    waiting += 1
-                else:
-                    run.take([task])
-            if not waiting:
-                break
-            came = 0
-            for event in executor.replies(_TOGETHER_MS if held else None):
-                if isinstance(event, Ready | Note):
-                    run.hear(event)
-                else:
-                    held.append(event)
-                    came, waiting = came + 1, waiting - 1
-            if len(held) >= run.together or not came:
-                together, held = held, []
-                run.take(together)
-    finally:
-        run.take(held)

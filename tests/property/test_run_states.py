@@ -20,7 +20,6 @@ from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
-from ffseg.batch.executors.base import Choice
 from ffseg.batch.outputs.table import OUTPUTS, Output, Products
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
@@ -28,7 +27,7 @@ from ffseg.io.masks import encode_mask
 from ffseg.parameters import Parameters, load_params
 
 NAMES = ("a.png", "b.png", "s/d.png", "s/c.jpg")
-INPROCESS = Choice("inprocess")
+INPROCESS = "inprocess"
 EVERYTHING = Products(True, ("coco", "geojson"))
 TIMES = ("decode_ms", "edges_ms", "evolve_ms", "write_ms", "total_ms")
 

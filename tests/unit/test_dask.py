@@ -21,7 +21,7 @@ import stand_in
 from batches import Silent, make_images, run_batch, snapshot, table
 
 from ffseg.batch.executors import dask, held
-from ffseg.batch.executors.base import Assignment, Choice
+from ffseg.batch.executors.base import Assignment
 from ffseg.batch.executors.processes import Processes
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.sources import Job, Source
@@ -75,7 +75,7 @@ def address_in(file: Path) -> str:
 
 
 def by_dask(address: str, chunk: int = 10) -> dict[str, object]:
-    return {"executor": Choice("dask", address, chunk), "num_workers": 2}
+    return {"executor": "dask", "scheduler": address, "chunk": chunk, "num_workers": 2}
 
 
 def offspring(processes: list[subprocess.Popen[bytes]]) -> list[str]:
@@ -229,7 +229,7 @@ def own_children() -> set[str]:
 def test_a_cluster_of_this_machine_is_started_where_none_is_named(tmp_path: Path) -> None:
     before = own_children()  # a browser of other tests may still be open
     make_images(tmp_path / "in", NAMES, {NAMES[7]: stand_in.CRASH})
-    summary = run_batch(tmp_path / "in", tmp_path / "out", executor=Choice("dask"), num_workers=2)
+    summary = run_batch(tmp_path / "in", tmp_path / "out", executor="dask", num_workers=2)
     assert (summary.done, summary.failed) == (59, 1)
     run_batch(tmp_path / "in", tmp_path / "one", num_workers=2)
     assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
@@ -240,7 +240,7 @@ def test_a_cluster_of_this_machine_is_started_where_none_is_named(tmp_path: Path
 def test_a_stopped_run_waits_for_no_image(tmp_path: Path) -> None:
     before = own_children()  # a browser of other tests may still be open
     make_images(tmp_path / "in", NAMES, {NAMES[10]: stand_in.HANG})  # the first of the second worker
-    how = {"executor": Choice("dask"), "num_workers": 2}
+    how = {"executor": "dask", "num_workers": 2}
     assert run_batch(tmp_path / "in", tmp_path / "out", observer=Silent(last=10), **how).signal == 15
     assert held._busy == set(), "whoever waited for it has heard that it ended"
     assert own_children() <= before, "no worker process is left behind"
@@ -250,7 +250,7 @@ def test_a_worker_that_is_being_started_when_the_run_is_stopped_ends_as_well(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make_images(tmp_path, NAMES[:1], {NAMES[0]: stand_in.HANG})
-    executor = Processes(Assignment(Setup(params=load_params(), segmenter=stand_in.NAME), 1))
+    executor = Processes(Assignment(Setup(params=load_params(), segmenter=stand_in.NAME)))
 
     def started() -> Process:
         process = launch()
@@ -279,7 +279,7 @@ def test_chunks_become_smaller_as_less_is_left(tmp_path: Path, monkeypatch: pyte
 
     monkeypatch.setattr(dask.Dask, "_submit", noted)
     make_images(tmp_path / "in", [f"{index}.png" for index in range(150)])
-    summary = run_batch(tmp_path / "in", tmp_path / "out", executor=Choice("dask", chunk=17), num_workers=2)
+    summary = run_batch(tmp_path / "in", tmp_path / "out", executor="dask", chunk=17, num_workers=2)
     assert summary.done == sum(sizes) == 150
     assert sizes[:3] == [17, 17, 15], "the most that is asked for, then an eighth of what is left"
     assert sizes[-2] == dask.LEAST

@@ -14,7 +14,6 @@ import pytest
 from batches import Silent, run_batch, snapshot, table
 from drawn_films import pictures, write_animation, write_film
 
-from ffseg.batch.executors.base import Choice
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import make_plan
@@ -23,7 +22,7 @@ from ffseg.batch.workers.sources import read_source
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.films import contents
 
-INPROCESS = Choice("inprocess")
+INPROCESS = "inprocess"
 CODECS = {
     "a.mp4": "libx264", "a.mkv": "libx264", "a.avi": "libx264", "b.avi": "mpeg4", "a.mov": "mjpeg",
     "a.webm": "libvpx", "b.webm": "libvpx-vp9",

@@ -12,17 +12,16 @@ from pathlib import Path
 import pytest
 from batches import make_images, run_batch, snapshot, table
 
-from ffseg.batch.executors.base import Choice
+from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.listing import listed
 from ffseg.batch.plan.reading import read_input
 from ffseg.batch.plan.sources import natural_key
-from ffseg.batch.runner import Options
 from ffseg.errors import ImageReadError, UsageError
 
-INPROCESS = Choice("inprocess")
+INPROCESS = "inprocess"
 NAMES = ["a.png", "b/a10.png", "b/a9.png"]
 
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from batches import run_batch, snapshot, table
 
-from ffseg.batch.executors.base import Choice
 from ffseg.batch.plan.beside import find_evidence, find_truths
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import make_plan
@@ -20,7 +19,7 @@ from ffseg.batch.plan.reading import parted, read_input, told
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.parameters import load_params
 
-INPROCESS = Choice("inprocess")
+INPROCESS = "inprocess"
 NAMES = ("a", "sub/b")
 SHAPE = (60, 80)
 ROWS, COLUMNS = np.mgrid[: SHAPE[0], : SHAPE[1]]

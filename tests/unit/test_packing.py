@@ -17,12 +17,12 @@ import pytest
 import stand_in
 from batches import Silent, make_images, run_batch, table, tree
 
-from ffseg.batch.executors.base import Choice
+from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.record.journal import last_records
 from ffseg.batch.report.write import write_report
-from ffseg.batch.runner import Options, Run
+from ffseg.batch.runner import Run
 from ffseg.batch.shards.assign import only, read_shard
 from ffseg.batch.shards.merge import merge_shards
 from ffseg.batch.tar.members import output_bytes
@@ -32,7 +32,7 @@ from ffseg.errors import OutputError, UsageError
 from ffseg.parameters import load_params
 
 NAMES = [f"{index % 3}/i{index}.png" for index in range(14)]
-INPROCESS = Choice("inprocess")
+INPROCESS = "inprocess"
 EXPORTS = ("coco", "geojson")
 FILES = Products(True, EXPORTS)
 PACKED = Products(True, EXPORTS, pack=True)
@@ -173,11 +173,10 @@ def dying(*arguments, **options):
     return found
 setattr(owner, {name!r}, dying)
 images, out = Path(sys.argv[1]), Path(sys.argv[2])
-from ffseg.batch.executors.base import Choice
 if {shard!r}:
     run_shard(images, out, {shard!r})
 else:
-    run_batch(images, out, products=PACKED, executor=Choice("inprocess"))
+    run_batch(images, out, products=PACKED, executor="inprocess")
 """
 
 

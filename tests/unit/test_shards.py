@@ -17,13 +17,13 @@ from batches import Silent, make_images, run_batch, table, tree
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ffseg.batch.executors.base import Choice
+from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.sources import order_key
 from ffseg.batch.record.journal import last_records
 from ffseg.batch.record.values import Record, record_line
-from ffseg.batch.runner import Options, Run
+from ffseg.batch.runner import Run
 from ffseg.batch.shards.assign import Shard, number_of, only, read_shard
 from ffseg.batch.shards.last import last_lines
 from ffseg.batch.shards.merge import merge_shards
@@ -52,7 +52,7 @@ def run_shard(
     plan = only(make_plan([str(images)], str(out), products=ALL), read_shard(shard))
     setup = Setup(params=params or load_params(), segmenter=stand_in.NAME, products=ALL)
     observer = Silent()
-    with Run(plan, setup, Options(executor=Choice(executor), **options), observer, observer) as run:
+    with Run(plan, setup, Options(executor=executor, **options), observer, observer) as run:
         run.execute()
 
 
@@ -60,7 +60,7 @@ def run_shard(
     ("count", "executor"), [(1, "inprocess"), (2, "inprocess"), (8, "inprocess"), (3, "processes")]
 )
 def test_the_merged_tree_is_that_of_one_run(count: int, executor: str, images: Path, tmp_path: Path) -> None:
-    run_batch(images, tmp_path / "one", products=ALL, executor=Choice("inprocess"))
+    run_batch(images, tmp_path / "one", products=ALL, executor="inprocess")
     for number in sorted(range(1, count + 1), key=lambda number: number * 5 % 8):
         run_shard(images, tmp_path / "parts", f"{number}/{count}", executor=executor)
     merged = merge_shards(str(tmp_path / "parts"))
@@ -70,7 +70,7 @@ def test_the_merged_tree_is_that_of_one_run(count: int, executor: str, images: P
     defect = {name: content.replace(f".ffseg/shards/{number_of(NAMES[8], count)}-of-{count}".encode(), b".ffseg")
               for name, content in parts.items()}  # fmt: skip
     assert defect == one
-    again = run_batch(images, tmp_path / "parts", products=ALL, executor=Choice("inprocess"))
+    again = run_batch(images, tmp_path / "parts", products=ALL, executor="inprocess")
     assert (again.unchanged, again.failed) == (38, 2), "the folder goes on as if one run had made it"
 
 
@@ -237,11 +237,11 @@ def test_the_memory_of_a_merge_does_not_grow_with_its_rows(tmp_path: Path) -> No
 
 def test_a_table_can_be_parquet_too(images: Path, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
-    run_batch(images, tmp_path / "out", parquet=True, executor=Choice("inprocess"))
+    run_batch(images, tmp_path / "out", parquet=True, executor="inprocess")
     found = parquet.read_table(tmp_path / "out" / "timings.parquet").to_pylist()
     rows = table(tmp_path / "out" / "timings.csv")
     assert [{key: "" if cell is None else str(cell) for key, cell in row.items()} for row in found] == rows
-    run_batch(images, tmp_path / "out", executor=Choice("inprocess"))
+    run_batch(images, tmp_path / "out", executor="inprocess")
     assert not os.path.exists(tmp_path / "out" / "timings.parquet"), "an old table beside a new one would be stale"
 
 

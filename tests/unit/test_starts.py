@@ -13,8 +13,9 @@ from batches import Silent, table
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ffseg.batch.executors.base import Options
 from ffseg.batch.plan.jobs import make_plan, with_starts
-from ffseg.batch.runner import Options, Run, Summary
+from ffseg.batch.runner import Run, Summary
 from ffseg.batch.workers.messages import Setup
 from ffseg.compare.run import compare, plan_comparison
 from ffseg.compare.values import Comparison

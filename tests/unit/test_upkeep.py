@@ -16,7 +16,6 @@ import stand_in
 from batches import Silent, make_images, run_batch, snapshot, table
 from PIL import Image
 
-from ffseg.batch.executors.base import Choice
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.preview import preview
@@ -35,7 +34,7 @@ def images(tmp_path: Path) -> Path:
 
 
 def run_in(images: Path | list[Path], out: Path, **options: object):
-    return run_batch(images, out, executor=Choice("inprocess"), **options)
+    return run_batch(images, out, executor="inprocess", **options)
 
 
 def rows(out: Path) -> list[str]:
@@ -167,7 +166,8 @@ def test_a_run_in_which_every_image_failed_stands_in_nobodys_way(tmp_path: Path)
 def test_every_file_a_job_depends_on_makes_it_stale(images: Path, tmp_path: Path) -> None:
     from dataclasses import replace
 
-    from ffseg.batch.runner import Options, Run
+    from ffseg.batch.executors.base import Options
+    from ffseg.batch.runner import Run
 
     plan = make_plan([str(images)], str(tmp_path / "out"))
     evidence = [tmp_path / f"{job.index}.map" for job in plan.jobs]
@@ -176,7 +176,7 @@ def test_every_file_a_job_depends_on_makes_it_stale(images: Path, tmp_path: Path
 
     def again():
         observer = Silent()
-        with Run(plan, setup, Options(executor=Choice("inprocess")), observer, observer) as run:
+        with Run(plan, setup, Options(executor="inprocess"), observer, observer) as run:
             return run.execute()
 
     (tmp_path / "model").write_bytes(b"trees")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from ffseg.batch.workers.launch import Process
@@ -12,21 +12,36 @@ from ffseg.errors import ParameterError, UsageError
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
-    """Which executor, and where it is found.
+class Options:
+    """How a run goes about its plan.
 
     Attributes
     ----------
-    name : str
-        As ``--executor`` takes it (`ffseg.plugins.EXECUTORS`).
-    address : str
-        Of a scheduler that is running already; empty to start what is needed.
+    num_workers : int
+        Images worked on at once.
+    timeout : float
+        Seconds an image may take, 0 for no limit.
+    overwrite : bool
+        Do everything again, whatever an earlier run left.
+    report : bool
+        Write the report page at the end.
+    parquet : bool
+        Write ``timings.parquet``, too.
+    executor : str
+        Who works on the images, as ``--executor`` takes it (`ffseg.plugins.EXECUTORS`).
+    scheduler : str
+        Address of one that is running already; empty to start what is needed.
     chunk : int
         Images given to a worker at once, where that matters.
     """
 
-    name: str = "processes"
-    address: str = ""
+    num_workers: int = 1
+    timeout: float = 0.0
+    overwrite: bool = False
+    report: bool = False
+    parquet: bool = False
+    executor: str = "processes"
+    scheduler: str = ""
     chunk: int = 500
 
 
@@ -36,10 +51,6 @@ class Assignment:
 
     Attributes
     ----------
-    num_workers : int
-        Images worked on at once.
-    timeout : float
-        Seconds an image may take; 0 for no limit.
     started : sequence of Process
         Worker processes that are there already; whoever does not use them leaves them to the command.
     stop : int
@@ -53,11 +64,9 @@ class Assignment:
     """
 
     setup: Setup
-    num_workers: int
-    timeout: float = 0.0
+    options: Options = Options()
     started: Sequence[Process] = ()
     stop: int = -1
-    choice: Choice = Choice()
     num_tasks: int = 1
     state: str = ""
     settings: str = ""
@@ -102,6 +111,26 @@ class Executor(ABC):
     @abstractmethod
     def close(self) -> None:
         """End all work at once; replies that have not been given are lost."""
+
+
+def served(
+    executor: Executor, tasks: Iterator[Task], wanted: Callable[[], bool], patience: Callable[[], int | None]
+) -> Iterator[Event | None]:
+    """Give an executor tasks while it has room, until all replies are in or they are no longer wanted.
+
+    Yields what it gives, and None each time it has been waited for, with so much patience in milliseconds.
+    """
+    waiting = 0
+    while wanted():
+        while executor.room() > 0 and (task := next(tasks, None)) is not None:
+            executor.put(task)
+            waiting += 1
+        if not waiting:
+            return
+        for event in executor.replies(patience()):
+            waiting -= isinstance(event, Reply)
+            yield event
+        yield None
 
 
 class Do:

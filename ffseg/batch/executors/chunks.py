@@ -9,7 +9,7 @@ import contextlib
 import os
 import uuid
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -67,17 +67,7 @@ def _remove(path: str) -> None:
 
 def reply_line(name: str, settings: str, reply: Reply) -> bytes:
     """A reply as a line; the outputs are written already."""
-    return json_line({"name": name, "settings": settings, "kind": type(reply).__name__, "reply": _plain(reply)})
-
-
-def _plain(reply: Reply) -> dict[str, Any]:
-    parts = {name: getattr(reply, name) for name in reply.__slots__ if name != "index"}
-    if isinstance(reply, Done):
-        parts["outputs"] = [[one.path, one.digest, one.member] for one in reply.outputs]
-    if not isinstance(reply, Failed):
-        digests = reply.digests
-        parts["digests"] = [digests.content, digests.truth, dict(digests.files)]
-    return parts
+    return json_line({"name": name, "settings": settings, "kind": type(reply).__name__, "reply": asdict(reply)})
 
 
 def replies(path: str, settings: str) -> Iterator[tuple[str, Reply]]:
@@ -93,20 +83,18 @@ def replies(path: str, settings: str) -> Iterator[tuple[str, Reply]]:
 
 
 def _reply(kind: str, parts: Mapping[str, Any]) -> Reply:
-    parts = dict(parts)
-    if kind == "Failed":
-        return Failed(-1, **{name: str(text) for name, text in parts.items()})
-    content, truth, files = parts.pop("digests")
-    seen = {role: (path, digest, (int(mark[0]), int(mark[1]))) for role, (path, digest, mark) in files.items()}
-    digests = Digests(content, truth, seen)
-    kept = tuple(parts.pop("kept"))
-    if kind == "Unchanged":
-        return Unchanged(-1, digests, kept, **parts)
-    outputs = tuple(
-        Encoded(path, None, digest, (str(member[0]), int(member[1]), int(member[2])) if member else None)
-        for path, digest, member in parts.pop("outputs")
-    )
-    return Done(-1, digests=digests, outputs=outputs, kept=kept, **parts)
+    made = dict(parts)
+    if "digests" in made:
+        digests = made["digests"]
+        files = {
+            role: (path, digest, (int(mark[0]), int(mark[1])))
+            for role, (path, digest, mark) in digests["files"].items()
+        }
+        made["digests"] = Digests(**{**digests, "files": files})
+    if "outputs" in made:
+        made["outputs"] = tuple(Encoded(**one) for one in made["outputs"])
+    reply: Reply = {"Done": Done, "Unchanged": Unchanged, "Failed": Failed}[kind](**made)
+    return reply
 
 
 def left_over(state: str, settings: str) -> Iterator[tuple[str, Reply]]:

@@ -14,14 +14,14 @@ from importlib.util import find_spec
 from time import monotonic
 from typing import Any
 
-from ffseg.batch.executors.base import Assignment, Executor
+from ffseg.batch.executors.base import Assignment, Executor, served
 from ffseg.batch.executors.chunks import Chunks, numbered, replies, reply_line
 from ffseg.batch.executors.held import end_idle, interrupt, lend, worker_process
 from ffseg.batch.tar.members import digest
-from ffseg.batch.tar.writer import PackWriter, new_pack
+from ffseg.batch.tar.writer import Store
 from ffseg.batch.workers.messages import Done, Event, Failed, Note, Ready, Reply, Setup, Task
 from ffseg.errors import OutputError, UsageError, WorkerLostError
-from ffseg.io.files import printable, write_all_atomic
+from ffseg.io.files import printable
 
 CHUNKS_EACH = 4
 """Chunks of a worker that what is left is cut into, so that all workers end at about the same time."""
@@ -77,7 +77,7 @@ class Dask(Executor):
     Parameters
     ----------
     start : Assignment
-        Its choice names a scheduler; without one, a cluster of this machine is started.
+        Its options name a scheduler; without one, a cluster of this machine is started.
 
     Raises
     ------
@@ -90,8 +90,8 @@ class Dask(Executor):
             raise UsageError("--executor dask needs distributed; install it with: pip install 'ffseg[dask]'")
         self._start = start
         self._client, self._cluster = _connect(start)
-        workers = max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]), start.num_workers)
-        self._key = digest(pickle.dumps((start.setup, start.timeout)))
+        workers = max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]), start.options.num_workers)
+        self._key = digest(pickle.dumps((start.setup, start.options.timeout)))
         if self._cluster is not None:
             lend(self._key, start)
         self._parts, self._left = workers * CHUNKS_EACH, start.num_tasks
@@ -119,7 +119,7 @@ class Dask(Executor):
 
     def _next_size(self) -> int:
         """Images of the next chunk: fewer as fewer are left."""
-        return min(self._start.choice.chunk, max(LEAST, -(-self._left // self._parts)))
+        return min(self._start.options.chunk, max(LEAST, -(-self._left // self._parts)))
 
     def _submit(self) -> None:
         tasks, self._chunk = tuple(self._chunk), []
@@ -127,7 +127,7 @@ class Dask(Executor):
         self._size = self._next_size()
         start, self._number = self._start, self._number + 1
         path = self._chunks.path(self._number)
-        order = Order(start.setup, start.timeout, start.settings, self._key, path, self._chunks.going, tasks)
+        order = Order(start.setup, start.options.timeout, start.settings, self._key, path, self._chunks.going, tasks)
         future = self._client.submit(do_chunk, order, pure=False)
         self._waiting[future] = (tasks, self._number)
         future.add_done_callback(self._ended.put)
@@ -209,12 +209,12 @@ def _connect(start: Assignment) -> tuple[Any, Any]:
         if name.partition(".")[0] in ("distributed", "tornado"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is told by the run
     config.set({"distributed.comm.timeouts.connect": _PATIENCE_S, "distributed.scheduler.worker-saturation": 1.0})
-    address = start.choice.address
+    address = start.options.scheduler
     cluster = None
     if not address:  # workers that are threads: each has a process of ours that works on the images
         config.set(_QUIET)
         cluster = distributed.LocalCluster(
-            n_workers=start.num_workers,
+            n_workers=start.options.num_workers,
             threads_per_worker=1,
             processes=False,
             memory_limit=0,
@@ -243,56 +243,29 @@ def do_chunk(order: Order) -> dict[str, str]:
     """
     done = {name for name, _ in replies(order.path, order.settings)}
     left = [task for task in order.tasks if task.job.source.name not in done]
+    out, state = order.tasks[0].out, os.path.dirname(os.path.dirname(order.path))
     with (
         worker_process(order.key, order.setup, order.timeout, order.going) as held,
         open(order.path, "ab", buffering=0) as file,  # noqa: PTH123 - append
-        contextlib.closing(_Outputs(order)) as outputs,
+        contextlib.closing(Store(out, state, packed=order.setup.products.pack)) as store,
     ):
         file.write(b"\n")  # after a line that a dead worker has not finished
         names = {task.job.index: task.job.source.name for task in left}
-        executor, tasks = held.executor, iter(left)
-        waiting = 0
-        while os.path.exists(order.going):
-            while executor.room() > 0 and (task := next(tasks, None)) is not None:
-                executor.put(task)
-                waiting += 1
-            if not waiting:
-                return held.versions
-            for event in executor.replies():
-                if isinstance(event, Ready):
-                    held.versions = event.versions
-                elif not isinstance(event, Note):
-                    waiting -= 1
-                    file.write(reply_line(names[event.index], order.settings, outputs.written(event)))
-    return {}
+        for event in served(held.executor, iter(left), lambda: os.path.exists(order.going), lambda: None):
+            if isinstance(event, Ready):
+                held.versions = event.versions
+            elif isinstance(event, Reply):
+                file.write(reply_line(names[event.index], order.settings, _written(event, store)))
+    return held.versions
 
 
-class _Outputs:
-    """Writes the outputs of a chunk: files, or members of a tar file that nobody else writes to."""
-
-    def __init__(self, order: Order) -> None:
-        self._out = order.tasks[0].out
-        self._pack: PackWriter | None = None
-        if order.setup.products.pack:
-            state = os.path.dirname(os.path.dirname(order.path))
-            self._pack = PackWriter(self._out, new_pack(self._out, state))
-
-    def written(self, reply: Reply) -> Reply:
-        """A reply whose outputs are on the disk."""
-        if not isinstance(reply, Done):
-            return reply
-        files = [(one.path, one.data) for one in reply.outputs if one.data is not None]
-        try:
-            if self._pack is None:
-                write_all_atomic([(os.path.join(self._out, path), data) for path, data in files])
-                return reply
-            members = self._pack.append(files)
-        except OutputError as error:
-            return Failed(reply.index, "output", str(error))
-        placed = (replace(one, data=None, member=members[one.path]) for one in reply.outputs)
-        return replace(reply, outputs=tuple(placed))
-
-    def close(self) -> None:
-        """Close the tar file."""
-        if self._pack is not None:
-            self._pack.close()
+def _written(reply: Reply, store: Store) -> Reply:
+    """A reply whose outputs are on the disk."""
+    if not isinstance(reply, Done):
+        return reply
+    try:
+        members = store.write([(one.path, one.data) for one in reply.outputs if one.data is not None])
+    except OutputError as error:
+        return Failed(reply.index, "output", str(error))
+    placed = (replace(one, data=None, member=members.get(one.path)) for one in reply.outputs)
+    return replace(reply, outputs=tuple(placed))

@@ -6,10 +6,10 @@ import contextlib
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import monotonic
 
-from ffseg.batch.executors.base import Assignment
+from ffseg.batch.executors.base import Assignment, Options
 from ffseg.batch.executors.processes import AHEAD, Processes
 from ffseg.batch.workers.messages import Setup
 
@@ -39,8 +39,9 @@ _watched: list[threading.Thread] = []
 
 def lend(key: str, start: Assignment) -> None:
     """Let workers of this process have the worker processes that were started with the command."""
-    for process in start.started[: start.num_workers]:
-        _keep(key, Held(Processes(Assignment(start.setup, 1, start.timeout, [process]))))
+    alone = replace(start.options, num_workers=1)
+    for process in start.started[: start.options.num_workers]:
+        _keep(key, Held(Processes(Assignment(start.setup, alone, [process]))))
 
 
 @contextlib.contextmanager
@@ -58,7 +59,7 @@ def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterat
     """
     with _changed:
         idle = _idle.get(key)
-        held = idle.pop() if idle else Held(Processes(Assignment(setup, 1, timeout)))
+        held = idle.pop() if idle else Held(Processes(Assignment(setup, Options(1, timeout))))
         _busy.add(held)
     end_others(key)
     try:

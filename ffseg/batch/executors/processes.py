@@ -15,7 +15,6 @@ from typing import Any
 from ffseg.batch.executors.base import Assignment, Executor
 from ffseg.batch.workers.launch import Process, launch
 from ffseg.batch.workers.messages import (
-    Done,
     Event,
     Failed,
     Inbox,
@@ -24,7 +23,6 @@ from ffseg.batch.workers.messages import (
     Refused,
     Reply,
     Task,
-    Unchanged,
     send,
 )
 from ffseg.errors import UsageError, WorkerLostError
@@ -75,7 +73,7 @@ class Processes(Executor):
     """Workers fed with tasks in order; replies come as they are ready."""
 
     def __init__(self, start: Assignment) -> None:
-        self._setup, self._num_workers, self._timeout = start.setup, start.num_workers, start.timeout
+        self._setup, self._num_workers, self._timeout = start.setup, start.options.num_workers, start.options.timeout
         self._waiting: deque[Task] = deque()
         self._workers: list[Worker] = []
         self._poll = select.poll()
@@ -195,7 +193,7 @@ class Processes(Executor):
             yield from self._lost(worker)
             return
         for message in worker.inbox.feed(piece):
-            if isinstance(message, Done | Unchanged | Failed):
+            if isinstance(message, Reply):
                 worker.queue.popleft()
                 worker.since = monotonic()
                 worker.clear_log()

@@ -19,11 +19,11 @@ from ffseg.batch.record.journal import Journal, state_folder
 from ffseg.batch.record.tables import TIME_COLUMN
 from ffseg.batch.record.values import Mark, Record
 from ffseg.batch.tar.members import Member, output_digest
-from ffseg.batch.tar.writer import PackWriter
+from ffseg.batch.tar.writer import Store
 from ffseg.batch.workers.freshness import mark_of
 from ffseg.batch.workers.messages import Done, Failed, Reply, Unchanged
 from ffseg.errors import OutputError
-from ffseg.io.files import printable, require_replaceable, write_all_atomic
+from ffseg.io.files import printable, require_replaceable
 
 Outputs = Mapping[str, tuple[str, Mark]]
 
@@ -50,8 +50,8 @@ class Keeper:
         For the rows of images that failed.
     tell : callable
         Hears of problems that belong to no image.
-    pack : PackWriter or None
-        Takes the outputs where they are no files of their own.
+    store : Store
+        Takes the outputs.
     """
 
     plan: Plan
@@ -59,7 +59,7 @@ class Keeper:
     settings: str
     method: str
     tell: Callable[[str], None]
-    pack: PackWriter | None = None
+    store: Store
     _places: dict[str, Member] = field(default_factory=dict)
     """Of the outputs that were written last."""
 
@@ -84,19 +84,13 @@ class Keeper:
     def _written(self, replies: Sequence[Done]) -> dict[int, str]:
         """Write the outputs of images, all of them at once where that works; the problems of the others by index."""
         try:
-            self._write([(one.path, one.data) for reply in replies for one in reply.outputs if one.data is not None])
+            files = [(one.path, one.data) for reply in replies for one in reply.outputs if one.data is not None]
+            self._places |= self.store.write(files)
         except OutputError as error:
             if len(replies) == 1:
                 return {replies[0].index: str(error)}
             return {index: text for reply in replies for index, text in self._written([reply]).items()}
         return {}
-
-    def _write(self, outputs: Sequence[tuple[str, bytes]]) -> None:
-        """Write outputs, or append them to the tar file."""
-        if self.pack is not None:
-            self._places |= self.pack.append(outputs)
-            return
-        write_all_atomic([(self._path(output), data) for output, data in outputs])
 
     def _path(self, output: str) -> str:
         return os.path.join(self.plan.out, output)

@@ -6,53 +6,30 @@ import contextlib
 import os
 import uuid
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import BinaryIO
+from dataclasses import replace
 
-from ffseg.batch.outputs.table import PACKS, tar_name
+from ffseg.batch.outputs.table import PACKS
 from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import (
-    BLOCK,
+    END,
     NOWHERE,
     Member,
     digest,
+    final_name,
     is_ordered,
     kind_of,
     ordered_pack,
     pack_path,
     padding,
 )
-from ffseg.batch.tar.writer import head, head_size, unwritable
+from ffseg.batch.tar.writer import PackWriter, head_size, unwritable
 from ffseg.errors import OutputError
-from ffseg.io.files import AT_ONCE, make_folder, printable, read_at, sync_folders
+from ffseg.io.files import AT_ONCE, printable, read_at, sync_folders
 
-_END = bytes(2 * BLOCK)
-"""End of a tar file."""
-_BUFFER = 1 << 20
 _MOST_OPEN = 64
 """Tar files read from at once."""
 _FOLDER = f"{STATE_FOLDER}/{PACKS}"
-
-
-@dataclass(slots=True, eq=False)
-class _Tar:
-    """A tar file on its way."""
-
-    pack: str
-    path: str
-    file: BinaryIO
-    end: int = 0
-
-    def add(self, path: str, data: bytes) -> Member:
-        """Append a member."""
-        top = head(path, len(data))
-        self.file.write(top)
-        self.file.write(data)
-        self.file.write(bytes(padding(len(data))))
-        member = (self.pack, self.end + len(top), len(data))
-        self.end += len(top) + len(data) + padding(len(data))
-        return member
 
 
 class OrderedPacks:
@@ -65,7 +42,7 @@ class OrderedPacks:
     def __init__(self, out: str) -> None:
         self._out = out
         self._token = uuid.uuid4().hex[:12]
-        self._tars: dict[str, _Tar] = {}
+        self._tars: dict[str, PackWriter] = {}
         self._sources: dict[str, int] = {}
         self._whole = False
 
@@ -75,10 +52,9 @@ class OrderedPacks:
     def __exit__(self, *_: object) -> None:
         self._close_sources()
         for tar in self._tars.values():
-            with contextlib.suppress(OSError):
-                tar.file.close()
+            tar.close()
         if not self._whole:
-            remove_packs([tar.path for tar in self._tars.values()])
+            remove_packs([os.path.join(self._out, tar.pack) for tar in self._tars.values()])
 
     def move(self, record: Record) -> tuple[Record, list[str]]:
         """Copy the outputs of a record.
@@ -99,26 +75,15 @@ class OrderedPacks:
         for path in sorted(record.outputs):
             data = self._content(record.members.get(path))
             if data is not None and digest(data) == record.outputs[path][0]:
-                members[path] = self._add(path, data)
+                members |= self._tar(kind_of(path)).append([(path, data)], sync=False)
             else:
                 members[path] = NOWHERE
                 lost.append(path)
         return replace(record, members=members), lost
 
-    def _add(self, path: str, data: bytes) -> Member:
-        kind = kind_of(path)
-        try:
-            tar = self._tars.get(kind) or self._begin(kind)
-            return tar.add(path, data)
-        except OSError as error:
-            raise unwritable(os.path.join(self._out, tar_name(kind)), error) from error
-
-    def _begin(self, kind: str) -> _Tar:
-        make_folder(os.path.join(self._out, _FOLDER))
-        pack = ordered_pack(_FOLDER, kind, self._token)
-        path = os.path.join(self._out, pack)
-        file = open(path, "xb", buffering=_BUFFER)  # noqa: SIM115, PTH123 - closed with the others
-        self._tars[kind] = _Tar(pack, path, file)
+    def _tar(self, kind: str) -> PackWriter:
+        if kind not in self._tars:
+            self._tars[kind] = PackWriter(self._out, ordered_pack(_FOLDER, kind, self._token))
         return self._tars[kind]
 
     def _content(self, member: Member | None) -> bytes | None:
@@ -150,13 +115,8 @@ class OrderedPacks:
         OutputError
             Naming the tar file that cannot be written.
         """
-        for kind, tar in self._tars.items():
-            try:
-                tar.file.write(_END)
-                tar.file.flush()
-                os.fsync(tar.file.fileno())
-            except OSError as error:
-                raise unwritable(os.path.join(self._out, tar_name(kind)), error) from error
+        for tar in self._tars.values():
+            tar.finish()
         sync_folders([os.path.join(self._out, _FOLDER)] if self._tars else [])
         self._whole = True
         return [tar.pack for tar in self._tars.values()]
@@ -175,7 +135,7 @@ def in_order(out: str, records: Iterable[Record]) -> list[str] | None:
             if not is_ordered(pack) or pack != before or offset != end + head_size(path):
                 return None
             ends[kind_of(path)] = (pack, offset + length + padding(length))
-    whole = all(_size(pack_path(out, pack)) == end + len(_END) for pack, end in ends.values())
+    whole = all(_size(pack_path(out, pack)) == end + len(END) for pack, end in ends.values())
     return [pack for pack, _ in ends.values()] if whole else None
 
 
@@ -201,7 +161,7 @@ def publish(out: str, packs: Iterable[str]) -> list[str]:
     """
     names = []
     for pack in sorted(packs):
-        source, name = os.path.join(out, pack), tar_name(pack.rpartition("/")[2].partition("@")[0])
+        source, name = os.path.join(out, pack), final_name(pack)
         names.append(name)
         target = os.path.join(out, name)
         if os.path.lexists(source):

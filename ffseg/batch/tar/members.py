@@ -17,6 +17,8 @@ NOWHERE: Member = ("", 0, 0)
 """Place of an output that was found to be something else than was written: its image is done again."""
 BLOCK = 512
 """Bytes that the parts of a tar file are padded to."""
+END = bytes(2 * BLOCK)
+"""End of a tar file."""
 _MARK = "@"
 _MOST_BYTES = 1 << 40
 """Of an output that is compared with what was written."""
@@ -42,12 +44,15 @@ def is_ordered(pack: str) -> bool:
     return _MARK in pack.rpartition("/")[2]
 
 
+def final_name(pack: str) -> str:
+    """Name in the output folder of a tar file that gets one there; else the name it has."""
+    return tar_name(pack.rpartition("/")[2].partition(_MARK)[0]) if is_ordered(pack) else pack
+
+
 def pack_path(out: str, pack: str) -> str:
     """Path of a tar file that a record names, wherever it is by now."""
     path = os.path.join(out, pack)
-    if is_ordered(pack) and not os.path.lexists(path):
-        return os.path.join(out, tar_name(pack.rpartition("/")[2].partition(_MARK)[0]))
-    return path
+    return path if os.path.lexists(path) else os.path.join(out, final_name(pack))
 
 
 def output_bytes(out: str, path: str, member: Member | None) -> bytes:

@@ -1,4 +1,4 @@
-"""A tar file that grows by whole images: what has been appended is on the disk, and what failed is not seen."""
+"""Outputs written as files, or into a tar file that grows by whole images: what failed to be appended is not seen."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import uuid
 from collections.abc import Sequence
 
 from ffseg.batch.outputs.table import PACKS
-from ffseg.batch.tar.members import BLOCK, Member, padding
+from ffseg.batch.tar.members import BLOCK, END, Member, final_name, padding
 from ffseg.errors import OutputError
-from ffseg.io.files import OWN, make_folder, printable
+from ffseg.io.files import OWN, make_folder, printable, write_all_atomic
 
 _TIME = 315_532_800
 """Time of change of every member, the first of 1980: the same outputs are the same bytes, and no program doubts it."""
@@ -41,12 +41,6 @@ def unwritable(path: str, error: OSError) -> OutputError:
     return OutputError(f"{printable(path)} cannot be written ({os.strerror(error.errno or 0)}); {remedy}")
 
 
-def new_pack(out: str, state: str) -> str:
-    """Name below the output folder of a tar file that nobody else writes to."""
-    folder = os.path.relpath(os.path.join(state, PACKS), out).replace(os.sep, "/")
-    return f"{folder}/{uuid.uuid4().hex[:12]}.tar"
-
-
 class PackWriter:
     """Appends outputs to a tar file of its own, which is made with the first of them.
 
@@ -59,18 +53,20 @@ class PackWriter:
     """
 
     def __init__(self, out: str, pack: str) -> None:
-        self._pack = pack
-        self._path = os.path.join(out, pack)
+        self.pack = pack
+        self._out, self._path = out, os.path.join(out, pack)
         self._descriptor = _CLOSED
         self._end = 0
 
-    def append(self, files: Sequence[tuple[str, bytes]]) -> dict[str, Member]:
-        """Append outputs, all of them or none, and wait until they are on the disk.
+    def append(self, files: Sequence[tuple[str, bytes]], *, sync: bool = True) -> dict[str, Member]:
+        """Append outputs, all of them or none.
 
         Parameters
         ----------
         files : sequence of (path, data)
             Paths below the output folder.
+        sync : bool
+            Wait until they are on the disk.
 
         Returns
         -------
@@ -86,13 +82,23 @@ class PackWriter:
         data = bytearray()
         for path, content in files:
             data += head(path, len(content))
-            members[path] = (self._pack, self._end + len(data), len(content))
+            members[path] = (self.pack, self._end + len(data), len(content))
             data += content + bytes(padding(len(content)))
         if data:
-            self._write(data)
+            self._write(data, sync=sync)
         return members
 
-    def _write(self, data: bytearray) -> None:
+    def finish(self) -> None:
+        """Write the end of a tar file, and wait until all is on the disk.
+
+        Raises
+        ------
+        OutputError
+            As `append`.
+        """
+        self._write(bytearray(END), sync=True)
+
+    def _write(self, data: bytearray, *, sync: bool) -> None:
         try:
             if self._descriptor == _CLOSED:
                 make_folder(os.path.dirname(self._path))
@@ -101,12 +107,13 @@ class PackWriter:
             view = memoryview(data)
             while view:
                 view = view[os.write(self._descriptor, view) :]
-            os.fsync(self._descriptor)
+            if sync:
+                os.fsync(self._descriptor)
         except OSError as error:
             if self._descriptor != _CLOSED:
                 with contextlib.suppress(OSError):
                     os.ftruncate(self._descriptor, self._end)
-            raise unwritable(self._path, error) from error
+            raise unwritable(os.path.join(self._out, final_name(self.pack)), error) from error
         self._end += len(data)
 
     def close(self) -> None:
@@ -117,3 +124,38 @@ class PackWriter:
             if not self._end:
                 with contextlib.suppress(OSError):
                     os.unlink(self._path)
+
+
+class Store:
+    """Where the outputs of images go: a file each, or members of a tar file that nobody else writes to.
+
+    Parameters
+    ----------
+    out : str
+        Output folder.
+    state : str
+        State folder in which there is such a tar file.
+    """
+
+    def __init__(self, out: str, state: str, *, packed: bool) -> None:
+        self._out = out
+        pack = f"{os.path.relpath(os.path.join(state, PACKS), out).replace(os.sep, '/')}/{uuid.uuid4().hex[:12]}.tar"
+        self._pack = PackWriter(out, pack) if packed else None
+
+    def write(self, files: Sequence[tuple[str, bytes]]) -> dict[str, Member]:
+        """Write outputs, all of them or none; where those lie that are no files of their own.
+
+        Raises
+        ------
+        OutputError
+            Naming the file and the system's reason.
+        """
+        if self._pack is not None:
+            return self._pack.append(files)
+        write_all_atomic([(os.path.join(self._out, path), data) for path, data in files])
+        return {}
+
+    def close(self) -> None:
+        """Close the tar file."""
+        if self._pack is not None:
+            self._pack.close()

@@ -49,7 +49,6 @@ from ffseg.io.films import is_film
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ffseg.batch.executors.base import Choice
     from ffseg.batch.outputs.table import Products
     from ffseg.batch.plan.jobs import Plan
     from ffseg.batch.views import Views
@@ -209,7 +208,8 @@ def run(  # noqa: PLR0913 - the options of the command
     if PIPE in (*(inputs or ()), str(out)) or raw:
         raise typer.Exit(pipe(context))
     early = early_workers(inputs or (), jobs or cores()) if PROCESSES == "processes" and not dry_run else []
-    from ffseg.batch.runner import Options, Run
+    from ffseg.batch.executors.base import Options
+    from ffseg.batch.runner import Run
     from ffseg.batch.workers.messages import Setup
     from ffseg.cli.interruption import Interruption
     from ffseg.cli.reporting import Progress, show_result
@@ -223,7 +223,7 @@ def run(  # noqa: PLR0913 - the options of the command
         require_source(params, evidence)
         products = read_products(export or (), pack, film_out, overlay=overlay, animate=animate)
         products = in_metres(products, camera, asked=metric)
-        who = chosen_executor(executor, dask, chunk)
+        who = _executor(executor, dask)
         choice = InputOptions(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul, film, quiet)
         plan = with_maps(read_plan(choice, out, products, truth, starts, params), evidence, camera)
         plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan, footprint), shard)
@@ -234,7 +234,7 @@ def run(  # noqa: PLR0913 - the options of the command
             raise typer.Exit(show_preview(plan, setup, overwrite=overwrite, as_json=as_json))
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
         cleanup.callback(progress.close)
-        options = Options(most or jobs or cores(), timeout, overwrite, report, who, read_tables(table))
+        options = Options(most or jobs or cores(), timeout, overwrite, report, read_tables(table), who, dask, chunk)
         work = cleanup.enter_context(Run(plan, setup, options, interruption, progress))
         interruption.defer()
         summary = work.execute(early)
@@ -247,7 +247,7 @@ def run(  # noqa: PLR0913 - the options of the command
         raise typer.Exit(console.FAILED_IMAGES)
 
 
-def in_order(plan: Plan, setup: Setup, who: Choice, past: str) -> tuple[Plan, Setup, int]:
+def in_order(plan: Plan, setup: Setup, who: str, past: str) -> tuple[Plan, Setup, int]:
     """Plan and setup of a run whose frames need the ones before, and the most workers: one; 0 for any number.
 
     Raises
@@ -262,7 +262,7 @@ def in_order(plan: Plan, setup: Setup, who: Choice, past: str) -> tuple[Plan, Se
         "--shard": plan.shard,
         "--camera": setup.views,
         "--pack": plan.products.pack,
-        "--dask": who.name == "dask",
+        "--dask": who == "dask",
     }
     other = next((name for name, there in refused.items() if there), "")
     if other:
@@ -279,19 +279,12 @@ def limited(setup: Setup, max_pixels: int, megabytes: int) -> Setup:
     return replace(setup, max_pixels=max_pixels, memory_bytes=megabytes * _MEGABYTE)
 
 
-def chosen_executor(name: str, dask: str, chunk: int) -> Choice:
-    """Who works on the images.
-
-    Raises
-    ------
-    ParameterError
-        If there is no executor of this name.
-    """
-    from ffseg.batch.executors.base import Choice
+def _executor(name: str, scheduler: str) -> str:
+    """Who works on the images; refuses a name that nobody has."""
     from ffseg.plugins import check
 
     check("executors", name)
-    return Choice("dask" if dask else name, dask, chunk)
+    return "dask" if scheduler else name
 
 
 def show_preview(plan: Plan, setup: Setup, *, overwrite: bool, as_json: bool) -> int:
