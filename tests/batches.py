@@ -16,7 +16,8 @@ from PIL import Image
 from ffseg.batch.executors.base import Options
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.sources import Job
-from ffseg.batch.runner import Run, Summary
+from ffseg.batch.record.ledger import Summary
+from ffseg.batch.runner import Run
 from ffseg.batch.workers.messages import Setup
 from ffseg.parameters import Parameters, load_params
 

@@ -15,7 +15,7 @@ from typing import get_args
 from ffseg.batch.cameras import Found
 from ffseg.batch.outputs.table import MAP_FILES, OUTPUTS
 from ffseg.batch.record import tables
-from ffseg.batch.runner import JOB_REASONS
+from ffseg.batch.record.ledger import JOB_REASONS
 from ffseg.bench import report
 from ffseg.bench.session import Outcome
 from ffseg.camera.calibration import CameraFile

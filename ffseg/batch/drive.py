@@ -12,8 +12,8 @@ import numpy as np
 
 from ffseg.batch.outputs.table import GROUND, MAP_FILES, MASK
 from ffseg.batch.record.tables import in_time
-from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import output_bytes
+from ffseg.batch.values import Record
 from ffseg.batch.views import Views
 from ffseg.errors import ImageReadError
 from ffseg.freespace.occupancy import OccupancyMap, Sighting

@@ -11,7 +11,7 @@ from ffseg.batch.plan.sources import Job
 from ffseg.batch.record.header import refuse_mixing, run_header
 from ffseg.batch.record.journal import last_records, state_folder
 from ffseg.batch.record.lock import refuse_locked
-from ffseg.batch.record.values import Record
+from ffseg.batch.values import Record
 from ffseg.batch.workers.freshness import kept_outputs, read_job
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import ImageReadError, OutputError

@@ -13,7 +13,8 @@ from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.plan.reading import told
 from ffseg.batch.plan.sources import Job
 from ffseg.batch.preview import Preview
-from ffseg.batch.runner import Run, Summary
+from ffseg.batch.record.ledger import Summary
+from ffseg.batch.runner import Run
 from ffseg.cli import console
 from ffseg.cli.untested import motions, nothing_tested, untested_pairs
 from ffseg.io.files import printable

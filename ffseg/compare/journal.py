@@ -11,8 +11,8 @@ from pathlib import Path
 from ffseg import __version__
 from ffseg.batch.plan.sources import Job
 from ffseg.batch.record.header import run_header
-from ffseg.batch.record.values import json_line, parsed_line
 from ffseg.batch.tar.members import digest
+from ffseg.batch.values import json_line, parsed_line
 from ffseg.batch.workers.freshness import read_job
 from ffseg.batch.workers.messages import Setup
 from ffseg.compare.values import Comparison, Row

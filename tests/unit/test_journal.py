@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from ffseg.batch.plan.sources import order_key
 from ffseg.batch.record.journal import Journal, read_header
 from ffseg.batch.record.lock import OutputLock
-from ffseg.batch.record.values import Record, json_line, record_line
+from ffseg.batch.values import Record, json_line, record_line
 from ffseg.errors import OutputError, UsageError
 
 NAMES = ["a.png", os.fsdecode(b"\xff.png"), "c\n.png"]

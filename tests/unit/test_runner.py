@@ -17,7 +17,7 @@ from PIL import Image
 
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.sources import Job, Source
-from ffseg.batch.runner import TIMING_COLUMNS
+from ffseg.batch.record.tables import TIMING_COLUMNS
 from ffseg.batch.workers import work
 from ffseg.batch.workers.messages import Failed, Setup, Task
 from ffseg.errors import OutputError, UsageError, WorkerLostError
@@ -75,7 +75,7 @@ def test_touched_image_of_the_same_content_is_done(images: Path, tmp_path: Path)
 
 def test_other_version_does_all_again(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run_batch(images, tmp_path / "out")
-    monkeypatch.setattr("ffseg.batch.record.values.__version__", "99")
+    monkeypatch.setattr("ffseg.batch.values.__version__", "99")
     assert run_batch(images, tmp_path / "out").done == 12
 
 

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from ffseg.batch.executors.base import Options
 from ffseg.batch.plan.jobs import make_plan, with_starts
-from ffseg.batch.runner import Run, Summary
+from ffseg.batch.record.ledger import Summary
+from ffseg.batch.runner import Run
 from ffseg.batch.workers.messages import Setup
 from ffseg.compare.run import compare, plan_comparison
 from ffseg.compare.values import Comparison

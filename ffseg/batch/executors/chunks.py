@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ffseg.batch.record.values import json_line, parsed_line
+from ffseg.batch.values import json_line, parsed_line
 from ffseg.batch.workers.messages import Digests, Done, Encoded, Failed, Reply, Unchanged
 from ffseg.io.files import make_folder
 

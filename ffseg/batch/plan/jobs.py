@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from itertools import chain
@@ -24,7 +25,7 @@ from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.reading import parted, place_of
 from ffseg.batch.plan.sources import STATE_FOLDER, Job, Source, film_of
 from ffseg.errors import OutputError, UsageError
-from ffseg.io.files import SKIP_FILE, make_folder, printable, write_bytes_atomic
+from ffseg.io.files import SKIP_FILE, is_temporary, make_folder, printable, write_bytes_atomic
 from ffseg.io.starts import load_starts
 
 MAX_NAME_BYTES = 255
@@ -342,6 +343,19 @@ def prepare_output(plan: Plan, state: str) -> None:
         os.unlink(probe)
     except OSError as error:
         raise OutputError(f"{printable(plan.out)} cannot be written ({os.strerror(error.errno or 0)})") from error
+
+
+def sweep(plan: Plan, state: str) -> None:
+    """Remove the temporaries of a run that was killed; under the lock nobody else can be writing one.
+
+    A shard leaves those of the images alone: another shard may be writing them.
+    """
+    for folder in (state, *(() if plan.shard else (plan.out, *output_folders(plan)))):
+        with os.scandir(folder) as entries:
+            left = [entry.path for entry in entries if is_temporary(entry.name)]
+        for path in left:
+            with suppress(OSError):
+                os.unlink(path)
 
 
 PROBE_BYTES = 1 << 16

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ffseg.batch.outputs.table import FILM_KINDS
 from ffseg.batch.plan.reading import parted, read_input
 from ffseg.batch.plan.sources import film_of
-from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import output_bytes
+from ffseg.batch.values import Record
 from ffseg.errors import ImageReadError, OutputError, UsageError
 from ffseg.io.files import printable, replacement
 from ffseg.io.images import decode_image

@@ -11,8 +11,8 @@ from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.record.journal import Journal, read_records, state_folder
 from ffseg.batch.record.ordered import OrderedPacks, in_order, packs_of, publish, remove_packs
 from ffseg.batch.record.survey import Survey
-from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import Member, is_ordered, pack_path
+from ffseg.batch.values import Record
 
 
 class StoppedError(Exception):

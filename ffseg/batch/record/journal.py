@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 
 from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.streams import atomic_stream
-from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record, record_line
+from ffseg.batch.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.errors import UsageError
 from ffseg.io.files import OWN, printable, read_at, unwritten
 

@@ -12,14 +12,15 @@ from time import perf_counter
 from typing import Any
 
 from ffseg import __version__
+from ffseg.batch.outputs.table import MAP_FILES
 from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.plan.reading import place_of
 from ffseg.batch.plan.sources import Job, order_key
-from ffseg.batch.record.journal import Journal, state_folder
-from ffseg.batch.record.tables import TIME_COLUMN
-from ffseg.batch.record.values import Mark, Record
+from ffseg.batch.record.journal import Journal, read_header, state_folder
+from ffseg.batch.record.tables import OBSTACLES, PARQUET, TIME_COLUMN
 from ffseg.batch.tar.members import Member, output_digest
 from ffseg.batch.tar.writer import Store
+from ffseg.batch.values import Mark, Record
 from ffseg.batch.workers.freshness import mark_of
 from ffseg.batch.workers.messages import Done, Failed, Reply, Unchanged
 from ffseg.errors import OutputError
@@ -44,24 +45,42 @@ class Keeper:
 
     Attributes
     ----------
-    settings : str
-        Digest of the parameters of this run.
+    header : mapping
+        What all records have in common.
     method : str
         For the rows of images that failed.
     tell : callable
         Hears of problems that belong to no image.
     store : Store
         Takes the outputs.
+    tables_before : list of str
+        Tables that an earlier run wrote.
     """
 
     plan: Plan
     journal: Journal
-    settings: str
+    header: Mapping[str, Any]
     method: str
     tell: Callable[[str], None]
     store: Store
+    tables_before: list[str]
     _places: dict[str, Member] = field(default_factory=dict)
     """Of the outputs that were written last."""
+
+    @property
+    def settings(self) -> str:
+        """Digest of the parameters of this run."""
+        return str(self.header["settings"])
+
+    @property
+    def state(self) -> str:
+        """State folder of this run."""
+        return state_folder(self.plan.out, self.plan.shard)
+
+    def close(self) -> None:
+        """Close what is written to."""
+        self.store.close()
+        self.journal.close()
 
     def adopt(self, reply: Reply) -> None:
         """Remember what a run had made that did not live to do so; whether it is right is found out as for any record."""
@@ -202,13 +221,10 @@ class Keeper:
         return tuple(sorted(path for path in stale if os.path.lexists(self._path(path))))
 
     def _log_name(self) -> str:
-        return os.path.relpath(os.path.join(self._state(), "errors.log"), self.plan.out)
-
-    def _state(self) -> str:
-        return state_folder(self.plan.out, self.plan.shard)
+        return os.path.relpath(os.path.join(self.state, "errors.log"), self.plan.out)
 
     def _log(self, text: str) -> None:
-        path = os.path.join(self._state(), "errors.log")
+        path = os.path.join(self.state, "errors.log")
         try:
             require_replaceable(path)
             with Path(path).open("a", encoding="utf-8", errors="backslashreplace") as file:
@@ -217,6 +233,21 @@ class Keeper:
             self.tell(f"{printable(path)} cannot be written ({os.strerror(error.errno or 0)})")
         except OutputError as error:
             self.tell(str(error))
+
+
+def kept(
+    plan: Plan, header: Mapping[str, Any], method: str, tell: Callable[[str], None], *, camera: bool, parquet: bool
+) -> Keeper:
+    """A keeper of a plan's outputs, which takes over the journal of an earlier run."""
+    state = state_folder(plan.out, plan.shard)
+    before = [name for name in (read_header(state) or {}).get("tables", ()) if isinstance(name, str)]
+    merged = {kind.merged for kind in plan.products.kinds if kind.merge}
+    merged |= {*MAP_FILES} if plan.products.metric and not plan.shard else set()
+    others = {name for name, asked in ((OBSTACLES, camera), (PARQUET, parquet)) if asked}
+    tables = sorted({*before, *merged, *others, *plan.tars, *plan.films})
+    header = {**header, "tables": tables, **({"pack": True} if plan.tars else {})}
+    journal = Journal(state, header, [job.source.name for job in plan.jobs])
+    return Keeper(plan, journal, header, method, tell, Store(plan.out, state, packed=bool(plan.tars)), before)
 
 
 def _time_of(job: Job) -> dict[str, float]:

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 from ffseg.batch.outputs.table import PACKS
 from ffseg.batch.plan.sources import STATE_FOLDER
-from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import (
     END,
     NOWHERE,
@@ -24,6 +23,7 @@ from ffseg.batch.tar.members import (
     padding,
 )
 from ffseg.batch.tar.writer import PackWriter, head_size, unwritable
+from ffseg.batch.values import Record
 from ffseg.errors import OutputError
 from ffseg.io.files import AT_ONCE, printable, read_at, sync_folders
 

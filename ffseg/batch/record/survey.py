@@ -10,7 +10,7 @@ from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.record.journal import Journal
 from ffseg.batch.record.keeper import retire
 from ffseg.batch.record.tables import Records
-from ffseg.batch.record.values import Record
+from ffseg.batch.values import Record
 from ffseg.batch.workers.freshness import output_stands, still_true, unchanged
 
 _NAMED = 1000

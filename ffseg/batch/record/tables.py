@@ -12,8 +12,8 @@ from typing import Any
 
 from ffseg.batch.outputs.table import MAP_FILES, OUTPUTS, Output
 from ffseg.batch.record.streams import write_stream
-from ffseg.batch.record.values import Record
 from ffseg.batch.tar.members import output_bytes
+from ffseg.batch.values import Record
 from ffseg.errors import ImageReadError, OutputError
 from ffseg.io.files import printable, write_all_atomic
 from ffseg.io.tables import csv_lines

@@ -24,9 +24,9 @@ from ffseg.batch.record.ordered import OrderedPacks, packs_of, publish, remove_p
 from ffseg.batch.record.streams import atomic_stream
 from ffseg.batch.record.survey import stale_reason, without_old_truth
 from ffseg.batch.record.tables import RUN, Records, Tables, remove_old
-from ffseg.batch.record.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.batch.shards.assign import Shard, shard_of_folder
 from ffseg.batch.shards.last import last_lines
+from ffseg.batch.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.batch.workers.freshness import still_true
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.files import is_temporary, printable, read_bytes

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ffseg.batch.plan.reading import parted, place_of, read_input, told
-from ffseg.batch.record.values import File, Mark, Record
 from ffseg.batch.tar.members import Member, digest, output_digest
+from ffseg.batch.values import File, Mark, Record
 from ffseg.batch.workers.messages import Digests, Setup
 from ffseg.errors import ImageReadError
 from ffseg.io.files import printable

@@ -14,7 +14,7 @@ from ffseg.parameters import Parameters
 
 if TYPE_CHECKING:
     from ffseg.batch.plan.sources import Job
-    from ffseg.batch.record.values import File, Record
+    from ffseg.batch.values import File, Record
     from ffseg.batch.views import Views
 
 _LENGTH_BYTES = 8

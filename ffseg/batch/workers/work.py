@@ -31,7 +31,7 @@ from ffseg.scene import Scene
 
 if TYPE_CHECKING:
     from ffseg.batch.plan.sources import Job
-    from ffseg.batch.record.values import Record
+    from ffseg.batch.values import Record
     from ffseg.batch.workers.frames import FrameBench
     from ffseg.batch.workers.past import Past
     from ffseg.freespace.outline import Ground

@@ -1,0 +1,121 @@
+"""What has become of a run so far: what its parts share, and what its caller hears."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any, Protocol
+
+from ffseg.batch.plan.jobs import Plan
+from ffseg.batch.plan.sources import Job
+from ffseg.batch.record.keeper import Completed
+
+JOB_REASONS = {
+    "segmentation": "the image was read but cannot be segmented as asked",
+    "parameters": "the parameters do not suit this image",
+    "calibration": "the image does not fit the camera file",
+    "truth": "the true mask has another size",
+    "evidence": "the map of evidence cannot be used",
+    "output": "an output could not be written",
+    "crash": "the worker process died",
+    "timeout": "it took longer than --timeout allows",
+    "out-of-memory": "it needed more memory than --memory allows",
+    "internal": "a defect of ffseg; the traceback is in the error log",
+}
+"""Reasons of a failed row beside those of ``ffseg.io.images.REASONS``."""
+
+
+class Stop(Protocol):
+    """Tells a run to end early."""
+
+    @property
+    def signal(self) -> int:
+        """0, or the signal that asks for the end."""
+
+    @property
+    def descriptor(self) -> int:
+        """Becomes readable when `signal` is set."""
+
+
+class Observer(Protocol):
+    """Hears of the progress of a run."""
+
+    def finished(self, job: Job, status: str, told: str) -> None:
+        """An image ended as ``ok``, ``unchanged`` (done before) or ``failed``; what there is to tell of it."""
+
+    def note(self, text: str) -> None:
+        """Something the user should know that belongs to no image."""
+
+
+@dataclass(slots=True)
+class Summary:
+    """How a run ended.
+
+    Attributes
+    ----------
+    total, done, unchanged, failed : int
+        Images of this run.
+    stale : int
+        Images of earlier runs, and outputs, that no longer are what their record says: named in ``run.json``.
+    removed : int
+        Outputs removed because they belonged to no image any longer.
+    signal : int
+        That ended it early; 0 for none.
+    drive : dict
+        Figures of the map of all frames, where one is made.
+    """
+
+    total: int
+    done: int = 0
+    unchanged: int = 0
+    failed: int = 0
+    stale: int = 0
+    removed: int = 0
+    seconds: float = 0.0
+    signal: int = 0
+    problems: list[str] = field(default_factory=list)
+    drive: dict[str, Any] = field(default_factory=dict)
+
+    def counts(self) -> dict[str, int]:
+        """Numbers of images by what became of them."""
+        return {name: getattr(self, name) for name in ("total", "done", "unchanged", "failed", "stale")}
+
+
+class Ledger:
+    """The state of a run between its parts.
+
+    Attributes
+    ----------
+    finished : bytearray
+        1 for each image of the plan that is finished.
+    versions : mapping of str to str
+        Of what the workers have loaded.
+
+    Parameters
+    ----------
+    noted : bool
+        Tell the observer the notes of images that are done.
+    """
+
+    def __init__(self, plan: Plan, observer: Observer, *, noted: bool) -> None:
+        self.summary = Summary(len(plan.jobs))
+        self.finished = bytearray(len(plan.jobs))
+        self.started = datetime.now(UTC)
+        self.versions: Mapping[str, str] = {}
+        self.note = observer.note
+        self._plan, self._observer, self._noted = plan, observer, noted
+
+    def count(self, completed: Completed) -> None:
+        """Take into account that an image is finished."""
+        self.finished[completed.index] = 1
+        name = "done" if completed.status == "ok" else completed.status
+        setattr(self.summary, name, getattr(self.summary, name) + 1)
+        note = completed.note if completed.status == "ok" and self._noted else ""
+        self._observer.finished(self._plan.jobs[completed.index], completed.status, completed.error or note)
+
+    def problem(self, text: str) -> None:
+        """Take into account, once, what went wrong beside images."""
+        if text not in self.summary.problems:
+            self.summary.problems.append(text)
+            self.note(text)
