@@ -21,40 +21,26 @@ MASK = ".png"
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """Images of one camera, and the mask to be written of them.
-
-    Attributes
-    ----------
-    out : str
-    images : tuple of Source
-        In the order of the inputs.
-    """
+    """Images of one camera, and the mask to be written of them."""
 
     out: str
     images: tuple[Source, ...]
+    """In the order of the inputs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What was found in a camera's images.
-
-    Attributes
-    ----------
-    out : str
-        The mask that was written; empty if there is none.
-    images, looked : int
-        How many there are, and how many could be looked at.
-    own : float
-        Share of the mask that is 0.
-    problems : tuple of str
-        Images that cannot be read, and why there is no mask.
-    """
+    """What was found in a camera's images."""
 
     out: str
+    """The mask that was written; empty if there is none."""
     images: int
     looked: int
+    """How many there are, and how many could be looked at."""
     own: float
+    """Share of the mask that is 0."""
     problems: tuple[str, ...]
+    """Images that cannot be read, and why there is no mask."""
 
 
 def names_a_mask(out: str) -> bool:

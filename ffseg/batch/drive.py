@@ -28,20 +28,14 @@ _NAMED = 1000
 
 @dataclass(slots=True)
 class Drive:
-    """A map and what went into it.
-
-    Attributes
-    ----------
-    frames : int
-        All of the drive.
-    lost : dict of str to str
-        Why a frame is not in the map, by its name.
-    """
+    """A map and what went into it."""
 
     grid: OccupancyMap = field(default_factory=OccupancyMap)
     ways: Skeleton = field(default_factory=lambda: Skeleton((), ()))
     frames: int = 0
+    """All of the drive."""
     lost: dict[str, str] = field(default_factory=dict)
+    """Why a frame is not in the map, by its name."""
 
     def figures(self) -> dict[str, Any]:
         """For ``run.json``."""

@@ -21,22 +21,15 @@ from ffseg.io.images import Limits, inspect
 
 @dataclass(frozen=True, slots=True)
 class Preview:
-    """What a run would do with an image.
-
-    Attributes
-    ----------
-    status : str
-        ``unchanged``, ``failed`` (it cannot be read, or its header says that it will not be) or ``to do``.
-    error : str
-        ``reason: text`` of a failed one.
-    missing : tuple of str
-        Outputs that would be made.
-    """
+    """What a run would do with an image."""
 
     job: Job
     status: str
+    """``unchanged``, ``failed`` (it cannot be read, or its header says that it will not be) or ``to do``."""
     error: str = ""
+    """``reason: text`` of a failed one."""
     missing: tuple[str, ...] = ()
+    """Outputs that would be made."""
 
 
 def preview(plan: Plan, setup: Setup, *, overwrite: bool = False) -> Iterator[Preview]:

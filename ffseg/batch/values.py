@@ -18,52 +18,36 @@ File = tuple[str, str, Mark]
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One finished image.
-
-    Attributes
-    ----------
-    name : str
-        Of the source.
-    status : str
-        ``ok`` or ``failed``.
-    version : str
-        Of ffseg when it was made.
-    settings : str
-        Digest of the parameters, and of the files they name, that it was made with.
-    content : str
-        Digest of everything else that went in; empty when it was not made.
-    outputs : mapping of str to (str, Mark)
-        Path below the output folder to the digest of its content and its mark. Of a failed image: what is left of an
-        earlier run because it could not be replaced.
-    row : mapping
-        Its line of ``timings.csv`` by column.
-    extra : sequence of mappings
-        Its lines of ``obstacles.csv``.
-    truth : str
-        Digest of the true mask its IoU was measured with.
-    files : mapping of str to File
-        What it was made from, by what each file is for (`Digests.files`).
-    left : sequence of str
-        Paths below the output folder where it had an output that now holds something else: not ours to remove, but named.
-    order : str
-        Sorts records as their images were found (`ffseg.batch.plan.sources`).
-    members : mapping of str to Member
-        Where those of its outputs lie that are no files of their own.
-    """
+    """One finished image."""
 
     name: str
+    """Of the source."""
     status: str
+    """``ok`` or ``failed``."""
     version: str
+    """Of ffseg when it was made."""
     settings: str
+    """Digest of the parameters, and of the files they name, that it was made with."""
     content: str
+    """Digest of everything else that went in; empty when it was not made."""
     outputs: Mapping[str, tuple[str, Mark]]
+    """Path below the output folder to the digest of its content and its mark. Of a failed image: what is left of an
+    earlier run because it could not be replaced."""
     row: Mapping[str, Any]
+    """Its line of ``timings.csv`` by column."""
     extra: Sequence[Mapping[str, Any]] = field(default_factory=list)
+    """Its lines of ``obstacles.csv``."""
     truth: str = ""
+    """Digest of the true mask its IoU was measured with."""
     files: Mapping[str, File] = field(default_factory=dict)
+    """What it was made from, by what each file is for (`Digests.files`)."""
     left: Sequence[str] = ()
+    """Paths below the output folder where it had an output that now holds something else: not ours to remove, but
+    named."""
     order: str = ""
+    """Sorts records as their images were found (`ffseg.batch.plan.sources`)."""
     members: Mapping[str, Member] = field(default_factory=dict)
+    """Where those of its outputs lie that are no files of their own."""
 
     @property
     def made(self) -> bool:

@@ -17,19 +17,13 @@ WINDOW = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Views:
-    """Camera, poses and pairs of a run; plain values that a worker can be sent.
-
-    Attributes
-    ----------
-    poses : mapping of str to Pose
-        By image name, without the images that have none.
-    previous : mapping of str to str
-        Name of the image before, by image name; a first image has none.
-    """
+    """Camera, poses and pairs of a run; plain values that a worker can be sent."""
 
     camera: Camera
     poses: Mapping[str, Pose]
+    """By image name, without the images that have none."""
     previous: Mapping[str, str]
+    """Name of the image before, by image name; a first image has none."""
 
     def chain(self, name: str) -> tuple[str, ...]:
         """Names of the images before an image, the nearest first, as many as are asked at most."""

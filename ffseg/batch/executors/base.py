@@ -13,63 +13,42 @@ from ffseg.errors import ParameterError, UsageError
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How a run goes about its plan.
-
-    Attributes
-    ----------
-    num_workers : int
-        Images worked on at once.
-    timeout : float
-        Seconds an image may take, 0 for no limit.
-    overwrite : bool
-        Do everything again, whatever an earlier run left.
-    report : bool
-        Write the report page at the end.
-    parquet : bool
-        Write ``timings.parquet``, too.
-    executor : str
-        Who works on the images, as ``--executor`` takes it (`ffseg.plugins.EXECUTORS`).
-    scheduler : str
-        Address of one that is running already; empty to start what is needed.
-    chunk : int
-        Images given to a worker at once, where that matters.
-    """
+    """How a run goes about its plan."""
 
     num_workers: int = 1
+    """Images worked on at once."""
     timeout: float = 0.0
+    """Seconds an image may take, 0 for no limit."""
     overwrite: bool = False
+    """Do everything again, whatever an earlier run left."""
     report: bool = False
+    """Write the report page at the end."""
     parquet: bool = False
+    """Write ``timings.parquet``, too."""
     executor: str = "processes"
+    """Who works on the images, as ``--executor`` takes it (`ffseg.plugins.EXECUTORS`)."""
     scheduler: str = ""
+    """Address of one that is running already; empty to start what is needed."""
     chunk: int = 500
+    """Images given to a worker at once, where that matters."""
 
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """What an executor of ffseg's own begins with.
-
-    Attributes
-    ----------
-    started : sequence of Process
-        Worker processes that are there already; whoever does not use them leaves them to the command.
-    stop : int
-        A file descriptor that ends all waiting when it becomes readable; -1 for none.
-    num_tasks : int
-        How many there will be.
-    state : str
-        Folder of the run's state, for executors that leave something there.
-    settings : str
-        Digest of the parameters.
-    """
+    """What an executor of ffseg's own begins with."""
 
     setup: Setup
     options: Options = Options()
     started: Sequence[Process] = ()
+    """Worker processes that are there already; whoever does not use them leaves them to the command."""
     stop: int = -1
+    """A file descriptor that ends all waiting when it becomes readable; -1 for none."""
     num_tasks: int = 1
+    """How many there will be."""
     state: str = ""
+    """Folder of the run's state, for executors that leave something there."""
     settings: str = ""
+    """Digest of the parameters."""
 
 
 class Executor(ABC):

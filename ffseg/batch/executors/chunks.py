@@ -23,16 +23,11 @@ _GOING = ".going"
 
 @dataclass(frozen=True, slots=True)
 class Chunks:
-    """Files of the chunks of one run.
-
-    Attributes
-    ----------
-    run : str
-        Different for every run.
-    """
+    """Files of the chunks of one run."""
 
     folder: str
     run: str
+    """Different for every run."""
 
     @classmethod
     def begin(cls, state: str) -> Chunks:

@@ -46,28 +46,19 @@ _GOODBYE_S = 5
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What a machine is told of a chunk.
-
-    Attributes
-    ----------
-    timeout : float
-        Seconds an image may take.
-    settings : str
-        Digest of the parameters.
-    key : str
-        Digest of the setup and the seconds: what a worker process was started for.
-    path : str
-        File of the chunk.
-    going : str
-        File that is there as long as the chunk is wanted.
-    """
+    """What a machine is told of a chunk."""
 
     setup: Setup
     timeout: float
+    """Seconds an image may take."""
     settings: str
+    """Digest of the parameters."""
     key: str
+    """Digest of the setup and the seconds: what a worker process was started for."""
     path: str
+    """File of the chunk."""
     going: str
+    """File that is there as long as the chunk is wanted."""
     tasks: tuple[Task, ...]
 
 

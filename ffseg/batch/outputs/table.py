@@ -22,31 +22,22 @@ def tar_name(kind: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """One kind of output.
-
-    Attributes
-    ----------
-    name : str
-        What asks for it: a name of ``--export``, or of an option of its own.
-    folder, suffix : str
-        Where it is stored below the output folder.
-    encode : str
-        ``module:function`` that makes its bytes, called as ``encode(result, context)`` with a `Segmentation` and a
-        `ffseg.batch.outputs.encoding.Context`.
-    merge : str
-        ``module:function`` that makes one file of those of all images, called as ``merge(contents, label)``, where every call
-        of ``contents()`` gives the bytes of each image's file in order, and the label is the class of the regions; gives
-        pieces of bytes. Empty for none.
-    merged : str
-        Name of that file below the output folder.
-    """
+    """One kind of output."""
 
     name: str
+    """What asks for it: a name of ``--export``, or of an option of its own."""
     folder: str
     suffix: str
+    """Where it is stored below the output folder."""
     encode: str
+    """``module:function`` that makes its bytes, called as ``encode(result, context)`` with a `Segmentation` and a
+    `ffseg.batch.outputs.encoding.Context`."""
     merge: str = ""
+    """``module:function`` that makes one file of those of all images, called as ``merge(contents, label)``, where every
+    call of ``contents()`` gives the bytes of each image's file in order, and the label is the class of the regions; gives
+    pieces of bytes. Empty for none."""
     merged: str = ""
+    """Name of that file below the output folder."""
 
     def path(self, stem: str) -> str:
         """Of one image's output below the output folder."""
@@ -114,26 +105,18 @@ _SUFFIX = re.compile(r"\.[A-Za-z0-9_.-]{1,20}")
 
 @dataclass(frozen=True, slots=True)
 class Products:
-    """What is to be written beside masks and contours.
-
-    Attributes
-    ----------
-    exports : tuple of str
-        Names that `output_named` takes.
-    pack : bool
-        Into tar files, one for each folder, instead of a file each.
-    metric : bool
-        In metres, of a camera's images: ground, scan and a picture from above.
-    films : tuple of str
-        Kinds of films made of all frames: ``mask``, ``overlay``, ``cutout``.
-    """
+    """What is to be written beside masks and contours."""
 
     overlay: bool = False
     exports: tuple[str, ...] = ()
+    """Names that `output_named` takes."""
     animation: bool = False
     pack: bool = False
+    """Into tar files, one for each folder, instead of a file each."""
     metric: bool = False
+    """In metres, of a camera's images: ground, scan and a picture from above."""
     films: tuple[str, ...] = ()
+    """Kinds of films made of all frames: ``mask``, ``overlay``, ``cutout``."""
 
     @property
     def kinds(self) -> tuple[Output, ...]:

@@ -34,28 +34,20 @@ MAX_NAME_BYTES = 255
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What a run is going to do.
-
-    Attributes
-    ----------
-    inputs : tuple of str
-        What was asked for, as absolute paths and patterns: how the images are found again.
-    shard : str
-        Name of the shard this is, as ``3-of-8``; empty when it is the whole.
-    whole : int
-        Images of all shards together.
-    skipped : tuple of (str, int)
-        Suffixes of the files in folders that are taken for no images, and how many there are of each.
-    """
+    """What a run is going to do."""
 
     out: str
     jobs: tuple[Job, ...]
     products: Products = MASKS_AND_CONTOURS
     with_truth: bool = False
     inputs: tuple[str, ...] = ()
+    """What was asked for, as absolute paths and patterns: how the images are found again."""
     shard: str = ""
+    """Name of the shard this is, as ``3-of-8``; empty when it is the whole."""
     whole: int = 0
+    """Images of all shards together."""
     skipped: tuple[tuple[str, int], ...] = ()
+    """Suffixes of the files in folders that are taken for no images, and how many there are of each."""
 
     def outputs(self, job: Job) -> tuple[str, ...]:
         """Outputs of a job, relative to `out`."""

@@ -27,30 +27,20 @@ _DIGITS = re.compile(r"([0-9]+)")
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One input image.
-
-    Attributes
-    ----------
-    path : str
-        To open it.
-    name : str
-        Relative to the INPUT it was found under, with ``/`` between folders; outputs mirror it.
-    problem : str
-        Why it cannot even be tried (``reason: text``), else empty.
-    place : int
-        Number of the INPUT it was found under: images stand in the order of these, then of their names.
-    span : tuple of (int, int) or None
-        Offset and length in the archive that `path` names; of a frame its number in the film, and 1.
-    time : float or None
-        Seconds of a frame in its film.
-    """
+    """One input image."""
 
     path: str
+    """To open it."""
     name: str
+    """Relative to the INPUT it was found under, with ``/`` between folders; outputs mirror it."""
     problem: str = ""
+    """Why it cannot even be tried (``reason: text``), else empty."""
     place: int = 0
+    """Number of the INPUT it was found under: images stand in the order of these, then of their names."""
     span: tuple[int, int] | None = None
+    """Offset and length in the archive that `path` names; of a frame its number in the film, and 1."""
     time: float | None = None
+    """Seconds of a frame in its film."""
 
     @property
     def content(self) -> str:
@@ -65,41 +55,28 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One image of a run.
-
-    Attributes
-    ----------
-    index : int
-        Place in the input order.
-    stem : str
-        Name of its outputs below ``masks/`` and so on, without the suffix.
-    truth : str
-        Path of the true mask, for `read_input`; or empty.
-    earlier : tuple of str
-        Paths of the images before it in its sequence, the nearest first.
-    start : Start or None
-        Its own start circle; None leaves the parameters'.
-    depends : tuple of str
-        Paths of further files that its result depends on, such as its own domain or evidence map. Whatever is added to a
-        job and read from a file belongs here: with another content the image is done again.
-    evidence : str
-        Path of its map of evidence, or empty; also one of `depends`.
-    domain : str
-        Path of its own domain, or empty; also one of `depends`.
-    past : str
-        Mask of the frame before it in its film, below the output folder; or empty.
-    """
+    """One image of a run."""
 
     index: int
+    """Place in the input order."""
     source: Source
     stem: str
+    """Name of its outputs below ``masks/`` and so on, without the suffix."""
     truth: str = ""
+    """Path of the true mask, for `read_input`; or empty."""
     earlier: tuple[str, ...] = ()
+    """Paths of the images before it in its sequence, the nearest first."""
     start: Start | None = None
+    """Its own start circle; None leaves the parameters'."""
     depends: tuple[str, ...] = ()
+    """Paths of further files that its result depends on, such as its own domain or evidence map. Whatever is added to a
+    job and read from a file belongs here: with another content the image is done again."""
     evidence: str = ""
+    """Path of its map of evidence, or empty; also one of `depends`."""
     domain: str = ""
+    """Path of its own domain, or empty; also one of `depends`."""
     past: str = ""
+    """Mask of the frame before it in its film, below the output folder; or empty."""
 
 
 def film_of(name: str) -> str:

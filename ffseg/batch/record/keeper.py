@@ -41,29 +41,20 @@ class Completed:
 
 @dataclass(slots=True)
 class Keeper:
-    """Writes what replies bring and remembers it.
-
-    Attributes
-    ----------
-    header : mapping
-        What all records have in common.
-    method : str
-        For the rows of images that failed.
-    tell : callable
-        Hears of problems that belong to no image.
-    store : Store
-        Takes the outputs.
-    tables_before : list of str
-        Tables that an earlier run wrote.
-    """
+    """Writes what replies bring and remembers it."""
 
     plan: Plan
     journal: Journal
     header: Mapping[str, Any]
+    """What all records have in common."""
     method: str
+    """For the rows of images that failed."""
     tell: Callable[[str], None]
+    """Hears of problems that belong to no image."""
     store: Store
+    """Takes the outputs."""
     tables_before: list[str]
+    """Tables that an earlier run wrote."""
     _places: dict[str, Member] = field(default_factory=dict)
     """Of the outputs that were written last."""
 

@@ -50,32 +50,23 @@ class Observer(Protocol):
 
 @dataclass(slots=True)
 class Summary:
-    """How a run ended.
-
-    Attributes
-    ----------
-    total, done, unchanged, failed : int
-        Images of this run.
-    stale : int
-        Images of earlier runs, and outputs, that no longer are what their record says: named in ``run.json``.
-    removed : int
-        Outputs removed because they belonged to no image any longer.
-    signal : int
-        That ended it early; 0 for none.
-    drive : dict
-        Figures of the map of all frames, where one is made.
-    """
+    """How a run ended."""
 
     total: int
+    """Images of this run; the next three are what became of them."""
     done: int = 0
     unchanged: int = 0
     failed: int = 0
     stale: int = 0
+    """Images of earlier runs, and outputs, that no longer are what their record says: named in ``run.json``."""
     removed: int = 0
+    """Outputs removed because they belonged to no image any longer."""
     seconds: float = 0.0
     signal: int = 0
+    """That ended it early; 0 for none."""
     problems: list[str] = field(default_factory=list)
     drive: dict[str, Any] = field(default_factory=dict)
+    """Figures of the map of all frames, where one is made."""
 
     def counts(self) -> dict[str, int]:
         """Numbers of images by what became of them."""

@@ -42,19 +42,13 @@ def without_old_truth(record: Record) -> Record:
 
 @dataclass(slots=True)
 class Survey(Records):
-    """The records of a journal that stand in the tables.
-
-    Attributes
-    ----------
-    entries : list of int or str
-        Index in the plan, or name of an image that is not in it, in the order of the tables.
-    stale : list of (str, str)
-        Names of images whose outputs are no longer true, and why; `num_stale` counts those that are not named, too.
-    """
+    """The records of a journal that stand in the tables."""
 
     journal: Journal
     entries: list[int | str] = field(default_factory=list)
+    """Index in the plan, or name of an image that is not in it, in the order of the tables."""
     stale: list[tuple[str, str]] = field(default_factory=list)
+    """Names of images whose outputs are no longer true, and why; `num_stale` counts those that are not named, too."""
     num_stale: int = 0
 
     def records(self) -> Iterator[Record]:

@@ -45,22 +45,15 @@ Pieces = Iterator[bytes]
 
 @dataclass(slots=True)
 class Records(ABC):
-    """The records that stand in the tables, gone through as often as needed and never held together.
-
-    Attributes
-    ----------
-    columns : set of str
-        Of all rows together.
-    with_outputs : set of str
-        Folders of outputs that any record has.
-    left : list of str
-        Outputs that belong to no image any longer, but hold something else than was written.
-    """
+    """The records that stand in the tables, gone through as often as needed and never held together."""
 
     count: int = field(default=0, init=False)
     columns: set[str] = field(default_factory=set, init=False)
+    """Of all rows together."""
     with_outputs: set[str] = field(default_factory=set, init=False)
+    """Folders of outputs that any record has."""
     left: list[str] = field(default_factory=list, init=False)
+    """Outputs that belong to no image any longer, but hold something else than was written."""
 
     @abstractmethod
     def records(self) -> Iterator[Record]:
@@ -76,34 +69,23 @@ class Records(ABC):
 
 @dataclass(frozen=True, slots=True)
 class Tables:
-    """What is written at the end of a run, besides each image's own outputs.
-
-    Attributes
-    ----------
-    out : str
-        Folder of the images' outputs.
-    folder : str
-        Folder of the tables: the same, or a shard's.
-    camera : bool
-        Whether components were tested.
-    asked : set of str
-        Columns and output folders that are written even if no image has them.
-    parquet : bool
-        Write ``timings.parquet``, too.
-    kinds : tuple of Output
-        That may have to be merged.
-    films : tuple of str
-        Kinds of outputs to be written as films, too.
-    """
+    """What is written at the end of a run, besides each image's own outputs."""
 
     out: str
+    """Folder of the images' outputs."""
     folder: str
+    """Folder of the tables: the same, or a shard's."""
     survey: Records
     camera: bool = False
+    """Whether components were tested."""
     asked: frozenset[str] = field(default_factory=frozenset)
+    """Columns and output folders that are written even if no image has them."""
     parquet: bool = False
+    """Write ``timings.parquet``, too."""
     kinds: tuple[Output, ...] = OUTPUTS
+    """That may have to be merged."""
     films: tuple[str, ...] = ()
+    """Kinds of outputs to be written as films, too."""
 
     def columns(self) -> tuple[str, ...]:
         """Columns of ``timings.csv``."""

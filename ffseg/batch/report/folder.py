@@ -44,28 +44,19 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class OutputFolder:
-    """What an output folder holds.
-
-    Attributes
-    ----------
-    kind : str
-        ``run`` or ``compare``.
-    rows : list of dict
-        The table of all images; empty cells are left out, numbers are numbers.
-    run : mapping
-        ``run.json``, empty where there is none.
-    verdicts : mapping
-        Rows of ``obstacles.csv`` by image.
-    inputs : sequence of str
-        Files, folders and patterns that images may lie under.
-    """
+    """What an output folder holds."""
 
     path: Path
     kind: str
+    """``run`` or ``compare``."""
     rows: list[Row]
+    """The table of all images; empty cells are left out, numbers are numbers."""
     run: Mapping[str, Any]
+    """``run.json``, empty where there is none."""
     verdicts: Mapping[str, list[Row]] = field(default_factory=dict)
+    """Rows of ``obstacles.csv`` by image."""
     inputs: Sequence[str] = ()
+    """Files, folders and patterns that images may lie under."""
 
     @cached_property
     def members(self) -> Mapping[str, Member]:

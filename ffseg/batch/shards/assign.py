@@ -15,18 +15,12 @@ _NAME = re.compile(r"([1-9][0-9]*)-of-([1-9][0-9]*)")
 
 @dataclass(frozen=True, slots=True)
 class Shard:
-    """One part of a run.
-
-    Attributes
-    ----------
-    number : int
-        From 1.
-    count : int
-        Of all parts.
-    """
+    """One part of a run."""
 
     number: int
+    """From 1."""
     count: int
+    """Of all parts."""
 
     @property
     def name(self) -> str:

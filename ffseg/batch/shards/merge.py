@@ -40,48 +40,33 @@ _MOST_RUN = 1 << 30
 
 @dataclass(slots=True)
 class Part:
-    """What a shard left.
-
-    Attributes
-    ----------
-    header : mapping or None
-        Of its journal.
-    run : mapping
-        Its ``run.json``; empty when it did not come to its end.
-    problem : str
-        Why the merged tables lack images because of it.
-    """
+    """What a shard left."""
 
     shard: Shard
     folder: str
     header: Mapping[str, Any] | None
+    """Of its journal."""
     run: Mapping[str, Any]
+    """Its ``run.json``; empty when it did not come to its end."""
     problem: str = ""
+    """Why the merged tables lack images because of it."""
 
 
 @dataclass(slots=True)
 class Merge:
-    """How a merge ended.
-
-    Attributes
-    ----------
-    counts : dict of int
-        Images by status.
-    problems : list of str
-        Shards that never ran or did not finish, or were made by another version, outputs that are gone, and tables that
-        cannot be written.
-    stale : list of (str, str)
-        Names of images that are no longer what their record says, and why; `num_stale` counts those not named, too.
-    notes : list of str
-        What a merge does not do.
-    """
+    """How a merge ended."""
 
     out: str
     stale: list[tuple[str, str]] = field(default_factory=list)
+    """Names of images that are no longer what their record says, and why; `num_stale` counts those not named, too."""
     num_stale: int = 0
     counts: dict[str, int] = field(default_factory=lambda: {"total": 0, "ok": 0, "failed": 0})
+    """Images by status."""
     problems: list[str] = field(default_factory=list)
+    """Shards that never ran or did not finish, or were made by another version, outputs that are gone, and tables that
+    cannot be written."""
     notes: list[str] = field(default_factory=list)
+    """What a merge does not do."""
 
     def note(self, name: str, changed: str) -> None:
         """Take into account that a file an image was made from has changed or is gone; nothing where that is empty."""

@@ -33,22 +33,15 @@ def mark_of(path: str) -> Mark:
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """The files of a job, read once.
-
-    Attributes
-    ----------
-    data : bytes
-        The image.
-    before : list of bytes
-        The images before, the nearest first; empty, which no decoder takes, when one cannot be read.
-    truth_problem : str
-        Why the true mask cannot be used.
-    """
+    """The files of a job, read once."""
 
     data: bytes
+    """The image."""
     before: list[bytes]
+    """The images before, the nearest first; empty, which no decoder takes, when one cannot be read."""
     digests: Digests
     truth_problem: str = ""
+    """Why the true mask cannot be used."""
 
 
 def read_job(job: Job, setup: Setup) -> Read:

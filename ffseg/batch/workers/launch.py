@@ -46,18 +46,13 @@ class Forked:
 
 @dataclass(eq=False, slots=True)
 class Process:
-    """A worker process and the pipes to it.
-
-    Attributes
-    ----------
-    tasks, replies, log : int
-        File descriptors: tasks are written, replies read; the log is what the process wrote to stdout and stderr.
-    """
+    """A worker process and the pipes to it."""
 
     handle: Handle
     tasks: int
     replies: int
     log: int
+    """File descriptors: tasks are written, replies read; the log is what the process wrote to stdout and stderr."""
 
     def end(self) -> None:
         """Kill the process, which holds nothing that would have to be put away, and close its pipes."""

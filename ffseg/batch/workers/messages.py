@@ -22,60 +22,42 @@ _LENGTH_BYTES = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """What all jobs of a run share.
-
-    Attributes
-    ----------
-    segmenter : str
-        Function that segments, as ``module:name``, called like `ffseg.segment`; not used with `views`.
-    views : Views or None
-        Camera, poses and pairs, when components are to be tested on pairs of images.
-    max_pixels, max_bytes : int
-        Limits of one image file.
-    memory_bytes : int
-        How far a worker may grow beyond its size at the start; 0 for no limit.
-    truth_label : int or None
-        Number that means inside in true masks; None for 255.
-    files : mapping of str to str
-        Files that every result depends on beside the parameters, by what the user calls them, such as a key; with
-        another content they count as other parameters.
-    redirects : bool
-        Whether HTTP may lead to another host than the one that was named.
-    past : str
-        ``flicker`` or ``steady`` where a frame needs the one before it, so that one worker does all in order.
-    """
+    """What all jobs of a run share."""
 
     params: Parameters
     segmenter: str = "ffseg.pipeline:segment"
+    """Function that segments, as ``module:name``, called like `ffseg.segment`; not used with `views`."""
     views: Views | None = None
+    """Camera, poses and pairs, when components are to be tested on pairs of images."""
     products: Products = MASKS_AND_CONTOURS
     max_pixels: int = 100_000_000
     max_bytes: int = 1 << 30
+    """Limits of one image file."""
     memory_bytes: int = 0
+    """How far a worker may grow beyond its size at the start; 0 for no limit."""
     truth_label: int | None = None
+    """Number that means inside in true masks; None for 255."""
     files: Mapping[str, str] = field(default_factory=dict)
+    """Files that every result depends on beside the parameters, by what the user calls them, such as a key; with
+    another content they count as other parameters."""
     redirects: bool = False
+    """Whether HTTP may lead to another host than the one that was named."""
     past: str = ""
+    """``flicker`` or ``steady`` where a frame needs the one before it, so that one worker does all in order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One image for a worker.
-
-    Attributes
-    ----------
-    out : str
-        Output folder.
-    outputs : tuple of str
-        Where its outputs go below `out`, one for each of the products.
-    recorded : Record or None
-        What an earlier run with the same parameters and version left, which makes the image unchanged if it is still so.
-    """
+    """One image for a worker."""
 
     job: Job
     out: str
+    """Output folder."""
     outputs: tuple[str, ...]
+    """Where its outputs go below `out`, one for each of the products."""
     recorded: Record | None = None
+    """What an earlier run with the same parameters and version left, which makes the image unchanged if it is still
+    so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,22 +83,15 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Digests:
-    """What an image's result was made from.
-
-    Attributes
-    ----------
-    content : str
-        Digests of everything but the parameters, as one text: of the image, of the image before, of what is known of the
-        pair, of the start circle and of the files it depends on.
-    truth : str
-        Digest of the true mask and its label; empty without.
-    files : mapping of str to File
-        By what each is for: ``image``, ``truth``, ``earlier 0``, ``depends 0``, ...
-    """
+    """What an image's result was made from."""
 
     content: str
+    """Digests of everything but the parameters, as one text: of the image, of the image before, of what is known of the
+    pair, of the start circle and of the files it depends on."""
     truth: str = ""
+    """Digest of the true mask and its label; empty without."""
     files: Mapping[str, File] = field(default_factory=dict)
+    """By what each is for: ``image``, ``truth``, ``earlier 0``, ``depends 0``, ..."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,51 +109,35 @@ class Encoded:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """An image was segmented.
-
-    Attributes
-    ----------
-    row : dict
-        Cells of ``timings.csv`` by column, without those the run adds.
-    outputs : tuple of Encoded
-        Those that were missing.
-    kept : tuple of str
-        Paths of recorded outputs that are still right.
-    extra : list of dict
-        Lines of ``obstacles.csv``.
-    problem : str
-        ``reason: text`` when the image counts as failed although its outputs are right: of its true mask.
-    """
+    """An image was segmented."""
 
     index: int
     row: dict[str, Any]
+    """Cells of ``timings.csv`` by column, without those the run adds."""
     digests: Digests
     outputs: tuple[Encoded, ...]
+    """Those that were missing."""
     kept: tuple[str, ...] = ()
+    """Paths of recorded outputs that are still right."""
     extra: list[dict[str, Any]] = field(default_factory=list)
+    """Lines of ``obstacles.csv``."""
     problem: str = ""
+    """``reason: text`` when the image counts as failed although its outputs are right: of its true mask."""
 
 
 @dataclass(frozen=True, slots=True)
 class Unchanged:
-    """An image's outputs are still right.
-
-    Attributes
-    ----------
-    kept : tuple of str
-        Paths of recorded outputs that are still right: all that are asked for, and perhaps others.
-    scored : bool
-        Whether the mask was measured again; `iou` and `problem` then say what came of it.
-    problem : str
-        As in `Done`.
-    """
+    """An image's outputs are still right."""
 
     index: int
     digests: Digests
     kept: tuple[str, ...]
+    """Paths of recorded outputs that are still right: all that are asked for, and perhaps others."""
     scored: bool = False
+    """Whether the mask was measured again; `iou` and `problem` then say what came of it."""
     iou: float | None = None
     problem: str = ""
+    """As in `Done`."""
 
 
 @dataclass(frozen=True, slots=True)

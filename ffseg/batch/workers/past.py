@@ -22,16 +22,10 @@ from ffseg.result import Segmentation
 
 @dataclass(slots=True, eq=False)
 class Past:
-    """What a worker remembers of the frame it has done last; else its mask is read from the output folder.
-
-    Attributes
-    ----------
-    steady : bool
-        Whether the past changes what is found, or only the flicker is measured.
-    limits : Limits
-    """
+    """What a worker remembers of the frame it has done last; else its mask is read from the output folder."""
 
     steady: bool
+    """Whether the past changes what is found, or only the flicker is measured."""
     limits: Limits
     _last: tuple[str, bytes | None] = ("", None)
     _region: NDArray[np.bool_] | None = None
