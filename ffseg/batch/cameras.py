@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.plan.sources import Source
-from ffseg.batch.workers.sources import read_source
+from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.image.own import own_image
 from ffseg.io.files import make_folder, printable, write_bytes_atomic

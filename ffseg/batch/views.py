@@ -34,15 +34,6 @@ class Views:
             before = self.previous.get(before)
         return tuple(found)
 
-    def in_time(self, names: Iterable[str]) -> list[str]:
-        """Names in an order in which each comes after the images before it."""
-        ordered: dict[str, None] = {}
-        wanted = list(names)
-        for name in wanted:
-            ordered |= dict.fromkeys((*reversed(self.chain(name)), name))
-        known = set(wanted)
-        return [name for name in ordered if name in known]
-
     def poses_of(self, before: str, name: str) -> tuple[Pose, Pose] | None:
         """Poses of an earlier image and of the image; None unless both are known."""
         earlier, pose = self.poses.get(before), self.poses.get(name)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.batch.workers.truth import read_truth
+from ffseg.batch.workers.pictures import read_truth
 from ffseg.bench.drawing import LONG, draw
 from ffseg.bench.measure import Fact, Group, Order, Skipped, Task, timed
 from ffseg.errors import UsageError

@@ -15,11 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.plan.jobs import make_plan, with_domains, with_evidence, with_starts
-from ffseg.batch.plan.maps import read_evidence
 from ffseg.batch.plan.masks import Masks, named_masks
 from ffseg.batch.plan.sources import Job
-from ffseg.batch.workers.sources import read_source
-from ffseg.batch.workers.truth import read_truth
+from ffseg.batch.workers.pictures import read_evidence, read_source, read_truth
 from ffseg.compare.journal import Journal
 from ffseg.compare.shared import Shared, shared, was_moved
 from ffseg.compare.text import markdown

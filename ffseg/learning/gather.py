@@ -14,8 +14,7 @@ from ffseg.batch.plan.beside import find_domains, find_truths
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.masks import Masks, named_masks
 from ffseg.batch.plan.sources import Source
-from ffseg.batch.workers.sources import read_source
-from ffseg.batch.workers.truth import read_truth
+from ffseg.batch.workers.pictures import read_source, read_truth
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable

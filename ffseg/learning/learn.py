@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ffseg import __version__
 from ffseg.batch.plan.sources import Source
-from ffseg.batch.workers.sources import read_source
+from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.evidence.features import KNOWN, exposed, features
 from ffseg.evidence.forest import Model

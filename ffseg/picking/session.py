@@ -16,7 +16,7 @@ from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.sources import Source
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.report.folder import read_folder
-from ffseg.batch.workers.sources import read_source
+from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import UsageError
 from ffseg.io.files import make_folder, printable, write_bytes_atomic
 from ffseg.io.images import single_thread

@@ -14,7 +14,7 @@ import pytest
 from ffseg import api
 from ffseg.batch.plan.beside import find_evidence
 from ffseg.batch.plan.discover import discover
-from ffseg.batch.plan.maps import read_evidence
+from ffseg.batch.workers.pictures import read_evidence
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.rendering import CAMERA_YAML
 

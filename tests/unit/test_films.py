@@ -18,7 +18,7 @@ from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.reading import parted, read_input
-from ffseg.batch.workers.sources import read_source
+from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.films import contents
 

@@ -70,7 +70,6 @@ def test_the_chain_of_images_before_ends() -> None:
     assert VIEWS_WINDOW == WINDOW == len(views.chain("11.png"))
     assert views.chain("11.png")[:2] == ("10.png", "9.png")
     assert Views(sample_camera(), {}, {"a": "b", "b": "a"}).chain("a") == ("b",)
-    assert Views(sample_camera(), {}, {"a": "b", "b": "c"}).in_time(["a", "b", "c"]) == ["c", "b", "a"]
 
 
 def test_what_a_standing_robot_leaves_open_is_asked_of_an_earlier_image() -> None:

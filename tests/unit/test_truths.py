@@ -10,7 +10,7 @@ import pytest
 from batches import make_images, run_batch, table
 from PIL import Image
 
-from ffseg.batch.workers.truth import read_truth
+from ffseg.batch.workers.pictures import read_truth
 from ffseg.errors import ImageReadError
 
 INSIDE = np.zeros((12, 16), np.bool_)

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from ffseg.batch.outputs.table import Output
 from ffseg.errors import SegmentationError
 from ffseg.io.files import printable
-from ffseg.io.masks import encode_mask
-from ffseg.io.overlays import Polyline, encode_cutout, encode_overlay, jpeg_address
+from ffseg.io.overlays import Polyline, encode_overlay, jpeg_address
+from ffseg.io.saving import Source
+from ffseg.io.saving import encoded as saved
 from ffseg.io.svg import svg_document
 from ffseg.plugins import load
 from ffseg.result import Segmentation
@@ -105,9 +106,19 @@ def readable(name: str) -> str:
     return name
 
 
-def mask(result: Segmentation, _: Context) -> bytes:
-    """The region as a PNG file."""
-    return encode_mask(result.mask)
+Encoder = Callable[[Segmentation, Context], bytes]
+
+
+def _saved(kind: str) -> Encoder:
+    """What `ffseg.io.saving` writes of a result."""
+
+    def write(result: Segmentation, context: Context) -> bytes:
+        return saved(result, kind, Source(readable(context.name), context.image, label=context.label))
+
+    return write
+
+
+mask, coco, geojson, yolo, cutout = map(_saved, ("mask", "coco", "geojson", "yolo", "cutout"))
 
 
 def contours(result: Segmentation, context: Context) -> bytes:
@@ -121,41 +132,11 @@ def overlay(result: Segmentation, context: Context) -> bytes:
     return encode_overlay(context.image, context.lines, result.mask)
 
 
-def coco(result: Segmentation, context: Context) -> bytes:
-    """COCO document of the image."""
-    return _document(result, "coco", context.name, context.label)
-
-
 def labelme(result: Segmentation, context: Context) -> bytes:
     """LabelMe document of the image, which names it by the path from where the document is stored."""
     folder = os.path.realpath(os.path.dirname(context.target))  # LabelMe opens it from there, without following links
     name = os.path.relpath(os.path.realpath(context.path), folder).replace(os.sep, "/")
-    return _document(result, "labelme", name, context.label)
-
-
-def geojson(result: Segmentation, context: Context) -> bytes:
-    """GeoJSON document of the image."""
-    return _document(result, "geojson", context.name, context.label)
-
-
-def _document(result: Segmentation, kind: str, name: str, label: str) -> bytes:
-    from ffseg.io.exports import json_text
-    from ffseg.io.saving import documents
-
-    return json_text(documents(result, kind, readable(name), label)).encode("ascii")
-
-
-def yolo(result: Segmentation, _: Context) -> bytes:
-    """YOLO segmentation labels of the image."""
-    from ffseg.io.exports import yolo_text
-    from ffseg.io.saving import annotated
-
-    return yolo_text(annotated(result, "")).encode("ascii")
-
-
-def cutout(result: Segmentation, context: Context) -> bytes:
-    """The image inside the region, as a PNG file that is transparent elsewhere."""
-    return encode_cutout(context.image, result.mask)
+    return saved(result, "labelme", Source(readable(name), label=context.label))
 
 
 _QUALITY = 90

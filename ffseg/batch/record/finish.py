@@ -47,7 +47,7 @@ def put_in_order(
         for entry in entries:
             if stopped():
                 raise StoppedError
-            record = journal.get(entry) if isinstance(entry, int) else journal.other(entry)
+            record = journal.get(entry)
             if record is not None:
                 yield entry, record
 

@@ -147,28 +147,20 @@ class Journal:
                 else:
                     self._others[name] = place
 
-    def get(self, index: int) -> Record | None:
-        """Record of an image, if there is one."""
-        if index in self._unwritten:
-            return self._unwritten[index]
-        place = self._places[index]
+    def get(self, entry: int | str) -> Record | None:
+        """Record of an image, by its index in the plan, or by its name if it is not in it; None where there is none."""
+        if isinstance(entry, int) and entry in self._unwritten:
+            return self._unwritten[entry]
+        place = self._places[entry] if isinstance(entry, int) else self._others.get(entry, _ABSENT)
         return None if place == _ABSENT else self._at(place)
 
     def others(self) -> Iterator[Record]:
         """Records of images that are not in the plan."""
-        for place in list(self._others.values()):
-            record = self._at(place)
-            if record is not None:
-                yield record
-
-    def other(self, name: str) -> Record | None:
-        """Record of an image that is not in the plan."""
-        place = self._others.get(name, _ABSENT)
-        return None if place == _ABSENT else self._at(place)
+        return (record for name in list(self._others) if (record := self.get(name)) is not None)
 
     def drop(self, name: str) -> None:
         """Forget an image that is not in the plan, in the file as well; a full disk only puts that off."""
-        record = self.other(name)
+        record = self.get(name)
         if self._others.pop(name, None) is not None and record is not None:
             with contextlib.suppress(OSError):
                 self._append(json_line({"name": name, "order": record.order, "gone": True}))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from ffseg import __version__
@@ -12,9 +12,6 @@ from ffseg.batch.record.keeper import retire
 from ffseg.batch.record.tables import Records
 from ffseg.batch.values import Record
 from ffseg.batch.workers.freshness import output_stands, still_true, unchanged
-
-_NAMED = 1000
-"""Stale images that ``run.json`` names; their number is always given."""
 
 
 def stale_reason(record: Record, out: str, settings: str) -> str:
@@ -47,23 +44,19 @@ class Survey(Records):
     journal: Journal
     entries: list[int | str] = field(default_factory=list)
     """Index in the plan, or name of an image that is not in it, in the order of the tables."""
-    stale: list[tuple[str, str]] = field(default_factory=list)
-    """Names of images whose outputs are no longer true, and why; `num_stale` counts those that are not named, too."""
-    num_stale: int = 0
 
     def records(self) -> Iterator[Record]:
         """Records in the order of the tables."""
-        for entry in self.entries:
-            record = self.journal.get(entry) if isinstance(entry, int) else self.journal.other(entry)
-            if record is not None:
-                yield without_old_truth(record)
+        found = (self.journal.get(entry) for entry in self.entries)
+        return (without_old_truth(record) for record in found if record is not None)
 
-    def miss(self, record: Record, reason: str) -> None:
-        """Take into account that a record is no longer true."""
-        if record.made:
-            self.num_stale += 1
-            if len(self.stale) < _NAMED:
-                self.stale.append((record.name, reason))
+    def takes(self, record: Record, reason: str) -> bool:
+        """Whether a record stands, for there is no reason why it is no longer true; it is taken into account."""
+        if not reason:
+            self.note(record)
+        elif record.made:
+            self.miss(record.name, reason)
+        return not reason
 
 
 def survey(journal: Journal, plan: Plan, settings: str, finished: bytearray) -> Survey:
@@ -75,15 +68,11 @@ def survey(journal: Journal, plan: Plan, settings: str, finished: bytearray) -> 
     planned: list[tuple[str, int | str]] = []
     for job in plan.jobs:
         record = journal.get(job.index)
-        if record is None:
-            continue
-        reason = "" if finished[job.index] else stale_reason(record, plan.out, settings)
-        if reason:
-            found.miss(record, reason)
-        else:
-            found.note(record)
+        finished_now = finished[job.index]
+        if record is not None and found.takes(record, "" if finished_now else stale_reason(record, plan.out, settings)):
             planned.append((record.order, job.index))
-    others = [(record.order, record.name) for record in _others(journal.others(), plan, settings, found)]
+    standing = (one for one in journal.others() if found.takes(one, stale_reason(one, plan.out, settings)))
+    others = [(record.order, record.name) for record in standing]
     ordered = sorted([*planned, *others], key=lambda one: (one[0], str(one[1]))) if others else planned
     found.entries = [entry for _, entry in ordered]
     return found
@@ -116,13 +105,3 @@ def tidy(journal: Journal, plan: Plan, settings: str) -> int:
             if not left:
                 journal.drop(other.name)
     return removed
-
-
-def _others(records: Iterable[Record], plan: Plan, settings: str, found: Survey) -> Iterator[Record]:
-    for record in records:
-        reason = stale_reason(record, plan.out, settings)
-        if reason:
-            found.miss(record, reason)
-        else:
-            found.note(record)
-            yield record

@@ -39,6 +39,8 @@ OBSTACLE_COLUMNS = (
 TIMINGS, RUN, OBSTACLES, PARQUET = "timings.csv", "run.json", "obstacles.csv", "timings.parquet"
 TOGETHER = 10_000
 """Rows up to which the tables are made in memory and written together, so that the disk is waited for once."""
+_NAMED = 1000
+"""Stale images that ``run.json`` names; their number is always given."""
 
 Pieces = Iterator[bytes]
 
@@ -52,6 +54,9 @@ class Records(ABC):
     """Of all rows together."""
     with_outputs: set[str] = field(default_factory=set, init=False)
     """Folders of outputs that any record has."""
+    stale: list[tuple[str, str]] = field(default_factory=list, init=False)
+    """Names of images that are no longer what their record says, and why; `num_stale` counts those not named, too."""
+    num_stale: int = field(default=0, init=False)
     left: list[str] = field(default_factory=list, init=False)
     """Outputs that belong to no image any longer, but hold something else than was written."""
 
@@ -65,6 +70,12 @@ class Records(ABC):
         self.columns |= record.row.keys()
         self.with_outputs |= {path.split("/", 1)[0] for path in record.outputs}
         self.left += record.left
+
+    def miss(self, name: str, reason: str) -> None:
+        """Take into account that an image is no longer what its record says."""
+        self.num_stale += 1
+        if len(self.stale) < _NAMED:
+            self.stale.append((name, reason))
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ import glob
 import io
 import json
 import os
+import tarfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from ffseg.batch.outputs.table import tar_name
-from ffseg.batch.tar.index import listed
 from ffseg.batch.tar.members import Member, output_bytes
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.files import printable, read_bytes
@@ -63,7 +63,7 @@ class OutputFolder:
         """Where outputs lie that are in tar files."""
         found: dict[str, Member] = {}
         for kind in _OUTPUTS:
-            found |= listed(self.path, tar_name(kind), MAX_ROWS)
+            found |= _listed(self.path, tar_name(kind), MAX_ROWS)
         return found
 
     def output(self, kind: str, image: str) -> str:
@@ -211,3 +211,20 @@ def _cell(column: str, text: str) -> str | float | int:
     if abs(number) >= 1e15 or number != number:  # infinite, or no number to be shown
         return text
     return int(number) if number.is_integer() else number
+
+
+def _listed(folder: Path, name: str, most: int) -> dict[str, Member]:
+    """Places of the first so many regular members of a tar file in a folder, by name."""
+    found: dict[str, Member] = {}
+    if not (folder / name).is_file():
+        return found
+    try:
+        with tarfile.open(folder / name, "r:", encoding="utf-8", errors="surrogateescape") as archive:
+            kept: Any = archive
+            for member in islice(archive, most):
+                kept.members = []  # it would keep them all
+                if member.isreg() and not member.issparse():
+                    found[member.name] = (name, member.offset_data, member.size)
+    except (tarfile.TarError, OSError, ValueError):
+        return found
+    return found

@@ -32,8 +32,6 @@ from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.files import is_temporary, printable, read_bytes
 
 SHARDS = "shards"
-_MOST_STALE = 1000
-"""Stale images that ``run.json`` names."""
 _MOST_RUN = 1 << 30
 """Bytes of a ``run.json``: it names every image that is no longer as it was."""
 
@@ -57,9 +55,8 @@ class Merge:
     """How a merge ended."""
 
     out: str
-    stale: list[tuple[str, str]] = field(default_factory=list)
-    """Names of images that are no longer what their record says, and why; `num_stale` counts those not named, too."""
     num_stale: int = 0
+    """Images that are no longer what their record says."""
     counts: dict[str, int] = field(default_factory=lambda: {"total": 0, "ok": 0, "failed": 0})
     """Images by status."""
     problems: list[str] = field(default_factory=list)
@@ -67,12 +64,6 @@ class Merge:
     cannot be written."""
     notes: list[str] = field(default_factory=list)
     """What a merge does not do."""
-
-    def note(self, name: str, changed: str) -> None:
-        """Take into account that a file an image was made from has changed or is gone; nothing where that is empty."""
-        self.num_stale += bool(changed)
-        if changed and len(self.stale) < _MOST_STALE:
-            self.stale.append((name, f"{changed} has changed or is gone"))
 
 
 @dataclass(slots=True)
@@ -144,8 +135,10 @@ def _write_journal(
             merge.counts["total"] += 1
             merge.counts[record.status] += 1
             versions[record.version] += record.version != __version__
-            merge.note(record.name, still_true(record.files))
+            if changed := still_true(record.files):
+                records.miss(record.name, f"{changed} has changed or is gone")
             gone += islice(_gone(merge.out, record), _NAMED - len(gone))
+    merge.num_stale = records.num_stale
     merge.problems += [f"{printable(path)} is gone; run its shard again" for path in gone]
     for version, count in sorted(versions.items()):
         if count:
@@ -195,7 +188,7 @@ def _write(merge: Merge, records: MergedRecords, parts: list[Part], before: list
     asked = {folder for part in parts for folder in part.run.get("asked", ())}
     camera = any((part.header or {}).get("files", {}).get("camera") for part in parts)
     tables = Tables(merge.out, merge.out, records, camera, frozenset(asked), parquet)
-    written = tables.write(_run_json(merge, parts), merge.problems.append)
+    written = tables.write(_run_json(merge, records, parts), merge.problems.append)
     remove_old(merge.out, before, written)
     if GROUND.folder in records.with_outputs:
         merge.notes.append(
@@ -310,7 +303,7 @@ def chosen(lines: Iterable[tuple[bytes, bytes]], out: str, settings: str) -> Ite
             yield record, shards or own
 
 
-def _run_json(merge: Merge, parts: list[Part]) -> dict[str, Any]:
+def _run_json(merge: Merge, records: Records, parts: list[Part]) -> dict[str, Any]:
     runs = [part.run for part in parts if part.run]
     first: Mapping[str, Any] = runs[0] if runs else {}
     counts = {
@@ -319,9 +312,9 @@ def _run_json(merge: Merge, parts: list[Part]) -> dict[str, Any]:
         "unchanged": 0,
         "failed": merge.counts["failed"],
     }
-    stale = [{"image": printable(name), "reason": reason} for name, reason in merge.stale]
+    stale = [{"image": printable(name), "reason": reason} for name, reason in records.stale]
     stale += [entry for run in runs for entry in run.get("stale", ()) if entry not in stale]
-    num_stale = merge.num_stale + len(stale) - len(merge.stale)
+    num_stale = merge.num_stale + len(stale) - len(records.stale)
     return {
         "ffseg": __version__,
         "status": "incomplete" if merge.problems else "finished",

@@ -168,7 +168,7 @@ class Workbench:
         return replace(found, ground=frame.ground(), stood=stood(frame)) if self._setup.products.metric else found
 
     def _evidence(self, path: str) -> NDArray[np.float32]:
-        from ffseg.batch.plan.maps import read_evidence
+        from ffseg.batch.workers.pictures import read_evidence
 
         return read_evidence(path, self._limits)
 
@@ -194,7 +194,7 @@ class Workbench:
         """Overlap with the true mask, if there is one, and what is wrong with it."""
         if not job.truth or read.truth_problem:
             return None, read.truth_problem
-        from ffseg.batch.workers.truth import read_truth
+        from ffseg.batch.workers.pictures import read_truth
         from ffseg.metrics import iou
 
         height, width = mask.shape

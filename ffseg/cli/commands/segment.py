@@ -111,7 +111,7 @@ def segment(  # noqa: PLR0913 - the options of the command
 def _evidence(path: Path | None) -> NDArray[np.float32] | None:
     if path is None:
         return None
-    from ffseg.batch.plan.maps import read_evidence
+    from ffseg.batch.workers.pictures import read_evidence
 
     return read_evidence(os.fspath(path))
 
