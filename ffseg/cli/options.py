@@ -55,22 +55,16 @@ TruthLabel = Annotated[
     int | None,
     typer.Option("--truth-label", metavar="K", min=0, max=65535, help="Class number that is inside in true masks."),
 ]
-
-
 Outside = Annotated[
     list[str] | None,
     typer.Option("--not", metavar="X,Y[,R]", help="A point or circle outside the region; may be repeated."),
 ]
-
-
 Boxes = Annotated[
     list[str] | None,
     typer.Option(
         "--box", metavar="X,Y,W,H", help="A box round the object: all outside is background; may be repeated."
     ),
 ]
-
-
 Largest = Annotated[
     int | None, typer.Option("--largest", metavar="N", min=0, help="Keep the N largest regions: region.largest.")
 ]
@@ -80,52 +74,49 @@ MinArea = Annotated[
 FillHoles = Annotated[
     int | None, typer.Option("--fill-holes", metavar="PX", min=0, help="Fill smaller holes: region.fill_holes.")
 ]
-
-
 Label = Annotated[
     str | None, typer.Option("--label", metavar="NAME", help="Class of the regions in exports: region.label.")
 ]
 
 
-def with_selection(
-    settings: list[str], largest: int | None, min_area: int | None, fill_holes: int | None, label: str | None
+def overrides(
+    settings: list[str] | None,
+    outside: list[str] | None,
+    boxes: list[str] | None,
+    largest: int | None,
+    min_area: int | None,
+    fill_holes: int | None,
+    label: str | None,
 ) -> list[str]:
-    """Overrides with what is kept of the result, and how it is called, as the last of them."""
-    asked = {"largest": largest, "min_area": min_area, "fill_holes": fill_holes, "label": label}
-    values = {key: json.dumps(value, ensure_ascii=False) for key, value in asked.items() if value is not None}
-    return [*settings, *(f"region.{key}={value}" for key, value in values.items())]
-
-
-def with_prompts(settings: list[str] | None, outside: list[str] | None, boxes: list[str] | None) -> list[str]:
-    """Overrides with what ``--box`` and ``--not`` say as the last of them.
+    """What ``--set`` says, then ``--box``, ``--not`` and what is kept of the result and how it is called.
 
     Raises
     ------
     UsageError
-        If one is not of the numbers it needs.
+        If a box or a point is not of the numbers it needs.
     """
-    return _with_background(_with_boxes(settings, boxes), outside)
+    named = [f"init.boxes=[{', '.join(map(_corners, boxes))}]"] if boxes else []
+    named += [f"init.background=[{', '.join(map(_seed, outside))}]"] if outside else []
+    asked = {"largest": largest, "min_area": min_area, "fill_holes": fill_holes, "label": label}
+    kept = [
+        f"region.{key}={json.dumps(value, ensure_ascii=False)}" for key, value in asked.items() if value is not None
+    ]
+    return [*(settings or ()), *named, *kept]
 
 
-def _with_boxes(settings: list[str] | None, boxes: list[str] | None) -> list[str]:
-    """Overrides with the boxes of ``--box``, the columns and rows from X and Y on, as the last of them."""
-    rows = []
-    for box in boxes or ():
-        cells = box.split(",")
-        if len(cells) != len("XYWH") or not all(map(_is_number, cells)) or min(map(float, cells[2:])) <= 0:
-            raise UsageError(f"--box {box}: write X,Y,W,H in pixels, such as --box 120,80,60,40")
-        x, y, width, height = map(float, cells)
-        rows.append(f"[{x - 0.5!r}, {y - 0.5!r}, {x + width - 0.5!r}, {y + height - 0.5!r}]")
-    return [*(settings or ()), *([f"init.boxes=[{', '.join(rows)}]"] if rows else ())]
+def _corners(box: str) -> str:
+    """Corners of the columns and rows from X and Y on."""
+    cells = box.split(",")
+    if len(cells) != len("XYWH") or not all(map(_is_number, cells)) or min(map(float, cells[2:])) <= 0:
+        raise UsageError(f"--box {box}: write X,Y,W,H in pixels, such as --box 120,80,60,40")
+    x, y, width, height = map(float, cells)
+    return f"[{x - 0.5!r}, {y - 0.5!r}, {x + width - 0.5!r}, {y + height - 0.5!r}]"
 
 
-def _with_background(settings: list[str] | None, outside: list[str] | None) -> list[str]:
-    """Overrides with the background seeds of ``--not`` as the last of them."""
-    given = list(settings or ())
-    for seed in outside or ():
-        if len(seed.split(",")) not in (2, 3) or not all(map(_is_number, seed.split(","))):
-            raise UsageError(f"--not {seed}: write X,Y or X,Y,R in pixels, such as --not 120,80,10")
-    return [*given, f"init.background=[{', '.join(f'[{seed}]' for seed in outside)}]"] if outside else given
+def _seed(text: str) -> str:
+    if len(text.split(",")) not in (2, 3) or not all(map(_is_number, text.split(","))):
+        raise UsageError(f"--not {text}: write X,Y or X,Y,R in pixels, such as --not 120,80,10")
+    return f"[{text}]"
 
 
 def _is_number(text: str) -> bool:

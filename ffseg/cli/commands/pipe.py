@@ -11,7 +11,7 @@ import typer
 
 from ffseg.cli import console
 from ffseg.cli.checks import checked_params, require_source
-from ffseg.cli.options import with_prompts, with_selection
+from ffseg.cli.options import overrides
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 
 if TYPE_CHECKING:
@@ -87,8 +87,8 @@ def _asked(context: typer.Context) -> dict[str, Any]:
 
 
 def _params(asked: dict[str, Any]) -> Any:  # noqa: ANN401 - Parameters, which load NumPy
-    settings = with_prompts(asked["settings"], asked["outside"], asked["boxes"])
-    settings = with_selection(settings, asked["largest"], asked["min_area"], asked["fill_holes"], None)
+    short = ("settings", "outside", "boxes", "largest", "min_area", "fill_holes", "label")
+    settings = overrides(*(asked[name] for name in short))
     params = checked_params(asked["config"], settings, allow_code=asked["allow_code"])
     require_source(params)
     return params

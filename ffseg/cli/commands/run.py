@@ -5,10 +5,9 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -25,6 +24,7 @@ from ffseg.cli.checks import (
     require_truth,
 )
 from ffseg.cli.commands.pipe import PIPE, pipe
+from ffseg.cli.interruption import Interruption
 from ffseg.cli.options import (
     AllowCode,
     Boxes,
@@ -39,18 +39,18 @@ from ffseg.cli.options import (
     SomeInputs,
     Starts,
     TruthLabel,
+    overrides,
     starts_file,
-    with_prompts,
-    with_selection,
 )
 from ffseg.errors import UsageError
 from ffseg.io.films import is_film
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from ffseg.batch.outputs.table import Products
     from ffseg.batch.plan.jobs import Plan
+    from ffseg.batch.plan.sources import Source
     from ffseg.batch.views import Views
     from ffseg.batch.workers.messages import Setup
     from ffseg.parameters import Parameters
@@ -58,6 +58,30 @@ if TYPE_CHECKING:
 PROCESSES = "inprocess" if sys.platform == "win32" else "processes"
 """The default of ``--executor``: worker processes are waited for with ``poll``, which Windows does not have."""
 _MEGABYTE = 1 << 20
+_NEED_CAMERA = {
+    "poses": "--poses, --pairs and --footprint need --camera; name the camera file",
+    "pairs": "--poses, --pairs and --footprint need --camera; name the camera file",
+    "footprint": "--poses, --pairs and --footprint need --camera; name the camera file",
+    "metric": "--map needs --camera, which knows how large the ground is; name the camera file",
+}
+"""What is said of options that mean nothing without a camera."""
+_IN_ORDER = "--{} and --{} do not go together: every frame needs the one before it; run each film by itself"
+_APART = {
+    (
+        "evidence",
+        "camera",
+    ): "--evidence and --camera do not go together: the images of a camera are segmented without maps; "
+    "leave out one of them, or name the network or .ffmodel that made the maps as edges.model",
+    (
+        "film_out",
+        "shard",
+    ): "--film-out and --shard do not go together; merge the shards, then run it once more without --shard",
+} | {
+    (past, other): _IN_ORDER.format(past, other)
+    for past in ("steady", "flicker")
+    for other in ("shard", "camera", "pack", "dask")
+}
+"""What is said of options that do not go together, by their names in the command."""
 
 
 def run(  # noqa: PLR0913 - the options of the command
@@ -207,34 +231,53 @@ def run(  # noqa: PLR0913 - the options of the command
     """
     if PIPE in (*(inputs or ()), str(out)) or raw:
         raise typer.Exit(pipe(context))
-    early = early_workers(inputs or (), jobs or cores()) if PROCESSES == "processes" and not dry_run else []
+    early = _early_workers(inputs or (), jobs or _cores()) if PROCESSES == "processes" and not dry_run else []
     from ffseg.batch.executors.base import Options
+    from ffseg.batch.plan.jobs import make_plan
     from ffseg.batch.runner import Run
     from ffseg.batch.workers.messages import Setup
-    from ffseg.cli.interruption import Interruption
-    from ffseg.cli.reporting import Progress, show_result
+    from ffseg.cli.reporting import Progress, show_result, show_skipped
 
     with contextlib.ExitStack() as cleanup:
-        cleanup.callback(end, early)
+        cleanup.callback(_end, early)
         interruption = cleanup.enter_context(Interruption("run it again to go on"))
         require_truth(truth, truth_label)
-        settings = with_selection(with_prompts(settings, outside, boxes), largest, min_area, fill_holes, label)
-        params = checked_params(config, settings, allow_code=allow_code)
+        asked = overrides(settings, outside, boxes, largest, min_area, fill_holes, label)
+        params = checked_params(config, asked, allow_code=allow_code)
         require_source(params, evidence)
-        products = read_products(export or (), pack, film_out, overlay=overlay, animate=animate)
-        products = in_metres(products, camera, asked=metric)
         who = _executor(executor, dask)
-        choice = InputOptions(tuple(inputs or ()), tuple(exclude or ()), keep_suffix, listed, nul, film, quiet)
-        plan = with_maps(read_plan(choice, out, products, truth, starts, params), evidence, camera)
-        plan, views = in_sequence(plan, read_views(camera, poses, pairs, plan, footprint), shard)
-        setup = Setup(params=params, views=views, products=products, truth_label=truth_label, redirects=redirects)
-        setup = limited(replace(setup, files=plugin_files(params)), max_pixels, memory)
-        plan, setup, most = in_order(plan, setup, who, "steady" if steady else "flicker" * flicker)
+        _require_together({**context.params, "dask": who == "dask"})
+        products = _products(export or (), pack, film_out, overlay=overlay, animate=animate, metric=metric)
+        plan = make_plan(
+            _inputs(inputs or (), listed, nul=nul),
+            os.fspath(out),
+            film=film,
+            products=products,
+            truth=os.fspath(truth or ""),
+            exclude=exclude or (),
+            keep_suffix=keep_suffix,
+        )
+        show_skipped(plan, quiet=quiet)
+        plan = _with_files(plan, params, starts_file(starts, params), os.fspath(evidence or ""), quiet=quiet)
+        setup = Setup(
+            params=params,
+            views=_views(plan, camera, poses, pairs, footprint) if camera else None,
+            products=products,
+            max_pixels=max_pixels,
+            memory_bytes=memory * _MEGABYTE,
+            truth_label=truth_label,
+            files=plugin_files(params),
+            redirects=redirects,
+            past="steady" if steady else "flicker" * flicker,
+        )
+        plan = _ordered(plan, setup, shard)
         if dry_run:
-            raise typer.Exit(show_preview(plan, setup, overwrite=overwrite, as_json=as_json))
+            raise typer.Exit(_preview(plan, setup, overwrite=overwrite, as_json=as_json))
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
         cleanup.callback(progress.close)
-        options = Options(most or jobs or cores(), timeout, overwrite, report, read_tables(table), who, dask, chunk)
+        options = Options(
+            1 if setup.past else jobs or _cores(), timeout, overwrite, report, read_tables(table), who, dask, chunk
+        )
         work = cleanup.enter_context(Run(plan, setup, options, interruption, progress))
         interruption.defer()
         summary = work.execute(early)
@@ -247,52 +290,22 @@ def run(  # noqa: PLR0913 - the options of the command
         raise typer.Exit(console.FAILED_IMAGES)
 
 
-def in_order(plan: Plan, setup: Setup, who: str, past: str) -> tuple[Plan, Setup, int]:
-    """Plan and setup of a run whose frames need the ones before, and the most workers: one; 0 for any number.
-
-    Raises
-    ------
-    UsageError
-        For what cannot go in order.
-    """
-    if not past:
-        return plan, setup, 0
-    option = f"--{past}"
-    refused = {
-        "--shard": plan.shard,
-        "--camera": setup.views,
-        "--pack": plan.products.pack,
-        "--dask": who == "dask",
-    }
-    other = next((name for name, there in refused.items() if there), "")
-    if other:
-        raise UsageError(
-            f"{option} and {other} do not go together: every frame needs the one before it; run each film by itself"
-        )
-    from ffseg.batch.plan.jobs import with_past
-
-    return with_past(plan), replace(setup, past=past), 1
-
-
-def limited(setup: Setup, max_pixels: int, megabytes: int) -> Setup:
-    """A setup with limits of an image and of a worker."""
-    return replace(setup, max_pixels=max_pixels, memory_bytes=megabytes * _MEGABYTE)
+def _require_together(asked: Mapping[str, Any]) -> None:
+    """Refuse options that need others, or do not go with them."""
+    given = {name for name, value in asked.items() if not (value is None or value is False or value in ("", ()))}
+    for name, sentence in _NEED_CAMERA.items():
+        if name in given and "camera" not in given:
+            raise UsageError(sentence)
+    for pair, sentence in _APART.items():
+        if given.issuperset(pair):
+            raise UsageError(sentence)
 
 
 def _executor(name: str, scheduler: str) -> str:
-    """Who works on the images; refuses a name that nobody has."""
     from ffseg.plugins import check
 
     check("executors", name)
     return "dask" if scheduler else name
-
-
-def show_preview(plan: Plan, setup: Setup, *, overwrite: bool, as_json: bool) -> int:
-    """Show what a run would do; its exit code as far as that is known."""
-    from ffseg.batch.preview import preview
-    from ffseg.cli.reporting import show_plan
-
-    return 0 if show_plan(preview(plan, setup, overwrite=overwrite), plan, as_json=as_json) else console.FAILED_IMAGES
 
 
 def read_tables(text: str) -> bool:
@@ -313,33 +326,9 @@ def read_tables(text: str) -> bool:
     return "parquet" in names
 
 
-def part_of(plan: Plan, shard: str) -> Plan:
-    """The part of a plan that a shard does; all of it without one.
-
-    Raises
-    ------
-    UsageError
-        If there is no such part, or it is to be made a film.
-    """
-    if shard and plan.products.films:
-        raise UsageError(
-            "--film-out and --shard do not go together; merge the shards, then run it once more without --shard"
-        )
-    from ffseg.batch.shards.assign import only, read_shard
-
-    return only(plan, read_shard(shard)) if shard else plan
-
-
-def read_products(
-    export: Sequence[str], pack: str = "", film_out: str = "", *, overlay: bool, animate: bool
+def _products(
+    export: Sequence[str], pack: str, film_out: str, *, overlay: bool, animate: bool, metric: bool
 ) -> Products:
-    """Outputs that are asked for.
-
-    Raises
-    ------
-    UsageError
-        For a format that does not exist, or a film without Pillow.
-    """
     from ffseg.batch.outputs.table import Products, read_exports, read_pack
 
     if animate and find_spec("PIL") is None:
@@ -349,118 +338,58 @@ def read_products(
         from ffseg.batch.record.films import read_film_kinds
 
         films = read_film_kinds(film_out)
-    overlay = overlay or "overlay" in films
-    return Products(overlay, read_exports(export), animate, pack=read_pack(pack), films=films)
+    return Products(overlay or "overlay" in films, read_exports(export), animate, read_pack(pack), metric, films)
 
 
-@dataclass(frozen=True, slots=True)
-class InputOptions:
-    """Which images are to be run, and how their outputs are named."""
-
-    inputs: tuple[str, ...]
-    exclude: tuple[str, ...]
-    keep_suffix: bool
-    listed: str = ""
-    nul: bool = False
-    film: bool = False
-    quiet: bool = False
-
-
-def in_metres(products: Products, camera: Path | None, *, asked: bool) -> Products:
-    """The outputs with those in metres, where they are asked for.
-
-    Raises
-    ------
-    UsageError
-        Without a camera.
-    """
-    if asked and camera is None:
-        raise UsageError("--map needs --camera, which knows how large the ground is; name the camera file")
-    return replace(products, metric=asked)
-
-
-def read_plan(
-    choice: InputOptions, out: Path, products: Products, truth: Path | None, starts: Path | None, params: Parameters
-) -> Plan:
-    """Images of a run with their outputs, truths, starts and domains."""
-    from ffseg.batch.plan.jobs import make_plan, with_domains, with_starts
+def _inputs(inputs: Sequence[str], listing: str, *, nul: bool) -> list[str | Source]:
     from ffseg.batch.plan.listing import listed
-    from ffseg.cli.reporting import show_skipped, show_without_start
+
+    if not inputs and not listing:
+        raise UsageError("there is no input; name image files, folders or patterns, or a list with --list FILE")
+    return [*(listed(listing, nul=nul) if listing else ()), *inputs]
+
+
+def _with_files(plan: Plan, params: Parameters, starts: str, evidence: str, *, quiet: bool) -> Plan:
+    """The plan with the starts, domains and maps of evidence that belong to its images."""
+    from ffseg.batch.plan.jobs import with_domains, with_evidence, with_starts
+    from ffseg.cli.reporting import show_without_start
     from ffseg.io.starts import finds_starts
 
-    starting, domains = starts_file(starts, params), params.domain.masks
-
-    if not choice.inputs and not choice.listed:
-        raise UsageError("there is no input; name image files, folders or patterns, or a list with --list FILE")
-    named = listed(choice.listed, nul=choice.nul) if choice.listed else ()
-    plan = make_plan(
-        [*named, *choice.inputs],
-        os.fspath(out),
-        film=choice.film,
-        products=products,
-        truth=os.fspath(truth) if truth else "",
-        exclude=choice.exclude,
-        keep_suffix=choice.keep_suffix,
-    )
-    show_skipped(plan, quiet=choice.quiet)
-    plan = with_starts(plan, starting, partial=finds_starts(params)) if starting else plan
-    if starting and not choice.quiet:
-        show_without_start(plan, starting)
-    return with_domains(plan, domains) if domains else plan
+    if starts:
+        plan = with_starts(plan, starts, partial=finds_starts(params))
+        if not quiet:
+            show_without_start(plan, starts)
+    plan = with_domains(plan, params.domain.masks) if params.domain.masks else plan
+    return with_evidence(plan, evidence) if evidence else plan
 
 
-def with_maps(plan: Plan, evidence: Path | None, camera: Path | None) -> Plan:
-    """The plan with each image's map of evidence, if there are any.
-
-    Raises
-    ------
-    UsageError
-        With a camera, whose frames take none.
-    """
-    if evidence is None:
-        return plan
-    if camera is not None:
-        raise UsageError(
-            "--evidence and --camera do not go together: the images of a camera are segmented without maps; leave out one "
-            "of them, or name the network or .ffmodel that made the maps as edges.model"
-        )
-    from ffseg.batch.plan.jobs import with_evidence
-
-    return with_evidence(plan, os.fspath(evidence))
-
-
-def in_sequence(plan: Plan, views: Views | None, shard: str) -> tuple[Plan, Views | None]:
-    """The plan with the images before each image, if there is a camera, and what they came from."""
-    from ffseg.batch.plan.jobs import with_earlier
-
-    return part_of(with_earlier(plan, views.chain) if views else plan, shard), views
-
-
-def read_views(
-    camera: Path | None, poses: Path | None, pairs: Path | None, plan: Plan, footprint: float | None = None
-) -> Views | None:
-    """Camera, poses and pairs of a run; None without a camera.
-
-    Raises
-    ------
-    UsageError
-        For poses or pairs without a camera.
-    CalibrationError
-        For files that are wrong.
-    """
-    if camera is None:
-        if poses or pairs or footprint is not None:
-            raise UsageError("--poses, --pairs and --footprint need --camera; name the camera file")
-        return None
+def _views(plan: Plan, camera: Path, poses: Path | None, pairs: Path | None, footprint: float | None) -> Views:
     from ffseg.batch.views import load_views
 
     names = [job.source.name for job in plan.jobs]
-    return load_views(
-        os.fspath(camera), os.fspath(poses) if poses else None, os.fspath(pairs) if pairs else None, names, footprint
-    )
+    motion, known = (os.fspath(path) if path else None for path in (poses, pairs))
+    return load_views(os.fspath(camera), motion, known, names, footprint)
 
 
-def early_workers(inputs: Sequence[str], jobs: int) -> list[Process]:
+def _ordered(plan: Plan, setup: Setup, shard: str) -> Plan:
+    """The plan with the images before each image, where it is asked for; of a shard only its part."""
+    from ffseg.batch.plan.jobs import with_earlier, with_past
+    from ffseg.batch.shards.assign import only, read_shard
+
+    plan = with_earlier(plan, setup.views.chain) if setup.views else plan
+    plan = with_past(plan) if setup.past else plan
+    return only(plan, read_shard(shard)) if shard else plan
+
+
+def _preview(plan: Plan, setup: Setup, *, overwrite: bool, as_json: bool) -> int:
+    """Show what a run would do; its exit code as far as that is known."""
+    from ffseg.batch.preview import preview
+    from ffseg.cli.reporting import show_plan
+
+    return 0 if show_plan(preview(plan, setup, overwrite=overwrite), plan, as_json=as_json) else console.FAILED_IMAGES
+
+
+def _early_workers(inputs: Sequence[str], jobs: int) -> list[Process]:
     """Workers that load OpenCV while this process loads the rest, reads parameters and plans; two if there may be work."""
     several = jobs > 1 and (len(inputs) != 1 or os.path.isdir(inputs[0]) or is_film(inputs[0]))
     early: list[Process] = []
@@ -470,14 +399,12 @@ def early_workers(inputs: Sequence[str], jobs: int) -> list[Process]:
     return early
 
 
-def end(processes: Sequence[Process]) -> None:
+def _end(processes: Sequence[Process]) -> None:
     """End workers, also those that a run has taken over and ended."""
     for process in processes:
         process.end()
 
 
-def cores() -> int:
+def _cores() -> int:
     """Cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -22,8 +22,7 @@ from ffseg.cli.options import (
     MinArea,
     Outside,
     Settings,
-    with_prompts,
-    with_selection,
+    overrides,
 )
 from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError, is_out_of_memory
 
@@ -80,8 +79,8 @@ def segment(  # noqa: PLR0913 - the options of the command
     _require_other_names(image, wanted)
     if not overwrite:
         refuse_pictures([path for path in outputs if path != PIPE], "choose another name or add --overwrite")
-    settings = with_selection(with_prompts(settings, outside, boxes), largest, min_area, fill_holes, label)
-    params = checked_params(config, settings, allow_code=allow_code)
+    asked = overrides(settings, outside, boxes, largest, min_area, fill_holes, label)
+    params = checked_params(config, asked, allow_code=allow_code)
     require_source(params, evidence)
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from ffseg.api import segment as segment_pixels
