@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from ffseg import __version__
 from ffseg.batch.tar.members import Member
 
+T = TypeVar("T")
 Mark = tuple[int, int]
 """Size and time of change (ns) of a file: while they are the same, its content is not read again."""
 File = tuple[str, str, Mark]
@@ -93,14 +94,14 @@ def parsed_record(line: bytes) -> Record | None:
     if not all(isinstance(value[name], str) for name in _TEXTS):
         return None
     try:
-        members = {_text(path): _member(*member) for path, member in value.get("members", {}).items()}
-        outputs = {_text(path): (_text(digest), _mark(mark)) for path, (digest, mark) in value["outputs"].items()}
+        members = {path: _member(*member) for path, member in value.get("members", {}).items()}
+        outputs = {path: (_typed(str, digest), _mark(*mark)) for path, (digest, mark) in value["outputs"].items()}
         files = {
-            _text(role): (_text(path), _text(digest), _mark(mark))
+            role: (_typed(str, path), _typed(str, digest), _mark(*mark))
             for role, (path, digest, mark) in value["files"].items()
         }
-        row, extra = _cells(value["row"]), [dict(_pairs(cells)) for cells in value["extra"]]
-        left = tuple(_text(path) for path in value["left"])
+        row, extra = _cells(value["row"]), [_typed(dict, cells) for cells in value["extra"]]
+        left = tuple(_typed(str, path) for path in value["left"])
     except (TypeError, ValueError, AttributeError):
         return None
     if row.get("status") != value["status"] or not isinstance(row.get("error"), str):
@@ -109,31 +110,24 @@ def parsed_record(line: bytes) -> Record | None:
     return Record(**{**value, **parts})
 
 
-def _member(pack: object, offset: object, length: object) -> Member:
-    if not isinstance(pack, str) or type(offset) is not int or type(length) is not int or min(offset, length) < 0:
-        raise TypeError(type(pack).__name__)
-    return pack, offset, length
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, str):
+def _typed(kind: type[T], value: object) -> T:
+    if type(value) is not kind:  # a truth value is no number
         raise TypeError(type(value).__name__)
     return value
 
 
-def _mark(value: object) -> Mark:
-    if not isinstance(value, list) or [type(part) for part in value] != [int, int]:
-        raise TypeError(type(value).__name__)
-    return value[0], value[1]
+def _member(pack: object, offset: object, length: object) -> Member:
+    if min(_typed(int, offset), _typed(int, length)) < 0:
+        raise ValueError("before the file's begin")
+    return _typed(str, pack), _typed(int, offset), _typed(int, length)
 
 
-def _pairs(value: object) -> Iterable[tuple[str, Any]]:
-    if not isinstance(value, dict):
-        raise TypeError(type(value).__name__)
-    return value.items()
+def _mark(size: object, changed: object) -> Mark:
+    return _typed(int, size), _typed(int, changed)
 
 
 def _cells(value: object) -> dict[str, Any]:
-    if not isinstance(value, dict) or not all(isinstance(cell, str | int | float | None) for cell in value.values()):
-        raise TypeError(type(value).__name__)
-    return value
+    cells: dict[str, Any] = _typed(dict, value)
+    if not all(isinstance(cell, str | int | float | None) for cell in cells.values()):
+        raise TypeError("a cell is no text, number or nothing")
+    return cells

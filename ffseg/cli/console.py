@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 FAILED_IMAGES = 3
-"""Exit code when at least one image or frame failed, or an output could not be written."""
+"""Exit code when at least one image or frame failed, an output could not be written, or a shard or mask is missing."""
+MISSED_GATE = 4
+"""Exit code when a figure lies below what is asked for."""
 _UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 

@@ -22,13 +22,14 @@ cannot say that no more will come."""
 class Held:
     """A worker process, the versions it told when it began, and since when it is idle (`monotonic`)."""
 
+    key: str
     executor: Processes
     versions: dict[str, str] = field(default_factory=dict)
     since: float = 0.0
 
 
-_idle: dict[str, list[Held]] = {}
-"""Worker processes between chunks, by what they are set up for."""
+_idle: list[Held] = []
+"""Worker processes between chunks."""
 _busy: set[Held] = set()
 """Worker processes that work on a chunk."""
 _changed = threading.Condition()
@@ -41,7 +42,7 @@ def lend(key: str, start: Assignment) -> None:
     """Let workers of this process have the worker processes that were started with the command."""
     alone = replace(start.options, num_workers=1)
     for process in start.started[: start.options.num_workers]:
-        _keep(key, Held(Processes(Assignment(start.setup, alone, [process]))))
+        _keep(Held(key, Processes(Assignment(start.setup, alone, [process]))))
 
 
 @contextlib.contextmanager
@@ -58,8 +59,11 @@ def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterat
         File that is there as long as the run may have more chunks.
     """
     with _changed:
-        idle = _idle.get(key)
-        held = idle.pop() if idle else Held(Processes(Assignment(setup, Options(1, timeout))))
+        held = next((one for one in _idle if one.key == key), None)
+        if held is not None:
+            _idle.remove(held)
+        else:
+            held = Held(key, Processes(Assignment(setup, Options(1, timeout))))
         _busy.add(held)
     end_others(key)
     try:
@@ -72,16 +76,16 @@ def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterat
     with _changed:  # whoever ends the idle ones of a run that is over sees this one, or this one sees that it is over
         wanted = held.executor.room() == AHEAD and os.path.exists(going)  # else it may have something to do still
         if wanted:
-            _keep(key, held)
+            _keep(held)
     if not wanted:
         held.executor.close()
 
 
-def _keep(key: str, held: Held) -> None:
+def _keep(held: Held) -> None:
     """Let a process wait for a chunk, watched."""
     with _changed:
         held.since = monotonic()
-        _idle.setdefault(key, []).append(held)
+        _idle.append(held)
         if not _watched:
             _watched.append(threading.Thread(target=_watch, daemon=True))
             _watched[0].start()
@@ -91,8 +95,8 @@ def _watch() -> None:
     """End processes that are idle for long, until there is none left."""
     while True:
         with _changed:
-            old = _removed(lambda _, held: held.since <= monotonic() - IDLE_S)
-            oldest = min((held.since for idle in _idle.values() for held in idle), default=None)
+            old = _removed(lambda held: held.since <= monotonic() - IDLE_S)
+            oldest = min((held.since for held in _idle), default=None)
             if oldest is None:
                 _watched.clear()
             elif not old:
@@ -111,7 +115,7 @@ def interrupt() -> None:
 def end_idle(key: str = "") -> None:
     """End the idle processes of a setup, whose run is over, or all of them."""
     with _changed:
-        idle = _removed(lambda own, _: key in ("", own))
+        idle = _removed(lambda held: key in ("", held.key))
         _changed.notify_all()
     _end(idle)
 
@@ -119,18 +123,15 @@ def end_idle(key: str = "") -> None:
 def end_others(key: str) -> None:
     """End the idle processes of other setups."""
     with _changed:
-        idle = _removed(lambda own, _: own != key)
+        idle = _removed(lambda held: held.key != key)
     _end(idle)
 
 
-def _removed(chosen: Callable[[str, Held], bool]) -> list[Held]:
+def _removed(chosen: Callable[[Held], bool]) -> list[Held]:
     """Take the chosen ones out of the idle ones."""
-    found = [(key, held) for key, idle in _idle.items() for held in idle if chosen(key, held)]
-    for key, held in found:
-        _idle[key].remove(held)
-    for key in [key for key, idle in _idle.items() if not idle]:
-        del _idle[key]
-    return [held for _, held in found]
+    found = list(filter(chosen, _idle))
+    _idle[:] = [held for held in _idle if held not in found]
+    return found
 
 
 def _end(idle: Iterable[Held]) -> None:

@@ -16,7 +16,6 @@ _MOST_MEMBERS = 100_000_000
 _LONGEST_END = 1 << 20
 """Bytes of zeros behind the last member: two blocks of 512, filled up to a record of 10 kB, or what ``tar -b`` asks for."""
 
-
 _MOST_LINKS = 40
 """Links that are followed one after another, as Linux does."""
 _MOST_FOLDERS = 400

@@ -141,7 +141,7 @@ def _remote_sources(url: str) -> list[Source]:
 
 
 def _expand_pattern(pattern: str, skipped: Counter[str]) -> list[Source]:
-    base = _fixed_folder(pattern)
+    base = fixed_folder(pattern)
     if ".." in pattern[len(base) :].split("/"):  # the name of an output would lead out of the output folder
         raise UsageError(f"the pattern {printable(pattern)} has '..' behind a wildcard; write the folder it leads to")
     matches = sorted(glob.iglob(pattern, recursive=True), key=lambda path: natural_key(_relative(path, base)))
@@ -160,7 +160,7 @@ def _expand_pattern(pattern: str, skipped: Counter[str]) -> list[Source]:
     return sources
 
 
-def _fixed_folder(pattern: str) -> str:
+def fixed_folder(pattern: str) -> str:
     """Longest leading folder of a pattern without wildcards; empty for the current one."""
     parts = pattern.split("/")
     fixed = next(index for index, part in enumerate(parts) if glob.has_magic(part))

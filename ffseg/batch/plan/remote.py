@@ -12,7 +12,6 @@ from ffseg.io.files import printable
 PROTOCOLS = ("s3", "gs", "gcs", "http", "https", "memory")
 """What is read; ``memory`` is for tests."""
 
-
 _PATIENCE = 60.0
 """Seconds without a byte."""
 _GONE = (404, 410)

@@ -21,7 +21,6 @@ that is named itself is taken whatever its suffix."""
 STATE_FOLDER = ".ffseg"
 """Folder under the output with the lock, the journal and the error log; it marks a folder of ours."""
 
-
 _DIGITS = re.compile(r"([0-9]+)")
 
 
@@ -86,7 +85,6 @@ def film_of(name: str) -> str:
 
 
 _FRAME = re.compile(r"(.+)_\d{6,}\.\w+", re.DOTALL)
-
 
 _END, _PART, _NUMBER = "\x00\x00", "\x00\x01", "\x00\x02"
 """Marks after a piece of a name; they begin with what no name holds, so that a shorter piece comes first."""

@@ -26,7 +26,6 @@ _PLAIN = re.compile(r"[-+MLQCZe\d., \n]*")
 _CHORDS = 4
 """Chords to a patch for centroids: patches are short, and a tenth of a pixel is what the page shows. Areas are exact."""
 
-
 FARTHEST = 1e7
 """Pixels: beyond the sides of any image by a hundred times."""
 

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ffseg.batch.outputs.table import tar_name
+from ffseg.batch.plan.discover import fixed_folder
 from ffseg.batch.tar.members import Member, output_bytes
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.files import printable, read_bytes
@@ -151,9 +152,7 @@ def _place(text: str) -> str | None:
         return text
     if not glob.has_magic(text) or os.path.lexists(text):
         return None
-    parts = text.split("/")
-    fixed = next(index for index, part in enumerate(parts) if glob.has_magic(part))
-    return "/".join(parts[:fixed]) + ("/" if fixed else "")
+    return fixed_folder(text)
 
 
 def _text(path: Path, max_bytes: int = MAX_BYTES) -> str:

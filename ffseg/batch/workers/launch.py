@@ -7,7 +7,10 @@ import os
 import signal
 import sys
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import subprocess
 
 _START = "import sys; sys.path[:] = {path!r}; from ffseg.batch.workers.process import main; main({tasks}, {replies}, {parent})"
 
@@ -15,30 +18,20 @@ _FIRST_OWN = 3
 """File descriptors below are stdin, stdout and stderr."""
 
 
-class Handle(Protocol):
-    """A child process, as much as is asked of `subprocess.Popen`."""
-
-    def kill(self) -> None:
-        """End it at once; nothing happens when it has been waited for."""
-
-    def wait(self) -> int:
-        """Its exit code, negative for a signal, once it has ended."""
-
-
 @dataclass(eq=False, slots=True)
 class Forked:
-    """A copy of this process that became a worker."""
+    """A copy of this process that became a worker, with as much of `subprocess.Popen` as is asked of it."""
 
     pid: int
     code: int | None = None
 
     def kill(self) -> None:
-        """As `Handle.kill`."""
+        """End it at once; nothing happens when it has been waited for."""
         if self.code is None:
             os.kill(self.pid, signal.SIGKILL)
 
     def wait(self) -> int:
-        """As `Handle.wait`."""
+        """Its exit code, negative for a signal, once it has ended."""
         if self.code is None:
             self.code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
         return self.code
@@ -48,7 +41,7 @@ class Forked:
 class Process:
     """A worker process and the pipes to it."""
 
-    handle: Handle
+    handle: Forked | subprocess.Popen[bytes]
     tasks: int
     replies: int
     log: int
@@ -107,7 +100,7 @@ def can_fork() -> bool:
         return False
 
 
-def _spawn(tasks: int, replies: int, log: int) -> Handle:
+def _spawn(tasks: int, replies: int, log: int) -> Forked | subprocess.Popen[bytes]:
     import subprocess
 
     # The same modules as here, wherever they come from, and nothing from the working directory that is not one of them.
@@ -121,7 +114,7 @@ def _spawn(tasks: int, replies: int, log: int) -> Handle:
     )
 
 
-def _fork(tasks: int, replies: int, log: int) -> Handle:
+def _fork(tasks: int, replies: int, log: int) -> Forked:
     # What both need: loaded here, the copy has it too.
     import datetime  # noqa: F401
     import hashlib  # noqa: F401

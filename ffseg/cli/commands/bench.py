@@ -14,9 +14,6 @@ from ffseg.cli.checks import folder, number
 if TYPE_CHECKING:
     from ffseg.bench.session import Outcome
 
-MISSED_GATE = 4
-"""Exit code when a figure is slower than the baseline allows."""
-
 
 def bench(  # noqa: PLR0913 - the options of the command
     out: Annotated[
@@ -83,7 +80,7 @@ def bench(  # noqa: PLR0913 - the options of the command
     for item in outcome.slower:
         console.error(str(item))
     if outcome.slower:
-        raise typer.Exit(MISSED_GATE)
+        raise typer.Exit(console.MISSED_GATE)
 
 
 def _write(out: Path, outcome: Outcome) -> dict[str, bytes]:

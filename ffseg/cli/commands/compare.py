@@ -20,9 +20,6 @@ from ffseg.errors import UsageError
 if TYPE_CHECKING:
     from ffseg.compare.values import Row
 
-MISSED_GATE = 4
-"""Exit code when a figure lies below what is asked for."""
-
 
 def compare(  # noqa: PLR0913 - the options of the command
     inputs: Inputs,
@@ -100,7 +97,7 @@ def compare(  # noqa: PLR0913 - the options of the command
     if any(row.status == "failed" for row in rows):
         raise typer.Exit(console.FAILED_IMAGES)
     if missed:
-        raise typer.Exit(MISSED_GATE)
+        raise typer.Exit(console.MISSED_GATE)
 
 
 def _gates(texts: Sequence[str], methods: Sequence[str], *, with_truth: bool) -> dict[str, float]:

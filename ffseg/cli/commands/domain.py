@@ -19,9 +19,6 @@ from ffseg.errors import UsageError
 if TYPE_CHECKING:
     from ffseg.batch.cameras import Found
 
-INCOMPLETE = 3
-"""Exit code when an image could not be read, or there is no mask of a folder."""
-
 
 def domain(
     inputs: Inputs,
@@ -65,7 +62,7 @@ def domain(
     if not written:
         raise typer.Exit(2)
     if any(one.problems for one in found):
-        raise typer.Exit(INCOMPLETE)
+        raise typer.Exit(console.FAILED_IMAGES)
 
 
 def _require_output(out: Path, *, single: bool) -> None:

@@ -11,9 +11,6 @@ import typer
 from ffseg.cli import console
 from ffseg.cli.checks import folder as named
 
-INCOMPLETE = 3
-"""Exit code when an image failed or a shard is missing."""
-
 
 def merge(
     folder: Annotated[Path, typer.Argument(metavar="DIR", parser=named, help="Output folder of runs with --shard.")],
@@ -46,4 +43,4 @@ def merge(
         for label, count in (("images", "total"), ("done", "ok"), ("failed", "failed")):
             console.data(f"{label:6}  {done.counts[count]}")
     if done.problems or done.counts["failed"]:
-        raise typer.Exit(INCOMPLETE)
+        raise typer.Exit(console.FAILED_IMAGES)
