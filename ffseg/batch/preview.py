@@ -64,10 +64,10 @@ def _preview(plan: Plan, job: Job, setup: Setup, record: Record | None) -> Previ
         read = read_job(job, setup)
     except ImageReadError as error:
         return Preview(job, "failed", f"{error.reason}: {error}")
-    if record is None or record.content != read.digests.content:
+    kept = kept_outputs(record, read, plan.out)
+    if record is None or kept is None:
         wrong = _header_problem(read.data, setup)
         return Preview(job, "failed", wrong) if wrong else Preview(job, "to do", missing=outputs)
-    kept = set(kept_outputs(plan.out, record))
     missing = tuple(path for path in outputs if path not in kept)
     if missing or (job.truth and read.digests.truth != record.truth):
         return Preview(job, "to do", missing=missing)

@@ -9,7 +9,7 @@ import stat
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.streams import atomic_stream
@@ -59,17 +59,29 @@ def read_records(folder: str) -> Iterator[Record]:
     return (record for line in journal_lines(folder) if (record := parsed_record(line)) is not None)
 
 
+def last_lines(folder: str) -> Iterator[tuple[str, bytes]]:
+    """The last line of each name that is not gone, in the order in which the names came first."""
+    if read_header(folder) is None:
+        return
+    last: dict[str, tuple[int, int]] = {}
+    with Path(folder, JOURNAL).open("rb") as file:
+        start = len(file.readline())
+        for line in file:
+            name, gone = _subject(line)
+            if gone:
+                last.pop(name, None)
+            elif name:
+                last[name] = (start, len(line))
+            start += len(line)
+        for name, (start, length) in last.items():
+            file.seek(start)
+            yield name, file.read(length)
+
+
 def last_records(folder: str) -> dict[str, Record]:
     """The record of each name that is not gone."""
-    found: dict[str, Record] = {}
-    for line in journal_lines(folder):
-        name, gone = _subject(line)
-        record = parsed_record(line)
-        if gone:
-            found.pop(name, None)
-        elif record is not None:
-            found[name] = record
-    return found
+    lines = last_lines(folder)
+    return {name: record for name, line in lines if (record := parsed_record(line)) is not None}
 
 
 def refuse_special(path: str) -> None:
@@ -111,41 +123,28 @@ class Journal:
 
     def __init__(self, folder: str, header: Mapping[str, Any], names: Sequence[str]) -> None:
         self._path = os.path.join(folder, JOURNAL)
-        self._places = array("q", [_ABSENT]) * len(names)
-        self._others: dict[str, int] = {}
+        self._num_images, self._descriptor = len(names), _ABSENT
         self._unwritten: dict[int, Record] = {}
-        self._end = 0
         refuse_special(self._path)
+        indices = {name: index for index, name in enumerate(names)}
+        self._replace(header, ((indices.get(name, name), line) for name, line in last_lines(folder)))
+
+    def _replace(self, header: Mapping[str, Any], lines: Iterable[tuple[int | str, bytes]]) -> None:
+        """Put lines about images, by index in the plan or else by name, in the place of all there are."""
+        places, others = array("q", [_ABSENT]) * self._num_images, dict[str, int]()
         with atomic_stream(self._path) as file:
-            self._write(file, json_line({"format": FORMAT, **header}))
-            self._take_over(folder, {name: index for index, name in enumerate(names)}, file)
-        self._descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | OWN)
-
-    def _write(self, file: BinaryIO, line: bytes) -> int:
-        place, self._end = self._end, self._end + file.write(line)
-        return place
-
-    def _take_over(self, folder: str, indices: Mapping[str, int], file: BinaryIO) -> None:
-        """Copy the last record of each name from the journal before."""
-        if read_header(folder) is None:
-            return
-        last: dict[str, tuple[int, int]] = {}
-        with Path(self._path).open("rb") as old:
-            start = len(old.readline())
-            for line in old:
-                name, gone = _subject(line)
-                if gone:
-                    last.pop(name, None)
-                elif name:
-                    last[name] = (start, len(line))
-                start += len(line)
-            for name, (start, length) in last.items():
-                old.seek(start)
-                place = self._write(file, old.read(length))
-                if name in indices:
-                    self._places[indices[name]] = place
+            end = file.write(json_line({"format": FORMAT, **header}))
+            for entry, line in lines:
+                if isinstance(entry, int):
+                    places[entry] = end
                 else:
-                    self._others[name] = place
+                    others[entry] = end
+                end += file.write(line)
+        if self._descriptor != _ABSENT:
+            os.close(self._descriptor)
+        self._descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | OWN)
+        self._places, self._others, self._end = places, others, end
+        self._unwritten.clear()
 
     def get(self, entry: int | str) -> Record | None:
         """Record of an image, by its index in the plan, or by its name if it is not in it; None where there is none."""
@@ -211,20 +210,7 @@ class Journal:
         OutputError
             If the file cannot be written; the journal is then as it was.
         """
-        places, others = array("q", [_ABSENT]) * len(self._places), dict[str, int]()
-        end = 0
-        with atomic_stream(self._path) as file:
-            end += file.write(json_line({"format": FORMAT, **header}))
-            for entry, record in entries:
-                if isinstance(entry, int):
-                    places[entry] = end
-                else:
-                    others[entry] = end
-                end += file.write(record_line(record))
-        os.close(self._descriptor)
-        self._descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | OWN)
-        self._places, self._others, self._end = places, others, end
-        self._unwritten.clear()
+        self._replace(header, ((entry, record_line(record)) for entry, record in entries))
 
     def close(self) -> None:
         """Flush the file to the disk and close it."""

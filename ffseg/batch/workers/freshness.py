@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -103,11 +103,12 @@ def _pair_digest(views: Views, name: str) -> str:
     return digest(views.pair_text(name).encode("utf-8"))
 
 
-def kept_outputs(out: str, record: Record) -> Iterator[str]:
-    """Recorded outputs that are there with the content they were given."""
-    for path, (wanted, _) in record.outputs.items():
-        if output_digest(out, path, record.members.get(path)) == wanted:
-            yield path
+def kept_outputs(record: Record | None, read: Read, out: str) -> tuple[str, ...] | None:
+    """Recorded outputs that are there with the content they were given; None when they were made from other files."""
+    if record is None or record.content != read.digests.content:
+        return None
+    outputs = record.outputs.items()
+    return tuple(path for path, (made, _) in outputs if output_digest(out, path, record.members.get(path)) == made)
 
 
 def output_stands(out: str, path: str, seen: tuple[str, Mark], member: Member | None) -> bool:

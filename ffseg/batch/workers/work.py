@@ -103,16 +103,12 @@ class Workbench:
         begin, job = perf_counter(), task.job
         read = read_job(job, self._setup)
         read = self._past.known(task, read) if self._past is not None else read
-        same = task.recorded is not None and task.recorded.content == read.digests.content
-        recorded = task.recorded if same else None
-        kept = tuple(kept_outputs(task.out, recorded)) if recorded is not None else ()
-        missing = [
-            (path, kind)
-            for path, kind in zip(task.outputs, self._setup.products.kinds, strict=True)
-            if path not in kept
-        ]
-        if recorded is not None and not missing:
-            return self._unchanged(task, recorded, read, kept)
+        standing = kept_outputs(task.recorded, read, task.out)
+        kept = standing or ()
+        kinds = zip(task.outputs, self._setup.products.kinds, strict=True)
+        missing = [(path, kind) for path, kind in kinds if path not in kept]
+        if task.recorded is not None and standing is not None and not missing:
+            return self._unchanged(task, task.recorded, read, kept)
         image, told = read_picture(read.data, self._limits, self._setup.params.input.range)
         decoded = perf_counter()
         if self._past is not None:
