@@ -10,9 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from ffseg.batch.executors.base import Assignment, Options
+from ffseg.batch.executors.processes import Processes
 from ffseg.batch.workers import launch as launching
+from ffseg.batch.workers.messages import Setup
 from ffseg.bench.drawing import draw
 from ffseg.io.masks import encode_png
+from ffseg.parameters import load_params
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="workers are copies on Linux only")
 
@@ -91,6 +95,18 @@ def test_what_is_loaded_before_the_first_worker_starts_is_light() -> None:
     code = "import sys, ffseg.batch.workers.launch as it; it.launch().end(); print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert {"numpy", "cv2", "yaml", "typer"}.isdisjoint(done.stdout.split())
+
+
+def test_of_the_processes_that_are_started_no_more_are_used_than_asked_for() -> None:
+    """Films whose frames need the one before went through two processes at once: every run gave other masks."""
+    started = [launching.launch(), launching.launch()]
+    executor = Processes(Assignment(Setup(params=load_params()), Options(num_workers=1), started))
+    try:
+        assert [worker.process for worker in executor._workers] == started[:1]
+    finally:
+        executor.close()
+        for process in started:
+            process.end()
 
 
 def test_this_process_is_not_copied() -> None:

@@ -82,7 +82,7 @@ class Processes(Executor):
         self._interrupted = False
         if start.stop >= 0:
             self._poll.register(start.stop, select.POLLIN)
-        for process in start.started:
+        for process in start.started[: self._num_workers]:
             self._adopt(process)
 
     def room(self) -> int:

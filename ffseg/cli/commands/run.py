@@ -231,7 +231,8 @@ def run(  # noqa: PLR0913 - the options of the command
     """
     if PIPE in (*(inputs or ()), str(out)) or raw:
         raise typer.Exit(pipe(context))
-    early = _early_workers(inputs or (), jobs or _cores()) if PROCESSES == "processes" and not dry_run else []
+    workers = 1 if steady or flicker else jobs or _cores()
+    early = _early_workers(inputs or (), workers) if PROCESSES == "processes" and not dry_run else []
     from ffseg.batch.executors.base import Options
     from ffseg.batch.plan.jobs import make_plan
     from ffseg.batch.runner import Run
@@ -275,9 +276,7 @@ def run(  # noqa: PLR0913 - the options of the command
             raise typer.Exit(_preview(plan, setup, overwrite=overwrite, as_json=as_json))
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
         cleanup.callback(progress.close)
-        options = Options(
-            1 if setup.past else jobs or _cores(), timeout, overwrite, report, read_tables(table), who, dask, chunk
-        )
+        options = Options(workers, timeout, overwrite, report, read_tables(table), who, dask, chunk)
         work = cleanup.enter_context(Run(plan, setup, options, interruption, progress))
         interruption.defer()
         summary = work.execute(early)
