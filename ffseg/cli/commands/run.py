@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -237,41 +238,23 @@ def run(  # noqa: PLR0913 - the options of the command
     from ffseg.batch.plan.jobs import make_plan
     from ffseg.batch.runner import Run
     from ffseg.batch.workers.messages import Setup
-    from ffseg.cli.reporting import Progress, show_result, show_skipped
+    from ffseg.cli.reporting import Progress, show_result
 
     with contextlib.ExitStack() as cleanup:
         cleanup.callback(_end, early)
         interruption = cleanup.enter_context(Interruption("run it again to go on"))
         require_truth(truth, truth_label)
         asked = overrides(settings, outside, boxes, largest, min_area, fill_holes, label)
-        params = checked_params(config, asked, allow_code=allow_code)
-        require_source(params, evidence)
-        who = _executor(executor, dask)
-        _require_together({**context.params, "dask": who == "dask"})
+        params = _params(config, asked, evidence, allow_code=allow_code)
+        who = _executor(executor, dask, context.params)
         products = _products(export or (), pack, film_out, overlay=overlay, animate=animate, metric=metric)
-        plan = make_plan(
-            _inputs(inputs or (), listed, nul=nul),
-            os.fspath(out),
-            film=film,
-            products=products,
-            truth=os.fspath(truth or ""),
-            exclude=exclude or (),
-            keep_suffix=keep_suffix,
-        )
-        show_skipped(plan, quiet=quiet)
+        named: dict[str, Any] = {"truth": os.fspath(truth or ""), "exclude": exclude or (), "keep_suffix": keep_suffix}
+        plan = make_plan(_inputs(inputs or (), listed, nul=nul), os.fspath(out), film=film, products=products, **named)
         plan = _with_files(plan, params, starts_file(starts, params), os.fspath(evidence or ""), quiet=quiet)
-        setup = Setup(
-            params=params,
-            views=_views(plan, camera, poses, pairs, footprint) if camera else None,
-            products=products,
-            max_pixels=max_pixels,
-            memory_bytes=memory * _MEGABYTE,
-            truth_label=truth_label,
-            files=plugin_files(params),
-            redirects=redirects,
-            past="steady" if steady else "flicker" * flicker,
-        )
-        plan = _ordered(plan, setup, shard)
+        views = _views(plan, camera, poses, pairs, footprint) if camera else None
+        setup = Setup(params=params, views=views, products=products, truth_label=truth_label, redirects=redirects)
+        setup = replace(setup, max_pixels=max_pixels, memory_bytes=memory * _MEGABYTE, files=plugin_files(params))
+        plan, setup = _ordered(plan, replace(setup, past="steady" if steady else "flicker" * flicker), shard)
         if dry_run:
             raise typer.Exit(_preview(plan, setup, overwrite=overwrite, as_json=as_json))
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
@@ -283,10 +266,8 @@ def run(  # noqa: PLR0913 - the options of the command
         progress.close()
         if as_json or not quiet:
             show_result(work, plan.out, as_json=as_json, verbose=verbose)
-        if summary.signal:
-            raise typer.Exit(interruption.exit_code)
-    if summary.failed or summary.problems:
-        raise typer.Exit(console.FAILED_IMAGES)
+    failed = console.FAILED_IMAGES if summary.failed or summary.problems else 0
+    raise typer.Exit(interruption.exit_code if summary.signal else failed)
 
 
 def _require_together(asked: Mapping[str, Any]) -> None:
@@ -300,11 +281,20 @@ def _require_together(asked: Mapping[str, Any]) -> None:
             raise UsageError(sentence)
 
 
-def _executor(name: str, scheduler: str) -> str:
+def _params(config: str | None, settings: Sequence[str], evidence: Path | None, *, allow_code: bool) -> Parameters:
+    params = checked_params(config, settings, allow_code=allow_code)
+    require_source(params, evidence)
+    return params
+
+
+def _executor(name: str, scheduler: str, asked: Mapping[str, Any]) -> str:
+    """Who works on the images, once all that is asked for goes together."""
     from ffseg.plugins import check
 
     check("executors", name)
-    return "dask" if scheduler else name
+    who = "dask" if scheduler else name
+    _require_together({**asked, "dask": who == "dask"})
+    return who
 
 
 def read_tables(text: str) -> bool:
@@ -351,9 +341,10 @@ def _inputs(inputs: Sequence[str], listing: str, *, nul: bool) -> list[str | Sou
 def _with_files(plan: Plan, params: Parameters, starts: str, evidence: str, *, quiet: bool) -> Plan:
     """The plan with the starts, domains and maps of evidence that belong to its images."""
     from ffseg.batch.plan.jobs import with_domains, with_evidence, with_starts
-    from ffseg.cli.reporting import show_without_start
+    from ffseg.cli.reporting import show_skipped, show_without_start
     from ffseg.io.starts import finds_starts
 
+    show_skipped(plan, quiet=quiet)
     if starts:
         plan = with_starts(plan, starts, partial=finds_starts(params))
         if not quiet:
@@ -370,14 +361,14 @@ def _views(plan: Plan, camera: Path, poses: Path | None, pairs: Path | None, foo
     return load_views(os.fspath(camera), motion, known, names, footprint)
 
 
-def _ordered(plan: Plan, setup: Setup, shard: str) -> Plan:
-    """The plan with the images before each image, where it is asked for; of a shard only its part."""
+def _ordered(plan: Plan, setup: Setup, shard: str) -> tuple[Plan, Setup]:
+    """The plan with the images before each image, where it is asked for, of a shard only its part; and the setup."""
     from ffseg.batch.plan.jobs import with_earlier, with_past
     from ffseg.batch.shards.assign import only, read_shard
 
     plan = with_earlier(plan, setup.views.chain) if setup.views else plan
     plan = with_past(plan) if setup.past else plan
-    return only(plan, read_shard(shard)) if shard else plan
+    return only(plan, read_shard(shard)) if shard else plan, setup
 
 
 def _preview(plan: Plan, setup: Setup, *, overwrite: bool, as_json: bool) -> int:
