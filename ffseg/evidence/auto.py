@@ -7,20 +7,15 @@ from time import perf_counter
 
 from ffseg.contour import Found, bounded, run
 from ffseg.evidence.gradient import gradient
-from ffseg.image.boundary import CLEAR, SAMPLE, Boundary, needed
+from ffseg.image.boundary import Boundary
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
-from ffseg.native import _core
-from ffseg.scene import BlockedStartError, Outcome, Scene
+from ffseg.scene import BlockedStartError, Scene
 from ffseg.starts.rivals import seeds
 from ffseg.starts.sides import on_one_side
 
-PROMISING = 0.6
-"""Share of an image's edge pixels that are clear: above 0.77 in drawn scenes, in most photographs below 0.6."""
-
-PROBE, MET = 40, 0.5
-"""Iterations after which the edges that a front has met show how the others will be, and the strength from which on an
-edge is taken to be met."""
+MET = 0.5
+"""Strength from which on an edge is taken to be met."""
 
 
 def auto(scene: Scene) -> EdgeMap:
@@ -66,8 +61,11 @@ def _trial(scene: Scene) -> Found | None:
     scene = bounded(scene)
     begin = perf_counter()
     scene, messages, across = on_one_side(scene)
-    outcome = _first(scene) if _is_promising(scene) else None
-    if outcome is None:
+    try:
+        outcome = run(scene)
+    except BlockedStartError:
+        return None
+    if outcome.contours is None:
         return None
     boundary = Boundary(outcome.contours, scene.edges)
     evolve_ms = (perf_counter() - begin) * 1e3
@@ -80,23 +78,3 @@ def _least_met(scene: Scene) -> float:
     """Strength below which parts of a boundary lie in open ground: at shut passages, and in a snake's slits."""
     slits = scene.method is not None and scene.method.slits
     return MET if slits or scene.shuts_passages else 0.0
-
-
-def _first(scene: Scene) -> Outcome | None:
-    """What the method finds; None where it cannot start, or does not tell contours."""
-    try:
-        found = run(scene)
-    except BlockedStartError:
-        return None
-    return found if found.contours is not None else None
-
-
-def _is_promising(scene: Scene) -> bool:
-    """Whether the image's own edges are worth a whole evolution: most are clear, or those that a short one has met."""
-    edges = scene.edges
-    every, clear = _core.edges_from(edges.edges, edges.gradient, CLEAR * needed(edges), SAMPLE)
-    if clear >= PROMISING * every:
-        return True
-    short = replace(scene.params, contour=replace(scene.params.contour, max_iterations=PROBE))
-    met = _first(replace(scene, params=short))
-    return met is not None and Boundary(met.contours, scene.edges).is_clear(MET)

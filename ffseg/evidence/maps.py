@@ -125,9 +125,9 @@ def strength_edges(strength: NDArray[np.float32], image_edges: EdgeMap) -> EdgeM
     if not _crosses(strength, LEVEL):
         return image_edges
     edges = np.where(strength >= LEVEL, np.uint8(255), np.uint8(0))
-    gradient = blurred(strength, SMOOTHING) * np.float32(STRENGTH * GRADIENT_SCALE)
+    gradient = blurred(strength, SMOOTHING) * np.float32(STRENGTH * GRADIENT_SCALE) + np.float32(0.5)
     low = STRENGTH * LEVEL / 2
-    return EdgeMap(_stored(gradient), edges, image_edges.domain, (low, 2 * low), image_edges.source)
+    return EdgeMap(gradient.astype(np.uint16), edges, image_edges.domain, (low, 2 * low), image_edges.source)
 
 
 def _crosses(values: NDArray[np.float32], level: float) -> bool:
@@ -139,8 +139,3 @@ def blurred(plane: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
     out = np.empty_like(plane)
     _core.evidence_blur(np.ascontiguousarray(plane), sigma, out)
     return out
-
-
-def _stored(gradient: NDArray[np.float32]) -> NDArray[np.uint16]:
-    stored: NDArray[np.uint16] = np.minimum(gradient + np.float32(0.5), np.float32(TALLEST)).astype(np.uint16)
-    return stored

@@ -17,10 +17,12 @@ from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import LEVEL, at_level, evidence_edges, strength_edges
 from ffseg.evidence.prior import prior
 from ffseg.image.edges import EdgeMap
+from ffseg.image.parts import parts
 from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 from ffseg.parameters import Network, Parameters
 from ffseg.scene import Scene
+from ffseg.starts.pockets import depths, discs
 
 FOREST_SUFFIX, NETWORK_SUFFIX = ".ffmodel", ".onnx"
 
@@ -28,9 +30,6 @@ MAX_NETWORK_BYTES = 1 << 30
 
 WHOLE_START = 2.0
 """Pixels of the reduced image: a start that a model finds is not smaller."""
-
-START_SHARE = 0.6
-"""Part of the largest disc in the sure region that becomes the start: off its borders, which are less sure."""
 
 
 def model_edges(scene: Scene) -> EdgeMap:
@@ -126,34 +125,9 @@ def model_start(image: NDArray[np.uint8], model: Model, most: float) -> tuple[fl
     sure = model.start.probability(seen.planes) >= LEVEL
     if not sure.any():
         return None
-    depth = _depths(_largest(sure))
-    y, x = np.unravel_index(int(depth.argmax()), depth.shape)
-    radius = min(most, max(START_SHARE * float(depth[y, x]), WHOLE_START) * factor)
-    return (float(x) + 0.5) * factor - 0.5, (float(y) + 0.5) * factor - 0.5, radius
-
-
-def _largest(region: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The largest part of a region that hangs together."""
-    best, left = np.zeros_like(region), region.copy()
-    walls = np.where(region, np.float32(0), np.float32(1))
-    while np.count_nonzero(left) > np.count_nonzero(best):
-        seed = np.zeros(region.shape, np.uint8)
-        seed.flat[int(left.argmax())] = 1
-        planes = np.empty((5, *region.shape), np.float32)
-        _core.evidence_barrier(walls, seed, 1.0, planes)
-        part = (planes[0] == 0) & region
-        if np.count_nonzero(part) > np.count_nonzero(best):
-            best = part
-        left &= ~part
-    return best
-
-
-def _depths(region: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Distance of each pixel to what lies outside the region, the border of the image included."""
-    outside = np.pad(~region, 1, constant_values=True).astype(np.uint8)
-    depth = np.empty(outside.shape, np.float32)
-    _core.evidence_geodesic(np.zeros(outside.shape, np.float32), outside, 1.0, 1, depth)
-    return depth[1:-1, 1:-1]
+    told = parts(sure)
+    ((x, y, depth),) = discs(depths(sure.astype(np.uint8)), told, [int(told.areas.argmax())], np.inf)
+    return (x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5, min(most, max(depth, WHOLE_START) * factor)
 
 
 def ready(path: str) -> tuple[Model, _core.EvidenceForest]:

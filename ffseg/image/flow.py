@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.image.keypoints import grey_image
+from ffseg.image.parts import parts
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -86,6 +87,6 @@ def _depth(region: Mask) -> NDArray[np.float32]:
 
 def _holes(region: Mask) -> Mask:
     """Pixels outside that do not reach the border of the image."""
-    _, labels = cv2.connectedComponents((~region).astype(np.uint8), connectivity=8)
+    labels = parts(~region, corners=True).labels
     rim = np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))
     return np.asarray(~region & ~np.isin(labels, rim))

@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.image.parts import parts
+
 Plane = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
@@ -51,28 +53,16 @@ def nearest_outside(mask: Mask) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
 
 def ground_under(free: Mask, region: Mask) -> Mask | None:
     """The connected free pixels that hold most of a region, or None where none of the region is free."""
-    _, labels = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
+    labels = parts(free).labels
     counts = np.bincount(labels[region & free])
     return None if not len(counts) else np.asarray(labels == int(counts.argmax()), np.bool_)
 
 
-def open_sides(free: Mask, least: int) -> NDArray[np.int32]:
-    """Number of the connected free ground that a pixel belongs to; 0 where none is, or it is narrower than two pixels.
-
-    Parameters
-    ----------
-    free : ndarray of bool, shape (H, W)
-    least : int
-        Pixels: smaller ground is none.
-    """
+def open_sides(free: Mask) -> NDArray[np.int32]:
+    """Number of the connected free ground that a pixel belongs to; 0 where none is, or it is narrower than two pixels."""
     square = np.ones((2, 2), np.uint8)
     fits = cv2.erode(free.astype(np.uint8), square, anchor=(0, 0))  # squares by their upper left pixels
-    opened = cv2.dilate(fits, square, anchor=(1, 1))
-    count, found = cv2.connectedComponents(opened, connectivity=4)  # the one with areas also sums up centroids
-    labels = np.asarray(found, np.int32)
-    number = np.arange(count, dtype=np.int32)
-    number[np.bincount(labels.ravel(), minlength=count) < least] = 0
-    return np.take(number, labels)
+    return parts(np.asarray(cv2.dilate(fits, square, anchor=(1, 1)), np.uint8)).labels
 
 
 def _distance(free: Mask) -> NDArray[np.float32]:

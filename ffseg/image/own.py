@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ffseg.errors import SegmentationError
 from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.disc import Disc, valid_disc
+from ffseg.image.parts import parts
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -122,7 +123,9 @@ def own_image(images: Iterable[Pixels], *, rgb: bool = False) -> Mask:
     relief = cv2.cvtColor(np.clip(20 * seen.strength, 0, 255).astype(np.uint8), cv2.COLOR_GRAY2BGR)
     relief, markers = (cv2.copyMakeBorder(plane, 1, 1, 1, 1, cv2.BORDER_REPLICATE) for plane in (relief, kinds))
     flooded = cv2.watershed(relief, markers)[1:-1, 1:-1]  # which leaves the outermost pixels out
-    own = np.where(_kept(flooded != SCENE, LEAST_AREA * flooded.size), np.uint8(255), np.uint8(0))
+    own = np.where(
+        parts(flooded != SCENE, corners=True).at_least(LEAST_AREA * flooded.size), np.uint8(255), np.uint8(0)
+    )
     return dark | (cv2.resize(own, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR) >= 128)
 
 
@@ -182,12 +185,10 @@ def _beside_crests(x: Plane, y: Plane) -> Mask:
 
 def _outlines(seen: _Seen) -> Mask:
     """Edges that stay: long ones that are sure somewhere, their gaps closed."""
-    count, labels, boxes, _ = cv2.connectedComponentsWithStats(
-        (seen.stays >= MAY_STAY).astype(np.uint8), connectivity=8
-    )
-    sure = np.bincount(labels[(seen.stays >= STAYS) & (seen.strength >= CLEAR)], minlength=count)
-    reach = np.maximum(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT])
-    kept = (sure >= LEAST_SURE * boxes[:, cv2.CC_STAT_AREA]) & (reach >= LEAST_LENGTH * max(labels.shape))
+    stay = parts(seen.stays >= MAY_STAY, corners=True)
+    labels = stay.labels
+    sure = np.bincount(labels[(seen.stays >= STAYS) & (seen.strength >= CLEAR)], minlength=len(stay.areas))
+    kept = (sure >= LEAST_SURE * stay.areas) & (stay.boxes[:, 2:].max(axis=1) >= LEAST_LENGTH * max(labels.shape))
     kept[0] = False
     half = LONGEST_GAP // 2
     padded = np.pad(kept[labels].astype(np.uint8), half, mode="edge")  # an outline ends at the image's border
@@ -198,10 +199,10 @@ def _outlines(seen: _Seen) -> Mask:
 def _parted(seen: _Seen) -> NDArray[np.int32]:
     """`SCENE` and `OWN` on the parts between the outlines, 0 on these and on specks."""
     open_ground = (~_outlines(seen)).astype(np.uint8)
-    count, labels = cv2.connectedComponents(open_ground, connectivity=4)
+    labels = parts(open_ground).labels
     deep = cv2.distanceTransform(open_ground, cv2.DIST_L1, 3) > BLUR
     areas, inner, changed = (
-        np.bincount(labels[mask], minlength=count) for mask in (labels > 0, deep, deep & seen.lively)
+        np.bincount(labels[mask], minlength=int(labels.max()) + 1) for mask in (labels > 0, deep, deep & seen.lively)
     )
     lively: NDArray[np.float64] = changed / np.maximum(inner, 1)
     counted = (areas >= LEAST_AREA / 4 * labels.size) & (inner > 0)  # the limit is still to be added
@@ -211,12 +212,3 @@ def _parted(seen: _Seen) -> NDArray[np.int32]:
     kinds = np.where(lively >= QUIET * liveliest, SCENE, OWN) * counted
     found: NDArray[np.int32] = kinds[labels].astype(np.int32)
     return found
-
-
-def _kept(mask: Mask, least: float) -> Mask:
-    """Without parts smaller than that."""
-    count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
-    large = np.bincount(labels.ravel(), minlength=count) >= least
-    large[0] = False
-    kept: Mask = large[labels]
-    return kept

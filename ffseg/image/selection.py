@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import compress
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +12,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed
 from ffseg.geometry.regions import group_regions
 from ffseg.image.components import filled
+from ffseg.image.parts import parts
 from ffseg.image.polygons import polygons
 from ffseg.image.raster import rasterize
 from ffseg.native import _core
@@ -69,18 +69,15 @@ def counted(mask: Mask) -> tuple[int, int]:
 
 
 def _kept(mask: Mask, params: Region) -> Mask:
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=4)
-    areas = stats[:, cv2.CC_STAT_AREA].copy()
-    areas[0] = 0
-    chosen = (areas > 0) & (areas >= params.min_area)
+    regions = parts(mask)
+    chosen = regions.areas >= max(params.min_area, 1)
     if params.largest:
-        chosen[np.argsort(-areas, kind="stable")[params.largest :]] = False
-    kept: Mask = chosen[labels]
-    _, labels, stats, _ = cv2.connectedComponentsWithStats((~np.pad(kept, 1)).view(np.uint8), connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] < params.fill_holes
-    small[labels[0, 0]] = False  # not the outside
-    filled_in: Mask = small[labels] & (labels > 0)
-    return np.asarray(kept | filled_in[1:-1, 1:-1], np.bool_)
+        chosen[np.argsort(-regions.areas, kind="stable")[params.largest :]] = False
+    kept: Mask = chosen[regions.labels]
+    holes = parts(~np.pad(kept, 1), corners=True)
+    small = (holes.areas > 0) & (holes.areas < params.fill_holes)
+    small[holes.labels[0, 0]] = False  # not the outside
+    return np.asarray(kept | small[holes.labels][1:-1, 1:-1], np.bool_)
 
 
 def _shown(contour: FreeForm, mask: Mask) -> bool:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
+from ffseg.image.parts import parts
 from ffseg.image.raster import window_of
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
@@ -32,11 +32,9 @@ def in_boxes(scene: Scene) -> Scene:
     for box in scene.boxes:
         rows, columns = window = window_of(box, scene.shape)
         region = inside[window].astype(np.uint8)
-        _, labels, figures, _ = cv2.connectedComponentsWithStats(region, connectivity=4)
-        areas = figures[1:, cv2.CC_STAT_AREA]
-        large = (1 + np.flatnonzero(areas >= LEAST_PART * areas.max(initial=0))).tolist()
-        known = {part: figures[part, :4] for part in large}
-        found = discs(depths(region), labels, known, np.inf)
+        told = parts(region)
+        large = np.flatnonzero(told.areas >= max(LEAST_PART * told.areas.max(), 1))
+        found = discs(depths(region), told, large, np.inf)
         if scene.method is None or not scene.method.merges:
             found = found[:1]
         circles += [(x + columns.start, y + rows.start, radius) for x, y, radius in found]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.image.parts import parts
 from ffseg.starts.pockets import Circle, depths, discs
 
 SURE = 0.4
@@ -38,20 +38,16 @@ def islands(odds: NDArray[np.float32], starts: NDArray[np.bool_], most: float) -
         The deepest first.
     """
     levels, begun = np.ascontiguousarray(odds[::STRIDE, ::STRIDE]), starts[::STRIDE, ::STRIDE]
-    _, parts = cv2.connectedComponents((levels > 0).astype(np.uint8), connectivity=4)
-    known, areas = np.setdiff1d(parts[begun], [0]), np.bincount(parts.ravel())
-    least_area = LEAST_SHARE * float(areas[known].sum())
-    large = np.setdiff1d(np.flatnonzero(areas >= least_area), [0, *known]).tolist()
-    if not large:
+    told = parts(levels > 0)
+    known = told.touching(begun)
+    least_area = max(LEAST_SHARE * float(told.areas[known].sum()), 1)
+    large = np.setdiff1d(np.flatnonzero(told.areas >= least_area), known)
+    if not len(large):
         return ()
-    around = np.isin(parts, known) & ~begun
+    around = np.isin(told.labels, known) & ~begun
     if not around.any():
         return ()
     least = max(LEAST_ODDS, SURE * float(np.median(levels[around])))
-    boxes = {}
-    for part in large:
-        inside = parts == part
-        if float(np.median(levels[inside])) >= least:
-            boxes[part] = cv2.boundingRect(inside.astype(np.uint8))
-    small = discs(depths((parts > 0).astype(np.uint8)), parts, boxes, most / STRIDE)
+    sure = [part for part in large if float(np.median(levels[told.labels == part])) >= least]
+    small = discs(depths((levels > 0).astype(np.uint8)), told, sure, most / STRIDE)
     return tuple((STRIDE * x, STRIDE * y, STRIDE * radius) for x, y, radius in small)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from ffseg.image.parts import Parts, parts
 
 NARROW = 4.0
 """px; through places nearer to walls than this a contour may not come."""
@@ -38,13 +39,11 @@ def starts_beyond(walls: NDArray[np.uint8], starts: NDArray[np.bool_], most: flo
         The deepest first.
     """
     free = np.where(walls > 0, np.uint8(0), np.uint8(1))
-    _, labels = cv2.connectedComponents(free, connectivity=4)
-    whole = np.isin(labels, np.setdiff1d(labels[starts], [0])).astype(np.uint8)
-    depth = depths(whole)
-    count, parts, figures, _ = cv2.connectedComponentsWithStats((depth >= NARROW).astype(np.uint8), connectivity=8)
-    known = set(np.unique(parts[starts]).tolist())
-    chosen = [part for part in range(1, count) if part not in known and figures[part, cv2.CC_STAT_AREA] >= LEAST_PIXELS]
-    return discs(depth, parts, {part: figures[part, :4] for part in chosen}, most)
+    ground = parts(free)
+    depth = depths(np.isin(ground.labels, ground.touching(starts)).astype(np.uint8))
+    deep = parts(depth >= NARROW, corners=True)
+    chosen = np.setdiff1d(np.flatnonzero(deep.areas >= LEAST_PIXELS), deep.touching(starts))
+    return discs(depth, deep, chosen, most)
 
 
 def depths(region: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -54,22 +53,23 @@ def depths(region: NDArray[np.uint8]) -> NDArray[np.float32]:
     return depth
 
 
-def discs(depth: NDArray[np.float32], parts: NDArray[Any], boxes: Mapping[int, Any], most: float) -> tuple[Circle, ...]:
+def discs(depth: NDArray[np.float32], told: Parts, chosen: Iterable[int], most: float) -> tuple[Circle, ...]:
     """A disc round the deepest pixel of each part chosen, the largest first.
 
     Parameters
     ----------
     depth : ndarray of float32, shape (H, W)
-    parts : ndarray of int32, shape (H, W)
-        Number of the part each pixel belongs to.
-    boxes : mapping
-        Column, row, width and height of the box round each part chosen, by its number.
+    told : Parts
+    chosen : iterable of int
+        Their numbers.
     most : float
         px; the largest radius of a disc.
     """
     found = []
-    for part, (x, y, width, height) in boxes.items():
-        inside = np.where(parts[y : y + height, x : x + width] == part, depth[y : y + height, x : x + width], 0)
+    for part in chosen:
+        x, y, width, height = told.boxes[part].tolist()
+        window = np.s_[y : y + height, x : x + width]
+        inside = np.where(told.labels[window] == part, depth[window], 0)
         row, column = np.unravel_index(int(inside.argmax()), inside.shape)
         found.append((float(x + column), float(y + row), min(most, START_SHARE * float(inside.max()))))
     return tuple(sorted(found, key=lambda one: -one[2]))

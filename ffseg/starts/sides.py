@@ -16,25 +16,12 @@ from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
 from ffseg.starts.moved import SIZE_WEIGHT, SPARE, Circle, as_circle, placed
 
-HOLLOW = 64
-"""Pixels: free ground that is smaller is no side of an edge but a hollow in one, as noise leaves."""
-
 LEAST_KEPT = 0.5
 """A start over a boundary keeps this part of its radius, and its centre moves by no more than its radius, round what lies
 outside the domain by `FARTHEST` of them. Where it could not, edges run all over it: it stays, and that is said."""
 
 FARTHEST = 1 + SIZE_WEIGHT
 """Radii from its centre beyond which no place for a start is as cheap as the worst that would be taken."""
-
-AROUND = 8
-"""Pixels round a start in which its ground may hang together."""
-
-ROUND = 2.5
-"""Joints at one distance r from their middle are those of a circle if they enclose this times r squared: a square's
-enclose 2, a hexagon's 2.6."""
-
-FLAT = 0.05
-"""Pixels between the rim of a start and the polygon that is looked at."""
 
 
 def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
@@ -54,17 +41,13 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     are looked at, and not those round a camera, which sees its own robot in them. A mark that lies in a circle whole has
     no side on its rim; what lies outside the domain would stay in the region, wherever in the circle it is.
     """
-    if scene.fixed or scene.params.contour.balloon < 0:
+    if scene.fixed or scene.params.contour.balloon < 0 or scene.start_mask is not None:
         return scene, (), False
-    beyond = {at for at, start in enumerate(scene.starts) if _leaves_domain(start, scene) and _is_circle(start)}
-    crossed = [at for at, start in enumerate(scene.starts) if _holds_edge(start, scene) and _is_circle(start)]
+    beyond = {at for at, start in enumerate(scene.starts) if _leaves_domain(start, scene)}
+    crossed = [at for at, start in enumerate(scene.starts) if _holds_edge(start, scene)]
     if not (crossed or beyond):
         return scene, (), False
-    open_ground = free_pixels(scene.edges.edges, scene.domain)
-    crossed = [at for at in crossed if _has_sides(scene.starts[at], open_ground)]
-    if not (crossed or beyond):
-        return scene, (), False
-    sides = open_sides(open_ground, HOLLOW)
+    sides = open_sides(free_pixels(scene.edges.edges, scene.domain))
     crossed = sorted(beyond.union(at for at in crossed if _num_sides(scene.starts[at], sides) > 1))
     if not crossed:
         return scene, (), False
@@ -88,14 +71,6 @@ def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int
     """Rows and columns up to so far from a start's centre, and the first column and row."""
     left, top = (max(int(at - reach), 0) for at in (start.x, start.y))
     return np.s_[top : int(start.y + reach) + 1, left : int(start.x + reach) + 1], (left, top)
-
-
-def _has_sides(start: FreeForm, free: NDArray[np.bool_]) -> bool:
-    """Whether the ground near a start falls into parts: else it lies on one side, wherever that reaches."""
-    circle = as_circle(start)
-    window, first = _window(circle, circle.radius + AROUND)
-    near = FreeForm(start.control_points - first, start.degree)
-    return _num_sides(near, open_sides(free[window], 1)) > 1
 
 
 def _moved(
@@ -122,13 +97,6 @@ def _moved(
     return old, replace(new, x=new.x + left, y=new.y + top)
 
 
-def _is_circle(start: FreeForm) -> bool:
-    joints = start.control_points[:: start.degree]
-    distance = np.hypot(*(joints - joints.mean(axis=0)).T)
-    radius = float(distance.mean())
-    return bool(np.ptp(distance) <= 1e-6 * radius) and start.signed_area >= ROUND * radius**2
-
-
 def _holds_edge(start: FreeForm, scene: Scene) -> bool:
     """Whether an edge lies in the box round a start: mostly none does, and that is known at once."""
     low, high = start.control_points.min(axis=0).tolist(), start.control_points.max(axis=0).tolist()
@@ -146,7 +114,7 @@ def _leaves_domain(start: FreeForm, scene: Scene) -> bool:
 
 def _num_sides(start: FreeForm, sides: NDArray[np.int32]) -> int:
     """Sides that the rim of a start lies on, or on the last pixel before: a sample there goes on to that side."""
-    points = start.flatten(FLAT)
+    points = start.flatten()
     points = np.vstack([points, points[:1]])
     passed = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     steps = np.arange(0.0, passed[-1], 0.5)

@@ -56,7 +56,19 @@ def test_ordinary_images_have_no_disc() -> None:
     reflected = mirror(shape, (320.0, 240.0, 200.0))
     reflected[200:280, 570:620] = 200  # bright outside the circle
     ellipse = np.where(((x - 320) / 290) ** 2 + ((y - 240) / 200) ** 2 < 1, whole.max(axis=2), np.uint8(0))
-    for image in (dark, box, plain, reflected, ellipse, np.zeros((3, 3), np.uint8), np.full((1, 1), 255, np.uint8)):
+    texture = cv2.GaussianBlur(np.random.default_rng(0).normal(0, 1, shape), (0, 0), 10)
+    light = np.exp(-(((x - 320) / 230) ** 2) - ((y - 240) / 170) ** 2)
+    lamp = np.clip(10 + (200 + 40 * texture / texture.std()) * light, 0, 255).astype(np.uint8)
+    for image in (
+        dark,
+        box,
+        plain,
+        reflected,
+        ellipse,
+        lamp,
+        np.zeros((3, 3), np.uint8),
+        np.full((1, 1), 255, np.uint8),
+    ):
         assert valid_disc(image) is None
     for seed in range(40):
         assert valid_disc(scenes.scene(seed).image) is None

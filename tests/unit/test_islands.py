@@ -10,6 +10,7 @@ from ffseg.evidence import auto
 from ffseg.evidence import prior as evidence
 from ffseg.parameters import load_params
 from ffseg.starts.islands import islands
+from ffseg.starts.pockets import starts_beyond
 
 SHAPE = (120, 200)
 
@@ -53,7 +54,7 @@ def test_what_hangs_together_with_the_start_is_no_island() -> None:
 def test_the_contour_takes_islands_where_the_prior_decides(monkeypatch: pytest.MonkeyPatch) -> None:
     odds, _ = apart(3)
     monkeypatch.setattr(evidence, "prior", lambda *_: odds)
-    monkeypatch.setattr(auto, "_is_promising", lambda *_: False)
+    monkeypatch.setattr(auto, "_trial", lambda *_: None)
     even = np.full((*SHAPE, 3), 120, np.uint8)
     given = {"init.center": [50, 60], "init.radius": 10}
     both = segment(even, load_params(None, given))
@@ -68,8 +69,22 @@ def test_the_contour_takes_islands_where_the_prior_decides(monkeypatch: pytest.M
 def test_a_part_outside_the_domain_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
     odds, _ = apart(3)
     monkeypatch.setattr(evidence, "prior", lambda *_: odds)
-    monkeypatch.setattr(auto, "_is_promising", lambda *_: False)
+    monkeypatch.setattr(auto, "_trial", lambda *_: None)
     domain = np.full(SHAPE, 255, np.uint8)
     domain[:, 110:] = 0
     params = load_params(None, {"init.center": [50, 60], "init.radius": 10})
     assert len(segment(np.full((*SHAPE, 3), 120, np.uint8), params, domain=domain).contours) == 1
+
+
+def test_parts_behind_narrow_places_get_a_start() -> None:
+    walls = np.zeros((60, 100), np.uint8)
+    walls[:, 48:52] = 255
+    walls[29:32, 48:52] = 0  # three pixels wide
+    starts = np.zeros((60, 100), bool)
+    starts[28:33, 20:25] = True
+    ((x, y, radius),) = starts_beyond(walls, starts, 10.0)
+    assert 60 < x < 90
+    assert 20 < y < 40
+    assert radius == 10.0
+    walls[29:32, 48:52] = 255
+    assert starts_beyond(walls, starts, 10.0) == ()

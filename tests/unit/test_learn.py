@@ -21,7 +21,6 @@ from ffseg.learning.gather import gather
 from ffseg.learning.learn import Figures, _worth_drawing, learned
 from ffseg.learning.training import Asked, Beginning, Example, grown, samples
 from ffseg.parameters import load_params
-from ffseg.starts.pockets import starts_beyond
 
 pytest.importorskip("lightgbm")
 SHAPE = (80, 120)
@@ -200,17 +199,3 @@ def test_masks_are_worth_drawing_while_the_curve_rises() -> None:
     rising = _worth_drawing([(1, 0.5), (2, 0.7), (4, 0.8)], 5)  # .9 - .4 / n: the n-th is worth .4 / n / (n + 1)
     assert flat == 0
     assert rising == 4  # .4 / 72 = .0056 from 8 to 9 masks, .4 / 90 = .0044 from 9 to 10
-
-
-def test_parts_behind_narrow_places_get_a_start() -> None:
-    walls = np.zeros((60, 100), np.uint8)
-    walls[:, 48:52] = 255
-    walls[29:32, 48:52] = 0  # three pixels wide
-    starts = np.zeros((60, 100), bool)
-    starts[28:33, 20:25] = True
-    ((x, y, radius),) = starts_beyond(walls, starts, 10.0)
-    assert 60 < x < 90
-    assert 20 < y < 40
-    assert radius == 10.0
-    walls[29:32, 48:52] = 255
-    assert starts_beyond(walls, starts, 10.0) == ()

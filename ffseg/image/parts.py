@@ -1,0 +1,45 @@
+"""Parts of a mask: pixels that hang together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parts:
+    """The parts of a mask, numbered from 1 in the order of their first pixels; 0 is what lies outside.
+
+    Attributes
+    ----------
+    labels : ndarray of int32, shape (H, W)
+        Number of the part that a pixel belongs to.
+    areas : ndarray of intp, shape (N + 1,)
+        Pixels of each; none for 0.
+    boxes : ndarray of int32, shape (N + 1, 4)
+        Column, row, width and height of the box round each.
+    """
+
+    labels: NDArray[np.int32]
+    areas: NDArray[np.intp]
+    boxes: NDArray[np.int32]
+
+    def touching(self, mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+        """Numbers of those with a pixel in a mask."""
+        found = np.unique(self.labels[mask])
+        return found[found > 0]
+
+    def at_least(self, area: float) -> NDArray[np.bool_]:
+        """Pixels of those that have so many."""
+        return np.asarray((self.areas >= max(area, 1))[self.labels], np.bool_)
+
+
+def parts(mask: NDArray[np.bool_] | NDArray[np.uint8], *, corners: bool = False) -> Parts:
+    """The parts of a mask, whose pixels hang together over their sides, or over corners too."""
+    _, labels, figures, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8 if corners else 4)
+    areas = figures[:, cv2.CC_STAT_AREA].astype(np.intp)
+    areas[0] = 0
+    return Parts(np.asarray(labels, np.int32), areas, np.asarray(figures[:, :4], np.int32))

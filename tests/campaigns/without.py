@@ -1,0 +1,109 @@
+"""Which scenes fail without a rule of the default path: ``python -m tests.campaigns.without [--only WORD]``.
+
+Turns off one rule after another, each by values of its constants with which it does nothing, and runs the tests that hold its
+scenes. The rows it prints are the table of docs/pipeline.md; a rule with which nothing fails has no scene, and goes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
+from math import inf
+from pathlib import Path
+
+import pytest
+
+from tests.campaigns.perturbed import changed
+
+UNIT = Path(__file__).resolve().parents[1] / "unit"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What is turned off, by which values of which file's constants, and the test files with its scenes."""
+
+    name: str
+    place: str
+    values: Mapping[str, object]
+    scenes: tuple[str, ...]
+
+
+_DISC, _PRIOR, _SIDES, _ISLANDS, _JUDGE = ("bounds",), ("prior",), ("start_sides",), ("islands",), ("judge",)
+
+RULES = (
+    Rule("thresholds from the local noise", "image/edges.py", {"AUTO_SPREAD": 1.0}, ("photographs", "light", "prior")),
+    Rule("an enlargement is taken back", "image/magnified.py", {"FACTORS": ()}, ("magnified",)),
+    Rule("only whole pictures of few pixels", "image/magnified.py", {"DIFFERENT": 1.0}, ("magnified",)),
+    Rule("a picture was not tiny before", "image/magnified.py", {"LEAST_SIDE": 0}, ("magnified",)),
+    Rule("edges decide only if clear", "image/boundary.py", {"CLEAR": 0.0}, _PRIOR),
+    Rule("a tenth may be fainter", "image/boundary.py", {"CLEAR_SHARE": 0.0}, _PRIOR),
+    Rule("plain regions in noise", "image/boundary.py", {"PLAIN": 0.0}, _PRIOR),
+    Rule("no edge at the border", "image/boundary.py", {"MARGIN": 0}, (*_PRIOR, *_JUDGE, "boundary")),
+    Rule("what has met no edge does not count", "evidence/auto.py", {"MET": 0.0}, _PRIOR),
+    Rule("a start lies on one side", "starts/sides.py", {"LEAST_KEPT": inf}, _SIDES),
+    Rule("spare room round a start", "starts/moved.py", {"SPARE": 0.0}, (*_SIDES, *_DISC)),
+    Rule("a start keeps its size", "starts/moved.py", {"SIZE_WEIGHT": 0.0}, (*_SIDES, *_DISC)),
+    Rule("the disc of a mirror", "image/disc.py", {"LEAST_SHARE": inf}, _DISC),
+    *(
+        Rule(f"the disc: {name}", "image/disc.py", {name: value}, _DISC)
+        for name, value in {
+            "LEVELS": (0.3,), "LEAST_SHARE": 0.0, "MOST_OUTSIDE": 1.0, "LEAST_SPREAD": 0.0,
+        }.items()
+    ),
+    Rule("parts beyond narrow places", "starts/pockets.py", {"LEAST_PIXELS": inf}, _ISLANDS),
+    Rule("what is narrow", "starts/pockets.py", {"NARROW": 0.0}, _ISLANDS),
+    Rule("islands", "starts/islands.py", {"LEAST_ODDS": inf}, _ISLANDS),
+    Rule("islands as sure as the start's", "starts/islands.py", {"SURE": 0.0}, _ISLANDS),
+    Rule("islands that are sure", "starts/islands.py", {"LEAST_ODDS": -inf}, _ISLANDS),
+    Rule("islands worth a start", "starts/islands.py", {"LEAST_SHARE": 0.0}, _ISLANDS),
+    Rule("the region fills its domain", "judge.py", {"FILLED": inf}, _JUDGE),
+    Rule("the outline is the border", "judge.py", {"ROUND": inf}, _JUDGE),
+    Rule("early and across bound the score", "judge.py", {"ACROSS": 1.0}, _JUDGE),
+    Rule("hope", "judge.py", {"HOPE": 1.0}, _JUDGE),
+)  # fmt: skip
+"""Each rule of the default path, and how it is turned off."""
+
+
+class _Failed:
+    """Names of tests that have failed."""
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+        self.ran = 0
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.ran += report.when == "call"
+        if report.failed:
+            self.names.append(report.nodeid.rpartition("::")[2])
+
+
+def failing(rule: Rule) -> tuple[list[str], int]:
+    """Names of the tests that fail without a rule, and how many have run."""
+    seen = _Failed()
+    files = [str(UNIT / f"test_{name}.py") for name in rule.scenes]
+    with changed(rule.place, rule.values), redirect_stdout(StringIO()):
+        pytest.main(["-q", "-p", "no:cacheprovider", *files], plugins=[seen])
+    return seen.names, seen.ran
+
+
+def main() -> int:
+    """Print a row for each rule; 1 if one has no scene."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", default="", help="part of a rule's name")
+    asked, idle = parser.parse_args(), 0
+    for rule in RULES:
+        if asked.only in rule.name:
+            names, ran = failing(rule)
+            idle += not names
+            values = ", ".join(f"`{name}` {value}" for name, value in rule.values.items())
+            scene = names[0].partition("[")[0].removeprefix("test_").replace("_", " ") if names else "NONE"
+            print(f"| {rule.name} | {values} | {len(names)} of {ran} | {scene} |", flush=True)
+    return int(idle > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
