@@ -26,8 +26,9 @@ LEAST_SIDE = 64
 ROUNDED = 2
 """Grey levels by which a pixel may differ from an interpolated one: twice rounded, and another program's cubic."""
 
-DIFFERENT = 0.01
-"""Part of the pixels unlike their neighbours that may differ by more: where an interpolated curve was cut at black and white."""
+DIFFERENT, CUT = 0.01, 0.05
+"""Part of the pixels unlike their neighbours that may differ by more: in the whole picture, and in a few lines of it, where
+curves cut at black and white make others of all pixels beside."""
 
 KNOTS, BESIDE = 8, 4
 """Pixels of the picture before that a line is told from, and those beside that interpolation looks at."""
@@ -62,7 +63,7 @@ def magnified(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
     ways = [_liveliest(lines) for lines in (plane, plane.T)] if factors else []
     for factor in factors:
         amiss, kind = min((_amiss(ways, factor, kind), kind) for kind in KINDS)
-        if amiss <= DIFFERENT:
+        if amiss <= CUT:
             before = _before(image, factor, kind)
             made = cv2.resize(before, (width, height), interpolation=kind)
             if _share(cv2.absdiff(image, made), image, factor) <= DIFFERENT:
@@ -83,7 +84,7 @@ def _amiss(ways: list[NDArray[np.float32]], factor: int, kind: int) -> float:
     for lines in ways:
         inner = lines[:, size : lines.shape[1] // size * size - size]  # what lies beyond the border is another's rule
         found = max(found, _share(np.abs(inner.reshape(-1, size) @ rest), inner, factor))
-        if found > DIFFERENT:
+        if found > CUT:
             break
     return found
 

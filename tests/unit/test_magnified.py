@@ -42,6 +42,14 @@ def test_colours_are_told_too() -> None:
     assert np.abs(before.astype(int) - image).max() <= 2
 
 
+def test_curves_cut_at_black_and_white_do_not_hide_it() -> None:
+    image = scene(1).image.astype(int)
+    hard = np.clip(128 + 3 * (image - image.mean()), 0, 255).astype(np.uint8)
+    found, before = magnified(larger(hard, 4, "cubic"))
+    assert found == 4
+    assert np.abs(before.astype(int) - hard).mean() < 0.1
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_picture_as_it_was_drawn_is_none(seed: int) -> None:
     image = scene(seed).image
