@@ -92,11 +92,11 @@ def _with_dependencies(which: str, arguments: list[str]) -> bool:
         python = str(scripts / Path(sys.executable).name)
         constraints = folder / "constraints.txt"
         constraints.write_text("".join(f"{line}\n" for line in (oldest() if which == "oldest" else [])))
-        install = ["install", "--quiet", "--upgrade", "--constraint", str(constraints), f"{ROOT}[test]"]
+        install = ["install", "--quiet", "--upgrade", "--constraint", str(constraints), "-e", f"{ROOT}[test]"]
         passed = _timed(f"{which} dependencies", [python, "-m", "pip", *install])
         subprocess.run([python, "-m", "pip", "list"], check=False)
         environment = {"PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}"}
-        tests = [python, "-m", "pytest", "-n", "2", "-q", "-p", "no:cacheprovider", *arguments]
+        tests = [python, "-m", "pytest", "-n", "2", "-q", *arguments]
         return passed and _timed(f"tests with the {which} dependencies", tests, environment=environment)
 
 

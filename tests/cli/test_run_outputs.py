@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from bad_images import READS_GIF
 from PIL import Image
 
 from ffseg.rendering import CAMERA_YAML, poses_csv, render_pair
@@ -215,6 +216,8 @@ def test_the_row_of_a_stack_says_that_only_its_first_page_was_read(
     page = Image.open(images / "a.png")
     page.save(images / "stack.tif", save_all=True, append_images=[page])
     page.convert("P").save(images / "film.gif", save_all=True, append_images=[Image.new("P", page.size)])
+    if not READS_GIF:
+        (images / "film.gif").unlink()
     result = ffseg_command("run", images, "--out", tmp_path / "out", *START)
     assert result.returncode == 0, result.stderr
     with (tmp_path / "out" / "timings.csv").open(newline="") as file:
@@ -223,7 +226,7 @@ def test_the_row_of_a_stack_says_that_only_its_first_page_was_read(
         "a.png": "",
         "sub/b.png": "",
         "stack.tif": "only the first page was read; the TIFF file has more",
-        "film.gif": "only the first frame was read; the GIF file has more",
+        **({"film.gif": "only the first frame was read; the GIF file has more"} if READS_GIF else {}),
     }
 
 

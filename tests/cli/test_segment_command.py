@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pytest
 import typer
+from bad_images import READS_GIF
 from PIL import Image
 
 import ffseg
@@ -118,6 +119,7 @@ def test_a_mask_and_what_is_no_picture_are_replaced(mask: np.ndarray, tmp_path: 
     assert "<title>toy.png</title>" in (tmp_path / "a.svg").read_text("utf-8")
 
 
+@pytest.mark.skipif(not READS_GIF, reason="this OpenCV reads no GIF")
 def test_frames_that_are_not_read_are_told(tmp_path: Path, ffseg_command: Run) -> None:
     frames = [Image.new("L", (40, 30), level) for level in (60, 200)]
     frames[0].save(tmp_path / "film.gif", save_all=True, append_images=frames[1:])
