@@ -116,6 +116,13 @@ def test_a_pipe_has_two_ends() -> None:
     assert (done.returncode, b"ffseg run - --out -" in done.stderr) == (2, True)
 
 
+def test_raw_pixels_are_those_of_a_pipe() -> None:
+    done = subprocess.run(
+        [*COMMAND[:-3], "folder", "--out", "out", "--raw", "8x6:gray"], capture_output=True, check=False
+    )
+    assert (done.returncode, b"--raw says what stdin holds" in done.stderr) == (2, True)
+
+
 def test_it_ends_when_nobody_reads() -> None:
     """Heard of at the next frame that is written, however many are still to come."""
     code = "import sys; sys.stdin.buffer.read(10)"

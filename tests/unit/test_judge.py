@@ -46,6 +46,15 @@ def test_a_region_whose_outline_is_the_border_is_doubted() -> None:
     assert "of the region's outline is the border of the image" in "".join(found.messages)
 
 
+def test_no_region_fills_more_than_all_of_its_domain(tmp_path: Path) -> None:
+    """The contour settles on the edge three pixels beyond the domain's limit."""
+    domain = np.where(disc(320, 240, 100)[..., 1] == 0, np.uint8(255), np.uint8(0))
+    assert cv2.imwrite(str(tmp_path / "domain.png"), domain)
+    found = ffseg.segment(disc(320, 240, 103), {"domain.mask": str(tmp_path / "domain.png")})
+    assert found.mask.sum() > np.count_nonzero(domain)
+    assert "the region fills 100.0 % of the domain" in found.messages[0]
+
+
 def test_a_floor_that_fills_the_lower_half_is_not_doubted() -> None:
     image = np.vstack([np.full((200, 640), 60, np.uint8), np.full((280, 640), 160, np.uint8)])
     found = ffseg.segment(image, {"init.center": [320, 400]})

@@ -69,6 +69,8 @@ def _asked(context: typer.Context) -> dict[str, Any]:
         if source is not None and source.name == "COMMANDLINE" and option.name not in _TAKEN:
             raise UsageError(f"frames of a pipe take no {option.opts[0]}; leave it out, or name a film instead of -")
     asked = context.params
+    if PIPE not in (*(asked["inputs"] or ()), str(asked["out"])):
+        raise UsageError("--raw says what stdin holds: ffseg run - --raw WxH:LAYOUT --out -; leave it out for files")
     if list(asked["inputs"] or ()) != [PIPE]:
         raise UsageError(
             "--out -: - is no folder; write ./- if it is called so, or take frames from a pipe: ffseg run - --out -"
