@@ -238,6 +238,14 @@ def test_a_film_of_a_folder_is_called_by_it_and_never_replaces_an_input(film: Pa
     assert (tmp_path / "film_mask.mp4").read_bytes() == before
 
 
+def test_no_film_is_made_where_no_frame_was(tmp_path: Path) -> None:
+    (tmp_path / "film.mp4").write_bytes(bytes(range(256)) * 8)
+    products = Products(films=("mask",))
+    summary = run_batch(tmp_path / "film.mp4", tmp_path / "out", executor=INPROCESS, products=products)
+    assert (summary.failed, summary.problems) == (1, [])
+    assert not list((tmp_path / "out").glob("*.mp4"))
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [

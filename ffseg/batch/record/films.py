@@ -57,7 +57,7 @@ def read_film_kinds(text: str) -> tuple[str, ...]:
 def write_films(out: str, kinds: Sequence[str], standing: Records, tell: Callable[[str], None]) -> list[str]:
     """Write the films of all images that stand; `tell` hears of each that cannot be written. Gives their names."""
     written: list[str] = []
-    films = dict.fromkeys(film_of(record.name) for record in standing.records()) if kinds else {}
+    films = dict.fromkeys(film_of(record.name) for record in standing.records() if record.outputs) if kinds else {}
     inputs = (
         {os.path.realpath(parted(record.files["image"][0])[0]) for record in standing.records()} if films else set()
     )
