@@ -110,8 +110,8 @@ def _doubts(
         return
     if area >= FILLED * room:
         most = max(0.0, 1 - area / room) / (2 * (1 - FILLED))
-        share = _percent(min(area / room, 1.0))  # settling, it may pass the limit by some pixels
-        yield Doubt("filled", most, f"the region fills {share} of the {where}: nothing shows where it ends")
+        full = _percent(min(area / room, 1.0))  # settling, it may pass the limit by some pixels
+        yield Doubt("filled", most, f"the region fills {full} of the {where}: nothing shows where it ends")
     elif (share := border_share(contours, mask.shape, domain)) >= ROUND:
         most = (1 - share) / (2 * (1 - ROUND))
         yield Doubt("border", most, f"{_percent(share)} of the region's outline is the border of the {where}")
