@@ -11,7 +11,7 @@ NB_MODULE(_core, m) {
     bind_text(m);
     bind_levelset(m);
     bind_measures(m);
-    bind_packing(m);
+    bind_compression(m);
     bind_pairs(m);
     bind_paper(m);
     bind_snake(m);

@@ -12,7 +12,7 @@ void bind_region(nanobind::module_& m);
 void bind_text(nanobind::module_& m);
 void bind_levelset(nanobind::module_& m);
 void bind_measures(nanobind::module_& m);
-void bind_packing(nanobind::module_& m);
+void bind_compression(nanobind::module_& m);
 void bind_pairs(nanobind::module_& m);
 void bind_paper(nanobind::module_& m);
 void bind_snake(nanobind::module_& m);

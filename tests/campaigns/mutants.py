@@ -131,9 +131,9 @@ NATIVE = [
         ("left_[block] <= sides.right;", "left_[block] <= sides.left;"),
     ),
     *_of(
-        FREEFORM + "ground/field.cpp",
+        FREEFORM + "field/field.cpp",
         ("here | (above & ((left & (up_left ^ kOnes)) | (right & (up_right ^ kOnes))))", "here"),
-        ("if (left <= right && ground::holds_solid(cells_, left, right, y, y)) return true;", ""),
+        ("if (left <= right && field::holds_solid(cells_, left, right, y, y)) return true;", ""),
     ),
     *_of(
         FREEFORM + "settling/settle.hpp",

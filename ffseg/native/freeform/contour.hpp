@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "freeform/evolution.hpp"
-#include "freeform/ground/field.hpp"
+#include "freeform/field/field.hpp"
 #include "freeform/pool.hpp"
 #include "freeform/topology/strips.hpp"
 #include "region/pressure.hpp"
@@ -68,12 +68,12 @@ struct Buffers {
 // A free form (Definition 1): closed components of patches. Between two steps of an iteration
 //  1. `next` leads from every living patch round its component back to it, and `prev` is the way back;
 //  2. a component has two patches or more;
-//  3. components run so that free ground lies on the side of positive area: outer ones have positive area, holes
+//  3. components run so that free space lies on the side of positive area: outer ones have positive area, holes
 //  negative;
 //  4. all samples lie in the image, and no curve enters an edge it was not made on;
 //  5. `order` names every living patch once, its first `num_ordered` as the last sweep left them;
 //  6. `active` names every active patch once; what else it names has come to rest, or is dead, in this iteration;
-//  7. dead patches are in `freed` until the iteration ends, and their slots are not used again before;
+//  7. dead patches are in `retired` until the iteration ends, and their slots are not used again before;
 //  8. control points and box of a patch are those of its samples (Eq. 6) where it was refreshed since they changed:
 //  when
 //     crossings are looked for, all are.
@@ -124,21 +124,21 @@ public:
     // Its slot may be used again after the iteration.
     void retire(int i) {
         (*this)[i].alive = (*this)[i].active = false;
-        freed.push_back(i);
+        retired.push_back(i);
     }
 
-    // Slots freed in this iteration are reused only now, when no list names them any more.
+    // Slots of patches retired in this iteration are reused only now, when no list names them any more.
     void reclaim() {
         const auto dead = [this](int i) { return !(*this)[i].alive; };
-        if (!freed.empty()) {
+        if (!retired.empty()) {
             const auto known = order.begin() + static_cast<std::ptrdiff_t>(num_ordered);
             num_ordered -= static_cast<std::size_t>(std::count_if(order.begin(), known, dead));
             order.erase(std::remove_if(order.begin(), order.end(), dead), order.end());
         }
         active.erase(std::remove_if(active.begin(), active.end(), [this](int i) { return !(*this)[i].active; }),
                      active.end());
-        for (int i : freed) this->release(i);
-        freed.clear();
+        for (int i : retired) this->release(i);
+        retired.clear();
     }
 
     // Algorithm 2 for patch i. Returns the new patch, which follows it.
@@ -205,10 +205,10 @@ public:
     }
 
     EvolutionOptions options;
-    ground::Field field;
+    field::Field field;
     std::unique_ptr<region::Pressure> pressure;  // by colour, where it has any weight
     EvolutionCounts counts;
-    std::vector<int> active, order, freed;
+    std::vector<int> active, order, retired;
     std::size_t num_ordered = 0;
     std::vector<std::pair<int, int>> undecided;  // flips whose components cannot be classified yet
     bool outside_filled = false;                 // the starts close in

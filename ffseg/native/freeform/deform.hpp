@@ -23,7 +23,7 @@ constexpr double kEdgeAhead = 2.0;
 constexpr double kSteady = 0.25;
 
 // How far a point may move along `normal`, at most `wanted`, before it meets what is blocked; `known` pixels are free.
-inline double reach(const ground::Field& field, Vec2 from, Vec2 normal, double wanted, double known) {
+inline double reach(const field::Field& field, Vec2 from, Vec2 normal, double wanted, double known) {
     if (known <= 0 && wanted >= kCautiousStep) {  // near edges: all places are looked at, without branches
         const auto march = [&](auto is_blocked) {
             int steps = 0, free = 1;

@@ -30,7 +30,7 @@ bool interval_hits(const Contour<D>& contour, const Points<D>& points, const Spr
     if (free > 0 && free * free >= part * part * chord2) return false;
     const Places<D> at(kBasis<D>.places[k], spread);
     const unsigned seen = contour.field.contents(at.x, at.y) | contour.field.contents(points[k + 1]);
-    if (ground::Field::is_solid(seen)) return true;
+    if (field::Field::is_solid(seen)) return true;
     float gap2 = static_cast<float>(chord2) / (kSub * kSub);  // between two places looked at, squared
     if constexpr (kMayOscillate) gap2 = widest2(Places<D>(kBasis<D>.strides[k], spread));
     if (gap2 <= (seen == 0 ? kTestAfar * kTestAfar : kTestEvery * kTestEvery)) return false;
@@ -43,7 +43,7 @@ bool interval_hits(const Contour<D>& contour, const Points<D>& points, const Spr
             x[q] = x[q] + stride.x[q] * u;
             y[q] = y[q] + stride.y[q] * u;
         }
-        if (ground::Field::is_solid(contour.field.contents(x, y))) return true;
+        if (field::Field::is_solid(contour.field.contents(x, y))) return true;
     }
     return false;
 }

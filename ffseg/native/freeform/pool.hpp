@@ -10,7 +10,7 @@
 namespace ffseg::freeform {
 
 // A stretch held by edges is halved, straightened or laid out anew at most this often before one of its samples reaches
-// ground where none has been, so that it comes to rest.
+// space where none has been, so that it comes to rest.
 constexpr std::uint8_t kSplitBudget = 24;
 // One that oscillates near edges is reductions so often, then split or held.
 constexpr std::uint8_t kMostReductions = 5;

@@ -17,7 +17,7 @@ constexpr int kNarrowest = 2;
 constexpr double kTolerance = 0.1;
 // Fewer on a side say nothing.
 constexpr double kFewest = 8.0;
-// Grey levels squared, added to each variance: a start on ground of one colour must not be stopped by the next shade.
+// Grey levels squared, added to each variance: a start on a region of one colour must not be stopped by the next shade.
 constexpr double kFloor = 9.0;
 
 // A Gaussian of three channels; those an image lacks are constant.

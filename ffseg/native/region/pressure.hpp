@@ -26,9 +26,9 @@ struct LogOdds {
     double at(std::array<double, 3> x) const;
 };
 
-// How likely each colour belongs to swept ground rather than to the rest, as two Gaussians have it: of the whole image,
-// or of the surroundings of each of its windows. Colours are means of nine pixels, so that noise counts less; the
-// Gaussians see every eighth pixel each way. Fitting costs the contour's length.
+// How likely each colour belongs to what was swept rather than to the rest, as two Gaussians have it: of the whole
+// image, or of the surroundings of each of its windows. Colours are means of nine pixels, so that noise counts less;
+// the Gaussians see every eighth pixel each way. Fitting costs the contour's length.
 class Pressure {
 public:
     // Below this share of the full pressure the front stands still.

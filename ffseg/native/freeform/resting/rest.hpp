@@ -1,4 +1,4 @@
-// Which patches have come to rest, and the promise that none does in open ground: the test Algorithm 4 ends with.
+// Which patches have come to rest, and the promise that none does in open space: the test Algorithm 4 ends with.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -33,7 +33,7 @@ bool any_unstopped(const Contour<D>& contour, const Places<D>& at, const std::ar
 // Is there room ahead of a place between samples k and k + 1? Several are looked at side by side, a step farther along
 // their normals as long as one of them is free; once more closely, at places between those.
 template <bool kClosely, int D>
-bool open_ahead(const Contour<D>& contour, const Spread<D>& points, int k, double chord) {
+bool interval_can_advance(const Contour<D>& contour, const Spread<D>& points, int k, double chord) {
     constexpr int kSub = Basis<D>::kSub, kSteps = static_cast<int>(kUncovered / kMarchStep);
     const int apart = chord <= 3.0 ? 4 : chord <= 6.0 ? 2 : 1;
     const int pieces = kClosely ? static_cast<int>(std::ceil(chord / (kSub * kCloseTest))) : 1;
@@ -91,7 +91,8 @@ bool can_advance(const Contour<D>& contour, int i) {
     if (*std::max_element(chord2.begin(), chord2.end()) < kLeast * kLeast) return false;
     const Spread<D> spread(points);
     for (int k = 0; k < D; ++k) {
-        if (chord2[k] >= kLeast * kLeast && open_ahead<kClosely>(contour, spread, k, std::sqrt(chord2[k]))) return true;
+        if (chord2[k] >= kLeast * kLeast && interval_can_advance<kClosely>(contour, spread, k, std::sqrt(chord2[k])))
+            return true;
     }
     return false;
 }

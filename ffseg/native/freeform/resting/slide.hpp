@@ -61,7 +61,7 @@ constexpr std::array<Way, 6> kWays{{{{1.0, 0.0}, kUncovered},
                                     {{0.5, 0.866}, kUncovered},
                                     {{0.5, -0.866}, kUncovered}}};
 constexpr std::size_t kFirstAslant = 2;
-// From pixel to pixel it may move so far back for each pixel of the way: sideways, round the corners of its ground.
+// From pixel to pixel it may move so far back for each pixel of the way: sideways, round the corners of what is free.
 constexpr double kSideways = -0.75;
 
 // A sample that may move on: which one, and the one before it.
@@ -119,7 +119,7 @@ bool visit_beside(Vec2 p, Visit visit) {
 }
 
 // Moves a sample at which the curve turns back to the middle of a pixel beside it, the one most ahead first, if free
-// ground goes on there: in a passage at an angle it leads from pixel to pixel, at times sideways, where no straight
+// space goes on there: in a passage at an angle it leads from pixel to pixel, at times sideways, where no straight
 // step stays in it.
 template <int D>
 bool move_to_pixel(Contour<D>& contour, const Resting& at, Vec2 next, int& hindered) {

@@ -9,15 +9,15 @@
 
 #include "common/along.hpp"
 #include "freeform/basis.hpp"
-#include "freeform/ground/field.hpp"
+#include "freeform/field/field.hpp"
 
 namespace ffseg::settling {
 
+using field::Field;
 using freeform::apply;
 using freeform::Basis;
 using freeform::kBasis;
 using freeform::kOscillation;
-using ground::Field;
 
 // Samples nearer to each other say nothing new.
 constexpr double kClosest = 0.5;

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace ffseg::ground {
+namespace ffseg::field {
 
 // All that is blocked has the lowest bit: an edge pixel is kBand | kEdge.
 constexpr std::uint8_t kBand = 1, kEdge = 2, kOutside = 5;
@@ -30,4 +30,4 @@ bool holds_solid(const Cells& cells, int left, int right, int top, int bottom);
 // Which tiles hold something blocked, and how far free ones are from these, from the pixels.
 void build_tiles(Cells& cells);
 
-}  // namespace ffseg::ground
+}  // namespace ffseg::field

@@ -1,11 +1,11 @@
-// Slits: free ground too narrow for two by two pixels, which counts as blocked.
+// Slits: free space too narrow for two by two pixels, which counts as blocked.
 #include <algorithm>
 #include <array>
 
-#include "freeform/ground/field.hpp"
-#include "freeform/ground/runs.hpp"
+#include "freeform/field/field.hpp"
+#include "freeform/field/runs.hpp"
 
-namespace ffseg::ground {
+namespace ffseg::field {
 namespace {
 
 // Those free ones of kRun pixels in a row that no square of two by two free pixels covers become 1 in `slits`; says
@@ -37,7 +37,7 @@ void add_bits(const std::uint8_t* bits, std::uint8_t* cells, std::size_t count) 
 
 }  // namespace
 
-// Free ground is opened by a square of two by two pixels. Only runs of a row that hold something blocked, or lie
+// Free space is opened by a square of two by two pixels. Only runs of a row that hold something blocked, or lie
 // between two that do, are looked at; they are marked when the next row has been looked at. A slit lies between edges
 // on either side, so no farther than the band reaches beyond both: what is known of free tiles stays true.
 void shut_slits(Cells& cells, const RunMarks& held) {
@@ -73,4 +73,4 @@ void shut_slits(Cells& cells, const RunMarks& held) {
     mark(cells.height - 1);
 }
 
-}  // namespace ffseg::ground
+}  // namespace ffseg::field

@@ -2,10 +2,10 @@
 #include <algorithm>
 #include <cstring>
 
-#include "freeform/ground/bitmap.hpp"
-#include "freeform/ground/field.hpp"
+#include "freeform/field/bitmap.hpp"
+#include "freeform/field/field.hpp"
 
-namespace ffseg::ground {
+namespace ffseg::field {
 namespace {
 
 // The edges of a drawn passage lie up to half a pixel beside its sides, and the disc stands on pixel centres: with so
@@ -125,4 +125,4 @@ bool Field::close_passages(const std::uint8_t* edges, const std::vector<Vec2>& s
     return true;
 }
 
-}  // namespace ffseg::ground
+}  // namespace ffseg::field

@@ -7,9 +7,9 @@
 #include "common/lanes.hpp"
 #include "common/vec.hpp"
 #include "freeform/evolution.hpp"
-#include "freeform/ground/cells.hpp"
+#include "freeform/field/cells.hpp"
 
-namespace ffseg::ground {
+namespace ffseg::field {
 
 class Field {
 public:
@@ -19,7 +19,7 @@ public:
     // `domain` may be null.
     Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, int width);
 
-    // For contour.clearance: blocks the ground that can be reached from `starts` only through passages no disc of this
+    // For contour.clearance: blocks the pixels that can be reached from `starts` only through passages no disc of this
     // diameter fits through, on the pixels or on the ground that they show. Where it fits but cannot get to is blocked,
     // with the passages that lead there; dead ends and narrow passages between places it reaches stay free. False, with
     // nothing changed, if it fits at none of the starts.
@@ -75,8 +75,8 @@ public:
     // Is the centre of a solid pixel in the box?
     bool holds_solid(const Box& box) const {
         const Vec2 low = clamp({box.x0, box.y0}), high = clamp({box.x1, box.y1});
-        return ground::holds_solid(cells_, static_cast<int>(std::ceil(low.x)), static_cast<int>(std::floor(high.x)),
-                                   static_cast<int>(std::ceil(low.y)), static_cast<int>(std::floor(high.y)));
+        return field::holds_solid(cells_, static_cast<int>(std::ceil(low.x)), static_cast<int>(std::floor(high.x)),
+                                  static_cast<int>(std::ceil(low.y)), static_cast<int>(std::floor(high.y)));
     }
     // Does the closed polygon hold the centre of a solid pixel (even-odd)?
     bool encloses_solid(const Vec2* polygon, std::size_t count) const;
@@ -135,4 +135,4 @@ private:
     Cells cells_;
 };
 
-}  // namespace ffseg::ground
+}  // namespace ffseg::field

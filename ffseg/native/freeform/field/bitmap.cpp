@@ -1,9 +1,9 @@
-#include "freeform/ground/bitmap.hpp"
+#include "freeform/field/bitmap.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-namespace ffseg::ground {
+namespace ffseg::field {
 namespace {
 
 using Word = Bitmap::Word;
@@ -72,11 +72,11 @@ Bitmap Bitmap::grown(double radius) const {
     return out;
 }
 
-// Fills the runs of the ground that hold a pixel of this row: upwards by the carry of an addition, downwards by
+// Fills the runs of `open` that hold a pixel of this row: upwards by the carry of an addition, downwards by
 // doubling.
-void Bitmap::fill_row(int y, const Bitmap& ground) {
+void Bitmap::fill_row(int y, const Bitmap& open) {
     Word* const mine = row(y);
-    const Word* const free = ground.row(y);
+    const Word* const free = open.row(y);
     Word carry = 0;
     for (std::size_t at = 0; at < words_; ++at) {
         const Word from = mine[at] | (carry & free[at]);
@@ -96,10 +96,10 @@ void Bitmap::fill_row(int y, const Bitmap& ground) {
     }
 }
 
-// Adds what of the ground in row `to` touches the pixels in row `from`. Says whether there was any.
-bool Bitmap::spill(int from, int to, const Bitmap& ground) {
+// Adds what of `open` in row `to` touches the pixels in row `from`. Says whether there was any.
+bool Bitmap::spill(int from, int to, const Bitmap& open) {
     if (to < 0 || to >= height_) return false;
-    const Word *const source = row(from), *const free = ground.row(to);
+    const Word *const source = row(from), *const free = open.row(to);
     Word* const mine = row(to);
     Word added = 0;
     for (std::size_t at = 0; at < words_; ++at) {
@@ -114,9 +114,9 @@ bool Bitmap::spill(int from, int to, const Bitmap& ground) {
 }
 
 // Sweeps down and up over the rows that have gained pixels.
-Bitmap Bitmap::flooded(const Bitmap& ground) const {
+Bitmap Bitmap::flooded(const Bitmap& open) const {
     Bitmap out = *this;
-    out.keep(ground);
+    out.keep(open);
     std::vector<std::uint8_t> changed(static_cast<std::size_t>(height_), 1);
     for (bool any = true, down = true; any; down = !down) {
         any = false;
@@ -124,9 +124,9 @@ Bitmap Bitmap::flooded(const Bitmap& ground) const {
             const int y = down ? at : height_ - 1 - at;
             if (changed[static_cast<std::size_t>(y)] == 0) continue;
             changed[static_cast<std::size_t>(y)] = 0;
-            out.fill_row(y, ground);
+            out.fill_row(y, open);
             for (const int to : {y - 1, y + 1}) {
-                if (!out.spill(y, to, ground)) continue;
+                if (!out.spill(y, to, open)) continue;
                 changed[static_cast<std::size_t>(to)] = 1;
                 any = true;
             }
@@ -135,4 +135,4 @@ Bitmap Bitmap::flooded(const Bitmap& ground) const {
     return out;
 }
 
-}  // namespace ffseg::ground
+}  // namespace ffseg::field

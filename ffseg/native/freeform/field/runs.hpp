@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "common/lanes.hpp"
-#include "freeform/ground/cells.hpp"
+#include "freeform/field/cells.hpp"
 
-namespace ffseg::ground {
+namespace ffseg::field {
 
 // Pixels looked at together.
 constexpr int kRun = 64;
@@ -35,7 +35,7 @@ struct RunMarks {
     std::vector<std::uint8_t> marks;
 };
 
-// Blocks free ground that no two by two free pixels fit into.
+// Blocks free space that no two by two free pixels fit into.
 void shut_slits(Cells& cells, const RunMarks& held);
 
-}  // namespace ffseg::ground
+}  // namespace ffseg::field

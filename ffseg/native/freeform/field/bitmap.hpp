@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace ffseg::ground {
+namespace ffseg::field {
 
 class Bitmap {
 public:
@@ -31,16 +31,16 @@ public:
 
     // All pixels nearer than `radius` to one of these. Bits beyond the width may be set in the last word.
     Bitmap grown(double radius) const;
-    // Those of `ground` that hang together with these, from corner to corner too.
-    Bitmap flooded(const Bitmap& ground) const;
+    // Those of `open` that hang together with these, from corner to corner too.
+    Bitmap flooded(const Bitmap& open) const;
 
 private:
-    void fill_row(int y, const Bitmap& ground);
-    bool spill(int from, int to, const Bitmap& ground);
+    void fill_row(int y, const Bitmap& open);
+    bool spill(int from, int to, const Bitmap& open);
 
     int height_;
     std::size_t words_;
     std::vector<Word> data_;
 };
 
-}  // namespace ffseg::ground
+}  // namespace ffseg::field

@@ -1,4 +1,4 @@
-#include "freeform/ground/field.hpp"
+#include "freeform/field/field.hpp"
 
 #include <algorithm>
 #include <array>
@@ -6,9 +6,9 @@
 #include <cstring>
 #include <utility>
 
-#include "freeform/ground/runs.hpp"
+#include "freeform/field/runs.hpp"
 
-namespace ffseg::ground {
+namespace ffseg::field {
 namespace {
 
 FFSEG_INLINE bool any_set(const std::uint8_t* bytes, int count) {
@@ -262,9 +262,9 @@ bool Field::encloses_solid(const Vec2* polygon, std::size_t count) const {
     for (std::size_t at = 0; at + 1 < crossings.size(); at += 2) {
         const auto& [y, from] = crossings[at];
         const int left = std::max(first(from), 0), right = std::min(first(crossings[at + 1].second), width()) - 1;
-        if (left <= right && ground::holds_solid(cells_, left, right, y, y)) return true;
+        if (left <= right && field::holds_solid(cells_, left, right, y, y)) return true;
     }
     return false;
 }
 
-}  // namespace ffseg::ground
+}  // namespace ffseg::field
