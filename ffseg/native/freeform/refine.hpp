@@ -1,11 +1,9 @@
 // Splitting patches that stretch (Algorithm 2) and pruning those that shrink or fold (Section 3.3, footnote).
 #pragma once
 #include <limits>
-#include <vector>
 
 #include "common/along.hpp"
 #include "freeform/guard.hpp"
-#include "freeform/topology/components.hpp"
 
 namespace ffseg::freeform {
 
@@ -145,18 +143,6 @@ void reduce_degree(Contour<D>& contour, int i) {
     contour.refresh(i);
 }
 
-// Has a loop of three patches, too few to cross itself, run over itself in this move? A hole that closes passes through
-// its middle then, and would go on to do so for ever.
-template <int D>
-FFSEG_INLINE bool passed_itself(const Contour<D>& contour, int i) {
-    if (contour[contour[i].next].next != contour[i].prev || !folded(contour, i) ||
-        topology::component_area(contour, i) > 0)
-        return false;
-    std::vector<Vec2> polygon;
-    contour.each_in(i, [&](int at) { polygon.insert(polygon.end(), contour[at].m.begin(), contour[at].m.end()); });
-    return !contour.field.encloses_solid(polygon.data(), polygon.size());
-}
-
 // Prunes a patch that has become short or has run over itself, else lays the latter on its chord. True if it is gone.
 template <int D>
 FFSEG_INLINE bool prune_short(Contour<D>& contour, int i, double size) {
@@ -217,10 +203,6 @@ void split_and_prune(Contour<D>& contour) {
     for (std::size_t at = 0; at < count; ++at) {
         const int i = contour.active[at];
         if (!contour[i].alive) continue;
-        if (passed_itself(contour, i)) {
-            topology::drop(contour, i);
-            continue;
-        }
         const Chords found = contour.chords(i);
         if (prune_short(contour, i, found.total)) continue;
         if (contour[i].near_edges) resample_evenly(contour, i, found);

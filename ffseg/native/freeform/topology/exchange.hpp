@@ -56,7 +56,7 @@ bool swap_halves(const Contour<D>& contour, int i, int j, Points<D>& first, Poin
     return true;
 }
 
-// The same polygons joined where they cross, so that neither leaves the ground both have covered.
+// The same polygons joined where they cross, so that neither leaves the space both have covered.
 template <int D>
 bool join_at_crossing(const Points<D>& p, const Points<D>& q, Points<D>& first, Points<D>& second) {
     return visit_crossings(p, q, [&](int a, int b) {
@@ -85,7 +85,7 @@ int turning_inwards(const Contour<D>& contour, int i, int j) {
 // control polygons of curves that do not oscillate may leave it. Of a patch just folded they leave it many times
 // farther, and each exchange would spread that to the next patch.
 template <int D>
-Box ground_of(const Points<D>& p, const Points<D>& q) {
+Box reachable_box(const Points<D>& p, const Points<D>& q) {
     Box box;
     double length = 0.0;
     for (const Points<D>* points : {&p, &q}) {
@@ -109,7 +109,7 @@ bool exchange(Contour<D>& contour, int i, int j) {
     const int after_i = a.next, after_j = b.next;
     const Points<D> p = contour.samples(i), q = contour.samples(j);
     const int before = num_hits(contour, i) + num_hits(contour, j);
-    const Box near = ground_of<D>(p, q);
+    const Box near = reachable_box<D>(p, q);
     const auto apply_pair = [&](const Points<D>& first, const Points<D>& second) {
         const auto is_near = [&](Vec2 sample) { return near.holds(sample); };
         if (!std::all_of(first.begin(), first.end(), is_near) || !std::all_of(second.begin(), second.end(), is_near))
@@ -126,17 +126,8 @@ bool exchange(Contour<D>& contour, int i, int j) {
     if (swap_halves(contour, i, j, first, second) && apply_pair(first, second)) return true;
     contour.link(i, after_i);
     contour.link(j, after_j);
-    if (join_at_crossing<D>(p, q, first, second)) {
-        // Up to a cubic the curve keeps to the joined samples; one of higher degree may overshoot the corner into an
-        // edge, and is replaced by one of lower degree or not joined at all.
-        if (apply_pair(first, second) || D <= 3) return true;
-        Points<D> reduced_first, reduced_second;
-        for (int k = 0; k <= D; ++k) {
-            reduced_first[k] = apply<D>(kBasis<D>.reduced[k], first);
-            reduced_second[k] = apply<D>(kBasis<D>.reduced[k], second);
-        }
-        if (apply_pair(reduced_first, reduced_second)) return true;
-    }
+    // Up to a cubic the curve keeps to the joined samples; one of higher degree may overshoot the corner into an edge.
+    if (join_at_crossing<D>(p, q, first, second) && (apply_pair(first, second) || D <= 3)) return true;
     if (join_at_crossing<D>(a.control, b.control, first, second) && apply_pair(first, second)) return true;
     contour[i].m = kept_i;
     contour[j].m = kept_j;
