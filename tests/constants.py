@@ -70,13 +70,16 @@ def _is_number(node: ast.expr) -> bool:
 
 def _native(file: Path) -> Iterator[tuple[str, str, str]]:
     before: list[str] = []
+    named = False  # what stands in `before` belongs to a constant, and to those right below it
     for line in file.read_text("utf-8").splitlines():
         found = _NATIVE.match(line.strip())
         if found:
-            beside = " ".join(filter(None, [*before, found[3]]))
-            yield found[1], found[2], beside
-            continue
-        before = [*before, line.strip()[3:]] if line.strip().startswith("// ") else []
+            yield found[1], found[2], " ".join(filter(None, [*before, found[3]]))
+        elif line.strip().startswith("// "):
+            before = [line.strip()[3:]] if named else [*before, line.strip()[3:]]
+        else:
+            before = []
+        named = found is not None
 
 
 HEAD = ("| constant | value | where | what it is and where it comes from |", "| --- | --- | --- | --- |")
