@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ffseg.batch.outputs.table import GROUND, MAP_FILES, MASK
+from ffseg.batch.outputs.table import GROUND, MAP_BAG, MAP_FILES, MASK, SCAN_JSON, Output
 from ffseg.batch.record.tables import in_time
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.values import Record
@@ -36,6 +36,8 @@ class Drive:
     """All of the drive."""
     lost: dict[str, str] = field(default_factory=dict)
     """Why a frame is not in the map, by its name."""
+    scans: dict[int, Any] = field(default_factory=dict)
+    """Of the images of a bag, by their nanoseconds."""
 
     def figures(self) -> dict[str, Any]:
         """For ``run.json``."""
@@ -58,6 +60,8 @@ class Drive:
         name, pose = printable(record.name), views.poses.get(record.name)
         try:
             seen = _sighting(record, out, views)
+            if record.name in views.stamps:
+                self.scans[views.stamps[record.name]] = json.loads(_stored(record, out, SCAN_JSON))
         except (ImageReadError, KeyError, TypeError, ValueError) as error:
             told = f"what is stored of it cannot be read ({type(error).__name__}: {error})"
             self._lose(name, f"it failed: {record.row['error']}" if record.status == "failed" else told)
@@ -84,8 +88,14 @@ class Drive:
             return ()
         files = self.grid.files(self.ways) | self.ways.files()
         make_folder(os.path.join(out, os.path.dirname(MAP_FILES[0])))
-        write_all_atomic([(os.path.join(out, path), files[os.path.basename(path)]) for path in MAP_FILES])
-        return MAP_FILES
+        written = MAP_FILES
+        if self.scans:
+            from ffseg.io.bags import map_bag
+
+            files["drive.mcap"] = map_bag(self.grid.levels(), self.grid.cell, self.grid.origin, self.scans)
+            written = (*MAP_FILES, MAP_BAG)
+        write_all_atomic([(os.path.join(out, path), files[os.path.basename(path)]) for path in written])
+        return written
 
 
 def drive_of(records: Iterable[Record], out: str, views: Views) -> Drive:
@@ -108,6 +118,12 @@ def drive_of(records: Iterable[Record], out: str, views: Views) -> Drive:
     return drive
 
 
+def _stored(record: Record, out: str, kind: Output) -> bytes:
+    paths = {(path.partition("/")[0], os.path.splitext(path)[1]): path for path in record.outputs}
+    path = paths[kind.folder, kind.suffix]
+    return output_bytes(out, path, record.members.get(path))
+
+
 def _sighting(record: Record, out: str, views: Views) -> Sighting:
     """What the stored outputs of a frame say.
 
@@ -116,10 +132,7 @@ def _sighting(record: Record, out: str, views: Views) -> Sighting:
     ImageReadError, KeyError, TypeError, ValueError
         When they are gone, or say nothing of how the camera stood.
     """
-    paths = {path.partition("/")[0]: path for path in record.outputs}
-    mask, ground = (
-        output_bytes(out, paths[kind.folder], record.members.get(paths[kind.folder])) for kind in (MASK, GROUND)
-    )
+    mask, ground = (_stored(record, out, kind) for kind in (MASK, GROUND))
     stood: Mapping[str, Any] = json.loads(ground)["camera"]
     links = tuple(Link(str(one), (float(x), float(y), float(turn))) for one, x, y, turn in stood["moved"])
     sigma_m, sigma_rad = map(float, stood["sigmas"])

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
 from ffseg.camera import Camera, Pose, load_mounted_camera, load_pairs, load_poses
+from ffseg.camera.robot import robot_pose
+from ffseg.io.bags import MARK, bag_of, bag_poses
 
 WINDOW = 8
 """Images before an image that it may be compared with."""
@@ -24,6 +26,8 @@ class Views:
     """By image name, without the images that have none."""
     previous: Mapping[str, str]
     """Name of the image before, by image name; a first image has none."""
+    stamps: Mapping[str, int] = field(default_factory=dict)
+    """Nanoseconds of the images of a bag, by name."""
 
     def chain(self, name: str) -> tuple[str, ...]:
         """Names of the images before an image, the nearest first, as many as are asked at most."""
@@ -88,6 +92,21 @@ def load_views(
     loaded = loaded if footprint is None else replace(loaded, footprint=footprint)
     before = dict(load_pairs(pairs, names)) if pairs else neighbours(names)
     return Views(loaded, dict(load_poses(poses, names, loaded)) if poses else {}, before)
+
+
+def with_bag(views: Views, bag: str, topic: str, stamps: Mapping[str, int]) -> Views:
+    """The views with the times of a bag's images, and with their poses by one of its topics, where a bag is named.
+
+    Raises
+    ------
+    UsageError
+        When there is no such topic.
+    """
+    if not bag:
+        return replace(views, stamps=stamps)
+    places = zip(stamps, bag_poses(f"{bag_of(bag)}{MARK}{topic.lstrip('/')}", stamps.values()), strict=True)
+    poses = {name: robot_pose(views.camera, *place) for name, place in places if place is not None}
+    return replace(views, stamps=stamps, poses=poses)
 
 
 def neighbours(names: Iterable[str]) -> dict[str, str]:

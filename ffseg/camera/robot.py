@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ffseg.camera.model import Camera
+from ffseg.camera.motion import Pose, planar_pose
 from ffseg.camera.projections import Array
 
 
@@ -30,3 +31,12 @@ def to_pixels(camera: Camera, points: Array) -> Array:
     flat = np.asarray(points, np.float64) @ robot_axes(camera)
     down = np.full((*flat.shape[:-1], 1), camera.mounting())
     return camera.project(np.concatenate([flat, down], axis=-1) @ camera.level())
+
+
+def robot_pose(camera: Camera, x: float, y: float, heading: float) -> Pose:
+    """Pose of the camera of a robot at (x, y), metres, with a heading counterclockwise as seen from above, radians.
+
+    Without a mirror y and turns change their signs, as the image's do.
+    """
+    turn = heading if camera.mirrored else -heading
+    return planar_pose(camera, x, y if camera.mirrored else -y, turn - np.deg2rad(camera.forward))

@@ -68,6 +68,8 @@ MAP_FILES = tuple(
     f"map/{name}" for name in ("map.pgm", "map.yaml", "map.png", "trajectory.csv", "graph.geojson", "graph.graphml")
 )
 """Of all frames together, where each has a ground."""
+MAP_BAG = "map/drive.mcap"
+"""The map and the scans as a bag, where the images come from one."""
 MAP_PICTURE = MAP_FILES[2]
 OUTPUT_FOLDERS = (*dict.fromkeys(output.folder for output in OUTPUTS), "panels", "map")
 """Folders below an output folder whose images are no inputs; ``panels`` is written by ``compare``."""

@@ -13,6 +13,7 @@ from ffseg.batch.plan.archives import is_archive, members
 from ffseg.batch.plan.remote import file_system, is_remote
 from ffseg.batch.plan.sources import READ_SUFFIXES, STATE_FOLDER, SUFFIXES, Source, natural_key
 from ffseg.errors import ImageReadError, UsageError
+from ffseg.io.bags import MARK, stamps
 from ffseg.io.files import SKIP_FILE, is_temporary, printable
 from ffseg.io.films import ANIMATIONS, contents, is_film, require_video
 
@@ -88,6 +89,27 @@ def frames(source: Source, *, film: bool = False) -> list[Source]:
     ]
     missing = replace(source, name=f"{stem}_{len(listed):06d}{end}", span=(len(listed), 1), problem=found.problem)
     return [*listed, missing] if found.problem else listed
+
+
+def bag_frames(bag: str, topic: str) -> list[Source]:
+    """The images of a topic of a bag, called ``camera_image_000123.png``, with their seconds since the first.
+
+    Raises
+    ------
+    UsageError
+        If they cannot be read, or there are none.
+    """
+    if not (bag and topic):
+        raise UsageError("--bag and --topic go together; name the bag and the topic of its images")
+    path = f"{bag}{MARK}{topic.lstrip('/')}"
+    times = stamps(path)
+    if not times:
+        raise UsageError(f"{printable(bag)} has no image on {printable(topic)}; name another topic")
+    stem = topic.strip("/").replace("/", "_")
+    return [
+        Source(path, f"{stem}_{number:06d}.png", span=(number, 1), time=round((at - times[0]) / 1e9, 6), stamp=at)
+        for number, at in enumerate(times)
+    ]
 
 
 def _identity_of(source: Source) -> str:

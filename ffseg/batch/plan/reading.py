@@ -1,4 +1,4 @@
-"""Reading an input wherever it is: a file, a member of a tar file, a frame of a film, or a URL."""
+"""Reading an input wherever it is: a file, a member of a tar file, a frame of a film or a bag, or a URL."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 
 from ffseg.batch.plan.remote import is_remote, read_remote
 from ffseg.errors import ImageReadError
+from ffseg.io.bags import MARK, bag_image, in_bag
 from ffseg.io.files import AT_ONCE, read_at, read_bytes
 from ffseg.io.films import ANIMATIONS, FILMS, frame_bytes
 
@@ -27,6 +28,9 @@ def parted(path: str) -> tuple[str, str, Span | None]:
     found = _MEMBER.fullmatch(path)
     if found is None:
         return path, "", None
+    if MARK in found[1]:
+        topic, _, name = found[1].rpartition("/")
+        return topic, name, (int(found[2]), int(found[3]))
     for place in _ARCHIVE.finditer(found[1]):
         file = path[: place.end() - 1]
         if os.path.isfile(file):  # a folder may have such a name, and a member
@@ -54,6 +58,8 @@ def read_input(path: str, max_bytes: int, span: Span | None = None, *, redirects
         path, _, span = parted(path)
     if span is None:
         return read_bytes(path, max_bytes)
+    if in_bag(path):
+        return bag_image(path, span[0], max_bytes)
     return _part(path, span, max_bytes) if path.lower().endswith(".tar") else frame_bytes(path, span[0], max_bytes)
 
 

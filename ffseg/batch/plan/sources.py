@@ -40,6 +40,8 @@ class Source:
     """Offset and length in the archive that `path` names; of a frame its number in the film, and 1."""
     time: float | None = None
     """Seconds of a frame in its film."""
+    stamp: int | None = None
+    """Nanoseconds of an image in its bag."""
 
     @property
     def content(self) -> str:

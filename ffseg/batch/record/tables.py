@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ffseg.batch.outputs.table import MAP_FILES, OUTPUTS, Output
+from ffseg.batch.outputs.table import MAP_BAG, MAP_FILES, OUTPUTS, Output
 from ffseg.batch.record.streams import write_stream
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.values import Record
@@ -205,6 +205,6 @@ def json_bytes(value: Mapping[str, Any]) -> bytes:
 def remove_old(folder: str, before: Sequence[str], now: Sequence[str]) -> None:
     """Remove tables that an earlier run wrote and this one has nothing for."""
     for name in set(before) - set(now):
-        if name == os.path.basename(name) or name in MAP_FILES:
+        if name == os.path.basename(name) or name in (*MAP_FILES, MAP_BAG):
             with contextlib.suppress(OSError):
                 os.unlink(os.path.join(folder, name))

@@ -179,6 +179,10 @@ def run(  # noqa: PLR0913 - the options of the command
     film: Annotated[
         bool, typer.Option("--film", help="Animations and stacks of pages frame by frame, not only the first.")
     ] = False,
+    bag: Annotated[
+        str, typer.Option("--bag", metavar="FILE", help="Bag of ROS 1 or 2 whose --topic holds the images; --poses may name one.")
+    ] = "",
+    topic: Annotated[str, typer.Option("--topic", metavar="NAME", help="Topic of the images in --bag.")] = "",
     steady: Annotated[
         bool, typer.Option("--steady", help="Film frames in order: start and outline follow the frame before.")
     ] = False,
@@ -249,7 +253,8 @@ def run(  # noqa: PLR0913 - the options of the command
         who = _executor(executor, dask, context.params)
         products = _products(export or (), pack, film_out, overlay=overlay, animate=animate, metric=metric)
         named: dict[str, Any] = {"truth": os.fspath(truth or ""), "exclude": exclude or (), "keep_suffix": keep_suffix}
-        plan = make_plan(_inputs(inputs or (), listed, nul=nul), os.fspath(out), film=film, products=products, **named)
+        found = _inputs(inputs or (), listed, (bag, topic), nul=nul)
+        plan = make_plan(found, os.fspath(out), film=film, products=products, **named)
         plan = _with_files(plan, params, starts_file(starts, params), os.fspath(evidence or ""), quiet=quiet)
         views = _views(plan, camera, poses, pairs, footprint) if camera else None
         setup = Setup(params=params, views=views, products=products, truth_label=truth_label, redirects=redirects)
@@ -330,12 +335,14 @@ def _products(
     return Products(overlay or "overlay" in films, read_exports(export), animate, read_pack(pack), metric, films)
 
 
-def _inputs(inputs: Sequence[str], listing: str, *, nul: bool) -> list[str | Source]:
+def _inputs(inputs: Sequence[str], listing: str, bag: tuple[str, str], *, nul: bool) -> list[str | Source]:
+    from ffseg.batch.plan.discover import bag_frames
     from ffseg.batch.plan.listing import listed
 
-    if not inputs and not listing:
+    if not inputs and not listing and not any(bag):
         raise UsageError("there is no input; name image files, folders or patterns, or a list with --list FILE")
-    return [*(listed(listing, nul=nul) if listing else ()), *inputs]
+    framed = bag_frames(*bag) if any(bag) else ()
+    return [*(listed(listing, nul=nul) if listing else ()), *inputs, *framed]
 
 
 def _with_files(plan: Plan, params: Parameters, starts: str, evidence: str, *, quiet: bool) -> Plan:
@@ -354,11 +361,14 @@ def _with_files(plan: Plan, params: Parameters, starts: str, evidence: str, *, q
 
 
 def _views(plan: Plan, camera: Path, poses: Path | None, pairs: Path | None, footprint: float | None) -> Views:
-    from ffseg.batch.views import load_views
+    from ffseg.batch.views import load_views, with_bag
 
     names = [job.source.name for job in plan.jobs]
-    motion, known = (os.fspath(path) if path else None for path in (poses, pairs))
-    return load_views(os.fspath(camera), motion, known, names, footprint)
+    stamps = {job.source.name: job.source.stamp for job in plan.jobs if job.source.stamp is not None}
+    bag = plan.jobs[0].source.path if stamps and poses and not poses.exists() else ""
+    motion, known = (os.fspath(path) if path else None for path in (None if bag else poses, pairs))
+    views = load_views(os.fspath(camera), motion, known, names, footprint)
+    return with_bag(views, bag, str(poses), stamps) if stamps else views
 
 
 def _ordered(plan: Plan, setup: Setup, shard: str) -> tuple[Plan, Setup]:

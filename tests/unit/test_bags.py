@@ -1,0 +1,205 @@
+"""Bags of ROS 1 and 2: a small one is made here, run, and what is written is read by the package that others read with."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from ffseg.camera.robot import robot_axes, robot_pose
+from ffseg.errors import ImageReadError, UsageError
+from ffseg.io import bags
+from ffseg.rendering import sample_camera
+from ffseg.samples.drive import DRIVE_CAMERA, drive
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+COUNT, BEGIN, STEP = 4, 1_700_000_000_000_000_000, 100_000_000
+
+
+@lru_cache(maxsize=1)
+def sight() -> Any:
+    return drive(COUNT)
+
+
+def written(path: Path, kind: str, messages: list[tuple[str, str, int, dict[str, Any]]]) -> Path:
+    """A bag of messages: topic, type, time and fields."""
+    store = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_HUMBLE)
+    plugin = {"storage_plugin": StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3, "version": 8}
+    with Writer1(path) if kind == "ros1" else Writer(path, **plugin) as writer:
+        topics = {}
+        for topic, message, time, fields in messages:
+            if topic not in topics:
+                topics[topic] = writer.add_connection(topic, message, typestore=store)
+            made = store.types[message](**fields)
+            packed = (store.serialize_ros1 if kind == "ros1" else store.serialize_cdr)(made, message)
+            writer.write(topics[topic], time, packed)
+    return path
+
+
+def header(store: Any, time: int, frame: str, ros1: bool) -> Any:
+    stamp = store.types["builtin_interfaces/msg/Time"](sec=time // 10**9, nanosec=time % 10**9)
+    return store.types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame, **({"seq": 0} if ros1 else {}))
+
+
+def image(pixels: np.ndarray, encoding: str, head: Any, big: int = 0) -> dict[str, Any]:
+    data = np.ascontiguousarray(pixels).view(np.uint8).ravel()
+    height, width = pixels.shape[:2]
+    return {"header": head, "height": height, "width": width, "encoding": encoding, "is_bigendian": big,
+            "step": len(data) // height, "data": data}  # fmt: skip
+
+
+def pose_fields(store: Any, x: float, y: float, turn: float) -> Any:
+    kinds = store.types
+    return kinds["geometry_msgs/msg/Pose"](
+        position=kinds["geometry_msgs/msg/Point"](x=x, y=y, z=0.0),
+        orientation=kinds["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=np.sin(turn / 2), w=np.cos(turn / 2)),
+    )
+
+
+def a_drive(path: Path, kind: str) -> Path:
+    """Images of the rendered drive with odometry at their times, under a mirror as the world lies."""
+    ros1 = kind == "ros1"
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    kinds, messages = store.types, []
+    still = kinds["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
+    for number, (view, pose) in enumerate(zip(sight().views, sight().poses, strict=True)):
+        time = BEGIN + number * STEP
+        head = header(store, time, "odom", ros1)
+        where = kinds["geometry_msgs/msg/PoseWithCovariance"](pose=pose_fields(store, *pose), covariance=np.zeros(36))
+        twist = kinds["geometry_msgs/msg/Twist"](linear=still, angular=still)
+        speed = kinds["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=np.zeros(36))
+        odometry = {"header": head, "child_frame_id": "base_link", "pose": where, "twist": speed}
+        turn = pose_fields(store, *pose)
+        moved = kinds["geometry_msgs/msg/Transform"](
+            translation=kinds["geometry_msgs/msg/Vector3"](x=pose[0], y=pose[1], z=0.0), rotation=turn.orientation
+        )
+        led = kinds["geometry_msgs/msg/TransformStamped"](header=head, child_frame_id="base_link", transform=moved)
+        messages += [
+            ("/camera/image", "sensor_msgs/msg/Image", time, image(view.image, "mono8", head)),
+            ("/odom", "nav_msgs/msg/Odometry", time, odometry),
+        ]
+        messages += [("/tf", "tf2_msgs/msg/TFMessage", time, {"transforms": [led]})] if not ros1 else []
+    return written(path, kind, messages)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "poses"), [("ros1", "d.bag", "/odom"), ("mcap", "d", "/tf"), ("db3", "d", "")]
+)
+def test_a_bag_runs_as_its_images_and_poses_do(
+    ffseg_command: Command, tmp_path: Path, kind: str, name: str, poses: str
+) -> None:
+    bag, views = a_drive(tmp_path / name, kind), tmp_path / "views"
+    views.mkdir()
+    rows = ["image,x,y,theta"]
+    for number, (view, pose) in enumerate(zip(sight().views, sight().poses, strict=True)):
+        cv2.imwrite(str(views / f"camera_image_{number:06d}.png"), view.image)
+        rows.append(f"camera_image_{number:06d}.png,{pose[0]!r},{pose[1]!r},{pose[2]!r}")
+    (tmp_path / "poses.csv").write_text("\n".join(rows) + "\n")
+    (tmp_path / "camera.yaml").write_text(DRIVE_CAMERA)
+    options = ("--camera", tmp_path / "camera.yaml", "--map")
+    asked = ("run", "--bag", bag, "--topic", "/camera/image", *options, *(("--poses", poses) if poses else ()))
+    done = ffseg_command(*asked, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    posed = ("--poses", tmp_path / "poses.csv") if poses else ()
+    assert ffseg_command("run", views, *options, *posed, "--out", tmp_path / "files").returncode == 0
+    for path in (tmp_path / "files").rglob("*.p[gn]*"):
+        assert (tmp_path / "out" / path.relative_to(tmp_path / "files")).read_bytes() == path.read_bytes(), path
+    again = json.loads(ffseg_command(*asked, "--out", tmp_path / "out", "--json").stdout)
+    assert again["counts"]["unchanged"] == COUNT
+    check_bag_out(tmp_path / "out")
+
+
+def check_bag_out(out: Path) -> None:
+    """The map and scans of the new bag against the files beside it."""
+    with AnyReader([out / "map" / "drive.mcap"]) as reader:
+        found = [(one.topic, time, reader.deserialize(data, one.msgtype)) for one, time, data in reader.messages()]
+    scans = [one for one in found if one[0] == "/scan"]
+    assert [time for _, time, _ in scans] == [BEGIN + number * STEP for number in range(COUNT)]
+    for number, (_, _, scan) in enumerate(scans):
+        stored = json.loads((out / "scans" / f"camera_image_{number:06d}.json").read_text())
+        wanted = [np.inf if one is None else one for one in stored["ranges"]]
+        assert scan.ranges.tolist() == pytest.approx(wanted, rel=1e-6)
+        assert scan.angle_min + len(wanted) * scan.angle_increment == pytest.approx(np.pi, abs=1e-5)
+    (_, _, grid), levels = next(one for one in found if one[0] == "/map"), cv2.imread(str(out / "map" / "map.pgm"), 0)
+    cells = np.array(grid.data).reshape(grid.info.height, grid.info.width)[::-1]
+    assert np.array_equal(cells == 0, levels == 254)
+    assert np.array_equal(cells == 100, levels == 0)
+    assert np.array_equal(cells == -1, levels == 128)
+    assert (
+        f"origin: [{grid.info.origin.position.x!r}, {grid.info.origin.position.y!r}"
+        in (out / "map/map.yaml").read_text()
+    )
+
+
+def test_every_encoding_is_the_image_it_was(tmp_path: Path) -> None:
+    random, store = np.random.default_rng(1), get_typestore(Stores.ROS2_HUMBLE)
+    colour = random.integers(0, 256, (5, 7, 3), np.uint8)
+    deep = random.integers(0, 65536, (5, 7), np.uint16)
+    alpha = np.dstack([colour, np.full((5, 7), 9, np.uint8)])
+    head = header(store, BEGIN, "", ros1=False)
+    _, packed = cv2.imencode(".png", colour)
+    messages = [
+        ("/i", "sensor_msgs/msg/Image", BEGIN, image(pixels, name, head, big))
+        for name, pixels, big in [
+            ("mono8", colour[..., 0], 0),
+            ("bgr8", colour, 0),
+            ("rgb8", colour[..., ::-1], 0),
+            ("bgra8", alpha, 0),
+            ("16UC1", deep, 0),
+            ("mono16", deep.byteswap(), 1),
+        ]
+    ]  # fmt: skip - all of one time, as a bag may hold them
+    messages.append(
+        ("/c", "sensor_msgs/msg/CompressedImage", BEGIN, {"header": head, "format": "png", "data": packed.ravel()})
+    )
+    messages.append(("/bad", "sensor_msgs/msg/Image", BEGIN, image(colour, "yuv422", head)))
+    bag = written(tmp_path / "bag", "mcap", messages)
+    wanted = [colour[..., 0], colour, colour, colour, deep, deep]
+    for number in (3, 0, 5, 1, 4, 2):  # in any order
+        data = bags.bag_image(f"{bag}::/i", number, 10_000)
+        assert np.array_equal(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED), wanted[number]), number
+    assert np.array_equal(cv2.imdecode(np.frombuffer(bags.bag_image(f"{bag}::/c", 0, 10_000), np.uint8), 1), colour)
+    with pytest.raises(ImageReadError, match="none of mono8"):
+        bags.bag_image(f"{bag}::/bad", 0, 10_000)
+    with pytest.raises(ImageReadError, match="limit is 10 bytes"):
+        bags.bag_image(f"{bag}::/i", 0, 10)
+
+
+def test_what_is_not_there_is_named(tmp_path: Path, ffseg_command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    bag = a_drive(tmp_path / "d.bag", "ros1")
+    done = ffseg_command("run", "--bag", bag, "--topic", "/image", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "has no topic /image" in done.stderr
+    assert "it has /camera/image" in done.stderr
+    half = ffseg_command("run", "--bag", bag, "--out", tmp_path / "out")
+    assert (half.returncode, "--bag and --topic go together" in half.stderr) == (2, True)
+    (tmp_path / "no.bag").write_bytes(b"no bag")
+    with pytest.raises(UsageError, match="cannot be read as a bag"):
+        bags.stamps(f"{tmp_path / 'no.bag'}::/i")
+    monkeypatch.setattr(bags, "find_spec", lambda _: None)
+    with pytest.raises(UsageError, match=r"pip install 'ffseg\[ros\]'"):
+        bags.stamps(f"{bag}::/camera/image")
+
+
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_a_robots_pose_is_its_cameras(mirrored: bool) -> None:
+    """What the camera sees ahead lies ahead on the ground: of the frame of the poses y is left, or turned over."""
+    lens = replace(sample_camera(), mirrored=mirrored, forward=30.0)
+    pose = robot_pose(lens, 1.0, 2.0, 0.5)
+    ahead = np.array([*(np.linalg.inv(robot_axes(lens)) @ [3.0, 0.5]), lens.mounting()])
+    x, y, _ = pose.rotation @ lens.level().T @ ahead + pose.position
+    c, s = np.cos(0.5), np.sin(0.5)
+    wanted = np.array([1.0, 2.0]) + np.array([[c, -s], [s, c]]) @ [3.0, 0.5]
+    np.testing.assert_allclose([x, y if mirrored else -y], wanted, atol=1e-9)
