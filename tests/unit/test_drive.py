@@ -125,7 +125,12 @@ def test_frames_that_are_not_in_the_map_are_named(ffseg_command: Command, tmp_pa
     assert (document["frames"], document["fused"]) == (COUNT, 2)
     alone = ffseg_command(*asked(tmp_path, "alone"))
     assert alone.returncode == 3
-    assert "not in the map: 3.png: it has no pose; the previous image 2.png cannot be used" in alone.stderr
+    assert "not in the map: 2.png: it failed" in alone.stderr
+    assert "not in the map: 3.png" not in alone.stderr, "it is placed by the motion since 1.png"
+    notes = {
+        row["image"]: row["note"] for row in csv.DictReader((tmp_path / "alone/timings.csv").read_text().splitlines())
+    }
+    assert "the image before, 2.png cannot be used" in notes["3.png"]
     for number in (1, 3):
         (tmp_path / "views" / f"{number}.png").write_text("no image")
     none = ffseg_command(*asked(tmp_path, "out", "--poses", tmp_path / "poses.csv"))

@@ -60,17 +60,19 @@ class FrameBench:
     ) -> Frame:
         """The same with the images before as files' contents.
 
-        A nearest one that cannot be read, or has another size, costs the image nothing but the test: the note says so.
+        Those that cannot be read, or have another size, are passed over; of the nearest one the note says so.
         """
         if not before:
             return self.frame(image, (), name, callback)
         chain = self.views.chain(name)
         nearest = self._earlier(before[0], chain[0], name, limits)
-        if isinstance(nearest, str):
-            return self._alone(image, name, nearest, callback)
-        farther = zip(before[1:], chain[1:], strict=True)
-        views = itertools.chain([nearest], self._readable(farther, name, limits))
-        return self.frame(image, views, name, callback)
+        farther = self._readable(zip(before[1:], chain[1:], strict=True), name, limits)
+        if not isinstance(nearest, str):
+            return self.frame(image, itertools.chain([nearest], farther), name, callback)
+        frame, said = self.frame(image, farther, name, callback), f"{printable(chain[0])} cannot be used: {nearest}"
+        if frame.note == FIRST_IMAGE:
+            return replace(frame, note=f"the previous image {said}; nothing was tested")
+        return replace(frame, note=f"{frame.note}; the image before, {said}")
 
     def _readable(self, farther: Iterable[tuple[bytes, str]], name: str, limits: Limits) -> Iterator[Earlier]:
         """Images farther back as they are asked for, without those that are of no use."""
@@ -90,12 +92,6 @@ class FrameBench:
             sizes = f"{image.shape[1]}x{image.shape[0]}, the camera file says {camera.width}x{camera.height}"
             return f"it is {sizes}"
         return Earlier(image, self.views.poses_of(before, name), printable(before))
-
-    def _alone(self, image: NDArray[np.uint8], name: str, reason: str, callback: Callback) -> Frame:
-        """The frame of an image whose previous one is of no use."""
-        before = printable(self.views.previous.get(name, ""))
-        frame = self.frame(image, (), name, callback)
-        return replace(frame, note=f"the previous image {before} cannot be used: {reason}; nothing was tested")
 
 
 def merged_segmentation(frame: Frame) -> Segmentation:
