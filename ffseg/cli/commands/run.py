@@ -180,7 +180,10 @@ def run(  # noqa: PLR0913 - the options of the command
         bool, typer.Option("--film", help="Animations and stacks of pages frame by frame, not only the first.")
     ] = False,
     bag: Annotated[
-        str, typer.Option("--bag", metavar="FILE", help="Bag of ROS 1 or 2 whose --topic holds the images; --poses may name one.")
+        str,
+        typer.Option(
+            "--bag", metavar="FILE", help="Bag of ROS 1 or 2 whose --topic holds the images; --poses may name one."
+        ),
     ] = "",
     topic: Annotated[str, typer.Option("--topic", metavar="NAME", help="Topic of the images in --bag.")] = "",
     steady: Annotated[
