@@ -11,7 +11,7 @@ from typing import Any
 
 from ffseg import __version__
 from ffseg.batch.executors.base import Options
-from ffseg.batch.outputs.table import GROUND, MAP_FILES, OUTPUTS
+from ffseg.batch.outputs.table import GROUND, MAP_BAG, MAP_FILES, OUTPUTS
 from ffseg.batch.plan.jobs import output_folders, sweep
 from ffseg.batch.record.finish import StoppedError, put_in_order
 from ffseg.batch.record.keeper import Keeper
@@ -81,7 +81,7 @@ class Ending:
         """Write the map of all frames; names of its files."""
         views, plan = self.setup.views, self.keeper.plan
         if views is None or plan.shard or self.stop.signal or GROUND.folder not in found.with_outputs:
-            return MAP_FILES if self.stop.signal else ()
+            return (*MAP_FILES, MAP_BAG) if self.stop.signal else ()
         from ffseg.batch.drive import drive_of
 
         if found.count >= _TOLD_FRAMES:
@@ -92,7 +92,7 @@ class Ending:
             return drive.write(plan.out)
         except OutputError as error:
             self.ledger.problem(str(error))
-        return MAP_FILES
+        return (*MAP_FILES, MAP_BAG)
 
     def _packed(self, found: Survey) -> list[str]:
         """Put packed outputs in order once all are there; names of the tar files that stay in the output folder."""

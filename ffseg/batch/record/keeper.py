@@ -12,7 +12,7 @@ from time import perf_counter
 from typing import Any
 
 from ffseg import __version__
-from ffseg.batch.outputs.table import MAP_FILES
+from ffseg.batch.outputs.table import MAP_BAG, MAP_FILES
 from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.plan.reading import place_of
 from ffseg.batch.plan.sources import Job, order_key
@@ -233,7 +233,7 @@ def kept(
     state = state_folder(plan.out, plan.shard)
     before = [name for name in (read_header(state) or {}).get("tables", ()) if isinstance(name, str)]
     merged = {kind.merged for kind in plan.products.kinds if kind.merge}
-    merged |= {*MAP_FILES} if plan.products.metric and not plan.shard else set()
+    merged |= {*MAP_FILES, MAP_BAG} if plan.products.metric and not plan.shard else set()
     others = {name for name, asked in ((OBSTACLES, camera), (PARQUET, parquet)) if asked}
     tables = sorted({*before, *merged, *others, *plan.tars, *plan.films})
     header = {**header, "tables": tables, **({"pack": True} if plan.tars else {})}
