@@ -24,7 +24,7 @@ def before_enlargement(scene: Scene) -> Scene:
     params = scene.params
     told = scene.edges_given or scene.evidence is not None or scene.footprint is not None or len(scene.altitudes) > 0
     as_printed = scene.method is not None and bool(scene.method.source)
-    if told or as_printed or params.edges.model is not None or _lengths(params) != _lengths(Parameters()):
+    if told or as_printed or params.edges.model is not None or _lengths(params) != DEFAULTS:
         return scene
     smallest = min((abs(start.signed_area) for start in scene.starts), default=0.0)
     factor, image = magnified(scene.image, sqrt(smallest / pi) / LEAST_START)
@@ -87,3 +87,7 @@ def _lengths(params: Parameters) -> tuple[object, ...]:
     contour, edges = params.contour, params.edges
     own = (contour.split_threshold, contour.balloon, contour.clearance, contour.settle, params.region.window)
     return (*own, edges.sigma, edges.canny, edges.highlights, params.snake, params.levelset)
+
+
+DEFAULTS = _lengths(Parameters())
+"""Lengths in pixels as they are where nobody has named any: only these may be taken for those of a smaller picture."""

@@ -33,7 +33,7 @@ curves cut at black and white make others of all pixels beside."""
 KNOTS, BESIDE = 8, 4
 """Pixels of the picture before that a line is told from, and those beside that interpolation looks at."""
 
-LINES, MOST_LOOKED_AT, SKIPPED = 4, 100, 8
+LINES, MOST_LOOKED_AT, SKIPPED = 2, 100, 8
 """Lines each way that are looked at before the whole picture is: those of so many that change most, by every so many pixels."""
 
 STEPS, GAIN = 8, 1.5
@@ -60,13 +60,16 @@ def magnified(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
         if factor <= most and not height % factor and not width % factor and min(height, width) >= LEAST_SIDE * factor
     ]  # fmt: skip
     plane = image if image.ndim == 2 or not factors else image[..., 1]
-    ways = [_liveliest(lines) for lines in (plane, plane.T)] if factors else []
+    rows = _liveliest(plane if factors else plane[:1])
     for factor in factors:
-        amiss, kind = min((_amiss(ways, factor, kind), kind) for kind in KINDS)
-        if amiss <= CUT:
+        amiss = _amiss(rows, factor)
+        if amiss.min() <= CUT:
+            amiss = np.maximum(amiss, _amiss(_liveliest(plane.T), factor))
+        if amiss.min() <= CUT:
+            kind = KINDS[int(amiss.argmin())]
             before = _before(image, factor, kind)
             made = cv2.resize(before, (width, height), interpolation=kind)
-            if _share(cv2.absdiff(image, made), image, factor) <= DIFFERENT:
+            if np.count_nonzero(cv2.absdiff(image, made) > ROUNDED) <= DIFFERENT * _unlike(image, factor):
                 return factor, before
     return 1, image
 
@@ -78,31 +81,32 @@ def _liveliest(plane: Image) -> NDArray[np.float32]:
     return some[np.argsort(-change, kind="stable")[:LINES]].astype(np.float32)
 
 
-def _amiss(ways: list[NDArray[np.float32]], factor: int, kind: int) -> float:
-    """The greater share of pixels, in some rows and in some columns, that no interpolation between fewer can make."""
-    rest, size, found = _rest(factor, kind), KNOTS * factor, 0.0
-    for lines in ways:
-        inner = lines[:, size : lines.shape[1] // size * size - size]  # what lies beyond the border is another's rule
-        found = max(found, _share(np.abs(inner.reshape(-1, size) @ rest), inner, factor))
-        if found > CUT:
-            break
-    return found
+def _amiss(lines: NDArray[np.float32], factor: int) -> NDArray[np.float64]:
+    """The share of pixels in some lines that each kind cannot make between fewer."""
+    rest, size = _rest(factor), KNOTS * factor
+    inner = lines[:, size : lines.shape[1] // size * size - size]  # what lies beyond the border is another's rule
+    error = np.abs(inner.reshape(-1, size) @ rest).reshape(-1, len(KINDS), size)
+    unlike = _unlike(inner, factor)
+    if not unlike:  # nothing can be told where all are alike
+        return np.full(len(KINDS), np.inf)
+    return np.asarray(np.count_nonzero(error > ROUNDED, axis=(0, 2)) / unlike)
 
 
-def _share(error: NDArray[Any], lines: NDArray[Any], factor: int) -> float:
-    """Pixels that err by more than rounding, in those unlike the ones beside; where all are alike nothing can be told."""
-    unlike = np.count_nonzero(cv2.absdiff(lines[:, factor:], lines[:, :-factor]) > ROUNDED)
-    return np.count_nonzero(error > ROUNDED) / unlike if unlike else np.inf
+def _unlike(lines: NDArray[Any], factor: int) -> int:
+    """How many pixels differ from those beside by more than rounding."""
+    return int(np.count_nonzero(cv2.absdiff(lines[:, factor:], lines[:, :-factor]) > ROUNDED))
 
 
 @cache
-def _rest(factor: int, kind: int) -> NDArray[np.float32]:
-    """What takes from a line of pixels all that interpolation between fewer can make, shape (L, L)."""
-    knots = KNOTS + 2 * BESIDE
-    lines = cv2.resize(np.eye(knots, dtype=np.float32), (knots * factor, knots), interpolation=kind).T
-    inner = lines[BESIDE * factor : -BESIDE * factor].astype(np.float64)
-    found: NDArray[np.float32] = (np.eye(len(inner)) - inner @ np.linalg.pinv(inner, rcond=1e-6)).astype(np.float32)
-    return found
+def _rest(factor: int) -> NDArray[np.float32]:
+    """What takes from a line of pixels all that each kind of interpolation between fewer can make, shape (L, kinds * L)."""
+    knots, cut = KNOTS + 2 * BESIDE, slice(BESIDE * factor, -BESIDE * factor)
+    found = []
+    for kind in KINDS:
+        made = cv2.resize(np.eye(knots, dtype=np.float32), (knots * factor, knots), interpolation=kind).T
+        inner = made[cut].astype(np.float64)
+        found.append(np.eye(len(inner)) - inner @ np.linalg.pinv(inner, rcond=1e-6))
+    return np.concatenate(found, axis=1).astype(np.float32)
 
 
 def _before(image: Image, factor: int, kind: int) -> Image:
