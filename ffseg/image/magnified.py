@@ -59,8 +59,10 @@ def magnified(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
         factor for factor in FACTORS
         if factor <= most and not height % factor and not width % factor and min(height, width) >= LEAST_SIDE * factor
     ]  # fmt: skip
-    plane = image if image.ndim == 2 or not factors else image[..., 1]
-    rows = _liveliest(plane if factors else plane[:1])
+    if not factors:
+        return 1, image
+    plane = image if image.ndim == 2 else image[..., 1]
+    rows = _liveliest(plane)
     for factor in factors:
         amiss = _amiss(rows, factor)
         if amiss.min() <= CUT:
