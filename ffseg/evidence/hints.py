@@ -23,6 +23,7 @@ from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
 from ffseg.evidence.surroundings import STRIDE, colours_of, likelier, likeness, steepest, voted
 from ffseg.image.edges import EdgeMap
+from ffseg.image.opencv_peers import grown
 from ffseg.native import _core
 from ffseg.scene import Scene
 from ffseg.starts.rivals import seeds
@@ -41,6 +42,9 @@ EVEN = 1e-3
 
 NEAREST = 0.01
 """Added to distances, in the same parts, before their logarithm."""
+
+HELD = 3.0
+"""Pixels round a click that are its side's: a smaller disc would start on the edge of its own evidence, and leak over it."""
 
 TOLD = (
     "prior",
@@ -136,6 +140,7 @@ def hints(image: NDArray[np.uint8], inside: Region, outside: Region) -> Plane | 
     if view.is_even():
         return None
     whole = enlarged(_odds(view), view.seen.factor, view.seen.shape, STRIDE)
+    whole[grown(inside, HELD)] = CERTAIN
     whole[outside], whole[inside] = -CERTAIN, CERTAIN
     return whole
 
