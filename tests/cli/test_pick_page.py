@@ -183,7 +183,7 @@ def test_the_contour_follows_the_hand_and_zoom_does_not_move_what_is_meant(hand:
     hand.tab.hover(*hand.at(*RIGHT))
     hand.tab.until("document.getElementById('preview').getAttribute('d')")
     assert state(server, 1)["starts"] == (), "only shown"
-    assert hand.tab.value("ffsegTimes.length") > 0
+    hand.tab.until("ffsegTimes.length > 0")
     for key in ("+", "+", "-"):
         hand.tab.press(key)
     hand.click(*LEFT)

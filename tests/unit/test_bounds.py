@@ -170,14 +170,15 @@ def test_a_start_outside_the_domain_moves_into_it() -> None:
 
 
 def test_clearance_is_named_when_it_was_the_cause() -> None:
-    """In a corridor of 12 px a clearance of 20 leaves no place: the start goes to the room beside it."""
+    """In a corridor of 12 px a clearance of 20 leaves no place: the start goes to the nearest that has room."""
     image = np.full((120, 160), 200, np.uint8)
     image[:54, :80] = image[66:, :80] = 20
     given = {"init.center": [40, 60], "init.radius": 3}
     assert not ffseg.segment(image, ffseg.load_params(None, given)).messages
     found = ffseg.segment(image, ffseg.load_params(None, {**given, "contour.clearance": 20}))
-    assert "lay nearer to an edge than half of contour.clearance (20) and was moved to (" in found.messages[0]
-    assert found.mask[60, 120]
+    assert "lay nearer to an edge than half of contour.clearance (20) and was moved to (40, 79)" in found.messages[0]
+    assert found.mask[79, 40]
+    assert not found.mask[60, 40]
 
 
 def test_without_any_free_place_the_cause_is_named() -> None:
