@@ -199,11 +199,10 @@ def _outlines(seen: _Seen) -> Mask:
 def _parted(seen: _Seen) -> NDArray[np.int32]:
     """`SCENE` and `OWN` on the parts between the outlines, 0 on these and on specks."""
     open_ground = (~_outlines(seen)).astype(np.uint8)
-    labels = parts(open_ground).labels
+    ground = parts(open_ground)
+    labels, areas = ground.labels, ground.areas
     deep = cv2.distanceTransform(open_ground, cv2.DIST_L1, 3) > BLUR
-    areas, inner, changed = (
-        np.bincount(labels[mask], minlength=int(labels.max()) + 1) for mask in (labels > 0, deep, deep & seen.lively)
-    )
+    inner, changed = (np.bincount(labels[mask], minlength=len(areas)) for mask in (deep, deep & seen.lively))
     lively: NDArray[np.float64] = changed / np.maximum(inner, 1)
     counted = (areas >= LEAST_AREA / 4 * labels.size) & (inner > 0)  # the limit is still to be added
     liveliest = lively[counted & (areas >= LARGE * labels.size)].max(initial=0)

@@ -87,11 +87,15 @@ def polygons(mask: NDArray[np.bool_], contours: Sequence[FreeForm] = ()) -> tupl
     firsts, outer = steps[offsets[:-1]], [_area(ring) > 0 for ring in rings]
     labels = mask.view(np.uint8) if sum(outer) == 1 else cv2.connectedComponents(mask.view(np.uint8), connectivity=4)[1]
     owners = [int(labels[round(y + 0.5), round(x)]) for x, y in firsts]  # an outline begins above a pixel of its region
+    inner: dict[int, list[Points]] = {}
+    for ring, owner, out in zip(rings, owners, outer, strict=True):
+        if not out:
+            inner.setdefault(owner, []).append(ring)
     made = []
     for number in np.flatnonzero(outer).tolist():
         label, own = owners[number], steps[offsets[number] : offsets[number + 1]]
         (left, top), (right, bottom) = np.ceil(own.min(axis=0)).astype(int), np.floor(own.max(axis=0)).astype(int) + 1
-        holes = tuple(ring for ring, owner, out in zip(rings, owners, outer, strict=True) if owner == label and not out)
+        holes = tuple(inner.get(label, ()))
         made.append(Polygon(rings[number], holes, (int(left), int(top)), labels[top:bottom, left:right], label))
     return tuple(made)
 
