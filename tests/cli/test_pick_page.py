@@ -14,7 +14,7 @@ from typing import Any
 
 import chromium
 import pytest
-from picking import LEFT, RIGHT, SIZE, ask, disc, draw, iou, mask_of, picked, served
+from pick_page import LEFT, RIGHT, SIZE, ask, disc, draw, iou, mask_of, picked, served
 
 from ffseg.io.starts import Start, load_starts
 from ffseg.picking.server import Server

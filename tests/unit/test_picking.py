@@ -9,11 +9,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-import picking
+import pick_page
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from picking import LEFT, OPEN, RIGHT, ask, disc, draw, iou, mask_of, picked, served, session
+from pick_page import LEFT, OPEN, RIGHT, ask, disc, draw, iou, mask_of, picked, served, session
 
 import ffseg
 from ffseg.errors import OutputError, UsageError
@@ -218,7 +218,7 @@ def server(tmp_path_factory: pytest.TempPathFactory):
 
 
 def test_only_this_page_is_answered(server) -> None:
-    own, other = f"{picking.HOST}:{server.port}", "http://evil.example"
+    own, other = f"{pick_page.HOST}:{server.port}", "http://evil.example"
     assert ask(server, "")[0] == 200
     assert ask(server, "", Host=f"localhost:{server.port}")[0] == 200
     assert ask(server, "about", {}, Origin=f"http://{own}")[0] == 200
@@ -229,7 +229,7 @@ def test_only_this_page_is_answered(server) -> None:
         (f"/{server.token}x/", {}),
         ("/\xff/", {}),
         ("", {"Host": f"evil.example:{server.port}"}),  # a name of another site that leads here
-        ("", {"Host": picking.HOST}),
+        ("", {"Host": pick_page.HOST}),
         ("", {"Origin": other}),
         ("", {"Origin": "null"}),
     ):
@@ -261,7 +261,7 @@ def test_questions_that_are_none_are_refused_and_name_no_file(server) -> None:
 def test_the_page_loads_nothing_from_elsewhere_and_names_are_data(server) -> None:
     import http.client
 
-    connection = http.client.HTTPConnection(picking.HOST, server.port, timeout=20)
+    connection = http.client.HTTPConnection(pick_page.HOST, server.port, timeout=20)
     connection.request("GET", f"/{server.token}/")
     answer = connection.getresponse()
     policy = answer.headers["Content-Security-Policy"]
@@ -273,7 +273,7 @@ def test_the_page_loads_nothing_from_elsewhere_and_names_are_data(server) -> Non
     names = ask(server, "about", {})[1]["images"]
     assert names == ["<img src=x onerror=alert(1)>.png", "a.png", "b\\u000a#?%2e.png"]
     for name in ("page.html", "page.js", "view.js", "page.css"):
-        text = (Path(picking.__file__).parents[1] / "ffseg" / "picking" / name).read_text()
+        text = (Path(pick_page.__file__).parents[1] / "ffseg" / "picking" / name).read_text()
         assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
         assert "innerHTML" not in text
     assert json.dumps(names).isascii()
@@ -350,7 +350,7 @@ def test_the_folder_is_run_behind_and_its_masks_are_shown(tmp_path: Path) -> Non
 
 
 def test_a_notebook_gets_the_page_in_a_frame_and_what_was_picked(tmp_path: Path) -> None:
-    image = np.full(picking.SIZE, 60, np.uint8)
+    image = np.full(pick_page.SIZE, 60, np.uint8)
     image[disc(LEFT)] = 180
     with ffseg.pick([image, image], {"region.islands": False}, out=tmp_path / "out") as opened:
         assert opened._repr_html_().startswith(f'<iframe src="{opened.address}" ')
