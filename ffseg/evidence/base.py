@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from statistics import mean
 
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence.features import KNOWN
-from ffseg.evidence.forest import ARRAYS, Forest, load_model
+from ffseg.evidence.forest import ARRAYS, Forest, shipped
 
 BASE = Path(__file__).with_name("base.ffmodel")
 """Part of the package; ``python -m ffseg.learning.grow`` makes it. It sees what a learned forest sees but no place in the
@@ -27,10 +26,9 @@ ROW = 1000
 """Pixels side by side in the plane that the native core is given; no plane may have more than 65535 a side."""
 
 
-@lru_cache(maxsize=1)
 def base() -> Forest:
     """The forest, read once."""
-    return load_model(BASE).inside
+    return shipped(BASE, KNOWN)[0].inside
 
 
 def odds_of(forest: Forest, rows: NDArray[np.float32]) -> NDArray[np.float32]:

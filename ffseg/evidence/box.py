@@ -8,7 +8,6 @@ It is part of the package; ``python -m ffseg.learning.grow`` makes it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +16,11 @@ from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, exposed, features, way
-from ffseg.evidence.forest import Model, load_model
+from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.prior import CERTAIN, SEEN, SMOOTHING
-from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, colours_of, every, likelier, surroundings, voted
+from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, every, surroundings, with_own_colours
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import window_of
 from ffseg.image.resized import resized
@@ -45,10 +44,6 @@ LEAST_SIDE = 8
 CORE = 0.4
 """Radii of the ellipse that is taken for the object's core, in parts of the box's halves."""
 
-AGAIN = 0.6
-"""Part of the log odds of colours, learned from what was found at first, that is added to it: of 0.3, 0.6 and 1 the best on
-drawings that are not judged on. Things gain .03, in the mean of all kinds .006."""
-
 IN_BOX = (
     "box_x",
     "box_y",
@@ -64,12 +59,6 @@ IN_BOX = (
 """Planes that tell of the box: places in parts of its halves, and the core seen against what lies outside."""
 
 TAKEN = (*SEEN, *SURROUNDINGS, *IN_BOX)
-
-
-@lru_cache(maxsize=1)
-def _model() -> tuple[Model, _core.EvidenceForest]:
-    model = load_model(MODEL, TAKEN)
-    return model, model.inside.compiled()
 
 
 def box_edges(scene: Scene) -> EdgeMap:
@@ -113,11 +102,10 @@ def in_box(image: NDArray[np.uint8], box: Box) -> tuple[tuple[slice, slice], NDA
     view = look(image, window)
     if view is None:
         return window, np.full([part.stop - part.start for part in window], np.float32(-CERTAIN))
-    model, native = _model()
+    model, native = shipped(MODEL, TAKEN)
     odds = np.clip(model.inside.log_odds(all_planes(view), native), -CERTAIN, CERTAIN)
     odds[view.seen.inside[::STRIDE, ::STRIDE] > 0] = -CERTAIN
-    smooth = voted(odds + np.float32(AGAIN) * likelier(colours_of(view.seen), voted(odds, view.seen) > 0), view.seen)
-    return window, view.enlarged(blurred(smooth, SMOOTHING / STRIDE))
+    return window, view.enlarged(blurred(with_own_colours(odds, view.seen), SMOOTHING / STRIDE))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

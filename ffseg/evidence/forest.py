@@ -12,7 +12,9 @@ import math
 import os
 import struct
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -173,6 +175,10 @@ class Model:
         return _probability(enlarged(smooth, seen.factor, seen.shape, STRIDE) + np.float32(self.prior) * prior)
 
 
+Compiled = tuple[Model, _core.EvidenceForest]
+"""A model, and its first forest in the native core."""
+
+
 def _probability(odds: Plane) -> Plane:
     found: Plane = np.float32(1) / (np.float32(1) + np.exp(-odds))
     return found
@@ -222,6 +228,13 @@ def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = KNOWN) -> 
         return from_bytes(data, known)
     except ValueError as error:
         raise ParameterError(f"model {name}: {error}; {REMEDY}") from error
+
+
+@lru_cache(maxsize=4)
+def shipped(path: Path, known: tuple[str, ...]) -> Compiled:
+    """A model that is part of the package, read once."""
+    model = load_model(path, known)
+    return model, model.inside.compiled()
 
 
 def from_bytes(data: bytes, known: tuple[str, ...] = KNOWN) -> Model:

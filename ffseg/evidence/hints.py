@@ -8,20 +8,18 @@ outside. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence import prior
-from ffseg.evidence.box import AGAIN
 from ffseg.evidence.features import BARRIER, STEP, Features, broadened, enlarged, reduced_region, way
-from ffseg.evidence.forest import Model, load_model
+from ffseg.evidence.forest import Compiled, shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
-from ffseg.evidence.surroundings import STRIDE, colours_of, likelier, likeness, steepest, voted
+from ffseg.evidence.surroundings import STRIDE, colours_of, likelier, likeness, steepest, with_own_colours
 from ffseg.image.edges import EdgeMap
 from ffseg.image.opencv_peers import grown
 from ffseg.native import _core
@@ -30,7 +28,6 @@ from ffseg.starts.rivals import seeds
 
 Plane = NDArray[np.float32]
 Region = NDArray[np.bool_]
-Asked = tuple[Model, _core.EvidenceForest]
 
 MODEL = Path(__file__).with_name("hints.ffmodel")
 
@@ -61,12 +58,6 @@ TOLD = (
     "nearer",
 )
 TAKEN = (*prior.TAKEN, *TOLD)
-
-
-@lru_cache(maxsize=1)
-def _model() -> Asked:
-    model = load_model(MODEL, TAKEN)
-    return model, model.inside.compiled()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,12 +138,11 @@ def hints(image: NDArray[np.uint8], inside: Region, outside: Region) -> Plane | 
 
 def _odds(view: View) -> Plane:
     """Log odds of every `STRIDE`-th pixel; colours of what was found at first are asked again."""
-    model, native = _model()
+    model, native = shipped(MODEL, TAKEN)
     seen = view.seen
     odds = np.clip(model.inside.log_odds(all_planes(view, prior.model()), native), -CERTAIN, CERTAIN)
     odds[thin(view.outside) > 0], odds[thin(seen.inside) > 0] = -CERTAIN, CERTAIN
-    again = likelier(colours_of(seen), voted(odds, seen) > 0)
-    return blurred(voted(odds + np.float32(AGAIN) * again, seen), SMOOTHING / STRIDE)
+    return blurred(with_own_colours(odds, seen), SMOOTHING / STRIDE)
 
 
 def look(image: NDArray[np.uint8], inside: Region, outside: Region) -> View:
@@ -170,7 +160,7 @@ def thin(region: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(region[::STRIDE, ::STRIDE])
 
 
-def all_planes(view: View, asked: Asked) -> Plane:
+def all_planes(view: View, asked: Compiled) -> Plane:
     """The planes that the forest takes, in its order, of every `STRIDE`-th pixel; of the prior, `asked` is the model."""
     seen = view.seen
     planes = np.empty((len(TAKEN), *thin(seen.inside).shape), np.float32)

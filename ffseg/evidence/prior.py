@@ -7,14 +7,13 @@ makes it.
 
 from __future__ import annotations
 
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence.features import BARRIER, PLACE, PLAIN, STEP, Features, enlarged, exposed, features, reduced_region
-from ffseg.evidence.forest import Model, load_model
+from ffseg.evidence.forest import Compiled, shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, thinned, voted
@@ -46,11 +45,9 @@ CERTAIN = 7.0
 """Log odds up to which a pixel votes, and which the start region is given: inside by definition."""
 
 
-@lru_cache(maxsize=1)
-def model() -> tuple[Model, _core.EvidenceForest]:
+def model() -> Compiled:
     """The forest, as read and in the native core."""
-    read = load_model(MODEL, TAKEN)
-    return read, read.inside.compiled()
+    return shipped(MODEL, TAKEN)
 
 
 def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ffseg.errors import ImageReadError, ParameterError, SegmentationError
 from ffseg.evidence.features import Features, features, reduction
-from ffseg.evidence.forest import Model, load_model
+from ffseg.evidence.forest import Compiled, Model, load_model
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import LEVEL, at_level, evidence_edges, strength_edges
 from ffseg.evidence.prior import prior
@@ -130,7 +130,7 @@ def model_start(image: NDArray[np.uint8], model: Model, most: float) -> tuple[fl
     return (x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5, min(most, max(depth, WHOLE_START) * factor)
 
 
-def ready(path: str) -> tuple[Model, _core.EvidenceForest]:
+def ready(path: str) -> Compiled:
     """A model and its first forest in the native core, read once while the file stays as it is.
 
     Raises
@@ -186,7 +186,7 @@ def _mark(path: str) -> tuple[int, int, int]:
 
 
 @lru_cache(maxsize=4)
-def _model(path: str, mark: tuple[int, int, int]) -> tuple[Model, _core.EvidenceForest]:  # noqa: ARG001 - part of the key
+def _model(path: str, mark: tuple[int, int, int]) -> Compiled:  # noqa: ARG001 - part of the key
     model = load_model(path)
     return model, model.inside.compiled()
 

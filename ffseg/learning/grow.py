@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ffseg.evidence import base, box, hints, prior
 from ffseg.evidence.features import NAMES, PLACE, WORKING_SIZE, enlarged, exposed, features
-from ffseg.evidence.forest import Model, from_bytes, to_bytes
+from ffseg.evidence.forest import Compiled, Model, from_bytes, to_bytes
 from ffseg.evidence.surroundings import STRIDE
 from ffseg.image.raster import window_of
 from ffseg.io.files import write_bytes_atomic
@@ -148,7 +148,7 @@ def told(kind: str, count: int, asked: bytes) -> list[Samples]:
     return found
 
 
-def for_clicks(seen: Sight, ask: hints.Asked, rng: np.random.Generator) -> list[Samples]:
+def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Samples]:
     """Some known pixels after each click of a simulated user but the first, who sees what the prior and colours say."""
     clicks, found = Clicks((seen.start,)), list[Samples]()
     for _ in range(int(rng.integers(*CLICKS))):
