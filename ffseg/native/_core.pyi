@@ -21,11 +21,6 @@ def canny(gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), or
     Canny edges (255) from the ridges in `edges`, in place, by hysteresis; thresholds in stored units.
     """
 
-def edges_from(edges: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu', writable=False)], level: float, step: int) -> tuple[int, int]:
-    """
-    Edge pixels in every `step`-th row, and how many of them have a gradient of `level` or more.
-    """
-
 def gradients_at(joints: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu', writable=False)], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, margin: int) -> NDArray[numpy.uint16]:
     """
     The largest of nine gradients at each joint not within `margin` px of the border of image or domain.

@@ -43,20 +43,9 @@ def test_gradients_under_joints_and_the_share_at_the_border(joints: np.ndarray, 
     assert _core.share_within(np.empty((0, 2)), np.array([0]), SHAPE, domain, MARGIN) == 0.0
 
 
-def test_edges_are_counted_from_a_level_on() -> None:
-    rng = np.random.default_rng(5)
-    gradient = rng.integers(0, 100, SHAPE).astype(np.uint16)
-    edges = (rng.random(SHAPE) < 0.3).astype(np.uint8) * 255
-    rows = edges[::4] > 0
-    expected = np.count_nonzero(rows), np.count_nonzero(rows & (gradient[::4] >= 50.5))
-    assert _core.edges_from(edges, gradient, 50.5, 4) == expected
-
-
 def test_what_does_not_fit_is_refused() -> None:
     points, plane = np.zeros((2, 2)), np.zeros(SHAPE, np.uint16)
     with pytest.raises(ValueError, match="margin"):
         _core.gradients_at(points, plane, None, 0)
     with pytest.raises(ValueError, match="differ in size"):
         _core.gradients_at(points, plane, np.ones((2, 2), np.uint8), 3)
-    with pytest.raises(ValueError, match="step"):
-        _core.edges_from(np.zeros(SHAPE, np.uint8), plane, 1.0, 0)

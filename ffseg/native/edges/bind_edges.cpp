@@ -9,7 +9,6 @@
 
 #include "bindings.hpp"
 #include "common/arrays.hpp"
-#include "common/lanes.hpp"
 #include "edges/boundary.hpp"
 #include "edges/canny.hpp"
 #include "edges/gradient.hpp"
@@ -123,36 +122,6 @@ double py_share_within(const ffseg::Points& joints, const ffseg::Indices& ends,
     return ffseg::edges::share_within(points, ffseg::ends_of(ends, points.size()), limits);
 }
 
-// Edges in a row, at most 65535, and how many of them lie on a gradient of `least` or more.
-FFSEG_CLONES
-std::pair<std::size_t, std::size_t> count_edges(const std::uint8_t* edges, const std::uint16_t* gradient,
-                                                std::uint16_t least, std::size_t width) {
-    std::uint16_t all = 0, strong = 0;
-    for (std::size_t x = 0; x < width; ++x) {
-        const std::uint16_t edge = edges[x] != 0, clear = gradient[x] >= least;
-        all = static_cast<std::uint16_t>(all + edge);
-        strong = static_cast<std::uint16_t>(strong + (edge & clear));
-    }
-    return {all, strong};
-}
-
-// Edges in every `step`-th row, and how many of them lie on a gradient of `level` or more.
-std::pair<std::size_t, std::size_t> py_edges_from(const Domain& edges, const Gradient& gradient, double level,
-                                                  std::size_t step) {
-    check_size(gradient);
-    check_plane(edges, gradient.shape(0), gradient.shape(1));
-    if (step == 0) throw std::invalid_argument("the step must be 1 or more");
-    std::pair<std::size_t, std::size_t> sum{0, 0};
-    const std::size_t width = edges.shape(1);
-    const auto least = static_cast<std::uint16_t>(std::clamp(std::ceil(level), 0.0, 65535.0));
-    for (std::size_t y = 0; y < edges.shape(0); y += step) {
-        const auto [all, strong] = count_edges(edges.data() + y * width, gradient.data() + y * width, least, width);
-        sum.first += all;
-        sum.second += strong;
-    }
-    return sum;
-}
-
 }  // namespace
 
 void bind_edges(nb::module_& m) {
@@ -167,8 +136,6 @@ void bind_edges(nb::module_& m) {
           "of quiet windows. Stored units.");
     m.def("canny", &py_canny, "gradient"_a, "low"_a, "high"_a, "edges"_a,
           "Canny edges (255) from the ridges in `edges`, in place, by hysteresis; thresholds in stored units.");
-    m.def("edges_from", &py_edges_from, "edges"_a, "gradient"_a, "level"_a, "step"_a,
-          "Edge pixels in every `step`-th row, and how many of them have a gradient of `level` or more.");
     m.def("gradients_at", &py_gradients_at, "joints"_a, "gradient"_a, "domain"_a.none(), "margin"_a,
           "The largest of nine gradients at each joint not within `margin` px of the border of image or domain.");
     m.def("share_within", &py_share_within, "joints"_a, "ends"_a, "shape"_a, "domain"_a.none(), "margin"_a,
