@@ -60,7 +60,7 @@ def main() -> int:
     for folder in options.sets.split(","):
         photographs = list(load(options.data, [folder]))
         if not photographs:
-            say(f"skipped: {folder} is not in {options.data}; name the folder with --data or FFSEG_DATA")
+            print(f"skipped: {folder} is not in {options.data}; name the folder with --data or FFSEG_DATA")
             continue
         chosen = [samples(Example(p.image, p.truth, start_of(p), p.circle[2])) for p in photographs]
         evaluate(photographs, chosen, [int(number) for number in options.masks.split(",")], options.draws)
@@ -94,7 +94,7 @@ def evaluate(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks
     folder, count = photographs[0].folder, len(photographs)
     pool = list(range(0, count, 2)) if folder == "road" else list(range(count))
     plain = mean(overlap(one, None) for one in photographs)
-    say(f"{folder}: {count} images, without a model {plain:.3f}")
+    print(f"{folder}: {count} images, without a model {plain:.3f}")
     for number in masks:
         if number > len(pool) or number >= count:
             continue
@@ -109,9 +109,9 @@ def evaluate(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks
             elsewhere += [value for i, value in overlaps.items() if place_of(photographs[i]) not in seen]
         goal = GOALS.get((folder, number))
         wanted = f", wanted {goal}" if goal else ""
-        say(f"{folder}: {number} masks: {mean(found):.3f} (spread of the draws {pstdev(found):.3f}){wanted}")
+        print(f"{folder}: {number} masks: {mean(found):.3f} (spread of the draws {pstdev(found):.3f}){wanted}")
         if elsewhere:
-            say(f"  of these, at places of which no mask was given: {mean(elsewhere):.3f} ({len(elsewhere)} results)")
+            print(f"  of these, at places of which no mask was given: {mean(elsewhere):.3f} ({len(elsewhere)} results)")
 
 
 def place_of(one: Photograph) -> str:
@@ -134,7 +134,7 @@ def rivals(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks: 
             spent[name].append(time.process_time() - begin)
             found[name].append(mean(contoured(photographs[i], says(photographs[i])) for i in rest))
     for name, seconds in spent.items():
-        say(f"{folder}: {masks} masks: {name}: {mean(found[name]):.3f}, grown in {mean(seconds):.1f} s")
+        print(f"{folder}: {masks} masks: {name}: {mean(found[name]):.3f}, grown in {mean(seconds):.1f} s")
 
 
 Says = Callable[[Photograph], NDArray[np.float32]]
@@ -187,7 +187,7 @@ def costs(one: Photograph, chosen: Sequence[Samples]) -> None:
 
     begin = time.process_time()
     model = learn(chosen, searched=False)
-    say(f"growing from {len(chosen)} masks: {time.process_time() - begin:.1f} s")
+    print(f"growing from {len(chosen)} masks: {time.process_time() - begin:.1f} s")
     data = lightgbm.Dataset(chosen[0].rows, chosen[0].inside.astype(np.float32))
     booster = lightgbm.train({**SETTINGS, "learning_rate": RATE}, data, TREES)
     for image, start in ((one.image, start_of(one)), stretched(one)):
@@ -202,7 +202,7 @@ def costs(one: Photograph, chosen: Sequence[Samples]) -> None:
             "LightGBM": lambda rows=rows: booster.predict(rows, num_threads=1),
         }
         told = ", ".join(f"{name} {milliseconds(work):.1f} ms" for name, work in parts.items())
-        say(f"{image.shape[1]}x{image.shape[0]}: {told}")
+        print(f"{image.shape[1]}x{image.shape[0]}: {told}")
 
 
 def stretched(one: Photograph) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
@@ -220,12 +220,6 @@ def milliseconds(work: Callable[[], object]) -> float:
         work()
         found.append((time.process_time() - begin) * 1e3)
     return median(found)
-
-
-def say(text: str) -> None:
-    """Print a figure."""
-    sys.stdout.write(text + "\n")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":

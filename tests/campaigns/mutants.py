@@ -50,7 +50,7 @@ NATIVE = [
     ),
     *_of(
         FREEFORM + "topology/flip.hpp",
-        ("for (std::size_t at = 0; at < count; ++at) flip_adjacent(contour, contour.active[at]);", ""),
+        ("flip_adjacent(contour, contour.active[at]);", ""),
         ("contour[changed].touched = contour[changed].near_edges = true;", "contour[changed].near_edges = true;"),
         ("round < kFlipRounds && crossing", "round < 1 && crossing"),
         ("std::max(contour.length(i), contour.length(j)) > kFlipLength", "false"),
@@ -70,7 +70,7 @@ NATIVE = [
     *_of(
         FREEFORM + "topology/classify.hpp",
         ("std::abs(area) < kVoidArea", "false"),
-        ("(area < 0)", "(area > 0)"),
+        ("is_void || area < 0", "is_void || area > 0"),
         ("beside > 0 && std::isfinite(beside) && is_nested(contour, large)", "false"),
         ("if ((real && small == inner) || is_nested(contour, small)) drop(contour, small);", ""),
         ("beside < -kFoldArea", "beside < kFoldArea"),

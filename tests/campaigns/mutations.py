@@ -50,10 +50,8 @@ NEAREST = {
         "tests/unit/test_region_pressure.py", "tests/unit/test_core_regressions.py",
         "tests/unit/test_corridors.py",
     ),
-    "structural": ("tests/unit/test_structural_votes.py",),
-    "motion": (
-        "tests/unit/test_motion_parts.py", "tests/unit/test_camera_motion.py", "tests/unit/test_ground_fit.py",
-    ),
+    "structural": ("tests/unit/test_structural_rules.py",),
+    "motion": ("tests/unit/test_camera_motion.py", "tests/unit/test_ground_fit.py"),
 }  # fmt: skip
 """Tests of each group, quickest first."""
 

@@ -45,10 +45,10 @@ def main() -> int:
     folders = options.sets.split(",")
     for folder in folders:
         if not (options.data / folder / "seeds.csv").is_file():
-            say(f"left out: {folder} has no seeds.csv in {options.data}")
+            print(f"left out: {folder} has no seeds.csv in {options.data}")
     photographs = list(load(options.data, folders))
     if not photographs:
-        say(f"skipped: none of the sets is in {options.data}; name the folder with --data or FFSEG_DATA")
+        print(f"skipped: none of the sets is in {options.data}; name the folder with --data or FFSEG_DATA")
         return 0
     single_thread()
     params = load_params(options.config, options.set)
@@ -56,17 +56,17 @@ def main() -> int:
     write_bytes_atomic(options.out / "images.csv", csv_table(COLUMNS, [one.cells() for one in outcomes]))
     table = summary(outcomes)
     write_bytes_atomic(options.out / "sets.csv", csv_table(table[0], table[1:]))
-    say(aligned(table))
-    say(about_scores(outcomes))
+    print(aligned(table))
+    print(about_scores(outcomes))
     if options.before:
-        say(changes(outcomes, options.before))
+        print(changes(outcomes, options.before))
     for rank, one in enumerate(worst(outcomes, options.overlays)):
         name = f"{rank:02d}-{one.photograph.folder.replace('/', '-')}-{Path(one.photograph.name).stem}.png"
         write_bytes_atomic(options.out / "worst" / name, overlay(one))
     if options.invariance:
-        say(real_invariance.table(photographs if options.invariance == "real" else None, params, options.scenes))
+        print(real_invariance.table(photographs if options.invariance == "real" else None, params, options.scenes))
     if options.stability:
-        say(real_invariance.stability(photographs, params))
+        print(real_invariance.stability(photographs, params))
     return 0
 
 
@@ -187,12 +187,6 @@ def aligned(table: Sequence[Sequence[object]]) -> str:
     return "\n".join(
         "  ".join(str(cell).ljust(width) for cell, width in zip(line, widths, strict=True)) for line in table
     )
-
-
-def say(text: str) -> None:
-    """Print a figure."""
-    sys.stdout.write(text + "\n")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":

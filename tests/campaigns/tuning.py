@@ -40,7 +40,7 @@ def main() -> int:
     for folder in options.sets.split(","):
         photographs = [one for one in everything if one.folder == folder]
         if not photographs:
-            say(f"skipped: {folder} is not in {options.data}; name the folder with --data or FFSEG_DATA")
+            print(f"skipped: {folder} is not in {options.data}; name the folder with --data or FFSEG_DATA")
             continue
         missed += tuned_set([labelled_of(one) for one in photographs], folder, options)
     return 1 if missed else 0
@@ -80,7 +80,7 @@ def tuned_set(labelled: Sequence[Labelled], folder: str, options: argparse.Names
         best = int(table[:, rest].mean(axis=1).argmax())
         means = table[:, rest].mean(axis=1)
         rows.append((float(means[0]), own, float(means[best]), float(means[usual].max())))
-        say(
+        print(
             f"  {folder} {drawn}: {found.tried} settings in {found.seconds:.0f} s, {found.setting or 'kept'}; best {tried[best]}"
         )
     plain, own, best_mean, usual_mean = (mean(column) for column in zip(*rows, strict=True))
@@ -89,18 +89,14 @@ def tuned_set(labelled: Sequence[Labelled], folder: str, options: argparse.Names
         "the default": own >= plain - MOST_LOST,
     }
     said = ", ".join(f"{name} {'reached' if met else 'MISSED'}" for name, met in goals.items())
-    say(f"{folder}, {options.masks} masks: default {plain:.3f}, tuned {own:.3f}, best setting {best_mean:.3f}: {said}")
+    print(
+        f"{folder}, {options.masks} masks: default {plain:.3f}, tuned {own:.3f}, best setting {best_mean:.3f}: {said}"
+    )
     fixed = table.mean(axis=1).max()
-    say(
+    print(
         f"  the same setting for all choices: at most {fixed:.3f}; best without `edges.levels`, `.highlights`: {usual_mean:.3f}"
     )
     return sum(not met for met in goals.values())
-
-
-def say(text: str) -> None:
-    """Print a figure."""
-    sys.stdout.write(text + "\n")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":

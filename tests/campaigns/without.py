@@ -35,7 +35,7 @@ class Rule:
 _DISC, _PRIOR, _SIDES, _ISLANDS, _JUDGE = ("bounds",), ("prior",), ("start_sides",), ("islands",), ("judge",)
 
 RULES = (
-    Rule("thresholds from the local noise", "image/edges.py", {"AUTO_SPREAD": 1.0}, ("photographs", "light", "prior")),
+    Rule("thresholds from the local noise", "image/edges.py", {"AUTO_SPREAD": 1.0}, ("light", "prior")),
     Rule("an enlargement is taken back", "image/magnified.py", {"FACTORS": ()}, ("magnified",)),
     Rule("only whole pictures of few pixels", "image/magnified.py", {"DIFFERENT": 1.0}, ("magnified",)),
     Rule("a picture was not tiny before", "image/magnified.py", {"LEAST_SIDE": 0}, ("magnified",)),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ffseg.camera.motion import PARAMETERS, Motion, planar_motion
-from ffseg.freespace.motion import ground
+from ffseg.freespace.motion import evidence, ground
 from ffseg.freespace.motion.evidence import FREE, Evidence
 from ffseg.freespace.motion.ground import GroundFit, fit_ground, predictions, prior_sigmas
 from ffseg.freespace.motion.tracking import Tracks
@@ -135,3 +137,20 @@ def test_a_component_is_not_judged_by_a_motion_that_only_it_gives(monkeypatch: p
         fit = fitted(monkeypatch, current[:count], seen(current[:count]), owner=owner)
         assert fit is not None
         assert fit.without(1).known.tolist() == [known]
+
+
+@pytest.mark.parametrize("shape", [(165, 193), (164, 192), (20, 200)])  # windows that end at the border, and one less
+def test_the_grid_keeps_clear_of_all_that_is_not_free(shape: tuple[int, int]) -> None:
+    random = np.random.default_rng(3)
+    free = random.random(shape) > 0.002
+    rig = replace(sample_camera(), center=(90.0, 60.0), robot_radius=15.0)
+    expected = []
+    for y in range(evidence.GRID_STEP // 2, shape[0] - evidence.CLEAR, evidence.GRID_STEP):
+        for x in range(evidence.GRID_STEP // 2, shape[1] - evidence.CLEAR, evidence.GRID_STEP):
+            reach = evidence.CLEAR
+            window = free[y - reach : y + reach + 1, x - reach : x + reach + 1]
+            if window.all() and np.hypot(x - 90, y - 60) > 15 + reach:
+                expected.append([x, y])
+    found = evidence.ground_grid(rig, free)
+    assert found.tolist() == expected
+    assert bool(expected) == (shape[0] > 2 * evidence.CLEAR)

@@ -1,4 +1,4 @@
-"""The campaign on real sets in short form: what it counts, where it sees lost area, and which changes it notices."""
+"""The campaigns on real sets and on photographs in short form: what they count, choose and notice."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 from ffseg.parameters import load_params
 from tests import real_data
-from tests.campaigns import real_images, real_invariance, real_sets
+from tests.campaigns import photographs, real_images, real_invariance, real_sets
 
 
 def test_an_empty_variable_names_no_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -37,19 +37,24 @@ def photograph(step: int = 120, folder: str = "road") -> real_images.Photograph:
     return real_images.Photograph(folder, "a.png", image, truth, (60.0, 45.0, 12.0))
 
 
+def drawn(data: Path, folder: str, steps: tuple[int, ...], head: str = "image,seed_x,seed_y,inner_radius_px") -> None:
+    """A set of images whose discs stand out by `steps`."""
+    lines = [head]
+    for kind in ("images", "truth"):
+        (data / folder / kind).mkdir(parents=True)
+    for index, step in enumerate(steps):
+        one = photograph(step)
+        cv2.imwrite(str(data / folder / "images" / f"{index}.png"), one.image)
+        cv2.imwrite(str(data / folder / "truth" / f"{index}.png"), one.truth)
+        lines.append(f"{index}.png,60,45,{24 if 'inner' in head else 12}")
+    (data / folder / "seeds.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
 @pytest.fixture
 def data(tmp_path: Path) -> Path:
     """Two sets of two images; in the second of each the border of the disc is too faint to hold."""
-    for folder, head in (("road", "image,seed_x,seed_y,inner_radius_px"), ("real_floors/omni", "image,x,y,radius")):
-        lines = [head]
-        for kind in ("images", "truth"):
-            (tmp_path / folder / kind).mkdir(parents=True)
-        for index, step in enumerate((120, 1)):
-            one = photograph(step)
-            cv2.imwrite(str(tmp_path / folder / "images" / f"{index}.png"), one.image)
-            cv2.imwrite(str(tmp_path / folder / "truth" / f"{index}.png"), one.truth)
-            lines.append(f"{index}.png,60,45,24" if folder == "road" else f"{index}.png,60,45,12")
-        (tmp_path / folder / "seeds.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    drawn(tmp_path, "road", (120, 1))
+    drawn(tmp_path, "real_floors/omni", (120, 1), "image,x,y,radius")
     return tmp_path
 
 
@@ -134,3 +139,36 @@ def test_the_start_stays_in_the_region_when_moved() -> None:
     assert (x, y) != (60.0, 45.0)
     v, u = np.mgrid[:90, :120]
     assert (moved.truth[np.hypot(u - x, v - y) <= radius] == 255).all()
+
+
+def test_photographs_at_even_places_choose_and_those_at_odd_ones_are_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    """A threshold of 8 holds the strong edges of the even places, and not the weak ones of the odd places."""
+    monkeypatch.setattr(sys, "argv", ["photographs", "--data", str(tmp_path), "--methods", "cv_edges,nothing"])
+    monkeypatch.setitem(photographs.GRIDS, "cv_edges", {"threshold": (200.0, 8.0)})
+    assert photographs.main() == 0
+    assert "skipped: " in capsys.readouterr().out
+    for folder in photographs.SETS:
+        drawn(tmp_path, folder, (120, 20, 120, 20))
+    assert photographs.main() == 0
+    said = capsys.readouterr().out
+    assert "skipped: nothing" in said
+    rows = [line.split(" | ") for line in said.splitlines() if line.startswith("| cv_edges |")]
+    assert [row[1] for row in rows] == ["`threshold=8.0`"] * 4  # of each folder and of both, in each folder
+    assert all(float(row[2]) > 0.9 and float(row[3]) < 0.6 for row in rows)
+
+
+def test_a_photograph_that_fails_counts_zero() -> None:
+    one = replace(photograph(), circle=(600.0, 45.0, 12.0))
+    assert photographs.figures("freeform", (), one, 1)[:2] == (0.0, 0.0)
+    assert photographs.figures("freeform", (), photograph(), 1)[0] > 0.9
+
+
+def test_work_is_limited() -> None:
+    def endless() -> None:
+        while True:
+            pass
+
+    assert photographs.limited(lambda: 5, 1) == 5
+    assert photographs.limited(endless, 1) is None

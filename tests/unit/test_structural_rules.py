@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ffseg.camera.motion import Motion, planar_parameters, planar_pose, relative_motion
-from ffseg.freespace import outlines, structural
+from ffseg.freespace import corners, outlines, structural
 from ffseg.freespace.corners import Matches
 from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.sequence import Sequence
@@ -52,7 +54,10 @@ def verdict(
         (3, 0, 2, 0, "obstacle", False),
         (5, 0, 1, 0, "obstacle", False),  # but one sample is too few in any case
         (4, 0, 3, 1, "obstacle", False),  # or where one contradicts
+        (4, 0, 2, 1, "obstacle", False),
         (1, 0, 8, 2, "false_obstacle", True),  # a fifth may contradict
+        (6, 0, 10, 2, "false_obstacle", True),
+        (6, 0, 10, 3, "obstacle", False),
         (1, 0, 7, 2, "obstacle", False),
         (1, 0, 7, 5, "obstacle", True),  # many contradict: something stands there
         (5, 1, 9, 0, "false_obstacle", True),  # one corner in six may be a wrong match
@@ -71,6 +76,12 @@ def test_votes_and_verdicts(
 def test_small_components_are_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     assert verdict(monkeypatch, 4, 0, 9, 0, area=25) == ("untested", True)
     assert verdict(monkeypatch, 4, 0, 9, 0, area=36) == ("false_obstacle", True)
+
+
+def test_without_a_motion_nothing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(structural, "shared_doubt", lambda *_: SimpleNamespace(known=np.array([False])))
+    monkeypatch.setattr(structural, "sway_of", lambda *_: SimpleNamespace(of=lambda asked: asked))
+    assert verdict(monkeypatch, 6, 0, 10, 0) == ("untested", False)
 
 
 @pytest.mark.parametrize(
@@ -127,6 +138,58 @@ def test_doubt_about_the_motion_silences_samples_and_what_the_others_say_moves_t
         assert outlines._judge(aligned, ground, nothing, covariance)[0][0] == expected
     moved = np.array([[-1.5, 0.0]])
     assert outlines._judge(aligned, ground, moved, 0.0 * half)[1][0], "2.5 px above where the others put the ground"
+
+
+def corner(
+    monkeypatch: pytest.MonkeyPatch,
+    step: tuple[float, float],
+    score: float = 0.95,
+    *,
+    unique: bool = True,
+    near: float = 1.0,
+) -> tuple[bool, float]:
+    """Whether a corner's match counts, and its altitude; nearness grows by one in 10 px along x, the mount is at 1 m."""
+    at = np.array([[100.0, 50.0]])
+    start = Candidates(at[:, None], np.array([[[1.0, 0.0, 0.0, 1.0]]]))
+    found = SimpleNamespace(pixels=at, owner=np.zeros(1, np.intp))
+    rate = np.array([[10.0, 0.0]])
+    nothing = np.zeros((1, 2)), np.zeros((1, 2, 2))
+    monkeypatch.setattr(corners, "harris_points", lambda *_: found)
+    monkeypatch.setattr(corners, "_sweep", lambda *_: (start, rate, np.array([near]), np.array([unique])))
+    aligned = Alignments(at + [step], np.array([score]), np.array([1e6 * np.eye(2)]), np.ones(1))
+    monkeypatch.setattr(corners, "align_patches", lambda *_: aligned)
+    monkeypatch.setattr(corners, "swayed", lambda *_: nothing)
+    pair: Any = SimpleNamespace(current=None, previous=None, camera=SimpleNamespace(mounting=lambda: 1.0))
+    result = corners.match_corners(pair, [], EPSILON)
+    return bool(result.good[0]), float(result.altitude[0])
+
+
+def test_a_corner_counts_when_it_is_unique_similar_and_on_its_curve(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert corner(monkeypatch, (0.0, 0.0)) == (True, 0.0)
+    good, altitude = corner(monkeypatch, (2.0, 0.0))
+    assert good
+    assert altitude == pytest.approx(1 - 1 / 1.2)
+    assert not corner(monkeypatch, (0.0, 0.0), unique=False)[0]
+    assert not corner(monkeypatch, (0.0, 0.0), score=0.84)[0]
+    assert not corner(monkeypatch, (2.6, 0.0))[0]  # another place
+    assert not corner(monkeypatch, (0.0, 2.2))[0]  # off its curve
+    assert corner(monkeypatch, (0.0, 1.8))[0]
+    assert not corner(monkeypatch, (0.0, 0.0), near=-0.1)[0]
+
+
+def test_samples_in_noise_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = SimpleNamespace(pixels=np.zeros((3, 2)), owner=np.zeros(3, np.intp))
+    ground = SimpleNamespace(pixels=np.zeros((3, 2, 2)), warps=np.zeros((3, 2, 2, 2)))
+    votes = np.array([True, True, False]), np.array([False, False, True])
+    monkeypatch.setattr(outlines, "outline_points", lambda *_: found)
+    monkeypatch.setattr(outlines, "plane_candidates", lambda *_: ground)
+    monkeypatch.setattr(outlines, "align_patches", lambda *_: None)
+    monkeypatch.setattr(outlines, "swayed", lambda *_: (None, None))
+    monkeypatch.setattr(outlines, "_judge", lambda *_: votes)
+    monkeypatch.setattr(outlines, "_contrast", lambda *_: np.array([1000.0, 40.0, 1000.0]))
+    pair: Any = SimpleNamespace(current=None, previous=None, camera=None, motion=None, noise=2.0)  # 4 is a tenth of 40
+    flat, raised = outlines.outline_votes(pair, [None], EPSILON, None)  # type: ignore[list-item, arg-type]
+    assert (flat.tolist(), raised.tolist()) == ([1], [1])
 
 
 @lru_cache(maxsize=1)
