@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import chromium
+import numpy as np
 import pytest
+import rendered
+from commands import Command
 from hypothesis import settings
 
+from ffseg.cli.app import main
+from ffseg.samples.png import encode
+from ffseg.samples.scenes import SCENES
 from tests import real_data
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -30,6 +42,9 @@ def pytest_configure(config: pytest.Config) -> None:
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
         signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup the commands that are tested would ignore it as well
     settings.load_profile("long" if config.getoption("--long") else "short")
+    if not hasattr(config, "workerinput"):  # the process that starts the others
+        os.environ[rendered.FOLDER] = folder = tempfile.mkdtemp(prefix="ffseg-rendered-")
+        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -38,6 +53,21 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if "long" in item.keywords:
             item.add_marker(pytest.mark.skip(reason="long form of a campaign; run with --long"))
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _samples_are_drawn_once() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ffseg.samples.write.render_pair", rendered.render_pair)
+        for name, draw in list(SCENES.items()):
+            patch.setitem(SCENES, name, rendered.once(draw))
+        patch.setattr("ffseg.samples.write.encode", lambda image: _encoded(image.shape, image.tobytes()))
+        yield
+
+
+@cache
+def _encoded(shape: tuple[int, ...], data: bytes) -> bytes:
+    return encode(np.frombuffer(data, np.uint8).reshape(shape))
 
 
 @pytest.fixture
@@ -89,7 +119,7 @@ def browser(program_at_work: chromium.Chromium) -> chromium.Chromium:
 
 
 @pytest.fixture(scope="session")
-def ffseg_command() -> Callable[..., subprocess.CompletedProcess[str]]:
+def ffseg_process() -> Command:
     """Run ``ffseg`` as its own process; returns exit code, stdout and stderr."""
 
     def run(*arguments: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
@@ -97,5 +127,26 @@ def ffseg_command() -> Callable[..., subprocess.CompletedProcess[str]]:
         return subprocess.run(
             command, check=False, capture_output=True, text=True, encoding="utf-8", timeout=600, **options
         )
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def ffseg_command() -> Command:
+    """The same in this process, and so the images of ``run``, unless it is told how: where no process is what is tested."""
+
+    def run(*arguments: str | Path, cwd: Path | None = None, input: str = "") -> subprocess.CompletedProcess[str]:  # noqa: A002
+        words = [*map(str, arguments)]
+        if words[:1] == ["run"] and not {"--jobs", "--executor", "--help", "-"} & set(words):
+            words += ["--executor", "inprocess"]
+        streams = [io.TextIOWrapper(io.BytesIO(data), "utf-8") for data in (input.encode(), b"", b"")]
+        with pytest.MonkeyPatch.context() as patch, contextlib.chdir(cwd or os.getcwd()):
+            patch.setattr(sys, "argv", ["ffseg", *words])
+            for name, stream in zip(("stdin", "stdout", "stderr"), streams, strict=True):
+                patch.setattr(sys, name, stream)
+            with pytest.raises(SystemExit) as ended:
+                main()
+        said = [bytes(stream.detach().getbuffer()).decode() for stream in streams[1:] if stream.flush() is None]
+        return subprocess.CompletedProcess(words, int(ended.value.code or 0), *said)
 
     return run

@@ -46,7 +46,7 @@ STALE = "stale: its text no longer stands in the code once"
 NEAREST = {
     "native": (
         "tests/unit/test_freeform_flips.py", "tests/unit/test_freeform_repairs.py", "tests/unit/test_freeform_steps.py",
-        "tests/unit/test_samples_segmented.py", "tests/unit/test_freeform_components.py",
+        "tests/unit/test_samples.py", "tests/unit/test_freeform_components.py",
         "tests/unit/test_region_pressure.py", "tests/unit/test_core_regressions.py",
         "tests/unit/test_corridors.py",
     ),

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from commands import Command
 
 import ffseg
 from ffseg import __version__
@@ -17,7 +18,6 @@ from ffseg.cli import app, console
 from ffseg.cli.app import COMMANDS
 from ffseg.errors import OutputError
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
 HEAVY = ("numpy", "cv2", "yaml", "ffseg.native", "ffseg.parameters", "PIL", "pebble")
 START_RATIO = 1.3
 """Bound for --version, in processor time, against an empty Typer program."""
@@ -71,12 +71,12 @@ def test_version_starts_like_an_empty_typer_program() -> None:
     raise AssertionError(f"{least:.3f} s beside {least_empty:.3f} s")
 
 
-def test_version_is_that_of_the_package(ffseg_command: Run) -> None:
+def test_version_is_that_of_the_package(ffseg_command: Command) -> None:
     done = ffseg_command("--version")
     assert (done.returncode, done.stdout, done.stderr) == (0, f"ffseg {__version__}\n", "")
 
 
-def test_help_lists_every_command_there_is(ffseg_command: Run) -> None:
+def test_help_lists_every_command_there_is(ffseg_command: Command) -> None:
     done = ffseg_command("--help")
     listed = re.findall(r"^  (\w+)  ", done.stdout.partition("Commands:")[2], flags=re.MULTILINE)
     assert done.returncode == 0
@@ -85,7 +85,7 @@ def test_help_lists_every_command_there_is(ffseg_command: Run) -> None:
 
 
 @pytest.mark.parametrize("arguments", [["nothing"], ["--nothing"], ["config", "nothing"], ["samples"]])
-def test_usage_errors_end_with_2(arguments: list[str], ffseg_command: Run) -> None:
+def test_usage_errors_end_with_2(arguments: list[str], ffseg_command: Command) -> None:
     done = ffseg_command(*arguments)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
@@ -132,10 +132,3 @@ def test_an_interrupt_ends_with_130(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_terminal_text_is_escaped() -> None:
     assert console.escape("a\x1b[2J\r\u202eb\udcff\n\té") == "a\\x1b[2J\\r\\u202eb\\udcff\n\té"
-
-
-def test_completion_names_the_commands() -> None:
-    environment = {**os.environ, "_FFSEG_COMPLETE": "complete_bash", "COMP_WORDS": "ffseg con", "COMP_CWORD": "1"}
-    command = [sys.executable, "-m", "ffseg"]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, env=environment)
-    assert done.stdout.split() == ["config"]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
 from subprocess import CompletedProcess
 
 import pytest
+from commands import Command
 
-Command = Callable[..., CompletedProcess[str]]
 QUICK = ("bench", "--quick", "--suite", "patches", "--out")
 
 

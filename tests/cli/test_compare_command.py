@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
-
-
-def ffseg(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "ffseg", "compare", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+from commands import Command
 
 
 def write_case(folder: Path) -> None:
@@ -24,10 +18,11 @@ def write_case(folder: Path) -> None:
     cv2.imwrite(str(folder / "truth" / "disc.png"), np.where(inside, 255, 0).astype(np.uint8))
 
 
-def test_a_comparison_and_its_json(tmp_path: Path) -> None:
+def test_a_comparison_and_its_json(tmp_path: Path, ffseg_command: Command) -> None:
     write_case(tmp_path)
     out = tmp_path / "out"
-    done = ffseg(
+    done = ffseg_command(
+        "compare",
         *(tmp_path / "disc.png", "--out", out, "--truth", tmp_path / "truth", "--set", "init.radius=10"),
         *("--methods", "freeform,levelset", "--json", "--min-iou", "0.9", "--min-iou", "levelset=0.95"),
     )
@@ -39,9 +34,10 @@ def test_a_comparison_and_its_json(tmp_path: Path) -> None:
     assert "disc.png: levelset ok" in done.stderr
 
 
-def test_a_missed_gate_is_exit_4(tmp_path: Path) -> None:
+def test_a_missed_gate_is_exit_4(tmp_path: Path, ffseg_command: Command) -> None:
     write_case(tmp_path)
-    done = ffseg(
+    done = ffseg_command(
+        "compare",
         *(tmp_path / "disc.png", "--out", tmp_path / "out", "--truth", tmp_path / "truth", "--methods", "levelset"),
         *("--set", "init.radius=10", "--set", "levelset.settle=0", "--min-iou", "0.99"),
     )
@@ -50,16 +46,7 @@ def test_a_missed_gate_is_exit_4(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "compare.csv").exists()
 
 
-def test_a_failed_image_is_exit_3(tmp_path: Path) -> None:
-    write_case(tmp_path)
-    (tmp_path / "bad.png").write_text("text", encoding="utf-8")
-    done = ffseg(tmp_path, "--out", tmp_path / "out", "--truth", tmp_path / "truth", "-q", "--set", "init.radius=10")
-    assert done.returncode == 3
-    assert done.stdout == ""
-    assert (tmp_path / "out" / "panels" / "disc.png").exists()
-
-
-def test_usage_errors_are_exit_2_and_write_nothing(tmp_path: Path) -> None:
+def test_usage_errors_are_exit_2_and_write_nothing(tmp_path: Path, ffseg_command: Command) -> None:
     write_case(tmp_path)
     cases = {
         "there is no 'x'": ("--methods", "x"),
@@ -70,24 +57,24 @@ def test_usage_errors_are_exit_2_and_write_nothing(tmp_path: Path) -> None:
         "unknown key": ("--set", "snake.tensoin=1"),
     }
     for sentence, arguments in cases.items():
-        done = ffseg(tmp_path / "disc.png", "--out", tmp_path / "out", *arguments)
+        done = ffseg_command("compare", tmp_path / "disc.png", "--out", tmp_path / "out", *arguments)
         assert done.returncode == 2, (sentence, done.stderr)
         assert sentence in done.stderr
         assert not (tmp_path / "out").exists()
 
 
-def test_the_terminal_gets_a_summary_of_each_method(tmp_path: Path) -> None:
+def test_the_terminal_gets_a_summary_of_each_method(tmp_path: Path, ffseg_command: Command) -> None:
     samples = Path(__file__).resolve().parents[2] / "samples"
     methods = ("--methods", "freeform,cv_edges")
-    done = ffseg(samples, "--out", tmp_path / "out", *methods, "--truth", samples / "truth")
+    done = ffseg_command("compare", samples, "--out", tmp_path / "out", *methods, "--truth", samples / "truth")
     head, first, second, where = done.stdout.splitlines()
     assert " ".join(head.split()) == "method images median evolution ms median total ms mean IoU lowest IoU best on"
     assert (first.split()[:3], second.split()[:2]) == (["freeform", "(FF)", "3"], ["cv_edges", "3"])
     assert where == f"every image: {tmp_path / 'out' / 'compare.md'}"
-    assert "IoU" not in ffseg(samples / "toy.png", "--out", tmp_path / "alone", *methods).stdout
+    assert "IoU" not in ffseg_command("compare", samples / "toy.png", "--out", tmp_path / "alone", *methods).stdout
 
 
-def test_panels_that_belong_to_no_row_are_removed(tmp_path: Path) -> None:
+def test_panels_that_belong_to_no_row_are_removed(tmp_path: Path, ffseg_command: Command) -> None:
     """Those of images left out, or no longer to be read, stayed beside the new table; files of others do stay."""
     write_case(tmp_path)
     folder, panels = tmp_path / "in", tmp_path / "out" / "panels"
@@ -95,9 +82,9 @@ def test_panels_that_belong_to_no_row_are_removed(tmp_path: Path) -> None:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes((tmp_path / "disc.png").read_bytes())
     command = (folder, "--out", tmp_path / "out", "--methods", "cv_edges", "--set", "init.radius=8", "-q")
-    assert ffseg(*command).returncode == 0
+    assert ffseg_command("compare", *command).returncode == 0
     (panels / "mine.png").write_bytes(b"mine")
     (folder / "a.png").write_text("no image")
     (folder / "sub" / "c.png").unlink()
-    assert ffseg(*command).returncode == 3
+    assert ffseg_command("compare", *command).returncode == 3
     assert sorted(path.name for path in panels.rglob("*.png")) == ["b.png", "mine.png"]

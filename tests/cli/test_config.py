@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
+
+from commands import Command
 
 from ffseg import parameter_changes
 from ffseg.parameter_changes import since_0_1
@@ -13,11 +13,10 @@ from ffseg.parameters import load_params, presets, written
 from ffseg.schema.nodes import Problems
 from ffseg.schema.sections import flat
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_list_names_every_preset_with_purpose_and_file(ffseg_command: Run) -> None:
+def test_list_names_every_preset_with_purpose_and_file(ffseg_command: Command) -> None:
     done = ffseg_command("config", "list")
     assert done.returncode == 0
     lines = done.stdout.splitlines()
@@ -26,7 +25,7 @@ def test_list_names_every_preset_with_purpose_and_file(ffseg_command: Run) -> No
     assert "$schema" not in done.stdout
 
 
-def test_show_can_be_read_back(ffseg_command: Run, tmp_path: Path) -> None:
+def test_show_can_be_read_back(ffseg_command: Command, tmp_path: Path) -> None:
     done = ffseg_command("config", "show", "toy-full", "--set", "contour.degree=2", "--set", "init.mask='a: b.png'")
     assert done.returncode == 0
     file = tmp_path / "shown.yaml"
@@ -35,7 +34,7 @@ def test_show_can_be_read_back(ffseg_command: Run, tmp_path: Path) -> None:
     assert load_params(file) == expected
 
 
-def test_check_names_good_files_and_every_problem_of_bad_ones(ffseg_command: Run, tmp_path: Path) -> None:
+def test_check_names_good_files_and_every_problem_of_bad_ones(ffseg_command: Command, tmp_path: Path) -> None:
     good, bad, worse = tmp_path / "good.yaml", tmp_path / "bad.yaml", tmp_path / "worse.yaml"
     good.write_text("region.largest: 2\n")
     bad.write_text("contour.degree: 8\ncontuor: {}\n")
@@ -50,7 +49,7 @@ def test_check_names_good_files_and_every_problem_of_bad_ones(ffseg_command: Run
     assert len(lines) == 3
 
 
-def test_schema_is_json_and_the_one_beside_the_presets(ffseg_command: Run) -> None:
+def test_schema_is_json_and_the_one_beside_the_presets(ffseg_command: Command) -> None:
     done = ffseg_command("config", "schema")
     assert json.loads(done.stdout) == json.loads((ROOT / "configs/schema.json").read_text("utf-8"))
 
@@ -60,7 +59,7 @@ def test_every_preset_points_its_editor_to_the_schema() -> None:
         assert path.read_text("utf-8").startswith("# yaml-language-server: $schema=schema.json\n")
 
 
-def test_samples_writes_the_committed_bytes(ffseg_command: Run, tmp_path: Path) -> None:
+def test_samples_writes_the_committed_bytes(ffseg_command: Command, tmp_path: Path) -> None:
     done = ffseg_command("samples", tmp_path / "new" / "folder")
     assert done.returncode == 0
     written = {
@@ -86,7 +85,9 @@ def test_the_table_of_0_1_is_its_default_file_and_each_key_is_still_read() -> No
     assert lines[0] == "edges.source: gradient  # auto now"
 
 
-def test_check_says_what_to_add_to_a_file_of_0_1_for_the_results_of_then(ffseg_command: Run, tmp_path: Path) -> None:
+def test_check_says_what_to_add_to_a_file_of_0_1_for_the_results_of_then(
+    ffseg_command: Command, tmp_path: Path
+) -> None:
     file = tmp_path / "old.yaml"
     file.write_text("contour:\n  clearance: 8\n  balloon: 4\ninit:\n  radius: 80\n")
     done = ffseg_command("config", "check", "old.yaml", cwd=tmp_path)
@@ -109,7 +110,9 @@ def test_check_says_what_to_add_to_a_file_of_0_1_for_the_results_of_then(ffseg_c
     assert ffseg_command("run", image, "--out", "out", "--config", "old.yaml", cwd=tmp_path).returncode == 0
 
 
-def test_check_says_nothing_of_0_1_for_presets_and_files_with_newer_keys(ffseg_command: Run, tmp_path: Path) -> None:
+def test_check_says_nothing_of_0_1_for_presets_and_files_with_newer_keys(
+    ffseg_command: Command, tmp_path: Path
+) -> None:
     (tmp_path / "new.yaml").write_text("edges: {levels: root}\n")
     done = ffseg_command("config", "check", "toy-full", "new.yaml", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")

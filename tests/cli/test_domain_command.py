@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from commands import Command
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
 BONNET = np.indices((90, 120))[0] > 70
 
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from commands import Command
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
 FLAT = np.full((60, 80), 90, np.uint8)
 
 
@@ -39,7 +37,7 @@ def test_masks_of_images_and_of_folders(ffseg_command: Command, images: Path, tm
     mask(tmp_path / "domains" / "left" / "b.png", slice(30, 80))
     mask(tmp_path / "domains" / "right" / "a.png", slice(20, 60))
     out = tmp_path / "out"
-    arguments = ("run", images, "--out", out, "--jobs", "1", "--set", "init.radius=6")
+    arguments = ("run", images, "--out", out, "--set", "init.radius=6")
     given = (*arguments, "--set", f"domain.masks={tmp_path / 'domains'}")
     done = ffseg_command(*given)
     assert done.returncode == 0, done.stderr

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import documented_blocks as documented
 import pytest
+from commands import Command
 
 from ffseg.batch.outputs.table import EXPORTS
 from ffseg.bench.session import SUITES
@@ -20,7 +18,6 @@ from ffseg.cli.app import COMMANDS
 from ffseg.cli.commands import config
 from ffseg.cli.examples import EXAMPLES
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
 BELOW = [f"config {name}" for name in ("list", "show", "check", "schema")]
 SLOW = ("bench", "pick")
 DONE = "ffseg samples pictures"
@@ -28,7 +25,7 @@ DONE = "ffseg samples pictures"
 
 
 @pytest.mark.parametrize("command", [*COMMANDS, *BELOW])
-def test_every_help_ends_with_its_examples(command: str, ffseg_command: Run) -> None:
+def test_every_help_ends_with_its_examples(command: str, ffseg_command: Command) -> None:
     shown = ffseg_command(*command.split(), "--help").stdout
     assert EXAMPLES[command]
     assert shown.partition("Examples:\n")[2].split("\n")[:-1] == [f"    {line}" for line in EXAMPLES[command]]
@@ -48,14 +45,14 @@ def test_the_examples_run(tmp_path: Path) -> None:
         assert documented.run(documented.Block("sh", line, None), "bash", tmp_path, environment) == ""
 
 
-def test_help_names_every_choice(ffseg_command: Run) -> None:
+def test_help_names_every_choice(ffseg_command: Command) -> None:
     for command, choices in (("bench", SUITES), ("run", EXPORTS)):
         words = re.findall(r"[a-z]+", ffseg_command(command, "--help").stdout)
         assert [choice for choice in choices if choice not in words] == []
 
 
 @pytest.mark.parametrize("command", [(), ("config",)])
-def test_lists_of_commands_show_whole_summaries(command: tuple[str, ...], ffseg_command: Run) -> None:
+def test_lists_of_commands_show_whole_summaries(command: tuple[str, ...], ffseg_command: Command) -> None:
     listed = ffseg_command(*command, "--help").stdout.partition("Commands:\n")[2]
     assert "..." not in listed
     if command:
@@ -77,21 +74,15 @@ MISTYPED = {
 
 @pytest.mark.parametrize(("arguments", "said"), MISTYPED.values(), ids=MISTYPED)
 def test_mistyped_words_are_told_the_nearest(
-    arguments: list[str], said: str, tmp_path: Path, ffseg_command: Run
+    arguments: list[str], said: str, tmp_path: Path, ffseg_command: Command
 ) -> None:
     done = ffseg_command(*arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert said in " ".join(done.stderr.split())
 
 
-def completed(words: str) -> list[str]:
-    count = len(words.split()) - (not words.endswith(" "))
-    environment = {**os.environ, "_FFSEG_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(count)}
-    done = subprocess.run([sys.executable, "-m", "ffseg"], check=False, capture_output=True, text=True, env=environment)
-    return done.stdout.split()
-
-
 COMPLETED = {
+    "ffseg con": ["config"],
     "ffseg run --config toy-f": ["toy-fixed", "toy-full"],
     "ffseg config show omni-i": ["omni-indoor"],
     "ffseg run --set contour.deg": ["contour.degree="],
@@ -104,8 +95,13 @@ COMPLETED = {
 
 
 @pytest.mark.parametrize(("words", "expected"), COMPLETED.items(), ids=COMPLETED)
-def test_the_shell_completes(words: str, expected: list[str]) -> None:
-    assert completed(words) == expected
+def test_the_shell_completes(
+    words: str, expected: list[str], ffseg_command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    count = len(words.split()) - (not words.endswith(" "))
+    for name, value in (("_FFSEG_COMPLETE", "complete_bash"), ("COMP_WORDS", words), ("COMP_CWORD", str(count))):
+        monkeypatch.setenv(name, value)
+    assert ffseg_command().stdout.split() == expected
 
 
 def test_words_of_a_key_are_completed() -> None:

@@ -14,6 +14,7 @@ from typing import Any
 
 import chromium
 import pytest
+from commands import Command
 from pick_page import LEFT, RIGHT, SIZE, ask, disc, draw, iou, mask_of, picked, served
 
 from ffseg.io.starts import Start, load_starts
@@ -247,7 +248,7 @@ def command(folder: Path, out: Path, *more: str) -> subprocess.Popen[str]:
 
 
 def test_a_killed_server_goes_on_where_it_was(
-    browser: chromium.Chromium, folder: Path, tmp_path: Path, ffseg_command: Callable[..., Any]
+    browser: chromium.Chromium, folder: Path, tmp_path: Path, ffseg_command: Command
 ) -> None:
     out = tmp_path / "killed"
     first = command(folder, out)

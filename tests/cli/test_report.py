@@ -6,19 +6,18 @@ import json
 import os
 import re
 import shutil
-import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import chromium
 import numpy as np
 import pytest
 import runs
+from commands import Command
 
 from ffseg.batch.report.write import write_report
 from ffseg.io.tables import csv_table
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
 HOSTILE = "<img src=x onerror=alert(1)><script>document.title='taken'</script>.png"
 MOST_IN_SIGHT = 100
 """Cards: 5 columns and 4 rows of the window of the tests, 3 rows above and below, and one cut at each end."""

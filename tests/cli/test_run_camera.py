@@ -8,29 +8,22 @@ import os
 import shutil
 import subprocess
 import tarfile
-from collections.abc import Callable
-from functools import lru_cache
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from commands import Command
+from rendered import render_pair
 
-from ffseg.rendering import CAMERA_YAML, RenderedPair, poses_csv, render_pair
-
-Command = Callable[..., subprocess.CompletedProcess[str]]
-
-
-@lru_cache(maxsize=1)
-def rendered() -> RenderedPair:
-    return render_pair(4)
+from ffseg.rendering import CAMERA_YAML, poses_csv
 
 
 @pytest.fixture
 def views(tmp_path: Path) -> Path:
     folder = tmp_path / "views"
     folder.mkdir()
-    pair = rendered()
+    pair = render_pair(4)
     for name, view in (("1.png", pair.previous), ("2.png", pair.current)):
         cv2.imwrite(str(folder / name), view.image)
     (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
@@ -43,7 +36,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 
 def run(ffseg_command: Command, folder: Path, *more: str | Path, out: str = "out") -> subprocess.CompletedProcess[str]:
-    return ffseg_command("run", folder / "views", "--out", folder / out, "--jobs", "1", *more)
+    return ffseg_command("run", folder / "views", "--out", folder / out, *more)
 
 
 def with_camera(folder: Path) -> tuple[str | Path, ...]:
@@ -59,7 +52,7 @@ def test_the_snake_takes_the_altitudes_of_the_pair(ffseg_command: Command, views
     (views / "views" / "1.png").unlink()
     assert run(ffseg_command, views, *with_camera(views), *snake, out="alone").returncode == 0
     masks = [cv2.imread(str(views / out / "masks" / "2.png"), cv2.IMREAD_GRAYSCALE) == 255 for out in ("out", "alone")]
-    marks = (rendered().current.labels > 0) & (rendered().current.labels <= len(rendered().scene.marks))
+    marks = (render_pair(4).current.labels > 0) & (render_pair(4).current.labels <= len(render_pair(4).scene.marks))
     assert masks[0][marks].mean() > masks[1][marks].mean() + 0.5
 
 
@@ -74,7 +67,7 @@ def test_a_sequence_writes_verdicts_and_merged_masks(ffseg_command: Command, vie
     assert {row["verdict"] for row in table if row["image"] == "1.png"} == {"untested"}
     assert {row["verdict"] for row in table if row["image"] == "2.png"} == {"obstacle", "false_obstacle"}
     mask = cv2.imread(str(views / "out" / "masks" / "2.png"), cv2.IMREAD_GRAYSCALE) == 255
-    truth = rendered().current.truth
+    truth = render_pair(4).current.truth
     assert (mask & truth).sum() / (mask | truth).sum() > 0.985
     timings = rows(views / "out" / "timings.csv")
     assert "first image" in timings[0]["note"]
@@ -109,7 +102,7 @@ def test_a_second_run_does_only_what_its_inputs_changed(ffseg_command: Command, 
     command = ("--camera", views / "camera.yaml", "--poses", views / "poses.csv", "--json")
     run(ffseg_command, views, *command)
     assert '"unchanged": 2' in run(ffseg_command, views, *command).stdout
-    image = rendered().previous.image.copy()
+    image = render_pair(4).previous.image.copy()
     image[:5, :5] = 9
     cv2.imwrite(str(views / "views" / "1.png"), image)
     again = run(ffseg_command, views, *command)

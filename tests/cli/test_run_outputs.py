@@ -9,7 +9,6 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -18,12 +17,13 @@ import numpy as np
 import pytest
 import yaml
 from bad_images import READS_GIF
+from commands import Command
 from PIL import Image
+from rendered import render_pair
 
-from ffseg.rendering import CAMERA_YAML, poses_csv, render_pair
+from ffseg.rendering import CAMERA_YAML, poses_csv
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
-START = ("--set", "init.radius=12", "--jobs", "1")
+START = ("--set", "init.radius=12")
 
 
 @pytest.fixture
@@ -150,7 +150,7 @@ def test_views_are_filmed_and_exported_too(ffseg_command: Command, tmp_path: Pat
         cv2.imwrite(str(tmp_path / "views" / name), view.image)
     (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
     (tmp_path / "poses.csv").write_text(poses_csv(pair.poses, ("1.png", "2.png")))
-    camera = ("--camera", tmp_path / "camera.yaml", "--poses", tmp_path / "poses.csv", "--jobs", "1")
+    camera = ("--camera", tmp_path / "camera.yaml", "--poses", tmp_path / "poses.csv")
     out = tmp_path / "out"
     result = ffseg_command("run", tmp_path / "views", "--out", out, *camera, "--export", "geojson", "--animate")
     assert result.returncode == 0, result.stderr

@@ -9,7 +9,6 @@ import re
 import stat
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -17,13 +16,13 @@ import numpy as np
 import pytest
 import typer
 from bad_images import READS_GIF
+from commands import Command
 from PIL import Image
 
 import ffseg
 from ffseg.cli.commands.segment import segment
 from tests.masks import read_mask
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
 TOY = Path(__file__).resolve().parents[2] / "samples" / "toy.png"
 
 
@@ -32,7 +31,7 @@ def mask() -> np.ndarray:
     return ffseg.segment(ffseg.read_image(TOY)).mask
 
 
-def test_suffixes_say_what_is_written(mask: np.ndarray, tmp_path: Path, ffseg_command: Run) -> None:
+def test_suffixes_say_what_is_written(mask: np.ndarray, tmp_path: Path, ffseg_command: Command) -> None:
     names = ("a.png", "a.svg", "a.geojson", "a.json", "a.jpg", "a.webp")
     done = ffseg_command("segment", TOY, *names, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (0, "")
@@ -60,7 +59,7 @@ def test_pipes(kind: str | None, mask: np.ndarray, tmp_path: Path) -> None:
         assert done.stdout.startswith(b"<?xml" if kind == "svg" else b"{")
 
 
-def test_it_finds_what_run_finds(tmp_path: Path, ffseg_command: Run) -> None:
+def test_it_finds_what_run_finds(tmp_path: Path, ffseg_command: Command) -> None:
     setting = ["--set", "contour.degree=2", "--set", "init.center=[390,300]"]
     assert ffseg_command("run", TOY, "--out", tmp_path / "run", *setting).returncode == 0
     assert ffseg_command("segment", TOY, tmp_path / "a.png", tmp_path / "a.svg", *setting).returncode == 0
@@ -81,7 +80,7 @@ USAGE = {
 
 
 @pytest.mark.parametrize(("arguments", "said"), USAGE.values(), ids=USAGE)
-def test_usage_errors(arguments: list[str], said: str, tmp_path: Path, ffseg_command: Run) -> None:
+def test_usage_errors(arguments: list[str], said: str, tmp_path: Path, ffseg_command: Command) -> None:
     (tmp_path / "toy.png").write_bytes(TOY.read_bytes())
     done = ffseg_command("segment", *(text.format(toy="toy.png") for text in arguments), cwd=tmp_path)
     assert done.returncode == 2
@@ -93,7 +92,7 @@ def test_usage_errors(arguments: list[str], said: str, tmp_path: Path, ffseg_com
 @pytest.mark.parametrize("length", [None, 600], ids=["whole", "cut"])
 @pytest.mark.parametrize(("out", "kind"), [("b.png", []), ("b.jpg", []), ("b.png", ["--as", "svg"])])
 def test_a_picture_is_not_replaced_unasked(
-    out: str, kind: list[str], length: int | None, tmp_path: Path, ffseg_command: Run
+    out: str, kind: list[str], length: int | None, tmp_path: Path, ffseg_command: Command
 ) -> None:
     """`ffseg segment *.png` in a folder of two must not turn the second photograph into a mask of the first."""
     photo = np.random.default_rng(0).integers(0, 256, (30, 40, 3), np.uint8)
@@ -110,7 +109,7 @@ def test_a_picture_is_not_replaced_unasked(
     assert (tmp_path / out).read_bytes() != before
 
 
-def test_a_mask_and_what_is_no_picture_are_replaced(mask: np.ndarray, tmp_path: Path, ffseg_command: Run) -> None:
+def test_a_mask_and_what_is_no_picture_are_replaced(mask: np.ndarray, tmp_path: Path, ffseg_command: Command) -> None:
     (tmp_path / "a.svg").write_text("mine")
     (tmp_path / "a.png").write_bytes(b"no picture")
     for _ in range(2):
@@ -120,7 +119,7 @@ def test_a_mask_and_what_is_no_picture_are_replaced(mask: np.ndarray, tmp_path: 
 
 
 @pytest.mark.skipif(not READS_GIF, reason="this OpenCV reads no GIF")
-def test_frames_that_are_not_read_are_told(tmp_path: Path, ffseg_command: Run) -> None:
+def test_frames_that_are_not_read_are_told(tmp_path: Path, ffseg_command: Command) -> None:
     frames = [Image.new("L", (40, 30), level) for level in (60, 200)]
     frames[0].save(tmp_path / "film.gif", save_all=True, append_images=frames[1:])
     done = ffseg_command("segment", "film.gif", "a.png", "--set", "init.radius=5", cwd=tmp_path)
@@ -144,7 +143,7 @@ def test_an_image_without_memory_is_no_defect(
     assert capsys.readouterr().err == "ffseg: error: there is not enough memory for the image; scale it down\n"
 
 
-def test_pipes_and_devices_stay_what_they_are(tmp_path: Path, ffseg_command: Run) -> None:
+def test_pipes_and_devices_stay_what_they_are(tmp_path: Path, ffseg_command: Command) -> None:
     os.mkfifo(tmp_path / "a.png")
     done = ffseg_command("segment", TOY, "a.png", cwd=tmp_path)
     assert (done.returncode, "a.png is a named pipe and is not replaced" in done.stderr) == (3, True)

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-
-Command = Callable[..., subprocess.CompletedProcess[str]]
+from commands import Command
 
 
 @pytest.fixture
@@ -35,7 +32,7 @@ def starts(folder: Path, *rows: str) -> Path:
 
 def test_the_plan_shows_the_starts_and_the_run_takes_them(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     path, out = starts(tmp_path, "b.png,90.5,40,", "a,30,40,6"), tmp_path / "out"
-    arguments = ("run", images, "--out", out, "--starts", path, "--set", "init.radius=7", "--jobs", "1")
+    arguments = ("run", images, "--out", out, "--starts", path, "--set", "init.radius=7")
     plan = ffseg_command(*arguments, "--dry-run")
     assert plan.returncode == 0, plan.stderr
     assert f"{images}/a.png (start at 30, 40, radius 6) -> masks/a.png, contours/a.svg" in plan.stdout
@@ -100,7 +97,7 @@ def test_a_start_that_had_to_move_is_told_and_noted(ffseg_command: Command, imag
     """The start of b.png is a circle along the edge of the right disc."""
     path, out = starts(tmp_path, "a.png,30,40,6", "b.png,90,40,20"), tmp_path / "out"
     on_edges = ("--set", "edges.source=gradient")
-    done = ffseg_command("run", images, "--out", out, "--starts", path, "--jobs", "1", *on_edges)
+    done = ffseg_command("run", images, "--out", out, "--starts", path, *on_edges)
     assert done.returncode == 0, done.stderr
     told = [line for line in done.stderr.splitlines() if "lay on an edge" in line]
     assert len(told) == 1
@@ -116,7 +113,7 @@ def test_several_rows_of_an_image_grow_and_merge_in_every_command(
     ffseg_command: Command, images: Path, tmp_path: Path
 ) -> None:
     path, out = starts(tmp_path, "a,30,40,6", "b,30,40,6", "a,90,40,"), tmp_path / "out"
-    arguments = ("run", images, "--out", out, "--starts", path, "--set", "init.radius=7", "--jobs", "1")
+    arguments = ("run", images, "--out", out, "--starts", path, "--set", "init.radius=7")
     plan = ffseg_command(*arguments, "--dry-run")
     assert f"{images}/a.png (start at 30, 40, radius 6; 90, 40) -> masks/a.png" in plan.stdout
     told = json.loads(ffseg_command(*arguments, "--dry-run", "--json").stdout)["images"]

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -13,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from commands import Command
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -24,7 +23,6 @@ from ffseg.io import bags
 from ffseg.rendering import sample_camera
 from ffseg.samples.drive import DRIVE_CAMERA, drive
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
 COUNT, BEGIN, STEP = 4, 1_700_000_000_000_000_000, 100_000_000
 
 

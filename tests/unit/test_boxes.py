@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from statistics import mean
 
 import cv2
 import numpy as np
 import pytest
+from commands import Command
 from numpy.typing import NDArray
 
 import ffseg
@@ -155,14 +155,14 @@ def test_boxes_that_cannot_be() -> None:
         ffseg.segment(image, {"edges.source": "box"})
 
 
-def test_commands_take_a_box(ffseg_command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
+def test_commands_take_a_box(ffseg_command: Command, tmp_path: Path) -> None:
     image, truth = scene()
     cv2.imwrite(str(tmp_path / "discs.png"), image)
     done = ffseg_command("segment", tmp_path / "discs.png", tmp_path / "mask.png", "--box", "25,35,71,71")
     assert done.returncode == 0, done.stderr
     mask = cv2.imread(str(tmp_path / "mask.png"), cv2.IMREAD_GRAYSCALE)
     assert iou(mask > 0, truth) > 0.9
-    run = ("run", tmp_path / "discs.png", "--out", tmp_path / "out", "--jobs", "1")
+    run = ("run", tmp_path / "discs.png", "--out", tmp_path / "out")
     assert ffseg_command(*run, "--box", "25,35,71,71").returncode == 0
     assert np.array_equal(cv2.imread(str(tmp_path / "out/masks/discs.png"), cv2.IMREAD_GRAYSCALE), mask)
     wrong = ffseg_command(*run, "--box", "25,35,0,71")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -12,7 +12,9 @@ import naive_camera
 import numpy as np
 import pytest
 from campaigns.freespace import run, true_poses
+from rendered import render_pair as pair
 
+from ffseg import rendering
 from ffseg.camera.motion import planar_parameters, planar_pose, relative_motion
 from ffseg.camera.poses import load_poses
 from ffseg.errors import CalibrationError, ParameterError, SegmentationError
@@ -28,16 +30,10 @@ from ffseg.image.keypoints import Candidates, align_patches, limited, patch_scor
 from ffseg.image.planes import search_ground_motions
 from ffseg.native import _core
 from ffseg.parameters import load_params
-from ffseg.rendering import RenderedPair, render_pair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL
 from tests.components import component_of
 
 EPSILON = 0.08
-
-
-@lru_cache(maxsize=4)
-def pair(seed: int) -> RenderedPair:
-    return render_pair(seed)
 
 
 def smooth_image(seed: int, shape: tuple[int, int] = (120, 140)) -> np.ndarray:
@@ -165,7 +161,7 @@ def test_plane_candidates_follow_points_of_that_altitude() -> None:
 
 
 def test_rendering_is_the_same_every_time_and_its_truth_is_connected() -> None:
-    first, second = pair(2), render_pair(2)
+    first, second = pair(3), rendering.render_pair(3)
     assert np.array_equal(first.current.image, second.current.image)
     assert np.array_equal(first.previous.image, second.previous.image)
     twin = naive_camera.free_ground(first.current.labels, first.camera.center, first.camera.robot_radius)
@@ -189,7 +185,7 @@ def test_labels_agree_with_the_scenes_geometry() -> None:
         assert labels[round(y), round(x)] == FIRST_BOX + index
 
 
-@pytest.mark.parametrize("seed", [3, 8])
+@pytest.mark.parametrize("seed", [3, 4])
 def test_marks_are_paint_and_boxes_are_not(seed: int) -> None:
     rendered = pair(seed)
     labels = [int(label) for label in np.unique(rendered.current.labels) if 1 <= label < FIRST_WALL]
@@ -283,7 +279,7 @@ def test_an_image_of_another_size_is_refused_by_both_sizes() -> None:
 
 
 def test_short_campaign() -> None:
-    tallies = run(range(30, 32), load_params())
+    tallies = run(range(30, 31), load_params())
     for mode, tally in tallies.items():
         assert tally.boxes_merged == 0, (mode, tally.misses)
         assert tally.marks_merged == tally.marks, (mode, tally.misses)

@@ -6,13 +6,14 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from rendered import render_pair
 
 from ffseg.camera.motion import planar_pose
 from ffseg.errors import CalibrationError
 from ffseg.freespace.altitudes import ALIKE, BEHIND, NEIGHBOUR, REACH, _passable
 from ffseg.freespace.sequence import Frame, Sequence, segment_view
 from ffseg.parameters import load_params
-from ffseg.rendering import RenderedPair, render_pair
+from ffseg.rendering import RenderedPair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL
 
 SNAKE = load_params(None, {"method": "snake"})
@@ -21,7 +22,6 @@ SEED = 7
 CENTER = (100.0, 100.0)
 
 
-@lru_cache(maxsize=1)
 def pair() -> RenderedPair:
     return render_pair(SEED)
 

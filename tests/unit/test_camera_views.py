@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pickle
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rendered import render_pair
 
 from ffseg.batch.views import Views, load_views, neighbours
 from ffseg.batch.workers.frames import (
@@ -21,12 +21,7 @@ from ffseg.batch.workers.frames import (
 from ffseg.errors import CalibrationError
 from ffseg.freespace.window import Earlier
 from ffseg.parameters import load_params
-from ffseg.rendering import CAMERA_YAML, RenderedPair, poses_csv, render_pair, sample_camera
-
-
-@lru_cache(maxsize=1)
-def rendered() -> RenderedPair:
-    return render_pair(4)
+from ffseg.rendering import CAMERA_YAML, poses_csv, sample_camera
 
 
 def test_neighbours_follow_within_their_folder() -> None:
@@ -35,7 +30,7 @@ def test_neighbours_follow_within_their_folder() -> None:
 
 
 def files(folder: Path) -> tuple[str, str]:
-    pair = rendered()
+    pair = render_pair(4)
     (folder / "camera.yaml").write_text(CAMERA_YAML)
     (folder / "poses.csv").write_text(poses_csv(pair.poses, ("0.png", "1.png")))
     return str(folder / "camera.yaml"), str(folder / "poses.csv")
@@ -44,7 +39,7 @@ def files(folder: Path) -> tuple[str, str]:
 def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     camera, poses = files(tmp_path)
     views: Views = pickle.loads(pickle.dumps(load_views(camera, poses, None, ["0.png", "1.png"])))
-    pair = rendered()
+    pair = render_pair(4)
     frame = FrameBench(views, load_params(), Masks()).frame(
         pair.current.image, [Earlier(pair.previous.image, views.poses_of("0.png", "1.png"), "0.png")], "1.png"
     )
@@ -94,7 +89,7 @@ def test_another_size_is_refused(tmp_path: Path) -> None:
 
 def test_the_sample_cameras_file_is_the_sample_camera(tmp_path: Path) -> None:
     camera, poses = files(tmp_path)
-    views, own, pair = load_views(camera, poses, None, ["0.png", "1.png"]), sample_camera(), rendered()
+    views, own, pair = load_views(camera, poses, None, ["0.png", "1.png"]), sample_camera(), render_pair(4)
     assert views.camera.projection == own.projection
     for name in ("width", "height", "center", "mount_height", "robot_radius", "rim_radius"):
         assert getattr(views.camera, name) == getattr(own, name)

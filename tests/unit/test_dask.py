@@ -12,13 +12,14 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import stand_in
 from batches import Silent, make_images, run_batch, snapshot, table
+from commands import Command
 
 from ffseg.batch.executors import dask, held
 from ffseg.batch.executors.base import Assignment
@@ -189,7 +190,7 @@ def test_a_worker_that_dies_costs_nothing(scheduler, tmp_path: Path) -> None:
 
 
 def test_a_scheduler_that_dies_ends_the_run_and_the_next_one_goes_on(
-    scheduler, ffseg_command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+    scheduler, ffseg_process: Command, tmp_path: Path
 ) -> None:
     make_images(tmp_path / "in", NAMES, {NAMES[-1]: stand_in.HANG})  # so that the run cannot be done before
     address, processes = scheduler
@@ -204,19 +205,19 @@ def test_a_scheduler_that_dies_ends_the_run_and_the_next_one_goes_on(
 
     killer = threading.Thread(target=kill, daemon=True)
     killer.start()
-    gone = ffseg_command(
+    gone = ffseg_process(
         "run", tmp_path / "in", "--out", out, "--quiet", "--dask", address, "--chunk", "60", *way, env=environment
     )
     assert gone.returncode == 1
     (line,) = gone.stderr.splitlines()  # no traceback of Dask's
     assert re.match("ffseg: error: the Dask scheduler is gone.*; run again to go on$", line)
     make_images(tmp_path / "in", NAMES)
-    rest = json.loads(ffseg_command("run", tmp_path / "in", "--out", out, "--json", *way, env=environment).stdout)[
+    rest = json.loads(ffseg_process("run", tmp_path / "in", "--out", out, "--json", *way, env=environment).stdout)[
         "counts"
     ]
     assert rest["done"] + rest["unchanged"] == 60
     assert rest["unchanged"] > 0, "what was written down of the chunk is not done again"
-    assert ffseg_command("run", tmp_path / "in", "--out", tmp_path / "one", *way, env=environment).returncode == 0
+    assert ffseg_process("run", tmp_path / "in", "--out", tmp_path / "one", *way, env=environment).returncode == 0
     assert snapshot(out) == snapshot(tmp_path / "one")
 
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -15,21 +12,16 @@ import cv2
 import numpy as np
 import pytest
 import shapely
+from commands import Command
+from rendered import drive
 
 import ffseg
 from ffseg.batch.outputs.table import MAP_FILES
-from ffseg.rendering import CAMERA_YAML, floor_sequence
-from ffseg.rendering.floors import FloorSequence
+from ffseg.rendering import CAMERA_YAML
 from ffseg.rendering.raycast import render
 from ffseg.samples.drive import DRIVE_CAMERA, drive_camera, drive_poses, drive_scene
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
 COUNT = 4
-
-
-@lru_cache(maxsize=1)
-def drive() -> FloorSequence:
-    return floor_sequence(990_003, COUNT, 2.0, 1.0)
 
 
 def write(folder: Path, lacking: int | None = None) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from commands import Command
 
 from ffseg import api
 from ffseg.batch.plan.beside import find_evidence
@@ -19,11 +18,6 @@ from ffseg.errors import ImageReadError, UsageError
 from ffseg.rendering import CAMERA_YAML
 
 SHAPE = (60, 80)
-
-
-def ffseg(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "ffseg", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False, timeout=120)
 
 
 def picture(folder: Path) -> np.ndarray:
@@ -48,49 +42,49 @@ def written(folder: Path, inside: np.ndarray, kind: str) -> Path:
 
 
 @pytest.mark.parametrize("kind", ["png", "tiff16", "npy"])
-def test_run_takes_maps_and_knows_when_they_change(tmp_path: Path, kind: str) -> None:
+def test_run_takes_maps_and_knows_when_they_change(tmp_path: Path, kind: str, ffseg_command: Command) -> None:
     inside = picture(tmp_path / "in")
     maps = written(tmp_path / "maps", inside, kind)
     command = ["run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps), "--json"]
     command += ["--set", "init.radius=8"]
-    first = ffseg(*command)
+    first = ffseg_command(*command)
     assert first.returncode == 0, first.stderr
     mask = cv2.imread(str(tmp_path / "out" / "masks" / "a.png"), cv2.IMREAD_GRAYSCALE) > 0
     assert np.count_nonzero(mask ^ inside) <= 0.03 * np.count_nonzero(inside)
-    assert json.loads(ffseg(*command).stdout)["counts"]["unchanged"] == 2
+    assert json.loads(ffseg_command(*command).stdout)["counts"]["unchanged"] == 2
     written(maps, np.roll(inside, 3, axis=1), kind)
-    again = json.loads(ffseg(*command).stdout)["counts"]
+    again = json.loads(ffseg_command(*command).stdout)["counts"]
     assert (again["done"], again["unchanged"]) == (2, 0)
 
 
-def test_compare_and_segment_take_maps(tmp_path: Path) -> None:
+def test_compare_and_segment_take_maps(tmp_path: Path, ffseg_command: Command) -> None:
     inside = picture(tmp_path / "in")
     maps = written(tmp_path / "maps", inside, "png")
     shown = ["--set", "init.radius=8"]
-    done = ffseg("compare", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps),
+    done = ffseg_command("compare", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps),
                  "--truth", str(maps), "--methods", "freeform,levelset", "--min-iou", "0.95", *shown)  # fmt: skip
     assert done.returncode == 0, done.stderr + done.stdout
-    done = ffseg("segment", str(tmp_path / "in" / "a.png"), str(tmp_path / "a-mask.png"),
+    done = ffseg_command("segment", str(tmp_path / "in" / "a.png"), str(tmp_path / "a-mask.png"),
                  "--evidence", str(maps / "a.png"), *shown)  # fmt: skip
     assert done.returncode == 0, done.stderr
     mask = cv2.imread(str(tmp_path / "a-mask.png"), cv2.IMREAD_GRAYSCALE) > 0
     assert np.count_nonzero(mask ^ inside) <= 0.03 * np.count_nonzero(inside)
 
 
-def test_a_map_of_another_size_fails_its_image(tmp_path: Path) -> None:
+def test_a_map_of_another_size_fails_its_image(tmp_path: Path, ffseg_command: Command) -> None:
     inside = picture(tmp_path / "in")
     maps = written(tmp_path / "maps", inside, "png")
     cv2.imwrite(str(maps / "b.png"), np.zeros((5, 5), np.uint8))
-    done = ffseg("run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps))
+    done = ffseg_command("run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps))
     assert done.returncode == 3
     table = (tmp_path / "out" / "timings.csv").read_text()
     assert "the map of evidence has 5 x 5 pixels, the image 80 x 60" in table
 
 
-def test_an_image_without_a_map_is_refused_before_the_first(tmp_path: Path) -> None:
+def test_an_image_without_a_map_is_refused_before_the_first(tmp_path: Path, ffseg_command: Command) -> None:
     maps = written(tmp_path / "maps", picture(tmp_path / "in"), "png")
     (maps / "b.png").unlink()
-    done = ffseg("run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps))
+    done = ffseg_command("run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps))
     assert done.returncode == 2
     assert "b.png has no map of its name" in done.stderr
     assert not (tmp_path / "out").exists()
@@ -98,10 +92,10 @@ def test_an_image_without_a_map_is_refused_before_the_first(tmp_path: Path) -> N
         find_evidence(discover([str(tmp_path / "in")]), str(tmp_path / "none"))
 
 
-def test_maps_and_a_camera_are_refused_with_the_remedy(tmp_path: Path) -> None:
+def test_maps_and_a_camera_are_refused_with_the_remedy(tmp_path: Path, ffseg_command: Command) -> None:
     maps = written(tmp_path / "maps", picture(tmp_path / "in"), "png")
     (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
-    done = ffseg(
+    done = ffseg_command(
         "run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps),
         "--camera", str(tmp_path / "camera.yaml"),
     )  # fmt: skip

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from commands import Command
 from tiny_onnx import pointwise
 
 import ffseg
@@ -171,7 +172,9 @@ def test_sources_without_what_they_need_say_so() -> None:
 
 
 @pytest.mark.parametrize("command", ["run", "compare"])
-def test_commands_start_where_a_model_says_unless_a_file_does(command: str, forest: str, tmp_path: Path) -> None:
+def test_commands_start_where_a_model_says_unless_a_file_does(
+    command: str, forest: str, tmp_path: Path, ffseg_command: Command
+) -> None:
     """Two red discs: the larger one is where a model starts, the smaller one is where the file does."""
     image = np.full((*SHAPE, 3), (160, 90, 70), np.uint8)
     small, large = disc(25, 30, 12), disc(90, 50, 25)
@@ -186,7 +189,7 @@ def test_commands_start_where_a_model_says_unless_a_file_does(command: str, fore
         out = tmp_path / f"out-{truth}"
         words = [command, str(tmp_path / "in"), "--truth", str(tmp_path / truth), "--out", str(out), *more]
         words += ["--set", f"edges.model={forest}", *(["--methods", "freeform"] if command == "compare" else [])]
-        done = subprocess.run([sys.executable, "-m", "ffseg", *words], capture_output=True, text=True, check=False)
+        done = ffseg_command(*words)
         assert done.returncode == 0, done.stderr
         table = out / ("timings.csv" if command == "run" else "compare.csv")
         with table.open(newline="", encoding="utf-8") as file:

@@ -7,18 +7,17 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from subprocess import CompletedProcess
 
 import pytest
+from commands import Command
 
 from ffseg.errors import ParameterError
 from ffseg.parameters import load_params
 from ffseg.plugins import find
 
 ROOT = Path(__file__).resolve().parents[2]
-Command = Callable[..., CompletedProcess[str]]
 ODD = """\
 def up(result, context): return b''
 up.folder = '../up'
@@ -78,8 +77,8 @@ def test_workers_find_plug_ins_and_pictures_of_theirs_are_no_inputs(folder: Path
     assert json.loads(again.stdout)["counts"] == {"total": 2, "done": 0, "unchanged": 2, "failed": 0, "stale": 0}
 
 
-def test_a_method_of_ones_own_is_compared(folder: Path, ffseg_command: Command) -> None:
-    done = ffseg_command("compare", "photos/a.png", "--out", "out", "--methods", "freeform,bright:run", cwd=folder)
+def test_a_method_of_ones_own_is_compared(folder: Path, ffseg_process: Command) -> None:
+    done = ffseg_process("compare", "photos/a.png", "--out", "out", "--methods", "freeform,bright:run", cwd=folder)
     assert done.returncode == 0, done.stderr
     rows = list(csv.DictReader((folder / "out" / "compare.csv").read_text().splitlines()))
     assert [(row["method"], row["status"]) for row in rows] == [("freeform", "ok"), ("bright:run", "ok")]
@@ -108,12 +107,12 @@ def test_a_method_of_ones_own_is_measured(folder: Path) -> None:
     ],
 )
 def test_a_wrong_name_is_refused_before_the_first_image(
-    command: str, options: str, sentence: str, folder: Path, ffseg_command: Command
+    command: str, options: str, sentence: str, folder: Path, ffseg_process: Command
 ) -> None:
     (folder / "wrong.py").write_text("edges = undefined\n")
     (folder / "theirs.yaml").write_text("method: bright:run\n")
     (folder / "odd.py").write_text(ODD)
-    done = ffseg_command(*command.split(), "photos", "--out", "out", *options.split(), cwd=folder)
+    done = ffseg_process(*command.split(), "photos", "--out", "out", *options.split(), cwd=folder)
     assert (done.returncode, sentence in " ".join(done.stderr.split())) == (2, True), done.stderr
     assert not (folder / "out").exists()
 
@@ -126,17 +125,17 @@ def test_a_wrong_name_is_refused_before_the_first_image(
     ],
 )
 def test_what_a_plug_in_does_wrong_costs_the_images(
-    options: str, sentence: str, folder: Path, ffseg_command: Command
+    options: str, sentence: str, folder: Path, ffseg_process: Command
 ) -> None:
     (folder / "odd.py").write_text(ODD)
-    done = ffseg_command("run", "photos", "--out", "out", *options.split(), cwd=folder)
+    done = ffseg_process("run", "photos", "--out", "out", *options.split(), cwd=folder)
     assert done.returncode == 3
     assert sentence in (folder / "out" / "timings.csv").read_text()
 
 
-def test_code_that_a_file_names_is_imported_when_it_may_be(folder: Path, ffseg_command: Command) -> None:
+def test_code_that_a_file_names_is_imported_when_it_may_be(folder: Path, ffseg_process: Command) -> None:
     (folder / "mine.yaml").write_text("method: bright:run\n")
-    done = ffseg_command("run", "photos", "--out", "out", "--config", "mine.yaml", "--allow-code", cwd=folder)
+    done = ffseg_process("run", "photos", "--out", "out", "--config", "mine.yaml", "--allow-code", cwd=folder)
     assert done.returncode == 0, done.stderr
     with pytest.raises(ParameterError, match="allow_code=True"):
         load_params(folder / "mine.yaml")
@@ -144,7 +143,7 @@ def test_code_that_a_file_names_is_imported_when_it_may_be(folder: Path, ffseg_c
     assert load_params(folder / "mine.yaml", {"method": "snake"}).method == "snake"  # what is not used imports nothing
 
 
-def test_installed_plug_ins_are_known_by_name(folder: Path, ffseg_command: Command, tmp_path: Path) -> None:
+def test_installed_plug_ins_are_known_by_name(folder: Path, ffseg_process: Command, tmp_path: Path) -> None:
     about = folder / "bright-1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: bright\nVersion: 1.0\n")
@@ -156,7 +155,7 @@ def test_installed_plug_ins_are_known_by_name(folder: Path, ffseg_command: Comma
     (about / "entry_points.txt").write_text("".join(f"[ffseg.{kind}]\n{text}\n" for kind, text in points.items()))
     (folder / "mine.yaml").write_text("method: bright\n")
     options = ("--config", "mine.yaml", "--export", "areas", "--executor", "four")
-    done = ffseg_command("run", "photos", "--out", "out", *options, cwd=folder, env={"PYTHONPATH": str(folder)})
+    done = ffseg_process("run", "photos", "--out", "out", *options, cwd=folder, env={"PYTHONPATH": str(folder)})
     assert done.returncode == 0, done.stderr
     assert statuses(folder / "out") == ["a.png ok bright", "b.png ok bright"]
     assert (folder / "out" / "areas" / "b.json").is_file()

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import subprocess
-import sys
 from pathlib import Path
 
 import av
@@ -12,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from batches import Silent, run_batch, snapshot, table
+from commands import Command
 from drawn_films import pictures, write_animation, write_film
 
 from ffseg.batch.outputs.table import Products
@@ -181,10 +180,9 @@ def test_a_phone_held_upright_gives_upright_frames(tmp_path: Path) -> None:
     assert first.shape[:2] == (80, 60)
 
 
-def test_the_command_takes_films_beside_images(film: Path, tmp_path: Path) -> None:
+def test_the_command_takes_films_beside_images(film: Path, tmp_path: Path, ffseg_command: Command) -> None:
     write_animation(tmp_path / "stack.tiff", pictures(3))
-    command = [sys.executable, "-m", "ffseg", "run", film, tmp_path / "stack.tiff", "--film", "--out", tmp_path / "out"]
-    done = subprocess.run([*command, "--jobs", "2"], capture_output=True, text=True, check=False)
+    done = ffseg_command("run", film, tmp_path / "stack.tiff", "--film", "--out", tmp_path / "out", "--jobs", "2")
     assert done.returncode == 0, done.stderr
     rows = table(tmp_path / "out" / "timings.csv")
     assert [row["image"] for row in rows[11:]] == [
@@ -253,7 +251,8 @@ def test_no_film_is_made_where_no_frame_was(tmp_path: Path) -> None:
         (["--film-out", "mask", "--shard", "1/2"], "--film-out and --shard do not go together; merge the shards"),
     ],
 )
-def test_films_that_cannot_be_made_are_refused(film: Path, tmp_path: Path, options: list[str], sentence: str) -> None:
-    command = [sys.executable, "-m", "ffseg", "run", film, "--out", tmp_path / "out", *options]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+def test_films_that_cannot_be_made_are_refused(
+    film: Path, tmp_path: Path, options: list[str], sentence: str, ffseg_command: Command
+) -> None:
+    done = ffseg_command("run", film, "--out", tmp_path / "out", *options)
     assert (done.returncode, sentence in done.stderr) == (2, True)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from batches import snapshot, table
+from commands import Command
 from drawn_films import pictures, write_film
 
 from ffseg.image.flow import BAND, carried, start_in, steadied
@@ -70,9 +69,9 @@ def test_a_start_moves_no_further_than_it_must() -> None:
     assert start_in(disc(60, 60, 6), (60.0, 60.0, 50.0))[2] < 6
 
 
-def ran(film: Path, out: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "ffseg", "run", film, "--out", out, "--executor", "inprocess", *options]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+@pytest.fixture
+def ran(ffseg_command: Command) -> Command:
+    return lambda film, out, *options: ffseg_command("run", film, "--out", out, *options)
 
 
 @pytest.fixture
@@ -80,7 +79,7 @@ def film(tmp_path: Path) -> Path:
     return write_film(tmp_path / "film.mp4", pictures(10, (160, 120), noise=25))
 
 
-def test_steady_films_resume_to_the_same_bytes_and_flicker_less(film: Path, tmp_path: Path) -> None:
+def test_steady_films_resume_to_the_same_bytes_and_flicker_less(film: Path, tmp_path: Path, ran: Command) -> None:
     measured, straight, out = tmp_path / "measured", tmp_path / "straight", tmp_path / "out"
     assert ran(film, measured, "--flicker").returncode == 0
     done = ran(film, straight, "--steady")
@@ -98,7 +97,7 @@ def test_steady_films_resume_to_the_same_bytes_and_flicker_less(film: Path, tmp_
     assert snapshot(out) == snapshot(straight)
 
 
-def test_a_frame_is_done_again_when_the_mask_before_it_is_another(film: Path, tmp_path: Path) -> None:
+def test_a_frame_is_done_again_when_the_mask_before_it_is_another(film: Path, tmp_path: Path, ran: Command) -> None:
     out = tmp_path / "out"
     ran(film, out, "--steady")
     before = snapshot(out)
@@ -108,13 +107,13 @@ def test_a_frame_is_done_again_when_the_mask_before_it_is_another(film: Path, tm
 
 
 @pytest.mark.parametrize("other", [("--shard", "1/2"), ("--pack", "tar")])
-def test_what_cannot_go_in_order_is_refused(film: Path, tmp_path: Path, other: tuple[str, str]) -> None:
+def test_what_cannot_go_in_order_is_refused(film: Path, tmp_path: Path, ran: Command, other: tuple[str, str]) -> None:
     done = ran(film, tmp_path / "out", "--steady", *other)
     assert done.returncode == 2
     assert f"--steady and {other[0]} do not go together: every frame needs the one before it" in done.stderr
 
 
-def test_steady_frames_do_not_mix_with_others(film: Path, tmp_path: Path) -> None:
+def test_steady_frames_do_not_mix_with_others(film: Path, tmp_path: Path, ran: Command) -> None:
     ran(film, tmp_path / "out", "--exclude", "*_00000[3-9].mp4")
     done = ran(film, tmp_path / "out", "--steady")
     assert done.returncode == 2

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from campaigns.floors import LEAST_IOU, Case, Tally, cases, enclosed_marks, kept, run
+from rendered import floor_pair
 
 from ffseg.parameters import load_params
-from ffseg.rendering import FLOOR_KINDS, floor_pair
+from ffseg.rendering import FLOOR_KINDS
 from ffseg.rendering.raycast import SHADOW, STREAK, tilt_matrix
 
 SHORT = (

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from batches import make_images, run_batch, snapshot, table
+from commands import Command
 
 from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
@@ -73,7 +74,9 @@ def test_the_disk_is_asked_once_for_an_archive(tmp_path: Path, monkeypatch: pyte
     assert len(asked) < 10, "however many members it has"
 
 
-def test_messages_name_the_member_and_not_the_archive_alone(images: Path, tmp_path: Path, ffseg_command) -> None:
+def test_messages_name_the_member_and_not_the_archive_alone(
+    images: Path, tmp_path: Path, ffseg_command: Command
+) -> None:
     (images / "a.png").write_text("no image")
     archive = packed(images, tmp_path / "all.tar")
     done = ffseg_command("run", archive, "--out", tmp_path / "out", "-v")
@@ -186,7 +189,7 @@ def test_a_list_names_images_one_by_one(
         listed(str(tmp_path / "list"), nul=nul)
 
 
-def test_the_command_takes_a_list_from_stdin(images: Path, tmp_path: Path, ffseg_command) -> None:
+def test_the_command_takes_a_list_from_stdin(images: Path, tmp_path: Path, ffseg_command: Command) -> None:
     names = "".join(f"{name}\n" for name in NAMES)
     done = ffseg_command("run", "--list", "-", "--out", tmp_path / "out", "--dry-run", cwd=images, input=names)
     assert done.returncode == 0, done.stderr

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from commands import Command
 
 import ffseg
 from tests.scenes import START, START_RADIUS, scene
@@ -91,7 +90,7 @@ def test_a_start_on_both_sides_of_edges_is_doubted() -> None:
     assert found.score <= 0.5
 
 
-def test_a_run_says_how_many_are_doubtful(ffseg_command: Callable[..., Any], tmp_path: Path) -> None:
+def test_a_run_says_how_many_are_doubtful(ffseg_command: Command, tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     for name, image in (("a.png", np.zeros((60, 80), np.uint8)), ("b.png", disc())):
         cv2.imwrite(str(tmp_path / "in" / name), image)

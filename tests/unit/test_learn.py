@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from commands import Command
 
 from ffseg.cli.commands.learn import sentences
 from ffseg.errors import UsageError
@@ -24,11 +23,6 @@ from ffseg.parameters import load_params
 
 pytest.importorskip("lightgbm")
 SHAPE = (80, 120)
-
-
-def ffseg(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "ffseg", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False, timeout=300)
 
 
 def disc(x: float, y: float, radius: float) -> np.ndarray:
@@ -56,9 +50,9 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_learn_then_run(folder: Path) -> None:
+def test_learn_then_run(folder: Path, ffseg_command: Command) -> None:
     model, starts = folder / "green.ffmodel", ["--starts", str(folder / "starts.csv")]
-    done = ffseg(
+    done = ffseg_command(
         "learn", str(folder / "in"), "--truth", str(folder / "truth"), "--out", str(model), *starts, "--json", "-q"
     )
     assert done.returncode == 0, done.stderr
@@ -84,12 +78,12 @@ def test_learn_then_run(folder: Path) -> None:
         f"edges.model={model}",
         "--json",
     ]
-    run = json.loads(ffseg("run", str(folder / "in"), *arguments, *starts).stdout)
+    run = json.loads(ffseg_command("run", str(folder / "in"), *arguments, *starts).stdout)
     assert run["mean_iou"] > 0.9
-    again = json.loads(ffseg("run", str(folder / "in"), *arguments, *starts).stdout)
+    again = json.loads(ffseg_command("run", str(folder / "in"), *arguments, *starts).stdout)
     assert again["counts"]["unchanged"] == 5
     model.write_bytes(b"not a model")
-    refused = ffseg("run", str(folder / "in"), *arguments, *starts)
+    refused = ffseg_command("run", str(folder / "in"), *arguments, *starts)
     assert refused.returncode == 2
     assert "green.ffmodel" in refused.stderr
 
@@ -108,8 +102,8 @@ def test_without_starts_the_model_finds_them(folder: Path) -> None:
     assert sentences(unmeasured, "m.ffmodel")[0].endswith("was not measured: that takes longer, and no --quick")
 
 
-def test_a_name_without_the_suffix_is_refused_first(folder: Path) -> None:
-    done = ffseg("learn", str(folder / "in"), "--truth", str(folder / "truth"), "--out", str(folder / "a.bin"))
+def test_a_name_without_the_suffix_is_refused_first(folder: Path, ffseg_command: Command) -> None:
+    done = ffseg_command("learn", str(folder / "in"), "--truth", str(folder / "truth"), "--out", str(folder / "a.bin"))
     assert done.returncode == 2
     assert ".ffmodel" in done.stderr
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -14,6 +12,8 @@ import cv2
 import numpy as np
 import pytest
 import shapely
+from commands import Command
+from rendered import floor_pair, render_pair
 from worlds import free_ground, in_robot_frame, range_along
 
 import ffseg
@@ -25,7 +25,7 @@ from ffseg.errors import CalibrationError
 from ffseg.freespace.birdseye import HALF_M, SCALE, birds_eye
 from ffseg.freespace.outline import Ground, _first_exits
 from ffseg.freespace.sequence import Frame, free_space, segment_view
-from ffseg.rendering import CAMERA_YAML, RenderedPair, floor_pair, render_pair, sample_camera
+from ffseg.rendering import CAMERA_YAML, RenderedPair, sample_camera
 
 PARAMS = ffseg.load_params()
 
@@ -204,9 +204,7 @@ def test_the_picture_from_above_has_the_front_up_and_the_left_left() -> None:
         assert abs(grey - pair.scene.ground_grey) > 20
 
 
-def test_a_run_writes_the_map_of_every_image(
-    ffseg_command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
-) -> None:
+def test_a_run_writes_the_map_of_every_image(ffseg_command: Command, tmp_path: Path) -> None:
     (tmp_path / "views").mkdir()
     cv2.imwrite(str(tmp_path / "views" / "a.png"), rendered()[0].current.image)
     (tmp_path / "camera.yaml").write_text(CAMERA_YAML)

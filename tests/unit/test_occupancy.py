@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rendered
 import shapely
 import yaml
 from worlds import footprint, free_ground
@@ -18,7 +19,7 @@ from ffseg.camera.motion import planar_pose
 from ffseg.errors import CalibrationError
 from ffseg.freespace.occupancy import OccupancyMap
 from ffseg.freespace.sequence import Frame
-from ffseg.rendering import floor_sequence, sample_camera
+from ffseg.rendering import sample_camera
 from ffseg.rendering.floors import FloorSequence
 
 CAMERA = replace(sample_camera(), footprint=0.1)
@@ -26,7 +27,7 @@ CAMERA = replace(sample_camera(), footprint=0.1)
 
 @lru_cache(maxsize=1)
 def driven() -> tuple[FloorSequence, list[Frame]]:
-    drive = floor_sequence(990_003, 3, 2.0, 1.0)
+    drive = replace(rendered.drive(), views=rendered.drive().views[:3], poses=rendered.drive().poses[:3])
     sequence = ffseg.Sequence(CAMERA)
     poses = [planar_pose(CAMERA, *pose) for pose in drive.poses]
     return drive, [sequence.feed(view.image, pose) for view, pose in zip(drive.views, poses, strict=True)]

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from batches import run_batch, snapshot, table
+from commands import Command
 
 from ffseg.batch.plan.beside import find_evidence, find_truths
 from ffseg.batch.plan.discover import discover
@@ -80,7 +81,7 @@ def test_a_member_is_read_by_one_text(images: Path, tmp_path: Path) -> None:
 
 
 def test_methods_are_compared_on_images_in_a_tar_file(
-    images: Path, truths: Path, tmp_path: Path, ffseg_command
+    images: Path, truths: Path, tmp_path: Path, ffseg_command: Command
 ) -> None:
     archive = packed(images)
     command = (
@@ -147,7 +148,9 @@ def test_a_true_mask_in_a_tar_file_that_cannot_be_used_is_named(images: Path, tr
 
 
 @pytest.mark.parametrize("suffix", [".png", ".npy"])
-def test_maps_in_a_tar_file_are_those_of_its_folder(images: Path, tmp_path: Path, suffix: str, ffseg_command) -> None:
+def test_maps_in_a_tar_file_are_those_of_its_folder(
+    images: Path, tmp_path: Path, suffix: str, ffseg_command: Command
+) -> None:
     levels = np.where(INSIDE, 255, 0).astype(np.uint8)
     archive = packed(written(tmp_path / "maps", levels, suffix))
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 import stand_in
 from batches import Silent, make_images, run_batch, table, tree
+from commands import Command
 
 from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
@@ -399,9 +400,9 @@ def test_a_report_shows_what_is_packed(images: Path, tmp_path: Path) -> None:
         assert "mask" not in member["pictures"], "a page cannot link into a tar file"
 
 
-def test_the_command(tmp_path: Path, ffseg_command) -> None:
+def test_the_command(tmp_path: Path, ffseg_command: Command) -> None:
     shutil.copytree(Path(__file__).parents[2] / "samples", tmp_path / "photos")
-    run = ("run", "photos", "--jobs", "1", "--out")
+    run = ("run", "photos", "--out")
     assert ffseg_command(*run, "out", "--pack", "tar", "--report", "--overlay", cwd=tmp_path).returncode == 0
     shown = ffseg_command(*run, "out", "--pack", "tar", "--dry-run", cwd=tmp_path)
     assert "0 to do" in shown.stderr

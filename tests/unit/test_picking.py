@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pick_page
 import pytest
+from commands import Command
 from hypothesis import given
 from hypothesis import strategies as st
 from pick_page import LEFT, OPEN, RIGHT, ask, disc, draw, iou, mask_of, picked, served, session
@@ -97,7 +98,7 @@ def test_a_step_that_cannot_be_written_is_not_taken(tmp_path: Path, monkeypatch:
     assert len((tmp_path / "picks.jsonl").read_bytes().splitlines()) == 1
 
 
-def test_a_click_takes_the_disc_and_a_run_takes_the_same(tmp_path: Path, ffseg_command, monkeypatch) -> None:
+def test_a_click_takes_the_disc_and_a_run_takes_the_same(tmp_path: Path, ffseg_command: Command, monkeypatch) -> None:
     monkeypatch.setattr(Background, "start", lambda *_: None)  # a model would change what the run finds
     folder, out = draw(tmp_path / "in", ["a.png", "sub/b.png"]), tmp_path / "out"
     with session(folder, out) as own:
@@ -111,7 +112,7 @@ def test_a_click_takes_the_disc_and_a_run_takes_the_same(tmp_path: Path, ffseg_c
     assert set(load_starts(out / "starts.csv", ["a.png", "sub/b.png"])) == {"a.png", "sub/b.png"}
     line = (out / "run.sh").read_text().splitlines()[1].split()
     assert line[:2] == ["ffseg", "run"]
-    done = ffseg_command(*line[1:], "--jobs", "1")
+    done = ffseg_command(*line[1:])
     assert done.returncode == 0, done.stderr
     for name in ("a.png", "sub/b.png"):
         assert (out / "run" / "masks" / name).read_bytes() == (out / "masks" / name).read_bytes()
@@ -169,12 +170,10 @@ def test_a_step_on_what_was_changed_elsewhere_is_refused(tmp_path: Path) -> None
             own.change(0, 0, 1, "pick", OPEN | {"status": "accepted"})
 
 
-def test_masks_of_a_run_stand_until_something_is_picked(tmp_path: Path, ffseg_command) -> None:
+def test_masks_of_a_run_stand_until_something_is_picked(tmp_path: Path, ffseg_command: Command) -> None:
     folder, out = draw(tmp_path / "in", ["a.png", "b.png"]), tmp_path / "out"
     place = f"init.center={list(RIGHT)}"
-    done = ffseg_command(
-        "run", folder, "--out", tmp_path / "run", "--set", place, "--set", "init.radius=6", "--jobs", "1"
-    )
+    done = ffseg_command("run", folder, "--out", tmp_path / "run", "--set", place, "--set", "init.radius=6")
     assert done.returncode == 0, done.stderr
     with session(folder, out, review=str(tmp_path / "run")) as own:
         own.change(0, 0, 0, "pick", OPEN | {"status": "accepted"})

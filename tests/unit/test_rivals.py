@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from commands import Command
 
 import ffseg
 from ffseg.errors import ParameterError, SegmentationError
@@ -95,7 +94,7 @@ def test_seeds_that_cannot_be() -> None:
         ffseg.load_params(None, {"region.border": "inside"})
 
 
-def test_commands_take_not(ffseg_command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
+def test_commands_take_not(ffseg_command: Command, tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "rooms.png"), rooms())
     given = ("--set", "init.center=[30,50]", "--set", "init.radius=8", "--not", "133,50,8", "--not", "140,20")
     done = ffseg_command("segment", tmp_path / "rooms.png", tmp_path / "mask.png", *given)
@@ -103,7 +102,7 @@ def test_commands_take_not(ffseg_command: Callable[..., subprocess.CompletedProc
     mask = cv2.imread(str(tmp_path / "mask.png"), cv2.IMREAD_GRAYSCALE)
     assert mask[50, 40] == 255
     assert not mask[:, 90:].any()
-    done = ffseg_command("run", tmp_path / "rooms.png", "--out", tmp_path / "out", "--jobs", "1", *given)
+    done = ffseg_command("run", tmp_path / "rooms.png", "--out", tmp_path / "out", *given)
     assert done.returncode == 0, done.stderr
     assert np.array_equal(cv2.imread(str(tmp_path / "out/masks/rooms.png"), cv2.IMREAD_GRAYSCALE), mask)
     wrong = ffseg_command("run", tmp_path / "rooms.png", "--out", tmp_path / "no", "--not", "133;50")
@@ -111,16 +110,14 @@ def test_commands_take_not(ffseg_command: Callable[..., subprocess.CompletedProc
     assert "--not 133;50: write X,Y" in wrong.stderr
 
 
-def test_a_run_reads_the_background_mask(
-    ffseg_command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
-) -> None:
+def test_a_run_reads_the_background_mask(ffseg_command: Command, tmp_path: Path) -> None:
     outside = np.zeros((100, 164), np.uint8)
     outside[20:80, 130:160] = 255
     cv2.imwrite(str(tmp_path / "rooms.png"), rooms())
     cv2.imwrite(str(tmp_path / "outside.png"), outside)
     given = ("--set", "init.center=[30,50]", "--set", "init.radius=8")
     named = ("--set", f"init.background_mask={tmp_path / 'outside.png'}")
-    run = ("run", tmp_path / "rooms.png", "--out", tmp_path / "out", "--jobs", "1", *given, *named)
+    run = ("run", tmp_path / "rooms.png", "--out", tmp_path / "out", *given, *named)
     assert ffseg_command(*run).returncode == 0
     assert not cv2.imread(str(tmp_path / "out/masks/rooms.png"), cv2.IMREAD_GRAYSCALE)[:, 100:].any()
     outside[20:80, 130:160] = 0

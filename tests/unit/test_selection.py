@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from commands import Command
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -103,7 +104,7 @@ def test_any_selection_shows_what_it_says(mask: np.ndarray, largest: int, least:
     assert all(area >= fill for area in holes(kept))
 
 
-def test_a_run_says_the_same_everywhere(tmp_path: Path, ffseg_command) -> None:
+def test_a_run_says_the_same_everywhere(tmp_path: Path, ffseg_command: Command) -> None:
     image = np.full((120, 160), 60, np.uint8)
     cv2.circle(image, (70, 60), 45, 200, -1)
     cv2.circle(image, (60, 60), 3, 60, -1)

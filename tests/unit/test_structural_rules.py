@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from rendered import floor_pair
 
 from ffseg.camera.motion import Motion, planar_parameters, planar_pose, relative_motion
 from ffseg.freespace import corners, outlines, structural
@@ -18,7 +18,7 @@ from ffseg.freespace.structural import structural_test
 from ffseg.image.components import Component
 from ffseg.image.keypoints import Alignments, Candidates
 from ffseg.parameters import load_params
-from ffseg.rendering import RenderedPair, floor_pair, sample_camera
+from ffseg.rendering import RenderedPair, sample_camera
 
 EPSILON = 0.08
 
@@ -192,7 +192,6 @@ def test_samples_in_noise_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (flat.tolist(), raised.tolist()) == ([1], [1])
 
 
-@lru_cache(maxsize=1)
 def pair() -> RenderedPair:
     return floor_pair(100_003, "plain", 1.0, 1.0)
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 import pytest
+from rendered import floor_pair
 
 from ffseg.batch.sightings import numbered
 from ffseg.batch.views import WINDOW as VIEWS_WINDOW
@@ -16,12 +16,11 @@ from ffseg.freespace.sequence import Sequence, free_space, segment_view
 from ffseg.freespace.tracks import NEAR, Tracks, linked, moved
 from ffseg.freespace.window import WINDOW, Earlier
 from ffseg.parameters import load_params
-from ffseg.rendering import RenderedPair, floor_pair, sample_camera
+from ffseg.rendering import RenderedPair, sample_camera
 
 EPSILON = 0.08
 
 
-@lru_cache(maxsize=1)
 def pair() -> RenderedPair:
     return floor_pair(100_003, "plain", 1.0, 1.0)
 

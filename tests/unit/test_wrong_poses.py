@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from campaigns.freespace import true_poses
 from campaigns.wrong_poses import HEIGHTS, KINDS, judged, matters, wrong
+from rendered import floor_pair
 
 from ffseg.camera import load_poses
 from ffseg.errors import CalibrationError
 from ffseg.freespace.motion.contradictions import LONGEST, TALLEST, unlikely_units
 from ffseg.freespace.motion.egomotion import given_motion, pair_motion
 from ffseg.freespace.motion.evidence import Scenery
-from ffseg.rendering import RenderedPair, floor_pair, sample_camera
+from ffseg.rendering import RenderedPair, sample_camera
 
 
-@lru_cache(maxsize=2)
 def pair(texture: float) -> RenderedPair:
     return floor_pair(700_003, "plain", texture, 1.0)
 

@@ -1,0 +1,44 @@
+"""Rendered pairs and drives, each rendered once in a test run, whichever of its processes asks first: one takes two seconds."""
+
+import os
+import pickle
+from collections.abc import Callable
+from functools import cache, wraps
+from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+from ffseg import rendering
+from ffseg.io.files import write_bytes_atomic
+from ffseg.rendering.floors import FloorSequence
+
+FOLDER = "FFSEG_RENDERED"
+"""Environment variable with the folder that the processes of a test run share."""
+P, T = ParamSpec("P"), TypeVar("T")
+
+
+def once(make: Callable[P, T]) -> Callable[P, T]:
+    """The same function, whose values are kept in the folder that the processes share, if there is one."""
+
+    @cache
+    @wraps(make)
+    def kept(*arguments: P.args, **options: P.kwargs) -> T:
+        folder = os.environ.get(FOLDER)
+        path = Path(folder or ".", f"{make.__name__}{arguments}{options}.pickle")
+        if not folder or not path.exists():
+            value = make(*arguments, **options)
+            if folder:
+                write_bytes_atomic(path, pickle.dumps(value))
+            return value
+        return pickle.loads(path.read_bytes())  # our own
+
+    return kept
+
+
+render_pair = once(rendering.render_pair)
+floor_pair = once(rendering.floor_pair)
+
+
+@once
+def drive() -> FloorSequence:
+    """Four views of a drive over a textured floor."""
+    return rendering.floor_sequence(990_003, 4, 2.0, 1.0)
