@@ -8,7 +8,7 @@ import numpy as np
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed_joints
-from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
+from ffseg.image.edges import AUTO_HIGH_MIN, GRADIENT_SCALE, EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.native import _core
 
@@ -56,10 +56,13 @@ class Boundary:
         Returns
         -------
         bool
-            True also where no part lies inside the image and the domain: there is nothing to doubt.
+            False where no part lies inside the image and the domain, as the region has met no edge, unless the image is
+            even: then nobody can tell more of it. True where all parts are left out.
         """
         fainter = np.sort(self.strength[self.strength >= least])
-        if len(fainter) == 0 or fainter[int(CLEAR_SHARE * len(fainter))] >= CLEAR:
+        if len(fainter) == 0:
+            return len(self.strength) > 0 or int(self._edges.gradient.max(initial=0)) < AUTO_HIGH_MIN * GRADIENT_SCALE
+        if fainter[int(CLEAR_SHARE * len(fainter))] >= CLEAR:
             return True
         return bool(fainter[int(CLEAR_SHARE / 2 * len(fainter))] >= PLAIN_FAINTEST) and self._is_plain
 

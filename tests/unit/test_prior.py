@@ -146,12 +146,23 @@ def test_a_promise_is_sobered_by_its_odds() -> None:
     assert sobered(1.0) == 1.0
 
 
-def test_nothing_to_doubt_where_no_boundary_is() -> None:
+def test_nothing_to_ask_of_an_even_image() -> None:
     even = np.full((80, 100), 90, np.uint8)
     params = load_params(None, {"init.radius": 12})
     edges = edge_map(even, params.edges)
     assert Boundary((), edges).is_clear()
     assert segment(even, params).source == "gradient"
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_region_that_meets_no_edge_before_the_image_ends_is_left_to_the_prior(number: int) -> None:
+    """Cells in noise whose walls are no edges: alone, the image's own give nine tenths and more of it."""
+    seen = [*sights("tissue", 4, 200_000)][2 + number]
+    x, y, radius = seen.start
+    start = {"init.center": [x, y], "init.radius": radius}
+    found, own = (segment(seen.image, load_params(None, start | {"edges.source": s})) for s in ("auto", "gradient"))
+    assert (found.source, own.doubts) == ("prior", ("filled",))
+    assert iou(found.mask, seen.truth) > iou(own.mask, seen.truth) + 0.1
 
 
 @pytest.mark.parametrize(("times", "clear"), [(2.3, False), (2.7, True)])
