@@ -17,6 +17,12 @@ _SPLITTER = 2.0**27 + 1.0
 """Cuts a float64 into two halves of at most 26 bits each."""
 
 
+def ring_area(ring: Points) -> float:
+    """Shoelace area of a closed polygon, shape (n, 2), not closed by its first point: positive from x toward y."""
+    x, y = (ring - ring[0]).T  # so that the last term, back to the first vertex, is 0
+    return 0.5 * float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))
+
+
 def signs_of_turns(a: Points, b: Points, c: Points) -> Signs:
     """As `exact_signs`, in float64 for all triples but those too near a line for its rounding."""
     left = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1])

@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.geometry.orientation import ring_area
+
 OUTLINE_TOLERANCE = 0.75
 """Pixels by which an outline may leave the pixel staircase: less than a pixel, so that no pixel is lost."""
 
@@ -32,8 +34,7 @@ def outlines(mask: NDArray[np.uint8]) -> list[NDArray[np.float64]]:
         polygon = (polygon - 0.5) / 2
         if len(polygon) < 3:
             continue
-        x, y = (polygon - polygon[0]).T
-        area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+        area = ring_area(polygon)
         is_hole = hierarchy[0][index][3] >= 0
         if area != 0:
             polygons.append(polygon if (area > 0) != is_hole else polygon[::-1])

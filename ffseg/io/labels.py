@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ffseg.errors import FfsegError, ImageReadError, UsageError
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.orientation import ring_area
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable, read_bytes
 from ffseg.io.masks import decode_mask
@@ -137,9 +138,7 @@ def polygon(points: Any) -> Paint:  # noqa: ANN401 - rows of two numbers, checke
         raise ValueError("a polygon needs three points of two numbers")
 
     def paint(mask: Mask) -> None:
-        x, y = (corners - corners[0]).T
-        area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
-        ring = corners if area > 0 else corners[::-1]
+        ring = corners if ring_area(corners) > 0 else corners[::-1]
         mask |= rasterize((FreeForm(ring - 0.5, 1),), mask.shape)
 
     return paint
