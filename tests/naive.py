@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from math import comb
+from math import comb, floor
 
 import numpy as np
 
@@ -138,6 +138,28 @@ def winding_image(vertices: np.ndarray, height: int, width: int) -> np.ndarray:
         crossed = (min(ay, by) <= y) & (y < max(ay, by))
         total += np.where(crossed & (ax + (y - ay) * (bx - ax) / (by - ay) > x), 1 if ay < by else -1, 0)
     return total
+
+
+def crossings(polygons: Sequence[Sequence[Point]], row: Number) -> list[Number]:
+    """Where the edges cross a row; an edge owns its end of smaller y only."""
+    found = []
+    for poly in polygons:
+        for i in range(len(poly)):
+            (ax, ay), (bx, by) = sorted((poly[i - 1], poly[i]), key=lambda p: p[1])
+            if ay <= row < by:
+                found.append(ax + (bx - ax) * (row - ay) / (by - ay))
+    return found
+
+
+def crossed_step(polygons: Sequence[Sequence[Point]], step: Point, margin: Number) -> Point:
+    """A step from a pixel centre to the next along x or y, by its middle, moved to the mean of the crossings near it."""
+    if step[0] % 1 == 0:
+        y, x = crossed_step([[(b, a) for a, b in poly] for poly in polygons], step[::-1], margin)
+        return x, y
+    cell = step[0] - Fraction(1, 2)
+    near = [x for x in crossings(polygons, step[1]) if cell <= floor(x + margin) and floor(x - margin) <= cell]
+    mean = sum(near) / len(near) if near else step[0]
+    return max(cell + margin, min(mean, cell + 1 - margin)), step[1]
 
 
 def turn(a: Point, b: Point, c: Point) -> Number:

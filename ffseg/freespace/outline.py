@@ -14,14 +14,13 @@ from ffseg.camera.model import Camera
 from ffseg.camera.projections import Array
 from ffseg.camera.robot import to_pixels, to_robot
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.orientation import ring_area
 from ffseg.image.free import room_round
 from ffseg.image.planar import read_at
 from ffseg.image.polygons import polygons
 
 REACH = 6.0
 """Metres: beyond it a pixel of a mirror over a robot shows a quarter of a metre, and its outline tells nothing."""
-LONGEST = 1.5
-"""Pixels between vertices before they are laid on the ground, where straight lines of the image are bent."""
 RIM_PX = 2.5
 """An outline so near to where the camera's view ends is that end, and no obstacle."""
 OUTLINE_SIGMA = 0.25
@@ -129,7 +128,7 @@ class Ground:
             {
                 "type": "Feature",
                 "id": number,
-                "properties": {"image": image, "kind": "free", "area_m2": round(sum(map(_area, rings)), DECIMALS)},
+                "properties": {"image": image, "kind": "free", "area_m2": round(sum(map(ring_area, rings)), DECIMALS)},
                 "geometry": {"type": "Polygon", "coordinates": [_closed(ring) for ring in rings]},
             }
             for number, rings in enumerate(self.polygons, start=1)
@@ -180,10 +179,10 @@ def ground_of(mask: Mask, contours: Sequence[FreeForm], cameras: tuple[Camera, C
     """
     seen, camera = _within(cameras[0], reach), cameras[1]
     found = []
-    for region in polygons(mask & seen, contours):
-        rings = [to_robot(camera, _dense(ring)) for ring in region.rings]
+    for region in polygons(mask & seen, contours, flatness=0.0):
+        rings = [to_robot(camera, ring) for ring in region.rings]
         if all(np.isfinite(ring).all() for ring in rings):
-            found.append(tuple(ring[::-1] for ring in rings) if _area(rings[0]) < 0 else tuple(rings))
+            found.append(tuple(ring[::-1] for ring in rings) if ring_area(rings[0]) < 0 else tuple(rings))
     return Ground(tuple(found), camera, reach, seen)
 
 
@@ -203,25 +202,14 @@ def _away_from_rim(camera: Camera, reach: float) -> NDArray[np.uint8]:
     return away
 
 
-def _dense(ring: Array) -> Array:
-    """The ring with vertices at most `LONGEST` apart."""
-    step = np.roll(ring, -1, axis=0) - ring
-    parts = np.maximum(np.ceil(np.hypot(*step.T) / LONGEST), 1.0).astype(np.intp)
-    which = np.repeat(np.arange(len(ring)), parts)
-    share = (np.arange(len(which)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[which]
-    dense: Array = ring[which] + share[:, None] * step[which]
-    return dense
-
-
 def _first_exits(rings: Sequence[Array], count: int) -> Array:
     """Nearest range at which rays from the origin leave what lies left of the rings; NaN without any."""
     ranges = np.full(count, np.inf)
     if rings:
-        begin = np.concatenate(rings)
-        end = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
+        begin, end = np.concatenate(rings), np.concatenate([one for ring in rings for one in (ring[1:], ring[:1])])
         start, width = np.arctan2(begin[:, 1], begin[:, 0]), 2.0 * np.pi / count
         cross = begin[:, 0] * end[:, 1] - begin[:, 1] * end[:, 0]
-        turn = np.arctan2(cross, np.sum(begin * end, axis=1))  # positive: the ray leaves the left side
+        turn = np.arctan2(cross, np.einsum("ni,ni->n", begin, end))  # positive: the ray leaves the left side
         low = np.ceil((start + np.pi) / width).astype(np.intp)
         many = np.where(turn > 0, np.ceil((start + turn + np.pi) / width).astype(np.intp) - low, 0)
         which = np.repeat(np.arange(len(begin)), many)
@@ -237,14 +225,9 @@ def _first_exits(rings: Sequence[Array], count: int) -> Array:
 def _range_sigma(camera: Camera, pixels: Array) -> Array:
     """What `OUTLINE_SIGMA` pixels come to in the range of the ground that pixels, shape (n, 2), show."""
     steps = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
-    far = np.sqrt(np.sum(to_robot(camera, pixels[:, None] + steps) ** 2, axis=-1))
-    sigma: Array = OUTLINE_SIGMA * np.hypot(far[:, 0] - far[:, 1], far[:, 2] - far[:, 3])
+    far = np.hypot(*np.moveaxis(to_robot(camera, pixels + steps[:, None]), -1, 0))
+    sigma: Array = OUTLINE_SIGMA * np.hypot(far[0] - far[1], far[2] - far[3])
     return sigma
-
-
-def _area(ring: Array) -> float:
-    x, y = (ring - ring[0]).T
-    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
 def _closed(ring: Array) -> list[list[float]]:

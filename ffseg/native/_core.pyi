@@ -197,6 +197,11 @@ def rasterize(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), or
     Region (winding > 0) of closed contours at the pixel centres, 1 or 0 into `out`.
     """
 
+def crossings(steps: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], degrees: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], tolerance: float) -> NDArray[numpy.float64]:
+    """
+    Steps between pixel centres, by their middles, moved to where closed contours cross them.
+    """
+
 def signed_areas(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], matrix: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> list[float]:
     """
     Signed area of each contour; the matrix takes the coordinates of a patch to its part.

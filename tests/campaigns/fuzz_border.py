@@ -134,7 +134,9 @@ def rasterize(core: ModuleType, draws: Draws) -> None:
     degrees = np.full(len(offsets) - 1 if len(offsets) else 0, degree, np.int64)
     if len(degrees) and draws.once(draws.spoil):
         degrees[0] = draws.rng.integers(-1, 9)
-    core.rasterize(points, offsets, degrees, draws.number([0.01, 0.5]), draws.plane(np.uint8, 2))
+    tolerance = draws.number([0.01, 0.5])
+    core.crossings(draws.rows(20, 2), points, offsets, degrees, tolerance)
+    core.rasterize(points, offsets, degrees, tolerance, draws.plane(np.uint8, 2))
 
 
 def edge_maps(core: ModuleType, draws: Draws) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ffseg.geometry.freeform import FreeForm
+from ffseg.geometry.ragged import packed
 from ffseg.image.raster import rasterize
+from ffseg.native import _core
 from tests import naive
 from tests import strategies as own
 
@@ -59,3 +63,22 @@ def test_star_polygons_agree_with_shapely_at_pixel_centres(count: int, seed: int
 def test_order_of_contours_does_not_matter(one: tuple[own.Points, int], two: tuple[own.Points, int]) -> None:
     contours = [FreeForm(points * 9 + 7, degree) for points, degree in (one, two)]
     np.testing.assert_array_equal(rasterize(contours, SHAPE), rasterize(contours[::-1], SHAPE))
+
+
+@given(
+    st.lists(own.half_grid_polygon(), min_size=1, max_size=3), own.troubled_points(9), st.sampled_from([1.0, 8.0, 1e3])
+)
+def test_steps_are_moved_to_where_contours_cross_them(
+    polygons: list[own.Points], troubled: own.Points, scale: float
+) -> None:
+    polygons = [*polygons, troubled * scale + 5.0]
+    contours = [FreeForm.polygon(p) for p in polygons]
+    rows, columns = np.indices((9, 9)).reshape(2, -1) - 1.0
+    steps = np.concatenate([np.stack([columns + 0.5, rows], axis=1), np.stack([rows, columns + 0.5], axis=1)])
+    degrees = np.ones(len(contours), np.int64)
+    found = _core.crossings(steps, *packed(contours), degrees, 0.01)
+    exact = [naive.exact(p) for p in polygons]
+    for (x, y), step in zip(found, steps, strict=True):
+        middle, margins = tuple(map(Fraction, step)), (0.02 - 1e-9, 0.02 + 1e-9)  # a crossing may lie on the margin
+        expected = [naive.crossed_step(exact, middle, Fraction(margin)) for margin in margins]
+        assert min(abs(x - a) + abs(y - b) for a, b in expected) < 1e-8

@@ -2,11 +2,13 @@
 
 #include <limits>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "bindings.hpp"
 #include "common/arrays.hpp"
 #include "common/measures.hpp"
+#include "raster/crossings.hpp"
 #include "raster/raster.hpp"
 
 namespace nb = nanobind;
@@ -35,15 +37,9 @@ void check_contours(const Indices& offsets, const Indices& degrees, std::size_t 
     }
 }
 
-void py_rasterize(const Points& points, const Indices& offsets, const Indices& degrees, double tolerance, Mask out) {
-    if (!(tolerance >= 1e-6)) throw std::invalid_argument("the tolerance must be at least 1e-6 pixel");
-    if (out.shape(0) > 65535 || out.shape(1) > 65535)
-        throw std::invalid_argument("the mask exceeds 65535 pixels a side");
-    const std::vector<ffseg::Vec2> control = ffseg::points_of(points, kFarthest);
-    check_contours(offsets, degrees, control.size());
-    const ffseg::raster::MaskView mask{out.data(), static_cast<int>(out.shape(0)), static_cast<int>(out.shape(1))};
-    nb::gil_scoped_release release;
-    const ffseg::raster::PixelGrid grid{mask.width - 1.0, mask.height - 1.0, tolerance};
+// Edges of closed contours on the grid.
+std::vector<ffseg::raster::Edge> edges_of(const std::vector<ffseg::Vec2>& control, const Indices& offsets,
+                                          const Indices& degrees, const ffseg::raster::PixelGrid& grid) {
     std::vector<ffseg::raster::Edge> edges;
     for (std::size_t c = 0; c < degrees.shape(0); ++c) {
         const std::size_t begin = static_cast<std::size_t>(offsets.data()[c]);
@@ -51,7 +47,43 @@ void py_rasterize(const Points& points, const Indices& offsets, const Indices& d
         ffseg::raster::append_contour(control.data() + begin, end - begin, static_cast<int>(degrees.data()[c]), grid,
                                       edges);
     }
-    ffseg::raster::fill_mask(edges, mask);
+    return edges;
+}
+
+std::vector<ffseg::Vec2> checked_contours(const Points& points, const Indices& offsets, const Indices& degrees,
+                                          double tolerance) {
+    if (!(tolerance >= 1e-6)) throw std::invalid_argument("the tolerance must be at least 1e-6 pixel");
+    std::vector<ffseg::Vec2> control = ffseg::points_of(points, kFarthest);
+    check_contours(offsets, degrees, control.size());
+    return control;
+}
+
+void py_rasterize(const Points& points, const Indices& offsets, const Indices& degrees, double tolerance, Mask out) {
+    if (out.shape(0) > 65535 || out.shape(1) > 65535)
+        throw std::invalid_argument("the mask exceeds 65535 pixels a side");
+    const std::vector<ffseg::Vec2> control = checked_contours(points, offsets, degrees, tolerance);
+    const ffseg::raster::MaskView mask{out.data(), static_cast<int>(out.shape(0)), static_cast<int>(out.shape(1))};
+    nb::gil_scoped_release release;
+    ffseg::raster::fill_mask(edges_of(control, offsets, degrees, {mask.width - 1.0, mask.height - 1.0, tolerance}),
+                             mask);
+}
+
+auto py_crossings(const Points& steps, const Points& points, const Indices& offsets, const Indices& degrees,
+                  double tolerance) {
+    std::vector<ffseg::Vec2> moved = ffseg::points_of(steps, 65536.0);
+    std::vector<ffseg::Vec2> control = checked_contours(points, offsets, degrees, tolerance);
+    {
+        nb::gil_scoped_release release;
+        ffseg::Box box;
+        for (const ffseg::Vec2 step : moved) box.add(step);
+        ffseg::raster::PixelGrid grid{box.x1 + 0.5, box.y1 + 0.5, tolerance, -1.0};
+        for (int axis = 0; axis < 2; ++axis, std::swap(grid.right, grid.bottom)) {
+            ffseg::raster::move_to_crossings(edges_of(control, offsets, degrees, grid), moved);
+            for (ffseg::Vec2& p : moved) std::swap(p.x, p.y);
+            for (ffseg::Vec2& p : control) std::swap(p.x, p.y);
+        }
+    }
+    return ffseg::given_points(moved);
 }
 
 std::vector<double> py_signed_areas(const Points& points, const Indices& offsets,
@@ -86,6 +118,8 @@ std::vector<double> py_steps_along_axes(const Points& points, const Indices& off
 void bind_raster(nb::module_& m) {
     m.def("rasterize", &py_rasterize, "points"_a, "offsets"_a, "degrees"_a, "tolerance"_a, "out"_a,
           "Region (winding > 0) of closed contours at the pixel centres, 1 or 0 into `out`.");
+    m.def("crossings", &py_crossings, "steps"_a, "points"_a, "offsets"_a, "degrees"_a, "tolerance"_a,
+          "Steps between pixel centres, by their middles, moved to where closed contours cross them.");
     m.def("signed_areas", &py_signed_areas, "points"_a, "offsets"_a, "matrix"_a,
           "Signed area of each contour; the matrix takes the coordinates of a patch to its part.");
     m.def("steps_along_axes", &py_steps_along_axes, "points"_a, "offsets"_a,

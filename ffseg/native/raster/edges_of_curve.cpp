@@ -71,8 +71,8 @@ void append_piece(Patch<D> p, const PixelGrid& grid, int halvings, std::vector<E
     for (;; ++halvings) {
         Box box;
         for (const Vec2 point : p) box.add(point);
-        if (box.y1 < 0.0 || box.y0 > grid.bottom || box.x0 > grid.right) return;
-        if (box.x1 <= 0.0 || halvings == kMaxHalvings) return append_chord(p[0], p[D], edges);
+        if (box.y1 < grid.first || box.y0 > grid.bottom || box.x0 > grid.right) return;
+        if (box.x1 <= grid.first || halvings == kMaxHalvings) return append_chord(p[0], p[D], edges);
         const double chords = chord_count<D>(p, grid.tolerance);
         if (chords <= kMaxChords) return append_samples<D>(p, static_cast<int>(chords), edges);
         const Patch<D> second = halve<D>(p);

@@ -15,10 +15,11 @@ struct Edge {
     int sign;
 };
 
-// The pixel centres (0..right, 0..bottom) and how far an edge may leave its curve.
+// The pixel centres (first..right, first..bottom) and how far an edge may leave its curve.
 struct PixelGrid {
     double right, bottom;
     double tolerance;
+    double first = 0.0;
 };
 
 // Appends the edges of a closed contour of `count` control points (Definition 1: the last patch wraps to the first
