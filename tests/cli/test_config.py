@@ -7,7 +7,7 @@ from pathlib import Path
 
 from commands import Command
 
-from ffseg import parameter_changes
+from ffseg import __version__, parameter_changes
 from ffseg.parameter_changes import since_0_1
 from ffseg.parameters import load_params, presets, written
 from ffseg.schema.nodes import Problems
@@ -108,6 +108,10 @@ def test_check_says_what_to_add_to_a_file_of_0_1_for_the_results_of_then(
     assert not ffseg_command("config", "check", "old.yaml", cwd=tmp_path).stderr
     image = ROOT / "samples/toy.png"
     assert ffseg_command("run", image, "--out", "out", "--config", "old.yaml", cwd=tmp_path).returncode == 0
+    file.write_text(f"# ffseg tune {__version__}\ncontour:\n  clearance: 8\n")
+    assert not ffseg_command("config", "check", "old.yaml", cwd=tmp_path).stderr, (
+        "a file of now leaves out what it likes"
+    )
 
 
 def test_check_says_nothing_of_0_1_for_presets_and_files_with_newer_keys(

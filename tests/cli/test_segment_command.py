@@ -46,6 +46,12 @@ def test_suffixes_say_what_is_written(mask: np.ndarray, tmp_path: Path, ffseg_co
     assert ffseg.read_image(tmp_path / "a.jpg").shape == ffseg.read_image(tmp_path / "a.webp").shape == (600, 800, 3)
 
 
+def test_the_class_that_labels_of_yolo_cannot_name_is_said(tmp_path: Path, ffseg_command: Command) -> None:
+    done = ffseg_command("segment", TOY, "a.txt", "--label", "road", cwd=tmp_path)
+    assert done.stderr.startswith("ffseg: class 0 of YOLO's labels is road: name it in the data set's YAML file\n")
+    assert (tmp_path / "a.txt").read_text().startswith("0 0.")
+
+
 @pytest.mark.parametrize("kind", [None, "svg", "geojson", "coco", "labelme", "overlay"])
 def test_pipes(kind: str | None, mask: np.ndarray, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "ffseg", "segment", "-", "-", "-q", *(["--as", kind] if kind else [])]

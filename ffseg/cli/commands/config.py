@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -83,7 +84,8 @@ def _say_changes(file: str) -> None:
     from ffseg.parameters import presets, written
     from ffseg.schema.nodes import Problems
 
-    lines = [] if file in presets() else since_0_1(written(file, Problems()))
+    mine = file in presets() or Path(file).read_text(encoding="utf-8").startswith("# ffseg ")  # as tune begins a file
+    lines = [] if mine else since_0_1(written(file, Problems()))
     if lines:
         console.message(f"{file}: of defaults that it leaves out some have changed; for results as in ffseg 0.1 add")
         console.message("\n".join(lines))

@@ -102,7 +102,9 @@ def segment(  # noqa: PLR0913 - the options of the command
         console.error(told)
         raise typer.Exit(console.FAILED_IMAGES) from error
     if not quiet:
-        for text in filter(None, (note, *result.messages)):
+        labelled = f"class 0 of YOLO's labels is {label}: name it in the data set's YAML file" if label is not None else ""
+        named = labelled if "yolo" in (output for _, output in wanted) else ""
+        for text in filter(None, (note, *result.messages, named)):
             console.message(f"ffseg: {text}")
         console.message(_told(result))
 
