@@ -115,7 +115,8 @@ def bag_poses(path: str, times: Iterable[int]) -> list[Planar | None]:
                 found.setdefault(frame, []).append((time, where))
     origin = next((one for one in (*_WORLDS, "") if one in found), None)
     if origin is None:
-        raise UsageError(f"{_said(path)} leads from none of {', '.join(_WORLDS)}; name a topic of odometry")
+        topic = f"the topic /{printable(path.partition(MARK)[2])} of {printable(bag_of(path))}"
+        raise UsageError(f"{topic} leads from none of {', '.join(_WORLDS)}; name a topic of odometry")
     at = np.array([time for time, _ in found[origin]], np.int64)
     x, y, turn = np.array([where for _, where in found[origin]]).T
     turn, first = np.unwrap(turn), int(at[0])
@@ -193,19 +194,9 @@ def _opened(path: str, kinds: tuple[str, ...]) -> Iterator[tuple[Any, list[Any]]
 
 
 def require_bags(bag: str) -> None:
-    """Refuse a bag without its reader.
-
-    Raises
-    ------
-    UsageError
-        Naming what to install.
-    """
+    """Refuse a bag without its reader."""
     if find_spec("rosbags") is None:
         raise UsageError(f"{printable(bag)}: a bag needs rosbags; install it with: pip install 'ffseg[ros]'")
-
-
-def _said(path: str) -> str:
-    return f"the topic /{printable(path.partition(MARK)[2])} of {printable(bag_of(path))}"
 
 
 def map_bag(

@@ -9,7 +9,8 @@ import os
 import re
 import stat
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from typing import BinaryIO
 
 from ffseg.errors import ImageReadError, OutputError
 
@@ -173,67 +174,48 @@ def write_all_atomic(files: Sequence[tuple[str, bytes]]) -> None:
     All files are on their way to the disk before the first is waited for: one commit of the file system's journal then
     serves them all, as it would if a thread waited for each, for half the processor time.
     """
-    pending = [_Pending(target, data) for target, data in files]
+    temporaries = {target: temporary_path(target) for target, _ in files}
+    opened: dict[str, int] = {}
     try:
-        for step in (_Pending.fill, _Pending.sync, _Pending.rename):
-            for file in pending:
-                file.run(step)
+        for target, data in files:
+            with _naming(target):
+                require_replaceable(target)
+                opened[target] = os.open(temporaries[target], os.O_WRONLY | os.O_CREAT | os.O_TRUNC | OWN, 0o666)
+                write_fully(opened[target], data)
+                _start_writing(opened[target])
+        for target, _ in files:
+            with _naming(target):
+                os.fsync(opened[target])
+                os.close(opened.pop(target))
+        for target, _ in files:
+            with _naming(target):
+                os.replace(temporaries[target], target)
+                del temporaries[target]
     finally:
-        for file in pending:
-            file.discard()
-
-
-class _Pending:
-    """A temporary file on its way to its name."""
-
-    def __init__(self, target: str, data: bytes) -> None:
-        self.target, self.data = target, data
-        self.temporary = temporary_path(target)
-        self.descriptor = _CLOSED
-        self.finished = False
-
-    def run(self, step: Callable[[_Pending], None]) -> None:
-        """Do a step, whose failure names the target."""
-        try:
-            step(self)
-        except OSError as error:
-            raise unwritten(self.target, error) from error
-
-    def fill(self) -> None:
-        """Open the temporary and write the data."""
-        require_replaceable(self.target)
-        self.descriptor = os.open(self.temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | OWN, 0o666)
-        view = memoryview(self.data)
-        while view:
-            view = view[os.write(self.descriptor, view) :]
-        _start_writing(self.descriptor)
-
-    def sync(self) -> None:
-        """Flush it to the disk and close it: the last that can fail before the first gets its name."""
-        os.fsync(self.descriptor)
-        self.close()
-
-    def close(self) -> None:
-        """Close it, once."""
-        descriptor, self.descriptor = self.descriptor, _CLOSED
-        if descriptor != _CLOSED:
-            os.close(descriptor)
-
-    def rename(self) -> None:
-        """Give it its name."""
-        os.replace(self.temporary, self.target)
-        self.finished = True
-
-    def discard(self) -> None:
-        """Remove what is not finished."""
-        with contextlib.suppress(OSError):  # the error being raised names the file already
-            self.close()
-        if not self.finished:
+        for descriptor in opened.values():
+            with contextlib.suppress(OSError):  # the error being raised names the file already
+                os.close(descriptor)
+        for temporary in temporaries.values():
             with contextlib.suppress(OSError):  # never created, or the disk is gone
-                os.unlink(self.temporary)
+                os.unlink(temporary)
 
 
-_CLOSED = -1
+def write_fully(descriptor: int, data: bytes | bytearray) -> None:
+    """Write all of it, however little the system takes at once."""
+    view = memoryview(data)
+    while view:
+        view = view[os.write(descriptor, view) :]
+
+
+@contextlib.contextmanager
+def _naming(target: str) -> Iterator[None]:
+    """Say of which file it is that something cannot be done."""
+    try:
+        yield
+    except OSError as error:
+        raise unwritten(target, error) from error
+
+
 _REMEDIES = {
     errno.ENOSPC: "free some space",
     errno.EDQUOT: "free some space",
@@ -251,13 +233,7 @@ def unwritten(path: str, error: OSError) -> OutputError:
 
 
 def require_replaceable(target: str) -> None:
-    """Refuse a name that stands for a pipe, a device or a socket: a rename would put a file in its place.
-
-    Raises
-    ------
-    OutputError
-        Naming it.
-    """
+    """Refuse a name that stands for a pipe, a device or a socket: a rename would put a file in its place."""
     try:
         mode = stat.S_IFMT(os.stat(target).st_mode)
     except OSError:  # nothing is there, or making the temporary says what is wrong
@@ -287,23 +263,28 @@ def temporary_path(target: str) -> str:
 
 @contextlib.contextmanager
 def replacement(path: str) -> Iterator[str]:
-    """Name to write a file under, which gets its own when the block ends; nothing is left of it when the block fails.
-
-    Raises
-    ------
-    OutputError
-        Naming the path and the system's reason, when something cannot be written.
-    """
+    """Name to write a file under, which gets its own when the block ends; nothing is left of it when the block fails."""
     require_replaceable(path)
     temporary = temporary_path(path)
     try:
-        yield temporary
-        os.replace(temporary, path)
-    except OSError as error:
-        raise unwritten(path, error) from error
+        with _naming(path):
+            yield temporary
+            os.replace(temporary, path)
     finally:
         with contextlib.suppress(OSError):  # it has got its name, or was never made
             os.unlink(temporary)
+
+
+_BUFFER = 1 << 20
+
+
+@contextlib.contextmanager
+def atomic_stream(path: str) -> Iterator[BinaryIO]:
+    """Open a file of any length for writing that gets its name when the block ends; otherwise as `replacement`."""
+    with replacement(path) as temporary, open(temporary, "xb", buffering=_BUFFER) as file:
+        yield file
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def is_temporary(name: str) -> bool:
@@ -312,13 +293,7 @@ def is_temporary(name: str) -> bool:
 
 
 def make_folder(path: str | os.PathLike[str]) -> None:
-    """Create a folder and its parents.
-
-    Raises
-    ------
-    OutputError
-        Naming the folder.
-    """
+    """Create a folder and its parents."""
     try:
         os.makedirs(path, exist_ok=True)
     except OSError as error:

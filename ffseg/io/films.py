@@ -60,13 +60,7 @@ def is_film(path: str) -> bool:
 
 
 def require_video(path: str) -> None:
-    """Refuse a film or an animation whose reader is not installed.
-
-    Raises
-    ------
-    UsageError
-        Naming the file and what to install.
-    """
+    """Refuse a film or an animation whose reader is not installed."""
     module, what = ("av", "a film needs PyAV") if is_film(path) else ("PIL", "--film needs Pillow for it")
     if find_spec(module) is None:
         raise UsageError(f"{printable(path)}: {what}; install it with: pip install 'ffseg[video]'")

@@ -123,7 +123,7 @@ def read_picture(
     probes = header.check()
     image = _decoded(header.still or data, header, cv2.IMREAD_ANYDEPTH if header.deep and levels is not None else 0)
     if image is None:
-        _require_memory(header)
+        np.empty(_DECODER_BYTES * header.width * header.height + _DECODER_LEAST, np.uint8)  # or a MemoryError it is
         raise _undecodable(header)
     if {image.shape[0], image.shape[1]} != {header.height, header.width}:
         raise ImageReadError("damaged", f"the {header.format} pixels have not the size its header claims; convert it")
@@ -190,7 +190,8 @@ def _heif(data: bytes) -> NDArray[np.uint8] | None:
 
 
 _DECODER_BYTES, _DECODER_LEAST = 8, 1 << 20
-"""Bytes a pixel, and besides, of a decoder at work: three channels, twice, and tables."""
+"""Bytes a pixel, and besides, of a decoder at work: three channels, twice, and tables. OpenCV does not tell an image that it
+cannot decode from one for which there is no memory."""
 _TRANSPOSED = (5, 6, 7, 8)
 _FLIPPED = {2: (0, 1), 3: (1, 1), 4: (1, 0), 6: (0, 1), 7: (1, 1), 8: (1, 0)}
 """After the transposition, whether rows and columns are reversed."""
@@ -213,7 +214,7 @@ def inspect(data: bytes, limits: Limits) -> Header:
     ImageReadError
         Not an image, an image above the limits, or one whose data cannot be complete.
     """
-    parser = _parser_of(data)
+    parser = next((parser for start, parser in _PARSERS if re.match(start, data, re.DOTALL)), None)
     if parser is None:
         raise ImageReadError("not-an-image", f"the content looks like {looks_like(data)}")
     header = parser(data)
@@ -252,21 +253,6 @@ _PARSERS: tuple[tuple[bytes, Callable[[bytes], Header]], ...] = (
     (rb"....ftypavi[fs]", avif),
     (rb"....ftyp(he[iv][cxms]|mif1|msf1)", heic),
 )
-
-
-def _parser_of(data: bytes) -> Callable[[bytes], Header] | None:
-    return next((parser for start, parser in _PARSERS if re.match(start, data, re.DOTALL)), None)
-
-
-def _require_memory(header: Header) -> None:
-    """Tell an image that cannot be decoded from one for which there is no memory, of which OpenCV does not say either.
-
-    Raises
-    ------
-    MemoryError
-        If there is not as much as a decoder takes.
-    """
-    np.empty(_DECODER_BYTES * header.width * header.height + _DECODER_LEAST, np.uint8)
 
 
 def _undecodable(header: Header) -> ImageReadError:

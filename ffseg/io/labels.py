@@ -6,7 +6,7 @@ import base64
 import binascii
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -80,13 +80,7 @@ class Labels:
 
 
 def read_labels(path: str | os.PathLike[str]) -> Labels:
-    """Read a file of LabelMe, COCO or VIA, or a folder of LabelMe files.
-
-    Raises
-    ------
-    UsageError
-        If it cannot be read or is none of them.
-    """
+    """Read a file of LabelMe, COCO or VIA, or a folder of LabelMe files."""
     labels = Labels()
     if os.path.isdir(path):
         names = sorted(
@@ -122,13 +116,10 @@ def _read(document: Any, labels: Labels) -> None:  # noqa: ANN401 - whatever the
     else:
         entries: Mapping[str, Any] = document.get("_via_img_metadata", document)
         for entry in entries.values():
-            for region in _via_regions(entry["regions"]):
+            regions = entry["regions"]
+            for region in regions.values() if isinstance(regions, dict) else regions:  # an object, of VIA 1
                 words = [value for value in region.get("region_attributes", {}).values() if isinstance(value, str)]
                 labels.add(str(entry["filename"]), words[0] if words else "", _via(region["shape_attributes"]))
-
-
-def _via_regions(regions: Any) -> Iterator[Any]:  # noqa: ANN401 - a list, or of VIA 1 an object
-    yield from regions.values() if isinstance(regions, dict) else regions
 
 
 def polygon(points: Any) -> Paint:  # noqa: ANN401 - rows of two numbers, checked here

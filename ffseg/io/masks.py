@@ -46,11 +46,6 @@ def read_levels(path: str | os.PathLike[str], limits: Limits | None = None) -> N
     """Grey levels of a truth image, shape (H, W): 255 inside, 128 to be ignored, 0 outside.
 
     A colour image counts by its strongest channel.
-
-    Raises
-    ------
-    ImageReadError
-        As `read_image`.
     """
     return _strongest(read_image(path, limits, None))
 
@@ -65,13 +60,7 @@ def holds_other_than_mask(path: str | os.PathLike[str]) -> bool:
 
 
 def decode_mask(data: bytes, limits: Limits | None = None) -> NDArray[np.bool_]:
-    """Content of a mask file as a region, shape (H, W): True from a grey level of `INSIDE` on.
-
-    Raises
-    ------
-    ImageReadError
-        As `decode_image`; its message does not name the file.
-    """
+    """Content of a mask file as a region, shape (H, W): True from a grey level of `INSIDE` on."""
     inside: NDArray[np.bool_] = _strongest(decode_image(data, limits)) >= INSIDE
     return inside
 
@@ -88,11 +77,6 @@ def load_mask(key: str, path: str | None, limits: Limits | None = None) -> NDArr
     ----------
     key : str
         Of the parameter.
-
-    Raises
-    ------
-    ParameterError
-        Naming the key, the file and the reason.
     """
     if path is None:
         return None
@@ -106,11 +90,6 @@ def decode_labels(data: bytes, limits: Limits | None = None) -> NDArray[np.uint8
     """Numbers of a label image as its file stores them, shape (H, W) for grey or (H, W, 3) in BGR order for colours.
 
     Unlike `decode_image`, 16-bit numbers are not scaled: 1 stays 1. The message of an error does not name the file.
-
-    Raises
-    ------
-    ImageReadError
-        As `decode_image`.
     """
     scaled = decode_image(data, limits)
     stored: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)

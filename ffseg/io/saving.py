@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
@@ -90,9 +90,27 @@ def encoded(result: Segmentation, kind: str, source: Source, suffix: str = ".png
     suffix : str
         Format of an overlay or cut-out.
     """
-    if kind in ("overlay", "cutout"):
-        return _picture(result, kind, source, suffix)
-    return KINDS[kind](result, source)
+    from ffseg.io.exports import json_text, yolo_text
+    from ffseg.io.masks import encode_mask
+    from ffseg.io.overlays import encode_cutout, encode_overlay, polylines
+    from ffseg.io.svg import svg_document
+
+    height, width = result.mask.shape
+    if kind == "mask":
+        return encode_mask(result.mask)
+    if kind == "svg":
+        return svg_document(result.contours, width, height, source.name, source.behind).encode("utf-8")
+    if kind == "yolo":
+        return yolo_text(annotated(result, "")).encode("ascii")
+    if kind not in ("overlay", "cutout"):
+        return json_text(documents(result, kind, source.name, source.label)).encode("ascii")
+    image = source.image
+    if image is None or image.shape[:2] != (height, width):
+        shape = result.mask.shape
+        raise OutputError(f"the {kind} needs the image that was segmented, of shape {shape} or {(*shape, 3)}")
+    if kind == "cutout":
+        return encode_cutout(image, result.mask, suffix)
+    return encode_overlay(image, polylines(result.contours), result.mask, suffix)
 
 
 def annotated(result: Segmentation, name: str, label: str = "region") -> AnnotatedImage:
@@ -110,54 +128,6 @@ def documents(result: Segmentation, kind: str, name: str, label: str = "region")
 
     made = {"coco": exports.coco_document, "labelme": exports.labelme_document, "geojson": exports.geojson_document}
     return made[kind](annotated(result, name, label))
-
-
-def _picture(result: Segmentation, kind: str, source: Source, suffix: str) -> bytes:
-    from ffseg.io.overlays import encode_cutout, encode_overlay, polylines
-
-    image, shape = source.image, result.mask.shape
-    if image is None or image.shape[:2] != shape:
-        raise OutputError(f"the {kind} needs the image that was segmented, of shape {shape} or {(*shape, 3)}")
-    if kind == "cutout":
-        return encode_cutout(image, result.mask, suffix)
-    return encode_overlay(image, polylines(result.contours), result.mask, suffix)
-
-
-def _mask(result: Segmentation, _: Source) -> bytes:
-    from ffseg.io.masks import encode_mask
-
-    return encode_mask(result.mask)
-
-
-def _svg(result: Segmentation, source: Source) -> bytes:
-    from ffseg.io.svg import svg_document
-
-    height, width = result.mask.shape
-    return svg_document(result.contours, width, height, source.name, source.behind).encode("utf-8")
-
-
-def _document(kind: str) -> Callable[[Segmentation, Source], bytes]:
-    def write(result: Segmentation, source: Source) -> bytes:
-        from ffseg.io.exports import json_text
-
-        return json_text(documents(result, kind, source.name, source.label)).encode("ascii")
-
-    return write
-
-
-def _yolo(result: Segmentation, _: Source) -> bytes:
-    from ffseg.io.exports import yolo_text
-
-    return yolo_text(annotated(result, "")).encode("ascii")
-
-
-KINDS: dict[str, Callable[[Segmentation, Source], bytes]] = {
-    "mask": _mask,
-    "svg": _svg,
-    "yolo": _yolo,
-    **{kind: _document(kind) for kind in ("geojson", "coco", "labelme")},
-}
-"""Encoders that need no image."""
 
 
 class Savable:
@@ -218,11 +188,11 @@ class Savable:
 
     def to_geojson(self, name: str = "", label: str = "region") -> Document:
         """GeoJSON feature collection in pixels: a Polygon per region with its holes; `name` stands for the image."""
-        return self._document("geojson", name, label)
+        return documents(self._result(), "geojson", name, label)
 
     def to_coco(self, name: str = "", label: str = "region") -> Document:
         """COCO document of one image called `name`: an annotation of category `label` per region."""
-        return self._document("coco", name, label)
+        return documents(self._result(), "coco", name, label)
 
     def __repr__(self) -> str:
         result = self._result()
@@ -246,9 +216,6 @@ class Savable:
 
     def _result(self) -> Segmentation:
         return cast("Segmentation", self)
-
-    def _document(self, kind: str, name: str, label: str) -> Document:
-        return documents(self._result(), kind, name, label)
 
     def _save(self, path: str | os.PathLike[str], kind: str, source: Source = NO_SOURCE) -> None:
         from ffseg.io.files import write_bytes_atomic

@@ -115,13 +115,7 @@ def starts_table(starts: Mapping[str, Start]) -> bytes:
 
 
 def check_starts(params: Parameters, path: str | os.PathLike[str]) -> None:
-    """Refuse parameters that say where the contour starts by other means than a starts file.
-
-    Raises
-    ------
-    ParameterError
-        Naming the file and the key.
-    """
+    """Refuse parameters that say where the contour starts by other means than a starts file."""
     others = {"init.circles": params.init.circles, "init.boxes": params.init.boxes, "init.mask": params.init.mask}
     given = next((key for key, value in others.items() if value), None)
     if given:

@@ -51,7 +51,7 @@ def film_strip_svg(
         f'width="{total}" height="{number(panel_height + _CAPTION)}" font-family="sans-serif" font-size="20">',
         *([f"<title>{escape(title)}</title>"] if title else []),
         f'<defs><image id="picture" width="{width}" height="{height}" preserveAspectRatio="none" '
-        f'href="{_embedded(image)}"/></defs>',
+        f'href="{jpeg_address(scaled_down(image, _WIDTH)[0], _QUALITY)}"/></defs>',
     ]
     for index, snapshot in enumerate(chosen):
         lines += [
@@ -68,8 +68,3 @@ def _paths(snapshot: Snapshot, stroke: float) -> Iterator[str]:
     for contour in snapshot.contours:
         colour = _COLOURS[contour.signed_area > 0]
         yield f'<path d="{path_data(contour)}" fill="none" stroke="{colour}" stroke-width="{number(stroke)}"/>'
-
-
-def _embedded(image: NDArray[np.uint8]) -> str:
-    small, _ = scaled_down(image, _WIDTH)
-    return jpeg_address(small, _QUALITY)

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import struct
 
-from ffseg.io.validation.base import Header, damaged, refuse_claim, truncated
-from ffseg.io.validation.exif import orientation_of
+from ffseg.io.validation.base import Header, damaged, orientation_of, refuse_claim, truncated
 
 MAX_CHUNKS = 200_000
 """A PNG of 100 Mpx in the usual 8 kB pieces has about 25,000 chunks; more than this is made to waste time."""

@@ -7,8 +7,7 @@ import struct
 from dataclasses import replace
 from functools import partial
 
-from ffseg.io.validation.base import Header, Probe, damaged, refuse_claim, truncated, unsupported
-from ffseg.io.validation.exif import orientation_of
+from ffseg.io.validation.base import Header, Probe, damaged, orientation_of, refuse_claim, truncated, unsupported
 
 PIXELS_PER_BYTE = 1024
 """Huffman coding spends a bit or more on each 8x8 block of the DC scan: six bits on 16x16 pixels with 4:2:0 colours."""
@@ -31,7 +30,9 @@ _SEQUENTIAL, _PROGRESSIVE = (0xC0, 0xC1), 0xC2
 
 def jpeg(data: bytes) -> Header:
     """Find the frame header of a JPEG file; it must be Huffman coded, 8 bits, 1, 3 or 4 components."""
-    _refuse_zeros_before_end(data)
+    # Some cameras pad with zeros, but after the end marker; zeros inside the scan decode to flat grey.
+    if not data[-64:].strip(b"\0") and not data.rstrip(b"\0").endswith(_END):
+        raise truncated("the JPEG data breaks off into zeros (an interrupted copy?)")
     frame: tuple[int, int, int, int] | None = None
     interval, turned = 0, 1
     for marker, at in _segments(data):
@@ -70,12 +71,6 @@ def _segments(data: bytes) -> list[tuple[int, int]]:
     return found
 
 
-def _refuse_zeros_before_end(data: bytes) -> None:
-    # Some cameras pad with zeros, but after the end marker; zeros inside the scan decode to flat grey.
-    if not data[-64:].strip(b"\0") and not data.rstrip(b"\0").endswith(_END):
-        raise truncated("the JPEG data breaks off into zeros (an interrupted copy?)")
-
-
 def _frame(data: bytes, at: int, marker: int) -> tuple[int, int, int, int]:
     """Marker, width, height and number of components."""
     if at + 10 > len(data):
@@ -93,8 +88,9 @@ def _header(data: bytes, frame: tuple[int, int, int, int], scan: int, interval: 
     marker, width, height, components = frame
     together = scan + 4 < len(data) and data[scan + 4] == components
     single = marker in _SEQUENTIAL and together  # the decoder stops after it, whatever follows
-    if not single:
-        _refuse_scans(len(_SCAN.findall(data, scan)), width * height)
+    scans, pixels = len(_SCAN.findall(data, scan)) if not single else 1, width * height
+    if scans > MAX_SCANS or (scans > FREE_SCANS and scans * pixels > SCAN_PIXELS):
+        raise unsupported(f"the JPEG file goes over its {pixels} pixels in {scans} scans, made to waste time")
     return Header(
         "JPEG", width, height, grey=components == 1, check=partial(_probes, data, scan, interval) if single else tuple
     )
@@ -108,11 +104,6 @@ def _probes(data: bytes, scan: int, interval: int) -> list[Probe]:
         return []
     _refuse_lost_intervals(data[scan:end], interval)
     return [Probe(data[: end - SPARE], decodes=False), Probe(data[:end] + MORE, decodes=True)]
-
-
-def _refuse_scans(scans: int, pixels: int) -> None:
-    if scans > MAX_SCANS or (scans > FREE_SCANS and scans * pixels > SCAN_PIXELS):
-        raise unsupported(f"the JPEG file goes over its {pixels} pixels in {scans} scans, made to waste time")
 
 
 def _refuse_lost_intervals(scan: bytes, interval: int) -> None:

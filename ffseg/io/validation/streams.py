@@ -38,11 +38,6 @@ def frame_size(data: bytes) -> tuple[int, int]:
     ----------
     data : bytes
         Beginning of the stream: a sequence header, after a temporal delimiter at most.
-
-    Raises
-    ------
-    ImageReadError
-        If there is none.
     """
     at = 0
     while at + 2 <= len(data):
@@ -125,12 +120,7 @@ class CodeStream:
 
 
 def jpeg2000_stream(stream: bytes) -> CodeStream:
-    """Read the main header, and refuse a stream that claims more packets than it has bytes: none takes less than one.
-
-    Raises
-    ------
-    ImageReadError
-    """
+    """Read the main header, and refuse a stream that claims more packets than it has bytes: none takes less than one."""
     segments = dict(_segments(stream, 2, _TILE)) if stream[:2] == b"\xff\x4f" else {}
     size, coding = segments.get(_SIZE, b""), segments.get(_CODING, b"")
     if len(size) < 36 or len(coding) < 10:

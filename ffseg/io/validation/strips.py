@@ -100,18 +100,12 @@ def _check_plain(data: bytes, pieces: Pieces) -> None:
 
 
 def _is_whole(packed: bytes, rows: int, pieces: Pieces) -> bool:
-    if pieces.compression == JPEG:
-        return False
     sizes = (rows * pieces.row_bytes, pieces.full_rows * pieces.row_bytes)
-    return _unpacked_size(packed, pieces.compression, max(sizes)) in sizes
-
-
-def _unpacked_size(packed: bytes, compression: int, most: int) -> int:
-    if compression == LZW:
-        return _core.lzw_size(packed)
-    if compression == PACKBITS:
-        return _core.packbits_size(packed)
-    return _inflated_size(packed, most)
+    if pieces.compression == LZW:
+        return _core.lzw_size(packed) in sizes
+    if pieces.compression == PACKBITS:
+        return _core.packbits_size(packed) in sizes
+    return pieces.compression != JPEG and _inflated_size(packed, max(sizes)) in sizes
 
 
 def _inflated_size(packed: bytes, most: int) -> int:

@@ -5,8 +5,16 @@ from __future__ import annotations
 import struct
 from functools import partial
 
-from ffseg.io.validation.base import FLAT_PIXELS_PER_BYTE, FREE_PIXELS, Header, Probe, damaged, refuse_claim, truncated
-from ffseg.io.validation.exif import orientation_of
+from ffseg.io.validation.base import (
+    FLAT_PIXELS_PER_BYTE,
+    FREE_PIXELS,
+    Header,
+    Probe,
+    damaged,
+    orientation_of,
+    refuse_claim,
+    truncated,
+)
 
 _CANVAS, _ANIMATION, _FRAME, _EXIF = b"VP8X", b"ANIM", b"ANMF", b"EXIF"
 _IMAGES = (b"VP8 ", b"VP8L")
@@ -85,7 +93,7 @@ def _probes(data: bytes, chunks: list[tuple[bytes, int, int]]) -> list[Probe]:
             return _probes(data, _chunks(data, at + _FRAME_HEADER, at + length))
         body = data[at : at + length]
         if name in _IMAGES:
-            return [Probe(_still(name, body[:-SPARE]), decodes=False)] if ZEROS in body else []
+            return [Probe(_file([_chunk(name, body[:-SPARE])]), decodes=False)] if ZEROS in body else []
     return []
 
 
@@ -98,11 +106,6 @@ def _alone(data: bytes, chunks: list[tuple[bytes, int, int]]) -> bytes | None:
     if parts[0][0] == _CANVAS:
         parts[0][1] = bytes([parts[0][1][0] & ~_FOLLOWING, *parts[0][1][1:]])
     return _file([_chunk(name, body) for name, body in parts])
-
-
-def _still(name: bytes, body: bytes) -> bytes:
-    """A file of one chunk."""
-    return _file([_chunk(name, body)])
 
 
 def _chunk(name: bytes, body: bytes) -> bytes:
