@@ -40,18 +40,15 @@ class Flag:
     """True or false."""
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
-        """See `Kind`."""
         if isinstance(node.value, bool):
             return node.value
         word = _TRUE_WORDS.get(str(node.value).lower())
         return _reject(self, node, key, problems, f"; write {word}" if word else "")
 
     def allowed(self) -> str:
-        """See `Kind`."""
         return "true or false"
 
     def json_schema(self) -> JsonSchema:
-        """See `Kind`."""
         return {"type": "boolean"}
 
 
@@ -63,18 +60,15 @@ class Integer:
     high: int
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
-        """See `Kind`."""
         value = node.value
         if isinstance(value, int) and not isinstance(value, bool) and self.low <= value <= self.high:
             return value
         return _reject(self, node, key, problems)
 
     def allowed(self) -> str:
-        """See `Kind`."""
         return f"an integer from {self.low} to {self.high}"
 
     def json_schema(self) -> JsonSchema:
-        """See `Kind`."""
         return {"type": "integer", "minimum": self.low, "maximum": self.high}
 
 
@@ -87,7 +81,6 @@ class Number:
     above: bool = False
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
-        """See `Kind`."""
         value = node.value
         if isinstance(value, bool) or not isinstance(value, int | float):
             return _reject(self, node, key, problems)
@@ -97,7 +90,6 @@ class Number:
         return float(value)
 
     def allowed(self) -> str:
-        """See `Kind`."""
         low, high = f"{self.low:g}", f"{self.high:g}"
         if math.isinf(self.low) and math.isinf(self.high):
             return "a finite number"
@@ -106,7 +98,6 @@ class Number:
         return f"a number above {low} and up to {high}" if self.above else f"a number from {low} to {high}"
 
     def json_schema(self) -> JsonSchema:
-        """See `Kind`."""
         schema: JsonSchema = {"type": "number"}
         if math.isfinite(self.low):
             schema["exclusiveMinimum" if self.above else "minimum"] = self.low
@@ -122,7 +113,6 @@ class Text:
     choices: tuple[str, ...] = ()
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
-        """See `Kind`."""
         value = node.value
         if isinstance(value, str) and value and "\0" not in value and (not self.choices or value in self.choices):
             return value
@@ -130,11 +120,9 @@ class Text:
         return _reject(self, node, key, problems, near)
 
     def allowed(self) -> str:
-        """See `Kind`."""
         return one_of(self.choices) if self.choices else "a text"
 
     def json_schema(self) -> JsonSchema:
-        """See `Kind`."""
         return {"type": "string", "enum": list(self.choices)} if self.choices else {"type": "string", "minLength": 1}
 
 
@@ -152,7 +140,6 @@ class Name:
     installed: Callable[[], Collection[str]] = tuple
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
-        """See `Kind`."""
         value = node.value
         if isinstance(value, str) and (value in self.choices or names_code(value) or value in self.installed()):
             return value
@@ -160,11 +147,9 @@ class Name:
         return _reject(self, node, key, problems, near)
 
     def allowed(self) -> str:
-        """See `Kind`."""
         return f"one of {', '.join(self.choices)}, or module:function"
 
     def json_schema(self) -> JsonSchema:
-        """See `Kind`."""
         return {"anyOf": [{"enum": list(self.choices)}, {"type": "string", "pattern": f"^{_OWN_FUNCTION.pattern}$"}]}
 
 
@@ -192,7 +177,6 @@ class FilePath:
     """The name of a file, or null; relative to the YAML file it is written in, else to the working directory."""
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
-        """See `Kind`."""
         value = os.fspath(node.value) if isinstance(node.value, os.PathLike) else node.value
         if value is None:
             return None
@@ -201,11 +185,9 @@ class FilePath:
         return os.path.normpath(os.path.join(node.source.folder, value)) if node.source.folder else value
 
     def allowed(self) -> str:
-        """See `Kind`."""
         return "a file name or null"
 
     def json_schema(self) -> JsonSchema:
-        """See `Kind`."""
         return {"type": ["string", "null"], "minLength": 1}
 
 
@@ -219,7 +201,6 @@ class Row:
     fewest: int = 0
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
-        """See `Kind`."""
         items = node.value
         if not isinstance(items, tuple) or not (self.fewest or len(self.parts)) <= len(items) <= len(self.parts):
             return _reject(self, node, key, problems)
@@ -233,7 +214,6 @@ class Row:
         return values
 
     def allowed(self) -> str:
-        """See `Kind`."""
         order = f", {self.order}" if self.order else ""
         each = {part.allowed() for part in self.parts}
         ranges = f", each {each.pop()}" if len(each) == 1 else ""
@@ -241,7 +221,6 @@ class Row:
         return f"{short}[{', '.join(self.names)}]{ranges}{order}"
 
     def json_schema(self) -> JsonSchema:
-        """See `Kind`."""
         count = len(self.parts)
         items = [part.json_schema() for part in self.parts]
         fewest = self.fewest or count
@@ -256,7 +235,6 @@ class Many:
     most: int
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
-        """See `Kind`."""
         items = node.value
         if not isinstance(items, tuple) or len(items) > self.most:
             return _reject(self, node, key, problems)
@@ -264,11 +242,9 @@ class Many:
         return BAD if BAD in values else values
 
     def allowed(self) -> str:
-        """See `Kind`."""
         return f"a list of at most {self.most} x {self.part.allowed()}"
 
     def json_schema(self) -> JsonSchema:
-        """See `Kind`."""
         return {"type": "array", "items": self.part.json_schema(), "maxItems": self.most}
 
 
@@ -280,7 +256,6 @@ class OrWord:
     other: Kind
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
-        """See `Kind`."""
         if node.value == self.word:
             return self.word
         if isinstance(node.value, str):
@@ -288,11 +263,9 @@ class OrWord:
         return self.other.check(node, key, problems)
 
     def allowed(self) -> str:
-        """See `Kind`."""
         return f"{self.other.allowed()}, or {self.word}"
 
     def json_schema(self) -> JsonSchema:
-        """See `Kind`."""
         return {"anyOf": [{"const": self.word}, self.other.json_schema()]}
 
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 
 import yaml
 
@@ -70,19 +69,17 @@ def parse(text: str, source: Source, problems: Problems) -> Node:
         line = text.count("\n", 0, bad.start()) + 1
         problems.add(f"{source.name}:{line}", f"character U+{ord(bad[0]):04X} is not allowed in YAML; remove it")
         return Node(None, source)
-    builder = _Builder(source, problems)
     try:
-        for event in _events(text):
-            builder.take(event)
+        _refuse_foreign(yaml.parse(text, Loader=_LOADER))
+        root = yaml.compose(text, Loader=_LOADER)
+        return Node(None, source) if root is None else _node(root, source, problems)
     except _RefusedError as refused:
-        problems.add(builder.place(refused.line), str(refused))
-        return Node(None, source)
+        problems.add(_placed(source, refused.line), str(refused))
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        last = len(text.splitlines())
-        problems.add(builder.place(min(mark.line + 1, last) if mark else 0), f"not valid YAML: {error.problem}")
-        return Node(None, source)
-    return builder.root or Node(None, source)
+        line = min(mark.line + 1, len(text.splitlines())) if mark else 0
+        problems.add(_placed(source, line), f"not valid YAML: {error.problem}")
+    return Node(None, source)
 
 
 def scalar(text: str) -> bool | int | float | str | None:
@@ -110,50 +107,19 @@ class _RefusedError(Exception):
         self.line = line
 
 
-@dataclass(slots=True)
-class _Open:
-    """A mapping or sequence whose end has not been seen."""
-
-    line: int
-    keyed: bool
-    values: dict[str, Node] = field(default_factory=dict)
-    items: list[Node] = field(default_factory=list)
-    key: str | None = None
-    key_line: int = 0
-
-
-class _Builder:
-    """Builds nodes from parser events with its own stack: depth costs no recursion."""
-
-    def __init__(self, source: Source, problems: Problems) -> None:
-        self.root: Node | None = None
-        self._source = source
-        self._problems = problems
-        self._stack: list[_Open] = []
-        self._count = 0
-
-    def place(self, line: int) -> str:
-        """``file:line``, or the bare name of a source that is one line."""
-        return f"{self._source.name}:{line}" if line and self._source.folder is not None else self._source.name
-
-    def take(self, event: yaml.Event) -> None:
-        """Take one parser event."""
-        mark = event.start_mark
-        line = mark.line + 1 if mark else 0
-        if isinstance(event, yaml.NodeEvent):
-            self._refuse(event, line)
-        if isinstance(event, yaml.ScalarEvent):
-            self._scalar(event, line)
-        elif isinstance(event, yaml.MappingStartEvent | yaml.SequenceStartEvent):
-            self._open(event, line)
-        elif isinstance(event, yaml.MappingEndEvent | yaml.SequenceEndEvent):
-            self._close()
-        elif isinstance(event, yaml.DocumentStartEvent) and self.root is not None:
+def _refuse_foreign(events: Iterable[yaml.Event]) -> None:
+    """Refuse what is not read, before anything is built of it: it may be as deep and as large as it likes."""
+    depth = count = documents = 0
+    for event in events:
+        line = event.start_mark.line + 1 if event.start_mark else 0
+        documents += isinstance(event, yaml.DocumentStartEvent)
+        if documents > 1:
             raise _RefusedError(line, "a second document begins here; write one document per file")
-
-    def _refuse(self, event: yaml.NodeEvent, line: int) -> None:
-        self._count += 1
-        if self._count > MAX_VALUES:
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        if not isinstance(event, yaml.NodeEvent):
+            continue
+        count += 1
+        if count > MAX_VALUES:
             raise _RefusedError(line, f"more than {MAX_VALUES} keys and values; parameter files are smaller")
         if isinstance(event, yaml.AliasEvent):
             raise _RefusedError(line, f"alias '*{shown_key(str(event.anchor))}' is not supported; write the value out")
@@ -163,51 +129,43 @@ class _Builder:
         tag = getattr(event, "tag", None)
         if tag is not None:
             raise _RefusedError(line, f"tag '{shown_key(tag)}' is not supported; write the plain value")
-
-    def _scalar(self, event: yaml.ScalarEvent, line: int) -> None:
-        parent = self._stack[-1] if self._stack else None
-        if parent and parent.keyed and parent.key is None:
-            self._key(parent, event, line)
-            return
-        value = scalar(event.value) if event.implicit[0] and event.style in (None, "") else event.value
-        self._place_value(value, line)
-
-    def _key(self, parent: _Open, event: yaml.ScalarEvent, line: int) -> None:
-        if event.value == "<<" and not event.style:
-            raise _RefusedError(line, "merge key '<<' is not supported; write the keys out")
-        if event.value in parent.values:
-            first = self.place(parent.values[event.value].key_line)
-            name = shown_key(event.value)
-            self._problems.add(self.place(line), f"{name}: the key is given twice (first at {first}); keep one")
-        parent.key, parent.key_line = event.value, line
-
-    def _open(self, event: yaml.CollectionStartEvent, line: int) -> None:
-        if len(self._stack) >= MAX_DEPTH:
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        if depth > MAX_DEPTH:
             raise _RefusedError(line, f"nested deeper than {MAX_DEPTH} levels")
-        if self._stack and self._stack[-1].keyed and self._stack[-1].key is None:
+
+
+def _node(parsed: yaml.Node, source: Source, problems: Problems, key_line: int = 0) -> Node:
+    """What was parsed as a value that knows its place."""
+    line = parsed.start_mark.line + 1 if source.folder is not None else 0
+    value: object = None
+    if isinstance(parsed, yaml.ScalarNode):
+        value = parsed.value if parsed.style else scalar(parsed.value)
+    elif isinstance(parsed, yaml.SequenceNode):
+        value = tuple(_node(item, source, problems) for item in parsed.value)
+    elif isinstance(parsed, yaml.MappingNode):
+        value = _mapping(parsed, source, problems)
+    return Node(value, source, line, key_line or line)
+
+
+def _mapping(parsed: yaml.MappingNode, source: Source, problems: Problems) -> dict[str, Node]:
+    values: dict[str, Node] = {}
+    for key, child in parsed.value:
+        line = key.start_mark.line + 1
+        if not isinstance(key, yaml.ScalarNode):
             raise _RefusedError(line, "a key must be a plain word, not a list or mapping")
-        self._stack.append(_Open(line, isinstance(event, yaml.MappingStartEvent)))
-
-    def _close(self) -> None:
-        done = self._stack.pop()
-        self._place_value(done.values if done.keyed else tuple(done.items), done.line)
-
-    def _place_value(self, value: object, line: int) -> None:
-        shown_line = line if self._source.folder is not None else 0
-        if not self._stack:
-            self.root = Node(value, self._source, shown_line, shown_line)
-            return
-        parent = self._stack[-1]
-        if parent.keyed and parent.key is not None:
-            key_line = parent.key_line if shown_line else 0
-            parent.values[parent.key] = Node(value, self._source, shown_line, key_line)
-            parent.key = None
-        else:
-            parent.items.append(Node(value, self._source, shown_line, shown_line))
+        if key.value == "<<" and not key.style:
+            raise _RefusedError(line, "merge key '<<' is not supported; write the keys out")
+        where, first = _placed(source, line), values.get(key.value)
+        if first is not None:
+            name = shown_key(key.value)
+            problems.add(where, f"{name}: the key is given twice (first at {first.key_where}); keep one")
+        values[key.value] = _node(child, source, problems, line if source.folder is not None else 0)
+    return values
 
 
-def _events(text: str) -> Iterator[yaml.Event]:
-    yield from yaml.parse(text, Loader=_LOADER)
+def _placed(source: Source, line: int) -> str:
+    """``file:line``, or the bare name of a source that is one line."""
+    return f"{source.name}:{line}" if line and source.folder is not None else source.name
 
 
 def read_text(path: str | os.PathLike[str], problems: Problems, max_bytes: int = MAX_BYTES) -> str:
