@@ -71,13 +71,7 @@ def cameras(sources: Sequence[Source], out: str) -> list[Camera]:
 
 
 def write_own_image(camera: Camera, most: int) -> Found:
-    """Look at up to `most` evenly spaced images of a camera, and write a mask that is 0 on its own image.
-
-    Raises
-    ------
-    OutputError
-        If the mask cannot be written.
-    """
+    """Look at up to `most` evenly spaced images of a camera, and write a mask that is 0 on its own image."""
     images, unread = len(camera.images), list[str]()
     places = np.rint(np.linspace(0, images - 1, min(most, images))).astype(int)
     try:

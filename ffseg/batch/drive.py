@@ -77,13 +77,7 @@ class Drive:
         self.lost[name] = reason
 
     def write(self, out: str) -> Sequence[str]:
-        """Write `MAP_FILES` below an output folder, if any frame is in the map; their names.
-
-        Raises
-        ------
-        OutputError
-            When they cannot be written.
-        """
+        """Write `MAP_FILES` below an output folder, if any frame is in the map; their names."""
         if len(self.lost) == self.frames:
             return ()
         files = self.grid.files(self.ways) | self.ways.files()

@@ -13,10 +13,9 @@ from ffseg import __version__
 from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import GROUND, MAP_BAG, MAP_FILES, OUTPUTS
 from ffseg.batch.plan.jobs import output_folders, sweep
-from ffseg.batch.record.finish import StoppedError, put_in_order
 from ffseg.batch.record.keeper import Keeper
 from ffseg.batch.record.ledger import Ledger, Stop
-from ffseg.batch.record.ordered import packs_of, remove_packs
+from ffseg.batch.record.ordered import StoppedError, packs_of, put_in_order, remove_packs
 from ffseg.batch.record.survey import Survey, survey, tidy
 from ffseg.batch.record.tables import START_COLUMNS, Tables, remove_old
 from ffseg.batch.workers.messages import Setup

@@ -5,22 +5,22 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import takewhile
 from time import perf_counter
 from typing import Any
 
 from ffseg.batch.ending import Ending
 from ffseg.batch.executors.base import Assignment, Do, Executor, Options, served
-from ffseg.batch.executors.chunks import left_over, numbered
+from ffseg.batch.executors.chunks import left_over
 from ffseg.batch.plan.jobs import Plan, prepare_output, refuse_foreign, sweep
 from ffseg.batch.plan.sources import Job
-from ffseg.batch.record.finish import find_moved
 from ffseg.batch.record.header import refuse_mixing, run_header
 from ffseg.batch.record.journal import state_folder
 from ffseg.batch.record.keeper import Keeper, kept
 from ffseg.batch.record.ledger import Ledger, Observer, Stop, Summary
 from ffseg.batch.record.lock import OutputLock
+from ffseg.batch.record.ordered import find_moved
 from ffseg.batch.record.tables import RUN
 from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Failed, Note, Ready, Reply, Setup, Task
@@ -86,7 +86,7 @@ class Run:
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of ``timings.csv`` of the images of the plan that are finished, in input order."""
         for job in self._plan.jobs:
-            record = self._keeper.journal.get(job.index) if self._ledger.finished[job.index] else None
+            record = self._keeper.journal.get(job.source.name) if self._ledger.finished[job.index] else None
             if record is not None:
                 yield {"image": printable(job.source.name), **record.row}
 
@@ -96,7 +96,7 @@ def _resume(keeper: Keeper) -> None:
     plan, index = keeper.plan, {job.source.name: job.index for job in keeper.plan.jobs}
     for name, reply in left_over(keeper.state, keeper.settings):
         if name in index:
-            keeper.adopt(numbered(reply, index[name]))
+            keeper.adopt(replace(reply, index=index[name]))
     if plan.shard:  # until it has finished, it has not
         if plan.tars:
             find_moved(plan.out, keeper.journal, plan)
@@ -117,7 +117,7 @@ class Work:
     def do(self, started: Sequence[Process]) -> None:
         """Do them, with worker processes that have been started already."""
         jobs, name = self.keeper.plan.jobs, self.options.executor
-        self._take([_untried(job) for job in jobs if job.source.problem])
+        self._take([Failed(job.index, *job.source.problem.split(": ", 1)) for job in jobs if job.source.problem])
         tasks = (self._task(job) for job in jobs if not job.source.problem)
         chosen = find("executors", name)
         if isinstance(chosen, type) and issubclass(chosen, Executor):
@@ -169,7 +169,7 @@ class Work:
         self._take([Failed(index, "crash", lost) for index in left])
 
     def _task(self, job: Job) -> Task:
-        record = None if self.options.overwrite else self.keeper.journal.get(job.index)
+        record = None if self.options.overwrite else self.keeper.journal.get(job.source.name)
         fits = record is not None and record.fits(self.keeper.settings)
         return Task(job, self.keeper.plan.out, self.keeper.plan.outputs(job), record if fits else None)
 
@@ -179,9 +179,3 @@ class Work:
         for first in range(0, len(replies), together):
             for completed in self.keeper.complete(replies[first : first + together]):
                 self.ledger.count(completed)
-
-
-def _untried(job: Job) -> Failed:
-    """The reply for an image that cannot even be tried."""
-    reason, message = job.source.problem.split(": ", 1)
-    return Failed(job.index, reason, message)

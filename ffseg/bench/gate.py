@@ -43,13 +43,7 @@ class Slower:
 
 
 def read_baseline(path: Path, max_ratio: float, *, quick: bool) -> Baseline:
-    """Figures of a ``bench.json``.
-
-    Raises
-    ------
-    UsageError
-        If it cannot be read, is of another format, or was made with tiny inputs while this run is not, or the reverse.
-    """
+    """Figures of a ``bench.json``."""
     name = f"--baseline: {printable(path)}"
     if os.path.exists(path) and not os.path.isfile(path):  # a pipe would be waited for
         raise UsageError(f"{name} is not a regular file; give the bench.json of an earlier run")

@@ -13,6 +13,7 @@ from time import perf_counter
 
 import numpy as np
 
+from ffseg.batch.workers.launch import cores
 from ffseg.bench.drawing import draw
 from ffseg.bench.images import QUICK_WIDTHS, WIDTHS
 from ffseg.bench.measure import Group, Order, Sample, Skipped, Task, Timer
@@ -71,13 +72,12 @@ def batch(order: Order, work: Path) -> Iterator[Group]:
     masks = write_images(images, count, quick=order.quick)
     tasks = [Task("bare", "image", timed_child(lambda: (*HERE, "bare", str(images), str(masks), next(folders)), count))]
     comparisons = [("rate of --jobs 1 in rates of the bare pipeline", "bare", "jobs, 1")]
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    for jobs in (jobs for jobs in (1, 2, 4, 8) if jobs <= cores):
+    for jobs in (jobs for jobs in (1, 2, 4, 8) if jobs <= cores()):
         timer = timed_child(_run(images, folders, "--jobs", str(jobs)), count)
         tasks.append(Task(f"jobs, {jobs}", "image", timer, x=jobs))
         if jobs > 1:
             comparisons.append((f"rate of --jobs {jobs} in rates of --jobs 1", "jobs, 1", f"jobs, {jobs}"))
-    yield Group("batch", "images", draw(1).image, tasks, {"images": count, "cores": cores}, comparisons, FEW)
+    yield Group("batch", "images", draw(1).image, tasks, {"images": count, "cores": cores()}, comparisons, FEW)
 
 
 def memory(order: Order, work: Path) -> Iterator[Group | Skipped]:

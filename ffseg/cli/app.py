@@ -77,7 +77,8 @@ def main() -> None:
         console.message("ffseg: interrupted")
         sys.exit(130)
     except Exception as error:  # noqa: BLE001 - the last resort of the program
-        console.error(f"unexpected {type(error).__name__}: {_one_line(error)}; the traceback is in {_traceback_file()}")
+        told = " ".join(str(error).split())[:200]
+        console.error(f"unexpected {type(error).__name__}: {told}; the traceback is in {_traceback_file()}")
         sys.exit(1)
 
 
@@ -108,10 +109,6 @@ def _single(function: Any, below: str | None) -> typer.Typer:  # noqa: ANN401 - 
     single = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     single.command(no_args_is_help=True, epilog=below)(function)
     return single
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200]
 
 
 def _traceback_file() -> str:

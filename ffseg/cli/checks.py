@@ -43,13 +43,7 @@ def number(value: float) -> float:
 
 
 def output_file(option: str, path: Path) -> None:
-    """Refuse, before the work, a file that could not be written after it.
-
-    Raises
-    ------
-    UsageError
-        Naming the option.
-    """
+    """Refuse, before the work, a file that could not be written after it."""
     from ffseg.errors import OutputError, UsageError
     from ffseg.io.files import printable, require_replaceable
 
@@ -72,13 +66,7 @@ def _may_be_a_file(path: Path) -> bool:
 
 
 def refuse_pictures(paths: Sequence[str], remedy: str) -> None:
-    """Refuse to replace a picture that is no mask; what an earlier call wrote as a mask, and other files, may go.
-
-    Raises
-    ------
-    UsageError
-        Naming the picture.
-    """
+    """Refuse to replace a picture that is no mask; what an earlier call wrote as a mask, and other files, may go."""
     from ffseg.errors import UsageError
     from ffseg.io.files import printable
     from ffseg.io.masks import holds_other_than_mask
@@ -99,13 +87,7 @@ def require_truth(truth: Path | None, label: int | None) -> None:
 def checked_params(
     config: str | None, settings: Sequence[str] | None = None, *, allow_code: bool = False
 ) -> Parameters:
-    """Load a parameter set of a command, and see that the files and plug-ins it names are there.
-
-    Raises
-    ------
-    ParameterError
-        One line for everything that is wrong.
-    """
+    """Load a parameter set of a command, and see that the files and plug-ins it names are there."""
     from ffseg.errors import ParameterError
     from ffseg.io.files import printable
     from ffseg.parameters import STILL, load_params
@@ -137,13 +119,7 @@ def checked_params(
 
 
 def plugin_files(params: Parameters) -> dict[str, str]:
-    """Files of the plug-ins that a parameter set names, by their keys: with another content results are others.
-
-    Raises
-    ------
-    ParameterError
-        If one cannot be loaded, or the package of a peer is not installed.
-    """
+    """Files of the plug-ins that a parameter set names, by their keys: with another content results are others."""
     from ffseg.errors import ParameterError
     from ffseg.plugins import check, method
 
@@ -155,24 +131,21 @@ def plugin_files(params: Parameters) -> dict[str, str]:
     return {name: path for name, path in files.items() if path}
 
 
-def require_source(params: Parameters, evidence: Path | None = None) -> None:
-    """Refuse an edge source whose model or maps are not named: no image could be segmented.
-
-    Raises
-    ------
-    ParameterError
-        Naming what is missing.
-    """
+def ready_params(
+    config: str | None, settings: Sequence[str] | None, evidence: Path | None = None, *, allow_code: bool = False
+) -> Parameters:
+    """Load the parameter set of a command that segments: its edge source has its model, or maps that are named."""
     from ffseg.errors import ParameterError
 
-    if params.edges.model is not None or evidence is not None:
-        return
-    if params.edges.source == "model":
-        raise ParameterError("edges.source: model needs a model; set edges.model to a file")
-    if params.edges.source == "evidence":
-        raise ParameterError(
-            "edges.source: evidence needs a map of each image; name them with --evidence of run, compare or segment"
-        )
+    params = checked_params(config, settings, allow_code=allow_code)
+    if params.edges.model is None and evidence is None:
+        if params.edges.source == "model":
+            raise ParameterError("edges.source: model needs a model; set edges.model to a file")
+        if params.edges.source == "evidence":
+            raise ParameterError(
+                "edges.source: evidence needs a map of each image; name them with --evidence of run, compare or segment"
+            )
+    return params
 
 
 def _complaint(key: str, path: str) -> str:

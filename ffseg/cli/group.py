@@ -40,7 +40,8 @@ class Group(TyperGroup):
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - Typer's signature
         """List the commands, each with the whole first sentence of its help."""
         commands = ((name, self.get_command(ctx, name)) for name in self.list_commands(ctx))
-        rows = [(name, _summary(command.help or "")) for name, command in commands if command is not None]
+        helps = ((name, (command.help or "").partition("\n\n")[0]) for name, command in commands if command is not None)
+        rows = [(name, " ".join(first.split())) for name, first in helps]
         with formatter.section("Commands"):
             formatter.write_dl(rows)
 
@@ -59,8 +60,3 @@ def _require_values(args: Sequence[str]) -> None:
             option = text[:-1] or (before if before.startswith("-") else "")
             what = f"the value of {option}" if option else "an argument"
             raise UsageError(f"{what} is empty, as of an unset variable; give one, . for the folder you are in")
-
-
-def _summary(text: str) -> str:
-    """First paragraph of a help text, on one line."""
-    return " ".join(text.partition("\n\n")[0].split())

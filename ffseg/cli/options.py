@@ -6,7 +6,7 @@ import json
 import os
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,6 +15,8 @@ from ffseg.cli.checks import folder
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from ffseg.parameters import Parameters
 
 Inputs = Annotated[
@@ -51,6 +53,16 @@ Evidence = Annotated[
     Path | None,
     typer.Option("--evidence", metavar="DIR", help="Folder or .tar of maps (NAME.png, .tiff, .npy) of what is inside."),
 ]
+Table = Annotated[
+    str, typer.Option("--table", metavar="LIST", help="Tables to write: csv, or csv,parquet for timings.parquet too.")
+]
+Report = Annotated[bool, typer.Option("--report", help="Write report.html, a page to look at it all.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of the table.")]
+AsJsonOrSentences = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of sentences.")]
+Masks = Annotated[
+    Path, typer.Option("--truth", metavar="DIR", help="Masks (NAME.png): 255 inside, 0 outside, 128 unknown.")
+]
+FiguresOnly = Annotated[bool, typer.Option("--quiet", "-q", help="No progress; the figures only.")]
 TruthLabel = Annotated[
     int | None,
     typer.Option("--truth-label", metavar="K", min=0, max=65535, help="Class number that is inside in true masks."),
@@ -79,29 +91,20 @@ Label = Annotated[
 ]
 
 
-def overrides(
-    settings: list[str] | None,
-    outside: list[str] | None,
-    boxes: list[str] | None,
-    largest: int | None,
-    min_area: int | None,
-    fill_holes: int | None,
-    label: str | None,
-) -> list[str]:
+def overrides(asked: Mapping[str, Any]) -> list[str]:
     """What ``--set`` says, then ``--box``, ``--not`` and what is kept of the result and how it is called.
 
-    Raises
-    ------
-    UsageError
-        If a box or a point is not of the numbers it needs.
+    Parameters
+    ----------
+    asked : mapping
+        Values of the options by the names that `run` and `segment` give them.
     """
+    boxes, outside = asked["boxes"], asked["outside"]
     named = [f"init.boxes=[{', '.join(map(_corners, boxes))}]"] if boxes else []
     named += [f"init.background=[{', '.join(map(_seed, outside))}]"] if outside else []
-    asked = {"largest": largest, "min_area": min_area, "fill_holes": fill_holes, "label": label}
-    kept = [
-        f"region.{key}={json.dumps(value, ensure_ascii=False)}" for key, value in asked.items() if value is not None
-    ]
-    return [*(settings or ()), *named, *kept]
+    kept = {key: asked[key] for key in ("largest", "min_area", "fill_holes", "label") if asked[key] is not None}
+    named += [f"region.{key}={json.dumps(value, ensure_ascii=False)}" for key, value in kept.items()]
+    return [*(asked["settings"] or ()), *named]
 
 
 def _corners(box: str) -> str:
@@ -127,13 +130,7 @@ def _is_number(text: str) -> bool:
 
 
 def starts_file(starts: Path | None, params: Parameters) -> str:
-    """Name of the starts file, or empty.
-
-    Raises
-    ------
-    ParameterError
-        If the parameters give starts of another kind.
-    """
+    """Name of the starts file, or empty; refused where the parameters give starts of another kind."""
     if starts is None:
         return ""
     from ffseg.io.starts import check_starts

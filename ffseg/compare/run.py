@@ -7,7 +7,7 @@ import io
 import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import astuple, replace
 from statistics import median
 from time import perf_counter
 
@@ -134,7 +134,7 @@ def panels_of(out: str) -> set[str]:
 
 def table(rows: Iterable[Row]) -> bytes:
     """CSV of all rows."""
-    return csv_table(COLUMNS, [[asdict(row)[column] for column in COLUMNS] for row in rows])
+    return csv_table(COLUMNS, map(astuple, rows))
 
 
 def missed_gates(rows: Sequence[Row], gates: dict[str, float]) -> list[str]:

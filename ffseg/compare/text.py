@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from statistics import mean, median
 
 import numpy as np
@@ -29,9 +29,9 @@ def markdown(task: Comparison, rows: Sequence[Row]) -> str:
     images = list(dict.fromkeys(row.image for row in rows))
     lines = ["# Comparison", "", *_preface(task), ""]
     for image in images:
-        lines += [f"## {_cell(image)}", "", *_table([row for row in rows if row.image == image]), ""]
+        lines += [f"## {_cell(image)}", "", *_table(_HEAD, (_cells(row) for row in rows if row.image == image)), ""]
     if len(images) > 1:
-        lines += ["## All images", "", *_summary(task, rows), ""]
+        lines += ["## All images", "", *_table(SUMMARY, summary_cells(task, rows)), ""]
     return "\n".join(lines)
 
 
@@ -76,8 +76,8 @@ def _section(section: object) -> str:
     return ", ".join(f"{key} {value}" for key, value in values.items()) or "none"
 
 
-def _table(rows: Sequence[Row]) -> list[str]:
-    return [_line(_HEAD), _line(["---"] * len(_HEAD)), *(_line(_cells(row)) for row in rows)]
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    return [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)]
 
 
 def _cells(row: Row) -> list[str]:
@@ -91,10 +91,6 @@ def _cells(row: Row) -> list[str]:
 
 SUMMARY = ("method", "images", "median evolution ms", "median total ms", "mean IoU", "lowest IoU", "best on")
 """Columns of the summary over all images; the last counts images on which no other method has a higher IoU."""
-
-
-def _summary(task: Comparison, rows: Sequence[Row]) -> list[str]:
-    return [_line(SUMMARY), _line(["---"] * len(SUMMARY)), *map(_line, summary_cells(task, rows))]
 
 
 def summary_cells(task: Comparison, rows: Sequence[Row]) -> list[list[str]]:
@@ -127,7 +123,3 @@ def _cell(text: str) -> str:
     for mark in "\\`*_[]<>|#":
         text = text.replace(mark, f"\\{mark}")
     return text
-
-
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"

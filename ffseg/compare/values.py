@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from ffseg.batch.plan.sources import Job
 from ffseg.parameters import Parameters
 from ffseg.peer_parameters import PeerParameters
-
-COLUMNS = (
-    *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),
-    *("iou", "boundary_mean_px", "boundary_max_px", "holes", "status", "error", "boundary_f_2px"),
-    *("source", "start_moved"),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +33,10 @@ class Row:
     boundary_f_2px: float | None = None
     source: str = ""
     start_moved: str = ""
+
+
+COLUMNS = tuple(column.name for column in fields(Row))
+"""Of ``compare.csv``."""
 
 
 @dataclass(frozen=True, slots=True)

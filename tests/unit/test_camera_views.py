@@ -11,17 +11,18 @@ from rendered import render_pair
 
 from ffseg.batch.views import Views, load_views, neighbours
 from ffseg.batch.workers.frames import (
-    FrameBench,
-    Masks,
+    Before,
     evidence_lines,
     merged_segmentation,
     obstacle_rows,
     overlay_lines,
 )
 from ffseg.errors import CalibrationError
-from ffseg.freespace.window import Earlier
+from ffseg.io.images import Limits
+from ffseg.io.masks import encode_png
 from ffseg.parameters import load_params
 from ffseg.rendering import CAMERA_YAML, poses_csv, sample_camera
+from ffseg.scene import Scene
 
 
 def test_neighbours_follow_within_their_folder() -> None:
@@ -40,9 +41,8 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     camera, poses = files(tmp_path)
     views: Views = pickle.loads(pickle.dumps(load_views(camera, poses, None, ["0.png", "1.png"])))
     pair = render_pair(4)
-    frame = FrameBench(views, load_params(), Masks()).frame(
-        pair.current.image, [Earlier(pair.previous.image, views.poses_of("0.png", "1.png"), "0.png")], "1.png"
-    )
+    previous = encode_png(pair.previous.image, [])
+    frame = Before(views, "1.png", [previous], Limits()).frame(Scene(pair.current.image, load_params()))
     rows = obstacle_rows(frame)
     assert {row["verdict"] for row in rows} == {"obstacle", "false_obstacle"}
     assert all(
@@ -60,7 +60,7 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     assert len(drawn) == len(frame.fit.inliers) + frame.fit.count + 2 * len(frame.samples)
     places = [line.points.mean(axis=0) for line in drawn if len(line.points) == 4]
     assert np.array(places) == pytest.approx(frame.fit.tracks.current)
-    first = FrameBench(views, load_params(), Masks()).frame(pair.previous.image, (), "0.png")
+    first = Before(views, "0.png", [], Limits()).frame(Scene(pair.previous.image, load_params()))
     assert {row["verdict"] for row in obstacle_rows(first)} == {"untested"}
     assert {row["max_altitude_m"] for row in obstacle_rows(first)} == {""}
 
@@ -84,7 +84,7 @@ def test_another_size_is_refused(tmp_path: Path) -> None:
     camera, _ = files(tmp_path)
     views = load_views(camera, None, None, ["0.png"])
     with pytest.raises(CalibrationError, match="9x8, the camera file says 800x600"):
-        FrameBench(views, load_params(), Masks()).frame(np.zeros((8, 9), np.uint8), (), "0.png")
+        Before(views, "0.png", [], Limits()).frame(Scene(np.zeros((8, 9), np.uint8), load_params()))
 
 
 def test_the_sample_cameras_file_is_the_sample_camera(tmp_path: Path) -> None:

@@ -15,9 +15,8 @@ from commands import Command
 
 from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
-from ffseg.batch.plan.discover import discover
+from ffseg.batch.plan.discover import discover, listed
 from ffseg.batch.plan.jobs import make_plan
-from ffseg.batch.plan.listing import listed
 from ffseg.batch.plan.reading import read_input
 from ffseg.batch.plan.sources import natural_key
 from ffseg.errors import ImageReadError, UsageError

@@ -40,17 +40,17 @@ def _record(name: str, content: str = "1") -> Record:
 
 def _journal(out: Path) -> Journal:
     (out / ".ffseg").mkdir(exist_ok=True)
-    return Journal(str(out / ".ffseg"), {"parameters": {"x": 1}}, NAMES)
+    return Journal(str(out / ".ffseg"), {"parameters": {"x": 1}})
 
 
 def test_records_come_back_in_a_later_run(tmp_path: Path) -> None:
     first = _journal(tmp_path)
-    for index, name in enumerate(NAMES):
-        first.add(index, _record(name))
-    first.add(0, _record(NAMES[0], "2"))
+    for name in NAMES:
+        first.add(_record(name))
+    first.add(_record(NAMES[0], "2"))
     first.close()
     second = _journal(tmp_path)
-    assert [second.get(index) for index in range(3)] == [_record(NAMES[0], "2"), _record(NAMES[1]), _record(NAMES[2])]
+    assert list(map(second.get, NAMES)) == [_record(NAMES[0], "2"), _record(NAMES[1]), _record(NAMES[2])]
     second.close()
     header = read_header(str(tmp_path / ".ffseg"))
     assert header is not None
@@ -59,16 +59,15 @@ def test_records_come_back_in_a_later_run(tmp_path: Path) -> None:
 
 def test_records_of_other_images_are_kept_until_they_are_dropped(tmp_path: Path) -> None:
     first = _journal(tmp_path)
-    for index, name in enumerate(NAMES):
-        first.add(index, _record(name))
+    for name in NAMES:
+        first.add(_record(name))
     first.close()
-    part = Journal(str(tmp_path / ".ffseg"), {"parameters": {"x": 1}}, [NAMES[1]])
-    assert part.get(0) == _record(NAMES[1])
-    assert list(part.others()) == [_record(NAMES[0]), _record(NAMES[2])]
-    part.drop(NAMES[0])
+    part = _journal(tmp_path)
+    assert list(part.records(without=NAMES[1:2])) == [_record(NAMES[0]), _record(NAMES[2])]
+    part.drop(_record(NAMES[0]))
     part.close()
     again = _journal(tmp_path)
-    assert [again.get(index) is not None for index in range(3)] == [False, True, True]
+    assert [again.get(name) is not None for name in NAMES] == [False, True, True]
     again.close()
 
 
@@ -101,9 +100,9 @@ def test_records_of_another_shape_are_unknown(change: dict[str, object], tmp_pat
         file.write(json_line({name: odd[name] for name in odd if odd[name] is not None}))
         file.write(b"[" * 100_000 + b"\n" + b"7\n" + b"\xff\xfe\n")
     journal = _journal(tmp_path)
-    assert journal.get(0) is None
-    journal.add(0, _record(NAMES[0]))
-    assert journal.get(0) == _record(NAMES[0])
+    assert journal.get(NAMES[0]) is None
+    journal.add(_record(NAMES[0]))
+    assert journal.get(NAMES[0]) == _record(NAMES[0])
     journal.close()
 
 
@@ -127,8 +126,8 @@ def test_order_as_text_is_the_natural_order(names: list[str]) -> None:
 
 def test_every_cut_of_the_file_keeps_the_whole_lines(tmp_path: Path) -> None:
     journal = _journal(tmp_path)
-    journal.add(0, _record(NAMES[0]))
-    journal.add(1, _record(NAMES[1]))
+    journal.add(_record(NAMES[0]))
+    journal.add(_record(NAMES[1]))
     journal.close()
     path = tmp_path / ".ffseg" / "journal.jsonl"
     data = path.read_bytes()
@@ -136,24 +135,24 @@ def test_every_cut_of_the_file_keeps_the_whole_lines(tmp_path: Path) -> None:
     for length in range(len(data) + 1):
         path.write_bytes(data[:length])
         journal = _journal(tmp_path)
-        found = [journal.get(index) is not None for index in range(3)]
+        found = [journal.get(name) is not None for name in NAMES]
         journal.close()
         assert found == [length >= ends[1], length >= ends[2], False], length
 
 
 def test_full_disk_leaves_whole_lines_and_keeps_the_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     journal = _journal(tmp_path)
-    journal.add(0, _record(NAMES[0]))
+    journal.add(_record(NAMES[0]))
     real = os.write
     with monkeypatch.context() as patch:
         patch.setattr(os, "write", lambda descriptor, data: real(descriptor, data[:20]))
         with pytest.raises(OutputError, match="journal"):
-            journal.add(1, _record(NAMES[1]))
-    journal.add(2, _record(NAMES[2]))
-    assert [journal.get(index) for index in range(3)] == [_record(name) for name in NAMES]
+            journal.add(_record(NAMES[1]))
+    journal.add(_record(NAMES[2]))
+    assert list(map(journal.get, NAMES)) == [_record(name) for name in NAMES]
     journal.close()
     again = _journal(tmp_path)
-    assert [again.get(index) is not None for index in range(3)] == [True, False, True]
+    assert [again.get(name) is not None for name in NAMES] == [True, False, True]
     again.close()
 
 
@@ -166,7 +165,7 @@ def test_failing_write_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     with monkeypatch.context() as patch:
         patch.setattr(os, "write", fail)
         with pytest.raises(OutputError, match="Input/output error"):
-            journal.add(0, _record(NAMES[0]))
+            journal.add(_record(NAMES[0]))
     journal.close()
 
 

@@ -25,8 +25,7 @@ from ffseg.batch.plan.sources import order_key
 from ffseg.batch.record.journal import last_records
 from ffseg.batch.runner import Run
 from ffseg.batch.shards.assign import Shard, number_of, only, read_shard
-from ffseg.batch.shards.last import last_lines
-from ffseg.batch.shards.merge import merge_shards
+from ffseg.batch.shards.merge import last_lines, merge_shards
 from ffseg.batch.values import Record, record_line
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import UsageError

@@ -170,8 +170,8 @@ def test_every_file_a_job_depends_on_makes_it_stale(images: Path, tmp_path: Path
     from ffseg.batch.runner import Run
 
     plan = make_plan([str(images)], str(tmp_path / "out"))
-    evidence = [tmp_path / f"{job.index}.map" for job in plan.jobs]
-    plan = replace(plan, jobs=tuple(replace(job, depends=(str(evidence[job.index]),)) for job in plan.jobs))
+    evidence = [tmp_path / f"{job.index}.npy" for job in plan.jobs]
+    plan = replace(plan, jobs=tuple(replace(job, evidence=str(evidence[job.index])) for job in plan.jobs))
     setup = Setup(params=load_params(), segmenter=stand_in.NAME, files={"model": str(tmp_path / "model")})
 
     def again():
@@ -180,14 +180,13 @@ def test_every_file_a_job_depends_on_makes_it_stale(images: Path, tmp_path: Path
             return run.execute()
 
     (tmp_path / "model").write_bytes(b"trees")
-    for path in evidence[1:]:
-        path.write_bytes(b"map")
+    for path in evidence:
+        np.save(path, np.full((12, 16), 0.5, np.float32))
     assert (again().done, again().unchanged) == (6, 6)
-    evidence[2].write_bytes(b"another")
-    evidence[0].write_bytes(b"there now")
+    np.save(evidence[2], np.full((12, 16), 0.25, np.float32))
     evidence[1].unlink()
     summary = again()
-    assert (summary.unchanged, summary.done) == (3, 3)
+    assert (summary.unchanged, summary.done, summary.failed) == (4, 1, 1)
     (tmp_path / "model").write_bytes(b"other trees")
     with pytest.raises(UsageError, match="the file of model has changed"):
         again()

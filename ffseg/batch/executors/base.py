@@ -80,11 +80,6 @@ class Executor(ABC):
         ----------
         most : int, optional
             Milliseconds after which nothing has happened.
-
-        Raises
-        ------
-        UsageError
-            If the setup does not work.
         """
 
     @abstractmethod
@@ -119,11 +114,6 @@ class Do:
     ----------
     setup : Setup
         Its limits of time and memory are not kept.
-
-    Raises
-    ------
-    UsageError
-        If the setup does not work.
     """
 
     def __init__(self, setup: Setup) -> None:

@@ -9,12 +9,12 @@ import contextlib
 import os
 import uuid
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from ffseg.batch.values import json_line, parsed_line
-from ffseg.batch.workers.messages import Digests, Done, Encoded, Failed, Reply, Unchanged
+from ffseg.batch.workers.messages import Digests, Done, Encoded, Failed, Reply
 from ffseg.io.files import make_folder
 
 CHUNKS = "chunks"
@@ -78,18 +78,14 @@ def replies(path: str, settings: str) -> Iterator[tuple[str, Reply]]:
 
 
 def _reply(kind: str, parts: Mapping[str, Any]) -> Reply:
-    made = dict(parts)
-    if "digests" in made:
-        digests = made["digests"]
-        files = {
-            role: (path, digest, (int(mark[0]), int(mark[1])))
-            for role, (path, digest, mark) in digests["files"].items()
-        }
-        made["digests"] = Digests(**{**digests, "files": files})
-    if "outputs" in made:
-        made["outputs"] = tuple(Encoded(**one) for one in made["outputs"])
-    reply: Reply = {"Done": Done, "Unchanged": Unchanged, "Failed": Failed}[kind](**made)
-    return reply
+    if kind == "Failed":
+        return Failed(**parts)
+    digests = parts["digests"]
+    files = {
+        role: (path, digest, (int(mark[0]), int(mark[1]))) for role, (path, digest, mark) in digests["files"].items()
+    }
+    outputs = tuple(Encoded(**one) for one in parts["outputs"])
+    return Done(**{**parts, "digests": Digests(**{**digests, "files": files}), "outputs": outputs})
 
 
 def left_over(state: str, settings: str) -> Iterator[tuple[str, Reply]]:
@@ -100,8 +96,3 @@ def left_over(state: str, settings: str) -> Iterator[tuple[str, Reply]]:
         yield from replies(os.path.join(folder, name), settings)
     for name in names:
         _remove(os.path.join(folder, name))
-
-
-def numbered(reply: Reply, index: int) -> Reply:
-    """The reply for the image that has this index now."""
-    return replace(reply, index=index)

@@ -15,7 +15,7 @@ from time import monotonic
 from typing import Any
 
 from ffseg.batch.executors.base import Assignment, Executor, served
-from ffseg.batch.executors.chunks import Chunks, numbered, replies, reply_line
+from ffseg.batch.executors.chunks import Chunks, replies, reply_line
 from ffseg.batch.executors.held import end_idle, interrupt, lend, worker_process
 from ffseg.batch.tar.members import digest
 from ffseg.batch.tar.writer import Store
@@ -69,11 +69,6 @@ class Dask(Executor):
     ----------
     start : Assignment
         Its options name a scheduler; without one, a cluster of this machine is started.
-
-    Raises
-    ------
-    UsageError
-        If Dask is not installed, or the scheduler does not answer.
     """
 
     def __init__(self, start: Assignment) -> None:
@@ -99,11 +94,9 @@ class Dask(Executor):
             self._poll.register(start.stop, select.POLLIN)
 
     def room(self) -> int:
-        """As `Executor.room`."""
         return self._most - len(self._chunk) - sum(len(tasks) for tasks, _ in self._waiting.values())
 
     def put(self, task: Task) -> None:
-        """As `Executor.put`."""
         self._chunk.append(task)
         if len(self._chunk) == self._size:
             self._submit()
@@ -155,7 +148,6 @@ class Dask(Executor):
         error = future.exception()
         if isinstance(error, UsageError):
             raise error
-        found: dict[str, Reply] = {}
         if error is None:
             versions = future.result()
             if versions and not self._greeted:
@@ -164,11 +156,9 @@ class Dask(Executor):
         else:
             yield Note(f"a chunk of {len(tasks)} images was lost: {type(error).__name__}: {error}"[:300])
         found = dict(replies(self._chunks.path(number), self._start.settings))
+        lost = Failed(0, "crash", "the workers that had it ended before it was done; run again to try it again")
         for task in tasks:
-            lost = Failed(
-                task.job.index, "crash", "the workers that had it ended before it was done; run again to try it again"
-            )
-            yield numbered(found[task.job.source.name], task.job.index) if task.job.source.name in found else lost
+            yield replace(found.get(task.job.source.name, lost), index=task.job.index)
         with contextlib.suppress(OSError):
             os.unlink(self._chunks.path(number))
 
@@ -226,11 +216,6 @@ def do_chunk(order: Order) -> dict[str, str]:
     -------
     dict
         Versions a result can depend on.
-
-    Raises
-    ------
-    UsageError
-        If the setup does not work.
     """
     done = {name for name, _ in replies(order.path, order.settings)}
     left = [task for task in order.tasks if task.job.source.name not in done]

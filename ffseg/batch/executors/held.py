@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import os
-import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from time import monotonic
+from threading import RLock, Timer
 
 from ffseg.batch.executors.base import Assignment, Options
 from ffseg.batch.executors.processes import AHEAD, Processes
@@ -20,22 +19,20 @@ cannot say that no more will come."""
 
 @dataclass(eq=False, slots=True)
 class Held:
-    """A worker process, the versions it told when it began, and since when it is idle (`monotonic`)."""
+    """A worker process, the versions it told when it began, and what ends it when it is idle for long."""
 
     key: str
     executor: Processes
     versions: dict[str, str] = field(default_factory=dict)
-    since: float = 0.0
+    end: Timer = field(init=False)
 
 
 _idle: list[Held] = []
 """Worker processes between chunks."""
 _busy: set[Held] = set()
 """Worker processes that work on a chunk."""
-_changed = threading.Condition()
-"""Held to look at the idle ones; told when they are ended early."""
-_watched: list[threading.Thread] = []
-"""The thread that ends what is idle for long, while there is any."""
+_changing = RLock()
+"""Held while the idle ones change."""
 
 
 def lend(key: str, start: Assignment) -> None:
@@ -58,14 +55,8 @@ def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterat
     going : str
         File that is there as long as the run may have more chunks.
     """
-    with _changed:
-        held = next((one for one in _idle if one.key == key), None)
-        if held is not None:
-            _idle.remove(held)
-        else:
-            held = Held(key, Processes(Assignment(setup, Options(1, timeout))))
-        _busy.add(held)
-    end_others(key)
+    held = _take(lambda one: one.key == key) or Held(key, Processes(Assignment(setup, Options(1, timeout))))
+    _busy.add(held)
     try:
         yield held
     except BaseException:
@@ -73,7 +64,7 @@ def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterat
         raise
     finally:
         _busy.discard(held)
-    with _changed:  # whoever ends the idle ones of a run that is over sees this one, or this one sees that it is over
+    with _changing:  # whoever ends the idle ones of a run that is over sees this one, or this one sees that it is over
         wanted = held.executor.room() == AHEAD and os.path.exists(going)  # else it may have something to do still
         if wanted:
             _keep(held)
@@ -81,29 +72,29 @@ def worker_process(key: str, setup: Setup, timeout: float, going: str) -> Iterat
         held.executor.close()
 
 
+def _take(meant: Callable[[Held], bool]) -> Held | None:
+    """Take a process that is meant out of the idle ones; None where there is none."""
+    with _changing:
+        found = next(filter(meant, _idle), None)
+        if found is not None:
+            found.end.cancel()
+            _idle.remove(found)
+    return found
+
+
 def _keep(held: Held) -> None:
-    """Let a process wait for a chunk, watched."""
-    with _changed:
-        held.since = monotonic()
+    """Let a process wait for a chunk, but not for ever."""
+    held.end = Timer(IDLE_S, _end, (lambda one: one is held,))
+    held.end.daemon = True
+    with _changing:
         _idle.append(held)
-        if not _watched:
-            _watched.append(threading.Thread(target=_watch, daemon=True))
-            _watched[0].start()
+        held.end.start()
 
 
-def _watch() -> None:
-    """End processes that are idle for long, until there is none left."""
-    while True:
-        with _changed:
-            old = _removed(lambda held: held.since <= monotonic() - IDLE_S)
-            oldest = min((held.since for held in _idle), default=None)
-            if oldest is None:
-                _watched.clear()
-            elif not old:
-                _changed.wait(oldest + IDLE_S - monotonic())
-        _end(old)
-        if oldest is None:
-            return
+def _end(meant: Callable[[Held], bool]) -> None:
+    """End all idle processes that are meant."""
+    while (held := _take(meant)) is not None:
+        held.executor.close()
 
 
 def interrupt() -> None:
@@ -114,26 +105,4 @@ def interrupt() -> None:
 
 def end_idle(key: str = "") -> None:
     """End the idle processes of a setup, whose run is over, or all of them."""
-    with _changed:
-        idle = _removed(lambda held: key in ("", held.key))
-        _changed.notify_all()
-    _end(idle)
-
-
-def end_others(key: str) -> None:
-    """End the idle processes of other setups."""
-    with _changed:
-        idle = _removed(lambda held: held.key != key)
-    _end(idle)
-
-
-def _removed(chosen: Callable[[Held], bool]) -> list[Held]:
-    """Take the chosen ones out of the idle ones."""
-    found = list(filter(chosen, _idle))
-    _idle[:] = [held for held in _idle if held not in found]
-    return found
-
-
-def _end(idle: Iterable[Held]) -> None:
-    for held in idle:
-        held.executor.close()
+    _end(lambda held: key in ("", held.key))

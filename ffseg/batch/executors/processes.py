@@ -86,11 +86,9 @@ class Processes(Executor):
             self._adopt(process)
 
     def room(self) -> int:
-        """As `Executor.room`."""
         return self._num_workers * AHEAD - len(self._waiting) - sum(len(worker.queue) for worker in self._workers)
 
     def put(self, task: Task) -> None:
-        """As `Executor.put`."""
         self._waiting.append(task)
 
     def replies(self, most: int | None = None) -> Iterator[Event]:

@@ -75,7 +75,7 @@ class Context:
     image: NDArray[np.uint8]
     name: str
     path: str
-    target: str
+    target: str = ""
     lines: Sequence[Polyline] = ()
     snapshots: Sequence[Progress] = ()
     ground: Ground | None = None

@@ -18,25 +18,13 @@ _REALS = frozenset(
 
 
 def require_parquet() -> None:
-    """See that Parquet can be written.
-
-    Raises
-    ------
-    UsageError
-        If pyarrow is not installed.
-    """
+    """See that Parquet can be written."""
     if find_spec("pyarrow") is None:
         raise UsageError("--table parquet needs pyarrow; install it with: pip install 'ffseg[parquet]'")
 
 
 def write_parquet(path: str, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
-    """Write rows, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-        Naming the path.
-    """
+    """Write rows, whole or not at all."""
     import pyarrow
     from pyarrow import parquet
 

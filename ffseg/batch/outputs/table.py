@@ -148,13 +148,7 @@ def read_pack(text: str) -> bool:
 
 
 def read_exports(texts: Sequence[str]) -> tuple[str, ...]:
-    """Formats named by texts such as ``coco,labelme``, each once.
-
-    Raises
-    ------
-    ParameterError
-        As `output_named`.
-    """
+    """Formats named by texts such as ``coco,labelme``, each once."""
     names = [name.strip() for text in texts for name in text.split(",")]
     known = tuple(dict.fromkeys(name.lower() if name.lower() in EXPORTS else name for name in names))
     rows = [output_named(name) for name in known]

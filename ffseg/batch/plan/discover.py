@@ -1,12 +1,14 @@
-"""Inputs of a run: files, folders walked in natural order, and patterns, as one list without doubles."""
+"""Inputs of a run: files, folders walked in natural order, patterns and lists, as one list without doubles."""
 
 from __future__ import annotations
 
 import glob
 import os
+import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from ffseg.batch.outputs.table import OUTPUT_FOLDERS
 from ffseg.batch.plan.archives import is_archive, members
@@ -52,10 +54,11 @@ def discover(
             )
         places: dict[str, str] = {}  # of archives: their members need not ask the disk each
         for source in sources:
-            identity = places.get(source.path) or _identity_of(source)
+            real = places.get(source.path)
+            real = real or (source.path if "://" in source.path else os.path.realpath(source.path))
             if source.span is not None:
-                places[source.path] = identity
-            found.setdefault((identity, source.name), replace(source, place=place))
+                places[source.path] = real
+            found.setdefault((real, source.name), replace(source, place=place))
     return list(found.values())
 
 
@@ -66,11 +69,6 @@ def frames(source: Source, *, film: bool = False) -> list[Source]:
     ----------
     film : bool
         Whether animations and stacks of pages are films.
-
-    Raises
-    ------
-    UsageError
-        If the package that reads it is not installed.
     """
     wanted = is_film(source.path) or (film and source.path.lower().endswith(ANIMATIONS))
     if not wanted or source.problem or source.span is not None or is_remote(source.path):
@@ -92,13 +90,7 @@ def frames(source: Source, *, film: bool = False) -> list[Source]:
 
 
 def bag_frames(bag: str, topic: str) -> list[Source]:
-    """The images of a topic of a bag, called ``camera_image_000123.png``, with their seconds since the first.
-
-    Raises
-    ------
-    UsageError
-        If they cannot be read, or there are none.
-    """
+    """The images of a topic of a bag, called ``camera_image_000123.png``, with their seconds since the first."""
     if not (bag and topic):
         raise UsageError("--bag and --topic go together; name the bag and the topic of its images")
     path = f"{bag}{MARK}{topic.lstrip('/')}"
@@ -110,10 +102,6 @@ def bag_frames(bag: str, topic: str) -> list[Source]:
         Source(path, f"{stem}_{number:06d}.png", span=(number, 1), time=round((at - times[0]) / 1e9, 6), stamp=at)
         for number, at in enumerate(times)
     ]
-
-
-def _identity_of(source: Source) -> str:
-    return source.path if "://" in source.path else os.path.realpath(source.path)
 
 
 def _expand(text: str, skipped: Counter[str]) -> list[Source]:
@@ -134,13 +122,7 @@ def _expand(text: str, skipped: Counter[str]) -> list[Source]:
 
 
 def _remote_sources(url: str) -> list[Source]:
-    """Images of a URL: one, those of a pattern, or those below a folder of a store.
-
-    Raises
-    ------
-    UsageError
-        If they cannot be listed.
-    """
+    """Images of a URL: one, those of a pattern, or those below a folder of a store."""
     try:
         if url.startswith("http") and not any(mark in url for mark in "*["):
             return [Source(url, os.path.basename(url.partition("?")[0].rstrip("/")) or "index")]
@@ -218,10 +200,10 @@ def _walk(root: str, skipped: Counter[str]) -> Iterator[Source]:
     folders, links = [(root, "")], list[tuple[str, str]]()
     while folders or links:
         folder, prefix = folders.pop() if folders else links.pop(0)
-        identity = _identity(folder)
-        if identity in visited:
+        entered = identity(folder)
+        if entered in visited:
             continue
-        visited.add(identity)
+        visited.add(entered)
         entries = _entries(folder)
         if isinstance(entries, str):
             yield Source(folder, prefix.rstrip("/") or os.path.basename(folder), f"unreadable: {entries}")
@@ -255,9 +237,68 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
         return False
 
 
-def _identity(path: str) -> tuple[int, int] | None:
+def identity(path: str) -> tuple[int, int] | None:
+    """What a file or folder is, by whatever name; None where there is none."""
     try:
         status = os.stat(path)
-    except OSError:
+    except (OSError, ValueError):
         return None
     return status.st_dev, status.st_ino
+
+
+_LONGEST_LIST = 1 << 32
+
+
+def listed(path: str, *, nul: bool = False) -> list[Source]:
+    """Sources of a list.
+
+    Parameters
+    ----------
+    path : str
+        File with one path a line; ``-`` for stdin.
+    nul : bool
+        Paths end with a NUL instead of a line end, as ``find -print0`` writes them.
+
+    Returns
+    -------
+    list of Source
+        In the order of the list. Paths that lead nowhere above the working folder keep their names; else all names are
+        relative to the folder that all paths have in common.
+
+    Raises
+    ------
+    UsageError
+        If the list cannot be read, or names nothing.
+    """
+    end = b"\0" if nul else b"\n"
+    paths = [os.fsdecode(line) for line in _list_content(path).split(end) if line.strip()]
+    if any("\0" in one for one in paths):
+        raise UsageError(
+            f"--list: {printable(path)} holds NUL bytes, which no path does; add -0 if its paths end with them"
+        )
+    paths = [text if nul else text.rstrip("\r") for text in paths]
+    if not paths:
+        raise UsageError(f"--list: {printable(path)} names no image; write one path a line")
+    names = _list_names(paths)
+    sources = (Source(one, name, place=place) for place, (one, name) in enumerate(zip(paths, names, strict=True)))
+    return list({(source.path, source.name): source for source in sources}.values())
+
+
+def _list_content(path: str) -> bytes:
+    try:
+        if path == "-":
+            return sys.stdin.buffer.read(_LONGEST_LIST)
+        with Path(path).open("rb") as file:
+            return file.read(_LONGEST_LIST)
+    except OSError as error:
+        reason = os.strerror(error.errno or 0)
+        raise UsageError(f"--list: {printable(path)} cannot be read ({reason}); check the name") from error
+
+
+def _list_names(paths: list[str]) -> list[str]:
+    plain = [path.partition("://")[2] if is_remote(path) else os.path.normpath(path) for path in paths]
+    if not any(os.path.isabs(path) or path.split("/")[0] == ".." for path in plain):
+        return plain
+    whole = [path if is_remote(text) else os.path.abspath(text) for path, text in zip(plain, paths, strict=True)]
+    base = os.path.commonpath({os.path.dirname(path) or "." for path in whole})
+    return [os.path.relpath(path, base).replace(os.sep, "/") for path in whole]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from itertools import chain
-from typing import Any
 
 from ffseg.batch.outputs.table import (
     FILM_KINDS,
@@ -21,7 +20,7 @@ from ffseg.batch.outputs.table import (
     tar_name,
 )
 from ffseg.batch.plan.beside import find_domains, find_evidence, find_truths
-from ffseg.batch.plan.discover import discover
+from ffseg.batch.plan.discover import discover, identity
 from ffseg.batch.plan.reading import parted, place_of
 from ffseg.batch.plan.sources import STATE_FOLDER, Job, Source, film_of
 from ffseg.errors import OutputError, UsageError
@@ -109,10 +108,10 @@ def make_plan(
         truths = find_truths(sources, truth)
         used = {os.path.realpath(path) for path in truths.values()}
         sources = [source for source in sources if os.path.realpath(source.content) not in used]
-    stem = _whole_name if keep_suffix else _stem
+    stems = [source.name if keep_suffix else os.path.splitext(source.name)[0] for source in sources]
     jobs = tuple(
-        Job(index, _checked_name(source, stem(source), products), stem(source), truths.get(source.name, ""))
-        for index, source in enumerate(sources)
+        Job(index, _checked_name(source, stem, products), stem, truths.get(source.name, ""))
+        for index, (source, stem) in enumerate(zip(sources, stems, strict=True))
     )
     asked = tuple(place_of(text) for text in inputs if isinstance(text, str))
     plan = Plan(out, jobs, products, with_truth=bool(truth), inputs=asked, skipped=tuple(skipped.most_common()))
@@ -142,25 +141,21 @@ def with_past(plan: Plan) -> Plan:
 
 
 def with_starts(plan: Plan, path: str, *, partial: bool = False) -> Plan:
-    """The plan with each image's start out of a file, if it has one there; with `partial` none needs one.
-
-    Raises
-    ------
-    ParameterError
-        As `load_starts`.
-    """
+    """The plan with each image's start out of a file, if it has one there; with `partial` none needs one."""
     starts = load_starts(path, [source.name for source in _tried(plan)], partial=partial)
     return replace(plan, jobs=tuple(replace(job, start=starts.get(job.source.name)) for job in plan.jobs))
 
 
 def with_evidence(plan: Plan, folder: str) -> Plan:
     """The plan with each image's map of evidence: as `find_evidence`; images that cannot even be tried need none."""
-    return _depending(plan, "evidence", find_evidence(_tried(plan), folder))
+    maps = find_evidence(_tried(plan), folder)
+    return replace(plan, jobs=tuple(replace(job, evidence=maps.get(job.source.name, "")) for job in plan.jobs))
 
 
 def with_domains(plan: Plan, folder: str) -> Plan:
     """The plan with each image's own domain: as `find_domains`; images that cannot even be tried need none."""
-    return _depending(plan, "domain", find_domains(_tried(plan), folder))
+    masks = find_domains(_tried(plan), folder)
+    return replace(plan, jobs=tuple(replace(job, domain=masks.get(job.source.name, "")) for job in plan.jobs))
 
 
 def _tried(plan: Plan) -> list[Source]:
@@ -168,33 +163,8 @@ def _tried(plan: Plan) -> list[Source]:
     return [job.source for job in plan.jobs if not job.source.problem]
 
 
-def _depending(plan: Plan, role: str, files: Mapping[str, str]) -> Plan:
-    """The plan with each image given its file, by its name, which its result depends on."""
-
-    def one(job: Job) -> Job:
-        path = files.get(job.source.name, "")
-        given: dict[str, Any] = {role: path, "depends": (*job.depends, path)}
-        return replace(job, **given) if path else job
-
-    return replace(plan, jobs=tuple(map(one, plan.jobs)))
-
-
-def _whole_name(source: Source) -> str:
-    return source.name
-
-
-def _stem(source: Source) -> str:
-    return os.path.splitext(source.name)[0]
-
-
 def without(sources: Sequence[Source], exclude: Sequence[str]) -> list[Source]:
-    """Sources without those whose name, or a folder or the file in it, matches a pattern.
-
-    Raises
-    ------
-    UsageError
-        If none is left.
-    """
+    """Sources without those whose name, or a folder or the file in it, matches a pattern."""
     left = [source for source in sources if not any(_matches(source.name, pattern) for pattern in exclude)]
     if sources and not left:
         raise UsageError(f"--exclude leaves no image; the patterns are {', '.join(map(printable, exclude))}")
@@ -267,9 +237,9 @@ def _ignores_case(folder: str) -> bool:
 
 def _refuse_outputs_over_inputs(plan: Plan) -> None:
     read = {path for job in plan.jobs for path in (job.source.path, job.truth, job.evidence, job.domain)}
-    inputs = {_identity(file) for file in {parted(path)[0] for path in read - {""}}} - {None}
+    inputs = {identity(file) for file in {parted(path)[0] for path in read - {""}}} - {None}
     for path in _written(plan):
-        if _identity(path) in inputs:
+        if identity(path) in inputs:
             raise UsageError(f"the output {printable(path)} would replace an input image; choose another output folder")
 
 
@@ -279,14 +249,6 @@ def _written(plan: Plan) -> Iterator[str]:
     jobs = plan.jobs[:1] if plan.tars else plan.jobs
     outputs = (output for job in jobs for output in plan.written(job))
     return (os.path.join(plan.out, output) for output in chain(fused, outputs))
-
-
-def _identity(path: str) -> tuple[int, int] | None:
-    try:
-        status = os.stat(path)
-    except (OSError, ValueError):
-        return None
-    return status.st_dev, status.st_ino
 
 
 def refuse_foreign(plan: Plan) -> None:
@@ -316,13 +278,7 @@ def output_folders(plan: Plan) -> list[str]:
 
 
 def prepare_output(plan: Plan, state: str) -> None:
-    """Make every output folder and prove that a file can be written to the folder of the run's state.
-
-    Raises
-    ------
-    OutputError
-        Naming the folder and the system's reason.
-    """
+    """Make every output folder and prove that a file can be written to the folder of the run's state."""
     packs = [os.path.join(state, PACKS)] if plan.tars else []
     for folder in (state, *packs, *output_folders(plan)):
         make_folder(folder)

@@ -43,24 +43,12 @@ class Masks:
         return {"domain": self.domain, "start_mask": self.start, "background": self.background}
 
     def within(self, path: str, limits: Limits | None = None) -> Masks:
-        """With the domain of one image out of ``domain.masks``; the same without a path.
-
-        Raises
-        ------
-        ParameterError
-            If it cannot be read.
-        """
+        """With the domain of one image out of ``domain.masks``; the same without a path."""
         return replace(self, domain=load_mask("domain.masks", path, limits)) if path else self
 
 
 def named_masks(params: Parameters, limits: Limits | None = None) -> Masks:
-    """The masks that the parameters name.
-
-    Raises
-    ------
-    ParameterError
-        If one cannot be read.
-    """
+    """The masks that the parameters name."""
     return Masks(
         load_mask("domain.mask", params.domain.mask, limits),
         load_mask("init.mask", params.init.mask, limits),

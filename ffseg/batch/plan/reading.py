@@ -45,13 +45,7 @@ def told(path: str) -> str:
 
 
 def read_input(path: str, max_bytes: int, span: Span | None = None, *, redirects: bool = False) -> bytes:
-    """Content of an input; without a span that of a file, or of the member that the path stands for.
-
-    Raises
-    ------
-    ImageReadError
-        As `read_bytes`.
-    """
+    """Content of an input; without a span that of a file, or of the member that the path stands for."""
     if is_remote(path):
         return read_remote(path, max_bytes, redirects=redirects)
     if span is None:

@@ -21,7 +21,7 @@ that is named itself is taken whatever its suffix."""
 STATE_FOLDER = ".ffseg"
 """Folder under the output with the lock, the journal and the error log; it marks a folder of ours."""
 
-_DIGITS = re.compile(r"([0-9]+)")
+_DIGITS = re.compile(r"[0-9]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,15 +69,17 @@ class Job:
     """Paths of the images before it in its sequence, the nearest first."""
     start: Start | None = None
     """Its own start circle; None leaves the parameters'."""
-    depends: tuple[str, ...] = ()
-    """Paths of further files that its result depends on, such as its own domain or evidence map. Whatever is added to a
-    job and read from a file belongs here: with another content the image is done again."""
     evidence: str = ""
-    """Path of its map of evidence, or empty; also one of `depends`."""
+    """Path of its map of evidence, or empty."""
     domain: str = ""
-    """Path of its own domain, or empty; also one of `depends`."""
+    """Path of its own domain, or empty."""
     past: str = ""
     """Mask of the frame before it in its film, below the output folder; or empty."""
+
+    @property
+    def depends(self) -> tuple[str, ...]:
+        """Paths of further files that its result depends on: with another content of one the image is done again."""
+        return tuple(filter(None, (self.domain, self.evidence)))
 
 
 def film_of(name: str) -> str:
@@ -94,17 +96,12 @@ _END, _PART, _NUMBER = "\x00\x00", "\x00\x01", "\x00\x02"
 
 def natural_key(name: str) -> str:
     """Text that puts ``a2`` before ``a10`` and keeps each folder together."""
-    return _PART.join(_part_key(part) for part in name.split("/"))
+    return _PART.join(_DIGITS.sub(_number_key, part) for part in name.split("/"))
 
 
-def _part_key(part: str) -> str:
-    pieces = enumerate(_DIGITS.split(part))  # every second piece is digits
-    return "".join(_number_key(piece) if index % 2 else piece for index, piece in pieces)
-
-
-def _number_key(digits: str) -> str:
-    value = str(int(digits))
-    return f"{_NUMBER}{len(value):04d}{value}{digits}{_END}"
+def _number_key(digits: re.Match[str]) -> str:
+    value = str(int(digits[0]))
+    return f"{_NUMBER}{len(value):04d}{value}{digits[0]}{_END}"
 
 
 def order_key(place: int, name: str) -> str:

@@ -102,13 +102,7 @@ def _picture(out: str, kind: str, record: Record) -> NDArray[np.uint8]:
 
 
 def _write(path: str, kind: str, frames: Iterator[Timed]) -> None:
-    """Write a film, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-        Naming the path.
-    """
+    """Write a film, whole or not at all."""
     import av
 
     codec, layout, options = _CODECS[kind]

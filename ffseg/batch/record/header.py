@@ -8,8 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
-from ffseg.batch.record.journal import read_header, read_records
+from ffseg.batch.record.journal import journal_lines, read_header
 from ffseg.batch.tar.members import digest
+from ffseg.batch.values import parsed_record
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.files import printable, read_bytes
@@ -21,13 +22,7 @@ _SHOWN = 5
 
 
 def run_header(setup: Setup) -> dict[str, Any]:
-    """Parameters, digests of the files they name, and the digest of both, by which records know what they were made with.
-
-    Raises
-    ------
-    UsageError
-        If such a file cannot be read.
-    """
+    """Parameters, digests of the files they name, and the digest of both, by which records know what they were made with."""
     named = {**dict(parameter_files(setup.params)), **setup.files}
     files = {key: _digest_of(key, path, setup.max_bytes) for key, path in named.items()}
     views = setup.views
@@ -65,7 +60,8 @@ def refuse_mixing(out: str, folder: str, header: Mapping[str, Any], *, pack: boo
     """
     old = read_header(folder)
     same = old is None or (old.get("settings") == header["settings"] and bool(old.get("pack")) == pack)
-    if old is None or same or not any(record.made for record in read_records(folder)):
+    records = filter(None, map(parsed_record, journal_lines(folder)))
+    if old is None or same or not any(record.made for record in records):
         return
     if old.get("settings") != header["settings"]:
         what, remedy = f"results with other parameters ({changes(old, header)})", ""

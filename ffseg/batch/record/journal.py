@@ -6,16 +6,14 @@ import contextlib
 import errno
 import os
 import stat
-from array import array
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from ffseg.batch.plan.sources import STATE_FOLDER
-from ffseg.batch.record.streams import atomic_stream
 from ffseg.batch.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.errors import UsageError
-from ffseg.io.files import OWN, printable, read_at, unwritten
+from ffseg.io.files import OWN, atomic_stream, printable, read_at, unwritten
 
 FORMAT = 2
 """Version of the lines; a journal of another one is not read."""
@@ -52,11 +50,6 @@ def journal_lines(folder: str) -> Iterator[bytes]:
         with Path(folder, JOURNAL).open("rb") as file:
             file.readline()
             yield from file
-
-
-def read_records(folder: str) -> Iterator[Record]:
-    """All records of a journal in the order of their lines; a later one of a name replaces the earlier."""
-    return (record for line in journal_lines(folder) if (record := parsed_record(line)) is not None)
 
 
 def last_lines(folder: str) -> Iterator[tuple[str, bytes]]:
@@ -101,10 +94,7 @@ def refuse_special(path: str) -> None:
 
 
 class Journal:
-    """Append-only file of records in a state folder.
-
-    Memory holds only the place of each record, in an array that is as long at the first image as at the last, and the
-    names of those images that are not in the plan.
+    """Append-only file of records in a state folder; memory holds only the place of each, by the image's name.
 
     Parameters
     ----------
@@ -112,68 +102,51 @@ class Journal:
         State folder.
     header : mapping
         First line: what all records have in common.
-    names : sequence of str
-        Sources of the run, in input order.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
     """
 
-    def __init__(self, folder: str, header: Mapping[str, Any], names: Sequence[str]) -> None:
-        self._path = os.path.join(folder, JOURNAL)
-        self._num_images, self._descriptor = len(names), _ABSENT
-        self._unwritten: dict[int, Record] = {}
+    def __init__(self, folder: str, header: Mapping[str, Any]) -> None:
+        self._path, self._descriptor = os.path.join(folder, JOURNAL), _ABSENT
+        self._unwritten: dict[str, Record] = {}
         refuse_special(self._path)
-        indices = {name: index for index, name in enumerate(names)}
-        self._replace(header, ((indices.get(name, name), line) for name, line in last_lines(folder)))
+        self._replace(header, last_lines(folder))
 
-    def _replace(self, header: Mapping[str, Any], lines: Iterable[tuple[int | str, bytes]]) -> None:
-        """Put lines about images, by index in the plan or else by name, in the place of all there are."""
-        places, others = array("q", [_ABSENT]) * self._num_images, dict[str, int]()
+    def _replace(self, header: Mapping[str, Any], lines: Iterable[tuple[str, bytes]]) -> None:
+        """Put lines about images of these names in the place of all there are."""
+        places = dict[str, int]()
         with atomic_stream(self._path) as file:
             end = file.write(json_line({"format": FORMAT, **header}))
-            for entry, line in lines:
-                if isinstance(entry, int):
-                    places[entry] = end
-                else:
-                    others[entry] = end
+            for name, line in lines:
+                places[name] = end
                 end += file.write(line)
         if self._descriptor != _ABSENT:
             os.close(self._descriptor)
         self._descriptor = os.open(self._path, os.O_RDWR | os.O_APPEND | OWN)
-        self._places, self._others, self._end = places, others, end
+        self._places, self._end = places, end
         self._unwritten.clear()
 
-    def get(self, entry: int | str) -> Record | None:
-        """Record of an image, by its index in the plan, or by its name if it is not in it; None where there is none."""
-        if isinstance(entry, int) and entry in self._unwritten:
-            return self._unwritten[entry]
-        place = self._places[entry] if isinstance(entry, int) else self._others.get(entry, _ABSENT)
-        return None if place == _ABSENT else self._at(place)
-
-    def others(self) -> Iterator[Record]:
-        """Records of images that are not in the plan."""
-        return (record for name in list(self._others) if (record := self.get(name)) is not None)
-
-    def drop(self, name: str) -> None:
-        """Forget an image that is not in the plan, in the file as well; a full disk only puts that off."""
-        record = self.get(name)
-        if self._others.pop(name, None) is not None and record is not None:
-            with contextlib.suppress(OSError):
-                self._append(json_line({"name": name, "order": record.order, "gone": True}))
-
-    def _at(self, place: int) -> Record | None:
-        line = b""
-        while not line.endswith(b"\n"):
+    def get(self, name: str) -> Record | None:
+        """Record of an image; None where there is none."""
+        if name in self._unwritten:
+            return self._unwritten[name]
+        line, place = b"", self._places.get(name, _ABSENT)
+        while place != _ABSENT and not line.endswith(b"\n"):
             piece = read_at(self._descriptor, 4096, place + len(line))
             if not piece:
                 return None
             line += piece[: piece.find(b"\n") + 1 or len(piece)]
         return parsed_record(line)
 
-    def add(self, index: int, record: Record) -> None:
+    def records(self, without: Collection[str] = ()) -> Iterator[Record]:
+        """Records of all images but some, in the order in which they came."""
+        return (record for name in self._places if name not in without and (record := self.get(name)) is not None)
+
+    def drop(self, record: Record) -> None:
+        """Forget an image, in the file as well; a full disk only puts that off."""
+        self.forget(record.name)
+        with contextlib.suppress(OSError):
+            self._append(json_line({"name": record.name, "order": record.order, "gone": True}))
+
+    def add(self, record: Record) -> None:
         """Append a record with one write.
 
         Raises
@@ -184,10 +157,10 @@ class Journal:
         try:
             place = self._append(record_line(record))
         except OSError as error:
-            self._unwritten[index] = record
+            self._unwritten[record.name] = record
             raise unwritten(self._path, error) from error
-        self._unwritten.pop(index, None)
-        self._places[index] = place
+        self._unwritten.pop(record.name, None)
+        self._places[record.name] = place
 
     def _append(self, line: bytes) -> int:
         written = os.write(self._descriptor, line)
@@ -197,20 +170,20 @@ class Journal:
         place, self._end = self._end, self._end + len(line)
         return place
 
-    def forget(self, index: int) -> None:
+    def forget(self, name: str) -> None:
         """Drop what is known of an image in memory: it is about to be done again."""
-        self._places[index] = _ABSENT
-        self._unwritten.pop(index, None)
+        self._places.pop(name, None)
+        self._unwritten.pop(name, None)
 
-    def rewrite(self, header: Mapping[str, Any], entries: Iterable[tuple[int | str, Record]]) -> None:
-        """Put records of images, by index in the plan or else by name, in the place of all there are.
+    def rewrite(self, header: Mapping[str, Any], records: Iterable[Record]) -> None:
+        """Put records in the place of all there are.
 
         Raises
         ------
         OutputError
             If the file cannot be written; the journal is then as it was.
         """
-        self._replace(header, ((entry, record_line(record)) for entry, record in entries))
+        self._replace(header, ((record.name, record_line(record)) for record in records))
 
     def close(self) -> None:
         """Flush the file to the disk and close it."""

@@ -22,7 +22,7 @@ from ffseg.batch.tar.members import Member, output_digest
 from ffseg.batch.tar.writer import Store
 from ffseg.batch.values import Mark, Record
 from ffseg.batch.workers.freshness import mark_of
-from ffseg.batch.workers.messages import Done, Failed, Reply, Unchanged
+from ffseg.batch.workers.messages import Done, Failed, Reply
 from ffseg.errors import OutputError
 from ffseg.io.files import printable, require_replaceable
 
@@ -76,11 +76,9 @@ class Keeper:
     def adopt(self, reply: Reply) -> None:
         """Remember what a run had made that did not live to do so; whether it is right is found out as for any record."""
         if isinstance(reply, Done):
-            before = self.journal.get(reply.index)
+            before = self.journal.get(self.plan.jobs[reply.index].source.name)
             record = self._done(reply, before, 0.0)
-            if before is not None:
-                record = replace(record, left=self._left(before, record))
-            self._remember(reply.index, record)
+            self._remember(record if before is None else replace(record, left=self._left(before, record)))
 
     def complete(self, replies: Sequence[Reply]) -> list[Completed]:
         """Write the outputs of replies together, then remember each."""
@@ -106,34 +104,34 @@ class Keeper:
         return os.path.join(self.plan.out, output)
 
     def _completed(self, reply: Reply, problem: str, spent: float) -> Completed:
-        before = self.journal.get(reply.index)
-        if isinstance(reply, Unchanged) and before is not None:
-            record, status = self._confirmed(reply, before), "unchanged"
-        elif isinstance(reply, Done) and not problem:
-            record, status = self._done(reply, before, spent), "ok"
+        before = self.journal.get(self.plan.jobs[reply.index].source.name)
+        if isinstance(reply, Done) and not problem:
+            record = self._done(reply, before, spent)
         else:
-            record, status = self._failure(reply, problem, before), "failed"
+            record = self._failure(reply, problem, before)
         if before is not None:
             record = replace(record, left=self._left(before, record))
         if record != before:
-            self.journal.forget(reply.index)  # whatever happens now, the earlier line is no longer true
-            self._remember(reply.index, record)
-        ended = "failed" if record.status == "failed" else status
-        return Completed(reply.index, ended, record.row["error"], record.row.get("note") or "")
+            self.journal.forget(record.name)  # whatever happens now, the earlier line is no longer true
+            self._remember(record)
+        unchanged = record.status == "ok" and isinstance(reply, Done) and reply.unchanged
+        status = "unchanged" if unchanged else record.status
+        return Completed(reply.index, status, record.row["error"], record.row.get("note") or "")
 
-    def _remember(self, index: int, record: Record) -> None:
+    def _remember(self, record: Record) -> None:
         try:
-            self.journal.add(index, record)
+            self.journal.add(record)
         except OutputError as error:
             self.tell(str(error))
 
     def _done(self, reply: Done, before: Record | None, spent: float) -> Record:
         """Record of an image whose outputs are written, in so many milliseconds."""
-        job = self.plan.jobs[reply.index]
-        row = {"status": "ok", "error": "", **reply.row, **_time_of(job)}
-        row["write_ms"] += spent
-        row["total_ms"] += spent
-        row = {column: round(cell, 3) if column.endswith("_ms") else cell for column, cell in row.items()}
+        job, row = self.plan.jobs[reply.index], dict(reply.row)
+        if not reply.unchanged:
+            row = {"status": "ok", "error": "", **row, **_time_of(job)}
+            row["write_ms"] += spent
+            row["total_ms"] += spent
+            row = {column: round(cell, 3) if column.endswith("_ms") else cell for column, cell in row.items()}
         new = {one.path: one.member or self._places.get(one.path) for one in reply.outputs}
         members = {path: member for path, member in new.items() if member is not None}
         written = {
@@ -142,38 +140,18 @@ class Keeper:
         }
         known: Outputs = {} if before is None else before.outputs
         kept = {path: known[path] for path in reply.kept if path in known}
-        record = Record(
-            name=job.source.name,
-            status="ok",
-            version=__version__,
-            settings=self.settings,
+        record = replace(
+            self._record(job, before, {**kept, **written}, row),
             content=reply.digests.content,
-            outputs={**kept, **written},
-            row=row,
             extra=reply.extra,
             truth=reply.digests.truth,
             files=reply.digests.files,
-            order=self._order(job, before),
             members={**_members_of(before, kept), **members},
         )
-        if not job.truth and before is not None and _same_source(before, record):
-            record = _with_truth_of(record, before)
-        return _judged(record, reply.problem) if job.truth else record
-
-    def _confirmed(self, reply: Unchanged, before: Record) -> Record:
-        """Record of an image that was not done again; its IoU may have been measured anew."""
-        job = self.plan.jobs[reply.index]
-        outputs = {path: before.outputs[path] for path in reply.kept}
-        files = {**before.files, **reply.digests.files}
-        record = replace(before, outputs=outputs, files=files, members=_members_of(before, outputs))
-        if reply.scored:
-            row = {**record.row, "iou": reply.iou}
-            return _judged(replace(record, row=row, truth=reply.digests.truth), reply.problem)
-        if not job.truth and before.status == "failed":  # its true mask was wrong, and is not asked for
-            row = {key: cell for key, cell in record.row.items() if key != "iou"}
-            files = {role: file for role, file in record.files.items() if role != "truth"}
-            return _judged(replace(record, row=row, truth="", files=files), "")
-        return record
+        if not job.truth and before is not None and before.status == "ok":
+            result, earlier = ((one.content, one.settings, one.version) for one in (record, before))
+            record = _with_truth_of(record, before) if result == earlier else record
+        return _judged(record, reply.problem)
 
     def _failure(self, reply: Reply, problem: str, before: Record | None) -> Record:
         job = self.plan.jobs[reply.index]
@@ -181,27 +159,19 @@ class Keeper:
             reason, message = reply.reason, reply.message
             if reply.traceback:
                 self._log(f"{printable(job.source.told)}\n{reason}: {message}\n{reply.traceback}\n")
-                message += f"; see {self._log_name()} in the output folder"
+                message += f"; see {os.path.relpath(self._log_path, self.plan.out)} in the output folder"
         else:
             reason, message = "output", problem
         row = {"status": "failed", "error": f"{reason}: {message}", "method": self.method, **_time_of(job)}
         path = place_of(job.source.content)
         left = before.outputs if before is not None and reason == "output" else {}
-        return Record(
-            name=job.source.name,
-            status="failed",
-            version=__version__,
-            settings=self.settings,
-            content="",
-            outputs=left,
-            row=row,
-            files={"image": (path, "", mark_of(path))},
-            order=self._order(job, before),
-            members=_members_of(before, left),
-        )
+        record = self._record(job, before, left, row)
+        return replace(record, files={"image": (path, "", mark_of(path))}, members=_members_of(before, left))
 
-    def _order(self, job: Job, before: Record | None) -> str:
-        return before.order if before is not None else order_key(job.source.place, job.source.name)
+    def _record(self, job: Job, before: Record | None, outputs: Outputs, row: Mapping[str, Any]) -> Record:
+        """Record of an image of this run, of which nothing is known but its outputs and its row."""
+        order = before.order if before is not None else order_key(job.source.place, job.source.name)
+        return Record(job.source.name, row["status"], __version__, self.settings, "", outputs, row, order=order)
 
     def _left(self, before: Record, now: Record) -> tuple[str, ...]:
         """Remove the outputs an image no longer has; those that hold something else than was written are left."""
@@ -211,11 +181,12 @@ class Keeper:
         stale = {*retire(self.plan.out, retired, {})[1], *before.left} - files
         return tuple(sorted(path for path in stale if os.path.lexists(self._path(path))))
 
-    def _log_name(self) -> str:
-        return os.path.relpath(os.path.join(self.state, "errors.log"), self.plan.out)
+    @property
+    def _log_path(self) -> str:
+        return os.path.join(self.state, "errors.log")
 
     def _log(self, text: str) -> None:
-        path = os.path.join(self.state, "errors.log")
+        path = self._log_path
         try:
             require_replaceable(path)
             with Path(path).open("a", encoding="utf-8", errors="backslashreplace") as file:
@@ -237,8 +208,8 @@ def kept(
     others = {name for name, asked in ((OBSTACLES, camera), (PARQUET, parquet)) if asked}
     tables = sorted({*before, *merged, *others, *plan.tars, *plan.films})
     header = {**header, "tables": tables, **({"pack": True} if plan.tars else {})}
-    journal = Journal(state, header, [job.source.name for job in plan.jobs])
-    return Keeper(plan, journal, header, method, tell, Store(plan.out, state, packed=bool(plan.tars)), before)
+    store = Store(plan.out, state, packed=bool(plan.tars))
+    return Keeper(plan, Journal(state, header), header, method, tell, store, before)
 
 
 def _time_of(job: Job) -> dict[str, float]:
@@ -258,16 +229,11 @@ def _judged(record: Record, problem: str) -> Record:
     return replace(record, status=row["status"], row=row)
 
 
-def _same_source(one: Record, other: Record) -> bool:
-    """Whether two records are of the same result."""
-    return (one.content, one.settings, one.version) == (other.content, other.settings, other.version)
-
-
 def _with_truth_of(record: Record, before: Record) -> Record:
     """A record with what was measured when a true mask was asked for: the mask is the same."""
     row = {**record.row, **{key: before.row[key] for key in ("iou",) if key in before.row}}
     files = {**record.files, **{role: file for role, file in before.files.items() if role == "truth"}}
-    return replace(record, row=row, truth=before.truth, files=files) if before.status == "ok" else record
+    return replace(record, row=row, truth=before.truth, files=files)
 
 
 def retire(out: str, outputs: Mapping[str, str], members: Mapping[str, Member]) -> tuple[int, list[str]]:

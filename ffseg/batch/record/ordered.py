@@ -1,15 +1,22 @@
-"""Tar files in the order of the tables, one for each kind of output: the same bytes however the work was shared out."""
+"""Tar files in the order of the tables, one for each kind of output: the same bytes however the work was shared out.
+
+They are made at the end of a packed run, and of a merge; what a merge has moved its shards find again.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import uuid
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from ffseg.batch.outputs.table import PACKS
+from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.plan.sources import STATE_FOLDER
+from ffseg.batch.record.journal import Journal, journal_lines, state_folder
+from ffseg.batch.record.survey import Survey
 from ffseg.batch.tar.members import (
     END,
     NOWHERE,
@@ -23,20 +30,28 @@ from ffseg.batch.tar.members import (
     padding,
 )
 from ffseg.batch.tar.writer import PackWriter, head_size, unwritable
-from ffseg.batch.values import Record
-from ffseg.errors import OutputError
-from ffseg.io.files import AT_ONCE, printable, read_at, sync_folders
+from ffseg.batch.values import Record, parsed_record
+from ffseg.io.files import AT_ONCE, read_at, require_replaceable, sync_folders
 
 _MOST_OPEN = 64
 """Tar files read from at once."""
 _FOLDER = f"{STATE_FOLDER}/{PACKS}"
+NAMED = 20
+"""Outputs that are missing and are named."""
 
 
 class OrderedPacks:
     """Tar files of all outputs, one for each kind, that get their names together.
 
-    Nothing refers to them before the journal does that is written from what `move` gives: `complete` comes before it,
-    `publish` after it. A context manager that leaves nothing behind unless they were completed.
+    Nothing refers to them before the journal does that is written from what `moved` gives; `publish` comes after it. A
+    context manager that leaves nothing behind unless they were completed.
+
+    Attributes
+    ----------
+    packs : list of str
+        The tar files, as records name them, once they are whole.
+    lost : list of str
+        Outputs that are not what was written, and are left out: no more than `NAMED` of them.
     """
 
     def __init__(self, out: str) -> None:
@@ -44,7 +59,8 @@ class OrderedPacks:
         self._token = uuid.uuid4().hex[:12]
         self._tars: dict[str, PackWriter] = {}
         self._sources: dict[str, int] = {}
-        self._whole = False
+        self.packs: list[str] = []
+        self.lost: list[str] = []
 
     def __enter__(self) -> OrderedPacks:
         return self
@@ -53,33 +69,28 @@ class OrderedPacks:
         self._close_sources()
         for tar in self._tars.values():
             tar.close()
-        if not self._whole:
+        if not self.packs:
             remove_packs([os.path.join(self._out, tar.pack) for tar in self._tars.values()])
 
-    def move(self, record: Record) -> tuple[Record, list[str]]:
-        """Copy the outputs of a record.
+    def moved(self, records: Iterable[Record]) -> Iterator[Record]:
+        """Copy the outputs of records, then put everything on the disk.
 
-        Returns
-        -------
+        Yields
+        ------
         Record
             With the places of the copies, and `NOWHERE` for what is left out.
-        list of str
-            Outputs that are not what was written, and are left out.
-
-        Raises
-        ------
-        OutputError
-            Naming the tar file that cannot be written.
         """
-        members, lost = dict[str, Member](), list[str]()
-        for path in sorted(record.outputs):
-            data = self._content(record.members.get(path))
-            if data is not None and digest(data) == record.outputs[path][0]:
-                members |= self._tar(kind_of(path)).append([(path, data)], sync=False)
-            else:
-                members[path] = NOWHERE
-                lost.append(path)
-        return replace(record, members=members), lost
+        for record in records:
+            members = dict[str, Member]()
+            for path in sorted(record.outputs):
+                data = self._content(record.members.get(path))
+                if data is not None and digest(data) == record.outputs[path][0]:
+                    members |= self._tar(kind_of(path)).append([(path, data)], sync=False)
+                else:
+                    members[path] = NOWHERE
+                    self.lost += [path] * (len(self.lost) < NAMED)
+            yield replace(record, members=members)
+        self.complete()
 
     def _tar(self, kind: str) -> PackWriter:
         if kind not in self._tars:
@@ -107,19 +118,12 @@ class OrderedPacks:
             os.close(descriptor)
         self._sources.clear()
 
-    def complete(self) -> list[str]:
-        """Put everything on the disk; the tar files, as records name them.
-
-        Raises
-        ------
-        OutputError
-            Naming the tar file that cannot be written.
-        """
+    def complete(self) -> None:
+        """Put everything on the disk."""
         for tar in self._tars.values():
             tar.finish()
         sync_folders([os.path.join(self._out, _FOLDER)] if self._tars else [])
-        self._whole = True
-        return [tar.pack for tar in self._tars.values()]
+        self.packs = [tar.pack for tar in self._tars.values()]
 
 
 def in_order(out: str, records: Iterable[Record]) -> list[str] | None:
@@ -165,18 +169,13 @@ def publish(out: str, packs: Iterable[str]) -> list[str]:
         names.append(name)
         target = os.path.join(out, name)
         if os.path.lexists(source):
-            _require_file(target)
+            require_replaceable(target)
             try:
                 os.replace(source, target)
             except OSError as error:
                 raise unwritable(target, error) from error
     sync_folders([out])
     return names
-
-
-def _require_file(path: str) -> None:
-    if os.path.lexists(path) and not os.path.isfile(path):
-        raise OutputError(f"{printable(path)} is not a regular file and is not replaced; remove it, then run again")
 
 
 def packs_of(state: str) -> list[str]:
@@ -193,3 +192,72 @@ def remove_packs(paths: Sequence[str]) -> None:
     for path in paths:
         with contextlib.suppress(OSError):
             os.unlink(path)
+
+
+class StoppedError(Exception):
+    """The end was asked for while outputs were put in order: the next run does it."""
+
+
+def put_in_order(
+    out: str, journal: Journal, survey: Survey, header: Mapping[str, Any], stopped: Callable[[], bool]
+) -> list[str]:
+    """Copy all outputs into tar files in the order of the tables, unless they lie so already.
+
+    Outputs of images that no longer stand in the tables come last. Whatever happens meanwhile, the journal names whole
+    files: the earlier until the new ones are on the disk.
+
+    Returns
+    -------
+    list of str
+        Names of the tar files in the output folder.
+
+    Raises
+    ------
+    OutputError
+        Naming a file that cannot be written.
+    StoppedError
+        If the end is asked for.
+    """
+    names = survey.names
+    names = [*names, *sorted(record.name for record in journal.records(without=frozenset(names)))]
+
+    def records() -> Iterator[Record]:
+        for record in filter(None, map(journal.get, names)):
+            if stopped():
+                raise StoppedError
+            yield record
+
+    packs = in_order(out, records())
+    if packs is None:
+        with OrderedPacks(out) as ordered:
+            journal.rewrite(header, ordered.moved(records()))
+        packs = ordered.packs
+    published = publish(out, packs)
+    remove_packs(packs_of(state_folder(out)))
+    return published
+
+
+def find_moved(out: str, journal: Journal, plan: Plan) -> None:
+    """Let the journal of a shard know where a merge has moved the outputs of its images."""
+    planned = {job.source.name for job in plan.jobs}
+    for record in filter(None, map(parsed_record, journal_lines(state_folder(out)))):
+        mine = journal.get(record.name) if record.name in planned else None
+        if mine is not None:
+            found = relocated(out, mine, record)
+            if found is not mine:
+                journal.add(found)
+
+
+def relocated(out: str, record: Record, merged: Record) -> Record:
+    """A shard's record with the places that a merged one of the same image knows, where its own are gone."""
+    members: dict[str, Member] = {}
+    for path, member in record.members.items():
+        same = path in merged.members and merged.outputs[path][0] == record.outputs[path][0]
+        if same and is_gone(out, member):
+            members[path] = merged.members[path]
+    return replace(record, members={**record.members, **members}) if members else record
+
+
+def is_gone(out: str, member: Member) -> bool:
+    """Whether a shard no longer has the tar file of an output: a merge made one in order of it, or has made another."""
+    return is_ordered(member[0]) or not os.path.lexists(pack_path(out, member[0]))

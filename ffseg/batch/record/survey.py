@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 from ffseg import __version__
 from ffseg.batch.plan.jobs import Plan
@@ -42,12 +43,12 @@ class Survey(Records):
     """The records of a journal that stand in the tables."""
 
     journal: Journal
-    entries: list[int | str] = field(default_factory=list)
-    """Index in the plan, or name of an image that is not in it, in the order of the tables."""
+    names: list[str] = field(default_factory=list)
+    """Of the images, in the order of the tables."""
 
     def records(self) -> Iterator[Record]:
         """Records in the order of the tables."""
-        found = (self.journal.get(entry) for entry in self.entries)
+        found = map(self.journal.get, self.names)
         return (without_old_truth(record) for record in found if record is not None)
 
     def takes(self, record: Record, reason: str) -> bool:
@@ -65,16 +66,15 @@ def survey(journal: Journal, plan: Plan, settings: str, finished: bytearray) -> 
     Rows stand in input order when the run covers all of them, else sorted by the order in which they were found.
     """
     found = Survey(journal)
-    planned: list[tuple[str, int | str]] = []
-    for job in plan.jobs:
-        record = journal.get(job.index)
-        finished_now = finished[job.index]
-        if record is not None and found.takes(record, "" if finished_now else stale_reason(record, plan.out, settings)):
-            planned.append((record.order, job.index))
-    standing = (one for one in journal.others() if found.takes(one, stale_reason(one, plan.out, settings)))
-    others = [(record.order, record.name) for record in standing]
-    ordered = sorted([*planned, *others], key=lambda one: (one[0], str(one[1]))) if others else planned
-    found.entries = [entry for _, entry in ordered]
+    planned = {job.source.name: finished[job.index] for job in plan.jobs}
+    records = (record for name in planned if (record := journal.get(name)) is not None)
+    ordered: list[tuple[str, str]] = []
+    others = False
+    for record in chain(records, journal.records(without=planned)):
+        if found.takes(record, "" if planned.get(record.name) else stale_reason(record, plan.out, settings)):
+            ordered.append((record.order, record.name))
+            others = others or record.name not in planned
+    found.names = [name for _, name in (sorted(ordered) if others else ordered)]
     return found
 
 
@@ -89,19 +89,19 @@ def tidy(journal: Journal, plan: Plan, settings: str) -> int:
     int
         How many outputs were removed. An image with one that holds something else than was written stays stale.
     """
-    others = [
-        (other, other.settings != settings or (plan.tars and still_true(other.files))) for other in journal.others()
-    ]
+    planned = {job.source.name for job in plan.jobs}
+    others = list(journal.records(without=planned))
     if not others:
         return 0
-    records = (journal.get(job.index) for job in plan.jobs)
+    records = map(journal.get, planned)
     owned = {path for record in records if record is not None for path in record.outputs}
     removed = 0
-    for other, over in others:
+    for other in others:
+        over = other.settings != settings or (plan.tars and still_true(other.files))
         if over or not owned.isdisjoint(other.outputs):
             retired = {path: digest for path, (digest, _) in other.outputs.items() if path not in owned}
             count, left = retire(plan.out, retired, other.members)
             removed += count
             if not left:
-                journal.drop(other.name)
+                journal.drop(other)
     return removed

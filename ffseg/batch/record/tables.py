@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ffseg.batch.outputs.table import MAP_BAG, MAP_FILES, OUTPUTS, Output
-from ffseg.batch.record.streams import write_stream
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.values import Record
 from ffseg.errors import ImageReadError, OutputError
-from ffseg.io.files import printable, write_all_atomic
+from ffseg.io.files import atomic_stream, printable, write_all_atomic
 from ffseg.io.tables import csv_lines
 from ffseg.plugins import load
 
@@ -175,7 +174,8 @@ class Tables:
     def _write_each(self, tables: Iterable[tuple[str, Iterable[bytes]]], tell: Callable[[str], None]) -> None:
         for name, pieces in tables:
             try:
-                write_stream(os.path.join(self.folder, name), pieces)
+                with atomic_stream(os.path.join(self.folder, name)) as file:
+                    file.writelines(pieces)
             except OutputError as error:
                 tell(str(error))
 

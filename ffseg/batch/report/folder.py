@@ -76,22 +76,13 @@ class OutputFolder:
                     return f"{kind}/{below}"
         return ""
 
-    def text(self, path: str) -> str:
-        """Text of a file below the folder.
-
-        Raises
-        ------
-        UsageError
-        """
-        return self.packed(path, MAX_SVG_BYTES).decode("utf-8", "replace") or _text(self.path / path, MAX_SVG_BYTES)
-
-    def packed(self, path: str, max_bytes: int = MAX_BYTES) -> bytes:
-        """Content of an output that is in a tar file; empty where it is none, cannot be read or is longer."""
+    def content(self, path: str, max_bytes: int) -> bytes:
+        """Content of an output, be it a file or in a tar file; empty where it cannot be read or is longer."""
         member = self.members.get(path)
-        if member is None or member[2] > max_bytes:
-            return b""
         try:
-            return output_bytes(os.fspath(self.path), path, member)
+            if member is None:
+                return read_bytes(self.path / path, max_bytes)
+            return output_bytes(os.fspath(self.path), path, member) if member[2] <= max_bytes else b""
         except ImageReadError:
             return b""
 
@@ -103,11 +94,6 @@ def read_folder(path: Path, inputs: Sequence[str] = ()) -> OutputFolder:
     ----------
     inputs : sequence of str
         Where the images are; without it, what ``run.json`` says.
-
-    Raises
-    ------
-    UsageError
-        If it is none, or a table in it cannot be read.
     """
     kind = next((kind for kind, table in TABLES.items() if os.path.isfile(path / table)), None)
     if kind is None:

@@ -15,14 +15,15 @@ from ffseg.io.images import Limits, decode_image
 WIDTH = 280
 """px; the page shows cards up to this wide without scaling up."""
 _QUALITY = 70
-_LIMITS = Limits(max_bytes=1 << 28, max_pixels=50_000_000)
+MAX_BYTES = 1 << 28
+_LIMITS = Limits(max_bytes=MAX_BYTES, max_pixels=50_000_000)
 """A thumbnail is not worth more; the page links the picture instead."""
 
 
 def thumbnail(path: str | os.PathLike[str]) -> str:
     """``data:`` address of a WebP of at most `WIDTH` px; empty where the file cannot be read as an image."""
     try:
-        return thumbnail_of(read_bytes(path, _LIMITS.max_bytes))
+        return thumbnail_of(read_bytes(path, MAX_BYTES))
     except ImageReadError:
         return ""
 

@@ -14,10 +14,9 @@ from urllib.parse import quote
 from ffseg import __version__
 from ffseg.batch.outputs.table import MAP_PICTURE
 from ffseg.batch.report.contours import packed_components, read_contours
-from ffseg.batch.report.folder import MAX_CELL, OutputFolder, Row, read_folder, sources
+from ffseg.batch.report.folder import MAX_CELL, MAX_SVG_BYTES, OutputFolder, Row, read_folder, sources
 from ffseg.batch.report.page import page
-from ffseg.batch.report.thumbnails import thumbnail, thumbnail_of
-from ffseg.errors import UsageError
+from ffseg.batch.report.thumbnails import MAX_BYTES, thumbnail, thumbnail_of
 from ffseg.io.files import printable, write_bytes_atomic
 from ffseg.io.images import REASONS
 
@@ -146,8 +145,7 @@ def _thumbnail(found: OutputFolder, pictures: Mapping[str, str], source: str) ->
     if plain:
         return plain
     best = next(pictures[kind] for kind in ("overlay", "panel", "image", "mask") if kind in pictures)
-    data = found.packed(best)
-    return thumbnail_of(data) if data else thumbnail(found.path / best)
+    return thumbnail_of(found.content(best, MAX_BYTES))
 
 
 def _unreadable(rows: Sequence[Row]) -> bool:
@@ -172,11 +170,8 @@ def _pictures(found: OutputFolder, name: str, source: str, *, done: bool) -> dic
 def _contours(found: OutputFolder, name: str) -> tuple[str, int]:
     """Packed contours of one image, and the characters read; empty where ffseg wrote no file."""
     path = found.output("contours", name)
-    if not path:
-        return "", 0
-    try:
-        text = found.text(path)
-    except UsageError:
+    text = found.content(path, MAX_SVG_BYTES).decode("utf-8", "replace") if path else ""
+    if not text:
         return "", 0
     try:
         contours = read_contours(text, MOST_CONTOURS)

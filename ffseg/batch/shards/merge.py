@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from itertools import islice
@@ -16,20 +17,17 @@ from typing import Any
 from ffseg import __version__
 from ffseg.batch.outputs.table import GROUND
 from ffseg.batch.plan.sources import STATE_FOLDER
-from ffseg.batch.record.finish import is_gone, relocated
 from ffseg.batch.record.header import changes
 from ffseg.batch.record.journal import FORMAT, JOURNAL, journal_lines, read_header
 from ffseg.batch.record.lock import OutputLock
-from ffseg.batch.record.ordered import OrderedPacks, packs_of, publish, remove_packs
-from ffseg.batch.record.streams import atomic_stream
+from ffseg.batch.record.ordered import NAMED, OrderedPacks, is_gone, packs_of, publish, relocated, remove_packs
 from ffseg.batch.record.survey import stale_reason, without_old_truth
 from ffseg.batch.record.tables import RUN, Records, Tables, remove_old
 from ffseg.batch.shards.assign import Shard, shard_of_folder
-from ffseg.batch.shards.last import last_lines
 from ffseg.batch.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.batch.workers.freshness import still_true
-from ffseg.errors import ImageReadError, UsageError
-from ffseg.io.files import is_temporary, printable, read_bytes
+from ffseg.errors import ImageReadError, OutputError, UsageError
+from ffseg.io.files import atomic_stream, is_temporary, printable, read_bytes, temporary_path
 
 SHARDS = "shards"
 _MOST_RUN = 1 << 30
@@ -125,7 +123,7 @@ def merge_shards(out: str, *, parquet: bool = False) -> Merge:
 def _write_journal(
     merge: Merge, records: MergedRecords, header: Mapping[str, Any], lines: Iterable[tuple[Record, bytes]]
 ) -> None:
-    gone: list[str] = []
+    gone: list[str] = []  # of outputs with files of their own, or left on another machine
     versions = Counter[str]()
     with atomic_stream(records.path) as file:
         file.write(json_line(header))
@@ -137,7 +135,9 @@ def _write_journal(
             versions[record.version] += record.version != __version__
             if changed := still_true(record.files):
                 records.miss(record.name, f"{changed} has changed or is gone")
-            gone += islice(_gone(merge.out, record), _NAMED - len(gone))
+            files = (path for path in record.outputs if path not in record.members)
+            away = (path for path in files if not os.path.lexists(os.path.join(merge.out, path)))
+            gone += islice(away, NAMED - len(gone))
     merge.num_stale = records.num_stale
     merge.problems += [f"{printable(path)} is gone; run its shard again" for path in gone]
     for version, count in sorted(versions.items()):
@@ -146,34 +146,15 @@ def _write_journal(
             merge.problems.append(f"{shown}, this is {__version__}; run the shards again, which makes them anew")
 
 
-def _gone(out: str, record: Record) -> Iterator[str]:
-    """Outputs with files of their own that are no longer there, or were left on another machine."""
-    files = (path for path in record.outputs if path not in record.members)
-    return (path for path in files if not os.path.lexists(os.path.join(out, path)))
-
-
 def _write_packed(
     merge: Merge, records: MergedRecords, header: Mapping[str, Any], lines: Iterable[tuple[Record, bytes]]
 ) -> list[str]:
     """Write the journal and the tar files of all outputs; names of these."""
-    packs: list[str] = []
-    missing: list[str] = []
     with OrderedPacks(merge.out) as ordered:
-
-        def moved() -> Iterator[tuple[Record, bytes]]:
-            for record, _ in lines:
-                found, lost = ordered.move(record)
-                missing.extend(lost[: _NAMED - len(missing)])
-                yield found, record_line(found)
-            packs.extend(ordered.complete())
-
-        _write_journal(merge, records, header, moved())
-    merge.problems += [f"{printable(path)} is not what was written; run its shard again" for path in missing]
-    return publish(merge.out, packs)
-
-
-_NAMED = 20
-"""Outputs that are missing and are named."""
+        moved = ordered.moved(record for record, _ in lines)
+        _write_journal(merge, records, header, ((record, record_line(record)) for record in moved))
+    merge.problems += [f"{printable(path)} is not what was written; run its shard again" for path in ordered.lost]
+    return publish(merge.out, ordered.packs)
 
 
 def _remove_packs(out: str, packs: Mapping[str, list[str]]) -> None:
@@ -281,6 +262,36 @@ def _all_lines(state: str, parts: list[Part]) -> Iterator[tuple[bytes, int, byte
             if value is not None and isinstance(value.get("order"), str) and isinstance(value.get("name"), str):
                 key = f"{value['order']}\0{value['name']}".encode("utf-8", "surrogatepass")
                 yield key, min(rank, 1), line
+
+
+_MEMORY_KB = 65_536
+"""Of the index that is held in memory."""
+
+
+def last_lines(lines: Iterable[tuple[bytes, int, bytes]], folder: str) -> Iterator[tuple[bytes, bytes]]:
+    """Of each key the last line of rank 0 and the last of rank 1, empty where there is none, in the order of the keys.
+
+    Parameters
+    ----------
+    lines : iterable of (key, rank, line)
+    folder : str
+        Where the index is as long as it is needed.
+    """
+    path = temporary_path(os.path.join(folder, "lines"))
+    try:
+        with closing(sqlite3.connect(path, isolation_level=None)) as store:
+            for what in ("journal_mode=OFF", "synchronous=OFF", f"cache_size=-{_MEMORY_KB}"):  # nobody resumes it
+                store.execute(f"PRAGMA {what}")
+            store.execute("CREATE TABLE lines (key BLOB, rank INT, line BLOB, PRIMARY KEY (key, rank))")
+            store.execute("BEGIN")
+            store.executemany("INSERT OR REPLACE INTO lines VALUES (?, ?, ?)", lines)
+            pair = ", ".join(f"coalesce(max(CASE rank WHEN {rank} THEN line END), x'')" for rank in (0, 1))
+            yield from store.execute(f"SELECT {pair} FROM lines GROUP BY key ORDER BY key")  # noqa: S608 - numbers only
+    except sqlite3.Error as error:
+        raise OutputError(f"{printable(folder)} cannot be written ({error}); free some space") from error
+    finally:
+        with suppress(OSError):
+            os.unlink(path)
 
 
 def chosen(lines: Iterable[tuple[bytes, bytes]], out: str, settings: str) -> Iterator[tuple[Record, bytes]]:

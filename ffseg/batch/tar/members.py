@@ -56,13 +56,7 @@ def pack_path(out: str, pack: str) -> str:
 
 
 def output_bytes(out: str, path: str, member: Member | None) -> bytes:
-    """Content of an output.
-
-    Raises
-    ------
-    ImageReadError
-        If it cannot be read.
-    """
+    """Content of an output."""
     if member is None:
         return read_bytes(os.path.join(out, path), _MOST_BYTES)
     pack, offset, length = member

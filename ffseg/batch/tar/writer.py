@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from ffseg.batch.outputs.table import PACKS
 from ffseg.batch.tar.members import BLOCK, END, Member, final_name, padding
 from ffseg.errors import OutputError
-from ffseg.io.files import OWN, make_folder, printable, write_all_atomic
+from ffseg.io.files import OWN, make_folder, printable, write_all_atomic, write_fully
 
 _TIME = 315_532_800
 """Time of change of every member, the first of 1980: the same outputs are the same bytes, and no program doubts it."""
@@ -72,11 +72,6 @@ class PackWriter:
         -------
         dict
             Where each lies.
-
-        Raises
-        ------
-        OutputError
-            Naming the tar file and the system's reason.
         """
         members: dict[str, Member] = {}
         data = bytearray()
@@ -89,13 +84,7 @@ class PackWriter:
         return members
 
     def finish(self) -> None:
-        """Write the end of a tar file, and wait until all is on the disk.
-
-        Raises
-        ------
-        OutputError
-            As `append`.
-        """
+        """Write the end of a tar file, and wait until all is on the disk."""
         self._write(bytearray(END), sync=True)
 
     def _write(self, data: bytearray, *, sync: bool) -> None:
@@ -104,9 +93,7 @@ class PackWriter:
                 make_folder(os.path.dirname(self._path))
                 self._descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OWN, 0o666)
             os.lseek(self._descriptor, self._end, os.SEEK_SET)  # over what an append that failed has left
-            view = memoryview(data)
-            while view:
-                view = view[os.write(self._descriptor, view) :]
+            write_fully(self._descriptor, data)
             if sync:
                 os.fsync(self._descriptor)
         except OSError as error:
@@ -143,13 +130,7 @@ class Store:
         self._pack = PackWriter(out, pack) if packed else None
 
     def write(self, files: Sequence[tuple[str, bytes]]) -> dict[str, Member]:
-        """Write outputs, all of them or none; where those lie that are no files of their own.
-
-        Raises
-        ------
-        OutputError
-            Naming the file and the system's reason.
-        """
+        """Write outputs, all of them or none; where those lie that are no files of their own."""
         if self._pack is not None:
             return self._pack.append(files)
         write_all_atomic([(os.path.join(self._out, path), data) for path, data in files])

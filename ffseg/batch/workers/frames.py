@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ffseg.batch.plan.masks import Masks
 from ffseg.batch.views import Views
 from ffseg.errors import ImageReadError
 from ffseg.freespace.sequence import Frame, segment_frame
@@ -19,79 +17,63 @@ from ffseg.freespace.window import FIRST_IMAGE, NOTHING_ENCLOSED, Earlier
 from ffseg.io.files import printable
 from ffseg.io.images import Limits, decode_image
 from ffseg.io.overlays import Kind, Polyline
-from ffseg.parameters import Parameters
+from ffseg.parameters import Levels
 from ffseg.result import Segmentation
-from ffseg.scene import Progress, Scene
-
-Callback = Callable[[Progress], None] | None
+from ffseg.scene import Scene
 
 _KINDS: dict[str, Kind] = {"obstacle": "obstacle", "false_obstacle": "false", "untested": "untested"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FrameBench:
-    """Makes frames; none depends on the frames before."""
+class Before:
+    """The images before an image: where their camera stood, and what can be read of them."""
 
     views: Views
-    params: Parameters
-    masks: Masks
-    mapped: bool = False
-    """The motion is wanted of every image, whether it encloses something or not."""
+    name: str
+    """Of the image itself."""
+    data: Sequence[bytes]
+    """Files' contents, the nearest first; empty, which no decoder takes, where one cannot be read."""
+    limits: Limits
 
-    def frame(
-        self, image: NDArray[np.uint8], earlier: Iterable[Earlier], name: str, callback: Callback = None
-    ) -> Frame:
-        """Segment an image and test its components against the images before, the nearest first.
+    def frame(self, scene: Scene, *, mapped: bool = False) -> Frame:
+        """Segment the image of a scene, and test its components against the images before.
+
+        Images before it that cannot be read, or have another size, are passed over; of the nearest one the note says so.
+
+        Parameters
+        ----------
+        mapped : bool
+            The motion is wanted of every image, whether it encloses something or not.
 
         Raises
         ------
         CalibrationError
             When an image has another size than the calibration.
-        SegmentationError
-            As `ffseg.segment`.
         """
-        scene = Scene(image, self.params, callback=callback, **self.masks.bounds)
-        frame = segment_frame(scene, earlier, self.views.camera, mapped=self.mapped)
-        unposed = " and ".join(map(printable, self.views.unposed(name)))
-        return replace(frame, note=f"no pose of {unposed}; {frame.note}") if unposed else frame
-
-    def frame_of(
-        self, image: NDArray[np.uint8], before: Sequence[bytes], name: str, limits: Limits, callback: Callback = None
-    ) -> Frame:
-        """The same with the images before as files' contents.
-
-        Those that cannot be read, or have another size, are passed over; of the nearest one the note says so.
-        """
-        if not before:
-            return self.frame(image, (), name, callback)
-        chain = self.views.chain(name)
-        nearest = self._earlier(before[0], chain[0], name, limits)
-        farther = self._readable(zip(before[1:], chain[1:], strict=True), name, limits)
-        if not isinstance(nearest, str):
-            return self.frame(image, itertools.chain([nearest], farther), name, callback)
-        frame, said = self.frame(image, farther, name, callback), f"{printable(chain[0])} cannot be used: {nearest}"
+        found = (self._image(place, scene.params.input.range) for place in range(len(self.data)))
+        nearest = next(found, "")
+        earlier = [nearest] if isinstance(nearest, Earlier) else []
+        farther = (view for view in found if isinstance(view, Earlier))
+        frame = segment_frame(scene, chain(earlier, farther), self.views.camera, mapped=mapped)
+        unposed = " and ".join(map(printable, self.views.unposed(self.name)))
+        frame = replace(frame, note=f"no pose of {unposed}; {frame.note}") if unposed else frame
+        if earlier or not self.data:
+            return frame
+        said = f"{printable(self.views.chain(self.name)[0])} cannot be used: {nearest}"
         if frame.note == FIRST_IMAGE:
             return replace(frame, note=f"the previous image {said}; nothing was tested")
         return replace(frame, note=f"{frame.note}; the image before, {said}")
 
-    def _readable(self, farther: Iterable[tuple[bytes, str]], name: str, limits: Limits) -> Iterator[Earlier]:
-        """Images farther back as they are asked for, without those that are of no use."""
-        for data, before in farther:
-            view = self._earlier(data, before, name, limits)
-            if not isinstance(view, str):
-                yield view
-
-    def _earlier(self, data: bytes, before: str, name: str, limits: Limits) -> Earlier | str:
+    def _image(self, place: int, levels: Levels) -> Earlier | str:
         """An image before, or why it is of no use."""
-        camera = self.views.camera
+        camera, before = self.views.camera, self.views.chain(self.name)[place]
         try:
-            image = decode_image(data, limits, self.params.input.range)
+            image = decode_image(self.data[place], self.limits, levels)
         except ImageReadError as error:
             return str(error)
         if image.shape[:2] != (camera.height, camera.width):
-            sizes = f"{image.shape[1]}x{image.shape[0]}, the camera file says {camera.width}x{camera.height}"
-            return f"it is {sizes}"
-        return Earlier(image, self.views.poses_of(before, name), printable(before))
+            return f"it is {image.shape[1]}x{image.shape[0]}, the camera file says {camera.width}x{camera.height}"
+        return Earlier(image, self.views.poses_of(before, self.name), printable(before))
 
 
 def merged_segmentation(frame: Frame) -> Segmentation:

@@ -16,7 +16,6 @@ from ffseg.io.files import printable
 
 if TYPE_CHECKING:
     from ffseg.batch.plan.sources import Job
-    from ffseg.batch.views import Views
 
 _MOST_BYTES = 1 << 40
 """Of a member that is compared with what it was."""
@@ -45,13 +44,7 @@ class Read:
 
 
 def read_job(job: Job, setup: Setup) -> Read:
-    """Read the files of a job and digest them.
-
-    Raises
-    ------
-    ImageReadError
-        When the image cannot be read.
-    """
+    """Read the files of a job and digest them."""
     # Frames of a film are read in rising order.
     earlier = [_optional(path, setup.max_bytes) for path in reversed(job.earlier)][::-1]
     source = job.source
@@ -63,7 +56,7 @@ def read_job(job: Job, setup: Setup) -> Read:
     files |= {f"earlier {number}": file for number, (_, file) in enumerate(earlier)}
     if setup.views is not None:
         seen = digest("".join(map(digest, before)).encode("ascii"))
-        content.append(seen + _pair_digest(setup.views, source.name))
+        content.append(seen + digest(setup.views.pair_text(source.name).encode("utf-8")))
     if job.start is not None:
         content.append(f"start {digest(job.start.text().encode('ascii'))}")
     for number, path in enumerate(job.depends):
@@ -97,10 +90,6 @@ def _truth(path: str, setup: Setup, files: dict[str, File]) -> str:
         raise ImageReadError("truth", text) from error
     files["truth"] = (place_of(path), found, mark)
     return found + ("" if setup.truth_label is None else f" label {setup.truth_label}")
-
-
-def _pair_digest(views: Views, name: str) -> str:
-    return digest(views.pair_text(name).encode("utf-8"))
 
 
 def kept_outputs(record: Record | None, read: Read, out: str) -> tuple[str, ...] | None:

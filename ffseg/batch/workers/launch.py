@@ -171,6 +171,11 @@ def _anonymous_file() -> int:
     return descriptor
 
 
+def cores() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 _early: list[Process] = []
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ffseg.batch.outputs.table import MASKS_AND_CONTOURS, Products
 from ffseg.batch.tar.members import Member
+from ffseg.io.files import write_fully
 from ffseg.parameters import Parameters
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ class Encoded:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """An image was segmented."""
+    """An image was segmented, now or by an earlier run."""
 
     index: int
     row: dict[str, Any]
@@ -123,21 +124,8 @@ class Done:
     """Lines of ``obstacles.csv``."""
     problem: str = ""
     """``reason: text`` when the image counts as failed although its outputs are right: of its true mask."""
-
-
-@dataclass(frozen=True, slots=True)
-class Unchanged:
-    """An image's outputs are still right."""
-
-    index: int
-    digests: Digests
-    kept: tuple[str, ...]
-    """Paths of recorded outputs that are still right: all that are asked for, and perhaps others."""
-    scored: bool = False
-    """Whether the mask was measured again; `iou` and `problem` then say what came of it."""
-    iou: float | None = None
-    problem: str = ""
-    """As in `Done`."""
+    unchanged: bool = False
+    """Nothing was made: the recorded outputs are right, and the row is theirs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,16 +138,14 @@ class Failed:
     traceback: str = ""
 
 
-Reply = Done | Unchanged | Failed
+Reply = Done | Failed
 Event = Reply | Ready | Note
 
 
 def send(descriptor: int, message: object) -> None:
     """Write one message to a pipe, whole."""
     data = pickle.dumps(message, protocol=5)
-    view = memoryview(len(data).to_bytes(_LENGTH_BYTES, "little") + data)
-    while view:
-        view = view[os.write(descriptor, view) :]
+    write_fully(descriptor, len(data).to_bytes(_LENGTH_BYTES, "little") + data)
 
 
 def receive(descriptor: int) -> Any:  # noqa: ANN401 - any message

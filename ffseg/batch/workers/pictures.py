@@ -67,17 +67,14 @@ def read_evidence(path: str, limits: Limits | None = None) -> NDArray[np.float32
     limits, name = limits or Limits(), told(path)
     try:
         data = read_input(path, limits.max_bytes)
-        values = _array(data) if name.lower().endswith(ARRAY_SUFFIX) else _map_levels(data, limits)
+        if name.lower().endswith(ARRAY_SUFFIX):
+            return _array(data)
+        levels = decode_labels(data, limits)
+        if levels.ndim != 2:
+            raise ValueError("it is in colour; save it in grey")
+        return _parts(levels)
     except (ImageReadError, ValueError) as error:
         raise ImageReadError("evidence", f"the map {printable(name)} cannot be used: {error}") from error
-    return values
-
-
-def _map_levels(data: bytes, limits: Limits) -> NDArray[np.float32]:
-    levels = decode_labels(data, limits)
-    if levels.ndim != 2:
-        raise ValueError("it is in colour; save it in grey")
-    return _parts(levels)
 
 
 def _parts(levels: NDArray[Any]) -> NDArray[np.float32]:

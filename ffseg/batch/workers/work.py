@@ -18,12 +18,12 @@ from ffseg.batch.outputs.table import Output
 from ffseg.batch.plan.masks import named_masks
 from ffseg.batch.tar.members import digest, output_bytes
 from ffseg.batch.workers.freshness import Read, kept_outputs, read_job
-from ffseg.batch.workers.messages import Done, Encoded, Failed, Reply, Setup, Task, Unchanged
+from ffseg.batch.workers.messages import Done, Encoded, Failed, Reply, Setup, Task
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError, is_out_of_memory
 from ffseg.image.selection import counted
 from ffseg.io.images import OPENCV_VERSION, Limits, read_picture, single_thread
 from ffseg.io.masks import decode_mask
-from ffseg.io.overlays import FLATNESS, Polyline, polylines
+from ffseg.io.overlays import FLATNESS, polylines
 from ffseg.parameters import Parameters
 from ffseg.plugins import load
 from ffseg.result import Segmentation
@@ -32,19 +32,11 @@ from ffseg.scene import Scene
 if TYPE_CHECKING:
     from ffseg.batch.plan.sources import Job
     from ffseg.batch.values import Record
-    from ffseg.batch.workers.frames import FrameBench
     from ffseg.batch.workers.past import Past
-    from ffseg.freespace.outline import Ground
 
 
 class Workbench:
-    """What a worker has ready between images; none of it depends on the images it has seen.
-
-    Raises
-    ------
-    ParameterError
-        If a mask file that the parameters name cannot be read.
-    """
+    """What a worker has ready between images; none of it depends on the images it has seen."""
 
     def __init__(self, setup: Setup) -> None:
         single_thread()
@@ -57,11 +49,8 @@ class Workbench:
             from ffseg.batch.workers.past import Past
 
             self._past = Past(setup.past == "steady", self._limits)
-        self._frames: FrameBench | None = None
         if setup.views is not None:
-            from ffseg.batch.workers.frames import FrameBench  # loads what only cameras need
-
-            self._frames = FrameBench(setup.views, setup.params, self._masks, setup.products.metric)
+            import ffseg.batch.workers.frames  # noqa: F401 - what only cameras need, and no image waits for
 
     def versions(self) -> dict[str, str]:
         """Versions that a result can depend on."""
@@ -116,7 +105,7 @@ class Workbench:
         params = self._params(job, image.shape)
         found = self._found(image, read.before, job, params)
         segmented = perf_counter()
-        outputs = tuple(self._outputs(image, found, task, missing))
+        outputs = tuple(_encoded(found, task.out, missing))
         result = found.result
         row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, job)
         row["note"] = "; ".join(filter(None, (told, *result.messages, row.get("note"))))
@@ -127,25 +116,34 @@ class Workbench:
         row["total_ms"] = (end - begin) * 1e3
         return Done(job.index, row, read.digests, outputs, kept, found.extra, problem)
 
-    def _unchanged(self, task: Task, recorded: Record, read: Read, kept: tuple[str, ...]) -> Unchanged:
+    def _unchanged(self, task: Task, recorded: Record, read: Read, kept: tuple[str, ...]) -> Done:
         """The reply for an image that need not be segmented; the mask on the disk is enough to measure its IoU."""
-        if not task.job.truth or read.digests.truth == recorded.truth:
-            return Unchanged(task.job.index, read.digests, kept)
-        mask = decode_mask(output_bytes(task.out, task.outputs[0], recorded.members.get(task.outputs[0])), self._limits)
-        overlap, problem = self._iou(mask, task.job, read)
-        return Unchanged(task.job.index, read.digests, kept, scored=True, iou=overlap, problem=problem)
+        row, problem = dict(recorded.row), recorded.row["error"]
+        if not task.job.truth:
+            row.pop("iou", None)
+            problem = ""
+        elif read.digests.truth != recorded.truth:
+            data = output_bytes(task.out, task.outputs[0], recorded.members.get(task.outputs[0]))
+            row["iou"], problem = self._iou(decode_mask(data, self._limits), task.job, read)
+        extra = [dict(line) for line in recorded.extra]
+        return Done(task.job.index, row, read.digests, (), kept, extra, problem, unchanged=True)
 
     def _found(self, image: NDArray[np.uint8], before: list[bytes], job: Job, params: Parameters) -> _Found:
-        film = Film() if self._setup.products.animation else None
-        overlay = self._setup.products.overlay
-        masks = self._masks.within(job.domain, self._limits)
-        if self._frames is None:
-            evidence = self._evidence(job.evidence) if job.evidence else None
-            result = self._segment(Scene(image, params, evidence=evidence, callback=film, **masks.bounds))
+        products, views, source = self._setup.products, self._setup.views, job.source
+        film = Film() if products.animation else None
+        scene = Scene(image, params, callback=film, **self._masks.within(job.domain, self._limits).bounds)
+        context = Context(image, source.name, source.path, label=self._setup.params.region.label)
+        context = context if film is None else replace(context, snapshots=film.snapshots)
+        if views is None:
+            if job.evidence:
+                from ffseg.batch.workers.pictures import read_evidence
+
+                scene = replace(scene, evidence=read_evidence(job.evidence, self._limits))
+            result = self._segment(scene)
             result, cells = self._past.result(result) if self._past is not None else (result, {})
-            lines = polylines(result.contours) if overlay else []
-            return _Found(result, lines, film, cells)
+            return _Found(result, replace(context, lines=polylines(result.contours) if products.overlay else ()), cells)
         from ffseg.batch.workers.frames import (
+            Before,
             evidence_lines,
             merged_segmentation,
             obstacle_rows,
@@ -154,37 +152,20 @@ class Workbench:
             stood,
         )
 
-        frames = replace(self._frames, params=params, masks=masks)
-        frame = frames.frame_of(image, before, job.source.name, self._limits, film)
-        lines = overlay_lines(frame, FLATNESS) if overlay else []
-        if overlay and params.obstacles.draw:
+        frame = Before(views, source.name, before, self._limits).frame(scene, mapped=products.metric)
+        lines = overlay_lines(frame, FLATNESS) if products.overlay else []
+        if products.overlay and params.obstacles.draw:
             lines += evidence_lines(frame)
         row = {"obstacles_ms": frame.obstacles_ms, "note": frame.note, "pair": pair_state(frame)}
-        found = _Found(merged_segmentation(frame), lines, film, row, obstacle_rows(frame))
-        return replace(found, ground=frame.ground(), stood=stood(frame)) if self._setup.products.metric else found
-
-    def _evidence(self, path: str) -> NDArray[np.float32]:
-        from ffseg.batch.workers.pictures import read_evidence
-
-        return read_evidence(path, self._limits)
+        context = replace(context, lines=lines)
+        if products.metric:
+            context = replace(context, ground=frame.ground(), stood=stood(frame))
+        return _Found(merged_segmentation(frame), context, row, obstacle_rows(frame))
 
     def _params(self, job: Job, shape: tuple[int, ...]) -> Parameters:
         """Parameters of one image."""
         params = self._setup.params if job.start is None else job.start.placed(self._setup.params, shape)
         return params if self._past is None else self._past.start(params, shape)
-
-    def _outputs(
-        self, image: NDArray[np.uint8], found: _Found, task: Task, missing: Sequence[tuple[str, Output]]
-    ) -> Iterator[Encoded]:
-        snapshots = found.film.snapshots if found.film is not None else ()
-        label, source = self._setup.params.region.label, task.job.source
-        for path, kind in missing:
-            target = os.path.join(task.out, path)
-            context = Context(
-                image, source.name, source.path, target, found.lines, snapshots, found.ground, found.stood, label
-            )
-            data = encoded(kind, found.result, context)
-            yield Encoded(path, data, digest(data))
 
     def _iou(self, mask: NDArray[np.bool_], job: Job, read: Read) -> tuple[float | None, str]:
         """Overlap with the true mask, if there is one, and what is wrong with it."""
@@ -202,15 +183,18 @@ class Workbench:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """A result, its lines for the overlay, and what a camera adds to its rows."""
+    """A result, what its outputs are made from beside it, and what a camera or the past adds to its rows."""
 
     result: Segmentation
-    lines: list[Polyline]
-    film: Film | None
+    context: Context
     row: dict[str, Any] = field(default_factory=dict)
     extra: list[dict[str, Any]] = field(default_factory=list)
-    ground: Ground | None = None
-    stood: dict[str, Any] = field(default_factory=dict)
+
+
+def _encoded(found: _Found, out: str, outputs: Sequence[tuple[str, Output]]) -> Iterator[Encoded]:
+    for path, kind in outputs:
+        data = encoded(kind, found.result, replace(found.context, target=os.path.join(out, path)))
+        yield Encoded(path, data, digest(data))
 
 
 def _start_cells(params: Parameters, job: Job) -> dict[str, Any]:
@@ -220,18 +204,16 @@ def _start_cells(params: Parameters, job: Job) -> dict[str, Any]:
     return {"start_x": job.start.x, "start_y": job.start.y, "start_radius": params.init.radius}
 
 
+_COUNTS = ("initial_points", "final_points", "patches", "iterations", "splits", "flips")
+
+
 def _row(image: NDArray[np.uint8], result: Segmentation, method: str) -> dict[str, Any]:
     stats, (regions, holes) = result.stats, counted(result.mask)
     return {
         "width": image.shape[1],
         "height": image.shape[0],
         "method": method,
-        "initial_points": stats.initial_points,
-        "final_points": stats.final_points,
-        "patches": stats.patches,
-        "iterations": stats.iterations,
-        "splits": stats.splits,
-        "flips": stats.flips,
+        **{name: getattr(stats, name) for name in _COUNTS},
         "components": regions,
         "holes": holes,
         "area_px": int(np.count_nonzero(result.mask)),

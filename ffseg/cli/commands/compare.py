@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ffseg.cli import completion, console
-from ffseg.cli.checks import checked_params, require_source, require_truth
-from ffseg.cli.options import AllowCode, Config, Evidence, Inputs, Out, Settings, Starts, TruthLabel, starts_file
+from ffseg.cli import completion, console, options
+from ffseg.cli.checks import ready_params, require_truth
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
@@ -22,8 +21,8 @@ if TYPE_CHECKING:
 
 
 def compare(  # noqa: PLR0913 - the options of the command
-    inputs: Inputs,
-    out: Out,
+    inputs: options.Inputs,
+    out: options.Out,
     methods: Annotated[
         str,
         typer.Option(
@@ -37,13 +36,13 @@ def compare(  # noqa: PLR0913 - the options of the command
         Path | None,
         typer.Option("--truth", metavar="DIR", help="Folder or .tar of true masks: 255 inside, 128 ignored."),
     ] = None,
-    truth_label: TruthLabel = None,
+    truth_label: options.TruthLabel = None,
     repeat: Annotated[int, typer.Option("--repeat", min=1, help="Runs of each; the median time counts.")] = 1,
-    config: Config = None,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
-    starts: Starts = None,
-    evidence: Evidence = None,
+    config: options.Config = None,
+    settings: options.Settings = None,
+    allow_code: options.AllowCode = False,
+    starts: options.Starts = None,
+    evidence: options.Evidence = None,
     peers: Annotated[
         Path | None, typer.Option("--peers", metavar="FILE", help="Parameters of the peers, like configs/peers.yaml.")
     ] = None,
@@ -54,7 +53,7 @@ def compare(  # noqa: PLR0913 - the options of the command
         list[str] | None,
         typer.Option("--min-iou", metavar="X|METHOD=X", help="Least IoU on every image; exit code 4 when missed."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of the table.")] = False,
+    as_json: options.AsJson = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages, no table; errors only.")] = False,
 ) -> None:
     """Compare methods on the same images: times, agreement with truth, panels side by side.
@@ -73,15 +72,13 @@ def compare(  # noqa: PLR0913 - the options of the command
     require_truth(truth, truth_label)
     chosen = methods_named(methods)
     gates = _gates(min_iou or [], chosen, with_truth=truth is not None)
-    params, peer_params = checked_params(config, settings, allow_code=allow_code), load_peer_parameters(peers)
-    require_source(params, evidence)
-    folder = os.fspath(out)
-    folders = (os.fspath(path) if path else "" for path in (truth, evidence))
-    starting = starts_file(starts, params)
-    jobs = work.plan_comparison(inputs, folder, next(folders), starting, next(folders), params.domain.masks or "")
+    params = ready_params(config, settings, evidence, allow_code=allow_code)
+    peer_params, starting = load_peer_parameters(peers), options.starts_file(starts, params)
+    folder, truths, maps = (os.fspath(path) if path else "" for path in (out, truth, evidence))
+    jobs = work.plan_comparison(inputs, folder, truths, starting, maps, params.domain.masks or "")
     task = Comparison(jobs, folder, chosen, params, peer_params, repeat, truth_label, own_edges)
     with Interruption("run it again to go on"):
-        rows = work.compare(task, _tell_failure if quiet else _tell, None if quiet else partial(_pace, len(jobs)))
+        rows = work.compare(task, partial(_tell, failed_only=quiet), None if quiet else partial(_pace, len(jobs)))
     if not quiet and disagree(row.iou for row in rows):
         console.message(f"ffseg: {DISAGREE}")
     missed = work.missed_gates(rows, gates)
@@ -122,7 +119,9 @@ def _plain(row: Row) -> dict[str, object]:
     return {key: None if value != value else value for key, value in asdict(row).items()}
 
 
-def _tell(row: Row) -> None:
+def _tell(row: Row, *, failed_only: bool) -> None:
+    if failed_only and row.status != "failed":
+        return
     figures = f"{row.evolve_ms:.1f} ms" if row.evolve_ms is not None else row.error
     overlap = "" if row.iou is None else f", IoU {row.iou:.4f}"
     console.message(f"ffseg: {row.image}: {row.method} {row.status}: {figures}{overlap}")
@@ -132,8 +131,3 @@ def _pace(total: int, done: int, seconds: float) -> None:
     if done < total:
         left = f"{seconds / 60:.0f} min" if seconds >= 90 else f"{seconds:.0f} s"
         console.message(f"ffseg: {done} of {total} images; about {left} to go")
-
-
-def _tell_failure(row: Row) -> None:
-    if row.status == "failed":
-        _tell(row)

@@ -32,7 +32,9 @@ def list_presets() -> None:
     known = presets()
     width = max((len(name) for name in known), default=0)
     for name, path in known.items():
-        console.data(f"{name:{width}}  {_purpose(path.read_text(encoding='utf-8'))}  ({path})")
+        comments = (line for line in path.read_text(encoding="utf-8").splitlines() if line.startswith("#"))
+        purpose = next((line.lstrip("# ") for line in comments if "$schema" not in line), "")  # that one is for editors
+        console.data(f"{name:{width}}  {purpose}  ({path})")
 
 
 @app.command(epilog=epilog("config show"))
@@ -97,9 +99,3 @@ def schema() -> None:
     from ffseg.parameter_text import schema_file
 
     console.data(schema_file().rstrip("\n"))
-
-
-def _purpose(text: str) -> str:
-    """First comment of a preset that is not for the editor."""
-    comments = [line.lstrip("# ") for line in text.splitlines() if line.startswith("#") and "$schema" not in line]
-    return comments[0] if comments else ""

@@ -13,7 +13,7 @@ import typer
 from ffseg.cli import console
 from ffseg.cli.checks import folder as named
 from ffseg.cli.checks import output_file, refuse_pictures
-from ffseg.cli.options import Inputs
+from ffseg.cli.options import AsJsonOrSentences, Inputs
 from ffseg.errors import UsageError
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def domain(
     sample: Annotated[
         int, typer.Option("--sample", min=5, max=200, metavar="N", help="Images of a camera looked at, evenly spaced.")
     ] = 24,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of sentences.")] = False,
+    as_json: AsJsonOrSentences = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; the findings only.")] = False,
 ) -> None:
     """Find what stays in its place while a camera moves: its own mount, a bonnet, the dark round a mirror.

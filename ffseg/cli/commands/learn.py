@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ffseg.cli import console
-from ffseg.cli.checks import checked_params, output_file, require_source
+from ffseg.cli import console, options
+from ffseg.cli.checks import output_file, ready_params
 from ffseg.cli.commands.telling import progress, warn_of_starts
-from ffseg.cli.options import Config, Inputs, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 from ffseg.io.tables import counted
 
@@ -26,23 +25,21 @@ SUFFIX = ".ffmodel"
 
 
 def learn(  # noqa: PLR0913 - the options of the command
-    inputs: Inputs,
-    truth: Annotated[
-        Path, typer.Option("--truth", metavar="DIR", help="Masks (NAME.png): 255 inside, 0 outside, 128 unknown.")
-    ],
+    inputs: options.Inputs,
+    truth: options.Masks,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Model to write, a .ffmodel file.")],
-    truth_label: TruthLabel = None,
-    starts: Starts = None,
-    config: Config = None,
-    settings: Settings = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of sentences.")] = False,
+    truth_label: options.TruthLabel = None,
+    starts: options.Starts = None,
+    config: options.Config = None,
+    settings: options.Settings = None,
+    as_json: options.AsJsonOrSentences = False,
     quick: Annotated[
         bool,
         typer.Option(
             "--quick", help="The model and the image to draw next only, in a fifth of the time; not measured."
         ),
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; the figures only.")] = False,
+    quiet: options.FiguresOnly = False,
 ) -> None:
     """Learn from a few masks what is inside, for --set edges.model=FILE of the other commands.
 
@@ -53,14 +50,13 @@ def learn(  # noqa: PLR0913 - the options of the command
     if out.suffix != SUFFIX:
         raise UsageError(f"--out {out}: a model is a {SUFFIX} file; name it so")
     output_file("--out", out)
-    params = checked_params(config, settings)
-    require_source(params)
+    params = ready_params(config, settings)
     from ffseg.evidence.forest import to_bytes
     from ffseg.io.files import write_bytes_atomic
     from ffseg.learning.gather import gather
     from ffseg.learning.learn import learned
 
-    found = gather(inputs, os.fspath(truth), params, starts_file(starts, params), truth_label)
+    found = gather(inputs, os.fspath(truth), params, options.starts_file(starts, params), truth_label)
     warn_of_starts([one for one in found.labelled if one.start is not None])
     model, figures = learned(found, params, progress(quiet=quiet), measured=not quick)
     write_bytes_atomic(os.fspath(out), to_bytes(model))
@@ -130,18 +126,19 @@ def advice(figures: Figures) -> list[str]:
 
 def begun(base: Beginning) -> str:
     """Whether the forest that comes with ffseg was corrected, and why."""
-    shipped, own = "the forest that comes with ffseg", f"{base.base:.2f} of the masks' pixels by itself"
+    shipped = "the forest that comes with ffseg"
     how = f"corrects {shipped}" if base.corrected else f"grown from the masks alone, without {shipped}"
-    if base.taught is not None:
-        return f"{how}, which shares {own} (they teach each other {base.taught:.2f})"
     why = f"{base.enough:.2f} is enough" if base.base >= base.enough else "one mask is too little to begin with"
-    return f"{how}, which shares {own} ({why})"
+    return _shared(how, base.base, base.taught, why)
 
 
 def asked(prior: Asked) -> str:
     """Whether the model asks the prior too, and why."""
-    own = f"{prior.prior:.2f} of the masks' pixels by itself"
     how = "asks the prior that comes with ffseg too" if prior.asked else "does not ask the prior that comes with ffseg"
-    if prior.taught is not None:
-        return f"{how}, which shares {own} (they teach each other {prior.taught:.2f})"
-    return f"{how}, which shares {own} ({prior.enough:.2f} is {'enough' if prior.asked else 'wanted'})"
+    return _shared(how, prior.prior, prior.taught, f"{prior.enough:.2f} is {'enough' if prior.asked else 'wanted'}")
+
+
+def _shared(how: str, own: float, taught: float | None, why: str) -> str:
+    """What is made of a forest that comes with ffseg, how much it knows of the masks, and why that decides."""
+    because = why if taught is None else f"they teach each other {taught:.2f}"
+    return f"{how}, which shares {own:.2f} of the masks' pixels by itself ({because})"

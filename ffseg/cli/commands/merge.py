@@ -10,16 +10,14 @@ import typer
 
 from ffseg.cli import console
 from ffseg.cli.checks import folder as named
+from ffseg.cli.options import AsJson, Report, Table
 
 
 def merge(
     folder: Annotated[Path, typer.Argument(metavar="DIR", parser=named, help="Output folder of runs with --shard.")],
-    table: Annotated[
-        str,
-        typer.Option("--table", metavar="LIST", help="Tables to write: csv, or csv,parquet for timings.parquet too."),
-    ] = "csv",
-    report: Annotated[bool, typer.Option("--report", help="Write report.html, a page to look at it all.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of the table.")] = False,
+    table: Table = "csv",
+    report: Report = False,
+    as_json: AsJson = False,
 ) -> None:
     """Write the tables of DIR as one run over all its shards would have.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -10,13 +9,15 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ffseg.cli import console
-from ffseg.cli.checks import checked_params, require_source
+from ffseg.cli.checks import ready_params
 from ffseg.cli.options import overrides
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from ffseg.parameters import Parameters
 
 PIPE = "-"
 _TAKEN = (
@@ -38,7 +39,7 @@ def pipe(context: typer.Context) -> int:
     from ffseg.io.pipes import encoded, frames, head, read_form
 
     asked = _asked(context)
-    params = _params(asked)
+    params = ready_params(asked["config"], overrides(asked), allow_code=asked["allow_code"])
     kind = asked["film_out"] or "mask"
     form = read_form(sys.stdin.buffer, asked["raw"], Limits(max_pixels=asked["max_pixels"]))
     count, failed, begin = 0, 0, perf_counter()
@@ -88,15 +89,7 @@ def _asked(context: typer.Context) -> dict[str, Any]:
     return asked
 
 
-def _params(asked: dict[str, Any]) -> Any:  # noqa: ANN401 - Parameters, which load NumPy
-    short = ("settings", "outside", "boxes", "largest", "min_area", "fill_holes", "label")
-    settings = overrides(*(asked[name] for name in short))
-    params = checked_params(asked["config"], settings, allow_code=asked["allow_code"])
-    require_source(params)
-    return params
-
-
-def _picture(image: NDArray[np.uint8], params: Any, kind: str) -> tuple[NDArray[np.uint8], str]:  # noqa: ANN401
+def _picture(image: NDArray[np.uint8], params: Parameters, kind: str) -> tuple[NDArray[np.uint8], str]:
     """What is sent of a frame, and why it could not be segmented: then its region is empty."""
     import numpy as np
 
@@ -118,6 +111,6 @@ def _picture(image: NDArray[np.uint8], params: Any, kind: str) -> tuple[NDArray[
 
 def _send(data: bytes) -> None:
     """Write to stdout at once, whole: a reader that has gone is heard of, as the stream of the program does not."""
-    view = memoryview(data)
-    while view:
-        view = view[os.write(1, view) :]
+    from ffseg.io.files import write_fully
+
+    write_fully(1, data)

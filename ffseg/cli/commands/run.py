@@ -12,37 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ffseg.batch.workers.launch import Process, launch, take
-from ffseg.cli import completion, console
-from ffseg.cli.checks import (
-    MOST_MEGABYTES,
-    MOST_SECONDS,
-    checked_params,
-    folder_or_stdout,
-    number,
-    plugin_files,
-    require_source,
-    require_truth,
-)
+from ffseg.batch.workers.launch import Process, cores, launch, take
+from ffseg.cli import checks, completion, console, options
 from ffseg.cli.commands.pipe import PIPE, pipe
 from ffseg.cli.interruption import Interruption
-from ffseg.cli.options import (
-    AllowCode,
-    Boxes,
-    Config,
-    Evidence,
-    FillHoles,
-    Label,
-    Largest,
-    MinArea,
-    Outside,
-    Settings,
-    SomeInputs,
-    Starts,
-    TruthLabel,
-    overrides,
-    starts_file,
-)
 from ffseg.errors import UsageError
 from ffseg.io.films import is_film
 
@@ -60,29 +33,26 @@ PROCESSES = "inprocess" if sys.platform == "win32" else "processes"
 """The default of ``--executor``: worker processes are waited for with ``poll``, which Windows does not have."""
 _MEGABYTE = 1 << 20
 _NEED_CAMERA = {
-    "poses": "--poses, --pairs and --footprint need --camera; name the camera file",
-    "pairs": "--poses, --pairs and --footprint need --camera; name the camera file",
-    "footprint": "--poses, --pairs and --footprint need --camera; name the camera file",
+    **dict.fromkeys(
+        ("poses", "pairs", "footprint"), "--poses, --pairs and --footprint need --camera; name the camera file"
+    ),
     "metric": "--map needs --camera, which knows how large the ground is; name the camera file",
 }
 """What is said of options that mean nothing without a camera."""
-_IN_ORDER = "--{} and --{} do not go together: every frame needs the one before it; run each film by itself"
 _APART = {
     (
         "evidence",
         "camera",
-    ): "--evidence and --camera do not go together: the images of a camera are segmented without maps; "
-    "leave out one of them, or name the network or .ffmodel that made the maps as edges.model",
-    (
-        "film_out",
-        "shard",
-    ): "--film-out and --shard do not go together; merge the shards, then run it once more without --shard",
-} | {
-    (past, other): _IN_ORDER.format(past, other)
-    for past in ("steady", "flicker")
-    for other in ("shard", "camera", "pack", "dask")
+    ): "the images of a camera are segmented without maps; leave out one of them, or name the network "
+    "or .ffmodel that made the maps as edges.model",
+    **{
+        (past, other): "every frame needs the one before it; run each film by itself"
+        for past in ("steady", "flicker")
+        for other in ("shard", "camera", "pack", "dask")
+    },
 }
-"""What is said of options that do not go together, by their names in the command."""
+"""Why options do not go together, by their names."""
+_UNMERGED = "--film-out and --shard do not go together; merge the shards, then run it once more without --shard"
 
 
 def run(  # noqa: PLR0913 - the options of the command
@@ -92,22 +62,22 @@ def run(  # noqa: PLR0913 - the options of the command
         typer.Option(
             "--out",
             metavar="DIR",
-            parser=folder_or_stdout,
+            parser=checks.folder_or_stdout,
             help="Folder for the outputs, made if absent; - for stdout.",
         ),
     ],
-    inputs: SomeInputs = None,
-    config: Config = None,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
-    starts: Starts = None,
-    evidence: Evidence = None,
-    outside: Outside = None,
-    boxes: Boxes = None,
-    largest: Largest = None,
-    min_area: MinArea = None,
-    fill_holes: FillHoles = None,
-    label: Label = None,
+    inputs: options.SomeInputs = None,
+    config: options.Config = None,
+    settings: options.Settings = None,
+    allow_code: options.AllowCode = False,
+    starts: options.Starts = None,
+    evidence: options.Evidence = None,
+    outside: options.Outside = None,
+    boxes: options.Boxes = None,
+    largest: options.Largest = None,
+    min_area: options.MinArea = None,
+    fill_holes: options.FillHoles = None,
+    label: options.Label = None,
     camera: Annotated[
         Path | None, typer.Option("--camera", metavar="FILE", help="Camera file: tests enclosed components on pairs.")
     ] = None,
@@ -124,7 +94,7 @@ def run(  # noqa: PLR0913 - the options of the command
             metavar="R",
             min=0,
             max=100,
-            callback=number,
+            callback=checks.number,
             help="Metres: passages that a robot of this radius cannot take count as closed.",
         ),
     ] = None,
@@ -132,7 +102,7 @@ def run(  # noqa: PLR0913 - the options of the command
         Path | None,
         typer.Option("--truth", metavar="DIR", help="Folder or .tar of true masks (NAME.png): adds the IoU."),
     ] = None,
-    truth_label: TruthLabel = None,
+    truth_label: options.TruthLabel = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Worker processes; 0 = one for each core.")] = 0,
     executor: Annotated[
         str,
@@ -149,10 +119,7 @@ def run(  # noqa: PLR0913 - the options of the command
     shard: Annotated[
         str, typer.Option("--shard", metavar="i/n", help="Only this part of the images; 'ffseg merge' joins them.")
     ] = "",
-    table: Annotated[
-        str,
-        typer.Option("--table", metavar="LIST", help="Tables to write: csv, or csv,parquet for timings.parquet too."),
-    ] = "csv",
+    table: options.Table = "csv",
     overlay: Annotated[
         bool, typer.Option("--overlay/--no-overlay", help="Write images with the contours drawn.")
     ] = False,
@@ -175,7 +142,7 @@ def run(  # noqa: PLR0913 - the options of the command
         ),
     ] = "",
     animate: Annotated[bool, typer.Option("--animate", help="Write a film and a film strip of each image.")] = False,
-    report: Annotated[bool, typer.Option("--report", help="Write report.html, a page to look at it all.")] = False,
+    report: options.Report = False,
     film: Annotated[
         bool, typer.Option("--film", help="Animations and stacks of pages frame by frame, not only the first.")
     ] = False,
@@ -213,7 +180,7 @@ def run(  # noqa: PLR0913 - the options of the command
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Do everything again, whatever is there.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would be done and write nothing.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of the table.")] = False,
+    as_json: options.AsJson = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table; errors only.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="A line for each image.")] = False,
     timeout: Annotated[
@@ -221,14 +188,17 @@ def run(  # noqa: PLR0913 - the options of the command
         typer.Option(
             "--timeout",
             min=0,
-            max=MOST_SECONDS,
-            callback=number,
+            max=checks.MOST_SECONDS,
+            callback=checks.number,
             show_default=True,
             help="Seconds an image may take; 0 = no limit.",
         ),
     ] = 300.0,
     memory: Annotated[
-        int, typer.Option("--memory", min=0, max=MOST_MEGABYTES, help="MB a worker may add to its start; 0 = no limit.")
+        int,
+        typer.Option(
+            "--memory", min=0, max=checks.MOST_MEGABYTES, help="MB a worker may add to its start; 0 = no limit."
+        ),
     ] = 4096,
     max_pixels: Annotated[int, typer.Option("--max-pixels", min=1, help="Refuse larger images.")] = 100_000_000,
 ) -> None:
@@ -239,36 +209,35 @@ def run(  # noqa: PLR0913 - the options of the command
     """
     if PIPE in (*(inputs or ()), str(out)) or raw:
         raise typer.Exit(pipe(context))
-    workers = 1 if steady or flicker else jobs or _cores()
-    early = _early_workers(inputs or (), workers) if PROCESSES == "processes" and not dry_run else []
-    from ffseg.batch.executors.base import Options
-    from ffseg.batch.plan.jobs import make_plan
-    from ffseg.batch.runner import Run
-    from ffseg.batch.workers.messages import Setup
-    from ffseg.cli.reporting import Progress, show_result
-
+    workers = 1 if steady or flicker else jobs or cores()
     with contextlib.ExitStack() as cleanup:
+        early = _early_workers(inputs or (), workers) if PROCESSES == "processes" and not dry_run else []
         cleanup.callback(_end, early)
+        from ffseg.batch.executors.base import Options
+        from ffseg.batch.plan.jobs import make_plan
+        from ffseg.batch.runner import Run
+        from ffseg.batch.workers.messages import Setup
+        from ffseg.cli.reporting import Progress, show_result
+
         interruption = cleanup.enter_context(Interruption("run it again to go on"))
-        require_truth(truth, truth_label)
-        asked = overrides(settings, outside, boxes, largest, min_area, fill_holes, label)
-        params = _params(config, asked, evidence, allow_code=allow_code)
+        params = checks.ready_params(config, options.overrides(context.params), evidence, allow_code=allow_code)
         who = _executor(executor, dask, context.params)
         products = _products(export or (), pack, film_out, overlay=overlay, animate=animate, metric=metric)
         named: dict[str, Any] = {"truth": os.fspath(truth or ""), "exclude": exclude or (), "keep_suffix": keep_suffix}
         found = _inputs(inputs or (), listed, (bag, topic), nul=nul)
         plan = make_plan(found, os.fspath(out), film=film, products=products, **named)
-        plan = _with_files(plan, params, starts_file(starts, params), os.fspath(evidence or ""), quiet=quiet)
+        plan = _with_files(plan, params, options.starts_file(starts, params), os.fspath(evidence or ""), quiet=quiet)
         views = _views(plan, camera, poses, pairs, footprint) if camera else None
-        setup = Setup(params=params, views=views, products=products, truth_label=truth_label, redirects=redirects)
-        setup = replace(setup, max_pixels=max_pixels, memory_bytes=memory * _MEGABYTE, files=plugin_files(params))
-        plan, setup = _ordered(plan, replace(setup, past="steady" if steady else "flicker" * flicker), shard)
+        setup = Setup(params=params, views=views, products=products, files=checks.plugin_files(params))
+        setup = replace(setup, truth_label=truth_label, redirects=redirects, max_pixels=max_pixels)
+        setup = replace(setup, memory_bytes=memory * _MEGABYTE, past="steady" if steady else "flicker" * flicker)
+        plan = _ordered(plan, setup, shard)
         if dry_run:
             raise typer.Exit(_preview(plan, setup, overwrite=overwrite, as_json=as_json))
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
         cleanup.callback(progress.close)
-        options = Options(workers, timeout, overwrite, report, read_tables(table), who, dask, chunk)
-        work = cleanup.enter_context(Run(plan, setup, options, interruption, progress))
+        how = Options(workers, timeout, overwrite, report, read_tables(table), who, dask, chunk)
+        work = cleanup.enter_context(Run(plan, setup, how, interruption, progress))
         interruption.defer()
         summary = work.execute(early)
         progress.close()
@@ -280,19 +249,16 @@ def run(  # noqa: PLR0913 - the options of the command
 
 def _require_together(asked: Mapping[str, Any]) -> None:
     """Refuse options that need others, or do not go with them."""
+    checks.require_truth(asked["truth"], asked["truth_label"])
     given = {name for name, value in asked.items() if not (value is None or value is False or value in ("", ()))}
     for name, sentence in _NEED_CAMERA.items():
         if name in given and "camera" not in given:
             raise UsageError(sentence)
-    for pair, sentence in _APART.items():
-        if given.issuperset(pair):
-            raise UsageError(sentence)
-
-
-def _params(config: str | None, settings: Sequence[str], evidence: Path | None, *, allow_code: bool) -> Parameters:
-    params = checked_params(config, settings, allow_code=allow_code)
-    require_source(params, evidence)
-    return params
+    if given.issuperset(("film_out", "shard")):
+        raise UsageError(_UNMERGED)
+    for (one, other), why in _APART.items():
+        if given.issuperset((one, other)):
+            raise UsageError(f"--{one} and --{other} do not go together: {why}")
 
 
 def _executor(name: str, scheduler: str, asked: Mapping[str, Any]) -> str:
@@ -339,8 +305,7 @@ def _products(
 
 
 def _inputs(inputs: Sequence[str], listing: str, bag: tuple[str, str], *, nul: bool) -> list[str | Source]:
-    from ffseg.batch.plan.discover import bag_frames
-    from ffseg.batch.plan.listing import listed
+    from ffseg.batch.plan.discover import bag_frames, listed
 
     if not inputs and not listing and not any(bag):
         raise UsageError("there is no input; name image files, folders or patterns, or a list with --list FILE")
@@ -374,14 +339,14 @@ def _views(plan: Plan, camera: Path, poses: Path | None, pairs: Path | None, foo
     return with_bag(views, bag, str(poses), stamps) if stamps else views
 
 
-def _ordered(plan: Plan, setup: Setup, shard: str) -> tuple[Plan, Setup]:
-    """The plan with the images before each image, where it is asked for, of a shard only its part; and the setup."""
+def _ordered(plan: Plan, setup: Setup, shard: str) -> Plan:
+    """The plan with the images before each image, where it is asked for; of a shard only its part."""
     from ffseg.batch.plan.jobs import with_earlier, with_past
     from ffseg.batch.shards.assign import only, read_shard
 
     plan = with_earlier(plan, setup.views.chain) if setup.views else plan
     plan = with_past(plan) if setup.past else plan
-    return only(plan, read_shard(shard)) if shard else plan, setup
+    return only(plan, read_shard(shard)) if shard else plan
 
 
 def _preview(plan: Plan, setup: Setup, *, overwrite: bool, as_json: bool) -> int:
@@ -392,6 +357,12 @@ def _preview(plan: Plan, setup: Setup, *, overwrite: bool, as_json: bool) -> int
     return 0 if show_plan(preview(plan, setup, overwrite=overwrite), plan, as_json=as_json) else console.FAILED_IMAGES
 
 
+def _end(processes: Sequence[Process]) -> None:
+    """End workers, also those that a run has taken over and ended."""
+    for process in processes:
+        process.end()
+
+
 def _early_workers(inputs: Sequence[str], jobs: int) -> list[Process]:
     """Workers that load OpenCV while this process loads the rest, reads parameters and plans; two if there may be work."""
     several = jobs > 1 and (len(inputs) != 1 or os.path.isdir(inputs[0]) or is_film(inputs[0]))
@@ -400,14 +371,3 @@ def _early_workers(inputs: Sequence[str], jobs: int) -> list[Process]:
         early.append(take())
         early += [launch()] if several else []
     return early
-
-
-def _end(processes: Sequence[Process]) -> None:
-    """End workers, also those that a run has taken over and ended."""
-    for process in processes:
-        process.end()
-
-
-def _cores() -> int:
-    """Cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

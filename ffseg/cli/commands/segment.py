@@ -5,25 +5,13 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ffseg.cli import completion, console
-from ffseg.cli.checks import checked_params, refuse_pictures, require_source
+from ffseg.cli import completion, console, options
+from ffseg.cli.checks import ready_params, refuse_pictures
 from ffseg.cli.completion import KINDS
-from ffseg.cli.options import (
-    AllowCode,
-    Boxes,
-    Config,
-    FillHoles,
-    Label,
-    Largest,
-    MinArea,
-    Outside,
-    Settings,
-    overrides,
-)
 from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError, is_out_of_memory
 
 if TYPE_CHECKING:
@@ -52,15 +40,15 @@ def segment(  # noqa: PLR0913 - the options of the command
             help=f"{', '.join(KINDS)}; without it by the suffix, mask for -.",
         ),
     ] = None,
-    config: Config = None,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
-    outside: Outside = None,
-    boxes: Boxes = None,
-    largest: Largest = None,
-    min_area: MinArea = None,
-    fill_holes: FillHoles = None,
-    label: Label = None,
+    config: options.Config = None,
+    settings: options.Settings = None,
+    allow_code: options.AllowCode = False,
+    outside: options.Outside = None,
+    boxes: options.Boxes = None,
+    largest: options.Largest = None,
+    min_area: options.MinArea = None,
+    fill_holes: options.FillHoles = None,
+    label: options.Label = None,
     evidence: Annotated[
         Path | None, typer.Option("--evidence", metavar="FILE", help="Map of what is inside: grey image, or .npy.")
     ] = None,
@@ -79,9 +67,9 @@ def segment(  # noqa: PLR0913 - the options of the command
     _require_other_names(image, wanted)
     if not overwrite:
         refuse_pictures([path for path in outputs if path != PIPE], "choose another name or add --overwrite")
-    asked = overrides(settings, outside, boxes, largest, min_area, fill_holes, label)
-    params = checked_params(config, asked, allow_code=allow_code)
-    require_source(params, evidence)
+    kept: dict[str, Any] = {"largest": largest, "min_area": min_area, "fill_holes": fill_holes, "label": label}
+    asked = options.overrides({"settings": settings, "outside": outside, "boxes": boxes, **kept})
+    params = ready_params(config, asked, evidence, allow_code=allow_code)
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from ffseg.api import segment as segment_pixels
     from ffseg.io.saving import Source, encoded
@@ -96,13 +84,13 @@ def segment(  # noqa: PLR0913 - the options of the command
     except Exception as error:
         if not (isinstance(error, FfsegError) or is_out_of_memory(error)):
             raise
-        told = (
-            str(error) if isinstance(error, FfsegError) else "there is not enough memory for the image; scale it down"
-        )
-        console.error(told)
+        no_memory = "there is not enough memory for the image; scale it down"
+        console.error(str(error) if isinstance(error, FfsegError) else no_memory)
         raise typer.Exit(console.FAILED_IMAGES) from error
     if not quiet:
-        labelled = f"class 0 of YOLO's labels is {label}: name it in the data set's YAML file" if label is not None else ""
+        labelled = (
+            f"class 0 of YOLO's labels is {label}: name it in the data set's YAML file" if label is not None else ""
+        )
         named = labelled if "yolo" in (output for _, output in wanted) else ""
         for text in filter(None, (note, *result.messages, named)):
             console.message(f"ffseg: {text}")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def progress(*, quiet: bool) -> Callable[[str], None]:
     """What takes lines on the progress: stderr, or nothing."""
-    return _silent if quiet else _tell
+    return (lambda _: None) if quiet else (lambda text: console.message(f"ffseg: {text}"))
 
 
 def warn_of_starts(labelled: Sequence[Labelled]) -> None:
@@ -43,11 +43,3 @@ def warn_of_seen(labelled: Sequence[Labelled]) -> None:
         console.message(
             f"ffseg: warning: edges.model has learned from images called {named(names)}; on those it does too well to be tuned"
         )
-
-
-def _tell(text: str) -> None:
-    console.message(f"ffseg: {text}")
-
-
-def _silent(text: str) -> None:
-    """Say nothing."""

@@ -10,18 +10,15 @@ from typing import Annotated
 
 import typer
 
-from ffseg.cli import console
-from ffseg.cli.checks import checked_params, number, output_file, require_source
+from ffseg.cli import console, options
+from ffseg.cli.checks import number, output_file, ready_params
 from ffseg.cli.commands.telling import progress, warn_of_seen, warn_of_starts
-from ffseg.cli.options import Config, Inputs, Settings, Starts, TruthLabel, starts_file
 from ffseg.errors import UsageError
 
 
 def tune(  # noqa: PLR0913 - the options of the command
-    inputs: Inputs,
-    truth: Annotated[
-        Path, typer.Option("--truth", metavar="DIR", help="Masks (NAME.png): 255 inside, 0 outside, 128 unknown.")
-    ],
+    inputs: options.Inputs,
+    truth: options.Masks,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Parameter file to write, for --config.")],
     page: Annotated[
         Path | None, typer.Option("--page", metavar="FILE", help="Also write a page with each image before and after.")
@@ -38,12 +35,12 @@ def tune(  # noqa: PLR0913 - the options of the command
             show_default=True,
         ),
     ] = 25.0,
-    truth_label: TruthLabel = None,
-    starts: Starts = None,
-    config: Config = None,
-    settings: Settings = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document instead of sentences.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; the figures only.")] = False,
+    truth_label: options.TruthLabel = None,
+    starts: options.Starts = None,
+    config: options.Config = None,
+    settings: options.Settings = None,
+    as_json: options.AsJsonOrSentences = False,
+    quiet: options.FiguresOnly = False,
 ) -> None:
     """Look for settings that agree with a few masks, and keep those at hand where none is better.
 
@@ -57,16 +54,18 @@ def tune(  # noqa: PLR0913 - the options of the command
     for option, path in (("--out", out), ("--page", page)):
         if path is not None:
             output_file(option, path)
-    params = checked_params(config, settings)
-    require_source(params)
-    _require_edges(params.method)
+    params = ready_params(config, settings)
     from ffseg.io.files import write_bytes_atomic
     from ffseg.learning.gather import gather
     from ffseg.learning.page import given, to_html, to_yaml, told, untried
     from ffseg.learning.tune import before_and_after
     from ffseg.learning.tune import tune as search
+    from ffseg.plugins import METHODS
 
-    found = gather(inputs, os.fspath(truth), params, starts_file(starts, params), truth_label)
+    if params.method in METHODS and not METHODS[params.method].uses_edges:
+        what = f"method: {params.method} does not look at the edge map, which tune is for"
+        raise UsageError(f"{what}; choose another method")
+    found = gather(inputs, os.fspath(truth), params, options.starts_file(starts, params), truth_label)
     warn_of_starts(found.labelled)
     warn_of_seen(found.labelled)
     tuned = search(found.labelled, budget, progress(quiet=quiet))
@@ -79,11 +78,3 @@ def tune(  # noqa: PLR0913 - the options of the command
     else:
         use = f"use it with --config {out}" if tuned.setting or given(params) else f"{out} changes nothing"
         console.data("\n".join([*told(tuned), use, *untried(tuned)]))
-
-
-def _require_edges(method: str) -> None:
-    """Refuse a peer that does not look at the edge map, which is what is tuned."""
-    from ffseg.plugins import METHODS
-
-    if method in METHODS and not METHODS[method].uses_edges:
-        raise UsageError(f"method: {method} does not look at the edge map, which tune is for; choose another method")
