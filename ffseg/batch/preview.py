@@ -62,25 +62,15 @@ def _preview(plan: Plan, job: Job, setup: Setup, record: Record | None) -> Previ
     outputs = plan.outputs(job)
     try:
         read = read_job(job, setup)
+        kept = kept_outputs(record, read, plan.out)
+        if kept is None:  # no decoder is asked, which may refuse it still
+            inspect(read.data, Limits(setup.max_bytes, setup.max_pixels))
     except ImageReadError as error:
         return Preview(job, "failed", f"{error.reason}: {error}")
-    kept = kept_outputs(record, read, plan.out)
-    if record is None or kept is None:
-        wrong = _header_problem(read.data, setup)
-        return Preview(job, "failed", wrong) if wrong else Preview(job, "to do", missing=outputs)
-    missing = tuple(path for path in outputs if path not in kept)
-    if missing or (job.truth and read.digests.truth != record.truth):
+    missing = tuple(path for path in outputs if path not in (kept or ()))
+    if missing or record is None or (job.truth and read.digests.truth != record.truth):
         return Preview(job, "to do", missing=missing)
     return Preview(job, "unchanged")
-
-
-def _header_problem(data: bytes, setup: Setup) -> str:
-    """Why no decoder would be given the bytes of an image; empty if one would, which may refuse them still."""
-    try:
-        inspect(data, Limits(setup.max_bytes, setup.max_pixels))
-    except ImageReadError as error:
-        return f"{error.reason}: {error}"
-    return ""
 
 
 def _refuse_unwritable(out: str) -> None:

@@ -177,5 +177,6 @@ class Work:
         """Write what replies bring and remember it: never more images at once than there are workers."""
         together = self.options.num_workers
         for first in range(0, len(replies), together):
-            for completed in self.keeper.complete(replies[first : first + together]):
-                self.ledger.count(completed)
+            part = replies[first : first + together]
+            for reply, record in zip(part, self.keeper.complete(part), strict=True):
+                self.ledger.count(reply, record)

@@ -127,7 +127,7 @@ def read_picture(
         raise _undecodable(header)
     if {image.shape[0], image.shape[1]} != {header.height, header.width}:
         raise ImageReadError("damaged", f"the {header.format} pixels have not the size its header claims; convert it")
-    if any((_decoded(probe.data, header) is not None) != probe.decodes for probe in probes):
+    if any((_decoded(copy, header) is not None) != decodes for copy, decodes in probes):
         raise damaged(f"the {header.format} data has zeros where pixels should be (lost blocks?)")
     image, said = _levelled(image, header, levels)
     return _upright(image, header.orientation), "; ".join(filter(None, (_note(header), said)))

@@ -14,23 +14,12 @@ from typing import Any
 
 from ffseg.batch.executors.base import Assignment, Executor
 from ffseg.batch.workers.launch import Process, launch
-from ffseg.batch.workers.messages import (
-    Event,
-    Failed,
-    Inbox,
-    Note,
-    Ready,
-    Refused,
-    Reply,
-    Task,
-    send,
-)
+from ffseg.batch.workers.messages import PIECE, Event, Failed, Inbox, Note, Ready, Refused, Reply, Task, send
 from ffseg.errors import UsageError, WorkerLostError
 
 AHEAD = 2
 """Tasks a worker holds: the one it works on, and the next, so that it never waits while its last reply is written."""
 _LOG_TAIL = 2000  # bytes of a dead worker's stderr worth keeping
-_PIECE = 1 << 16  # bytes read at once: what a pipe holds
 _STILLBORN = 3  # workers in a row that die before they are ready end the run
 
 
@@ -186,7 +175,7 @@ class Processes(Executor):
         return overdue if most is None else min(most, overdue)
 
     def _read(self, worker: Worker) -> Iterator[Reply]:
-        piece = os.read(worker.process.replies, _PIECE)
+        piece = os.read(worker.process.replies, PIECE)
         if not piece:
             yield from self._lost(worker)
             return

@@ -91,6 +91,8 @@ def encoded(kind: Output, result: Segmentation, context: Context) -> bytes:
     SegmentationError
         If the function of a plug-in gives no bytes.
     """
+    if not kind.encode:
+        return saved(result, kind.name, Source(readable(context.name), context.image, label=context.label))
     data = load(kind.encode)(result, context)
     if not isinstance(data, bytes):
         raise SegmentationError(f"the output {kind.name} gave {type(data).__name__}, not bytes; mend its function")
@@ -104,21 +106,6 @@ def readable(name: str) -> str:
     except UnicodeEncodeError:
         return printable(name)
     return name
-
-
-Encoder = Callable[[Segmentation, Context], bytes]
-
-
-def _saved(kind: str) -> Encoder:
-    """What `ffseg.io.saving` writes of a result."""
-
-    def write(result: Segmentation, context: Context) -> bytes:
-        return saved(result, kind, Source(readable(context.name), context.image, label=context.label))
-
-    return write
-
-
-mask, coco, geojson, yolo, cutout = map(_saved, ("mask", "coco", "geojson", "yolo", "cutout"))
 
 
 def contours(result: Segmentation, context: Context) -> bytes:

@@ -31,7 +31,7 @@ class Output:
     """Where it is stored below the output folder."""
     encode: str
     """``module:function`` that makes its bytes, called as ``encode(result, context)`` with a `Segmentation` and a
-    `ffseg.batch.outputs.encoding.Context`."""
+    `ffseg.batch.outputs.encoding.Context`; empty where `ffseg.io.saving` writes it by its name."""
     merge: str = ""
     """``module:function`` that makes one file of those of all images, called as ``merge(contents, label)``, where every
     call of ``contents()`` gives the bytes of each image's file in order, and the label is the class of the regions; gives
@@ -44,15 +44,15 @@ class Output:
         return f"{self.folder}/{stem}{self.suffix}"
 
 
-MASK = Output("mask", "masks", ".png", f"{_HERE}.encoding:mask")
+MASK = Output("mask", "masks", ".png", "")
 CONTOURS = Output("contours", "contours", ".svg", f"{_HERE}.encoding:contours")
 OVERLAY = Output("overlay", "overlays", ".png", f"{_HERE}.encoding:overlay")
-COCO = Output("coco", "coco", ".json", f"{_HERE}.encoding:coco", f"{_HERE}.encoding:coco_of_all", "coco.json")
+COCO = Output("coco", "coco", ".json", "", f"{_HERE}.encoding:coco_of_all", "coco.json")
 LABELME = Output("labelme", "labelme", ".json", f"{_HERE}.encoding:labelme")
-GEOJSON = Output("geojson", "geojson", ".geojson", f"{_HERE}.encoding:geojson")
-YOLO = Output("yolo", "yolo", ".txt", f"{_HERE}.encoding:yolo", f"{_HERE}.encoding:yolo_of_all", "yolo.yaml")
+GEOJSON = Output("geojson", "geojson", ".geojson", "")
+YOLO = Output("yolo", "yolo", ".txt", "", f"{_HERE}.encoding:yolo_of_all", "yolo.yaml")
 SVG = Output("svg", "svg", ".svg", f"{_HERE}.encoding:drawing")
-CUTOUT = Output("cutout", "cutouts", ".png", f"{_HERE}.encoding:cutout")
+CUTOUT = Output("cutout", "cutouts", ".png", "")
 FILM = Output("animation", "animations", ".webp", f"{_HERE}.encoding:film")
 STRIP = Output("animation", "animations", ".svg", f"{_HERE}.encoding:strip")
 GROUND = Output("map", "ground", ".geojson", f"{_HERE}.metric:ground")

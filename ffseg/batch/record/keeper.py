@@ -29,16 +29,6 @@ from ffseg.io.files import printable, require_replaceable
 Outputs = Mapping[str, tuple[str, Mark]]
 
 
-@dataclass(frozen=True, slots=True)
-class Completed:
-    """What became of a reply: ``ok``, ``unchanged`` or ``failed`` with its error, and what there is to note."""
-
-    index: int
-    status: str
-    error: str
-    note: str = ""
-
-
 @dataclass(slots=True)
 class Keeper:
     """Writes what replies bring and remembers it."""
@@ -80,8 +70,8 @@ class Keeper:
             record = self._done(reply, before, 0.0)
             self._remember(record if before is None else replace(record, left=self._left(before, record)))
 
-    def complete(self, replies: Sequence[Reply]) -> list[Completed]:
-        """Write the outputs of replies together, then remember each."""
+    def complete(self, replies: Sequence[Reply]) -> list[Record]:
+        """Write the outputs of replies together, then remember each: as its record."""
         begin = perf_counter()
         self._places.clear()
         done = [reply for reply in replies if isinstance(reply, Done)]
@@ -103,7 +93,7 @@ class Keeper:
     def _path(self, output: str) -> str:
         return os.path.join(self.plan.out, output)
 
-    def _completed(self, reply: Reply, problem: str, spent: float) -> Completed:
+    def _completed(self, reply: Reply, problem: str, spent: float) -> Record:
         before = self.journal.get(self.plan.jobs[reply.index].source.name)
         if isinstance(reply, Done) and not problem:
             record = self._done(reply, before, spent)
@@ -114,9 +104,7 @@ class Keeper:
         if record != before:
             self.journal.forget(record.name)  # whatever happens now, the earlier line is no longer true
             self._remember(record)
-        unchanged = record.status == "ok" and isinstance(reply, Done) and reply.unchanged
-        status = "unchanged" if unchanged else record.status
-        return Completed(reply.index, status, record.row["error"], record.row.get("note") or "")
+        return record
 
     def _remember(self, record: Record) -> None:
         try:

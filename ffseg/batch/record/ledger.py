@@ -9,7 +9,8 @@ from typing import Any, Protocol
 
 from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.plan.sources import Job
-from ffseg.batch.record.keeper import Completed
+from ffseg.batch.values import Record
+from ffseg.batch.workers.messages import Done, Reply
 
 JOB_REASONS = {
     "segmentation": "the image was read but cannot be segmented as asked",
@@ -97,13 +98,15 @@ class Ledger:
         self.note = observer.note
         self._plan, self._observer, self._noted = plan, observer, noted
 
-    def count(self, completed: Completed) -> None:
+    def count(self, reply: Reply, record: Record) -> None:
         """Take into account that an image is finished."""
-        self.finished[completed.index] = 1
-        name = "done" if completed.status == "ok" else completed.status
+        self.finished[reply.index] = 1
+        unchanged = record.status == "ok" and isinstance(reply, Done) and reply.unchanged
+        status = "unchanged" if unchanged else record.status
+        name = "done" if status == "ok" else status
         setattr(self.summary, name, getattr(self.summary, name) + 1)
-        note = completed.note if completed.status == "ok" and self._noted else ""
-        self._observer.finished(self._plan.jobs[completed.index], completed.status, completed.error or note)
+        note = record.row.get("note") or "" if status == "ok" and self._noted else ""
+        self._observer.finished(self._plan.jobs[reply.index], status, record.row["error"] or note)
 
     def problem(self, text: str) -> None:
         """Take into account, once, what went wrong beside images."""

@@ -141,9 +141,9 @@ def _place(text: str) -> str | None:
     return fixed_folder(text)
 
 
-def _text(path: Path, max_bytes: int = MAX_BYTES) -> str:
+def _text(path: Path) -> str:
     try:
-        return read_bytes(path, max_bytes).decode("utf-8", "replace")
+        return read_bytes(path, MAX_BYTES).decode("utf-8", "replace")
     except ImageReadError as error:
         if error.reason == "empty":
             return ""

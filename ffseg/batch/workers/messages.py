@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from ffseg.batch.views import Views
 
 _LENGTH_BYTES = 8
+PIECE = 1 << 16
+"""Bytes read at once: what a pipe holds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,23 +150,11 @@ def send(descriptor: int, message: object) -> None:
     write_fully(descriptor, len(data).to_bytes(_LENGTH_BYTES, "little") + data)
 
 
-def receive(descriptor: int) -> Any:  # noqa: ANN401 - any message
-    """Read one message from a pipe; None at its end."""
-    head = _exactly(descriptor, _LENGTH_BYTES)
-    if head is None:
-        return None
-    data = _exactly(descriptor, int.from_bytes(head, "little"))
-    return None if data is None else pickle.loads(data)  # noqa: S301 - from our own process
-
-
-def _exactly(descriptor: int, size: int) -> bytes | None:
-    data = bytearray()
-    while len(data) < size:
-        piece = os.read(descriptor, size - len(data))
-        if not piece:
-            return None
-        data += piece
-    return bytes(data)
+def received(descriptor: int) -> Iterator[Any]:
+    """Messages from a pipe, until it ends."""
+    inbox = Inbox()
+    while piece := os.read(descriptor, PIECE):
+        yield from inbox.feed(piece)
 
 
 class Inbox:

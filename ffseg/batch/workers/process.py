@@ -32,11 +32,12 @@ def main(tasks: int, replies: int, parent: int) -> None:
     _keep_memory()
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would be started and never used
-    from ffseg.batch.workers.messages import Ready, Refused, receive, send
+    from ffseg.batch.workers.messages import Ready, Refused, received, send
     from ffseg.batch.workers.work import Workbench
     from ffseg.errors import FfsegError
 
-    setup = receive(tasks)
+    messages = received(tasks)
+    setup = next(messages, None)
     if setup is None:
         return
     try:
@@ -46,7 +47,7 @@ def main(tasks: int, replies: int, parent: int) -> None:
         return
     send(replies, Ready(bench.versions()))
     _limit_memory(setup.memory_bytes)
-    while (task := receive(tasks)) is not None:
+    for task in messages:
         send(replies, bench.reply(task))
 
 

@@ -15,20 +15,9 @@ FLAT_PIXELS_PER_BYTE = 4096
 a byte for each 2000 pixels, and less has no outline to be found."""
 
 
-@dataclass(frozen=True, slots=True)
-class Probe:
-    """A changed copy of a file whose data has zeros as lost blocks leave them.
-
-    Attributes
-    ----------
-    data : bytes
-        The file with the end of its packed data missing, or with more behind it.
-    decodes : bool
-        Whether a decoder takes it when the pixels end where the data does: then the zeros belong to them.
-    """
-
-    data: bytes
-    decodes: bool
+Probe = tuple[bytes, bool]
+"""A copy of a file whose data has zeros as lost blocks leave them, with the end of its packed data missing or with more behind
+it, and whether a decoder takes it when the pixels end where the data does: then the zeros belong to them."""
 
 
 @dataclass(frozen=True, slots=True)

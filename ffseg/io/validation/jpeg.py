@@ -103,7 +103,7 @@ def _probes(data: bytes, scan: int, interval: int) -> list[Probe]:
     if zeros > end - 1:
         return []
     _refuse_lost_intervals(data[scan:end], interval)
-    return [Probe(data[: end - SPARE], decodes=False), Probe(data[:end] + MORE, decodes=True)]
+    return [(data[: end - SPARE], False), (data[:end] + MORE, True)]
 
 
 def _refuse_lost_intervals(scan: bytes, interval: int) -> None:

@@ -93,7 +93,7 @@ def _probes(data: bytes, chunks: list[tuple[bytes, int, int]]) -> list[Probe]:
             return _probes(data, _chunks(data, at + _FRAME_HEADER, at + length))
         body = data[at : at + length]
         if name in _IMAGES:
-            return [Probe(_file([_chunk(name, body[:-SPARE])]), decodes=False)] if ZEROS in body else []
+            return [(_file([_chunk(name, body[:-SPARE])]), False)] if ZEROS in body else []
     return []
 
 
