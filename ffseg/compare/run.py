@@ -30,6 +30,7 @@ from ffseg.io.panels import Tile, encode_panel
 from ffseg.io.tables import csv_table, names_meant_by
 from ffseg.methods.peers import configured
 from ffseg.metrics import scores
+from ffseg.peer_parameters import PeerParameters
 from ffseg.pipeline import segment
 from ffseg.plugins import method as row_of
 from ffseg.result import Segmentation
@@ -164,20 +165,20 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
         image = read_source(job.source, levels=task.params.input.range)
         height, width = image.shape[:2]
         truth = read_truth(job.truth, (height, width), task.truth_label) if job.truth else None
-        masks = replace(masks, evidence=read_evidence(job.evidence) if job.evidence else None)
-        masks = masks.within(job.domain)
+        evidence = read_evidence(job.evidence) if job.evidence else None
+        bounds = masks.within(job.domain).bounds
     except (ImageReadError, ParameterError, MemoryError) as error:
         rows = [Row(name, method, status="failed", error=_told(error)) for method in task.methods]
         for row in rows:
             tell(row)
         return rows, ""
-    # Method after method in every round, so that whatever else the machine does falls on all alike.
     params = job.start.placed(task.params, image.shape) if job.start else task.params
-    one = replace(task, params=params)
+    scene = Scene(image, params, evidence=evidence, **bounds)
+    # Method after method in every round, so that whatever else the machine does falls on all alike.
     rounds = []
     for _ in range(task.repeat):
-        alike = None if task.own_edges else shared(_scene(one, image, masks), task.methods)
-        rounds.append([_run(one, image, Row(name, method), masks, alike) for method in task.methods])
+        alike = None if task.own_edges else shared(scene, task.methods)
+        rounds.append([_run(scene, Row(name, method), task.peers, alike) for method in task.methods])
     rows, tiles = [], []
     for runs in zip(*rounds, strict=True):
         row, result = _middle(runs)
@@ -201,13 +202,15 @@ def _told(error: Exception) -> str:
 _Run = tuple[Row, Segmentation | None]
 
 
-def _run(task: Comparison, image: NDArray[np.uint8], row: Row, masks: Masks, alike: Shared | None) -> _Run:
+def _run(scene: Scene, row: Row, peers: PeerParameters, alike: Shared | None) -> _Run:
     """Run a method once: its row without scores, and its result if it has one."""
     chosen = row_of(row.method)
     if not chosen.installed:
         return replace(row, status="skipped", error=f"the package {chosen.package} is not installed"), None
     try:
-        result = _segment(task, image, row.method, masks, alike)
+        params, options = configured(scene.params, row.method, peers)
+        one = replace(scene, params=params, method=chosen, options=options)
+        result = segment(one if alike is None else alike.scene(one))
     except Exception as error:  # noqa: BLE001 - a package may raise anything; the others are compared all the same
         told = NO_MEMORY if is_out_of_memory(error) else f"{type(error).__name__}: {error}"
         text = " ".join(told.split())[:_LONGEST_ERROR]
@@ -233,18 +236,6 @@ def _middle(runs: Sequence[_Run]) -> _Run:
     times = {key: round(median(getattr(row, key) for row, _ in runs), 3) for key in _TIMES}
     row, result = runs[-1]
     return replace(row, **times), result
-
-
-def _segment(
-    task: Comparison, image: NDArray[np.uint8], method: str, masks: Masks, alike: Shared | None
-) -> Segmentation:
-    params, options = configured(task.params, method, task.peers)
-    scene = replace(_scene(task, image, masks), params=params, method=row_of(method), options=options)
-    return segment(scene if alike is None else alike.scene(scene))
-
-
-def _scene(task: Comparison, image: NDArray[np.uint8], masks: Masks) -> Scene:
-    return Scene(image, task.params, evidence=masks.evidence, **masks.bounds)
 
 
 def _scored(row: Row, result: Segmentation, truth: NDArray[np.uint8] | None) -> Row:

@@ -23,23 +23,15 @@ class Bounds(TypedDict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Masks:
-    """What is known of an image's pixels before it is segmented.
-
-    Attributes
-    ----------
-    domain, start, background : ndarray of uint8, shape (H, W), or None
-        255 or 0, as `load_mask` gives them.
-    evidence : ndarray of float32, shape (H, W), or None
-    """
+    """What is known of an image's pixels before it is segmented: 255 or 0, as `load_mask` gives them, or nothing."""
 
     domain: NDArray[np.uint8] | None = None
     start: NDArray[np.uint8] | None = None
     background: NDArray[np.uint8] | None = None
-    evidence: NDArray[np.float32] | None = None
 
     @property
     def bounds(self) -> Bounds:
-        """All but the evidence."""
+        """As arguments."""
         return {"domain": self.domain, "start_mask": self.start, "background": self.background}
 
     def within(self, path: str, limits: Limits | None = None) -> Masks:
