@@ -40,8 +40,8 @@ class Part:
 
     shard: Shard
     folder: str
-    header: Mapping[str, Any] | None
-    """Of its journal."""
+    header: Mapping[str, Any]
+    """Of its journal; empty when it never ran."""
     run: Mapping[str, Any]
     """Its ``run.json``; empty when it did not come to its end."""
     problem: str = ""
@@ -100,12 +100,12 @@ def merge_shards(out: str, *, parquet: bool = False) -> Merge:
     with OutputLock(out):
         _refuse_mixture(out, parts)
         merge = Merge(out, problems=[part.problem for part in parts if part.problem])
-        there = [part for part in parts if part.header is not None]
+        there = [part for part in parts if part.header]
         merge.problems += _different_inputs(there)
         _sweep(out)
-        header = dict(there[0].header or {})
+        header = there[0].header
         before = [name for name in (read_header(state) or {}).get("tables", ()) if isinstance(name, str)]
-        tables_known = sorted({*before, *(name for part in there for name in (part.header or {}).get("tables", ()))})
+        tables_known = sorted({*before, *(name for part in there for name in part.header.get("tables", ()))})
         packs = {part.folder: packs_of(part.folder) for part in there}
         records = MergedRecords(os.path.join(state, JOURNAL))
         lines = chosen(last_lines(_all_lines(state, there), state), out, header["settings"])
@@ -167,7 +167,7 @@ def _remove_packs(out: str, packs: Mapping[str, list[str]]) -> None:
 
 def _write(merge: Merge, records: MergedRecords, parts: list[Part], before: list[str], *, parquet: bool) -> None:
     asked = {folder for part in parts for folder in part.run.get("asked", ())}
-    camera = any((part.header or {}).get("files", {}).get("camera") for part in parts)
+    camera = any(part.header.get("files", {}).get("camera") for part in parts)
     tables = Tables(merge.out, merge.out, records, camera, frozenset(asked), parquet)
     written = tables.write(_run_json(merge, records, parts), merge.problems.append)
     remove_old(merge.out, before, written)
@@ -203,13 +203,13 @@ def find_parts(out: str) -> list[Part]:
 
 
 def _part(folder: str, shard: Shard) -> Part:
-    header = read_header(folder) if os.path.isdir(folder) else None
+    header = (read_header(folder) if os.path.isdir(folder) else None) or {}
     try:
         run = json.loads(read_bytes(os.path.join(folder, RUN), _MOST_RUN))
     except (ImageReadError, ValueError, RecursionError):
         run = {}
     part = Part(shard, folder, header, run if isinstance(run, dict) else {})
-    if header is None:
+    if not header:
         part.problem = f"shard {shard} never ran; run it with --shard {shard}"
     elif part.run.get("status") != "finished":
         part.problem = f"shard {shard} did not finish; run it again with --shard {shard}"
@@ -218,7 +218,7 @@ def _part(folder: str, shard: Shard) -> Part:
 
 def _refuse_mixture(out: str, parts: list[Part]) -> None:
     """Refuse shards that are being written, were made with different parameters, or none that ran at all."""
-    there = [part for part in parts if part.header is not None]
+    there = [part for part in parts if part.header]
     if not there:
         raise UsageError(f"{printable(out)} holds shards of which none has begun; run them first")
     for part in there:
@@ -226,12 +226,12 @@ def _refuse_mixture(out: str, parts: list[Part]) -> None:
             pass
     first = there[0]
     for part in there[1:]:
-        if first.header is not None and part.header is not None and part.header["settings"] != first.header["settings"]:
+        if part.header["settings"] != first.header["settings"]:
             raise UsageError(
                 f"{printable(out)}: shard {part.shard} was run with other parameters than shard {first.shard} "
                 f"({changes(first.header, part.header)}); run one of them again with --overwrite"
             )
-        if bool((first.header or {}).get("pack")) != bool((part.header or {}).get("pack")):
+        if bool(first.header.get("pack")) != bool(part.header.get("pack")):
             raise UsageError(
                 f"{printable(out)}: of shard {part.shard} and shard {first.shard} one was run with --pack, the other "
                 "without; run one of them again as the other, with --overwrite"
@@ -334,7 +334,7 @@ def _run_json(merge: Merge, records: Records, parts: list[Part]) -> dict[str, An
         "seconds": round(sum(run.get("seconds", 0.0) for run in runs), 3),
         "counts": {**counts, "stale": num_stale},
         "inputs": first.get("inputs", []),
-        "parameters": next(part.header["parameters"] for part in parts if part.header is not None),
+        "parameters": parts[0].header["parameters"],
         "versions": first.get("versions", {}),
         "problems": [*merge.problems, *(text for run in runs for text in run.get("problems", ()))],
         "stale": stale,
