@@ -65,7 +65,7 @@ class Keeper:
 
     def adopt(self, reply: Reply) -> None:
         """Remember what a run had made that did not live to do so; whether it is right is found out as for any record."""
-        if isinstance(reply, Done):
+        if isinstance(reply, Done) and not reply.unchanged:
             before = self.journal.get(self.plan.jobs[reply.index].source.name)
             record = self._done(reply, before, 0.0)
             self._remember(record if before is None else replace(record, left=self._left(before, record)))
@@ -115,7 +115,12 @@ class Keeper:
     def _done(self, reply: Done, before: Record | None, spent: float) -> Record:
         """Record of an image whose outputs are written, in so many milliseconds."""
         job, row = self.plan.jobs[reply.index], dict(reply.row)
-        if not reply.unchanged:
+        extra: Sequence[Mapping[str, Any]] = reply.extra
+        if reply.unchanged and before is not None:
+            row, extra = {**before.row, **row}, before.extra
+            if not job.truth and before.status != "ok":  # its true mask was wrong, and is not asked for
+                row.pop("iou", None)
+        else:
             row = {"status": "ok", "error": "", **row, **_time_of(job)}
             row["write_ms"] += spent
             row["total_ms"] += spent
@@ -131,7 +136,7 @@ class Keeper:
         record = replace(
             self._record(job, before, {**kept, **written}, row),
             content=reply.digests.content,
-            extra=reply.extra,
+            extra=extra,
             truth=reply.digests.truth,
             files=reply.digests.files,
             members={**_members_of(before, kept), **members},

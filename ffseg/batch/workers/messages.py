@@ -127,7 +127,7 @@ class Done:
     problem: str = ""
     """``reason: text`` when the image counts as failed although its outputs are right: of its true mask."""
     unchanged: bool = False
-    """Nothing was made: the recorded outputs are right, and the row is theirs."""
+    """Nothing was made: the recorded outputs are right, and the row has what is new."""
 
 
 @dataclass(frozen=True, slots=True)

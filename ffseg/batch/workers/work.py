@@ -118,15 +118,12 @@ class Workbench:
 
     def _unchanged(self, task: Task, recorded: Record, read: Read, kept: tuple[str, ...]) -> Done:
         """The reply for an image that need not be segmented; the mask on the disk is enough to measure its IoU."""
-        row, problem = dict(recorded.row), recorded.row["error"]
-        if not task.job.truth:
-            row.pop("iou", None)
-            problem = ""
-        elif read.digests.truth != recorded.truth:
+        row: dict[str, Any] = {}
+        problem = recorded.row["error"] if task.job.truth else ""
+        if task.job.truth and read.digests.truth != recorded.truth:
             data = output_bytes(task.out, task.outputs[0], recorded.members.get(task.outputs[0]))
             row["iou"], problem = self._iou(decode_mask(data, self._limits), task.job, read)
-        extra = [dict(line) for line in recorded.extra]
-        return Done(task.job.index, row, read.digests, (), kept, extra, problem, unchanged=True)
+        return Done(task.job.index, row, read.digests, (), kept, problem=problem, unchanged=True)
 
     def _found(self, image: NDArray[np.uint8], before: list[bytes], job: Job, params: Parameters) -> _Found:
         products, views, source = self._setup.products, self._setup.views, job.source
