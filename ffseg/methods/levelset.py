@@ -6,14 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.ragged import packed_points, unpacked
+from ffseg.geometry.ragged import unpacked
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
 from ffseg.parameters import Parameters
 from ffseg.scene import LONGEST_MARCH, BlockedStartError, Outcome, Progress, Scene, Stats, check_sides
-
-START_TOLERANCE = 0.02
-"""Pixels between a start contour and the polygon the distances are taken from."""
 
 LEVELS = 1 << 16
 """Values a stored gradient can have."""
@@ -54,13 +51,10 @@ def run(scene: Scene) -> Outcome:
     options = _options(edge_map, params)
     inside = scene.start_region()
     seeds = ~inside if options.closing_in else inside
-    points, offsets = packed_points(start.flatten(START_TOLERANCE) for start in starts)
     flat, ends, counts = _core.level_set(
         edge_map.gradient,
         _slowness(params.edges.exponent, options.stop),
         np.ascontiguousarray(seeds).view(np.uint8),
-        points,
-        offsets,
         edge_map.domain,
         options,
     )

@@ -230,9 +230,6 @@ def fast_march(speed: Annotated[NDArray[numpy.float64], dict(shape=(None, None),
     Arrival times (H * W), accepted nodes in order, on-contour nodes, size of the first narrow band.
     """
 
-def start_band(inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple:
-    """Nodes just outside the start contours and their distances to them."""
-
 def mask_outlines(mask: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple:
     """
     Outlines (flat x, y) half-way between pixels inside and outside, and their offsets; holes turn the other way.
@@ -265,7 +262,7 @@ class LevelSetOptions:
     @min_area.setter
     def min_area(self, arg: float, /) -> None: ...
 
-def level_set(gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu', writable=False)], slowness: Annotated[NDArray[numpy.float64], dict(shape=(65536), order='C', device='cpu', writable=False)], inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], offsets: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, options: LevelSetOptions) -> tuple:
+def level_set(gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu', writable=False)], slowness: Annotated[NDArray[numpy.float64], dict(shape=(65536), order='C', device='cpu', writable=False)], inside: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], domain: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None, options: LevelSetOptions) -> tuple:
     """Outlines (flat x, y), their offsets and the counts of a level set."""
 
 def nearest_distances(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], others: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
@@ -463,8 +460,3 @@ class Snake:
 
     @property
     def stop_reason(self) -> str: ...
-
-def solve_cyclic(right: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], tension: float, rigidity: float) -> NDArray[numpy.float64]:
-    """
-    Solution of (I + A) v = right for the internal energy of a closed chain.
-    """

@@ -150,22 +150,20 @@ def edge_maps(core: ModuleType, draws: Draws) -> None:
 
 
 def level_sets(core: ModuleType, draws: Draws) -> None:
-    """Fast marching, start bands, level sets and outlines."""
+    """Fast marching, level sets and outlines."""
     inside, stop = draws.marks(), draws.count([1, 64, 65536])
     core.mask_outlines(inside)
     core.fast_march(np.abs(draws.rows(*draws.shape, 4.0)), draws.number([0, 1]), inside, draws.domain())
-    points, offsets = draws.contours(1)
-    core.start_band(inside, points, offsets)
     options = draws.options(core.LevelSetOptions(), {"reach": (0, 4, 64), "closing_in": (0, 1), "min_area": (0, 4)})
     options.stop = stop
     slowness = np.where(np.arange(65536) < stop, 1.0, np.inf)
     if draws.once(draws.spoil):
         slowness[draws.rng.integers(65536)] = draws.rng.choice(ODD)
-    core.level_set(draws.plane(np.uint16, 100), slowness, inside, points, offsets, draws.domain(), options)
+    core.level_set(draws.plane(np.uint16, 100), slowness, inside, draws.domain(), options)
 
 
 def snakes(core: ModuleType, draws: Draws) -> None:
-    """A snake and its system."""
+    """A snake."""
     options = draws.options(
         core.SnakeOptions(),
         {
@@ -175,7 +173,6 @@ def snakes(core: ModuleType, draws: Draws) -> None:
     )  # fmt: skip
     points, altitudes = draws.rows(int(draws.rng.integers(0, 30)), 2), draws.rows(int(draws.rng.integers(0, 3)), 4)
     maps = (draws.plane(np.uint16, 1 << 16), draws.marks(), draws.domain())
-    core.solve_cyclic(points, draws.number([0.02, 1e3]), draws.number([0.02, 1e3]))
     made = core.Snake(points, *maps, altitudes, draws.number([0.1]), options)
     made.advance(int(draws.rng.integers(-1, 8)))
     assert np.isfinite(made.points()).all()

@@ -19,10 +19,17 @@ NO_POINTS = np.empty((0, 4))
     rigidity=st.floats(0, 1000),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_the_cyclic_solver_is_the_dense_one(count: int, tension: float, rigidity: float, seed: int) -> None:
-    right = np.random.default_rng(seed).normal(0, 100, (count, 2))
+def test_a_snake_without_forces_solves_its_system_as_a_dense_one(
+    count: int, tension: float, rigidity: float, seed: int
+) -> None:
+    right = np.random.default_rng(seed).uniform(0, 60, (count, 2))
     matrix = naive.internal_matrix(count, tension, rigidity)
-    found = _core.solve_cyclic(right, tension, rigidity)
+    options = _core.SnakeOptions()
+    options.tension, options.rigidity, options.max_iterations, options.spacing = tension, rigidity, 1, 6.0
+    plain = np.zeros((61, 61), np.uint8)
+    snake = _core.Snake(right, plain.astype(np.uint16), plain, None, NO_POINTS, 0.08, options)
+    assert snake.advance(1)
+    found = snake.points()
     # Both are exact up to rounding times the condition number, which is at most 1 + 4 tension + 16 rigidity.
     condition = 1 + 4 * tension + 16 * rigidity
     assert np.abs(found - np.linalg.solve(matrix, right)).max() <= 1e-15 * 20 * condition * np.abs(right).max()

@@ -53,20 +53,6 @@ def test_constant_speed_gives_the_distance() -> None:
     assert (len(order), initial) == (121 * 121 - 1, 4)
 
 
-def test_start_band_knows_distances_to_sub_pixels() -> None:
-    contour = FreeForm.circle((30.3, 25.6), 12.4, 400, 1)
-    inside = rasterize((contour,), (50, 60)).view(np.uint8)
-    points = contour.control_points
-    nodes, distances = _core.start_band(inside, points, np.array([0, len(points)]))
-    exact = np.hypot(nodes % 60 - 30.3, nodes // 60 - 25.6) - 12.4
-    assert np.abs(distances - exact).max() <= 1e-3  # sagitta of 400 chords: 12.4 (pi / 400)^2 / 2 = 4e-4
-    ring = np.zeros(inside.shape, bool)
-    ring.flat[nodes] = True
-    grown = np.pad(inside, 1)
-    beside = (grown[:-2, 1:-1] | grown[2:, 1:-1] | grown[1:-1, :-2] | grown[1:-1, 2:]) & ~inside & 1
-    assert (ring == beside.astype(bool)).all()
-
-
 def test_outline_lies_on_the_edge_to_sub_pixels() -> None:
     contours, stats = evolved(edges_of(disc_image((80.2, 59.7), 45.4)), (circle((80, 60), 12),), Parameters())
     (outline,) = contours
@@ -133,13 +119,21 @@ def test_closing_in_ends_half_way_beyond_a_border_that_is_an_edge() -> None:
     options = _core.LevelSetOptions()
     options.stop, options.reach, options.closing_in = 100, 4, True  # the front climbs one column
     slowness = np.where(np.arange(65536) < options.stop, 1.0, np.inf)
-    points, offsets, _ = _core.level_set(
-        gradient, slowness, inside, np.zeros((0, 2)), np.zeros(1, np.int64), None, options
-    )
+    points, offsets, _ = _core.level_set(gradient, slowness, inside, None, options)
     x = points.reshape(-1, 2)[:, 0]
     assert offsets.tolist() == [0, len(x)]
     assert set(x[x > 7].tolist()) == {7.5}
     assert np.count_nonzero(x == 7.5) == 6
+
+
+def test_the_front_does_not_jump_a_wall_of_the_domain_at_the_rim_of_its_start() -> None:
+    domain = np.full(SHAPE, 255, np.uint8)
+    domain[:, 89:92] = 0
+    edges = edges_of(np.full(SHAPE, 90, np.uint8), domain)
+    contours, _ = evolved(edges, (circle((80, 60), 12),), Parameters())
+    mask = rasterize(contours, SHAPE)
+    assert mask[:, :89].all()
+    assert not mask[:, 89:].any()
 
 
 def test_the_front_stays_inside_the_domain() -> None:

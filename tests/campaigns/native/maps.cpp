@@ -6,7 +6,6 @@
 #include "baselines/levelset/levelset.hpp"
 #include "baselines/levelset/outline.hpp"
 #include "baselines/marching/march.hpp"
-#include "baselines/marching/start_band.hpp"
 #include "edges/canny.hpp"
 #include "edges/gradient.hpp"
 #include "edges/noise.hpp"
@@ -22,18 +21,6 @@ constexpr int kLongestGrid = 32767;
 
 std::uint16_t draw_threshold(Random& random) {
     return random.pick<std::uint16_t>({0, 1, 2, 64, 800, 5773, 65535, static_cast<std::uint16_t>(random.below(65536))});
-}
-
-// Polygons whose points are nearer than 1e6; `offsets` rise from 0, and may leave points over.
-void draw_polygons(Random& random, Size size, std::vector<ffseg::Vec2>& points, std::vector<std::size_t>& offsets) {
-    offsets.assign(1, 0);
-    for (int c = random.below(4); c > 0; --c) {
-        const std::vector<ffseg::Vec2> more = draw_points(random, size, random.below(24), 999999.0);
-        points.insert(points.end(), more.begin(), more.end());
-        offsets.push_back(points.size());
-    }
-    if (random.once_in(10)) offsets.back() -= offsets.back() > offsets[0] && offsets.size() == 2 ? 1 : 0;
-    if (random.once_in(20)) offsets.clear();
 }
 
 // Area inside outlines half-way between pixels: a pixel each, and an eighth less for every corner that is cut, more for
@@ -117,7 +104,7 @@ void march(Random& random) {
     front.accept(inside.data());
     ffseg::marching::ArrivalQueue queue(ffseg::marching::bucket_width(grid, slowness), front.time.data(),
                                         grid.stride());
-    front.begin(slowness, {}, queue);
+    front.begin(slowness, queue);
     front.run(slowness, queue);
     expect(front.order.size() <= size.count(), "a node was accepted twice");
     double last = 0.0;
@@ -141,9 +128,6 @@ void level_set(Random& random) {
     for (int level = 0; level < 65536; ++level) {
         table[static_cast<std::size_t>(level)] = level < stop ? first * (1.0 + steep * level) : kInfinite;
     }
-    std::vector<ffseg::Vec2> points;
-    std::vector<std::size_t> offsets;
-    draw_polygons(random, size, points, offsets);
     const double min_area = random.pick({0.0, 0.0, 4.0, 1e9, kInfinite});
     const ffseg::levelset::LevelSetInput input{grid,
                                                gradient.data(),
@@ -154,8 +138,7 @@ void level_set(Random& random) {
                                                random.pick({0, 1, 4, 64}),
                                                random.once_in(3),
                                                min_area};
-    const ffseg::levelset::LevelSetResult result =
-        ffseg::levelset::level_set(input, ffseg::marching::start_band(grid, inside.data(), points, offsets));
+    const ffseg::levelset::LevelSetResult result = ffseg::levelset::level_set(input);
     expect(result.points.size() == result.offsets.back(), "the offsets end elsewhere than the points");
     for (const ffseg::Vec2 p : result.points) {
         expect(p.x >= -1 && p.x <= size.width && p.y >= -1 && p.y <= size.height, "an outline leaves the image");

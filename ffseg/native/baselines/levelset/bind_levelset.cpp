@@ -5,7 +5,6 @@
 #include "baselines/levelset/levelset.hpp"
 #include "baselines/levelset/outline.hpp"
 #include "baselines/marching/march.hpp"
-#include "baselines/marching/start_band.hpp"
 #include "bindings.hpp"
 #include "common/arrays.hpp"
 
@@ -16,15 +15,12 @@ namespace {
 
 using ffseg::Bytes;
 using ffseg::given;
-using ffseg::Indices;
-using ffseg::Points;
 using ffseg::Words;
 using PlaneF = ffseg::Array<const double, nb::ndim<2>>;
 using Table = ffseg::Array<const double, nb::shape<65536>>;
 
 // Beyond it the square of a slowness or the sum of two times could overflow.
 constexpr double kFastest = 1e100, kSlowest = 1e-100;
-constexpr double kFar = 1e6;  // px; beyond it coordinates do not fit into pixel indices
 
 template <class Plane>
 ffseg::marching::Grid grid_of(const Plane& plane) {
@@ -77,7 +73,7 @@ nb::tuple py_march(const PlaneF& speed, double stop, const Bytes& inside, std::o
         march.accept(inside.data());
         ffseg::marching::ArrivalQueue queue(ffseg::marching::bucket_width(grid, slowness), march.time.data(),
                                             march.grid.stride());
-        march.begin(slowness, {}, queue);
+        march.begin(slowness, queue);
         initial = march.met;
         march.run(slowness, queue);
         for (int y = 0; y < grid.height; ++y) {
@@ -92,27 +88,14 @@ nb::tuple py_march(const PlaneF& speed, double stop, const Bytes& inside, std::o
                           initial);
 }
 
-nb::tuple py_start_band(const Bytes& inside, const Points& points, const Indices& offsets) {
-    const ffseg::marching::Grid grid = grid_of(inside);
-    const std::vector<ffseg::Vec2> corners = ffseg::points_of(points, kFar);
-    const std::vector<std::size_t> ends = ffseg::ends_of(offsets, corners.size());
-    std::vector<std::int32_t> nodes;
-    std::vector<double> distances;
-    for (const ffseg::marching::Arrival& a : ffseg::marching::start_band(grid, inside.data(), corners, ends)) {
-        nodes.push_back(a.node);
-        distances.push_back(a.time);
-    }
-    return nb::make_tuple(given(raster_index(grid, nodes)), given(std::move(distances)));
-}
-
 struct LevelSetOptions {
     int stop = 0, reach = 0;  // defaults live with the parameters
     bool closing_in = false;
     double min_area = 0.0;
 };
 
-nb::tuple py_level_set(const Words& gradient, const Table& slowness, const Bytes& inside, const Points& points,
-                       const Indices& offsets, std::optional<Bytes> domain, const LevelSetOptions& options) {
+nb::tuple py_level_set(const Words& gradient, const Table& slowness, const Bytes& inside, std::optional<Bytes> domain,
+                       const LevelSetOptions& options) {
     const ffseg::marching::Grid grid = grid_of(gradient);
     check_size(grid, inside);
     if (domain) check_size(grid, *domain);
@@ -125,15 +108,13 @@ nb::tuple py_level_set(const Words& gradient, const Table& slowness, const Bytes
         const bool fits = level < options.stop ? value >= kSlowest && value <= kFastest : std::isinf(value);
         if (!fits) throw std::invalid_argument("the slowness must be finite below `stop` and infinite from there on");
     }
-    const std::vector<ffseg::Vec2> corners = ffseg::points_of(points, kFar);
-    const std::vector<std::size_t> ends = ffseg::ends_of(offsets, corners.size());
     ffseg::levelset::LevelSetResult result;
     {
         nb::gil_scoped_release release;
         const ffseg::levelset::LevelSetInput input{
             grid,         gradient.data(), slowness.data(),    inside.data(),   domain ? domain->data() : nullptr,
             options.stop, options.reach,   options.closing_in, options.min_area};
-        result = ffseg::levelset::level_set(input, ffseg::marching::start_band(grid, inside.data(), corners, ends));
+        result = ffseg::levelset::level_set(input);
     }
     std::vector<double> flat;
     flat.reserve(2 * result.points.size());
@@ -165,8 +146,6 @@ nb::tuple py_outlines(const Bytes& mask) {
 void bind_levelset(nb::module_& m) {
     m.def("fast_march", &py_march, "speed"_a, "stop_speed"_a, "inside"_a, "domain"_a.none(),
           "Arrival times (H * W), accepted nodes in order, on-contour nodes, size of the first narrow band.");
-    m.def("start_band", &py_start_band, "inside"_a, "points"_a, "offsets"_a,
-          "Nodes just outside the start contours and their distances to them.");
     m.def("mask_outlines", &py_outlines, "mask"_a,
           "Outlines (flat x, y) half-way between pixels inside and outside, and their offsets; holes turn the other "
           "way.");
@@ -176,6 +155,6 @@ void bind_levelset(nb::module_& m) {
         .def_rw("reach", &LevelSetOptions::reach)
         .def_rw("closing_in", &LevelSetOptions::closing_in)
         .def_rw("min_area", &LevelSetOptions::min_area);
-    m.def("level_set", &py_level_set, "gradient"_a, "slowness"_a, "inside"_a, "points"_a, "offsets"_a,
-          "domain"_a.none(), "options"_a, "Outlines (flat x, y), their offsets and the counts of a level set.");
+    m.def("level_set", &py_level_set, "gradient"_a, "slowness"_a, "inside"_a, "domain"_a.none(), "options"_a,
+          "Outlines (flat x, y), their offsets and the counts of a level set.");
 }

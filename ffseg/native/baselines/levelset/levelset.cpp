@@ -17,13 +17,13 @@ double shoelace(const std::vector<Vec2>& polygon) {
 
 }  // namespace
 
-LevelSetResult level_set(const LevelSetInput& input, const std::vector<marching::Arrival>& first) {
+LevelSetResult level_set(const LevelSetInput& input) {
     const GradientPlane gradient(input.grid, input.gradient, input.stop);
     const marching::SlownessTable slowness{gradient.levels(), input.slowness};
     marching::March march(input.grid, input.domain);
     march.accept(input.inside);
     marching::ArrivalQueue queue(marching::bucket_width(input.grid, slowness), march.time.data(), march.grid.stride());
-    march.begin(slowness, first, queue);
+    march.begin(slowness, queue);
     LevelSetResult result;
     result.initial_band = march.met;
     march.run(slowness, queue);

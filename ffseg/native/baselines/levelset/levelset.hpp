@@ -26,7 +26,6 @@ struct LevelSetResult {
     std::size_t accepted = 0, initial_band = 0, on_contour = 0;
 };
 
-// `first`: nodes of the start band and their distances (px) to the start contour.
-LevelSetResult level_set(const LevelSetInput& input, const std::vector<marching::Arrival>& first);
+LevelSetResult level_set(const LevelSetInput& input);
 
 }  // namespace ffseg::levelset

@@ -47,12 +47,9 @@ public:
     // Nodes that are nonzero in `inside` are accepted at time 0, unless barred.
     void accept(const std::uint8_t* inside);
 
-    // Makes the narrow band: `first` are nodes whose distance to the start contour is known to sub-pixels.
+    // Makes the narrow band.
     template <class Slowness>
-    void begin(const Slowness& slowness, const std::vector<Arrival>& first, ArrivalQueue& queue) {
-        for (const Arrival& a : first) {
-            if (time[a.node] > 0.0) offer(a.node, a.time * slowness(a.node), queue);
-        }
+    void begin(const Slowness& slowness, ArrivalQueue& queue) {
         for (const std::int32_t node : start) touch_round(slowness, {0.0, node}, queue);
     }
 

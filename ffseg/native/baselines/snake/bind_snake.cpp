@@ -4,7 +4,6 @@
 #include <memory>
 #include <stdexcept>
 
-#include "baselines/snake/cyclic.hpp"
 #include "baselines/snake/snake.hpp"
 #include "bindings.hpp"
 #include "common/arrays.hpp"
@@ -86,15 +85,6 @@ struct PySnake {
     }
 };
 
-nb::ndarray<nb::numpy, double> py_solve(const Points& right, double tension, double rigidity) {
-    if (right.shape(0) < 5 || !between(tension, 0, 1e3) || !between(rigidity, 0, 1e3)) {
-        throw std::invalid_argument("a cyclic system needs 5 rows or more and weights from 0 to 1000");
-    }
-    std::vector<ffseg::Vec2> v = ffseg::points_of(right, kFar);
-    ffseg::snake::CyclicSystem(tension, rigidity).solve(v);
-    return ffseg::given_points(v);
-}
-
 }  // namespace
 
 void bind_snake(nb::module_& m) {
@@ -122,6 +112,4 @@ void bind_snake(nb::module_& m) {
         .def_prop_ro("insertions", [](const PySnake& s) { return s.snake->counts().insertions; })
         .def_prop_ro("removals", [](const PySnake& s) { return s.snake->counts().removals; })
         .def_prop_ro("stop_reason", &PySnake::stop_reason);
-    m.def("solve_cyclic", &py_solve, "right"_a, "tension"_a, "rigidity"_a,
-          "Solution of (I + A) v = right for the internal energy of a closed chain.");
 }
