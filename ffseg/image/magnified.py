@@ -7,11 +7,12 @@ that it and its enlargement have the same region.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from ffseg.native import _core
 
 Image = NDArray[np.uint8]
 
@@ -65,38 +66,27 @@ def magnified(image: Image, most: float = FACTORS[0]) -> tuple[int, Image]:
     rows = _liveliest(plane)
     for factor in factors:
         amiss = _amiss(rows, factor)
-        if amiss.min() <= CUT:
-            amiss = np.maximum(amiss, _amiss(_liveliest(plane.T), factor))
-        if amiss.min() <= CUT:
-            kind = KINDS[int(amiss.argmin())]
+        if min(amiss) <= CUT:
+            amiss = list(map(max, amiss, _amiss(_liveliest(plane.T), factor)))
+        if min(amiss) <= CUT:
+            kind = KINDS[amiss.index(min(amiss))]
             before = _before(image, factor, kind)
             made = cv2.resize(before, (width, height), interpolation=kind)
-            if np.count_nonzero(cv2.absdiff(image, made) > ROUNDED) <= DIFFERENT * _unlike(image, factor):
+            unlike = np.count_nonzero(cv2.absdiff(image[:, factor:], image[:, :-factor]) > ROUNDED)
+            if np.count_nonzero(cv2.absdiff(image, made) > ROUNDED) <= DIFFERENT * unlike:
                 return factor, before
     return 1, image
 
 
 def _liveliest(plane: Image) -> NDArray[np.float32]:
     """The rows with the greatest differences, of every few."""
-    some = plane[:: max(1, len(plane) // MOST_LOOKED_AT)]
-    change = np.abs(np.diff(some[:, ::SKIPPED].astype(np.int16), axis=1)).sum(axis=1)
-    return some[np.argsort(-change, kind="stable")[:LINES]].astype(np.float32)
+    step = max(1, len(plane) // MOST_LOOKED_AT)
+    return _core.liveliest_lines(plane, LINES, step, SKIPPED).reshape(-1, plane.shape[1])
 
 
-def _amiss(lines: NDArray[np.float32], factor: int) -> NDArray[np.float64]:
+def _amiss(lines: NDArray[np.float32], factor: int) -> list[float]:
     """The share of pixels in some lines that each kind cannot make between fewer."""
-    rest, size = _rest(factor), KNOTS * factor
-    inner = lines[:, size : lines.shape[1] // size * size - size]  # what lies beyond the border is another's rule
-    error = np.abs(inner.reshape(-1, size) @ rest).reshape(-1, len(KINDS), size)
-    unlike = _unlike(inner, factor)
-    if not unlike:  # nothing can be told where all are alike
-        return np.full(len(KINDS), np.inf)
-    return np.asarray(np.count_nonzero(error > ROUNDED, axis=(0, 2)) / unlike)
-
-
-def _unlike(lines: NDArray[Any], factor: int) -> int:
-    """How many pixels differ from those beside by more than rounding."""
-    return int(np.count_nonzero(cv2.absdiff(lines[:, factor:], lines[:, :-factor]) > ROUNDED))
+    return _core.lines_amiss(lines, _rest(factor), factor, ROUNDED, CUT)
 
 
 @cache

@@ -6,6 +6,16 @@ import numpy
 from numpy.typing import NDArray
 
 
+def liveliest_lines(plane: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), device='cpu', writable=False)], most: int, step: int, skip: int) -> NDArray[numpy.float32]:
+    """
+    Of every `step`-th line the `most` that change most between every `skip`-th pixels, one after the other.
+    """
+
+def lines_amiss(lines: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], rest: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], factor: int, rounded: float, most: float) -> list[float]:
+    """
+    The share of pixels in lines that each kind of interpolation cannot make, exact only where one is at most `most`.
+    """
+
 def gradient_and_ridges(image: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)], sigma: float, gradient: Annotated[NDArray[numpy.uint16], dict(shape=(None, None), order='C', device='cpu')], ridges: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu')]) -> None:
     """
     Gradient magnitude of the strongest channel of the smoothed image, in 1/32 grey level per pixel, and 1 on its ridges (0 elsewhere).

@@ -1,4 +1,5 @@
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <cmath>
@@ -11,6 +12,7 @@
 #include "common/arrays.hpp"
 #include "edges/boundary.hpp"
 #include "edges/canny.hpp"
+#include "edges/enlarged.hpp"
 #include "edges/gradient.hpp"
 #include "edges/noise.hpp"
 
@@ -23,7 +25,22 @@ using Bytes = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
 using Plane8 = nb::ndarray<std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Domain = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Gradient = nb::ndarray<const std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Floats = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Plane16 = nb::ndarray<std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+nb::ndarray<nb::numpy, float> py_liveliest(const nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::device::cpu>& plane,
+                                           std::size_t most, std::size_t step, std::size_t skip) {
+    if (step == 0 || skip == 0) throw std::invalid_argument("steps must be 1 or more");
+    return ffseg::given(ffseg::edges::liveliest(
+        {plane.data(), plane.shape(0), plane.shape(1), plane.stride(0), plane.stride(1)}, most, step, skip));
+}
+
+std::vector<double> py_amiss(const Floats& lines, const Floats& rest, std::size_t factor, float rounded, double most) {
+    const std::size_t size = rest.shape(0);
+    if (size == 0 || factor == 0 || rest.shape(1) % size != 0) throw std::invalid_argument("no such matrix");
+    return ffseg::edges::amiss(lines.data(), lines.shape(0), lines.shape(1),
+                               {rest.data(), size, rest.shape(1) / size, factor}, rounded, most);
+}
 
 ffseg::edges::ImageView view(const Bytes& image) {
     if (image.ndim() != 2 && image.ndim() != 3) throw std::invalid_argument("the image must be (H, W) or (H, W, C)");
@@ -125,6 +142,11 @@ double py_share_within(const ffseg::Points& joints, const ffseg::Indices& ends,
 }  // namespace
 
 void bind_edges(nb::module_& m) {
+    m.def("liveliest_lines", &py_liveliest, "plane"_a, "most"_a, "step"_a, "skip"_a,
+          "Of every `step`-th line the `most` that change most between every `skip`-th pixels, one after the other.");
+    m.def("lines_amiss", &py_amiss, "lines"_a, "rest"_a, "factor"_a, "rounded"_a, "most"_a,
+          "The share of pixels in lines that each kind of interpolation cannot make, exact only where one is at most "
+          "`most`.");
     m.def(
         "gradient_and_ridges", &py_gradient, "image"_a, "sigma"_a, "gradient"_a, "ridges"_a,
         "Gradient magnitude of the strongest channel of the smoothed image, in 1/32 grey level per pixel, and 1 on its "
