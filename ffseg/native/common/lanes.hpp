@@ -1,7 +1,7 @@
-// Work side by side. Loops over rows of pixels are plain C++, and where the compiler can, an AVX2 version stands beside
-// the portable one, picked at load time. Results are the same: only exact integer arithmetic and correctly rounded
-// square roots or single multiplications and additions (never contracted) are used. Few numbers at a time go into a
-// Float4.
+// Work side by side. Loops over rows of pixels are plain C++, and where the compiler can, versions for AVX2 and AVX-512
+// stand beside the portable one, picked at load time. Results are the same: only exact integer arithmetic and correctly
+// rounded square roots or single multiplications and additions (never contracted) are used. Few numbers at a time go
+// into a Float4.
 #pragma once
 #include "common/vec.hpp"
 
@@ -11,7 +11,7 @@
 
 #if defined(FFSEG_GNU) && !defined(__clang__) && defined(__x86_64__) && defined(__gnu_linux__) && \
     !defined(__SANITIZE_ADDRESS__)
-#define FFSEG_CLONES __attribute__((target_clones("avx2", "default")))
+#define FFSEG_CLONES __attribute__((target_clones("arch=x86-64-v4", "avx2", "default")))
 #else
 #define FFSEG_CLONES
 #endif
