@@ -87,6 +87,8 @@ def with_method(scene: Scene) -> Scene:
         from ffseg.methods.peers import configured
 
         params, options = configured(params, row.name)
+    elif row is scene.method:
+        return scene
     return replace(scene, method=row, params=params, options=options)
 
 

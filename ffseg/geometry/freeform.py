@@ -169,7 +169,9 @@ class FreeForm:
         opposite turn cancel. The first point is subtracted first, so a small contour far away loses no digits.
         """
         if self._area is None:
-            _set_areas((self,), self.control_points, np.array([0, len(self.control_points)]))
+            ends = np.array([0, len(self.control_points)])
+            (area,) = _core.signed_areas(self.control_points, ends, _area_matrix(self.degree))
+            object.__setattr__(self, "_area", area)
         return cast(float, self._area)
 
     @property
@@ -266,19 +268,20 @@ class FreeForm:
 
 
 def chained(points: Points, ends: Sequence[int], degree: int) -> tuple[FreeForm, ...]:
-    """Contours of finite points that lie one after another, contour c from ``ends[c]`` to ``ends[c + 1]``.
+    """Contours of points that lie one after another, contour c from ``ends[c]`` to ``ends[c + 1]``.
 
     Their areas are computed all at once: they are asked of every contour of a result.
+
+    Raises
+    ------
+    ValueError
+        If a coordinate is not finite.
     """
+    areas = _core.signed_areas(points, np.array(ends), _area_matrix(degree))
     contours = tuple(FreeForm.trusted(points[a:b], degree) for a, b in pairwise(ends))
-    _set_areas(contours, points, np.array(ends))
-    return contours
-
-
-def _set_areas(contours: Sequence[FreeForm], points: Points, ends: NDArray[np.int64]) -> None:
-    areas = _core.signed_areas(points, ends, _area_matrix(contours[0].degree))
     for contour, area in zip(contours, areas, strict=True):
         object.__setattr__(contour, "_area", area)
+    return contours
 
 
 def _set(contour: FreeForm, points: Points, degree: int) -> None:

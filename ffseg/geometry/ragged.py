@@ -35,6 +35,7 @@ def unpacked(points: NDArray[np.float64], offsets: Sequence[int], degree: int) -
     Parameters
     ----------
     points : ndarray of float64, shape (M, 2)
+        The contours are views of it.
     degree : int
         Of all contours.
 
@@ -43,7 +44,4 @@ def unpacked(points: NDArray[np.float64], offsets: Sequence[int], degree: int) -
     ValueError
         If a coordinate is not finite.
     """
-    if len(points) == 0:
-        return ()
-    checked = FreeForm(points, degree).control_points  # all of them at once
-    return chained(checked, offsets, degree)
+    return chained(points, offsets, degree) if len(points) else ()

@@ -49,10 +49,9 @@ def oriented(contours: Sequence[FreeForm]) -> tuple[FreeForm, ...]:
     What runs the right way is the same object as before.
     """
     made = tuple(contours)
-    areas = [contour.signed_area for contour in made]
-    if all(area >= 0 for area in areas):
+    if all(contour.signed_area >= 0 for contour in made):
         return made
-    if sum(areas) < 0:
+    if sum(contour.signed_area for contour in made) < 0:
         made = tuple(contour.reversed() for contour in made)
     held = {id(hole) for region in group_regions(made) for hole in region.holes}
     return tuple(one if one.signed_area >= 0 or id(one) in held else one.reversed() for one in made)

@@ -120,7 +120,7 @@ def _colours(scene: Scene) -> NDArray[np.uint8] | None:
 
 
 def _stats(evolution: _core.Evolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]) -> Stats:
-    counts = evolution.counts()
+    counts, degree = evolution.counts(), starts[0].degree
     final = sum(len(c.control_points) for c in contours)
     return Stats(
         iterations=counts["iterations"],
@@ -130,6 +130,6 @@ def _stats(evolution: _core.Evolution, starts: tuple[FreeForm, ...], contours: t
         merges=counts["merges"],
         initial_points=sum(len(c.control_points) for c in starts),
         final_points=final,
-        patches=sum(len(c.control_points) // c.degree for c in contours),
+        patches=final // degree,
         stop_reason=evolution.stop_reason,
     )
