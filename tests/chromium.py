@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -92,7 +93,8 @@ class Chromium:
         self._session = ""
         old, new = self._pages(), self.call("Target.createTarget", {"url": "about:blank"})["targetId"]
         for page in old:
-            self.call("Target.closeTarget", {"targetId": page})
+            with suppress(RuntimeError):  # one that a page has opened may be gone by now
+                self.call("Target.closeTarget", {"targetId": page})
         self._show(new)
         self.problems.clear()
         self.requests.clear()
