@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -167,6 +168,29 @@ def load_starts(path: str | os.PathLike[str], images: Iterable[str], *, partial:
     return {image: rows[given][1] for image, given in names.items() if given}
 
 
+def numbered_starts(path: str | os.PathLike[str]) -> Mapping[int, Start]:
+    """Read the starts of frames that have no names: by the number that their names in the file end with, from 0.
+
+    Raises
+    ------
+    ParameterError
+        One line for each thing wrong, with file and line; also for two names that end with one number.
+    """
+    name, problems = os.fspath(path), Problems()
+    text = read_table(name, problems)
+    problems.raise_as(ParameterError)
+    found: dict[int, Start] = {}
+    for image, (line, start) in _rows(text, printable(name), problems).items():
+        digits = _LAST_NUMBER.search(os.path.splitext(image)[0])
+        number = int(digits[0]) if digits else -1
+        if number < 0 or number in found:
+            what = "is called so already" if digits else "has no number at its end"
+            problems.add(f"{printable(name)}:{line}", f"{image[:60]!r} {what}; call frames 0, 1, 2, ...")
+        found[number] = start
+    problems.raise_as(ParameterError)
+    return found
+
+
 def _require_rows(names: Mapping[str, str], rows: Mapping[str, _Row], name: str, problems: Problems) -> None:
     """Refuse a file that names no image, and rows of no image that are nearly called like one without a row."""
     used = set(names.values())
@@ -176,6 +200,8 @@ def _require_rows(names: Mapping[str, str], rows: Mapping[str, _Row], name: str,
         if near or used <= {""}:
             problems.add(name, f"no row for the image {printable(image)!r}{near}; add one, or leave the image out")
 
+
+_LAST_NUMBER = re.compile(r"[0-9]{1,18}$")
 
 _Row = tuple[int, Start]
 """Line of the first row, and start."""

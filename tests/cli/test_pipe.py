@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from drawn_films import pictures
+from PIL import Image
 
 import ffseg
 
@@ -109,6 +111,47 @@ def test_a_frame_that_fails_keeps_its_place() -> None:
     assert not masks(done.stdout).any()
     assert len(masks(done.stdout)) == 4
     assert b"4 failed" in done.stderr
+
+
+def test_starts_are_found_by_the_number_of_a_frame(tmp_path: Path) -> None:
+    starts = tmp_path / "starts.csv"
+    starts.write_text("image,x,y,radius\nfilm_000002.mp4,8,8,4\n1,40,30,6\n99,1,1,1\n", encoding="utf-8")
+    found = masks(through(RAW, "--raw", f"{WIDTH}x{HEIGHT}:bgr24", "--starts", str(starts)).stdout) > 0
+    for number, init in enumerate(
+        ({}, {"init.center": [40, 30], "init.radius": 6}, {"init.center": [8, 8], "init.radius": 4})
+    ):
+        own = ffseg.segment(np.ascontiguousarray(FRAMES[number][:, :, ::-1]), init).mask
+        assert (found[number] == own).all()
+    assert not found[2, 30, 40], "it starts on the ground, not on the disc"
+
+
+@pytest.mark.parametrize(
+    ("rows", "sentence"),
+    [
+        ("a.png,1,2,3\n", "starts.csv:2: 'a.png' has no number at its end; call frames 0, 1, 2"),
+        ("1,1,2,3\nf_001.png,1,2,3\n", "starts.csv:3: 'f_001.png' is called so already"),
+    ],
+)
+def test_starts_that_name_no_frame_are_refused(tmp_path: Path, rows: str, sentence: str) -> None:
+    starts = tmp_path / "starts.csv"
+    starts.write_text(f"image,x,y,radius\n{rows}", encoding="utf-8")
+    done = through(RAW, "--raw", f"{WIDTH}x{HEIGHT}:bgr24", "--starts", str(starts))
+    assert (done.returncode, done.stdout, sentence in done.stderr.decode()) == (2, b"", True), done.stderr
+
+
+def test_steady_frames_of_a_pipe_are_those_of_a_film(tmp_path: Path) -> None:
+    noisy = pictures(5, noise=35)
+    for number, pixels in enumerate(noisy):
+        Image.fromarray(pixels).save(tmp_path / f"f_{number:06d}.png")
+    run = [sys.executable, "-m", "ffseg", "run", str(tmp_path), "--out", str(tmp_path / "out"), "--steady", "-q"]
+    assert subprocess.run(run, check=False).returncode == 0
+    data = b"".join(pixels[:, :, ::-1].tobytes() for pixels in noisy)
+    steady, plain = (
+        masks(through(data, "--raw", f"{WIDTH}x{HEIGHT}:bgr24", *more).stdout) for more in (["--steady"], [])
+    )
+    for number, mask in enumerate(steady):
+        assert (np.asarray(Image.open(tmp_path / "out" / "masks" / f"f_{number:06d}.png")) == mask).all()
+    assert (steady != plain).any()
 
 
 def test_a_pipe_has_two_ends() -> None:

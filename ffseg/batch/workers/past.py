@@ -38,12 +38,14 @@ class Past:
 
     def look(self, image: NDArray[np.uint8], task: Task, read: Read) -> None:
         """Carry the region of the frame before to this one; there is none where one of them could not be read."""
-        self._region = None
         mask, before = self._mask(task), next(iter(read.before), b"")
-        if mask and before:
-            earlier, region = decode_image(before, self.limits), decode_mask(mask, self.limits)
-            if earlier.shape == image.shape:
-                self._region = carried(earlier, image, region)
+        last = (decode_image(before, self.limits), decode_mask(mask, self.limits)) if mask and before else None
+        self.carry(last, image)
+
+    def carry(self, last: tuple[NDArray[np.uint8], NDArray[np.bool_]] | None, image: NDArray[np.uint8]) -> None:
+        """Carry the region of the frame before, given with its image, to this one."""
+        fits = last is not None and last[0].shape == image.shape
+        self._region = carried(last[0], image, last[1]) if last is not None and fits else None
 
     def start(self, params: Parameters, shape: tuple[int, ...]) -> Parameters:
         """The parameters with the start moved into the carried region, where there is but one and it is not this frame's own."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +19,15 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from ffseg.batch.workers.past import Past
+    from ffseg.geometry.freeform import FreeForm
+    from ffseg.io.starts import Start
     from ffseg.parameters import Parameters
 
 PIPE = "-"
 _TAKEN = (
     "context", "inputs", "out", "config", "settings", "allow_code", "outside", "boxes", "largest", "min_area", "fill_holes",
-    "raw", "film_out", "max_pixels", "quiet",
+    "raw", "film_out", "max_pixels", "quiet", "starts", "steady",
 )  # fmt: skip
 """Options that frames of a pipe take."""
 
@@ -39,14 +44,15 @@ def pipe(context: typer.Context) -> int:
     from ffseg.io.pipes import encoded, frames, head, read_form
 
     asked = _asked(context)
-    params = ready_params(asked["config"], overrides(asked), allow_code=asked["allow_code"])
+    film = _film(asked)
     kind = asked["film_out"] or "mask"
     form = read_form(sys.stdin.buffer, asked["raw"], Limits(max_pixels=asked["max_pixels"]))
     count, failed, begin = 0, 0, perf_counter()
     try:
         _send(head(form, grey=kind == "mask"))
         for image in frames(sys.stdin.buffer, form):
-            picture, problem = _picture(image, params, kind)
+            inside, contours, problem = film.found(image)
+            picture = _picture(image, inside, contours, kind)
             _send(encoded(picture, form))
             count, failed = count + 1, failed + bool(problem)
             if problem and not asked["quiet"]:
@@ -89,24 +95,64 @@ def _asked(context: typer.Context) -> dict[str, Any]:
     return asked
 
 
-def _picture(image: NDArray[np.uint8], params: Parameters, kind: str) -> tuple[NDArray[np.uint8], str]:
-    """What is sent of a frame, and why it could not be segmented: then its region is empty."""
+def _film(asked: dict[str, Any]) -> _Film:
+    from ffseg.cli.options import starts_file
+    from ffseg.io.starts import numbered_starts
+
+    params = ready_params(asked["config"], overrides(asked), allow_code=asked["allow_code"])
+    starts = starts_file(asked["starts"], params)
+    film = _Film(params, numbered_starts(starts) if starts else {})
+    if asked["steady"]:
+        from ffseg.batch.workers.past import Past
+        from ffseg.io.images import Limits
+
+        film.past = Past(steady=True, limits=Limits())
+    return film
+
+
+@dataclass(slots=True, eq=False)
+class _Film:
+    """How frames are segmented, by their numbers, and what is remembered of the one before."""
+
+    params: Parameters
+    starts: Mapping[int, Start]
+    past: Past | None = None
+    number: int = 0
+    last: tuple[NDArray[np.uint8], NDArray[np.bool_]] | None = None
+
+    def found(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], tuple[FreeForm, ...], str]:
+        """Region and contours of the next frame, and why it could not be segmented: then its region is empty."""
+        import numpy as np
+
+        from ffseg.api import segment
+
+        start, self.number = self.starts.get(self.number), self.number + 1
+        params = self.params if start is None else start.placed(self.params, image.shape)
+        try:
+            if self.past is None:
+                result = segment(image, params)
+            else:
+                self.past.carry(self.last, image)
+                result, _ = self.past.result(segment(image, self.past.start(params, image.shape)))
+        except SegmentationError as error:
+            self.last = None
+            return np.zeros(image.shape[:2], np.bool_), (), str(error)
+        self.last = (image, result.mask)
+        return result.mask, result.contours, ""
+
+
+def _picture(
+    image: NDArray[np.uint8], inside: NDArray[np.bool_], contours: tuple[FreeForm, ...], kind: str
+) -> NDArray[np.uint8]:
+    """What is sent of a frame."""
     import numpy as np
 
-    from ffseg.api import segment
     from ffseg.io.overlays import as_colour, draw_overlay, polylines
 
-    inside, problem = np.zeros(image.shape[:2], np.bool_), ""
-    lines = []
-    try:
-        result = segment(image, params)
-        inside, lines = result.mask, polylines(result.contours)
-    except SegmentationError as error:
-        problem = str(error)
     if kind == "overlay":
-        return draw_overlay(image, lines, inside), problem
+        return draw_overlay(image, polylines(contours), inside)
     levels = inside.astype(np.uint8)
-    return (levels * np.uint8(255) if kind == "mask" else as_colour(image) * levels[:, :, None]), problem
+    return levels * np.uint8(255) if kind == "mask" else as_colour(image) * levels[:, :, None]
 
 
 def _send(data: bytes) -> None:
