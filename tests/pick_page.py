@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import chromium
 import cv2
 import numpy as np
 
@@ -76,3 +77,26 @@ def ask(server: Server, path: str, body: object = None, **headers: str) -> tuple
     content = answer.read()
     connection.close()
     return answer.status, json.loads(content) if answer.headers["Content-Type"] == "application/json" else content
+
+
+class Hand:
+    """What a person does with the page, in pixels of the image."""
+
+    def __init__(self, tab: chromium.Chromium, address: str) -> None:
+        self.tab = tab
+        tab.open(address)
+        tab.until("document.body.dataset.ready === 'yes' && document.getElementById('picture').complete")
+
+    def at(self, x: float, y: float) -> tuple[float, float]:
+        """Where a pixel of the image stands in the window."""
+        left, top, scale = self.tab.value(
+            "(() => { const p = document.getElementById('picture'), b = p.getBoundingClientRect();"
+            "return [b.x, b.y, b.width / p.naturalWidth] })()"
+        )
+        return left + (x + 0.5) * scale, top + (y + 0.5) * scale
+
+    def drag(self, *places: tuple[float, float], button: str = "left", modifiers: int = 0) -> None:
+        self.tab.drag([self.at(*place) for place in places], button, modifiers)
+
+    def click(self, x: float, y: float, button: str = "left", modifiers: int = 0) -> None:
+        self.drag((x, y), (x, y), button=button, modifiers=modifiers)

@@ -15,7 +15,7 @@ from typing import Any
 import chromium
 import pytest
 from commands import Command
-from pick_page import LEFT, RIGHT, SIZE, ask, disc, draw, iou, mask_of, picked, served
+from pick_page import LEFT, RIGHT, Hand, ask, disc, draw, iou, mask_of, picked, served
 
 from ffseg.io.starts import Start, load_starts
 from ffseg.picking.server import Server
@@ -46,26 +46,8 @@ def server(folder: Path, tmp_path: Path) -> Iterator[Server]:
         yield running
 
 
-class Hand:
-    """What a person does with the page, in pixels of the image."""
-
-    def __init__(self, tab: chromium.Chromium, address: str) -> None:
-        self.tab = tab
-        tab.open(address)
-        tab.until("document.body.dataset.ready === 'yes' && document.getElementById('picture').complete")
-
-    def at(self, x: float, y: float) -> tuple[float, float]:
-        box = self.tab.value(
-            "(() => { const b = document.getElementById('picture').getBoundingClientRect(); return [b.x, b.y, b.width] })()"
-        )
-        scale = box[2] / SIZE[1]
-        return box[0] + (x + 0.5) * scale, box[1] + (y + 0.5) * scale
-
-    def drag(self, *places: tuple[float, float], button: str = "left", modifiers: int = 0) -> None:
-        self.tab.drag([self.at(*place) for place in places], button, modifiers)
-
-    def click(self, x: float, y: float, button: str = "left", modifiers: int = 0) -> None:
-        self.drag((x, y), (x, y), button=button, modifiers=modifiers)
+class PageHand(Hand):
+    """It waits for what the page shows."""
 
     def until_marks(self, *kinds: str) -> None:
         wanted = json.dumps(" ".join(kinds))
@@ -88,8 +70,8 @@ class Hand:
 
 
 @pytest.fixture
-def hand(browser: chromium.Chromium, server: Server) -> Iterator[Hand]:
-    yield Hand(browser, server.address)
+def hand(browser: chromium.Chromium, server: Server) -> Iterator[PageHand]:
+    yield PageHand(browser, server.address)
     assert [one for one in browser.problems if "409" not in one] == []  # a step that was refused is noted at some time
     assert [one for one in browser.requests if not one.startswith((server.address, "about:"))] == []
 
@@ -98,7 +80,7 @@ def state(server: Server, index: int) -> dict[str, Any]:
     return dict(server.session.image(0, index)["picked"])
 
 
-def test_clicks_keys_and_what_they_leave_on_the_disk(hand: Hand, server: Server, tmp_path: Path) -> None:
+def test_clicks_keys_and_what_they_leave_on_the_disk(hand: PageHand, server: Server, tmp_path: Path) -> None:
     out = tmp_path / "out"
     hand.until_image("<img src=x onerror=alert(1)>'\"\\u000a&amp;.png")
     hand.tab.press("n")
@@ -140,7 +122,7 @@ def test_clicks_keys_and_what_they_leave_on_the_disk(hand: Hand, server: Server,
     hand.tab.until("document.getElementById('help').open")
 
 
-def test_drags_are_boxes_levels_and_strokes(hand: Hand, server: Server) -> None:
+def test_drags_are_boxes_levels_and_strokes(hand: PageHand, server: Server) -> None:
     hand.tab.press("n")
     hand.until_image("a.png")
     hand.drag((15, 30), (40, 60), (75, 90))
@@ -178,7 +160,7 @@ def wait_for(true: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-def test_the_contour_follows_the_hand_and_zoom_does_not_move_what_is_meant(hand: Hand, server: Server) -> None:
+def test_the_contour_follows_the_hand_and_zoom_does_not_move_what_is_meant(hand: PageHand, server: Server) -> None:
     hand.tab.press("n")
     hand.until_image("a.png")
     hand.tab.hover(*hand.at(*RIGHT))
@@ -192,7 +174,7 @@ def test_the_contour_follows_the_hand_and_zoom_does_not_move_what_is_meant(hand:
     assert state(server, 1)["starts"][0][:2] == pytest.approx(LEFT, abs=0.2)
 
 
-def test_a_reload_and_another_tab_show_what_is_kept(hand: Hand, server: Server) -> None:
+def test_a_reload_and_another_tab_show_what_is_kept(hand: PageHand, server: Server) -> None:
     hand.tab.press("n")
     hand.until_image("a.png")
     hand.click(*LEFT)
@@ -222,7 +204,7 @@ def test_a_reload_and_another_tab_show_what_is_kept(hand: Hand, server: Server) 
 
 def test_a_name_of_a_class_and_the_list_of_images(browser: chromium.Chromium, folder: Path, tmp_path: Path) -> None:
     with served(folder, tmp_path / "classes", labels=["left", "right one"]) as server:
-        hand = Hand(browser, server.address)
+        hand = PageHand(browser, server.address)
         hand.tab.press("n")
         hand.until_image("a.png")
         hand.click(*LEFT)
@@ -253,7 +235,7 @@ def test_a_killed_server_goes_on_where_it_was(
     out = tmp_path / "killed"
     first = command(folder, out)
     assert first.stdout is not None
-    hand = Hand(browser, first.stdout.readline().strip())
+    hand = PageHand(browser, first.stdout.readline().strip())
     refused = ffseg_command("pick", folder, "--out", out, "--no-browser")
     assert (refused.returncode, "another ffseg" in refused.stderr) == (2, True)
     hand.tab.press("n")
@@ -269,7 +251,7 @@ def test_a_killed_server_goes_on_where_it_was(
     hand.until_marks("start")  # what was not kept is not shown as if it were
     second = command(folder, out)
     assert second.stdout is not None
-    again = Hand(browser, second.stdout.readline().strip() + "#0/1")
+    again = PageHand(browser, second.stdout.readline().strip() + "#0/1")
     again.until_image("a.png")
     again.until_marks("start")
     again.until_area(45, 55)
