@@ -35,11 +35,6 @@ def bezier_point(patch: Patch, t: Number) -> Point:
     return ((1 - t) * a[0] + t * b[0], (1 - t) * a[1] + t * b[1])
 
 
-def bernstein_row(degree: int, t: Number) -> list[Number]:
-    """Eq. 2, all i."""
-    return [comb(degree, i) * t**i * (1 - t) ** (degree - i) for i in range(degree + 1)]
-
-
 def times(a: Sequence[Number], b: Sequence[Number]) -> list[Number]:
     """Product of two polynomials, lowest power first."""
     product = [Fraction(0)] * (len(a) + len(b) - 1)

@@ -26,7 +26,7 @@ LTO = Build(
     ("-O1", "-flto=auto", "-Wodr", "-Wlto-type-mismatch", "-Werror"),
 )
 NATIVE_TESTS = (
-    "tests/unit/test_core_regressions.py", "tests/unit/test_freeform_evolution.py", "tests/unit/test_freeform_steps.py",
+    "tests/unit/test_freeform_evolution.py", "tests/unit/test_freeform_steps.py",
     "tests/unit/test_interest.py",
     "tests/unit/test_levelset.py", "tests/unit/test_metrics.py", "tests/unit/test_raster.py", "tests/unit/test_snake.py",
     "tests/property/test_edges_twin.py", "tests/property/test_levelset_twin.py", "tests/property/test_paper_twin.py",

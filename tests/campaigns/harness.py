@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -47,10 +48,10 @@ def run(*arguments: str | os.PathLike[str], env: Mapping[str, str] | None = None
     return Ended(done.returncode, time.perf_counter() - begin, done.stderr.decode("utf-8", "replace"))
 
 
-def start(*arguments: str | os.PathLike[str]) -> subprocess.Popen[bytes]:
+def start(*arguments: str | os.PathLike[str], stderr: int | IO[bytes] = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
     """Start ``ffseg`` in a process group of its own."""
     return subprocess.Popen(
-        command(*arguments), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True, env=TESTS
+        command(*arguments), stdout=subprocess.DEVNULL, stderr=stderr, start_new_session=True, env=TESTS
     )
 
 

@@ -4,8 +4,7 @@ Run ``python -m tests.campaigns.learning [--data DATA] [--sets a,b] [--masks 1,3
 DATA (or FFSEG_DATA) holds the folders of `real_images.SETS`. ``road`` is learned at even places of the sorted names and tested at
 odd ones; of the other sets some images are drawn to learn from, and the rest is tested. Each figure is the mean over the
 draws of the mean IoU of the contour. ``--rivals`` grows
-scikit-learn's forests on the same pixels. ``--times`` compares the parts of using a model with LightGBM's own prediction, in ms
-of processor time.
+scikit-learn's forests on the same pixels.
 """
 
 from __future__ import annotations
@@ -15,26 +14,22 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from statistics import mean, median, pstdev
+from statistics import mean, pstdev
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.api import segment
-from ffseg.evidence import prior
 from ffseg.evidence.features import KNOWN, enlarged, exposed, features
 from ffseg.evidence.forest import Model
-from ffseg.evidence.maps import evidence_edges
 from ffseg.evidence.openings import OPEN
 from ffseg.evidence.source import told
-from ffseg.image.edges import edge_map
 from ffseg.io.images import single_thread
 from ffseg.learning.training import (
     LEAST_IN_LEAF,
     LEAVES_OF_AN_IMAGE,
     PART,
     RATE,
-    SETTINGS,
     TAUGHT,
     TREES,
     Example,
@@ -44,13 +39,12 @@ from ffseg.learning.training import (
     samples,
 )
 from ffseg.metrics import iou
-from ffseg.parameters import Edges, load_params
+from ffseg.parameters import load_params
 from tests.campaigns.real_images import Photograph, load
 from tests.real_data import data_folder
 
 GOALS = {("road", 1): 0.68, ("road", 3): 0.78, ("road", 5): 0.82, ("road", 10): 0.85, ("real_floors/indoor", 5): 0.78}
 """Mean IoU wanted, by set and number of masks."""
-REPEATS = 5
 
 
 def main() -> int:
@@ -66,8 +60,6 @@ def main() -> int:
         evaluate(photographs, chosen, [int(number) for number in options.masks.split(",")], options.draws)
         if options.rivals:
             rivals(photographs, chosen, 5, options.draws)
-        if options.times:
-            costs(photographs[0], chosen[:5])
     return 0
 
 
@@ -78,7 +70,6 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--masks", default="1,3,5,10", help="numbers of masks to learn from")
     parser.add_argument("--draws", type=int, default=5, help="random choices of masks at each number")
     parser.add_argument("--rivals", action="store_true", help="compare with scikit-learn's forests, from five masks")
-    parser.add_argument("--times", action="store_true", help="measure what using a model costs")
     return parser.parse_args()
 
 
@@ -179,47 +170,6 @@ def overlap(one: Photograph, model: Model | None) -> float:
 def contoured(one: Photograph, evidence: NDArray[np.float32] | None) -> float:
     """IoU of the contour that a map gives, or the defaults without one."""
     return iou(segment(one.image, one.placed(load_params()), evidence=evidence).mask, one.truth)
-
-
-def costs(one: Photograph, chosen: Sequence[Samples]) -> None:
-    """Say what the parts of using a model cost, at the size of an image and at 800x600."""
-    import lightgbm
-
-    begin = time.process_time()
-    model = learn(chosen, searched=False)
-    print(f"growing from {len(chosen)} masks: {time.process_time() - begin:.1f} s")
-    data = lightgbm.Dataset(chosen[0].rows, chosen[0].inside.astype(np.float32))
-    booster = lightgbm.train({**SETTINGS, "learning_rate": RATE}, data, TREES)
-    for image, start in ((one.image, start_of(one)), stretched(one)):
-        seen, native, odds = model.look(image, start), model.inside.compiled(), prior.prior(image, start)
-        rows = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1).T)
-        probability, own = model.map(seen, native, odds), edge_map(image, Edges())
-        parts: dict[str, Callable[[], object]] = {
-            "features": lambda image=image, start=start: model.look(image, start),
-            "forest": lambda seen=seen, native=native, odds=odds: model.map(seen, native, odds),
-            "prior": lambda image=image, start=start: prior.prior(image, start),
-            "edges": lambda probability=probability, own=own: evidence_edges(probability, own),
-            "LightGBM": lambda rows=rows: booster.predict(rows, num_threads=1),
-        }
-        told = ", ".join(f"{name} {milliseconds(work):.1f} ms" for name, work in parts.items())
-        print(f"{image.shape[1]}x{image.shape[0]}: {told}")
-
-
-def stretched(one: Photograph) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """The image at 800x600, pixels repeated."""
-    rows = np.arange(600) * one.image.shape[0] // 600
-    columns = np.arange(800) * one.image.shape[1] // 800
-    return np.ascontiguousarray(one.image[rows][:, columns]), start_of(one)[rows][:, columns]
-
-
-def milliseconds(work: Callable[[], object]) -> float:
-    """Median processor time."""
-    found = []
-    for _ in range(REPEATS):
-        begin = time.process_time()
-        work()
-        found.append((time.process_time() - begin) * 1e3)
-    return median(found)
 
 
 if __name__ == "__main__":

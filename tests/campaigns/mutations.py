@@ -47,8 +47,7 @@ NEAREST = {
     "native": (
         "tests/unit/test_freeform_flips.py", "tests/unit/test_freeform_repairs.py", "tests/unit/test_freeform_steps.py",
         "tests/unit/test_samples.py", "tests/unit/test_freeform_components.py",
-        "tests/unit/test_region_pressure.py", "tests/unit/test_core_regressions.py",
-        "tests/unit/test_corridors.py",
+        "tests/unit/test_region_pressure.py", "tests/unit/test_corridors.py",
     ),
     "structural": ("tests/unit/test_structural_rules.py",),
     "motion": ("tests/unit/test_camera_motion.py", "tests/unit/test_ground_fit.py"),

@@ -1,15 +1,13 @@
 """What a pair costs beside its edge map; run ``python -m tests.campaigns.pair_times``.
 
-Over rendered pairs, and over the frames of ``omni_room`` where the data folder is there: the test alone (components,
-points, matching, triangulation, verdict) and motion with test, with poses and without. Every round times all of them
-and the edge map in turn, in processor time on one thread, so that a busy machine slows them alike; what is said are
-ratios of medians.
+Over rendered pairs: the test alone (components, points, matching, triangulation, verdict) and motion with test, with
+poses and without. Every round times all of them and the edge map in turn, in processor time on one thread, so that a
+busy machine slows them alike; what is said are ratios of medians.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +20,6 @@ from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose
-from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.sequence import free_space, segment_view
 from ffseg.freespace.structural import structural_test
@@ -31,7 +28,6 @@ from ffseg.image.edges import edge_map
 from ffseg.parameters import Parameters, load_params
 from ffseg.rendering import render_pair
 from tests.campaigns.freespace import true_poses
-from tests.real_data import data_folder
 
 Image = NDArray[np.uint8]
 
@@ -45,40 +41,11 @@ PROMISE = 2.0
 class Case:
     """One pair of images to be timed."""
 
-    name: str
     current: Image
     previous: Image
     camera: Camera
     poses: tuple[Pose, Pose]
     params: Parameters
-
-
-def rendered_cases(count: int) -> list[Case]:
-    """Rendered pairs, the first ``count`` seeds."""
-    params, cases = load_params(), []
-    for seed in range(count):
-        pair = render_pair(seed)
-        cases.append(
-            Case(f"pair {seed}", pair.current.image, pair.previous.image, pair.camera, true_poses(pair), params)
-        )
-    return cases
-
-
-def room_cases() -> list[Case]:
-    """The frames of ``omni_room`` at 800x600; none where the data folder is absent."""
-    folder = data_folder() / "omni_room"
-    if not folder.is_dir():
-        return []
-    data = json.loads((folder / "motion.json").read_text())
-    k, pair = data["K"], data["pairs"][0]
-    center = ((k[0][2] + 0.5) / 2 - 0.5, (k[1][2] + 0.5) / 2 - 0.5)
-    lens = UnifiedSphere(Affine(k[0][0] / 2, k[1][1] / 2, *center), data["xi"], (0, 0, 0, 0))
-    camera = Camera(lens, 800, 600, center, 1.88, robot_radius=38.0, rim_radius=246.0)
-    frames = [cv2.imread(str(folder / f"{pair[name]}.png"), cv2.IMREAD_GRAYSCALE) for name in "ab"]
-    small = [cv2.resize(frame, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for frame in frames]
-    rotation, shift = np.array(pair["R"]), 0.3 * np.array(pair["t_direction"])
-    poses = Pose(rotation.T, -rotation.T @ shift), Pose(np.eye(3), np.zeros(3))
-    return [Case("omni_room", small[0], small[1], camera, poses, load_params("omni-indoor"))]
 
 
 def ratios(case: Case, rounds: int) -> tuple[float, list[float], int]:
@@ -132,16 +99,15 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=15)
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    kept = True
-    for cases in (rendered_cases(options.pairs), room_cases()):
-        if not cases:
-            continue
-        measured = [ratios(case, options.rounds) for case in cases]
-        rows = [row for _, row, _ in measured]
-        edges, components = (np.median([entry[place] for entry in measured]) for place in (0, 2))
-        print(f"\n{cases[0].name} to {cases[-1].name}: edge map {edges:.2f} ms, {components:.0f} components")
-        print(table(rows))
-        kept &= bool(np.nanmedian([row[STEPS.index("test")] for row in rows]) <= PROMISE)
+    params, measured = load_params(), []
+    for seed in range(options.pairs):
+        pair = render_pair(seed)
+        case = Case(pair.current.image, pair.previous.image, pair.camera, true_poses(pair), params)
+        measured.append(ratios(case, options.rounds))
+    rows = [row for _, row, _ in measured]
+    edges, components = (np.median([entry[place] for entry in measured]) for place in (0, 2))
+    print(f"edge map {edges:.2f} ms, {components:.0f} components\n{table(rows)}")
+    kept = np.nanmedian([row[STEPS.index("test")] for row in rows]) <= PROMISE
     return 0 if kept else 1
 
 

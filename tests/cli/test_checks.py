@@ -168,13 +168,6 @@ def test_config_check_names_a_method_and_a_mask_that_are_not_there(tmp_path: Pat
     assert "mask.yaml: domain.mask: there is no file nofile.png" in done.stderr
 
 
-def test_compare_refuses_a_mask_that_is_not_there(tmp_path: Path, ffseg_command: Command) -> None:
-    done = ffseg_command("compare", SAMPLES, "--out", tmp_path / "out", "--set", "domain.mask=nofile.png")
-    assert done.returncode == 2
-    assert "domain.mask: there is no file nofile.png" in done.stderr
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize(
     "option", ["--starts", "--camera", "--poses", "--pairs", "--config", "--set=domain.mask", "--set=init.mask"]
 )

@@ -104,14 +104,3 @@ def test_a_terminal_that_goes_ends_the_run_in_order(tmp_path: Path) -> None:
     assert len(rows) == 12
     assert all(",ok," in row for row in rows)
     assert '"interrupted"' in (out / "run.json").read_text("utf-8")
-
-
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_an_interruption_says_how_to_go_on(number: int, code: int, tmp_path: Path) -> None:
-    command = harness.command(*harness.endless(tmp_path))
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=harness.TESTS)
-    harness.until_written(tmp_path / "out")
-    process.send_signal(number)
-    said = process.communicate(timeout=120)[1]
-    assert process.returncode == code
-    assert said.endswith("ffseg: interrupted; run it again to go on\n")

@@ -6,7 +6,6 @@ import base64
 import csv
 import io
 import json
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -102,26 +101,6 @@ def test_unknown_export_is_refused_before_anything(ffseg_command: Command, image
     assert not (tmp_path / "out").exists()
 
 
-def test_exports_asked_for_later_are_added_and_then_kept(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
-    command = ("run", images, "--out", tmp_path / "out", *START, "--json")
-    ffseg_command(*command)
-    mask = (tmp_path / "out" / "masks" / "a.png").read_bytes()
-    assert json.loads(ffseg_command(*command, "--export", "coco").stdout)["counts"]["done"] == 2
-    assert (tmp_path / "out" / "coco" / "sub" / "b.json").is_file()
-    assert (tmp_path / "out" / "masks" / "a.png").read_bytes() == mask
-    assert json.loads(ffseg_command(*command, "--export", "coco").stdout)["counts"]["unchanged"] == 2
-
-
-def test_a_failed_image_is_left_out_of_the_merged_document(
-    ffseg_command: Command, images: Path, tmp_path: Path
-) -> None:
-    (images / "a.png").write_bytes(b"no image")
-    result = ffseg_command("run", images, "--out", tmp_path / "out", *START, "--export", "coco")
-    assert result.returncode == 3
-    merged = json.loads((tmp_path / "out" / "coco.json").read_text())
-    assert [image["file_name"] for image in merged["images"]] == ["sub/b.png"]
-
-
 @pytest.mark.parametrize("method", ["freeform", "snake", "levelset"])
 def test_films_begin_at_the_start_and_end_with_the_result(
     method: str, ffseg_command: Command, images: Path, tmp_path: Path
@@ -159,14 +138,6 @@ def test_views_are_filmed_and_exported_too(ffseg_command: Command, tmp_path: Pat
     assert region["properties"]["area_px"] == pytest.approx(area, rel=0.01)
     with Image.open(io.BytesIO((out / "animations" / "2.webp").read_bytes())) as film:
         assert film.n_frames > 5
-
-
-def test_report_is_written_at_the_end(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
-    shutil.copy(images / "a.png", images / "c.png")
-    result = ffseg_command("run", images, "--out", tmp_path / "out", *START, "--report")
-    assert result.returncode == 0, result.stderr
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert all(name in page for name in ("a.png", "sub/b.png", "c.png"))
 
 
 def test_report_that_cannot_be_written_is_a_problem_and_not_a_loss(
@@ -252,13 +223,3 @@ def test_the_summary_says_the_mean_iou_and_what_was_stopped(
     document = json.loads(ffseg_command(*given, "--json").stdout)
     assert document["mean_iou"] == pytest.approx(np.mean(overlaps), abs=1e-12)
     assert document["max_iterations"] == 2
-
-
-def test_the_summary_is_silent_of_what_there_is_not(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
-    given = ("run", images, "--out", tmp_path / "out", *START)
-    shown = ffseg_command(*given)
-    assert shown.returncode == 0, shown.stderr
-    assert "mean IoU" not in shown.stdout
-    assert "max_iterations" not in shown.stdout
-    document = json.loads(ffseg_command(*given, "--json").stdout)
-    assert (document["mean_iou"], document["max_iterations"]) == (None, 0)

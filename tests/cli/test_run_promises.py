@@ -242,11 +242,13 @@ def test_r6_file_size_limit_fails_rows_by_name_and_leaves_no_temporary(blobs: Pa
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_r7_signals_end_the_run_whatever_its_images_do_without_orphans(number: int, code: int, tmp_path: Path) -> None:
     endless = harness.endless(tmp_path)
-    process = harness.start(*endless)
+    with (tmp_path / "said").open("wb") as said:
+        process = harness.start(*endless, stderr=said)
     harness.until_written(tmp_path / "out")
     second = harness.run(*endless, env=harness.TESTS)
     assert harness.kill(process, number) == code
     assert harness.group_is_gone(process)
+    assert (tmp_path / "said").read_text("utf-8").endswith("ffseg: interrupted; run it again to go on\n")
     assert second.code == 2
     assert "another ffseg run" in second.stderr
     assert harness.temporaries(tmp_path / "out") == []

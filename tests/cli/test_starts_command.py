@@ -82,17 +82,6 @@ def test_what_is_wrong_exits_2_and_writes_nothing(
     assert not (tmp_path / "out").exists()
 
 
-def test_compare_gives_every_method_the_start_of_the_image(
-    ffseg_command: Command, images: Path, tmp_path: Path
-) -> None:
-    path = starts(tmp_path, "a,30,40,6", "b,90,40,6")
-    methods = ("--methods", "freeform,snake,levelset,cv_floodfill,cv_edges", "--json")
-    done = ffseg_command("compare", images, "--out", tmp_path / "out", "--starts", path, *methods)
-    assert done.returncode == 0, done.stderr
-    assert {row["status"] for row in json.loads(done.stdout)["rows"]} == {"ok"}
-    assert sorted(file.name for file in (tmp_path / "out" / "panels").iterdir()) == ["a.png", "b.png"]
-
-
 def test_a_start_that_had_to_move_is_told_and_noted(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     """The start of b.png is a circle along the edge of the right disc."""
     path, out = starts(tmp_path, "a.png,30,40,6", "b.png,90,40,20"), tmp_path / "out"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ffseg.bench.gate import FORMAT, RETRIES, Baseline, confirmed, read_baseline, slower
-from ffseg.bench.measure import Figure, Group, compared, exponent, growths
+from ffseg.bench.measure import Figure, exponent, growths
 from ffseg.errors import UsageError
 
 MAX_RATIO = 1.15
@@ -74,16 +74,6 @@ def test_growth_tells_a_constant_cost_from_a_growing_one() -> None:
     (growth,) = growths(series)
     assert growth.series == "circles work"
     assert growth.exponent < 1.8 < 1.999 < growth.upper <= 2.0
-
-
-def test_two_points_make_no_growth() -> None:
-    assert growths([figure([1.0], [1.0], f"a, {x}", x) for x in (1.0, 2.0)]) == []
-
-
-def test_compared_divides_medians() -> None:
-    group = Group("suite", "name", np.zeros((4, 4), np.uint8), (), {}, [("b over a", "b", "a")])
-    (found,) = compared(group, [figure([2.0, 4.0, 9.0], [1.0]), figure([1.0, 6.0, 7.0], [1.0], "b")])
-    assert (found.title, found.ratio, found.robust_ratio) == ("b over a", 1.5, 1.5)
 
 
 def gate(rng: np.random.Generator, baseline: Baseline, duration: float) -> bool:

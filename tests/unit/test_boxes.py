@@ -62,7 +62,7 @@ def test_boxes_round_drawn_objects_serve_at_least_as_well_as_they_serve_grabcut(
     """Six kinds of drawings; before, what stood in the box was what the box itself grew into."""
     ours, theirs = [], []
     for kind in ("thing", "animal", "organ", "nuclei", "colony", "field"):
-        for image, truth, box in objects(kind, 3):
+        for image, truth, box in objects(kind, 2):
             found = ffseg.segment(image, {"init.boxes": [prompt(box)]})
             assert found.source == "box"
             ours.append(iou(found.mask, truth))

@@ -17,11 +17,10 @@ from ffseg.batch.workers.frames import (
     obstacle_rows,
     overlay_lines,
 )
-from ffseg.errors import CalibrationError
 from ffseg.io.images import Limits
 from ffseg.io.masks import encode_png
 from ffseg.parameters import load_params
-from ffseg.rendering import CAMERA_YAML, poses_csv, sample_camera
+from ffseg.rendering import CAMERA_YAML, poses_csv
 from ffseg.scene import Scene
 
 
@@ -63,34 +62,3 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     first = Before(views, "0.png", [], Limits()).frame(Scene(pair.previous.image, load_params()))
     assert {row["verdict"] for row in obstacle_rows(first)} == {"untested"}
     assert {row["max_altitude_m"] for row in obstacle_rows(first)} == {""}
-
-
-def test_missing_pose_rows_leave_the_motion_to_the_ground(tmp_path: Path) -> None:
-    camera, poses = files(tmp_path)
-    views = load_views(camera, poses, None, ["0.png", "1.png", "2.png"])
-    assert views.poses_of("0.png", "1.png") is not None
-    assert views.poses_of("1.png", "2.png") is None
-    assert views.chain("2.png") == ("1.png", "0.png")
-    assert views.chain("0.png") == ()
-
-
-def test_a_camera_without_mounting_is_refused_before_the_run(tmp_path: Path) -> None:
-    (tmp_path / "camera.yaml").write_text(CAMERA_YAML.replace("mount_height: 0.9\n", ""))
-    with pytest.raises(CalibrationError, match="mount_height"):
-        load_views(str(tmp_path / "camera.yaml"), None, None, ["0.png"])
-
-
-def test_another_size_is_refused(tmp_path: Path) -> None:
-    camera, _ = files(tmp_path)
-    views = load_views(camera, None, None, ["0.png"])
-    with pytest.raises(CalibrationError, match="9x8, the camera file says 800x600"):
-        Before(views, "0.png", [], Limits()).frame(Scene(np.zeros((8, 9), np.uint8), load_params()))
-
-
-def test_the_sample_cameras_file_is_the_sample_camera(tmp_path: Path) -> None:
-    camera, poses = files(tmp_path)
-    views, own, pair = load_views(camera, poses, None, ["0.png", "1.png"]), sample_camera(), render_pair(4)
-    assert views.camera.projection == own.projection
-    for name in ("width", "height", "center", "mount_height", "robot_radius", "rim_radius"):
-        assert getattr(views.camera, name) == getattr(own, name)
-    assert views.poses["0.png"].position[:2].tolist() == list(pair.poses[0][:2])

@@ -69,17 +69,6 @@ def test_grabcut_is_told_that_four_radii_round_the_start_are_probably_inside() -
     assert not told[distance > 20 * radii + 1.5].any()  # a pixel for the disc's own steps, half for the centre
 
 
-def test_the_title_of_an_svg_file_is_the_images_name(tmp_path: Path, ffseg_command: Command) -> None:
-    said("formats.md", "(The title is the image's name)")
-    assert ffseg_command("run", ROOT / "samples" / "toy.png", "--out", tmp_path).returncode == 0
-    assert "<title>toy.png</title>" in (tmp_path / "contours" / "toy.svg").read_text("utf-8")
-
-
-def test_the_python_page_has_every_public_name() -> None:
-    page = (DOCS / "python.md").read_text("utf-8")
-    assert [name for name in ffseg.__all__ if name != "__version__" and f"\n## ffseg.{name}\n" not in page] == []
-
-
 def test_true_masks_are_left_out_with_truth_only(tmp_path: Path, ffseg_command: Command) -> None:
     said("batch.md", "(without `--truth` a mask is an image like any other)")
     folder = tmp_path / "photos"

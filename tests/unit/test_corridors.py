@@ -73,7 +73,7 @@ def is_open(scene: labyrinths.Labyrinth, far: tuple[int, int]) -> bool:
 @pytest.mark.parametrize("width", [5.0, 6.0, 6.25, 6.5, 6.75])
 def test_passages_are_entered_where_the_edge_map_leaves_them_open(width: float) -> None:
     """From 6 px on all of them, from 6.5 px on at every angle; narrower ones at least not where they are shut."""
-    for angle in np.arange(0.0, 90.1, 7.5):
+    for angle in np.arange(0.0, 90.1, 15.0):
         scene = labyrinths.passage(width, float(angle))
         far = round(labyrinths.SIZE - scene.start[0]), round(labyrinths.SIZE - scene.start[1])
         entered = bool(corridors.segmented(scene, {}).mask[far[1], far[0]])
@@ -86,8 +86,8 @@ def test_passages_are_entered_where_the_edge_map_leaves_them_open(width: float) 
 @pytest.mark.parametrize("width", [2.0, 3.0, 4.0, 7.0])
 def test_sampling_does_not_decide_what_leaks(width: float, angle: float) -> None:
     scene = labyrinths.gap(width, angle, 7.0)
-    for threshold in (6.0, 14.0, 40.0, 80.0):
-        for patches in (8, 13, 40):
+    for threshold in (6.0, 14.0, 80.0):
+        for patches in (8, 40):
             settings = {"contour.split_threshold": threshold, "contour.patches": patches}
             leaks = corridors.segmented(scene, settings).mask.sum() > corridors.LEAK * scene.truth.sum()
             assert leaks == (width > 5.0), settings
@@ -108,7 +108,7 @@ def test_bays_are_filled_when_closing_in() -> None:
 @pytest.mark.parametrize("clearance", [8.0, 11.0, 14.0, 20.0, 36.0])
 def test_clearance_means_the_width_of_a_passage(clearance: float) -> None:
     """Open a pixel above it; shut a pixel below, but two where both edges lie along rows of pixels or their diagonals."""
-    for angle in range(0, 91, 5):
+    for angle in range(0, 91, 9):
         below = clearance - (2 if angle % 45 == 0 else 1)
         for width, is_open in ((below, False), (clearance + 1, True)):
             scene = labyrinths.passage(width, float(angle))

@@ -45,9 +45,25 @@ def no_client_left() -> Iterator[None]:
     gc.collect()
 
 
+Scheduler = tuple[str, list[subprocess.Popen[bytes]]]
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scheduler]:
+    with started(tmp_path_factory) as found:
+        yield found
+
+
 @pytest.fixture
-def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A scheduler with two workers, each a process of its own that can be killed; another for every test."""
+def mortal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scheduler]:
+    """One that a test may kill."""
+    with started(tmp_path_factory) as found:
+        yield found
+
+
+@contextlib.contextmanager
+def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scheduler]:
+    """A scheduler with two workers, each a process of its own."""
     file = tmp_path_factory.mktemp("dask") / "scheduler.json"
     paths = os.pathsep.join(sys.path)
     environment = {**os.environ, "PYTHONPATH": paths}
@@ -165,15 +181,15 @@ def test_what_nobody_gives_a_chunk_any_more_ends_by_itself(monkeypatch: pytest.M
     assert held._idle == []
 
 
-def test_a_setup_that_does_not_work_and_a_scheduler_that_is_not_there_are_refused(scheduler, tmp_path: Path) -> None:
+def test_a_scheduler_that_is_not_there_is_refused(tmp_path: Path) -> None:
     make_images(tmp_path / "in", NAMES[:2])
     with pytest.raises(UsageError, match="no scheduler answers"):
         run_batch(tmp_path / "in", tmp_path / "out", **by_dask("nowhere:not-a-port"))
 
 
-def test_a_worker_that_dies_costs_nothing(scheduler, tmp_path: Path) -> None:
+def test_a_worker_that_dies_costs_nothing(mortal, tmp_path: Path) -> None:
     make_images(tmp_path / "in", NAMES)
-    address, processes = scheduler
+    address, processes = mortal
 
     class Killing(Silent):
         def finished(self, job, status: str, error: str) -> None:
@@ -188,10 +204,10 @@ def test_a_worker_that_dies_costs_nothing(scheduler, tmp_path: Path) -> None:
 
 
 def test_a_scheduler_that_dies_ends_the_run_and_the_next_one_goes_on(
-    scheduler, ffseg_process: Command, tmp_path: Path
+    mortal, ffseg_process: Command, tmp_path: Path
 ) -> None:
     make_images(tmp_path / "in", NAMES, {NAMES[-1]: stand_in.HANG})  # so that the run cannot be done before
-    address, processes = scheduler
+    address, processes = mortal
     out, way = tmp_path / "out", ("--set", f"method={stand_in.METHOD}")
     environment = {**os.environ, "PYTHONPATH": str(Path(stand_in.__file__).parent)}
 

@@ -41,7 +41,7 @@ def test_random_scenes(overrides: dict[str, object]) -> None:
     ("name", "least", "holes"), [("a", 0.9995, 0), ("b", 0.999, 6), ("c", 0.996, 7), ("d", 0.999, 3), ("e", 0.992, 7)]
 )
 @pytest.mark.parametrize("degree", [2, 3, 4])
-@pytest.mark.parametrize("threshold", [8.0, 14.0, 24.0, 32.0, 40.0])
+@pytest.mark.parametrize("threshold", [8.0, 24.0, 40.0])
 def test_scenes(data_folder: Path, name: str, least: float, holes: int, degree: int, threshold: float) -> None:
     image = cv2.imread(str(data_folder / f"scenes/{name}.png"), cv2.IMREAD_GRAYSCALE)
     truth = cv2.imread(str(data_folder / f"scenes/{name}_truth.png"), cv2.IMREAD_GRAYSCALE) > 0
@@ -99,18 +99,6 @@ def test_toy_runs_differ_as_in_the_paper() -> None:
     assert iou("toy-refined")[2].startswith("max_")  # loops round the holes for ever
 
 
-def test_passages_narrower_than_the_clearance_are_closed() -> None:
-    image = np.full((120, 160), 200, np.uint8)
-    image[:, 78:82] = 30
-    image[55:63, 78:82] = 200  # a passage of 8 px
-    start = {"init.center": [40, 60], "init.radius": 10.0}
-    through = ffseg.segment(image, ffseg.load_params(None, start))
-    closed = ffseg.segment(image, ffseg.load_params(None, {**start, "contour.clearance": 12.0}))
-    assert through.mask[60, 120]
-    assert not closed.mask[:, 90:].any()
-    assert closed.mask[2:-2, 2:74].all()  # the boundary itself is still reached
-
-
 def test_edge_free_image_fills_and_all_edge_image_ends() -> None:
     flat = ffseg.segment(np.full((60, 80), 90, np.uint8), ffseg.load_params(None, {"init.radius": 10.0}))
     assert flat.mask.mean() > 0.99  # the contour rounds the corners of the image
@@ -122,29 +110,11 @@ def test_edge_free_image_fills_and_all_edge_image_ends() -> None:
         assert "lies on an edge" in str(error)
 
 
-def test_max_iterations_is_a_bound_and_is_said() -> None:
-    params = ffseg.load_params(None, {"init.radius": 10.0, "contour.max_iterations": 3})
-    result = ffseg.segment(np.full((200, 200), 90, np.uint8), params)
-    assert (result.stats.iterations, result.stats.stop_reason) == (3, "max_iterations")
-
-
-def test_starts_that_cannot_be() -> None:
-    image = np.where(disc((80, 60), 30), 200, 50).astype(np.uint8)
-    with pytest.raises(SegmentationError, match="outside the image"):
-        ffseg.segment(image, ffseg.load_params(None, {"init.center": [500, 60]}))
-    domain = np.zeros_like(image)
-    with pytest.raises(SegmentationError, match="outside the domain at every sample"):
-        ffseg.segment(image, ffseg.load_params(None, {"init.center": [120, 90], "init.radius": 5.0}), domain=domain)
-
-
-def test_callback_sees_the_contour_grow() -> None:
-    image = np.where(disc((80, 60), 50), 200, 50).astype(np.uint8)
-    seen: list[ffseg.Progress] = []
-    ffseg.segment(image, ffseg.load_params(None, {"init.radius": 8.0}), callback=seen.append)
-    areas = [sum(c.signed_area for c in p.contours) for p in seen]
-    assert seen[0].iteration == 0
-    assert areas[0] < areas[-1]
-    assert [p.iteration for p in seen] == sorted(p.iteration for p in seen)
+@pytest.mark.parametrize("degree", [1, 3, 6])
+def test_a_start_circle_that_leaves_the_image_fills_it(degree: int) -> None:
+    """It once crashed the core."""
+    found = ffseg.segment(np.full((48, 64), 90, np.uint8), {"init.radius": 40, "contour.degree": degree})
+    assert found.mask.mean() > 0.9
 
 
 def test_same_job_same_bytes() -> None:

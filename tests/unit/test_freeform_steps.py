@@ -141,14 +141,6 @@ def test_two_circles_that_do_not_meet_stay_two() -> None:
     assert made.counts()["flips"] == made.counts()["merges"] == 0
 
 
-def test_a_circle_within_another_is_dropped_at_the_end() -> None:
-    """The front never re-enters what it has filled."""
-    edges = ring(50)
-    made = evolution([FreeForm.circle((90, 70), 30, 20, 3), FreeForm.circle((90, 70), 10, 12, 3)], edges, refine=True)
-    made.advance(500)
-    assert [contour.signed_area > 0 for contour in contours(made)] == [True]
-
-
 def horseshoe(gap: float) -> FreeForm:
     """A ring that is not closed, on the right: its two ends stand `gap` apart."""
     half = gap / 2 / 35

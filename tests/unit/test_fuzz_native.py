@@ -71,8 +71,3 @@ def test_a_compiler_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) 
     sentence = "there is no C\\+\\+ compiler no-such-compiler; name one in CXX"
     with pytest.raises(compiling.NoCompilerError, match=sentence):
         compiling.compiler()
-
-
-def test_flags_that_a_compiler_does_not_take_are_named() -> None:
-    with pytest.raises(compiling.NoCompilerError, match="--no-such-flag.* does not build"):
-        compiling.Build(("--no-such-flag",)).check()

@@ -18,12 +18,9 @@ FUNCTION_LINES = 60
 NO_FUNCTION = re.compile(r"(public|private|protected):|(namespace|class|struct|union|enum)\b")
 
 
-def test_there_are_sources() -> None:
-    assert len(SOURCES) > 40
-
-
 def test_no_file_is_too_long() -> None:
     lengths = {name: len(path.read_text("utf-8").splitlines()) for name, path in zip(NAMES, SOURCES, strict=True)}
+    assert len(lengths) > 40
     assert {name: length for name, length in lengths.items() if length > FILE_LINES} == {}
 
 

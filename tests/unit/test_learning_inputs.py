@@ -186,14 +186,6 @@ def test_a_method_without_edges_is_refused(folder: Path) -> None:
     assert "method: cv_floodfill does not look at the edge map" in said
 
 
-@pytest.mark.parametrize(
-    ("more", "said"), [(1, "about 1 more mask may still"), (3, "about 3 more masks may each still")]
-)
-def test_one_more_mask_is_one(more: int, said: str) -> None:
-    lines = sentences(Figures(3, 0.9, 0.1, 0.5, 0.1, helps=True, curve=((1, 0.5), (2, 0.6)), more=more), "a.ffmodel")
-    assert any(line.startswith(said) for line in lines)
-
-
 @pytest.mark.parametrize(("level", "side"), [(0, "inside"), (255, "outside"), (128, "inside")])
 def test_a_mask_of_one_side_is_refused(folder: Path, level: int, side: str) -> None:
     """`tune` counted an empty mask as 0 whatever was found, and one that is all inside as better the more leaked."""

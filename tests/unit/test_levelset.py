@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.raster import rasterize
@@ -148,13 +147,6 @@ def test_without_edges_the_region_is_the_image() -> None:
     contours, _ = evolved(edges_of(np.full(SHAPE, 90, np.uint8)), (circle((80, 60), 12),), Parameters())
     assert rasterize(contours, SHAPE).all()
     assert [c.signed_area for c in contours] == [pytest.approx(SHAPE[0] * SHAPE[1], abs=1.0)]  # corners are cut
-
-
-def test_a_start_on_nothing_is_refused() -> None:
-    domain = np.zeros(SHAPE, np.uint8)
-    domain[0, 0] = 255
-    with pytest.raises(SegmentationError, match=r"move init\.center"):
-        evolved(edges_of(np.full(SHAPE, 90, np.uint8), domain), (circle((80, 60), 12),), Parameters())
 
 
 def test_a_stop_speed_can_be_set() -> None:

@@ -60,14 +60,6 @@ def test_diffusion_slows_it_down() -> None:
         assert result.mask.sum() == pytest.approx(np.pi * 50**2, rel=0.01)
 
 
-def test_snapshots_are_handed_out() -> None:
-    image, _ = scene("toy")
-    seen: list[ffseg.Progress] = []
-    result = ffseg.segment(image, ffseg.load_params("paper", {"contour.max_iterations": 35}), callback=seen.append)
-    assert [progress.iteration for progress in seen] == [0, 10, 20, 30, 35]
-    assert len(seen[-1].contours) == len(result.contours)
-
-
 def of_patches(patches: int) -> ffseg.Segmentation:
     image = np.full((400, 400), 128, np.uint8)
     over = {"init.radius": 150, "contour.patches": patches, "contour.balloon": 2.0}

@@ -91,11 +91,6 @@ def test_tables_and_overlays(data: Path, tmp_path: Path, monkeypatch: pytest.Mon
     assert "2 better, 0 worse" in capsys.readouterr().out
 
 
-def test_absent_sets_are_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    assert run(monkeypatch, "--data", tmp_path, "--out", tmp_path / "out") == 0
-    assert "skipped" in capsys.readouterr().out
-
-
 def test_an_image_that_fails_counts_zero() -> None:
     one = replace(photograph(), circle=(600.0, 45.0, 12.0))
     outcome = real_images.evaluate(one, load_params())

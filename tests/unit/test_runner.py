@@ -152,14 +152,6 @@ def test_opencv_without_memory_is_out_of_memory(images: Path, monkeypatch: pytes
     assert reply.reason == "out-of-memory"
 
 
-def test_failed_images_are_tried_again_by_the_next_run(tmp_path: Path) -> None:
-    make_images(tmp_path / "in", ["a.png", "b.png"], {"b.png": stand_in.FAIL})
-    assert run_batch(tmp_path / "in", tmp_path / "out").failed == 1
-    make_images(tmp_path / "in", ["b.png"])
-    summary = run_batch(tmp_path / "in", tmp_path / "out")
-    assert (summary.unchanged, summary.done, summary.failed) == (1, 1, 0)
-
-
 def test_worker_that_dies_before_it_is_ready_ends_the_run(
     images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -223,12 +215,6 @@ def test_truth_adds_the_overlap_and_a_truth_of_other_size_fails_its_image(images
     assert rows[NAMES[0]]["error"].startswith("truth: ")
     assert rows[NAMES[1]]["iou"] == ""
     assert {rows[name]["iou"] for name in NAMES[2:]} == {"1.0"}
-
-
-def test_formula_names_are_neutral_in_the_table(tmp_path: Path) -> None:
-    make_images(tmp_path / "in", ["=1+1.png", "@a.png", "plain.png"])
-    run_batch(tmp_path / "in", tmp_path / "out")
-    assert {row["image"] for row in table(tmp_path / "out" / "timings.csv")} == {"'=1+1.png", "'@a.png", "plain.png"}
 
 
 def test_read_only_output_is_refused_at_once(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -56,9 +56,7 @@ def run_shard(
         run.execute()
 
 
-@pytest.mark.parametrize(
-    ("count", "executor"), [(1, "inprocess"), (2, "inprocess"), (8, "inprocess"), (3, "processes")]
-)
+@pytest.mark.parametrize(("count", "executor"), [(8, "inprocess"), (3, "processes")])
 def test_the_merged_tree_is_that_of_one_run(count: int, executor: str, images: Path, tmp_path: Path) -> None:
     run_batch(images, tmp_path / "one", products=ALL, executor="inprocess")
     for number in sorted(range(1, count + 1), key=lambda number: number * 5 % 8):

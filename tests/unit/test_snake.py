@@ -90,12 +90,6 @@ def test_without_refinement_the_number_of_points_stays() -> None:
     assert (stats.splits, stats.prunes) == (0, 0)
 
 
-def test_max_iterations_ends_it() -> None:
-    params = load_params(None, {"contour.max_iterations": 7})
-    _, stats = evolved(edges_of(disc_image(52.4)), (START,), params)
-    assert (stats.iterations, stats.stop_reason) == (7, "max_iterations")
-
-
 def test_it_stays_in_domain_and_image() -> None:
     domain = np.zeros(SHAPE, np.uint8)
     domain[:130, 30:] = 255

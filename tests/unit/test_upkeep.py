@@ -100,48 +100,6 @@ def test_a_truth_is_measured_on_the_mask_that_is_there(
         assert run_in(images, out).failed == 0
 
 
-def test_an_iou_is_not_taken_over_from_other_parameters(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    run_in(images, out, truth=truths(images, tmp_path / "truth"))
-    run_in(images, out, params=load_params(None, {"contour.degree": 4}), overwrite=True)
-    assert "iou" not in table(out / "timings.csv")[0]
-
-
-def test_overwriting_removes_what_belongs_to_no_image_any_longer(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    run_in(images, out, products=ALL)
-    (out / "overlays" / "a.png").write_bytes(b"drawn by hand")
-    other = load_params(None, {"contour.degree": 2})
-    shutil.copy(images / "b.png", tmp_path / "b.png")
-    make_images(images, ["b.png"], {"b.png": stand_in.FAIL})
-    (images / "f.png").unlink()
-    summary = run_in(images, out, params=other, overwrite=True)
-    assert (summary.done, summary.failed) == (4, 1)
-    left = {str(path.relative_to(out)) for path in out.rglob("*.*") if path.is_file() and ".ffseg" not in str(path)}
-    masks = {f"masks/{name}" for name in NAMES if name not in ("b.png", "f.png")}
-    contours = {mask.replace("masks", "contours").replace(".png", ".svg") for mask in masks}
-    assert left == {*masks, *contours, "overlays/a.png", "timings.csv", "run.json"}
-    assert json.loads((out / "run.json").read_text())["stale"] == [
-        {"output": "overlays/a.png", "reason": "not what was written"}
-    ]
-
-
-def test_images_that_changed_or_are_gone_leave_the_tables_and_are_named(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    run_in(images, out, products=ALL)
-    shutil.copy(images / "a.png", images / "b.png")
-    (images / "c.png").unlink()
-    (out / "masks" / "d.png").unlink()
-    summary = run_in(images / "f.png", out, products=ALL)
-    assert rows(out) == ["a.png", "e.png", "f.png"]
-    stale = json.loads((out / "run.json").read_text())["stale"]
-    assert [entry["image"] for entry in stale] == ["b.png", "c.png", "d.png"]
-    assert summary.stale == 3
-    assert (out / "masks" / "b.png").exists(), "what could come back is not removed"
-    images_in_coco = [image["file_name"] for image in json.loads((out / "coco.json").read_text())["images"]]
-    assert images_in_coco == ["a.png", "e.png", "f.png"]
-
-
 def test_an_image_that_takes_over_an_output_takes_its_row(tmp_path: Path) -> None:
     make_images(tmp_path / "one", ["x.png", "y.png"])
     make_images(tmp_path / "two", ["x.jpg"])
