@@ -44,20 +44,22 @@ def _without(name: str, *olds: str) -> Departure:
 DEPARTURES = (
     Departure("none: the method as it is"),
     Departure("attraction after the contour has stopped (`contour.settle`)", settings={"contour.settle": 0}),
-    _without("settled contours untangled", "if (options_.topology) Untangle<D>(settled_).run();"),
-    _without("settled contours laid out every 3 px (but 12)", "lay_out(std::min(spacing, kSettledSpacing));"),
+    _without("settled contours untangled", "if (options.topology) settling::Untangle<D>(settled_).run();"),
+    _without("settled contours laid out every 3 px (but 12)", "lay_out<D>(at_, std::min(spacing, kSettledSpacing));"),
     _without("steps near edges of at most 2 px (but 5)", "std::max(kCautiousStep, known)"),
     _without(
-        "the curve between samples kept off edges", "free + ahead < kBulge * motion.chord[k] + 2 * options_.balloon"
+        "the curve between samples kept off edges",
+        "free + ahead < kBulge * motion.chord[k] + 2 * contour.options.balloon",
     ),
-    _without("patches that meet an edge split", "pool_[i].wants_split && pool_[i].budget > 0 && splittable(i)"),
-    _without("short patches pruned while it grows", "size < shortest && remove(i)"),
+    _without("patches that meet an edge split", "patch.wants_split && patch.budget > 0 && contour.splittable(i)"),
+    _without("short patches pruned while it grows", "size < shortest && prune(contour, i)"),
     _without("folds straightened", "dot(after, before) < 0"),
-    _without("curves that swing made of a lower degree", "polygon > kSwing * size"),
+    _without("curves that swing made of a lower degree", "polygon > kOscillation * size"),
+    _without("adjacent patches flipped as well", "flip_adjacent(contour, contour.active[at]);"),
     _without(
-        "adjacent patches flipped as well", "for (std::size_t at = 0; at < count; ++at) flip_adjacent(active_[at]);"
+        "patches that may hold an edge halved before they flip",
+        "std::max(contour.length(i), contour.length(j)) > kFlipLength",
     ),
-    _without("patches that may hold an edge halved before they flip", "std::max(length(i), length(j)) > kFlipLength"),
     _without(
         "curves joined at their crossing where swapped halves cross",
         "if (visit_crossings(p, q, [](int, int) { return true; })) return false;",
@@ -65,10 +67,10 @@ DEPARTURES = (
     _without("components of negligible area dropped", "std::abs(area) < kVoidArea"),
     _without(
         "what lies in ground covered already dropped",
-        "beside > 0 && std::isfinite(beside) && nested(large)",
-        "if ((real && small == inner) || nested(small)) drop(small);",
-        "if (loop_contains(outer, pool_[within].m[0])) drop_or_wait(within);",
-        "if (options_.topology) drop_nested();",
+        "beside > 0 && std::isfinite(beside) && is_nested(contour, large)",
+        "if ((real && small == inner) || is_nested(contour, small)) drop(contour, small);",
+        "if (contains(contour, outer, contour[within].m[0])) drop_or_wait(within);",
+        "if (contour_.options.topology) topology::drop_nested(contour_);",
     ),
     _without("edges 4-connected", "here | (above & ((left & (up_left ^ kOnes)) | (right & (up_right ^ kOnes))))"),
 )
