@@ -260,7 +260,7 @@ def load(home: str) -> Any:  # noqa: ANN401 - the caller knows the signature
     if not module.startswith("ffseg.") and not {"", here := os.getcwd()} & set(sys.path):
         sys.path.insert(0, here)
     try:
-        found = attrgetter(name)(sys.modules.get(module) or import_module(module))
+        found = attrgetter(name)(import_module(module))  # which waits while another thread imports it
     except Exception as error:  # of somebody's module: whatever it raises
         kind = "" if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: "
         remedy = (
