@@ -25,6 +25,21 @@ OPEN: dict[str, Any] = {
 }  # fmt: skip
 
 
+LISTEN = """(() => {
+    const fetched = window.fetch;
+    window.underWay = 0;
+    window.fetch = (what, ...rest) => {
+        if (what === "news") return fetched(what, ...rest);
+        window.underWay++;
+        return fetched(what, ...rest).finally(() => setTimeout(() => window.underWay--, 50));
+    };
+})()"""
+"""Counts the page's questions that are not answered yet, or of which the answer is not drawn."""
+
+SETTLED = "window.underWay === 0 && document.getElementById('picture').complete"
+"""Nothing is asked for that is not drawn."""
+
+
 def disc(centre: tuple[int, int], radius: float = 25) -> np.ndarray:
     y, x = np.mgrid[: SIZE[0], : SIZE[1]]
     return np.hypot(x - centre[0], y - centre[1]) < radius
@@ -86,12 +101,13 @@ class Hand:
         self.tab = tab
         tab.open(address)
         tab.until("document.body.dataset.ready === 'yes' && document.getElementById('picture').complete")
+        tab.value(LISTEN)
 
     def at(self, x: float, y: float) -> tuple[float, float]:
         """Where a pixel of the image stands in the window."""
         left, top, scale = self.tab.value(
-            "(() => { const p = document.getElementById('picture'), b = p.getBoundingClientRect();"
-            "return [b.x, b.y, b.width / p.naturalWidth] })()"
+            "(() => { const d = document.getElementById('drawing'), b = d.getBoundingClientRect();"
+            "return [b.x, b.y, b.width / d.viewBox.baseVal.width] })()"
         )
         return left + (x + 0.5) * scale, top + (y + 0.5) * scale
 

@@ -53,7 +53,7 @@ const answer = async (lane) => {
       drawn[id] = number;
       view.region(found, id);
       if (id === "region") say([notice.text, found.said].filter(Boolean).join("; "), notice.bad);
-      if (begin) requestAnimationFrame(() => times.push({ quick, waited: sent - begin, server: found.server_ms, asked: performance.now() - sent, all: performance.now() - begin }));
+      if (begin) requestAnimationFrame(() => times.push({ quick, waited: sent - begin, server: found.server_ms, find: found.ms, asked: performance.now() - sent, all: performance.now() - begin }));
     } catch (error) {
       say(error.message, true);
     }
