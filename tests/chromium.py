@@ -111,18 +111,19 @@ class Chromium:
         if self._session:
             message["sessionId"] = self._session
         os.write(self._write, json.dumps(message).encode() + b"\0")
+        deadline = time.monotonic() + _WAIT  # events may go on while the answer never comes
         while True:
-            answer = self._next()
+            answer = self._next(deadline, method)
             if answer.get("id") == self._last:
                 if "error" in answer:
                     raise RuntimeError(f"{method}: {answer['error']}")
                 return dict(answer["result"])
             self._note(answer)
 
-    def _next(self) -> dict[str, Any]:
+    def _next(self, deadline: float, asked: str) -> dict[str, Any]:
         while b"\0" not in self._buffer:
-            if not select.select([self._read], [], [], _WAIT)[0]:
-                raise TimeoutError("the browser does not answer")
+            if not select.select([self._read], [], [], max(deadline - time.monotonic(), 0.0))[0]:
+                raise TimeoutError(f"the browser does not answer to {asked}")
             piece = os.read(self._read, 1 << 16)
             if not piece:
                 raise RuntimeError("the browser has gone")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import io
 import os
 import shutil
@@ -33,6 +34,11 @@ settings.register_profile("short", deadline=None, max_examples=50, derandomize=T
 settings.register_profile("long", deadline=None, max_examples=2000, print_blob=True)
 
 
+HUNG = 400.0
+"""Seconds after which a test hangs: its process says where and ends, pytest-xdist begins another. The longest take 30."""
+_STDERR = pytest.StashKey[int]()
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="write golden files and generated pages anew")
     parser.addoption("--long", action="store_true", help="run the long form of the campaigns")
@@ -41,6 +47,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
         signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup the commands that are tested would ignore it as well
+    config.stash[_STDERR] = os.dup(2)  # tests find it captured
     settings.load_profile("long" if config.getoption("--long") else "short")
     if not hasattr(config, "workerinput"):  # the process that starts the others
         os.environ[rendered.FOLDER] = folder = tempfile.mkdtemp(prefix="ffseg-rendered-")
@@ -53,6 +60,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if "long" in item.keywords:
             item.add_marker(pytest.mark.skip(reason="long form of a campaign; run with --long"))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    if not item.config.getoption("--long"):
+        faulthandler.dump_traceback_later(HUNG, exit=True, file=item.config.stash[_STDERR])
+    result = yield
+    faulthandler.cancel_dump_traceback_later()
+    return result
 
 
 @pytest.fixture(autouse=True, scope="session")

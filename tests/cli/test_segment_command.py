@@ -14,13 +14,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import typer
 from bad_images import READS_GIF
 from commands import Command
 from PIL import Image
 
 import ffseg
-from ffseg.cli.commands.segment import segment
 from tests.masks import read_mask
 
 TOY = Path(__file__).resolve().parents[2] / "samples" / "toy.png"
@@ -135,7 +133,7 @@ def test_frames_that_are_not_read_are_told(tmp_path: Path, ffseg_command: Comman
 
 @pytest.mark.parametrize("error", [MemoryError(), cv2.error("no memory")], ids=["Python", "OpenCV"])
 def test_an_image_without_memory_is_no_defect(
-    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ffseg_command: Command
 ) -> None:
     def starved(*_: object, **__: object) -> None:
         raise error
@@ -143,10 +141,9 @@ def test_an_image_without_memory_is_no_defect(
     if isinstance(error, cv2.error):
         error.code = cv2.Error.StsNoMem
     monkeypatch.setattr("ffseg.api.segment", starved)
-    with pytest.raises(typer.Exit) as ended:
-        segment(str(TOY), [str(tmp_path / "a.png")])
-    assert ended.value.exit_code == 3
-    assert capsys.readouterr().err == "ffseg: error: there is not enough memory for the image; scale it down\n"
+    done = ffseg_command("segment", TOY, "a.png", cwd=tmp_path)
+    assert done.returncode == 3
+    assert done.stderr == "ffseg: error: there is not enough memory for the image; scale it down\n"
 
 
 def test_pipes_and_devices_stay_what_they_are(tmp_path: Path, ffseg_command: Command) -> None:

@@ -40,19 +40,16 @@ _NEED_CAMERA = {
 }
 """What is said of options that mean nothing without a camera."""
 _APART = {
-    (
-        "evidence",
-        "camera",
-    ): "the images of a camera are segmented without maps; leave out one of them, or name the network "
-    "or .ffmodel that made the maps as edges.model",
+    ("film_out", "shard"): "; merge the shards, then run it once more without --shard",
+    ("evidence", "camera"): ": the images of a camera are segmented without maps; leave out one of them, or name the "
+    "network or .ffmodel that made the maps as edges.model",
     **{
-        (past, other): "every frame needs the one before it; run each film by itself"
+        (past, other): ": every frame needs the one before it; run each film by itself"
         for past in ("steady", "flicker")
         for other in ("shard", "camera", "pack", "dask")
     },
 }
-"""Why options do not go together, by their names."""
-_UNMERGED = "--film-out and --shard do not go together; merge the shards, then run it once more without --shard"
+"""What follows "do not go together" for two options, by their names."""
 
 
 def run(  # noqa: PLR0913 - the options of the command
@@ -254,11 +251,10 @@ def _require_together(asked: Mapping[str, Any]) -> None:
     for name, sentence in _NEED_CAMERA.items():
         if name in given and "camera" not in given:
             raise UsageError(sentence)
-    if given.issuperset(("film_out", "shard")):
-        raise UsageError(_UNMERGED)
-    for (one, other), why in _APART.items():
-        if given.issuperset((one, other)):
-            raise UsageError(f"--{one} and --{other} do not go together: {why}")
+    for pair, why in _APART.items():
+        if given.issuperset(pair):
+            one, other = (name.replace("_", "-") for name in pair)
+            raise UsageError(f"--{one} and --{other} do not go together{why}")
 
 
 def _executor(name: str, scheduler: str, asked: Mapping[str, Any]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -27,6 +27,7 @@ PIPE = "-"
 
 
 def segment(  # noqa: PLR0913 - the options of the command
+    context: typer.Context,
     image: Annotated[str, typer.Argument(metavar="IN", help="Image file, or - for stdin.")],
     outputs: Annotated[
         list[str], typer.Argument(metavar="OUT...", help="Files to write; their suffix says what. - is stdout.")
@@ -67,9 +68,7 @@ def segment(  # noqa: PLR0913 - the options of the command
     _require_other_names(image, wanted)
     if not overwrite:
         refuse_pictures([path for path in outputs if path != PIPE], "choose another name or add --overwrite")
-    kept: dict[str, Any] = {"largest": largest, "min_area": min_area, "fill_holes": fill_holes, "label": label}
-    asked = options.overrides({"settings": settings, "outside": outside, "boxes": boxes, **kept})
-    params = ready_params(config, asked, evidence, allow_code=allow_code)
+    params = ready_params(config, options.overrides(context.params), evidence, allow_code=allow_code)
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from ffseg.api import segment as segment_pixels
     from ffseg.io.saving import Source, encoded
@@ -88,11 +87,10 @@ def segment(  # noqa: PLR0913 - the options of the command
         console.error(str(error) if isinstance(error, FfsegError) else no_memory)
         raise typer.Exit(console.FAILED_IMAGES) from error
     if not quiet:
-        labelled = (
-            f"class 0 of YOLO's labels is {label}: name it in the data set's YAML file" if label is not None else ""
-        )
-        named = labelled if "yolo" in (output for _, output in wanted) else ""
-        for text in filter(None, (note, *result.messages, named)):
+        texts = [note, *result.messages]
+        if label is not None and any(output == "yolo" for _, output in wanted):
+            texts.append(f"class 0 of YOLO's labels is {label}: name it in the data set's YAML file")
+        for text in filter(None, texts):
             console.message(f"ffseg: {text}")
         console.message(_told(result))
 
