@@ -167,7 +167,7 @@ const news = async () => {
   try {
     const found = await post("news");
     if (place !== index || kind !== label) return;
-    $("line").textContent = [found.line, found.review && `reviewing ${found.review}`].filter(Boolean).join("; ");
+    $("line").textContent = [...found.lines, found.review && `reviewing ${found.review}`].filter(Boolean).join("; ");
     $("counts").textContent = `${found.accepted} accepted, ${found.skipped} skipped of ${about.images.length}`;
     $("command").textContent = found.command;
     $("run").disabled = found.running;

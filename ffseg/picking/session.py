@@ -249,7 +249,7 @@ class Session:
             "version": project.track(index).version,
             "accepted": project.count("accepted"),
             "skipped": project.count("skipped"),
-            "line": work.line,
+            "lines": [work.ran, work.line],
             "model": work.generation,
             "command": project.command(),
             "running": work.runs,
@@ -286,7 +286,7 @@ class _Work:
 
     def __init__(self, project: Project, session: Session) -> None:
         self.project = project
-        self.line, self.order, self.generation = "", list[str](), 0
+        self.line, self.ran, self.order, self.generation = "", "", list[str](), 0
         self._session, self._spared, self._measuring = session, False, False
         self._learning, self._running = Background(self._learned), Background(self._ran)
 
@@ -342,16 +342,16 @@ class _Work:
         if self.runs:
             return
         self.project.write_starts()
-        self.line = f"running {len(self.project.sources)} images"
+        self.ran = f"running {len(self.project.sources)} images"
         self._running.start([*self.project.arguments(), "--json", "--quiet"])
 
     def _ran(self, code: int, out: str, err: str) -> None:
         if code not in (0, 3):
-            self.line = f"the run has failed: {last_line(err)}"
+            self.ran = f"the run has failed: {last_line(err)}"
             return
         counts = json.loads(out)["counts"]
         failed = f", {counts['failed']} failed" if counts["failed"] else ""
-        self.line = f"the folder is done: {counts['done']} images{failed}"
+        self.ran = f"the folder is done: {counts['done']} images{failed}"
         self.project.review = self.project.path(RUN)
         self._session.forget()
         self.generation += 1

@@ -48,6 +48,8 @@ GOOD, MOST_CLICKS = 0.9, 6
 """IoU with which the stranger is content, and clicks after which one gives up."""
 THOUGHT_S, LOOK_S = 1.5, 2.0
 """Seconds of a hand: before a click, and for a look at an image."""
+RUN_S = 300.0
+"""Seconds in which a folder is done, or something is wrong."""
 WINDOW, FILM_WIDTH = (1000, 800), 640
 """Pixels, of the browser and of the animation."""
 LEAFED = 8
@@ -189,7 +191,7 @@ class Stranger:
 
     def let_learn(self) -> None:
         """Wait until a model of all masks so far is there."""
-        self.until("!document.getElementById('line').textContent.startsWith('learning')")
+        self.until("!document.getElementById('line').textContent.includes('learning from')")
 
     def run(self) -> None:
         """Run the folder and wait for it."""
@@ -197,10 +199,11 @@ class Stranger:
         self.shown(1200)
         self.hand.tab.value("document.getElementById('run').click()")
         begin = time.monotonic()
-        while not self.line().startswith("the folder is done"):
+        self.hand.tab.until("document.getElementById('run').disabled")  # until then it may tell of an earlier run
+        while not (said := self.line()).startswith("the folder is done"):
+            if said.startswith("the run has failed") or time.monotonic() - begin > RUN_S:
+                raise RuntimeError(said)
             time.sleep(0.2)
-            if self.line().startswith("the run has failed"):
-                raise RuntimeError(self.line())
         self.waited_s += time.monotonic() - begin
 
     def leaf(self, count: int) -> None:

@@ -300,13 +300,13 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(
         new.write_bytes(b"model")
         assert "--quick" in started[0], "a model first, figures afterwards"
         work._learned(0, json.dumps(FIGURES | {"iou": None, "without": None, "curve": []}), "")
-        assert own.news(0, 0)["line"] == "learned from 3 masks, now measured on each left out"
+        assert own.news(0, 0)["lines"][1] == "learned from 3 masks, now measured on each left out"
         assert own.projects[0].params.edges.model == str(out / "model.ffmodel"), "it need not be measured to be used"
         assert started[1:] == [[word for word in started[0] if word != "--quick"]]
         new.write_bytes(b"model")
         work._learned(0, json.dumps(FIGURES), "")
         assert len(started) == 2
-        assert own.news(0, 0)["line"] == "3 masks: .88 expected on the rest; one more may raise it by about .04"
+        assert own.news(0, 0)["lines"][1] == "3 masks: .88 expected on the rest; one more may raise it by about .04"
         assert own.following(0, 0) == 2, "the one it is least sure of"
         assert (own.following(0, 2), own.following(0, 1)) == (1, 2), "the next in line, and round"
         assert own.projects[0].params.edges.model == str(out / "model.ffmodel")
@@ -314,10 +314,10 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(
         assert f"model: {out}/model.ffmodel" in (out / "pick.yaml").read_text()
         new.write_bytes(b"model")
         work._learned(0, json.dumps(FIGURES | {"iou": 0.5}), "")
-        assert "it is not used" in own.news(0, 0)["line"]
+        assert "it is not used" in own.news(0, 0)["lines"][1]
         assert own.projects[0].params.edges.model is None
         work._learned(2, "", "ffseg: error: ffseg learn needs LightGBM; install ffseg[learn]\n")
-        assert own.news(0, 0)["line"] == "nothing was learned: ffseg learn needs LightGBM; install ffseg[learn]"
+        assert own.news(0, 0)["lines"][1] == "nothing was learned: ffseg learn needs LightGBM; install ffseg[learn]"
 
 
 def test_a_command_behind_is_ended_by_a_newer_one() -> None:
@@ -340,9 +340,10 @@ def test_the_folder_is_run_behind_and_its_masks_are_shown(tmp_path: Path) -> Non
             own.change(0, index, 0, "pick", picked(place))
         own.run(0)
         deadline = time.monotonic() + 60
-        while own.news(0, 0)["running"] and time.monotonic() < deadline:
+        while own.news(0, 0)["lines"][0] == "running 2 images" and time.monotonic() < deadline:
             time.sleep(0.05)
-        assert own.news(0, 0)["line"] == "the folder is done: 2 images"
+        own._work[0]._learned(2, "", "ffseg: error: too few\n")
+        assert own.news(0, 0)["lines"] == ["the folder is done: 2 images", "nothing was learned: too few"]
         own.change(0, 0, 1, "pick", OPEN)
         assert own.find(0, 0, OPEN, quick=False)["source"] == "run"
         assert iou(own._found(own.projects[0], 0, Picked()).mask, disc(LEFT)) > 0.95
