@@ -105,7 +105,7 @@ class Picked:
                 _value(given.get("clearance"), "clearance"),
                 given.get("status", "open"),
             )
-        except (TypeError, ValueError, KeyError) as error:
+        except (TypeError, ValueError, KeyError, OverflowError) as error:
             raise UsageError(f"what was picked cannot be read ({error}); load the page again") from error
         if picked.status not in STATUSES:
             raise UsageError(f"the status {str(picked.status)[:40]!r} is none of {', '.join(STATUSES)}")
@@ -214,6 +214,11 @@ class Journal:
     path : str
         A line that a crash has cut off is dropped.
 
+    Attributes
+    ----------
+    last : str
+        The image of the last step that was read; empty where there is none.
+
     Raises
     ------
     OutputError
@@ -221,7 +226,7 @@ class Journal:
     """
 
     def __init__(self, path: str) -> None:
-        self._path = path
+        self._path, self.last = path, ""
         self.tracks: dict[str, Track] = {}
         try:
             self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | OWN | os.O_APPEND, 0o666)
@@ -240,6 +245,7 @@ class Journal:
             entry = json.loads(line)
             picked = Picked.read(entry["picked"]) if entry["do"] == "pick" else None
             self.track(entry["image"]).step(entry["do"], picked)
+            self.last = entry["image"]
         except (ValueError, KeyError, TypeError, UsageError) as error:
             raise OutputError(
                 f"{printable(self._path)}:{number} is no step of ffseg pick ({error}); restore it"

@@ -130,10 +130,14 @@ class Project:
                 make_folder(os.path.dirname(path))
                 write_bytes_atomic(path, data)
         elif self.journal.track(source.name).accepted:  # this command's own, of an image that is accepted no longer
-            for path in paths:
-                with contextlib.suppress(FileNotFoundError):
-                    os.unlink(path)
+            self.drop(source.name)
         self.write_starts()
+
+    def drop(self, name: str) -> None:
+        """Remove what is written of an image: it is of an earlier step."""
+        for path in (self.mask_path(name), f"{self.mask_path(name, self.path(LABELS))[:-4]}.json"):
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(path)
 
     def _labelme(self, source: Source, found: Found, path: str) -> bytes:
         height, width = found.mask.shape
@@ -151,14 +155,17 @@ class Project:
         write_bytes_atomic(self.path(COMMAND), f"#!/bin/sh\n{self.command()}\n".encode(errors="surrogateescape"))
 
     def outdated(self) -> list[str]:
-        """Accepted images whose mask a crash has kept from being written, or from being removed; told once."""
+        """Accepted images whose mask a crash or an error has kept from being written, or from being removed; told once."""
         names, self._outdated = self._outdated, []
         return names
 
     def _stands(self, name: str) -> bool:
-        """Whether there is a mask of an image just where it is accepted."""
+        """Whether there is a mask of an image just where it is accepted, and none older than the last step of all."""
         accepted = self.journal.track(name).now.status == "accepted"
-        return os.path.isfile(self.mask_path(name)) == accepted
+        path = self.mask_path(name)
+        if not accepted or not os.path.isfile(path):
+            return os.path.isfile(path) == accepted
+        return name != self.journal.last or os.stat(path).st_mtime_ns >= os.stat(self.path(JOURNAL)).st_mtime_ns
 
     def arguments(self) -> list[str]:
         """Arguments of the ``ffseg run`` that does all images."""

@@ -54,6 +54,9 @@ class Server(ThreadingHTTPServer):
         self.policy = _POLICY + ("http://localhost:* http://127.0.0.1:*" if framed else "'none'")
         self.address = f"http://{HOST}:{self.port}/{self.token}/"
 
+    def handle_error(self, *_of: object) -> None:
+        """Say nothing of a page that is closed before its answer has come."""
+
     def begin(self) -> None:
         """Serve from a thread until `shutdown`."""
         threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True).start()
@@ -95,7 +98,7 @@ class Handler(BaseHTTPRequestHandler):
             self._json(409, {"error": "changed in another tab"})
         except FfsegError as error:
             self._json(400, {"error": str(error)})
-        except (ValueError, KeyError, TypeError, IndexError):
+        except (ValueError, KeyError, TypeError, IndexError, OverflowError, RecursionError):
             self._json(400, {"error": "this was no question of the page; load it again"})
         except (BrokenPipeError, ConnectionResetError):
             self.close_connection = True

@@ -8,6 +8,7 @@ import re
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from ffseg.batch.plan.sources import Source
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.report.folder import read_folder
 from ffseg.batch.workers.pictures import read_source
-from ffseg.errors import UsageError
+from ffseg.errors import FfsegError, UsageError
 from ffseg.io.files import make_folder, printable, write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.io.labels import Labels
@@ -223,7 +224,12 @@ class Session:
         if index < 0:
             return False
         accepted = track.now.status == "accepted"
-        project.keep(self.sources[index], self._found(project, index, track.now) if accepted else None)
+        try:
+            project.keep(self.sources[index], self._found(project, index, track.now) if accepted else None)
+        except FfsegError:
+            with suppress(OSError):
+                project.drop(name)  # made anew when the folder is opened next
+            raise
         return track.accepted
 
     def following(self, label: int, index: int) -> int:

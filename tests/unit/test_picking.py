@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import socket
+import struct
 import threading
 import time
 from pathlib import Path
@@ -21,6 +23,7 @@ from ffseg.errors import OutputError, UsageError
 from ffseg.io.labels import read_labels
 from ffseg.io.starts import load_starts
 from ffseg.parameters import load_params
+from ffseg.picking import project
 from ffseg.picking.learner import Background
 from ffseg.picking.picks import Journal, Picked, Stroke, painted
 from ffseg.picking.scene import Scene
@@ -50,7 +53,7 @@ def test_strokes_paint_the_pixels_whose_centres_are_near(points: list, radius: f
 BAD = [
     None, [], "x", {"starts": [[1, 2]]}, {"starts": [[1, 2, 0]]}, {"starts": [[1, 2, float("nan")]]}, {"boxes": [[1, 2, 3]]},
     {"starts": [[1, 2, 1e9]]}, {"strokes": [{"inside": True, "radius": 3, "points": []}]}, {"strokes": [{}]},
-    {"status": "done"}, {"probability": "x"}, {"strokes": 3}, {"status": []},
+    {"status": "done"}, {"probability": "x"}, {"strokes": 3}, {"status": []}, {"starts": [[10**400, 1, 1]]},
 ]  # fmt: skip
 
 
@@ -159,6 +162,27 @@ def test_what_a_crash_has_left_undone_is_done_at_the_next_start(tmp_path: Path) 
         assert set(load_starts(out / "starts.csv", ["a.png", "b.png"])) == {"a.png", "b.png"}
 
 
+@pytest.mark.parametrize("how", ["killed", "full"])
+def test_no_mask_of_an_earlier_step_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+    folder, out = draw(tmp_path / "in", ["a.png"]), tmp_path / "out"
+    mask, later = out / "masks" / "a.png", picked(RIGHT, status="accepted")
+    error = {"killed": KeyboardInterrupt(), "full": OutputError("full")}[how]
+
+    def stopped(*_of: object) -> None:
+        raise error
+
+    with session(folder, out) as own:
+        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        monkeypatch.setattr(project, "write_bytes_atomic", stopped)
+        with pytest.raises(type(error)):
+            own.change(0, 0, 1, "pick", later)
+        assert mask.exists() is (how == "killed")
+        monkeypatch.undo()
+    with session(folder, out) as own:
+        assert own.image(0, 0)["version"] == 2
+    assert iou(mask_of(mask), disc(RIGHT)) > 0.95
+
+
 def test_a_step_on_what_was_changed_elsewhere_is_refused(tmp_path: Path) -> None:
     with session(draw(tmp_path / "in", ["a.png"]), tmp_path / "out") as own:
         own.change(0, 0, 0, "pick", picked(LEFT))
@@ -244,7 +268,7 @@ def test_only_this_page_is_answered(server) -> None:
 def test_questions_that_are_none_are_refused_and_name_no_file(server) -> None:
     for path in ("../out/picks.jsonl", "page.py", "image/", "image/9", "image/-1", "image/x", "image/../page.js"):
         assert ask(server, path)[0] in (400, 404), path
-    for body in ({"image": 9}, {"image": -1}, {"label": 1}, {"image": "x"}, [], 3):
+    for body in ({"image": 9}, {"image": -1}, {"label": 1}, {"image": "x"}, {"image": float("inf")}, [], 3):
         assert ask(server, "image", body)[0] == 400, body
     assert ask(server, "find", {})[0] == 400
     assert ask(server, "nothing", {})[0] == 400
@@ -255,6 +279,18 @@ def test_questions_that_are_none_are_refused_and_name_no_file(server) -> None:
     status, found = ask(server, "find", {"picked": picked((500, 500))})
     assert (status, found["path"]) == (200, "")
     assert "outside the image" in found["said"]
+
+
+def test_a_page_that_leaves_says_nothing_on_the_terminal(server, capfd: pytest.CaptureFixture[str]) -> None:
+    before = threading.active_count()
+    with socket.create_connection((pick_page.HOST, server.port)) as page:
+        page.sendall(b"GET / HTTP/1.1\r\n")
+        page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # closing resets the connection
+        while threading.active_count() <= before:
+            time.sleep(0.01)
+    while threading.active_count() > before:
+        time.sleep(0.01)
+    assert capfd.readouterr().err == ""
 
 
 def test_the_page_loads_nothing_from_elsewhere_and_names_are_data(server) -> None:
