@@ -7,6 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
+from ffseg.errors import SegmentationError
 from ffseg.image.boundary import Boundary
 from ffseg.plugins import method as chosen
 from ffseg.scene import BlockedStartError, Outcome, Scene
@@ -62,7 +63,10 @@ def contour(scene: Scene) -> Found:
         from ffseg.starts.moved import moved  # loads what only this needs
 
         free, told = moved(scene, str(blocked))
-        outcome, messages, across = run(free), (told,), False
+        try:
+            outcome, messages, across = run(free), (told,), False
+        except BlockedStartError as still:
+            raise SegmentationError(f"{told}, where it cannot move either; {still}") from still
     return Found(free, outcome, messages, (perf_counter() - begin) * 1e3, across)
 
 

@@ -64,7 +64,7 @@ def run(scene: Scene) -> Outcome:
     if evolution.stop_reason == "blocked":
         if scene.footprint is not None:
             raise BlockedStartError(
-                f"or nearer to an edge than the footprint of {scene.footprint.radius_m:g} m: give a smaller one"
+                f"nothing can move with the footprint of {scene.footprint.radius_m:g} m: give a smaller one"
             )
         raise BlockedStartError("move init.center, change init.radius or raise edges.canny")
 

@@ -15,7 +15,7 @@ from ffseg import plugins
 from ffseg.compare import run as work
 from ffseg.compare.shared import common_source
 from ffseg.compare.text import markdown
-from ffseg.errors import ParameterError, SegmentationError, UsageError
+from ffseg.errors import OutputError, ParameterError, SegmentationError, UsageError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.io.overlays import Polyline
 from ffseg.io.panels import STRIP, TILE_WIDTH, Tile, encode_panel
@@ -123,6 +123,9 @@ def test_an_interrupted_comparison_goes_on(tmp_path: Path) -> None:
     assert not (tmp_path / "out" / "compare.jsonl").exists()
     work.compare(task, seen.append)
     assert len(seen) == 3 + 4 + 6, "a finished one begins anew"
+    (tmp_path / "out" / "compare.jsonl").mkdir()
+    with pytest.raises(OutputError, match="cannot be written"):
+        work.compare(task, seen.append)
 
 
 def test_the_median_of_the_times_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
