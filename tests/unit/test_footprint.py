@@ -96,7 +96,9 @@ def test_bays_that_half_the_robot_cannot_enter_are_closed() -> None:
 def test_a_footprint_that_fits_nowhere_says_so() -> None:
     camera = replace(sample_camera(), footprint=0.6)
     image = painted(camera, ring_wall(camera, 0.6, 0.0))
-    with pytest.raises(SegmentationError, match=r"^the start .* cannot move .*; .* the footprint of 0\.6 m: give a smaller one"):
+    with pytest.raises(
+        SegmentationError, match=r"^the start .* cannot move .*; .* the footprint of 0\.6 m: give a smaller one"
+    ):
         segment_view(image, camera, PARAMS)
 
 
