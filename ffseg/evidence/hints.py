@@ -22,6 +22,7 @@ from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
 from ffseg.evidence.surroundings import STRIDE, colours_of, likelier, likeness, steepest, with_own_colours
 from ffseg.image.edges import EdgeMap
 from ffseg.image.opencv_peers import grown
+from ffseg.image.parts import parts
 from ffseg.native import _core
 from ffseg.scene import Scene
 from ffseg.starts.rivals import seeds
@@ -42,6 +43,11 @@ NEAREST = 0.01
 
 HELD = 3.0
 """Pixels round a click that are its side's: a smaller disc would start on the edge of its own evidence, and leak over it."""
+
+SHOWS, CLICK = 0.75, 0.01
+"""Part of the widest click's radius from which on a click shows what it lies on, and radius of a usual click in parts of the
+image's longer side, if the widest is wider. Narrower ones mend a rim and lie on its edge: they hold what they cover, no more.
+On 55 drawings .60, .75 and .90 do alike; on 55 others clicks lose half as much as if all were to show something."""
 
 TOLD = (
     "prior",
@@ -127,13 +133,28 @@ def hints(image: NDArray[np.uint8], inside: Region, outside: Region) -> Plane | 
     ndarray of float32, shape (H, W), or None
         Logarithm of the odds of belonging to what is meant, at most ``CERTAIN`` either way; None where both sides show the same.
     """
-    view = look(image, inside, outside)
-    if view.is_even():
+    whole = _shown(image, *showing(inside, outside))
+    if whole is None:
         return None
-    whole = enlarged(_odds(view), view.seen.factor, view.seen.shape, STRIDE)
     whole[grown(inside, HELD)] = CERTAIN
     whole[outside], whole[inside] = -CERTAIN, CERTAIN
     return whole
+
+
+def showing(inside: Region, outside: Region) -> tuple[Region, Region]:
+    """Parts of clicks that show what they lie on (`SHOWS`), at least the widest inside."""
+    sides = parts(inside), parts(outside)
+    widest = [float(side.areas.max()) for side in sides]
+    least = SHOWS**2 * min(max(widest), np.pi * (CLICK * max(inside.shape)) ** 2)
+    return sides[0].at_least(min(least, widest[0])), sides[1].at_least(least)
+
+
+def _shown(image: NDArray[np.uint8], inside: Region, outside: Region) -> Plane | None:
+    """Log odds of what is shown; the prior's where that is one part inside and nothing outside, None as `hints`."""
+    if not outside.any() and np.count_nonzero(parts(inside).areas) == 1:
+        return prior.prior(image, inside)
+    view = look(image, inside, outside)
+    return None if view.is_even() else enlarged(_odds(view), view.seen.factor, view.seen.shape, STRIDE)
 
 
 def _odds(view: View) -> Plane:
