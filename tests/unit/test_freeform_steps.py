@@ -311,6 +311,14 @@ def test_samples_the_domain_has_stopped_settle_at_its_limit() -> None:
     assert hypot(*(box[1] - (139.5, 109.5))) < 0.6
 
 
+def test_an_edge_beyond_the_domain_draws_no_sample_out_of_it() -> None:
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    domain = ((x - 90) ** 2 + (y - 70) ** 2 < 41**2).astype(np.uint8)
+    made = evolution([FreeForm.circle((90, 70), 39, 40, 3)], domain=domain, refine=True, settle=4.0)
+    made.settle(gradient_ring(43.0))
+    assert 40.0 < distances(made).min() < distances(made).max() < 42.0
+
+
 def facing(degree: int) -> list[FreeForm]:
     """Two circles of five patches; the middle of one patch of each lies where they overlap."""
     angles = np.arange(5 * degree) * 2 * pi / (5 * degree)

@@ -28,6 +28,8 @@ constexpr double kMostBend = 0.5;
 constexpr double kSettledSpacing = 3.0;
 // Normals are taken across this distance to either side, over the jitter of samples stopped by a pixel staircase.
 constexpr double kNormalReach = 2.0;
+// Steps in which the domain's limit is looked for.
+constexpr double kToLimit = 1.0 / 16.0;
 template <int D>
 class Settling {
 public:
@@ -80,7 +82,7 @@ private:
             if (std::isnan(offset_[i])) offset_[i] = to_limit(i);
         }
         unfold();
-        for (const std::size_t i : fresh_) at_[i] = field_.clamp(at_[i] + offset_[i] * normal_[i]);
+        for (const std::size_t i : fresh_) at_[i] = in_domain(i);
     }
 
     // The chords that begin or end at a fresh sample: their directions, and which are long enough to take a normal
@@ -135,11 +137,20 @@ private:
         }
     }
 
+    // Where a sample moves to: as far as the image and the domain go, whatever edges lie beyond.
+    Vec2 in_domain(std::size_t i) const {
+        for (double back = 0.0; back <= reach_ + kRidgeAhead; back += kToLimit) {
+            const Vec2 moved = field_.clamp(at_[i] + (offset_[i] - back) * normal_[i]);
+            if (!field_.outside_domain(moved)) return moved;
+        }
+        return field_.clamp(at_[i] + offset_[i] * normal_[i]);
+    }
+
     // A sample with no ridge in reach: if the domain stopped it, it moves up to the domain's limit.
     double to_limit(std::size_t i) const {
-        constexpr double kFine = 1.0 / 16.0, kFar = 1.5;
-        for (double ahead = kFine; ahead <= kFar; ahead += kFine) {
-            if (field_.outside_domain(at_[i] + ahead * normal_[i])) return ahead - kFine;
+        constexpr double kFar = 1.5;
+        for (double ahead = kToLimit; ahead <= kFar; ahead += kToLimit) {
+            if (field_.outside_domain(at_[i] + ahead * normal_[i])) return ahead - kToLimit;
         }
         return 0.0;
     }
