@@ -127,7 +127,8 @@ def edge_map(image: Pixels, params: Edges, domain: NDArray[np.uint8] | None = No
             f"params is of type {type(params).__name__}; give the edges of a parameter set: params.edges"
         )
     domain = _checked_domain(domain, shape)
-    gradient, edges = np.empty(shape, np.uint16), np.empty(shape, np.uint8)
+    planes = np.empty((3, *shape), np.uint8)  # as two pieces, glibc would give back and fault in all pages each time
+    gradient, edges = planes[:2].reshape(-1).view(np.uint16).reshape(shape), planes[2]
     _core.gradient_and_ridges(np.ascontiguousarray(evened(pixels, params)), params.sigma, gradient, edges)
     thresholds = _canny(gradient, params, domain, edges)
     return EdgeMap(gradient, edges, domain, thresholds, "gradient")

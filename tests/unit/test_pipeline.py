@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 import ffseg
+from ffseg.samples.scenes import SCENES
 from tests.scenes import START, START_RADIUS, scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -81,3 +84,19 @@ def test_paper_and_peers_do_not_see_what_was_learned(monkeypatch: pytest.MonkeyP
     for method in ("paper", "cv_floodfill"):
         assert ffseg.segment(image, method=method).source == "gradient"
         assert ffseg.segment(image, {"method": method}).source == "gradient"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other C libraries keep memory in other ways")
+def test_a_loop_keeps_the_memory_of_one_image_for_the_next(tmp_path: Path) -> None:
+    """Given back and taken anew, the planes of 800x600 pixels are 500 pages, as much work as the edges themselves."""
+    cv2.imwrite(str(tmp_path / "image.png"), SCENES["toy"]().image)
+    code = """
+import resource, ffseg
+image, seen = ffseg.read_image("image.png"), []
+for _ in range(20):
+    ffseg.segment(image)
+    seen.append(resource.getrusage(resource.RUSAGE_SELF).ru_minflt)
+print((seen[-1] - seen[9]) / 10)
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, capture_output=True, text=True)
+    assert float(done.stdout) < 40
