@@ -27,6 +27,8 @@ class Handler(BaseHTTPRequestHandler):
             self.send_error(401)
         elif self.path.partition("?")[0].endswith(".png"):
             self.send_response(200)
+            if self.path == "/short.png":
+                self.send_header("Content-Length", "7")
             self.end_headers()
             self.wfile.write(b"pixels" if self.path != "/empty.png" else b"")
         else:
@@ -54,6 +56,11 @@ def test_an_object_is_read_whole_and_named_by_its_path(port: int) -> None:
     assert read_remote(f"http://me:so%2Fso@127.0.0.1:{port}/guarded.png", 6) == b"pixels"
 
 
+def test_every_mark_in_an_address_is_its_own() -> None:
+    for url in ("http://[::1]:80/a.png", "http://host/a[1]*.png", "http://host/a.png?of=[2]*"):
+        assert [one.path for one in discover([url])] == [url]
+
+
 def test_redirects_stay_on_the_host_that_was_named(port: int) -> None:
     same = f"http://127.0.0.1:{port}/to/127.0.0.1/a.png"
     assert read_remote(same, 10) == b"pixels"
@@ -65,9 +72,12 @@ def test_redirects_stay_on_the_host_that_was_named(port: int) -> None:
 
 @pytest.mark.parametrize(
     ("path", "reason"),
-    [("none", "missing"), ("empty.png", "empty"), ("guarded.png", "unreadable"), ("large.png", "too-many-bytes")],
+    [
+        *(("none", "missing"), ("empty.png", "empty"), ("guarded.png", "unreadable"), ("short.png", "truncated")),
+        ("large.png", "too-many-bytes"),
+    ],
 )
 def test_what_cannot_be_read_says_why(port: int, path: str, reason: str) -> None:
     with pytest.raises(ImageReadError) as caught:
-        read_remote(f"http://127.0.0.1:{port}/{path}", 5)
+        read_remote(f"http://127.0.0.1:{port}/{path}", 5 if path == "large.png" else 6)
     assert caught.value.reason == reason

@@ -124,7 +124,7 @@ def _expand(text: str, skipped: Counter[str]) -> list[Source]:
 def _remote_sources(url: str) -> list[Source]:
     """Images of a URL: one, those of a pattern, or those below a folder of a store."""
     try:
-        if url.startswith("http") and not any(mark in url for mark in "*["):
+        if url.startswith("http"):
             return [Source(url, os.path.basename(url.partition("?")[0].rstrip("/")) or "index")]
         system, path = file_system(url)
         if any(mark in path for mark in "*?["):

@@ -48,11 +48,12 @@ def read_remote(url: str, max_bytes: int, *, redirects: bool = False) -> bytes:
     Raises
     ------
     ImageReadError
-        With the reason ``missing``, ``unreadable``, ``empty`` or ``too-many-bytes``.
+        With the reason ``missing``, ``unreadable``, ``truncated``, ``empty`` or ``too-many-bytes``.
     """
     try:
         with _open_http(url, redirects=redirects) if url.startswith("http") else _open_store(url) as file:
             data: bytes = file.read(max_bytes + 1)
+            short = getattr(file, "length", None) if len(data) <= max_bytes else None
     except FileNotFoundError as error:
         raise ImageReadError("missing", "there is no such object") from error
     except _OtherHostError as error:
@@ -60,6 +61,8 @@ def read_remote(url: str, max_bytes: int, *, redirects: bool = False) -> bytes:
         raise ImageReadError("unreadable", f"it leads to another host, {printable(str(error))}; {remedy}") from error
     except Exception as error:  # every store raises its own kinds
         raise ImageReadError("unreadable", f"it cannot be read ({type(error).__name__}: {error})"[:300]) from error
+    if short:
+        raise ImageReadError("truncated", f"the connection ended {short} bytes early; try again")
     if not data:
         raise ImageReadError("empty", "the object is empty; copy it again")
     if len(data) > max_bytes:
