@@ -103,7 +103,8 @@ def _reader(path: str, _mark: tuple[int, int]) -> _Reader:
 def bag_poses(path: str, times: Iterable[int]) -> list[Planar | None]:
     """x, y (metres) and heading (radians, counterclockwise) of the robot at times, linear between the messages of a topic.
 
-    None before the first and after the last. Of transforms those from ``map``, ``odom`` or ``world`` count.
+    None before the first and after the last. Of transforms those from ``map``, ``odom`` or ``world`` count. Messages whose
+    numbers are not finite, or whose quaternion is zero, as before a robot knows where it is, are passed over.
     """
     import numpy as np
 
@@ -112,11 +113,12 @@ def bag_poses(path: str, times: Iterable[int]) -> list[Planar | None]:
         for connection, time, data in reader.messages(connections):
             message: Any = reader.deserialize(data, connection.msgtype)
             for frame, where in _placed(message):
-                found.setdefault(frame, []).append((time, where))
+                if all(map(math.isfinite, where)):
+                    found.setdefault(frame, []).append((time, where))
     origin = next((one for one in (*_WORLDS, "") if one in found), None)
     if origin is None:
         topic = f"the topic /{printable(path.partition(MARK)[2])} of {printable(bag_of(path))}"
-        raise UsageError(f"{topic} leads from none of {', '.join(_WORLDS)}; name a topic of odometry")
+        raise UsageError(f"{topic} has no pose in {', '.join(_WORLDS)}; name a topic of odometry")
     at = np.array([time for time, _ in found[origin]], np.int64)
     x, y, turn = np.array([where for _, where in found[origin]]).T
     turn, first = np.unwrap(turn), int(at[0])
@@ -136,8 +138,9 @@ def _placed(message: Any) -> Iterator[tuple[str, Planar]]:  # noqa: ANN401 - of 
 
 
 def _planar(place: Any, turn: Any) -> Planar:  # noqa: ANN401 - of rosbags
-    yaw = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
-    return float(place.x), float(place.y), yaw
+    """A heading that is not a number where the quaternion, of any length, is zero."""
+    sine, cosine = 2.0 * (turn.w * turn.z + turn.x * turn.y), turn.w**2 + turn.x**2 - turn.y**2 - turn.z**2
+    return float(place.x), float(place.y), math.atan2(sine, cosine) if turn.w or turn.x or turn.y or turn.z else math.nan
 
 
 def _encoded(message: Any, max_bytes: int) -> bytes:  # noqa: ANN401 - of rosbags

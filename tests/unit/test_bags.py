@@ -191,6 +191,22 @@ def test_what_is_not_there_is_named(tmp_path: Path, ffseg_command: Command, monk
         bags.stamps(f"{bag}::/camera/image")
 
 
+def test_messages_that_name_no_pose_are_passed_over(tmp_path: Path) -> None:
+    store, messages = get_typestore(Stores.ROS2_HUMBLE), []
+    for number, (x, turn, length) in enumerate([(0.0, 0.0, 0.0), (1.0, 0.5, 1.0), (np.nan, 0.0, 1.0), (3.0, 0.7, 2.0)]):
+        where, time = pose_fields(store, x, 2.0, turn), BEGIN + number * STEP
+        where.orientation.z, where.orientation.w = length * where.orientation.z, length * where.orientation.w
+        moved = store.types["geometry_msgs/msg/Transform"](translation=where.position, rotation=where.orientation)
+        head = header(store, time, "odom", ros1=False)
+        led = store.types["geometry_msgs/msg/TransformStamped"](header=head, child_frame_id="base", transform=moved)
+        messages.append(("/tf", "tf2_msgs/msg/TFMessage", time, {"transforms": [led]}))
+    before, *poses = bags.bag_poses(f"{written(tmp_path / 'b', 'mcap', messages)}::/tf", [one[2] for one in messages])
+    assert before is None
+    assert np.ravel(poses) == pytest.approx([1, 2, 0.5, 2, 2, 0.6, 3, 2, 0.7])
+    with pytest.raises(UsageError, match="has no pose in map, odom, world"):
+        bags.bag_poses(f"{written(tmp_path / 'c', 'mcap', messages[:1])}::/tf", [BEGIN])
+
+
 @pytest.mark.parametrize("mirrored", [True, False])
 def test_a_robots_pose_is_its_cameras(mirrored: bool) -> None:
     """What the camera sees ahead lies ahead on the ground: of the frame of the poses y is left, or turned over."""
