@@ -140,7 +140,11 @@ def _placed(message: Any) -> Iterator[tuple[str, Planar]]:  # noqa: ANN401 - of 
 def _planar(place: Any, turn: Any) -> Planar:  # noqa: ANN401 - of rosbags
     """A heading that is not a number where the quaternion, of any length, is zero."""
     sine, cosine = 2.0 * (turn.w * turn.z + turn.x * turn.y), turn.w**2 + turn.x**2 - turn.y**2 - turn.z**2
-    return float(place.x), float(place.y), math.atan2(sine, cosine) if turn.w or turn.x or turn.y or turn.z else math.nan
+    return (
+        float(place.x),
+        float(place.y),
+        math.atan2(sine, cosine) if turn.w or turn.x or turn.y or turn.z else math.nan,
+    )
 
 
 def _encoded(message: Any, max_bytes: int) -> bytes:  # noqa: ANN401 - of rosbags
