@@ -51,6 +51,7 @@ def harden() -> None:
         except OSError:
             flags = os.O_RDONLY if descriptor == 1 else os.O_RDWR
             os.set_inheritable(os.open(os.devnull, flags), True)  # takes the lowest free number: this one
+    sys.stdin = sys.stdin or io.TextIOWrapper(io.FileIO(0, closefd=False))
     sys.stdout, sys.stderr = _tolerant(1, sys.stdout), _tolerant(2, sys.stderr)
 
 

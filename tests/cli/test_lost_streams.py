@@ -84,6 +84,21 @@ def test_data_that_a_closed_stdout_loses_is_said(photos: Path) -> None:
         assert "stdout could not be written (Bad file descriptor)" in done.stderr
 
 
+def test_a_closed_stdin_is_an_empty_one(photos: Path) -> None:
+    for command, sentence in (
+        ("run - --out -", "stdin holds no Y4M"),
+        ("run --list - --out out", "names no image"),
+        ("segment - out.png", "stdin is empty"),
+    ):
+        assert sentence in shell(f"{FFSEG} {command} <&- | cat", photos).stderr, command
+
+
+def test_frames_that_go_nowhere_fail(photos: Path) -> None:
+    for lost, why in ((">&-", "Bad file descriptor"), (">/dev/full", "No space left on device")):
+        done = shell(f"{FFSEG} run - --raw 9x9:gray --out - < photos/a.png {lost}", photos)
+        assert (done.returncode, f"stdout cannot be written ({why})" in done.stderr) == (3, True), done.stderr
+
+
 def test_a_folder_that_has_been_removed_is_said(tmp_path: Path) -> None:
     done = shell(f"mkdir gone; cd gone; rmdir ../gone; {FFSEG} run {ROOT / 'samples'} --out out", tmp_path)
     assert (done.returncode, done.stderr) == (

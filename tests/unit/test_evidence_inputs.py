@@ -123,7 +123,7 @@ def test_levels_become_shares(tmp_path: Path) -> None:
         (np.array([0.5]), "one value for each pixel"),
         (np.zeros((0, 3)), "one value for each pixel"),
         (np.array([["x"]]), "from 0 to 1"),
-        (np.array([[1]], np.int64), "from 0 to 1"),
+        (np.array([[1]], np.int64), "its int64 values are none of bool, uint8"),
         (np.array([[object()]]), "no NumPy array file"),
     ],
 )

@@ -97,7 +97,7 @@ def _array(data: bytes) -> NDArray[np.float32]:
     if values.dtype == np.bool_:
         return values.astype(np.float32)
     if values.dtype.kind != "f" or not (np.isfinite(values).all() and values.min() >= 0 and values.max() <= 1):
-        raise ValueError(f"its {values.dtype} values are not all from 0 to 1")
+        raise ValueError(f"its {values.dtype} values are none of bool, uint8, uint16, and floats from 0 to 1")
     return np.ascontiguousarray(values, np.float32)
 
 

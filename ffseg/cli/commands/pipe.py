@@ -13,7 +13,7 @@ import typer
 from ffseg.cli import console
 from ffseg.cli.checks import ready_params
 from ffseg.cli.options import overrides
-from ffseg.errors import ImageReadError, SegmentationError, UsageError
+from ffseg.errors import ImageReadError, OutputError, SegmentationError, UsageError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,7 +60,7 @@ def pipe(context: typer.Context) -> int:
     except BrokenPipeError:
         console.error(f"whoever reads stdout has gone after {count} frames")
         return console.FAILED_IMAGES
-    except ImageReadError as error:
+    except (ImageReadError, OutputError) as error:
         console.error(str(error))
         return console.FAILED_IMAGES
     finally:
@@ -157,6 +157,11 @@ def _picture(
 
 def _send(data: bytes) -> None:
     """Write to stdout at once, whole: a reader that has gone is heard of, as the stream of the program does not."""
-    from ffseg.io.files import write_fully
+    from ffseg.io.files import unwritten, write_fully
 
-    write_fully(1, data)
+    try:
+        write_fully(1, data)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise unwritten("stdout", error) from error

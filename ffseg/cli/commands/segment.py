@@ -155,7 +155,7 @@ def _read(image: str, levels: Levels) -> tuple[NDArray[np.uint8], str]:
 
 
 def _stdin(most: int) -> bytes:
-    data = sys.stdin.buffer.read(most + 1) if sys.stdin is not None else b""
+    data = sys.stdin.buffer.read(most + 1)
     if not data:
         raise ImageReadError("empty", "stdin is empty; send an image: ffseg segment - OUT < IMAGE")
     if len(data) > most:
