@@ -8,6 +8,7 @@ import json
 import multiprocessing
 import os
 import re
+import socket
 import subprocess
 import sys
 import threading
@@ -185,6 +186,12 @@ def test_a_scheduler_that_is_not_there_is_refused(tmp_path: Path) -> None:
     make_images(tmp_path / "in", NAMES[:2])
     with pytest.raises(UsageError, match="no scheduler answers"):
         run_batch(tmp_path / "in", tmp_path / "out", **by_dask("nowhere:not-a-port"))
+    with socket.create_server(("127.0.0.1", 0)) as other:  # the dashboard, whose first bytes are no length
+        answer = threading.Thread(target=lambda: other.accept()[0].sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n"))
+        answer.start()
+        with pytest.raises(UsageError, match="no scheduler answers"):
+            run_batch(tmp_path / "in", tmp_path / "out", **by_dask(f"127.0.0.1:{other.getsockname()[1]}"))
+        answer.join()
 
 
 def test_a_worker_that_dies_costs_nothing(mortal, tmp_path: Path) -> None:

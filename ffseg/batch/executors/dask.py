@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
 import pickle
 import queue
 import select
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
@@ -202,11 +204,24 @@ def _connect(start: Assignment) -> tuple[Any, Any]:
             dashboard_address=None,
         )
     try:
+        if address:
+            with ThreadPoolExecutor(1) as thread:  # a notebook's own has a loop already
+                thread.submit(asyncio.run, _require_scheduler(address)).result()
         return distributed.Client(cluster or address, timeout=_PATIENCE_S, set_as_default=False), cluster
-    except (OSError, ValueError) as error:
+    except Exception as error:  # what answers may be anything, and Dask read anything into it
         raise UsageError(
-            f"--dask: no scheduler answers at {printable(address)} ({error}); check the address"
+            f"--dask: no scheduler answers at {printable(address)} ({str(error) or type(error).__name__}); check the address"
         ) from error
+
+
+async def _require_scheduler(address: str) -> None:
+    """Refuse what is none: with other servers, as of the dashboard, a client waits for minutes."""
+    distributed: Any = import_module("distributed")
+    secured = distributed.Security().get_connection_args("client")
+    async with distributed.rpc(address, timeout=_PATIENCE_S, connection_args=secured) as there:
+        found = (await asyncio.wait_for(there.identity(), _PATIENCE_S))["type"]
+    if found != "Scheduler":
+        raise ValueError(f"it is a {found}")
 
 
 def do_chunk(order: Order) -> dict[str, str]:
