@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable
 from typing import Any
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from ffseg import pipeline, plugins
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.image.checked import Pixels, taken_image
+from ffseg.image.checked import Pixels, refuse_masked, taken_image
 from ffseg.image.edges import EdgeMap
 from ffseg.io.masks import load_mask
 from ffseg.parameters import FARTHEST, ParametersLike, parameter_set
@@ -135,7 +136,7 @@ def _check_extras(image: NDArray[np.uint8], edges: object, center: object, altit
             f"the edge map has {columns} x {rows} pixels, the image {width} x {height}; give the map of this image"
         )
     if center is not None and _numbers(center).shape != (2,):
-        raise SegmentationError(f"center is {center!r}; give (x, y) in pixels")
+        raise SegmentationError(f"center is {reprlib.repr(center)}; give (x, y) in pixels")
     if altitudes is None:
         return
     rows = _numbers(altitudes)
@@ -154,7 +155,7 @@ def _numbers(values: Any) -> NDArray[np.float64]:  # noqa: ANN401 - whatever som
     """What can be an array of numbers as one; a single number, which is none, otherwise."""
     try:
         return np.asarray(values, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return np.asarray(np.nan)
 
 
@@ -162,6 +163,7 @@ def _evidence(values: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
     """A map of evidence as the segmenters take it."""
     if values is None:
         return None
+    refuse_masked("evidence", values)
     given = np.asarray(values)
     if given.ndim == 2 and given.dtype.kind in "biuf":
         found = np.ascontiguousarray(given, np.float32)
@@ -176,6 +178,7 @@ def _mask(
     """A mask as 0 and 255: the one given, else that of the file the parameters name."""
     if mask is None:
         return load_mask(key, path)
+    refuse_masked(name, mask)
     if not isinstance(mask, np.ndarray) or mask.ndim != 2 or mask.dtype.kind not in "bu":
         raise SegmentationError(f"{name} must be an array of bool or uint8, shape (H, W), nonzero inside")
     return np.where(mask > 0, np.uint8(255), np.uint8(0))

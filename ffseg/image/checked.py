@@ -43,6 +43,7 @@ def taken_image(
     SegmentationError
         As `checked_image`.
     """
+    refuse_masked("image", image)
     if isinstance(image, np.ndarray) and image.size:
         if levels != "auto" and image.dtype.kind in "iuf" and image.dtype != np.uint8 and np.isfinite(image).all():
             image = scaled(image, levels)
@@ -52,6 +53,19 @@ def taken_image(
             image = np.rint(image * image.dtype.type(255)).astype(np.uint8)
     found = checked_image(image)
     return np.ascontiguousarray(found[..., ::-1]) if rgb and found.ndim == 3 else found
+
+
+def refuse_masked(name: str, values: object) -> None:
+    """Refuse a masked array, whose mask most functions forget.
+
+    Raises
+    ------
+    SegmentationError
+        One sentence with the remedy.
+    """
+    if type(values).__module__.startswith("numpy.ma"):
+        where = ", and domain=~np.ma.getmaskarray(image) for where it counts" if name == "image" else ""
+        raise SegmentationError(f"{name} is a masked array; give {name}.filled(0){where}")
 
 
 def checked_image(image: object) -> NDArray[np.uint8]:

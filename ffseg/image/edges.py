@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
-from ffseg.image.checked import Pixels, taken_image
+from ffseg.image.checked import Pixels, refuse_masked, taken_image
 from ffseg.image.evening import evened
 from ffseg.native import _core
 from ffseg.parameters import Edges
@@ -137,6 +137,7 @@ def edge_map(image: Pixels, params: Edges, domain: NDArray[np.uint8] | None = No
 def _checked_domain(domain: object, shape: tuple[int, ...]) -> NDArray[np.uint8] | None:
     if domain is None:
         return None
+    refuse_masked("domain", domain)
     if not isinstance(domain, np.ndarray) or domain.dtype not in (np.uint8, np.bool_) or domain.shape != shape:
         raise SegmentationError(f"the domain must be an array of uint8 or bool of the image's shape {shape}")
     return domain.astype(np.uint8, copy=False)

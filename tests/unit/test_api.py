@@ -79,6 +79,7 @@ WRONG = {
     "nothing": (DISC[:0], "has no pixel"),
     "not a number": (np.full((9, 9), np.nan), "np.nan_to_num(image)"),
     "infinite": (np.where(DISC > 99, np.inf, 0.5), "np.nan_to_num(image)"),
+    "masked": (np.ma.masked_less(DISC, 99), "give image.filled(0), and domain=~np.ma.getmaskarray(image)"),
     "complex": (DISC.astype(complex), "is of complex128, which no pixel is"),
     "objects": (DISC.astype(object), "is of object, which no pixel is"),
 }
@@ -111,10 +112,14 @@ EXTRAS = {
     "no edge map": ({"edges": DISC}, "edges is of type ndarray; give an EdgeMap, as of ffseg.edge_map"),
     "another image's edge map": ({"edges": OTHER}, "the edge map has 50 x 50 pixels, the image 120 x 90"),
     "no point": ({"center": 5}, "center is 5; give (x, y) in pixels"),
+    "a point beyond all floats": ({"center": (10**400, 0)}, "give (x, y) in pixels"),
+    "a masked domain": ({"domain": np.ma.masked_less(DISC, 99)}, "domain is a masked array; give domain.filled(0)"),
+    "masked evidence": ({"evidence": np.ma.masked_less(DISC / 255, 0.5)}, "give evidence.filled(0)"),
     "a name for a point": ({"center": ("x", "y")}, "give (x, y) in pixels"),
     "interest points nowhere": ({"altitudes": np.full((1, 4), np.nan)}, "altitudes must be finite"),
     "interest points of no size": ({"altitudes": [[1, 2, 0.1, -1]]}, "radii from 0 to 10000"),
     "interest points far away": ({"altitudes": [[1e6, 2, 0.1, 1]]}, "x and y from -100000 to 100000"),
+    "interest points beyond all floats": ({"altitudes": [[10**400, 2, 0.1, 1]]}, "altitudes must be an array"),
     "no evidence": ({"evidence": np.ones((0, 5))}, "evidence"),
     "a name for evidence": ({"evidence": "a.png"}, "evidence must be an array of shape (H, W)"),
     "evidence that is no number": ({"evidence": np.full((90, 120), np.nan)}, "with values from 0 to 1"),
@@ -150,6 +155,7 @@ NO_EDGES = {
     "a row": ((DISC[0], EDGES), "this one has shape"),
     "all parameters": ((DISC, ffseg.load_params()), "give the edges of a parameter set: params.edges"),
     "another domain": ((DISC, EDGES, np.ones((3, 3), np.uint8)), "of the image's shape"),
+    "a masked domain": ((DISC, EDGES, np.ma.masked_less(DISC, 99)), "domain.filled"),
     "a domain of floats": ((DISC, EDGES, np.full(DISC.shape, 0.5)), "an array of uint8 or bool"),
 }
 
