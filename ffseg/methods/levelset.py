@@ -58,7 +58,7 @@ def run(scene: Scene) -> Outcome:
         edge_map.domain,
         options,
     )
-    if counts["initial_band"] == 0:
+    if counts["initial_band"] == 0 and not seeds.all():
         raise BlockedStartError("move init.center, change init.radius or lower levelset.stop_speed")
     contours = unpacked(flat.reshape(-1, 2), ends, 1)
     if scene.callback is not None:

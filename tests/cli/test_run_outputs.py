@@ -37,6 +37,28 @@ def images(tmp_path: Path) -> Path:
     return tmp_path / "in"
 
 
+def test_sides_from_1_to_over_4096_pass_every_command(ffseg_command: Command, tmp_path: Path) -> None:
+    """Where the prior decides, they crashed after the work was done."""
+    (tmp_path / "in").mkdir()
+    shapes = {"dot.png": (1, 1), "wide.png": (9, 4200), "high.png": (4200, 12, 3)}
+    for name, shape in shapes.items():
+        pixels = np.random.default_rng(2).integers(60, 190, shape)
+        cv2.imwrite(str(tmp_path / "in" / name), pixels.astype(np.uint8))
+        cv2.imwrite(str(tmp_path / "in" / f"16-{name}"), (pixels * 257).astype(np.uint16))
+    way = ("--set", "edges.source=prior", "--set", "init.radius=3")
+    kinds = ("--export", "coco,labelme,geojson,yolo,svg,cutout", "--overlay", "--report")
+    assert ffseg_command("run", tmp_path / "in", "--out", tmp_path / "out", *way, *kinds).returncode == 0
+    for name, shape in shapes.items():
+        (one, other) = (cv2.imread(str(tmp_path / "out" / "masks" / text), 0) for text in (name, f"16-{name}"))
+        assert one.shape == shape[:2]
+        np.testing.assert_array_equal(one, other)
+    compared = ("--methods", "freeform,levelset", "--repeat", "1", "--json")
+    told = ffseg_command("compare", tmp_path / "in", "--out", tmp_path / "table", *way, *compared)
+    assert [row["status"] for row in json.loads(told.stdout)["rows"]] == ["ok"] * 12
+    for name in shapes:
+        assert ffseg_command("segment", tmp_path / "in" / name, tmp_path / "a.svg", *way).returncode == 0
+
+
 def decoded(counts: list[int], size: list[int]) -> np.ndarray:
     values = np.repeat(np.arange(len(counts)) % 2, counts)
     return values.reshape(size, order="F") == 1

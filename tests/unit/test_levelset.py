@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import ffseg
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.image.raster import rasterize
@@ -165,3 +166,10 @@ def test_a_stop_speed_can_be_set() -> None:
 def test_the_core_refuses_bad_arrays(speed: NDArray[np.float64], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         _core.fast_march(speed, 0.0, np.ones((3, 3), np.uint8), None)
+
+
+@pytest.mark.parametrize(("side", "doubt"), [(1, "empty"), (3, "filled")])
+def test_a_start_that_covers_a_tiny_image_leaves_nothing_to_enter(side: int, doubt: str) -> None:
+    """It was said to lie on an edge or outside the domain."""
+    image = np.full((side, side), 90, np.uint8)
+    assert ffseg.segment(image, {"init.radius": 9}, method="levelset").doubts == (doubt,)
