@@ -67,7 +67,9 @@ def test_rows_files_and_panel(tmp_path: Path) -> None:
     panel = cv2.imread(str(tmp_path / "out" / "panels" / "disc.png"))
     assert panel is not None
     assert panel.shape == (STRIP + 300, 4 * TILE_WIDTH, 3)
-    assert "| freeform (FF) |" in (tmp_path / "out" / "compare.md").read_text(encoding="utf-8")
+    page = (tmp_path / "out" / "compare.md").read_text(encoding="utf-8")
+    assert "| freeform (FF) |" in page
+    assert "configs/peers.yaml, chosen on drawn scenes, or of `--peers`:\ncv_edges: sigma " in page
 
 
 def test_all_methods_have_the_same_edges_and_starts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -170,15 +170,15 @@ def test_polygons_lie_on_the_curves() -> None:
     assert len(ring) < 0.7 * 2 * np.pi * 140.2 * 4 / np.pi  # of the steps it crosses
 
 
-def labelme_masks(shapes: list[dict[str, Any]]) -> list[Mask]:
+def labelme_masks(shapes: list[dict[str, Any]], size: tuple[int, ...] = SHAPE) -> list[Mask]:
     """Masks of LabelMe shapes by its documented fields: polygons from the corner, masks with their box inclusive."""
-    y, x = np.indices(SHAPE) + 0.5
+    y, x = np.indices(size) + 0.5
     masks = []
     for entry in shapes:
-        mask = np.zeros(SHAPE, dtype=bool)
+        mask = np.zeros(size, dtype=bool)
         if entry["shape_type"] == "polygon":
             inside = shapely.contains_xy(shapely.Polygon(entry["points"]), x.ravel(), y.ravel())
-            mask = inside.reshape(SHAPE)
+            mask = inside.reshape(size)
         else:
             (left, top), (right, bottom) = entry["points"]
             png = np.frombuffer(base64.b64decode(entry["mask"]), np.uint8)
@@ -235,6 +235,9 @@ def judged(image: AnnotatedImage, shown: Mask) -> None:
         assert not (seen & mine).any()
         seen |= mine
     np.testing.assert_array_equal(seen, shown)
+    shapes = labelme_masks(json.loads(json_text(labelme_document(image)))["shapes"], shown.shape)
+    for region, mask in zip(image.regions, shapes, strict=True):
+        np.testing.assert_array_equal(mask, pixels(region, shown.shape))
     for region, line in zip(image.regions, yolo_text(image).splitlines(), strict=True):
         label, *numbers = line.split()
         ring = np.array(numbers, float).reshape(-1, 2) * (image.width, image.height) - 0.5

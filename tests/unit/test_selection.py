@@ -111,7 +111,8 @@ def test_a_run_says_the_same_everywhere(tmp_path: Path, ffseg_command: Command) 
     cv2.circle(image, (85, 60), 9, 60, -1)
     cv2.imwrite(str(tmp_path / "a.png"), image)
     start = ("--set", "init.center=[70,30]", "--set", "init.radius=8", "--export", "geojson,coco")
-    for name, more, count in (("all", (), 2), ("filled", ("--fill-holes", "100"), 1), ("one", ("--largest", "1"), 2)):
+    for name, more, count in (("all", (), 2), ("filled", ("--fill-holes", "100"), 1), ("one", ("--largest", "1"), 2),
+                              ("large", ("--min-area", "99"), 2)):  # fmt: skip
         out = tmp_path / name
         done = ffseg_command("run", tmp_path / "a.png", "--out", out, *start, *more)
         assert done.returncode == 0, done.stderr
