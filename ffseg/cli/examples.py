@@ -5,13 +5,13 @@ from __future__ import annotations
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "run": (
         "ffseg run photos --out out --overlay --report",
-        "ffseg run photos --out set --set contour.degree=2 --set 'init.center=[400,300]'",
-        "ffseg run 'photos/*.png' --out scored --truth pictures/truth --export coco,geojson",
+        "ffseg run photos --out set --set contour.degree=2 --set edges.sigma=2",
+        "ffseg run 'pictures/*.png' --out scored --truth pictures/truth --export coco,geojson",
         "ffseg run pictures/pair --out free --camera pictures/pair/camera.yaml --poses pictures/pair/poses.csv",
     ),
     "segment": (
-        "ffseg segment photos/simple.png simple.svg simple.png",
-        "ffseg segment - - --as geojson < photos/simple.png > simple.geojson",
+        "ffseg segment pictures/simple.png simple.svg simple.png",
+        "ffseg segment - - --as geojson < pictures/simple.png > simple.geojson",
     ),
     "pick": ("ffseg pick photos", "ffseg pick photos --out picked --labels road,kerb", "ffseg pick --review out"),
     "learn": (
@@ -25,7 +25,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "compare": (
         "ffseg compare pictures --out table --truth pictures/truth",
-        "ffseg compare photos --out peers --methods freeform,cv_edges_opened --truth pictures/truth --min-iou freeform=0.99",
+        "ffseg compare own --out peers --methods freeform,cv_edges_opened --truth masks --min-iou freeform=0.99",
     ),
     "bench": (
         "ffseg bench --out bench --suite scenes --images photos",
