@@ -51,7 +51,9 @@ def prepare(folder: Path, page: Path, scripts: Path) -> dict[str, str]:
     """Give a reader's folder photographs, masks, and the samples where the page supposes them; the environment."""
     photos = folder / "photos"
     photos.mkdir(parents=True)
-    shutil.copyfile(ROOT / "samples" / "simple.png", photos / "IMG_0001.png")  # of no name or size that a page may count on
+    shutil.copyfile(
+        ROOT / "samples" / "simple.png", photos / "IMG_0001.png"
+    )  # of no name or size that a page may count on
     grey = bytes(200 if (x - 160) ** 2 + (y - 120) ** 2 < 6400 else 60 for y in range(240) for x in range(320))
     (photos / "street.pgm").write_bytes(b"P5 320 240 255\n" + grey)
     shutil.copytree(ROOT / "samples" / "truth", folder / "masks")
