@@ -10,6 +10,7 @@ import zlib
 from pathlib import Path
 from urllib.parse import unquote
 
+import cv2
 import numpy as np
 import pytest
 import runs
@@ -19,6 +20,7 @@ from hypothesis import strategies as st
 from ffseg.batch.report import folder as report_folder
 from ffseg.batch.report.contours import UNITS, centroid, packed_components, packed_path, read_contours
 from ffseg.batch.report.page import page, script_json
+from ffseg.batch.report.thumbnails import thumbnail_of
 from ffseg.batch.report.write import write_report
 from ffseg.errors import UsageError
 from ffseg.geometry.freeform import FreeForm
@@ -234,6 +236,12 @@ def test_thumbnails_are_embedded_up_to_a_size(tmp_path: Path) -> None:
 
     assert (embedded(0), embedded(1)) == (0, 1)
     assert embedded(20_000_000) > 1
+
+
+def test_a_thumbnail_has_the_levels_that_were_read() -> None:
+    _, packed = cv2.imencode(".png", np.full((20, 30), 4000, np.uint16))  # of 12 bits
+    shown = base64.b64decode(thumbnail_of(packed.tobytes()).partition(",")[2])
+    assert cv2.imdecode(np.frombuffer(shown, np.uint8), 0).min() > 240
 
 
 def test_no_output_folder(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ def thumbnail(path: str | os.PathLike[str]) -> str:
 def thumbnail_of(data: bytes) -> str:
     """The same of the content of a file; empty also where there is no memory for it."""
     try:
-        image = decode_image(data, _LIMITS)
+        image = decode_image(data, _LIMITS, "auto")
     except (ImageReadError, MemoryError):
         return ""
     height, width = image.shape[:2]
