@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ffseg import __version__
 from ffseg.io.files import printable
 from ffseg.io.masks import encode_png
+from ffseg.io.tables import counted
 from ffseg.learning.gather import Labelled, few_known
 from ffseg.learning.tune import Tuned
 from ffseg.metrics import IGNORED, INSIDE
@@ -34,7 +35,7 @@ def told(tuned: Tuned) -> list[str]:
     """What there is to say, line by line."""
     count = len(tuned.before)
     lines = [
-        f"{tuned.tried} settings tried on {count} image{'s' if count > 1 else ''} in {tuned.seconds:.0f} s",
+        f"{counted(tuned.tried, 'setting')} tried on {counted(count, 'image')} in {tuned.seconds:.0f} s",
         f"IoU with the parameters as they were: {mean(tuned.before):.3f} (spread {pstdev(tuned.before):.3f})",
     ]
     lines += few_known(tuned.known)

@@ -22,6 +22,7 @@ from ffseg.errors import FfsegError, UsageError
 from ffseg.io.files import make_folder, printable, write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.io.labels import Labels
+from ffseg.io.tables import counted
 from ffseg.parameters import Parameters
 from ffseg.picking.learner import LEAST_MASKS, Background, figures_said, last_line
 from ffseg.picking.picks import Picked
@@ -348,7 +349,7 @@ class _Work:
         if self.runs:
             return
         self.project.write_starts()
-        self.ran = f"running {len(self.project.sources)} images"
+        self.ran = f"running {counted(len(self.project.sources), 'image')}"
         self._running.start([*self.project.arguments(), "--json", "--quiet"])
 
     def _ran(self, code: int, out: str, err: str) -> None:
@@ -357,7 +358,7 @@ class _Work:
             return
         counts = json.loads(out)["counts"]
         failed = f", {counts['failed']} failed" if counts["failed"] else ""
-        self.ran = f"the folder is done: {counts['done']} images{failed}"
+        self.ran = f"the folder is done: {counted(counts['done'], 'image')}{failed}"
         self.project.review = self.project.path(RUN)
         self._session.forget()
         self.generation += 1

@@ -76,6 +76,7 @@ def pick(  # noqa: PLR0913 - the options of the command
 
 
 def _serve(session: Session, port: int, browser: bool) -> None:
+    from ffseg.io.tables import counted
     from ffseg.picking.server import Server
 
     ended = threading.Event()
@@ -90,8 +91,8 @@ def _serve(session: Session, port: int, browser: bool) -> None:
         server.begin()
         console.data(server.address)
         console.message(
-            f"ffseg: {len(session.sources)} images; saved in {printable(session.out)}; the address is for you alone, "
-            "Ctrl-C ends it"
+            f"ffseg: {counted(len(session.sources), 'image')}; saved in {printable(session.out)}; the address is for you "
+            "alone, Ctrl-C ends it"
         )
         if browser:
             import webbrowser

@@ -44,7 +44,7 @@ _APART = {
     ("evidence", "camera"): ": the images of a camera are segmented without maps; leave out one of them, or name the "
     "network or .ffmodel that made the maps as edges.model",
     **{
-        (past, other): ": every frame needs the one before it; run each film by itself"
+        (past, other): ": every frame needs the one before it; leave out one of them"
         for past in ("steady", "flicker")
         for other in ("shard", "camera", "pack", "dask")
     },
