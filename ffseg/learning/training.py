@@ -294,34 +294,45 @@ class Asked:
     ----------
     prior : float
         What the prior has by itself.
-    enough : float
-        From which on it is asked, whatever the masks teach each other.
+    enough : float or None
+        From which on it is asked by one mask; None where there are more.
     taught : float or None
-        What the masks teach each other; None where that was not asked: it was enough, or there is one mask.
+        What the masks teach each other; None where there is one.
+    both : float or None
+        The same with the prior's log odds added.
     """
 
     asked: bool
     prior: float
-    enough: float
-    taught: float | None
+    enough: float | None = None
+    taught: float | None = None
+    both: float | None = None
 
 
-def asking(chosen: Sequence[Samples], taught: float | None = None) -> Asked | None:
-    """Whether the prior is asked: where it serves, or the masks teach each other less; None where its odds are not known.
+def asking(chosen: Sequence[Samples], *, corrected: bool = False) -> Asked | None:
+    """Whether the prior is asked: where it adds to what the masks teach each other; None where its odds are not known.
+
+    Parameters
+    ----------
+    corrected : bool
+        Whether the masks correct the base.
 
     Notes
     -----
-    By the same measure as the base (see `beginning`), except that one mask, which does not show what prior there is to
-    doubt, asks it only where it serves. ``taught`` is what the masks teach each other, if that is known.
+    One mask, which does not show what prior there is to doubt, asks it where it serves. Tiles of one drawn picture, which are
+    alike (8 pictures), have an IoU of .944 .953 .951 from three, five, eight masks, .947 .958 .957 without the prior, .913 .906
+    .905 with it; pictures that are not alike (8 kinds) .700 .702 .704, .661 .676 .708 and .700 .706 .714.
     """
-    odds = [one.prior for one in chosen if one.prior is not None]
+    odds, inside = [one.prior for one in chosen if one.prior is not None], [one.inside for one in chosen]
     if len(odds) < len(chosen):
         return None
-    own, enough = mean_overlap(odds, [one.inside for one in chosen]), enough_of(len(chosen))
-    if own >= enough or len(chosen) < 2:
-        return Asked(own >= enough, own, enough, None)
-    taught = _taught_by_others(chosen) if taught is None else taught
-    return Asked(own > taught, own, enough, taught)
+    own = mean_overlap(odds, inside)
+    if len(chosen) < 2:
+        return Asked(own >= enough_of(1), own, enough_of(1))
+    told, few = _told_by_others(chosen, corrected=corrected), [one[::THIN] for one in inside]
+    both = [one + np.float32(PRIOR_WEIGHT) * known[::THIN] for one, known in zip(told, odds, strict=True)]
+    taught, helped = mean_overlap(told, few), mean_overlap(both, few)
+    return Asked(helped > taught, own, taught=taught, both=helped)
 
 
 def learn(
@@ -343,7 +354,7 @@ def grown(chosen: Sequence[Samples], trees: int = TREES) -> Model:
     one to three masks) one by .03, .03 and 0; road frames, of which it knows little, .02 less from two masks, else the same.
     """
     inside, begun = grow_inside(chosen, trees)
-    asked = asking(chosen, begun.taught)
+    asked = asking(chosen, corrected=begun.corrected)
     about = {"base": asdict(begun), "prior": None if asked is None else asdict(asked)}
     weight = PRIOR_WEIGHT if asked is not None and asked.asked else 0.0
     return Model(inside, None, about=about, exposed=True, prior=weight)
@@ -373,14 +384,21 @@ def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, 
 
 
 def _taught_by_others(chosen: Sequence[Samples]) -> float:
-    """Mean IoU on the pixels of each image of a small forest grown on the others alone, on some of the pixels."""
+    """Mean IoU of `_told_by_others`."""
+    return mean_overlap(_told_by_others(chosen), [one.inside[::THIN] for one in chosen])
+
+
+def _told_by_others(chosen: Sequence[Samples], *, corrected: bool = False) -> list[Odds]:
+    """Log odds of some pixels of each image, of a small forest grown on the others alone, or correcting the base."""
     thin = [Samples(one.rows[::THIN], one.inside[::THIN]) for one in chosen]
+    begin = [odds_of(base(), one.rows) for one in thin] if corrected else None
     odds = []
     for number, left_out in enumerate(thin):
-        others = thin[:number] + thin[number + 1 :]
-        forest = converted(_boosted(others, TAUGHT, round(TREES * CORRECTED), RATE), TAUGHT)
-        odds.append(odds_of(forest, left_out.rows))
-    return mean_overlap(odds, [one.inside for one in thin])
+        others, begun = thin[:number] + thin[number + 1 :], begin and begin[:number] + begin[number + 1 :]
+        forest = converted(_boosted(others, TAUGHT, round(TREES * CORRECTED), RATE, begun), TAUGHT)
+        told = odds_of(forest, left_out.rows)
+        odds.append(told if begin is None else told + begin[number])
+    return odds
 
 
 def converted(trees: Sequence[dict[str, Any]], names: tuple[str, ...]) -> Forest:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from ffseg.evidence.features import KNOWN
 from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import told
-from ffseg.learning.training import Asked, Samples, asking, learn, samples
+from ffseg.learning.training import THIN, Asked, Samples, asking, learn, samples
 from tests.unit.test_evidence_base import halves, stump
 from tests.unit.test_evidence_learning import example
 
@@ -22,28 +24,27 @@ def sampled(share: float) -> Samples:
     return Samples(np.zeros((len(inside), len(KNOWN)), np.float32), inside, odds)
 
 
-@pytest.mark.parametrize(
-    ("count", "share", "taught", "found"),
-    [
-        (1, 0.8, None, True),  # it serves: what the masks teach each other is not asked
-        (3, 0.7, None, True),
-        (1, 0.7, None, False),
-        (3, 0.6, 0.59, True),
-        (3, 0.6, 0.61, False),
-    ],
-)
-def test_the_prior_is_asked_where_it_serves_or_masks_teach_less(
-    count: int, share: float, taught: float | None, found: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("share", "found"), [(0.8, True), (0.7, False)])
+def test_one_mask_asks_the_prior_where_it_serves(share: float, found: bool) -> None:
+    decided = asking([sampled(share)])
+    assert decided is not None
+    assert (decided.asked, decided.enough, decided.taught) == (found, enough_of(1), None)
+    assert decided.prior == pytest.approx(share)
+
+
+@pytest.mark.parametrize(("share", "taught", "found"), [(0.9, 0.95, False), (0.6, 0.55, True), (0.6, 0.65, False)])
+@pytest.mark.parametrize("count", [2, 3, 5, 8])
+def test_more_masks_ask_it_where_it_adds_to_what_they_teach_each_other(
+    count: int, share: float, taught: float, found: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ffseg.learning.training._taught_by_others", lambda _: taught)
+    """However well it does by itself; here it is surer than they are, and both together are what it is."""
+    told = [halves(taught)[0][::THIN] / 2] * count
+    monkeypatch.setattr("ffseg.learning.training._told_by_others", lambda _, corrected: told)
     chosen = [sampled(share)] * count
     decided = asking(chosen)
     assert decided is not None
-    assert (decided.asked, decided.enough, decided.taught) == (found, enough_of(count), taught)
-    assert decided.prior == pytest.approx(share)
-    known = asking(chosen, 0.61)
-    assert known is not None
-    assert known.taught in (None, 0.61)  # what is known is not measured again
+    assert decided.asked is found
+    assert (decided.taught, decided.both) == (pytest.approx(taught, abs=0.01), pytest.approx(share, abs=0.01))
     assert asking([*chosen, Samples(chosen[0].rows, chosen[0].inside)]) is None
 
 
@@ -65,18 +66,16 @@ def test_the_file_remembers_the_prior() -> None:
     assert b"prior" not in to_bytes(own)
 
 
-@pytest.mark.parametrize(("taught", "weight"), [(0.0, 1.0), (1.0, 0.0)])
-def test_learning_decides_and_says_so(taught: float, weight: float, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("sign", [1, -1])
+def test_learning_decides_and_says_so(sign: int) -> None:
     pytest.importorskip("lightgbm")
-    monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 2.0)
-    monkeypatch.setattr("ffseg.learning.training._taught_by_others", lambda _: taught)
     chosen = [samples(example(seed)) for seed in (1, 2)]
     assert all(one.prior is not None and one.prior.shape == one.inside.shape for one in chosen)
-    model = learn(chosen, searched=False)
-    assert model.prior == weight
+    model = learn([replace(one, prior=sign * np.where(one.inside, 9, -9)) for one in chosen], searched=False)
+    assert model.prior == (sign > 0)
     said = model.about["prior"]
-    assert (said["asked"], said["enough"], said["taught"]) == (weight > 0, 2.0, taught)
-    assert "they teach each other" in asked(Asked(**said))
+    assert said["asked"] is (said["both"] > said["taught"]) is (sign > 0)
+    assert f"the masks teach each other {said['taught']:.2f}, {said['both']:.2f} with it" in asked(Asked(**said))
 
 
 def test_samples_hold_the_odds_of_their_own_pixels() -> None:

@@ -67,7 +67,7 @@ def test_learn_then_run(folder: Path, ffseg_command: Command) -> None:
     assert about["images"] == ["0.png", "1.png", "2.png"]
     assert about["base"] == told["base"]
     assert about["prior"] == told["prior"]
-    assert told["prior"]["asked"] is (told["prior"]["prior"] >= told["prior"]["enough"])
+    assert told["prior"]["asked"] is (told["prior"]["both"] > told["prior"]["taught"])
     assert told["base"]["corrected"] is (told["base"]["base"] >= told["base"]["enough"])
     arguments = [
         "--out",

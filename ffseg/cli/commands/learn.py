@@ -135,7 +135,9 @@ def begun(base: Beginning) -> str:
 def asked(prior: Asked) -> str:
     """Whether the model asks the prior too, and why."""
     how = "asks the prior that comes with ffseg too" if prior.asked else "does not ask the prior that comes with ffseg"
-    return _shared(how, prior.prior, prior.taught, f"{prior.enough:.2f} is {'enough' if prior.asked else 'wanted'}")
+    if prior.enough is None:
+        return f"{how}: the masks teach each other {prior.taught:.2f}, {prior.both:.2f} with it"
+    return _shared(how, prior.prior, None, f"{prior.enough:.2f} is {'enough' if prior.asked else 'wanted'}")
 
 
 def _shared(how: str, own: float, taught: float | None, why: str) -> str:
