@@ -7,6 +7,7 @@ from math import cos, hypot, pi, sin
 import naive_freeform as naive
 import numpy as np
 import pytest
+import shapely
 from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
@@ -437,3 +438,17 @@ def test_a_patch_that_folds_becomes_its_chord(degree: int) -> None:
     straight = np.flatnonzero(bent < 1e-9)
     assert made.counts()["prunes"] == len(straight) == 2
     np.testing.assert_allclose(found.patches[straight, 0, 0].mean(), 90, atol=4)  # beside the notch
+
+
+def test_an_obstacle_whose_neck_a_contour_crosses_stays_one() -> None:
+    """The way round a box beside a wall, whose two sides have swapped places in between: the box is a hole then."""
+    outline = [(20, 20), (160, 20), (160, 120), (81, 120), (99, 90), (120, 90), (120, 30), (60, 30), (60, 90), (81, 90)]
+    outline += [(99, 120), (20, 120)]
+    ring = shapely.LinearRing(outline)
+    samples = [ring.interpolate(at / 180, normalized=True).coords[0] for at in range(180)]
+    made = evolution([FreeForm.from_samples(np.array(samples), 3)], settle=0.01)
+    made.settle(np.zeros(SHAPE, np.uint16))
+    assert self_intersections(contours(made)) == []
+    outer, hole = sorted((one.signed_area for one in contours(made)), reverse=True)
+    assert outer == pytest.approx(140 * 100, rel=0.02)
+    assert hole == pytest.approx(-60 * 60, rel=0.1)

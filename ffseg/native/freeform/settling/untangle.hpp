@@ -19,6 +19,8 @@ constexpr int kDivideRound = 16;
 constexpr std::size_t kSmallComponent = 64;
 // In one round loops are cut until so many times the samples there are have been laid anew.
 constexpr std::size_t kMostLaid = 64;
+// Parts of fewer patches are no components.
+constexpr std::size_t kLeastPatches = 2;
 // Pixels drawn back along the normal in each round.
 constexpr double kDrawBack = 0.25;
 
@@ -28,6 +30,20 @@ inline double twice_area(const Samples& at) {
         twice += ffseg::cross(at[i] - at[0], at[(i + 1) % at.size()] - at[0]);
     }
     return twice;
+}
+
+// Do both parts of a component that crosses itself bound the region? Where they lie apart and run round in one way, and
+// where one is a hole of the other: the front has met itself behind an obstacle.
+inline bool both_bound(const Samples& a, const Samples& b) {
+    const double one = twice_area(a), two = twice_area(b);
+    const bool first = std::abs(one) > std::abs(two), hole = (one > 0) != (two > 0);
+    const Samples &larger = first ? a : b, &smaller = first ? b : a;
+    const Vec2 p = smaller[smaller.size() / 2];
+    bool inside = false;
+    for (std::size_t i = 0; i < larger.size(); ++i) {
+        inside ^= passes_right_of(p, larger[i], larger[(i + 1) % larger.size()]);
+    }
+    return inside == hole && (!hole || (first ? one : two) > 0);
 }
 
 // A small component wound up on itself becomes its convex hull, of the same orientation.
@@ -66,8 +82,8 @@ public:
             if (crossings_.exhausted()) break;
             for (const Place& place : crossings_.places()) smooth(place);
             if (round < kSmoothingRounds) continue;
-            cut_loops();
-            if (round == kDivideRound) divide();
+            const Loops obstacles = cut_loops();
+            divide(round == kDivideRound ? crossings_.loops() : obstacles);
         }
         crossings_.restart();  // what is small and wound up may have used the tests up
         crossings_.find();
@@ -79,6 +95,8 @@ public:
     }
 
 private:
+    using Loops = std::vector<std::pair<Place, Place>>;
+
     // Smooths the samples of a patch and draws them back, towards the region they bound.
     void smooth(const Place& place) {
         Samples& at = components_[place.component];
@@ -94,13 +112,41 @@ private:
     }
 
     // A contour that runs over itself everywhere has as many loops as pairs of patches: the next round finds the rest.
-    void cut_loops() {
+    // Returns the loops round obstacles, which are not cut: what they hold would be free.
+    Loops cut_loops() {
+        Loops obstacles;
         std::size_t samples = 0, laid = 0;
         for (const Samples& component : components_) samples += component.size();
         for (const auto& [from, to] : crossings_.loops()) {
-            laid += cut(from, to);
+            const std::size_t n = components_[from.component].size(),
+                              span = from.first < to.first ? to.first - from.first : from.first - to.first;
+            const bool whole = std::min(span, n - span) >= (kLeastPatches + 1) * D;  // may be a component of its own
+            if (whole) laid += n;
+            if (whole && holds_obstacle(from, to)) {
+                obstacles.emplace_back(from, to);
+            } else {
+                laid += cut(from, to);
+            }
             if (laid > kMostLaid * samples) break;
         }
+        return obstacles;
+    }
+
+    // Does the shorter way round between two crossing patches of one component bound an obstacle?
+    bool holds_obstacle(Place from, Place to) const {
+        const auto [part, rest] = parts(from, to);
+        return twice_area(part.size() < rest.size() ? part : rest) < 0 && both_bound(part, rest);
+    }
+
+    // What lies between two crossing patches of one component, and the rest of it; neither has these patches.
+    std::pair<Samples, Samples> parts(Place from, Place to) const {
+        const Samples& at = components_[from.component];
+        const auto low = at.begin() + static_cast<std::ptrdiff_t>(std::min(from.first, to.first));
+        const auto high = at.begin() + static_cast<std::ptrdiff_t>(std::max(from.first, to.first));
+        Samples part, rest(at.begin(), low);
+        if (high - low > D) part.assign(low + D, high);
+        rest.insert(rest.end(), high + D, at.end());
+        return {std::move(part), std::move(rest)};
     }
 
     // What lies between two crossing patches of one component, the shorter way round, is laid on its chord. Returns the
@@ -122,25 +168,20 @@ private:
         return span + D;
     }
 
-    // A component that crosses itself far from any loop that can be cut off becomes two, without the crossing patches.
-    // Of a component whose two parts run round in opposite ways only the larger one stays.
-    void divide() {
+    // A component that crosses itself far from any loop that can be cut off becomes two, without the crossing patches;
+    // of parts that do not both bound the region only the larger one stays.
+    void divide(const Loops& loops) {
         std::vector<Samples> made;
         std::vector<bool> divided(components_.size(), false);
-        for (const auto& [from, to] : crossings_.loops()) {
-            Samples& at = components_[from.component];
-            const std::size_t low = std::min(from.first, to.first), high = std::max(from.first, to.first);
-            if (divided[from.component] || high - low < 3 * D || at.size() - (high - low) < 3 * D) continue;
+        for (const auto& [from, to] : loops) {
+            if (divided[from.component]) continue;
+            auto [part, rest] = parts(from, to);
+            if (std::min(part.size(), rest.size()) < kLeastPatches * D) continue;
             divided[from.component] = true;
-            const auto begin = at.begin();
-            Samples part(begin + static_cast<std::ptrdiff_t>(low + D), begin + static_cast<std::ptrdiff_t>(high));
-            at.erase(begin + static_cast<std::ptrdiff_t>(low), begin + static_cast<std::ptrdiff_t>(high + D));
-            const double mine = twice_area(part), rest = twice_area(at);
-            if ((mine > 0) == (rest > 0)) {
-                made.push_back(std::move(part));
-            } else if (std::abs(mine) > std::abs(rest)) {
-                at = std::move(part);
-            }
+            const bool both = both_bound(part, rest);
+            if (std::abs(twice_area(part)) > std::abs(twice_area(rest))) std::swap(part, rest);
+            components_[from.component] = std::move(rest);
+            if (both) made.push_back(std::move(part));
         }
         std::move(made.begin(), made.end(), std::back_inserter(components_));
     }
