@@ -142,6 +142,14 @@ def test_scan_ranges_are_those_of_the_world() -> None:
     assert 0.4 < np.quantile(np.abs(error / scan.std)[hit], 0.68) < 1.2
 
 
+def test_a_camera_that_does_not_nod_stands_as_it_is_mounted() -> None:
+    """A pair tells leans to a milliradian or two, and a milliradian moves the ground 3.5 m away by more than a centimetre."""
+    _, frame = rendered()
+    assert frame.camera is not None
+    assert np.hypot(*frame.camera.up[:2]) > 5e-4
+    assert frame.standing() is frame.lens
+
+
 def test_a_camera_that_nods_is_laid_out_as_it_stood() -> None:
     """1.5 degrees are 0.2 m at 3 m."""
     pair = floor_pair(300_007, "nodding", 3.0, 1.0)
