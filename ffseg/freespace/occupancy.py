@@ -14,11 +14,10 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose
 from ffseg.camera.projections import Array
 from ffseg.errors import CalibrationError
-from ffseg.freespace.outline import OUTLINE_SIGMA
 from ffseg.freespace.sequence import Frame
 from ffseg.freespace.skeleton import Skeleton, skeleton_of
 from ffseg.freespace.window import Link
-from ffseg.image.planar import NOWHERE, Values, laid_out, read_at, softened
+from ffseg.image.planar import NOWHERE, Values, laid_out, read_at, shares
 from ffseg.io.files import make_folder, write_all_atomic
 from ffseg.io.overlays import Kind, Polyline, encode_overlay
 from ffseg.io.tables import csv_table
@@ -31,13 +30,9 @@ BAND = 0.1
 """Metres behind an outline that are told occupied: what stands there has a front, and nothing is known of its depth."""
 BLOCK = 64
 """Cells by which the grid grows, so that a robot that drives on does not copy it at every frame."""
-OUTWARD = 0.06
-"""Pixels that outlines lie too far from the camera, in the mean: measured on 14 rendered drives, and not seen in one frame."""
 DOUBT = 0.06
 """Part of the readings that err for reasons which no noise of pixels explains: on rendered drives one in thirty cells well
 behind an outline is free."""
-ALIKE = 0.5
-"""Correlation of what two frames tell of a cell: they see an outline by the same edge, and err by it together."""
 REMEMBERED = 30.0
 """Frames that a cell is told by at most: with more, older ones fade, and what has moved away is forgotten."""
 ODOMETRY = 0.02, float(np.deg2rad(0.5))
@@ -49,6 +44,8 @@ STILL = 0.05
 """Part of a cell that a pose may be off by, at the frame's reach, and moves nothing: half of what an outline 2 m away is."""
 CORNERS = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
 """Four places round a pose, in standard deviations of x, y and turn, with the pose's own mean and covariance."""
+HALF = 127
+"""Grey level above which a mask read between its pixels is rather free than not."""
 ZOOM, WIDEST, MARGIN = 4, 2400, 8
 """Pixels of a cell in the picture, fewer where one of its sides would be longer than that many; cells round what is known."""
 
@@ -149,7 +146,7 @@ class OccupancyMap:
         if not (cell > 0 and reach > 0 and np.isfinite([cell, reach]).all()):
             raise CalibrationError("cell and reach of a map are metres above 0")
         self.cell, self.reach = cell, reach
-        self._told = np.zeros((2, 0, 0), np.float32)  # how many frames told something, and the sums of their log-odds
+        self._odds = np.zeros((0, 0), np.float32)  # logarithms
         self._corner = np.zeros(2, np.int64)  # cell number of the first column and row
         self._stations: dict[str, Station | None] = {}
         self._last: Station | None = None
@@ -158,17 +155,9 @@ class OccupancyMap:
         self._flip = 1.0
 
     @property
-    def _odds(self) -> NDArray[np.float32]:
-        """Log-odds of the cells. Of n readings with a correlation, the sum is worth as much as n / (1 + (n - 1) ALIKE) do."""
-        count, total = self._told
-        odds: NDArray[np.float32] = total / (1.0 + ALIKE * np.maximum(count - 1.0, 0.0))
-        return odds
-
-    @property
     def probability(self) -> NDArray[np.float64]:
         """That a cell is occupied, shape (rows, columns): rows along y, columns along x, 0.5 where nothing is known."""
-        odds: NDArray[np.float64] = self._odds.astype(np.float64)
-        return 1.0 / (1.0 + np.exp(-odds))
+        return 1.0 / (1.0 + np.exp(-self._odds.astype(np.float64)))
 
     @property
     def origin(self) -> tuple[float, float]:
@@ -258,21 +247,20 @@ class OccupancyMap:
         self._lens = self._lens or seen.camera
         told, chance = _read(seen, self._lens, _Window(station, (low + 0.5) * step, step, count), self.reach)
         column, row = (low - self._corner).tolist()
-        window = self._told[:, row : row + count, column : column + count]
+        window = self._odds[row : row + count, column : column + count]
         chance = 0.5 * DOUBT + (1.0 - DOUBT) * chance
-        window *= 1.0 - told / np.float32(REMEMBERED)
-        window += told, np.log(1.0 / chance - 1.0) * told
+        window += (np.log(1.0 / chance - 1.0) - window / np.float32(REMEMBERED)) * told
 
     def _grow(self, low: NDArray[np.int64], count: int) -> None:
         """Make the grid hold a square of cells."""
-        size = np.array(self._told.shape[:0:-1])
+        size = np.array(self._odds.shape[::-1])
         if not size.any():
             self._corner = low.copy()
         before = np.maximum(self._corner - low, 0)
         after = np.maximum(low + count - (self._corner + size), 0)
         if before.any() or after.any():
             before, after = (-(-one // BLOCK) * BLOCK for one in (before, after))
-            self._told = np.pad(self._told, ((0, 0), (before[1], after[1]), (before[0], after[0])))
+            self._odds = np.pad(self._odds, ((before[1], after[1]), (before[0], after[0])))
             self._corner = self._corner - before
 
     def levels(self) -> NDArray[np.uint8]:
@@ -341,8 +329,8 @@ class OccupancyMap:
 
     def _bounds(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """First column and row that the picture shows, and those after the last: what is known, and some round it."""
-        row, column = np.nonzero(self._told[0])
-        size = np.array(self._told.shape[:0:-1])
+        row, column = np.nonzero(self._odds)
+        size = np.array(self._odds.shape[::-1])
         if not len(row):
             return np.zeros(2, np.intp), size
         low, high = (np.array([edge(column), edge(row)]) for edge in (np.min, np.max))
@@ -376,20 +364,31 @@ def _read(seen: Sighting, lens: Camera, window: _Window, reach: float) -> tuple[
     ----------
     lens : Camera
         The same camera as it is mounted.
+
+    Notes
+    -----
+    A frame tells of a cell that its pixel shows, or that of the ground just before it; given that, the cell is free as far
+    as its own pixel is; between pixels, as much as the mask's rounding leaves open. So the top or the side of a box hides
+    what lies behind and beside it, and says nothing of it. Of the poses that it may have been taken from, those that show
+    neither say nothing, and most must say something.
     """
     table, shown, station = _ground_pixels(lens, reach), lens.domain(), window.station
     inside = 255 * (seen.mask | ~shown).view(np.uint8)  # where the view ends is no outline
-    pixels = window.laid(table, lens, seen.camera)
-    near = read_at(inside, *pixels[2:], nearest=True) | read_at(inside, *pixels[:2], nearest=True)
-    told = window.within(reach) & (near & read_at(shown.view(np.uint8), *pixels[:2], nearest=True) > 0)
-    soft = softened(inside, OUTLINE_SIGMA)
-    if station.sigma_m + reach * station.sigma_rad < STILL * window.step[0]:
-        return told, np.float32(1 / 255) * read_at(soft, *pixels[:2])
-    mean = np.zeros(told.shape, np.float32)
-    for x, y, turn in CORNERS * [station.sigma_m, station.sigma_m, station.sigma_rad]:
-        beside = replace(station, x=station.x + x, y=station.y + y, theta=station.theta + turn)
-        mean += read_at(soft, *replace(window, station=beside).laid(table, lens, seen.camera)[:2])
-    return told, mean / np.float32(255 * len(CORNERS))
+    pixels = [window.laid(table, lens, seen.camera)]
+    told = window.within(reach) & (read_at(shown.view(np.uint8), *pixels[0][:2], nearest=True) > 0)
+    if station.sigma_m + reach * station.sigma_rad >= STILL * window.step[0]:
+        around = CORNERS * [station.sigma_m, station.sigma_m, station.sigma_rad]
+        beside = [
+            replace(station, x=station.x + x, y=station.y + y, theta=station.theta + turn) for x, y, turn in around
+        ]
+        pixels = [replace(window, station=one).laid(table, lens, seen.camera) for one in beside]
+    free, often = np.zeros((2, *told.shape), np.float32)
+    for one in pixels:
+        own = read_at(inside, *one[:2])
+        most = np.maximum(own, read_at(inside, *one[2:]))
+        often += most > HALF
+        free += np.where(most > HALF, shares(own, most), np.float32(0.5))
+    return told & (2 * often > len(pixels)), free / np.float32(len(pixels))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -431,7 +430,5 @@ def _ground_pixels(camera: Camera, reach: float) -> Values:
     nearer = np.maximum(1.0 - BAND / np.maximum(np.hypot(x, y), 1e-9), 0.0)
     places = [np.stack([share * x, share * y, np.full_like(x, camera.mounting())], axis=-1) for share in (1.0, nearer)]
     shown, before = (camera.project(place @ camera.level()) for place in places)
-    away = shown - before
-    shown = shown + OUTWARD * away / np.maximum(np.hypot(*np.moveaxis(away, -1, 0)), 1e-9)[..., None]
     pixels = np.concatenate([shown, before], axis=-1)
     return np.where(np.isfinite(pixels), pixels, NOWHERE).astype(np.float32)

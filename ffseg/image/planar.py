@@ -1,4 +1,4 @@
-"""Planes looked up elsewhere: softened, laid out by a homography, read between their pixels."""
+"""Planes looked up elsewhere: laid out by a homography, read between their pixels."""
 
 from __future__ import annotations
 
@@ -10,12 +10,6 @@ Plane = NDArray[np.uint8]
 Values = NDArray[np.float32]
 NOWHERE = -1e4
 """Pixel of what is not shown."""
-
-
-def softened(plane: Plane, sigma: float) -> Plane:
-    """A plane as a point sees it that is off by a standard deviation of `sigma` pixels along x and y, below 0.7."""
-    kernel = np.array([0.5 * sigma**2, 1.0 - sigma**2, 0.5 * sigma**2])
-    return np.asarray(cv2.sepFilter2D(plane, cv2.CV_8U, kernel, kernel), np.uint8)
 
 
 def laid_out(table: Values, homography: NDArray[np.float64], count: int) -> tuple[Values, ...]:
@@ -30,3 +24,8 @@ def read_at(plane: Plane, x: Values, y: Values, *, nearest: bool = False) -> Pla
     found = np.empty(x.shape, np.uint8)
     cv2.remap(plane, x, y, cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR, dst=found)
     return found
+
+
+def shares(part: Plane, whole: Plane) -> Values:
+    """Part of each pixel of a plane that another is; 0 where there is nothing."""
+    return np.asarray(cv2.divide(part, whole, dtype=cv2.CV_32F), np.float32)

@@ -157,7 +157,7 @@ NATIVE = [
     *_of(
         FREEFORM + "settling/untangle.hpp",
         ("for (const Place& place : crossings_.places()) smooth(place);", ""),
-        ("if (round == kDivideRound) divide();", ""),
+        ("divide(round == kDivideRound ? crossings_.loops() : obstacles);", ""),
         ("(kDrawBack / size)", "(-kDrawBack / size)"),
     ),
     *_of(

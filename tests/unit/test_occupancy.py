@@ -17,7 +17,7 @@ from worlds import footprint, free_ground
 import ffseg
 from ffseg.camera.motion import planar_pose
 from ffseg.errors import CalibrationError
-from ffseg.freespace.occupancy import OccupancyMap
+from ffseg.freespace.occupancy import OccupancyMap, Sighting
 from ffseg.freespace.sequence import Frame
 from ffseg.rendering import sample_camera
 from ffseg.rendering.floors import FloorSequence
@@ -106,6 +106,17 @@ def test_an_uncertain_pose_makes_outlines_uncertain() -> None:
     told = np.abs(sure.probability - 0.5), np.abs(unsure.probability - 0.5)
     near = (sure.probability > 0.6) & (unsure.probability != 0.5)
     assert told[1][near].mean() < 0.6 * told[0][near].mean()
+
+
+def test_what_stands_before_the_ground_says_nothing_of_it() -> None:
+    """A wall all round, seen whole, with ground behind it: at its near side cells are doubtful, at the far one none is."""
+    reach = np.hypot(*np.moveaxis(CAMERA.ground(), -1, 0))
+    grid = OccupancyMap(cell=0.02)
+    assert grid.fuse("0", Sighting((reach < 1.2) | (reach > 1.5), CAMERA), planar_pose(CAMERA, 0.0, 0.0, 0.0))
+    away, chance = np.hypot(*np.moveaxis(centres(grid), -1, 0)), grid.probability
+    assert ((chance > 0.1) & (chance < 0.9) & (chance != 0.5) & (away < 1.3)).sum() > 100
+    beyond = chance[(away > 1.4) & (away < 2.5)]
+    assert beyond[beyond != 0.5].max() < 0.05
 
 
 def read_map(folder: Path) -> tuple[dict[str, object], np.ndarray]:
