@@ -23,6 +23,7 @@ from PIL import Image
 
 from ffseg.errors import ImageReadError
 from ffseg.io.images import REASONS, Limits, decode_image, inspect, read_image, read_picture
+from ffseg.io.validation.headers import looks_like
 
 CASES = bad_images.all_cases()
 needs_gif = pytest.mark.skipif(not bad_images.READS_GIF, reason="this OpenCV reads no GIF")
@@ -373,3 +374,11 @@ def test_a_range_that_a_tiff_states_is_taken() -> None:
     pixels, note = read_picture(deep_file(values, "tif", t280=100, t281=2099))
     assert "16-bit values read from 100 to 2099: as the file states" in note
     assert np.array_equal(pixels, np.rint((values - 100.0) * np.float32(255 / 1999)))
+
+
+@pytest.mark.parametrize(
+    ("data", "what"),
+    [(b"", "an empty file"), (b"\0" * 9, "zeros only"), (b"#ROSBAG V2.0\n", "--bag"), (b"\x89MCAP0\r\n", "--bag")],
+)
+def test_what_is_no_image_is_named(data: bytes, what: str) -> None:
+    assert what in looks_like(data)

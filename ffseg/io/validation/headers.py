@@ -114,12 +114,18 @@ _OTHERS: tuple[tuple[bytes, str], ...] = (
     (b"\0\0\x01\0", "an icon; convert it to PNG"),
     (b"RIFF", f"a sound or video file; {_AS_FILM}"),
     (b"\x1aE\xdf\xa3", f"a video file; {_AS_FILM}"),
+    *(
+        (mark, "a bag of ROS; name it and its images with --bag and --topic of run")
+        for mark in (b"#ROSBAG", b"\x89MCAP")
+    ),
 )
 
 
 def looks_like(data: bytes) -> str:
     """What a file that is no image of a known format looks like, with the remedy."""
     head = data[:1024]
+    if not head:
+        return "an empty file; copy it again"
     for start, what in _OTHERS:
         if head.startswith(start):
             return what
