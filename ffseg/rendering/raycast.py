@@ -272,9 +272,8 @@ def _wall_pattern(surface: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]
 
 def _turned(points: Array, angle: float) -> Array:
     """Points or directions, shape (..., 2), in axes turned by ``angle``."""
-    c, s = np.cos(angle), np.sin(angle)
-    turned: Array = points @ np.array([[c, -s], [s, c]])
-    return turned
+    c, s, x, y = np.cos(angle), np.sin(angle), points[..., 0], points[..., 1]
+    return np.stack([c * x + s * y, c * y - s * x], axis=-1)
 
 
 def _inside(mark: Mark, points: Array) -> NDArray[np.bool_]:
