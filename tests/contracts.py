@@ -15,7 +15,6 @@ from typing import get_args
 from ffseg.batch.cameras import Found
 from ffseg.batch.outputs.table import MAP_FILES, OUTPUTS
 from ffseg.batch.record import tables
-from ffseg.batch.record.ledger import JOB_REASONS
 from ffseg.bench import report
 from ffseg.bench.session import Outcome
 from ffseg.camera.calibration import CameraFile
@@ -54,6 +53,12 @@ def stops() -> list[str]:
     files = ("freeform/bind_freeform.cpp", "baselines/snake/bind_snake.cpp", "paper/bind_paper.cpp")
     text = "".join((ROOT / "ffseg" / "native" / name).read_text("utf-8") for name in files)
     return list(dict.fromkeys(re.findall(r'::k\w+: return "(\w+)";', text)))
+
+
+JOB_REASONS = [
+    "segmentation", "parameters", "calibration", "truth", "evidence", "output", "crash", "timeout", "out-of-memory", "internal",
+]  # fmt: skip
+"""Of failed rows, beside those of a file that cannot be read."""
 
 
 def keys(folder: Path, *command: str) -> list[str]:

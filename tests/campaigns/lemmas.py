@@ -11,9 +11,6 @@ import sys
 import time
 from collections.abc import Callable
 from math import log, log2
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import numpy as np
 

@@ -8,26 +8,22 @@ import os
 import resource
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
-import bad_images
-import numpy as np
-import pytest
-from batches import table
-from PIL import Image
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "campaigns"))
-
 import bad_files
+import bad_images
 import faults
 import films
 import full_disk
 import harness
 import killed
 import many
+import numpy as np
+import pytest
 import same_bytes
 import signals
+from batches import table
+from PIL import Image
 
 SMALL = ("--set", harness.CONFIG)
 LEGAL = {0, 2, 3}

@@ -6,15 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-from ffseg.native import _core
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "campaigns"))
-
 import compiling
 import fuzz_native
+import pytest
 import sanitized
+
+from ffseg.native import _core
 
 CASES = 400
 """Four rounds of all targets; a tenth of them reach a map of one pixel or a strip."""

@@ -12,20 +12,6 @@ from ffseg.batch.plan.sources import Job
 from ffseg.batch.values import Record
 from ffseg.batch.workers.messages import Done, Reply
 
-JOB_REASONS = {
-    "segmentation": "the image was read but cannot be segmented as asked",
-    "parameters": "the parameters do not suit this image",
-    "calibration": "the image does not fit the camera file",
-    "truth": "the true mask has another size",
-    "evidence": "the map of evidence cannot be used",
-    "output": "an output could not be written",
-    "crash": "the worker process died",
-    "timeout": "it took longer than --timeout allows",
-    "out-of-memory": "it needed more memory than --memory allows",
-    "internal": "a defect of ffseg; the traceback is in the error log",
-}
-"""Reasons of a failed row beside those of ``ffseg.io.images.REASONS``."""
-
 
 class Stop(Protocol):
     """Tells a run to end early."""
