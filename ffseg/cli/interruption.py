@@ -69,6 +69,8 @@ class Interruption:
         os.close(self._writer)
         if self._signal:
             console.message(f"ffseg: interrupted{'; ' if self._remedy else ''}{self._remedy}")
+        if isinstance(error, KeyboardInterrupt) and self._signal:
+            raise SystemExit(self.exit_code) from error
 
     def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - a handler's signature
         if self._signal:

@@ -8,6 +8,7 @@ import json
 import multiprocessing
 import os
 import re
+import signal
 import socket
 import subprocess
 import sys
@@ -192,6 +193,18 @@ def test_a_scheduler_that_is_not_there_is_refused(tmp_path: Path) -> None:
         with pytest.raises(UsageError, match="no scheduler answers"):
             run_batch(tmp_path / "in", tmp_path / "out", **by_dask(f"127.0.0.1:{other.getsockname()[1]}"))
         answer.join()
+
+
+def test_a_run_that_waits_for_a_scheduler_is_stopped_at_once(tmp_path: Path) -> None:
+    make_images(tmp_path / "in", NAMES[:2])
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        asked = ["--executor", "dask", "--dask", f"127.0.0.1:{silent.getsockname()[1]}"]
+        line = [sys.executable, "-m", "ffseg", "run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), *asked]
+        with subprocess.Popen(line, stderr=subprocess.PIPE, text=True) as run:
+            silent.accept()
+            run.send_signal(signal.SIGTERM)
+            _, said = run.communicate(timeout=10)  # of the 20 s that a scheduler may take
+    assert (run.returncode, "interrupted; run it again" in said, "error" in said) == (143, True, False)
 
 
 def test_a_worker_that_dies_costs_nothing(mortal, tmp_path: Path) -> None:

@@ -206,17 +206,22 @@ def _connect(start: Assignment) -> tuple[Any, Any]:
     try:
         if address:
             with ThreadPoolExecutor(1) as thread:  # a notebook's own has a loop already
-                thread.submit(asyncio.run, _require_scheduler(address)).result()
+                thread.submit(asyncio.run, _require_scheduler(address, start.stop)).result()
         return distributed.Client(cluster or address, timeout=_PATIENCE_S, set_as_default=False), cluster
+    except asyncio.CancelledError as error:
+        raise KeyboardInterrupt from error
     except Exception as error:  # what answers may be anything, and Dask read anything into it
         raise UsageError(
             f"--dask: no scheduler answers at {printable(address)} ({str(error) or type(error).__name__}); check the address"
         ) from error
 
 
-async def _require_scheduler(address: str) -> None:
+async def _require_scheduler(address: str, stop: int) -> None:
     """Refuse what is none: with other servers, as of the dashboard, a client waits for minutes."""
     distributed: Any = import_module("distributed")
+    task = asyncio.current_task()
+    if stop >= 0 and task is not None:
+        asyncio.get_running_loop().add_reader(stop, task.cancel)
     secured = distributed.Security().get_connection_args("client")
     async with distributed.rpc(address, timeout=_PATIENCE_S, connection_args=secured) as there:
         found = (await asyncio.wait_for(there.identity(), _PATIENCE_S))["type"]
