@@ -88,7 +88,7 @@ Bitmap uncovered(const freeform::Plane& plane, const Bitmap& edges, int width, d
     for (int y = 0; y < roomy.height(); ++y) std::fill_n(roomy.row(y), roomy.words(), ~Bitmap::Word{0});
     roomy.remove(grown_on(plane, edges, width, radius));
     keep_ground(plane, width, roomy);
-    left.remove(grown_on(plane, roomy, width, radius + kBeyond).grown(kBeside));
+    left.remove(grown_on(plane, roomy, width, radius).grown(kBeside));
     return left;
 }
 
