@@ -47,6 +47,7 @@ def auto(scene: Scene) -> EdgeMap:
     if found is None or _holds_clicks_outside(found, scene):
         return _learned(scene, edges)
     mask = rasterize(found.outcome.contours or (), scene.shape)
+    found = replace(found, outcome=replace(found.outcome, mask=mask))  # which the result has, too
     if look_alikes(scene.image, mask) < ALIKE:
         return replace(edges, trial=found)
     learned = _learned(scene, edges)
