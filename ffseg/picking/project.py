@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,18 +169,13 @@ class Project:
 
     def arguments(self) -> list[str]:
         """Arguments of the ``ffseg run`` that does all images."""
-        starts = ["--starts", self.path(STARTS)] if self._may_start() else []
+        named = any(track.now.start is not None for track in self.journal.tracks.values())
+        starts = ["--starts", self.path(STARTS)] if named else []
         return ["run", *self.inputs, "--out", self.path(RUN), "--config", self.path(SETTINGS), *starts, "--overwrite"]
 
     def command(self) -> str:
         """The same as a line for a shell."""
         return shlex.join(["ffseg", *self.arguments()])
-
-    def _may_start(self) -> bool:
-        """Whether a run takes the starts file: every image has a row, or a model finds the other starts."""
-        tracks: Mapping[str, Track] = self.journal.tracks
-        named = [name for name, track in tracks.items() if track.now.start is not None]
-        return bool(named) and (bool(self.model) or {one.name for one in self.sources} <= set(named))
 
     def _settings(self) -> str:
         """A parameter file with what differs from the defaults."""

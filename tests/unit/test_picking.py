@@ -330,6 +330,7 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(
         for index in (0, 3):
             assert not started
             own.change(0, index, 0, "pick", picked(LEFT, status="accepted"))
+            assert "--starts" in own.projects[0].arguments(), "images without a row start where all do"
         assert started[0][:2] == ["learn", str(folder)]
         assert own.following(0, 0) == 1, "the next in the folder"
         new = Path(started[0][started[0].index("--out") + 1])
@@ -346,7 +347,6 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(
         assert own.following(0, 0) == 2, "the one it is least sure of"
         assert (own.following(0, 2), own.following(0, 1)) == (1, 2), "the next in line, and round"
         assert own.projects[0].params.edges.model == str(out / "model.ffmodel")
-        assert "--starts" in own.projects[0].arguments(), "images without a row are the model's"
         assert f"model: {out}/model.ffmodel" in (out / "pick.yaml").read_text()
         new.write_bytes(b"model")
         work._learned(0, json.dumps(FIGURES | {"iou": 0.5}), "")
