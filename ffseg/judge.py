@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.contour import Found
-from ffseg.evidence.surroundings import expected_overlap
+from ffseg.evidence.surroundings import STRIDE, thinned
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed_joints
 from ffseg.image.boundary import MARGIN, Boundary
@@ -77,6 +77,27 @@ def judged(
 def sobered(overlap: float) -> float:
     """The IoU that results have in the mean of which the prior expects so much overlap."""
     return overlap / (overlap + HOPE * (1 - overlap))
+
+
+def expected_overlap(odds: NDArray[np.float32], mask: NDArray[np.bool_]) -> float:
+    """The IoU to be expected of a region if the probabilities are true: their sum in it over that of its union.
+
+    Parameters
+    ----------
+    odds : ndarray of float32, shape (H, W)
+        Log odds of inside, 0 where the region ends.
+    mask : ndarray of bool, shape (H, W)
+
+    Notes
+    -----
+    Probabilities below one half count as none: there are many of them far off, where they say more of the size of
+    the image than of the region.
+    """
+    few, inside = thinned(odds), mask[::STRIDE, ::STRIDE]
+    every = (few > 0) / (1 + np.exp(-few))  # products and quotients, where choices would wait for each pixel
+    both = float((every * inside).sum(dtype=np.float64))
+    either = float(np.count_nonzero(inside)) + float(every.sum(dtype=np.float64)) - both
+    return both / either if either > 0 else 0.0
 
 
 def _doubts(

@@ -152,8 +152,7 @@ def source_of(scene: Scene) -> str:
 def contour_of(scene: Scene) -> Found:
     """The contour of a scene; one that its evidence has asked for already is not asked for again."""
     trial: Found | None = scene.edges.trial
-    found = contour(scene) if trial is None or scene.callback is not None else trial
-    return trial or found
+    return contour(scene) if trial is None or scene.callback is not None else trial
 
 
 def region(found: Found) -> tuple[tuple[FreeForm, ...], NDArray[np.bool_]]:

@@ -16,7 +16,7 @@ def weights(sigma: float) -> list[int]:
     """Gaussian weights in 1/65536 for twice the pixel itself and for the sums of two pixels 1, 2, ... away."""
     heights = [1.0]
     least = math.sqrt(2 * math.pi) * sigma / (255 * UNIT)
-    while (height := math.exp(-0.5 * (len(heights) / sigma) ** 2)) > least:
+    while (height := math.exp(-0.5 * (len(heights) / sigma) * (len(heights) / sigma))) > least:  # ** overflows
         heights.append(height)
     total = 2 * sum(heights) - 1
     sides = [round(65536 * height / total) for height in heights[1:]]

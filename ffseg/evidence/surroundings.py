@@ -122,27 +122,6 @@ def with_own_colours(odds: Plane, seen: Features) -> Plane:
     return voted(odds + np.float32(AGAIN) * again, seen)
 
 
-def expected_overlap(odds: NDArray[np.float32], mask: NDArray[np.bool_]) -> float:
-    """The IoU to be expected of a region if the probabilities are true: their sum in it over that of its union.
-
-    Parameters
-    ----------
-    odds : ndarray of float32, shape (H, W)
-        Log odds of inside, 0 where the region ends.
-    mask : ndarray of bool, shape (H, W)
-
-    Notes
-    -----
-    Probabilities below one half count as none: there are many of them far off, where they say more of the size of
-    the image than of the region.
-    """
-    few, inside = thinned(odds), mask[::STRIDE, ::STRIDE]
-    every = (few > 0) / (1 + np.exp(-few))  # products and quotients, where choices would wait for each pixel
-    both = float((every * inside).sum(dtype=np.float64))
-    either = float(np.count_nonzero(inside)) + float(every.sum(dtype=np.float64)) - both
-    return both / either if either > 0 else 0.0
-
-
 def _ways(slopes: dict[str, Plane], start: NDArray[np.uint8]) -> list[Plane]:
     """What stands on ways from the start and from the frame of the image, and through passages only."""
     slope = slopes["1.5"]

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from ffseg.api import segment
 from ffseg.evidence.features import MIDDLE, exposed
 from ffseg.evidence.prior import CERTAIN, LEAST_START, TAKEN, all_planes, look, prior
-from ffseg.evidence.surroundings import expected_overlap
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.boundary import Boundary
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
-from ffseg.judge import HOPE, sobered
+from ffseg.judge import HOPE, expected_overlap, sobered
 from ffseg.learning.drawn.sights import sights
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
