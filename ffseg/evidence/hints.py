@@ -7,6 +7,7 @@ outside. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
 from ffseg.evidence.surroundings import STRIDE, colours_of, likelier, likeness, steepest, with_own_colours
 from ffseg.image.edges import EdgeMap
 from ffseg.image.opencv_peers import grown
-from ffseg.image.parts import parts
+from ffseg.image.parts import Parts, scattered
 from ffseg.native import _core
 from ffseg.scene import Scene
 from ffseg.starts.rivals import seeds
@@ -133,7 +134,8 @@ def hints(image: NDArray[np.uint8], inside: Region, outside: Region) -> Plane | 
     ndarray of float32, shape (H, W), or None
         Logarithm of the odds of belonging to what is meant, at most ``CERTAIN`` either way; None where both sides show the same.
     """
-    whole = _shown(image, *showing(inside, outside))
+    (shown, count), (beyond, _) = showing(inside, outside)
+    whole = prior.prior(image, shown) if count == 1 and not beyond.any() else _seen(look(image, shown, beyond))
     if whole is None:
         return None
     whole[grown(inside, HELD)] = CERTAIN
@@ -141,19 +143,26 @@ def hints(image: NDArray[np.uint8], inside: Region, outside: Region) -> Plane | 
     return whole
 
 
-def showing(inside: Region, outside: Region) -> tuple[Region, Region]:
-    """Parts of clicks that show what they lie on (`SHOWS`), at least the widest inside."""
-    sides = parts(inside), parts(outside)
-    widest = [float(side.areas.max()) for side in sides]
+def showing(inside: Region, outside: Region) -> tuple[tuple[Region, int], tuple[Region, int]]:
+    """Parts of clicks on either side that show what they lie on (`SHOWS`), at least the widest inside, and their number."""
+    sides = list(scattered(inside)), list(scattered(outside))
+    widest = [max((float(one.areas.max()) for _, one in side), default=0.0) for side in sides]
     least = SHOWS**2 * min(max(widest), np.pi * (CLICK * max(inside.shape)) ** 2)
-    return sides[0].at_least(min(least, widest[0])), sides[1].at_least(least)
+    return _at_least(sides[0], min(least, widest[0]), inside.shape), _at_least(sides[1], least, inside.shape)
 
 
-def _shown(image: NDArray[np.uint8], inside: Region, outside: Region) -> Plane | None:
-    """Log odds of what is shown; the prior's where that is one part inside and nothing outside, None as `hints`."""
-    if not outside.any() and np.count_nonzero(parts(inside).areas) == 1:
-        return prior.prior(image, inside)
-    view = look(image, inside, outside)
+def _at_least(
+    side: Sequence[tuple[tuple[slice, slice], Parts]], area: float, shape: tuple[int, ...]
+) -> tuple[Region, int]:
+    """The parts of so many pixels as one mask, and their number."""
+    kept = np.zeros(shape, np.bool_)
+    for window, found in side:
+        kept[window] = found.at_least(area)
+    return kept, sum(len(found.touching(kept[window])) for window, found in side)
+
+
+def _seen(view: View) -> Plane | None:
+    """Log odds of what both sides show; None where that is the same."""
     return None if view.is_even() else enlarged(_odds(view), view.seen.factor, view.seen.shape, STRIDE)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -43,3 +44,12 @@ def parts(mask: NDArray[np.bool_] | NDArray[np.uint8], *, corners: bool = False)
     areas = figures[:, cv2.CC_STAT_AREA].astype(np.intp)
     areas[0] = 0
     return Parts(np.asarray(labels, np.int32), areas, np.asarray(figures[:, :4], np.int32))
+
+
+def scattered(mask: NDArray[np.bool_]) -> Iterator[tuple[tuple[slice, slice], Parts]]:
+    """Parts of a mask that is nearly empty: rows and columns of windows that hold all of it, and the parts in each."""
+    filled = np.pad(mask.any(axis=1), 1)
+    for top, end in np.flatnonzero(filled[1:] != filled[:-1]).reshape(-1, 2).tolist():
+        columns = np.flatnonzero(mask[top:end].any(axis=0)).tolist()
+        window = slice(top, end), slice(columns[0], columns[-1] + 1)
+        yield window, parts(mask[window])
