@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -329,7 +330,7 @@ def asking(chosen: Sequence[Samples], *, corrected: bool = False) -> Asked | Non
     own = mean_overlap(odds, inside)
     if len(chosen) < 2:
         return Asked(own >= enough_of(1), own, enough_of(1))
-    told, few = _told_by_others(chosen, corrected=corrected), [one[::THIN] for one in inside]
+    told, few = _told_by_others(tuple(chosen), corrected=corrected), [one[::THIN] for one in inside]
     both = [one + np.float32(PRIOR_WEIGHT) * known[::THIN] for one, known in zip(told, odds, strict=True)]
     taught, helped = mean_overlap(told, few), mean_overlap(both, few)
     return Asked(helped > taught, own, taught=taught, both=helped)
@@ -385,10 +386,11 @@ def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, 
 
 def _taught_by_others(chosen: Sequence[Samples]) -> float:
     """Mean IoU of `_told_by_others`."""
-    return mean_overlap(_told_by_others(chosen), [one.inside[::THIN] for one in chosen])
+    return mean_overlap(_told_by_others(tuple(chosen), corrected=False), [one.inside[::THIN] for one in chosen])
 
 
-def _told_by_others(chosen: Sequence[Samples], *, corrected: bool = False) -> list[Odds]:
+@lru_cache(maxsize=1)  # of masks that leave the base aside both decisions ask
+def _told_by_others(chosen: tuple[Samples, ...], *, corrected: bool) -> list[Odds]:
     """Log odds of some pixels of each image, of a small forest grown on the others alone, or correcting the base."""
     thin = [Samples(one.rows[::THIN], one.inside[::THIN]) for one in chosen]
     begin = [odds_of(base(), one.rows) for one in thin] if corrected else None
