@@ -17,7 +17,7 @@ from ffseg.batch.workers.freshness import read_job
 from ffseg.batch.workers.messages import Setup
 from ffseg.compare.values import Comparison, Row
 from ffseg.errors import ImageReadError
-from ffseg.io.files import unwritten
+from ffseg.io.files import unwritten, write_bytes_atomic
 from ffseg.plugins import check
 
 NAME = "compare.jsonl"
@@ -39,7 +39,7 @@ class Journal:
             for value in filter(None, map(parsed_line, lines if first == head else ())):
                 self._done[value["image"]] = [Row(**row) for row in value["rows"]]
         kept = (self._line(image, rows) for image, rows in self._done.items())
-        self._write("wb", head + b"".join(kept))
+        write_bytes_atomic(self._path, head + b"".join(kept))
 
     @staticmethod
     def _line(image: str, rows: list[Row]) -> bytes:
@@ -60,14 +60,11 @@ class Journal:
     def add(self, key: str, rows: list[Row]) -> None:
         """Remember an image."""
         if key:
-            self._write("ab", self._line(key, rows))
-
-    def _write(self, mode: str, data: bytes) -> None:
-        try:
-            with Path(self._path).open(mode) as file:
-                file.write(data)
-        except OSError as error:
-            raise unwritten(self._path, error) from error
+            try:
+                with Path(self._path).open("ab") as file:
+                    file.write(self._line(key, rows))
+            except OSError as error:
+                raise unwritten(self._path, error) from error
 
     def end(self) -> None:
         """Remove the file: a finished comparison begins anew."""
