@@ -110,6 +110,13 @@ def draw_blobs(folder: Path, count: int, size: tuple[int, int] = (64, 48)) -> No
         Image.fromarray(np.clip(image, 0, 255).astype(np.uint8)).save(folder / f"i{index}.png", compress_level=1)
 
 
+def draw_film(path: Path, frames: int) -> Path:
+    """Write a film of a disc that moves."""
+    from drawn_films import pictures, write_film
+
+    return write_film(path, pictures(frames, (64, 48), noise=3))
+
+
 def outputs(out: Path) -> dict[str, bytes]:
     """Content of the masks and contours under an output folder, as files or in tar files, by relative path."""
     files = (path for kind, _ in KINDS for path in (out / kind).rglob("*") if path.is_file())

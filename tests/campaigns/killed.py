@@ -1,6 +1,6 @@
 """R4: kill -9 at random moments leaves no partial file, and resumed runs end in the bytes of an uninterrupted one.
 
-``python tests/campaigns/killed.py --work DIR --kills 200 --jobs 2 [--pack]``
+``python tests/campaigns/killed.py --work DIR --kills 200 --jobs 2 [--pack] [--film]``
 """
 
 from __future__ import annotations
@@ -29,11 +29,21 @@ class Figures:
 
 
 def campaign(
-    work: Path, kills: int, jobs: int, images: int = 150, seed: int = 1, more: tuple[str, ...] = ()
+    work: Path,
+    kills: int,
+    jobs: int,
+    images: int = 150,
+    seed: int = 1,
+    more: tuple[str, ...] = (),
+    *,
+    film: bool = False,
 ) -> Figures:
     """Kill runs into one folder until `kills` have hit a run at work; start anew whenever the folder is complete."""
     source, straight, out = work / "in", work / "straight", work / "out"
-    harness.draw_blobs(source, images)
+    if film:
+        source = harness.draw_film(work / "in.mp4", images)
+    else:
+        harness.draw_blobs(source, images)
     options = ("--set", harness.CONFIG, "--jobs", str(jobs), "-q", *more)
     begin = time.perf_counter()
     assert harness.run("run", source, "--out", straight, *options).code == 0
@@ -81,5 +91,7 @@ if __name__ == "__main__":
     arguments.add_argument("--kills", type=int, default=200)
     arguments.add_argument("--jobs", type=int, default=2)
     arguments.add_argument("--pack", action="store_true")
+    arguments.add_argument("--film", action="store_true", help="frames of a film, not images of a folder")
     given = arguments.parse_args()
-    harness.say(str(campaign(given.work, given.kills, given.jobs, more=harness.PACK if given.pack else ())))
+    pack = harness.PACK if given.pack else ()
+    harness.say(str(campaign(given.work, given.kills, given.jobs, more=pack, film=given.film)))

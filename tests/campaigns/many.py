@@ -1,6 +1,6 @@
 """R10: resident memory of the run and its workers over many images.
 
-``python tests/campaigns/many.py --work DIR --images 10000 --jobs 2``
+``python tests/campaigns/many.py --work DIR --images 10000 --jobs 2 [--film]``
 """
 
 from __future__ import annotations
@@ -33,14 +33,16 @@ class Figures:
         return self.late_mb / self.early_mb - 1
 
 
-def campaign(work: Path, images: int, jobs: int, first: int = 500) -> Figures:
-    """Run over copies of a few small images and sample the memory of all processes."""
+def campaign(work: Path, images: int, jobs: int, first: int = 500, *, film: bool = False) -> Figures:
+    """Run over copies of a few small images, or the frames of a film, and sample the memory of all processes."""
     source, out = work / "in", work / "out"
     for folder in (source, out):
         shutil.rmtree(folder, ignore_errors=True)
     harness.draw_blobs(work / "few", 20)
     source.mkdir(parents=True)
-    for index in range(images):
+    if film:
+        harness.draw_film(source / "in.mp4", images)
+    for index in range(0 if film else images):
         shutil.copy(work / "few" / f"i{index % 20}.png", source / f"i{index}.png")
     begin = time.monotonic()
     process = harness.start("run", source, "--out", out, "--jobs", str(jobs), "--set", harness.CONFIG, "-q")
@@ -64,6 +66,7 @@ if __name__ == "__main__":
     arguments = harness.parser(__doc__)
     arguments.add_argument("--images", type=int, default=10_000)
     arguments.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    arguments.add_argument("--film", action="store_true", help="frames of a film, not images of a folder")
     given = arguments.parse_args()
-    figures = campaign(given.work, given.images, given.jobs)
+    figures = campaign(given.work, given.images, given.jobs, film=given.film)
     harness.say(f"{figures} growth {figures.growth:.1%}")

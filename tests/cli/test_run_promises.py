@@ -9,11 +9,11 @@ import resource
 import signal
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import bad_files
 import bad_images
 import faults
-import films
 import full_disk
 import harness
 import killed
@@ -180,8 +180,11 @@ def test_r4_killed_runs_resume_to_the_same_bytes(tmp_path: Path) -> None:
     assert figures.most_redone <= 2
 
 
-def test_r4_killed_packed_runs_resume_to_the_same_bytes(tmp_path: Path) -> None:
-    figures = killed.campaign(tmp_path, kills=2, jobs=2, images=60, more=harness.PACK)
+@pytest.mark.parametrize("how", [{"jobs": 2, "more": harness.PACK}, {"jobs": 1, "film": True}], ids=["packed", "film"])
+def test_r4_killed_runs_into_tar_files_and_of_films_resume_to_the_same_bytes(
+    how: dict[str, Any], tmp_path: Path
+) -> None:
+    figures = killed.campaign(tmp_path, kills=2, images=60, **how)
     assert (figures.partial, figures.resumed_differ, figures.left_over, figures.orphans) == (0, 0, 0, 0)
 
 
@@ -283,9 +286,3 @@ def test_r12_names_are_escaped_on_the_terminal_and_in_the_table(blobs: Path, tmp
     for hostile in ("\x1b", "\u202e"):
         assert hostile not in ended.stderr + text
     assert "\n'=cmd.png,failed," in text
-
-
-def test_a_film_killed_in_the_middle_ends_as_if_it_had_not_been(tmp_path: Path) -> None:
-    figures = films.campaign(tmp_path, frames=40, kills=2, size=(160, 120))
-    assert figures.kills >= 1
-    assert figures.differ == 0
