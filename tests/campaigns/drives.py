@@ -9,10 +9,8 @@ process holds on the way.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import resource
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from time import process_time
@@ -29,6 +27,7 @@ from ffseg.parameters import load_params
 from ffseg.rendering import floor_sequence, sample_camera
 from ffseg.rendering.floors import NOISES, TEXTURES, FloorSequence
 from ffseg.samples.drive import drive, drive_camera
+from tests.campaigns import harness
 from tests.worlds import footprint, free_ground
 
 FIRST = 710_000
@@ -142,17 +141,12 @@ def memory(count: int) -> bool:
     return held[-1] - held[1] < 0.01 * held[1]
 
 
-def main() -> int:
+def main(drives: int = 12, cost: bool = False, memory: int = 0) -> int:
     """Run what is asked for; 1 when a promise is not kept."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--drives", type=int, default=12)
-    parser.add_argument("--cost", action="store_true")
-    parser.add_argument("--memory", type=int, default=0)
-    options = parser.parse_args()
-    if options.cost:
+    if cost:
         return 0 if cost() else 1
-    return 0 if (memory(options.memory) if options.memory else reliability(options.drives)) else 1
+    return 0 if (memory(memory) if memory else reliability(drives)) else 1
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

@@ -11,19 +11,13 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-import bad_files
 import bad_images
-import faults
-import full_disk
-import harness
-import killed
-import many
 import numpy as np
 import pytest
-import same_bytes
-import signals
 from batches import table
 from PIL import Image
+
+from tests.campaigns import bad_files, faults, full_disk, harness, killed, many, same_bytes, signals
 
 SMALL = ("--set", harness.CONFIG)
 LEGAL = {0, 2, 3}
@@ -180,7 +174,7 @@ def test_r4_killed_runs_resume_to_the_same_bytes(tmp_path: Path) -> None:
     assert figures.most_redone <= 2
 
 
-@pytest.mark.parametrize("how", [{"jobs": 2, "more": harness.PACK}, {"jobs": 1, "film": True}], ids=["packed", "film"])
+@pytest.mark.parametrize("how", [{"jobs": 2, "pack": True}, {"jobs": 1, "film": True}], ids=["packed", "film"])
 def test_r4_killed_runs_into_tar_files_and_of_films_resume_to_the_same_bytes(
     how: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -189,32 +183,32 @@ def test_r4_killed_runs_into_tar_files_and_of_films_resume_to_the_same_bytes(
 
 
 @pytest.mark.parametrize(
-    ("call", "number", "more"),
+    ("call", "number", "pack"),
     [
-        ("open", 5, ()),
-        ("write", 4, ()),
-        ("fsync", 3, ()),
-        ("rename", 4, ()),
-        ("write", 6, harness.PACK),
-        ("rename", 4, harness.PACK),
+        ("open", 5, False),
+        ("write", 4, False),
+        ("fsync", 3, False),
+        ("rename", 4, False),
+        ("write", 6, True),
+        ("rename", 4, True),
     ],
 )
 def test_r5_failing_calls_keep_earlier_outputs_and_name_the_path(
-    call: str, number: int, more: tuple[str, ...], tmp_path: Path
+    call: str, number: int, pack: bool, tmp_path: Path
 ) -> None:
     if os.uname().sysname != "Linux":
         pytest.skip("the faulty calls are put in with LD_PRELOAD")
-    figures = faults.campaign(tmp_path, ("ENOSPC",), images=1, only=(call, number), more=more)
+    figures = faults.campaign(tmp_path, "ENOSPC", images=1, call=call, number=number, pack=pack)
     assert figures.wrong == []
     assert figures.runs == 1
 
 
-@pytest.mark.parametrize("more", [(), harness.PACK])
-def test_r6_small_disks_and_limits_leave_whole_files_only(more: tuple[str, ...], tmp_path: Path) -> None:
+@pytest.mark.parametrize("pack", [False, True])
+def test_r6_small_disks_and_limits_leave_whole_files_only(pack: bool, tmp_path: Path) -> None:
     mount = ["unshare", "-rm", "mount", "-t", "tmpfs", "tmpfs", tmp_path]
     if os.uname().sysname != "Linux" or subprocess.run(mount, check=False).returncode != 0:
         pytest.skip("a tmpfs cannot be mounted in a namespace here")
-    figures = full_disk.campaign(tmp_path, images=12, disks=(16, 96), limits=(1,), more=more)
+    figures = full_disk.campaign(tmp_path, images=12, disks=(16, 96), limits=(1,), pack=pack)
     assert figures.wrong == []
     assert figures.exit_codes[2] >= 1
     assert figures.exit_codes[3] >= 1
