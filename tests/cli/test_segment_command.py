@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 from functools import partial
-from http.server import HTTPServer, SimpleHTTPRequestHandler
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import cv2
@@ -59,7 +59,7 @@ def test_the_class_that_labels_of_yolo_cannot_name_is_said(tmp_path: Path, ffseg
 
 
 def test_an_address_is_read_as_run_reads_it(mask: np.ndarray, tmp_path: Path, ffseg_command: Command) -> None:
-    with HTTPServer(("127.0.0.1", 0), partial(Quiet, directory=os.fspath(TOY.parent))) as server:
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=os.fspath(TOY.parent))) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         address = f"http://127.0.0.1:{server.server_port}"
