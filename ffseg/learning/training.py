@@ -147,7 +147,10 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
         odds += [reduced_mean(prior(example.image, start), seen.factor).ravel()[chosen]] * 2
     inside = np.concatenate(labels) if labels else np.zeros(0, np.bool_)
     if inside.all() or not inside.any():
-        side = "outside" if inside.any() else "inside"
+        side, level = ("outside", OUTSIDE) if inside.any() else ("inside", INSIDE)
+        if (example.truth == level).any():
+            seen = f"an image of {image.shape[1]}x{image.shape[0]} pixels is seen at {size}"
+            raise UsageError(f"what the mask knows {side} is too small or thin: {seen}; cut it out, or leave it out")
         raise UsageError(f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both")
     return Samples(np.concatenate(rows), inside, np.concatenate(odds))
 

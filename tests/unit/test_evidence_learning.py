@@ -161,6 +161,15 @@ def test_a_mask_of_one_side_is_refused(level: int, side: str) -> None:
         samples(Example(one.image, np.full(SHAPE, level, np.uint8), one.start, 6.0))
 
 
+def test_what_is_too_small_to_be_seen_is_not_said_to_be_missing() -> None:
+    image, truth = np.zeros((90, 1600), np.uint8), np.zeros((90, 1600), np.uint8)
+    truth[40:43, 801] = 255
+    with pytest.raises(
+        UsageError, match="knows inside is too small or thin: an image of 1600x90 pixels is seen at 400;"
+    ):
+        samples(Example(image, truth, None, 4.0))
+
+
 def test_uncertainty_is_higher_on_what_was_never_seen() -> None:
     model = learn([samples(example(seed)) for seed in (1, 2)])
     one = example(3)
