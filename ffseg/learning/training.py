@@ -149,8 +149,8 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
     if inside.all() or not inside.any():
         side, level = ("outside", OUTSIDE) if inside.any() else ("inside", INSIDE)
         if (example.truth == level).any():
-            seen = f"an image of {image.shape[1]}x{image.shape[0]} pixels is seen at {size}"
-            raise UsageError(f"what the mask knows {side} is too small or thin: {seen}; cut it out, or leave it out")
+            reduced = f"an image of {image.shape[1]}x{image.shape[0]} pixels is seen at {size}"
+            raise UsageError(f"what the mask knows {side} is too small or thin: {reduced}; cut it out, or leave it out")
         raise UsageError(f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both")
     return Samples(np.concatenate(rows), inside, np.concatenate(odds))
 
