@@ -26,6 +26,6 @@ def read_at(plane: Plane, x: Values, y: Values, *, nearest: bool = False) -> Pla
     return found
 
 
-def shares(part: Plane, whole: Plane) -> Values:
-    """Part of each pixel of a plane that another is; 0 where there is nothing."""
-    return np.asarray(cv2.divide(part, whole, dtype=cv2.CV_32F), np.float32)
+def shares(part: Plane, whole: Plane) -> Plane:
+    """How many 255ths of each pixel of a plane another is; 0 where there is nothing."""
+    return np.asarray(cv2.divide(part, whole, scale=255.0), np.uint8)

@@ -118,9 +118,9 @@ class Session:
         UsageError
             If a region does not fit its image.
         """
-        taken, labels = 0, labels.named([source.name for source in self.sources])
+        taken = 0
         for index, source in enumerate(self.sources):
-            if source.name not in labels.regions:
+            if not labels.of(source.name):
                 continue
             for project in self.projects:
                 track = project.journal.track(source.name)

@@ -31,11 +31,14 @@ class FloorSequence:
     Attributes
     ----------
     poses : tuple of (x, y, theta)
+    tilts : tuple of (about_x, about_y)
+        Radians, as `ffseg.rendering.raycast.render` takes them; none of a level drive.
     """
 
     views: tuple[Rendering, ...]
     poses: tuple[PlanarPose, ...]
     scene: Scene
+    tilts: tuple[Tilt, ...] = ()
 
 
 def floor_pair(seed: int, kind: FloorKind, texture: float, noise: float) -> RenderedPair:
@@ -58,20 +61,26 @@ def floor_pair(seed: int, kind: FloorKind, texture: float, noise: float) -> Rend
     scene = replace(scene, floor=_floor(random, kind, texture, noise))
     if kind == "alike":
         scene = _alike(scene, random)
-    tilts = tuple(_tilt(random) if kind == "nodding" else (0.0, 0.0) for _ in poses)
+    tilts = tuple(_tilt(random, NOD) if kind == "nodding" else (0.0, 0.0) for _ in poses)
     views = [render(scene, camera, pose, index, tilts[index]) for index, pose in enumerate(poses)]
     return RenderedPair(views[0], views[1], camera, poses, scene, (tilts[0], tilts[1]))
 
 
-def floor_sequence(seed: int, num_views: int, texture: float, noise: float) -> FloorSequence:
-    """Views of a robot that drives a curve through a scene, a step of ``STEP`` metres each."""
+def floor_sequence(seed: int, num_views: int, texture: float, noise: float, nod: float = 0.0) -> FloorSequence:
+    """Views of a robot that drives a curve through a scene, a step of ``STEP`` metres each.
+
+    Parameters
+    ----------
+    nod : float
+        Radians: every view is tilted by up to so much, on a bearing of its own.
+    """
     camera, random = sample_camera(), np.random.default_rng([seed, 12])
     poses = _path(random, num_views)
     scene = _scene(seed, "plain", np.array([pose[:2] for pose in poses]), random)
     scene = replace(scene, floor=_floor(random, "plain", texture, noise))
-    return FloorSequence(
-        tuple(render(scene, camera, pose, index) for index, pose in enumerate(poses)), tuple(poses), scene
-    )
+    tilts = [_tilt(random, nod) if nod else (0.0, 0.0) for _ in poses]
+    views = (render(scene, camera, pose, index, tilts[index]) for index, pose in enumerate(poses))
+    return FloorSequence(tuple(views), tuple(poses), scene, tuple(tilts))
 
 
 def _path(random: np.random.Generator, num_views: int) -> list[PlanarPose]:
@@ -118,6 +127,6 @@ def _floor(random: np.random.Generator, kind: FloorKind, texture: float, noise: 
     return Floor(texture, noise, light if kind == "shadows" else None, streak if kind == "glossy" else None)
 
 
-def _tilt(random: np.random.Generator) -> Tilt:
-    size, bearing = random.uniform(0, NOD), random.uniform(0, 2 * np.pi)
+def _tilt(random: np.random.Generator, most: float) -> Tilt:
+    size, bearing = random.uniform(0, most), random.uniform(0, 2 * np.pi)
     return float(size * np.cos(bearing)), float(size * np.sin(bearing))

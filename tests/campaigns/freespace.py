@@ -6,6 +6,8 @@ error of the motion. With ``--snake`` the same of the snake, without its altitud
 
 from __future__ import annotations
 
+import argparse
+import sys
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +19,6 @@ from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import Parameters, load_params
 from ffseg.rendering import RenderedPair, render_pair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL, GROUND
-from tests.campaigns import harness
 
 MODES = ("poses", "noisy", "none")
 NOISE_METRES, NOISE_RADIANS = 0.02, np.deg2rad(0.5)
@@ -166,10 +167,15 @@ def table(tallies: dict[str, Tally]) -> str:
     return "\n".join(lines)
 
 
-def main(pairs: int = 50, first: int = 0, snake: bool = False) -> int:
+def main() -> int:
     """Run the campaign and say whether its promises hold."""
-    seeds = range(first, first + pairs)
-    if snake:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--pairs", type=int, default=50)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--snake", action="store_true")
+    options = parser.parse_args()
+    seeds = range(options.first, options.first + options.pairs)
+    if options.snake:
         print(table(snakes(seeds)))
         return 0
     tallies = run(seeds, load_params())
@@ -184,4 +190,4 @@ def main(pairs: int = 50, first: int = 0, snake: bool = False) -> int:
 
 
 if __name__ == "__main__":
-    harness.as_command(main)
+    sys.exit(main())

@@ -1,14 +1,15 @@
 """R9: the same bytes for any number of workers, order of the images, time zone, locale and hash seed.
 
-``python -m tests.campaigns.same_bytes --work DIR --images 500``
+``python tests/campaigns/same_bytes.py --work DIR --images 500``
 """
 
 from __future__ import annotations
 
 import shutil
 from dataclasses import dataclass, field
+from pathlib import Path
 
-from tests.campaigns import harness
+import harness
 
 VARIANTS: dict[str, tuple[int, int, dict[str, str]]] = {
     "one": (1, 1, {}),
@@ -28,7 +29,7 @@ class Figures:
     differ: list[str] = field(default_factory=list)
 
 
-def campaign(work: harness.Work, images: int = 500) -> Figures:
+def campaign(work: Path, images: int) -> Figures:
     """Run every variant over the same images and compare masks, contours and overlays."""
     source, figures = work / "in", Figures()
     harness.draw_blobs(source, images)
@@ -51,4 +52,7 @@ def campaign(work: harness.Work, images: int = 500) -> Figures:
 
 
 if __name__ == "__main__":
-    harness.as_command(campaign)
+    arguments = harness.parser(__doc__)
+    arguments.add_argument("--images", type=int, default=500)
+    given = arguments.parse_args()
+    harness.say(str(campaign(given.work, given.images)))

@@ -17,8 +17,9 @@ from worlds import footprint, free_ground
 import ffseg
 from ffseg.camera.motion import planar_pose
 from ffseg.errors import CalibrationError
-from ffseg.freespace.occupancy import OccupancyMap, Sighting
+from ffseg.freespace.occupancy import ALIKE, SHARP, OccupancyMap, Sighting
 from ffseg.freespace.sequence import Frame
+from ffseg.freespace.window import Link
 from ffseg.rendering import sample_camera
 from ffseg.rendering.floors import FloorSequence
 
@@ -117,6 +118,44 @@ def test_what_stands_before_the_ground_says_nothing_of_it() -> None:
     assert ((chance > 0.1) & (chance < 0.9) & (chance != 0.5) & (away < 1.3)).sum() > 100
     beyond = chance[(away > 1.4) & (away < 2.5)]
     assert beyond[beyond != 0.5].max() < 0.05
+
+
+def test_a_mask_read_between_its_pixels_is_as_sharp_as_its_edges() -> None:
+    """Straight edges at any angle and place, drawn by the rule of pixel centres and read linearly between four of them."""
+    random = np.random.default_rng(5)
+    x, y, turn, off = random.uniform([0, 0, 0, -1.2], [1, 1, 2 * np.pi, 1.2], (400_000, 4)).T
+
+    def inside(column: np.ndarray | int, row: np.ndarray | int) -> np.ndarray:
+        return (column - 0.5) * np.cos(turn) + (row - 0.5) * np.sin(turn) < off
+
+    upper, lower = ((1 - x) * inside(0, row) + x * inside(1, row) for row in (0, 1))
+    read, free = (1 - y) * upper + y * lower, inside(x, y)
+    for low in (0.1, 0.2, 0.3, 0.6, 0.7, 0.8):
+        some = (read >= low) & (read < low + 0.1)
+        odds = [np.log(part / (1.0 - part)) for part in (free[some].mean(), read[some].mean())]
+        assert abs(odds[0] / odds[1] - SHARP) < 0.1
+
+
+def test_frames_that_see_alike_err_alike() -> None:
+    """However many show the same, they are worth no more than 1 / ALIKE that err alone."""
+    _, frames = driven()
+    once, often = mapped(frames[:1], [None]), OccupancyMap()
+    pose = planar_pose(CAMERA, 0.0, 0.0, 0.0)
+    for _ in range(8):
+        often.add(frames[0], pose)
+    single, eight = (np.log(1.0 / grid.probability - 1.0) for grid in (once, often))
+    told = np.abs(single) > 0.1
+    ratio = eight[told] / single[told]
+    assert 1.5 < ratio.min() < ratio.max() < 1.0 / ALIKE
+
+
+def test_errors_of_steps_add_up_as_they_are() -> None:
+    """Successive pairs show the same ground and err alike: so many steps are off by so many times one."""
+    grid, step = OccupancyMap(), (0.001, 0.0002)
+    for number in range(6):
+        links = (Link(str(number - 1), (0.0, 0.0, 0.0)),) if number else ()
+        assert grid.fuse(str(number), Sighting(driven()[1][0].mask, CAMERA, links, step))
+    assert grid.drift == pytest.approx((0.005, 0.001))
 
 
 def read_map(folder: Path) -> tuple[dict[str, object], np.ndarray]:
