@@ -35,7 +35,7 @@ CHECKS = {
     "C++ format": [sys.executable, "-c", CLANG_FORMAT, "--dry-run", "-Werror", *CPP],
     "types": [sys.executable, "-m", "mypy"],
     "import floors": [str(SCRIPTS / "lint-imports"), "--no-logo"],
-    "C++ builds": [sys.executable, "tests/campaigns/builds.py", "--work", "build/checks"],
+    "C++ builds": [sys.executable, "-m", "tests.campaigns.builds", "--work", "build/checks"],
     "tests": [sys.executable, "-m", "pytest", "-n", "2", "-q"],
 }
 """Name and command of each check, run in the project's folder."""

@@ -21,6 +21,7 @@ from ffseg.batch.record.keeper import Keeper, kept
 from ffseg.batch.record.ledger import Ledger, Observer, Stop, Summary
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.record.ordered import find_moved
+from ffseg.batch.record.survey import without_old_truth
 from ffseg.batch.record.tables import RUN
 from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Failed, Note, Ready, Reply, Setup, Task
@@ -88,7 +89,7 @@ class Run:
         for job in self._plan.jobs:
             record = self._keeper.journal.get(job.source.name) if self._ledger.finished[job.index] else None
             if record is not None:
-                yield {"image": printable(job.source.name), **record.row}
+                yield {"image": printable(job.source.name), **without_old_truth(record).row}
 
 
 def _resume(keeper: Keeper) -> None:

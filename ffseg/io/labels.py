@@ -6,7 +6,7 @@ import base64
 import binascii
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from ffseg.errors import FfsegError, ImageReadError, UsageError
 from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.orientation import ring_area
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable, read_bytes
 from ffseg.io.masks import decode_mask
@@ -37,20 +36,37 @@ class Labels:
     ----------
     regions : dict
         By the image's name as the file has it, then by label: how its regions are painted.
+    sizes : dict
+        (H, W) of the images as the file has them, where it says.
     """
 
     regions: dict[str, dict[str, list[Paint]]] = field(default_factory=dict)
+    sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def add(self, image: str, label: str, paint: Paint) -> None:
         """Add a region."""
-        self.regions.setdefault(image.replace("\\", "/"), {}).setdefault(label, []).append(paint)
+        self.regions.setdefault(image, {}).setdefault(label, []).append(paint)
 
-    def of(self, name: str) -> dict[str, list[Paint]]:
-        """Regions of an image by label: under its own name, else under its last part where only one image has that."""
-        if name in self.regions:
-            return self.regions[name]
-        same = [one for one in self.regions if os.path.basename(one) == os.path.basename(name)]
-        return self.regions[same[0]] if len(same) == 1 else {}
+    def named(self, names: Sequence[str]) -> Labels:
+        """The same of images that have these relative names, under these.
+
+        An image and what the file has belong together where the ends of their paths have most in common, each of all
+        the others: what is called ``a.png`` is of no image where there are ``x/a.png`` and ``y/a.png``.
+        """
+        images, entries = _by_ends(names), _by_ends(self.regions)
+        nearest = {name: _nearest(name, entries) for name in names}
+        pairs = {
+            name: keys[0] for name, keys in nearest.items() if len(keys) == 1 and _nearest(keys[0], images) == [name]
+        }
+        return Labels(
+            {name: self.regions[key] for name, key in pairs.items()},
+            {name: self.sizes[key] for name, key in pairs.items() if key in self.sizes},
+        )
+
+    def without(self, names: Sequence[str]) -> list[str]:
+        """What the file calls the images that belong to none of these."""
+        images, entries = _by_ends(names), _by_ends(self.regions)
+        return [key for key in self.regions if [_nearest(one, entries) for one in _nearest(key, images)] != [[key]]]
 
     def mask(self, name: str, label: str, shape: tuple[int, int]) -> Mask | None:
         """Regions of a label in an image, or of all labels where it is empty; None where the file has none.
@@ -65,11 +81,16 @@ class Labels:
         Raises
         ------
         UsageError
-            If a region does not fit the image.
+            If a region, or the size that the file says, does not fit the image.
         """
-        paints = [paint for key, all_of_it in self.of(name).items() if label in ("", key) for paint in all_of_it]
+        labelled = self.regions.get(name, {})
+        paints = [paint for key, all_of_it in labelled.items() if label in ("", key) for paint in all_of_it]
         if not paints:
             return None
+        height, width = self.sizes.get(name, shape)
+        if (height, width) != shape:
+            sizes = f"drawn on {width}x{height} pixels, the image has {shape[1]}x{shape[0]}"
+            raise UsageError(f"the regions of {printable(name)} were {sizes}; export them again")
         mask = np.zeros(shape, np.bool_)
         try:
             for paint in paints:
@@ -77,6 +98,25 @@ class Labels:
         except (ValueError, TypeError, KeyError, IndexError, FfsegError, binascii.Error) as error:
             raise UsageError(f"a region of {printable(name)} cannot be read ({error}); export it again") from error
         return mask
+
+
+def _by_ends(names: Iterable[str]) -> dict[str, list[str]]:
+    """Paths by every end of theirs, from a slash on."""
+    found: dict[str, list[str]] = {}
+    for name in names:
+        for end in _ends(name):
+            found.setdefault(end, []).append(name)
+    return found
+
+
+def _nearest(name: str, others: Mapping[str, list[str]]) -> list[str]:
+    """Those paths whose ends have most in common with a path."""
+    return next((others[end] for end in _ends(name) if end in others), [])
+
+
+def _ends(name: str) -> list[str]:
+    parts = name.split("/")
+    return ["/".join(parts[place:]) for place in range(len(parts))]
 
 
 def read_labels(path: str | os.PathLike[str]) -> Labels:
@@ -94,7 +134,8 @@ def read_labels(path: str | os.PathLike[str]) -> Labels:
         names = [os.fspath(path)]
     for name in names:
         try:
-            _read(json.loads(read_bytes(name, MAX_BYTES)), labels)
+            beside = os.path.dirname(os.path.relpath(name, path)) if os.path.isdir(path) else ""
+            _read(json.loads(read_bytes(name, MAX_BYTES)), labels, beside)
         except ImageReadError as error:
             raise UsageError(f"{printable(name)}: {error}") from error
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
@@ -104,12 +145,16 @@ def read_labels(path: str | os.PathLike[str]) -> Labels:
     return labels
 
 
-def _read(document: Any, labels: Labels) -> None:  # noqa: ANN401 - whatever the file holds
+def _read(document: Any, labels: Labels, beside: str) -> None:  # noqa: ANN401 - whatever the file holds
     if "shapes" in document:
+        image = _name(f"{beside}/{document['imagePath']}".lstrip("/"))
+        _size(document, "imageHeight", "imageWidth", labels, image)
         for shape in document["shapes"]:
-            labels.add(str(document["imagePath"]), str(shape["label"]), _labelme(shape))
+            labels.add(image, str(shape["label"]), _labelme(shape))
     elif "annotations" in document:
-        images = {one["id"]: str(one["file_name"]) for one in document["images"]}
+        images = {one["id"]: _name(str(one["file_name"])) for one in document["images"]}
+        for one in document["images"]:
+            _size(one, "height", "width", labels, images[one["id"]])
         names = {one["id"]: str(one["name"]) for one in document.get("categories", ())}
         for one in document["annotations"]:
             labels.add(images[one["image_id"]], names.get(one.get("category_id"), ""), _coco(one))
@@ -119,7 +164,17 @@ def _read(document: Any, labels: Labels) -> None:  # noqa: ANN401 - whatever the
             regions = entry["regions"]
             for region in regions.values() if isinstance(regions, dict) else regions:  # an object, of VIA 1
                 words = [value for value in region.get("region_attributes", {}).values() if isinstance(value, str)]
-                labels.add(str(entry["filename"]), words[0] if words else "", _via(region["shape_attributes"]))
+                labels.add(_name(str(entry["filename"])), words[0] if words else "", _via(region["shape_attributes"]))
+
+
+def _name(path: str) -> str:
+    return os.path.normpath(path.replace("\\", "/"))
+
+
+def _size(said: Mapping[str, Any], height: str, width: str, labels: Labels, image: str) -> None:
+    """Keep the size that a file says of an image."""
+    if isinstance(said.get(height), int) and isinstance(said.get(width), int):
+        labels.sizes[image] = (said[height], said[width])
 
 
 def polygon(points: Any) -> Paint:  # noqa: ANN401 - rows of two numbers, checked here
@@ -129,8 +184,8 @@ def polygon(points: Any) -> Paint:  # noqa: ANN401 - rows of two numbers, checke
         raise ValueError("a polygon needs three points of two numbers")
 
     def paint(mask: Mask) -> None:
-        ring = corners if ring_area(corners) > 0 else corners[::-1]
-        mask |= rasterize((FreeForm(ring - 0.5, 1),), mask.shape)
+        for ring in (corners, corners[::-1]):  # one that crosses itself has parts of both directions
+            mask |= rasterize((FreeForm(ring - 0.5, 1),), mask.shape)
 
     return paint
 

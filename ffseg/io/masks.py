@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import ImageReadError, ParameterError
+from ffseg.io.files import printable, read_bytes
 from ffseg.io.images import Limits, decode_image, read_image
 
 # A mask is runs of two values: run-length matching on unfiltered rows packs the 800x600 scenes into half the bytes of
@@ -17,6 +18,9 @@ from ffseg.io.images import Limits, decode_image, read_image
 _OPTIONS = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
 if hasattr(cv2, "IMWRITE_PNG_FILTER"):
     _OPTIONS += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE]
+
+MOST_LEVELS = 32
+"""More levels than this are a photograph, a soft brush or JPEG rather than a mask or class numbers."""
 
 INSIDE = 128
 """A grey level from here on counts as inside when a mask is read."""
@@ -42,14 +46,6 @@ def encode_mask(mask: NDArray[np.bool_]) -> bytes:
     return encode_png(image, _OPTIONS)
 
 
-def read_levels(path: str | os.PathLike[str], limits: Limits | None = None) -> NDArray[np.uint8]:
-    """Grey levels of a truth image, shape (H, W): 255 inside, 128 to be ignored, 0 outside.
-
-    A colour image counts by its strongest channel.
-    """
-    return _strongest(read_image(path, limits, None))
-
-
 def holds_other_than_mask(path: str | os.PathLike[str]) -> bool:
     """Whether a file is, or may be, an image with anything but 0 and 255 in it."""
     try:
@@ -65,7 +61,7 @@ def decode_mask(data: bytes, limits: Limits | None = None) -> NDArray[np.bool_]:
     return inside
 
 
-def _strongest(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _strongest(image: NDArray[Any]) -> NDArray[Any]:
     levels: NDArray[Any] = image if image.ndim == 2 else image.max(axis=2)
     return levels
 
@@ -77,13 +73,24 @@ def load_mask(key: str, path: str | None, limits: Limits | None = None) -> NDArr
     ----------
     key : str
         Of the parameter.
+
+    Raises
+    ------
+    ParameterError
+        If it cannot be read, or has more levels than masks have.
     """
     if path is None:
         return None
+    limits = limits or Limits()
     try:
-        return np.where(read_levels(path, limits) > 0, np.uint8(255), np.uint8(0))
+        levels = _strongest(decode_labels(read_bytes(path, limits.max_bytes), limits))
     except ImageReadError as error:
-        raise ParameterError(f"{key}: {error}") from error
+        raise ParameterError(f"{key}: {printable(path)}: {error}") from error
+    found = np.count_nonzero(cv2.calcHist([levels], [0], None, [1 << 16], [0, 1 << 16]))
+    if found > MOST_LEVELS:
+        what = f"{printable(path)} holds {found} levels, as a photograph, a soft brush or JPEG does"
+        raise ParameterError(f"{key}: {what}; 0 is outside and 255 inside: draw it with a hard brush, save it as PNG")
+    return np.where(levels > 0, np.uint8(255), np.uint8(0))
 
 
 def decode_labels(data: bytes, limits: Limits | None = None) -> NDArray[np.uint8] | NDArray[np.uint16]:

@@ -94,7 +94,6 @@ def gather(
     single_thread()
     sources = discover(inputs)
     truths = find_truths(sources, truth)
-    _require_one_mask_of_two(sources, truths)
     used = {os.path.realpath(path) for path in truths.values()}
     sources = [one for one in sources if os.path.realpath(one.content) not in used and not one.problem]
     known = dict(load_starts(starts, [one.name for one in sources], partial=finds_starts(params))) if starts else {}
@@ -110,18 +109,6 @@ def gather(
     for one in labelled:
         _require_both_sides(one)
     return Gathered(labelled, [one for one in sources if one.name not in truths], known, masks)
-
-
-def _require_one_mask_of_two(sources: Sequence[Source], truths: dict[str, str]) -> None:
-    """Refuse ``a.jpg`` and ``a.png`` side by side, each of which could be the mask of the other."""
-    inputs = {os.path.realpath(one.content): one for one in sources}
-    for one in sources:
-        other = inputs.get(os.path.realpath(truths.get(one.name, "")))
-        if other is not None and os.path.splitext(one.name)[0] == os.path.splitext(other.name)[0]:
-            raise UsageError(
-                f"--truth: {printable(other.name)} and {printable(one.name)} could each be the mask of the other; put the masks "
-                "into a folder of their own, or call them NAME_truth.png"
-            )
 
 
 def _require_both_sides(one: Labelled) -> None:

@@ -26,7 +26,7 @@ from ffseg.evidence.features import (
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.openings import OPEN
 from ffseg.evidence.prior import prior
-from ffseg.metrics import IGNORED, INSIDE
+from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 
 STARTS = 5
 """Starts from which each training image is seen: its own, and others drawn inside its mask, so that the forest learns
@@ -139,7 +139,7 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
     rows, labels, odds = [], [], []
     for start in starts_in(example, rng):
         seen = features(image, start, size, KNOWN)
-        known = known_pixels(example.truth, seen.factor)
+        known = known_of_some(example.truth, seen.factor)
         chosen = rng.permutation(np.flatnonzero(known >= 0))[: PIXELS // STARTS]
         found = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1)[:, chosen].T)
         rows += [found, mirrored(found)]
@@ -147,7 +147,10 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
         odds += [reduced_mean(prior(example.image, start), seen.factor).ravel()[chosen]] * 2
     inside = np.concatenate(labels) if labels else np.zeros(0, np.bool_)
     if inside.all() or not inside.any():
-        side = "outside" if inside.any() else "inside"
+        side, level = ("outside", OUTSIDE) if inside.any() else ("inside", INSIDE)
+        if (example.truth == level).any():
+            reduced = f"an image of {image.shape[1]}x{image.shape[0]} pixels is seen at {size}"
+            raise UsageError(f"what the mask knows {side} is too small or thin: {reduced}; cut it out, or leave it out")
         raise UsageError(f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both")
     return Samples(np.concatenate(rows), inside, np.concatenate(odds))
 
@@ -187,6 +190,15 @@ def known_pixels(truth: NDArray[np.uint8], factor: int) -> NDArray[np.int8]:
     known = (share >= 0.5).astype(np.int8)
     known[(unknown > MIXED) | ((share > MIXED) & (share < 1 - MIXED))] = -1
     return known
+
+
+def known_of_some(truth: NDArray[np.uint8], factor: int) -> NDArray[np.int8]:
+    """The same of masks that may be scribbles: what is known of a reduced pixel, be it one pixel of many, says all of it."""
+    inside, outside = (reduced_mean((truth == level).astype(np.float32), factor) for level in (INSIDE, OUTSIDE))
+    least = (1 - MIXED) * (inside + outside)
+    return np.where(inside + outside <= 0, -1, np.where(inside >= least, 1, np.where(outside >= least, 0, -1))).astype(
+        np.int8
+    )
 
 
 def mirrored(rows: NDArray[np.float32]) -> NDArray[np.float32]:

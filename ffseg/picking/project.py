@@ -160,12 +160,12 @@ class Project:
         return names
 
     def _stands(self, name: str) -> bool:
-        """Whether there is a mask of an image just where it is accepted, and none older than the last step of all."""
+        """Whether there is a mask of an image just where it is accepted, and surely a newer one than the last step of all."""
         accepted = self.journal.track(name).now.status == "accepted"
         path = self.mask_path(name)
         if not accepted or not os.path.isfile(path):
             return os.path.isfile(path) == accepted
-        return name != self.journal.last or os.stat(path).st_mtime_ns >= os.stat(self.path(JOURNAL)).st_mtime_ns
+        return name != self.journal.last or os.stat(path).st_mtime_ns > os.stat(self.path(JOURNAL)).st_mtime_ns
 
     def arguments(self) -> list[str]:
         """Arguments of the ``ffseg run`` that does all images."""

@@ -118,9 +118,9 @@ class Session:
         UsageError
             If a region does not fit its image.
         """
-        taken = 0
+        taken, labels = 0, labels.named([source.name for source in self.sources])
         for index, source in enumerate(self.sources):
-            if not labels.of(source.name):
+            if source.name not in labels.regions:
                 continue
             for project in self.projects:
                 track = project.journal.track(source.name)

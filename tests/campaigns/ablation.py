@@ -18,13 +18,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
-import harness
-from mutants import NATIVE
-from mutations import ROOT, native_core
+from tests.campaigns import harness
+from tests.campaigns.mutations import ROOT, Fault, named, native_core
 
 MARK = "figures: "
+HERE = "native/freeform/"
 
 
 @dataclass(frozen=True)
@@ -32,48 +30,72 @@ class Departure:
     """What the paper does not have, and how to do without it."""
 
     name: str
-    faults: tuple[int, ...] = ()  # numbers in the list of the mutation campaign
+    faults: tuple[Fault, ...] = ()
     settings: Mapping[str, object] = field(default_factory=dict)
 
 
-def _without(name: str, *olds: str) -> Departure:
-    """A departure that faults of the mutation campaign switch off."""
-    return Departure(name, tuple(next(n for n, fault in enumerate(NATIVE, 1) if fault.old == old) for old in olds))
+def _without(name: str, file: str, *olds: str, new: str = "false") -> Departure:
+    """A departure that other text in a file of the core switches off: statements are left out."""
+    texts = ((old, "" if old.endswith(";") else new) for old in olds)
+    return Departure(name, tuple(named(HERE + file, *text) for text in texts))
 
 
 DEPARTURES = (
     Departure("none: the method as it is"),
     Departure("attraction after the contour has stopped (`contour.settle`)", settings={"contour.settle": 0}),
-    _without("settled contours untangled", "if (options.topology) settling::Untangle<D>(settled_).run();"),
-    _without("settled contours laid out every 3 px (but 12)", "lay_out<D>(at_, std::min(spacing, kSettledSpacing));"),
-    _without("steps near edges of at most 2 px (but 5)", "std::max(kCautiousStep, known)"),
     _without(
-        "the curve between samples kept off edges",
+        "settled contours untangled", "evolution.cpp",
+        "if (options.topology) settling::Untangle<D>(settled_).run();",
+    ),
+    _without(
+        "settled contours laid out every 3 px (but 12)", "settling/settle.hpp",
+        "std::min(spacing, kSettledSpacing)", new="std::min(spacing, 4 * kSettledSpacing)",
+    ),
+    _without(
+        "steps near edges of at most 2 px (but 5)", "deform.hpp",
+        "std::max(kCautiousStep, known)", new="std::max(5.0, known)",
+    ),
+    _without(
+        "the curve between samples kept off edges", "deform.hpp",
         "free + ahead < kBulge * motion.chord[k] + 2 * contour.options.balloon",
     ),
-    _without("patches that meet an edge split", "patch.wants_split && patch.budget > 0 && contour.splittable(i)"),
-    _without("short patches pruned while it grows", "size < shortest && prune(contour, i)"),
-    _without("folds straightened", "dot(after, before) < 0"),
-    _without("curves that swing made of a lower degree", "polygon > kOscillation * size"),
-    _without("adjacent patches flipped as well", "flip_adjacent(contour, contour.active[at]);"),
     _without(
-        "patches that may hold an edge halved before they flip",
+        "patches that meet an edge split", "refine.hpp",
+        "patch.wants_split && patch.budget > 0 && contour.splittable(i)",
+    ),
+    _without("short patches pruned while it grows", "refine.hpp", "size < shortest && prune(contour, i)"),
+    _without("folds straightened", "refine.hpp", "dot(after, before) < 0"),
+    _without("curves that swing made of a lower degree", "refine.hpp", "polygon > kOscillation * size"),
+    _without("adjacent patches flipped as well", "topology/flip.hpp", "flip_adjacent(contour, contour.active[at]);"),
+    _without(
+        "patches that may hold an edge halved before they flip", "topology/flip.hpp",
         "std::max(contour.length(i), contour.length(j)) > kFlipLength",
     ),
     _without(
-        "curves joined at their crossing where swapped halves cross",
+        "curves joined at their crossing where swapped halves cross", "topology/exchange.hpp",
         "if (visit_crossings(p, q, [](int, int) { return true; })) return false;",
     ),
-    _without("components of negligible area dropped", "std::abs(area) < kVoidArea"),
-    _without(
+    _without("components of negligible area dropped", "topology/classify.hpp", "std::abs(area) < kVoidArea"),
+    Departure(
         "what lies in ground covered already dropped",
-        "beside > 0 && std::isfinite(beside) && is_nested(contour, large)",
-        "if ((real && small == inner) || is_nested(contour, small)) drop(contour, small);",
-        "if (contains(contour, outer, contour[within].m[0])) drop_or_wait(within);",
-        "if (contour_.options.topology) topology::drop_nested(contour_);",
+        (
+            *_without(
+                "", "topology/classify.hpp",
+                "beside > 0 && std::isfinite(beside) && is_nested(contour, large)",
+                "if ((real && small == inner) || is_nested(contour, small)) drop(contour, small);",
+                "if (contains(contour, outer, contour[within].m[0])) drop_or_wait(within);",
+            ).faults,
+            *_without(
+                "", "evolution.cpp", "if (contour_.options.topology) topology::drop_nested(contour_);"
+            ).faults,
+        ),
     ),
-    _without("edges 4-connected", "here | (above & ((left & (up_left ^ kOnes)) | (right & (up_right ^ kOnes))))"),
-)
+    _without(
+        "edges 4-connected", "field/field.cpp",
+        "here | (above & ((left & (up_left ^ kOnes)) | (right & (up_right ^ kOnes))))", new="here",
+    ),
+)  # fmt: skip
+FAULTS = tuple(fault for departure in DEPARTURES for fault in departure.faults)
 
 
 def measure(settings: Mapping[str, object], scenes: int, method: str) -> dict[str, float]:
@@ -103,7 +125,7 @@ def measure(settings: Mapping[str, object], scenes: int, method: str) -> dict[st
 
 def row(core: Path, departure: Departure, scenes: int, method: str = "freeform") -> dict[str, float] | None:
     """Figures with some switches on; None when the process does not end within minutes or crashes."""
-    numbers = ",".join(map(str, departure.faults))
+    numbers = ",".join(str(FAULTS.index(fault) + 1) for fault in departure.faults)
     env = {**os.environ, "FFSEG_OTHER_CORE": str(core), "FFSEG_MUTANT": numbers}
     what = json.dumps({"settings": dict(departure.settings), "scenes": scenes, "method": method})
     command = [sys.executable, "-m", "tests.campaigns.ablation", "--measure", what]
@@ -115,19 +137,16 @@ def row(core: Path, departure: Departure, scenes: int, method: str = "freeform")
     return json.loads(found[0].removeprefix(MARK)) if found else None
 
 
-def main() -> int:
+def main(work: harness.Work, scenes: int = 100) -> int:
     """Print the table."""
-    arguments = harness.parser(__doc__)
-    arguments.add_argument("--scenes", type=int, default=100)
-    given = arguments.parse_args()
-    core = native_core(given.work)
+    core = native_core(work, FAULTS)
     print("| without | faulty scenes | least IoU | mean IoU | evolution ms |\n| --- | --- | --- | --- | --- |")
     begin = time.monotonic()
     for departure in (*DEPARTURES, Departure("`method: paper`")):
         method = "paper" if departure.name == "`method: paper`" else "freeform"
-        found = row(core, departure, given.scenes, method)
+        found = row(core, departure, scenes, method)
         figures = "does not end within five minutes | | |" if found is None else (
-            f"{found['faulty']} of {given.scenes} | {found['least']:.4f} | {found['mean']:.4f} | {found['ms']:.1f}"
+            f"{found['faulty']} of {scenes} | {found['least']:.4f} | {found['mean']:.4f} | {found['ms']:.1f}"
         )  # fmt: skip
         print(f"| {departure.name} | {figures} |", flush=True)
     harness.say(f"{time.monotonic() - begin:.0f} s")
@@ -140,4 +159,4 @@ if __name__ == "__main__":
 
         print(MARK + json.dumps(measure(**json.loads(sys.argv[-1]))))
         sys.exit(0)
-    sys.exit(main())
+    harness.as_command(main)

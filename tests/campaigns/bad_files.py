@@ -17,10 +17,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))  # also as a module of the repository
-
-import harness
-from readings_apart import Share, share_of, table
+from tests.campaigns import harness
+from tests.campaigns.compiling import ROOT
+from tests.campaigns.readings_apart import Share, share_of, table
 
 READ_ONE = """
 import json, re, sys, time
@@ -94,10 +93,9 @@ def damaged(headers: int, names: Sequence[str] = ()) -> dict[str, Share]:
     import damage
 
     shares = {}
-    script = str(Path(__file__).with_name("readings_apart.py"))
     for name in names or damage.sources():
-        command = [sys.executable, script, name, str(headers)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=3600, check=False)
+        command = [sys.executable, "-m", "tests.campaigns.readings_apart", name, str(headers)]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=3600, check=False)
         shares[name] = share_of(name, done.stdout, done.returncode)
     return shares
 
@@ -124,18 +122,19 @@ def _run_over(paths: list[Path], work: Path, figures: Figures, known: set[str]) 
     figures.wrong += [f"{name}: {reason}" for name, reason in reasons.items() if reason not in allowed]
 
 
-if __name__ == "__main__":
-    arguments = harness.parser(__doc__)
-    arguments.add_argument("--folder", type=Path)
-    arguments.add_argument("--headers", type=int, default=200, help="mutated headers of each format")
-    given = arguments.parse_args()
-    if given.folder is None:
+def main(work: harness.Work, folder: Path | None = None, headers: int = 200) -> None:
+    """Read all files alone and in one run, then damaged ones of every format."""
+    if folder is None:
         import bad_images
 
-        given.folder = given.work / "bad"
-        given.folder.mkdir(parents=True, exist_ok=True)
-        bad_images.write_all(given.folder)
-    harness.say(str(campaign(given.folder, given.work)))
-    shares = damaged(given.headers)
+        folder = work / "bad"
+        folder.mkdir(parents=True, exist_ok=True)
+        bad_images.write_all(folder)
+    harness.say(str(campaign(folder, work)))
+    shares = damaged(headers)
     harness.say(table(shares))
     harness.say(f"crashed: {[name for share in shares.values() for name in share.crashed]}")
+
+
+if __name__ == "__main__":
+    harness.as_command(main)

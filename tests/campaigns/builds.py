@@ -1,6 +1,6 @@
 """The native core built otherwise: without optimisation, in plain C++, and as one unit with warnings as errors.
 
-``python tests/campaigns/builds.py --work DIR [--only debug|plain|lto]``
+``python -m tests.campaigns.builds --work DIR [--only debug|plain|lto]``
 
 The first build checks indices and runs the tests of the native code: what an optimiser hides, such as two definitions
 of one name, shows there. The second leaves out what only some compilers know, as MSVC does, and must give the bytes of the
@@ -16,8 +16,8 @@ import sys
 import time
 from pathlib import Path
 
-import harness
-from compiling import ALWAYS, ROOT, WARNINGS, Build
+from tests.campaigns import harness
+from tests.campaigns.compiling import ALWAYS, ROOT, WARNINGS, Build
 
 DEBUG = Build((*ALWAYS, *WARNINGS, "-O0", "-g1", "-D_GLIBCXX_ASSERTIONS"))
 PLAIN = Build((*ALWAYS, "-pedantic-errors", "-O2", "-DFFSEG_PLAIN"))
@@ -51,7 +51,17 @@ print(digest.hexdigest())
 
 def debug(work: Path) -> int:
     """Build without optimisation and run the native tests with that module; the exit code of pytest."""
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "other_core", "-p", "no:cacheprovider", *NATIVE_TESTS]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "tests.campaigns.other_core",
+        "-p",
+        "no:cacheprovider",
+        *NATIVE_TESTS,
+    ]
     return subprocess.run(command, cwd=ROOT, env=_with(DEBUG.module(work / "debug")), check=False).returncode
 
 
@@ -60,15 +70,14 @@ def plain(work: Path) -> int:
     env = _with(PLAIN.module(work / "plain"))
     found = [
         subprocess.run([sys.executable, "-c", lead + SAME_BYTES], cwd=ROOT, env=env, check=True, capture_output=True)
-        for lead in ("", "import other_core\n")
+        for lead in ("", "from tests.campaigns import other_core\n")
     ]
     return int(found[0].stdout != found[1].stdout)
 
 
 def _with(core: Path) -> dict[str, str]:
     """Environment in which the plugin ``other_core`` puts a module in the place of the installed one."""
-    paths = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
-    return {**os.environ, "FFSEG_OTHER_CORE": str(core), "PYTHONPATH": paths}
+    return {**os.environ, "FFSEG_OTHER_CORE": str(core)}
 
 
 def lto(work: Path) -> int:
@@ -80,19 +89,16 @@ def lto(work: Path) -> int:
 BUILDS = {"debug": debug, "plain": plain, "lto": lto}
 
 
-def main() -> int:
+def main(work: harness.Work, only: str | None = None) -> int:
     """Make the builds; 1 when one of them fails."""
-    arguments = harness.parser(__doc__)
-    arguments.add_argument("--only", choices=tuple(BUILDS))
-    given = arguments.parse_args()
     failed = 0
-    for name in [given.only] if given.only else BUILDS:
+    for name in [only] if only else BUILDS:
         begin = time.monotonic()
-        code = BUILDS[name](given.work)
+        code = BUILDS[name](work)
         harness.say(f"{name}: exit code {code}, {time.monotonic() - begin:.0f} s")
         failed |= code != 0
     return int(failed)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

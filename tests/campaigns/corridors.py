@@ -9,8 +9,6 @@ all wider ones.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections import Counter
 from dataclasses import dataclass
 
@@ -21,6 +19,7 @@ from numpy.typing import NDArray
 import ffseg
 from ffseg.image.edges import edge_map
 from tests import labyrinths
+from tests.campaigns import harness
 
 LEAST_IOU = 0.995
 ENTERED_FROM = 8.0
@@ -125,13 +124,9 @@ def judge(seed: int) -> Case:
     return gap(seed) if seed % 12 == 0 else passage(seed)
 
 
-def main() -> int:
+def main(cases: int = 1000, first: int = 0) -> int:
     """Run the campaign; the exit code is 1 when a case has a fault."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=1000)
-    parser.add_argument("--first", type=int, default=0)
-    given = parser.parse_args()
-    cases = [judge(seed) for seed in range(given.first, given.first + given.cases)]
+    cases = [judge(seed) for seed in range(first, first + cases)]
     faulty = [case for case in cases if case.faults]
     for case in faulty:
         told = ", ".join(f"{key.split('.')[1]} {value:.3g}" for key, value in case.settings.items())
@@ -148,4 +143,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

@@ -10,10 +10,8 @@ in turn. ``--memory N`` drives so many frames round one room and says what the p
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import resource
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from time import process_time
@@ -30,6 +28,7 @@ from ffseg.parameters import load_params
 from ffseg.rendering import floor_sequence, sample_camera
 from ffseg.rendering.floors import NOISES, TEXTURES, FloorSequence
 from ffseg.samples.drive import drive, drive_camera
+from tests.campaigns import harness
 from tests.worlds import footprint, free_ground
 
 FIRST = 730_000
@@ -113,7 +112,7 @@ def reliability(count: int, frames: int, nod: float) -> bool:
     return good
 
 
-def cost(rounds: int = 25) -> bool:
+def costs(rounds: int = 25) -> bool:
     """Print what the steps of a frame take; whether they keep the promise."""
     cv2.setNumThreads(1)
     camera, params = replace(sample_camera(), footprint=0.15), load_params()
@@ -146,7 +145,7 @@ def _milliseconds(step: Callable[[], object]) -> float:
     return (process_time() - begin) * 1e3
 
 
-def memory(count: int) -> bool:
+def resident(count: int) -> bool:
     """Print what the process holds after each tenth of a drive round and round; whether it grows no more after two tenths."""
     sight, camera = drive(), drive_camera()
     sequence, grid, held = Sequence(camera, mapped=True), OccupancyMap(), []
@@ -160,23 +159,11 @@ def memory(count: int) -> bool:
     return held[-1] - held[1] < 0.01 * held[1]
 
 
-def main() -> int:
+def main(drives: int = 12, frames: int = 20, nod: float = 0.0, cost: bool = False, memory: int = 0) -> int:
     """Run what is asked for; 1 when a promise is not kept."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--drives", type=int, default=12)
-    parser.add_argument("--frames", type=int, default=20)
-    parser.add_argument("--nod", type=float, default=0.0)
-    parser.add_argument("--cost", action="store_true")
-    parser.add_argument("--memory", type=int, default=0)
-    options = parser.parse_args()
-    if options.cost:
-        return 0 if cost() else 1
-    return (
-        0
-        if (memory(options.memory) if options.memory else reliability(options.drives, options.frames, options.nod))
-        else 1
-    )
+    kept = costs() if cost else resident(memory) if memory else reliability(drives, frames, nod)
+    return int(not kept)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

@@ -1,6 +1,6 @@
 """R5: when the n-th open, write, fsync or rename fails, for every n, earlier outputs are kept and the path is named.
 
-``python tests/campaigns/faults.py --work DIR [--errors ENOSPC,EIO,EACCES] [--pack]``
+``python -m tests.campaigns.faults --work DIR [--errors ENOSPC,EIO,EACCES] [--pack]``
 
 A library loaded before libc (``faults.c``, compiled here) makes the n-th call that touches the output folder fail.
 """
@@ -8,13 +8,14 @@ A library loaded before libc (``faults.c``, compiled here) makes the n-th call t
 from __future__ import annotations
 
 import errno
+import itertools
 import os
 import shutil
 import subprocess
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import harness
+from tests.campaigns import harness
 
 CALLS = ("open", "write", "fsync", "rename")
 
@@ -38,14 +39,16 @@ def build(work: Path) -> Path:
 
 
 def campaign(
-    work: Path,
-    errors: tuple[str, ...],
+    work: harness.Work,
+    errors: str = "ENOSPC,EIO,EACCES",
     images: int = 3,
-    only: tuple[str, int] | None = None,
-    more: tuple[str, ...] = (),
+    call: str = "",
+    number: int = 0,
+    *,
+    pack: bool = False,
 ) -> Figures:
-    """Fail each call once (or `only` one), in a run that follows a good one of the same images with other contents."""
-    options = ("--jobs", "1", "--set", harness.CONFIG, *more)
+    """Fail each call once (or the one of a number), in a run that follows a good one of the same images with other contents."""
+    options = ("--jobs", "1", "--set", harness.CONFIG, *(harness.PACK if pack else ()))
     library, figures = build(work), Figures()
     before, after, prepared = work / "before", work / "after", work / "prepared"
     harness.draw_blobs(before, images)
@@ -58,14 +61,14 @@ def campaign(
     new_out = work / "new"
     assert harness.run("run", after, "--out", new_out, "-q", *options).code == 0
     known = (old, harness.outputs(new_out))
-    for name in errors:
-        if only is not None:
-            _one_fault(work, (library, (only[0], name, only[1])), options, known, figures)
+    for name in errors.split(","):
+        if call:
+            _one_fault(work, (library, (call, name, number)), options, known, figures)
             continue
-        for call in CALLS:
-            number = 1
-            while _one_fault(work, (library, (call, name, number)), options, known, figures):
-                number += 1
+        for each in CALLS:
+            numbers = itertools.count(1)
+            while _one_fault(work, (library, (each, name, next(numbers))), options, known, figures):
+                pass
     return figures
 
 
@@ -110,9 +113,4 @@ def _one_fault(
 
 
 if __name__ == "__main__":
-    arguments = harness.parser(__doc__)
-    arguments.add_argument("--errors", default="ENOSPC,EIO,EACCES")
-    arguments.add_argument("--pack", action="store_true")
-    given = arguments.parse_args()
-    more = harness.PACK if given.pack else ()
-    harness.say(str(campaign(given.work, tuple(given.errors.split(",")), more=more)))
+    harness.as_command(campaign)

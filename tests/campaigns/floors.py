@@ -11,9 +11,7 @@ floor. The kind ``alike`` is what ``--footprint`` is for.
 
 from __future__ import annotations
 
-import argparse
 import pickle
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +26,7 @@ from ffseg.rendering import FLOOR_KINDS, RenderedPair, floor_pair
 from ffseg.rendering.floors import NOISES, TEXTURES, FloorKind
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL, GROUND, SHADOW, STREAK
 from ffseg.scene import Scene
+from tests.campaigns import harness
 from tests.campaigns.freespace import FIGURES, MODES, Tally, count_things, figures, overlap, poses_of, ring
 
 LEAST = {"poses": 0.95, "noisy": 0.95, "none": 0.90}
@@ -137,18 +136,11 @@ def kept(tallies: dict[tuple[str, str], Tally]) -> bool:
     )
 
 
-def main() -> int:
+def main(pairs: int = 15, first: int = 0, kinds: str = "", cache: Path | None = None, footprint: float = 0.0) -> int:
     """Run the campaign and say whether its promises hold."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--pairs", type=int, default=15, help="of every kind, and of every texture of the plain one")
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--kinds", default="", help="all; those of the floor's own grey only with a footprint")
-    parser.add_argument("--cache", type=Path, default=None, help="folder that keeps rendered pairs between runs")
-    parser.add_argument("--footprint", type=float, default=0.0, help="radius of the robot, m; 0 = passages stay open")
-    options = parser.parse_args()
-    every = FLOOR_KINDS if options.footprint else tuple(kind for kind in FLOOR_KINDS if kind != "alike")
-    chosen = cases(options.pairs, tuple(options.kinds.split(",")) if options.kinds else every, options.first)
-    tallies = run(chosen, load_params(), options.cache, options.footprint)
+    every = FLOOR_KINDS if footprint else tuple(kind for kind in FLOOR_KINDS if kind != "alike")
+    chosen = cases(pairs, tuple(kinds.split(",")) if kinds else every, first)
+    tallies = run(chosen, load_params(), cache, footprint)
     print(table(tallies))
     for tally in tallies.values():
         for miss in tally.misses:
@@ -157,4 +149,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

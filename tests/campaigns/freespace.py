@@ -6,8 +6,6 @@ error of the motion. With ``--snake`` the same of the snake, without its altitud
 
 from __future__ import annotations
 
-import argparse
-import sys
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +17,7 @@ from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import Parameters, load_params
 from ffseg.rendering import RenderedPair, render_pair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL, GROUND
+from tests.campaigns import harness
 
 MODES = ("poses", "noisy", "none")
 NOISE_METRES, NOISE_RADIANS = 0.02, np.deg2rad(0.5)
@@ -167,15 +166,10 @@ def table(tallies: dict[str, Tally]) -> str:
     return "\n".join(lines)
 
 
-def main() -> int:
+def main(pairs: int = 50, first: int = 0, snake: bool = False) -> int:
     """Run the campaign and say whether its promises hold."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--pairs", type=int, default=50)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--snake", action="store_true")
-    options = parser.parse_args()
-    seeds = range(options.first, options.first + options.pairs)
-    if options.snake:
+    seeds = range(first, first + pairs)
+    if snake:
         print(table(snakes(seeds)))
         return 0
     tallies = run(seeds, load_params())
@@ -190,4 +184,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

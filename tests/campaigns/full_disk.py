@@ -1,6 +1,6 @@
 """R6: outputs that do not fit, on a small tmpfs or under a limit on the size of a file.
 
-``python tests/campaigns/full_disk.py --work DIR [--images 12] [--pack]``
+``python -m tests.campaigns.full_disk --work DIR [--images 12] [--pack]``
 
 For every size of the disk, and every limit, the run ends with exit code 2 before the first image or with 3 and the reason,
 each output is whole, and no temporary file is left. The tmpfs is mounted in a namespace of its own (``unshare``, Linux).
@@ -17,7 +17,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import harness
+from tests.campaigns import harness
 
 DISKS_KB = (4, 16, 48, 64, 72, *range(80, 400, 16), 1024, 4096)
 """From a disk without room for the state folder to one that takes everything."""
@@ -46,15 +46,16 @@ class Figures:
 
 def campaign(
     work: Path,
-    images: int = 12,
+    images: int,
     disks: tuple[int, ...] = DISKS_KB,
     limits: tuple[int, ...] = FILE_LIMITS,
-    more: tuple[str, ...] = (),
+    *,
+    pack: bool = False,
 ) -> Figures:
     """Run into every disk and under every limit."""
     source, straight, figures = work / "in", work / "straight", Figures()
     harness.draw_blobs(source, images)
-    options = ("--set", harness.CONFIG, "--overlay", "--jobs", "1", "-q", *more)
+    options = ("--set", harness.CONFIG, "--overlay", "--jobs", "1", "-q", *(harness.PACK if pack else ()))
     assert harness.run("run", source, "--out", straight, *options).code == 0
     reference = harness.outputs(straight)
     command = harness.command("run", source, "--out", work / "out", *options)
@@ -110,9 +111,10 @@ def _judge(ended: harness.Ended, out: Path, reference: dict[str, bytes], figures
         figures.wrong.append(f"{label}: no reason in {ended.stderr[-300:]}")
 
 
+def main(work: harness.Work, images: int = 12, *, pack: bool = False) -> Figures:
+    """Run into every disk and under every limit."""
+    return campaign(work, images, pack=pack)
+
+
 if __name__ == "__main__":
-    arguments = harness.parser(__doc__)
-    arguments.add_argument("--images", type=int, default=12)
-    arguments.add_argument("--pack", action="store_true")
-    given = arguments.parse_args()
-    harness.say(str(campaign(given.work, given.images, more=harness.PACK if given.pack else ())))
+    harness.as_command(main)

@@ -9,15 +9,16 @@ from __future__ import annotations
 import faulthandler
 import importlib.util
 import os
-import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Annotated, Any
 
-import harness
 import numpy as np
+import typer
+
+from tests.campaigns import harness
 
 CASE_SECONDS = 120
 """A case takes milliseconds; one that takes this long hangs, on a busy machine too."""
@@ -250,20 +251,20 @@ def fuzz(core: ModuleType, work: Path, cases: range, seed: int) -> Counter[str]:
     return seen
 
 
-def main() -> int:
+def main(
+    work: harness.Work,
+    core: Annotated[str, typer.Option()],
+    cases: int = 20_000,
+    seed: int = 0,
+    only: int | None = None,
+) -> int:
     """Run the cases with a core that is built already."""
-    arguments = harness.parser(__doc__)
-    arguments.add_argument("--core", required=True, help="the sanitized module")
-    arguments.add_argument("--cases", type=int, default=20_000)
-    arguments.add_argument("--seed", type=int, default=0)
-    arguments.add_argument("--only", type=int, help="one case, by its number")
-    given = arguments.parse_args()
-    cases = range(given.cases) if given.only is None else range(given.only, given.only + 1)
-    seen = fuzz(load(given.core), given.work, cases, given.seed)
+    cases = range(cases) if only is None else range(only, only + 1)
+    seen = fuzz(load(core), work, cases, seed)
     harness.say("\n".join(f"{name:20} {seen[name]:6} cases" for name in sorted(seen)))
     harness.say(f"{sum(seen.values())} cases")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

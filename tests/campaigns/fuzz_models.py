@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import sys
 from collections import Counter
@@ -14,6 +13,7 @@ import numpy as np
 
 from ffseg.evidence.features import KNOWN, NAMES
 from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
+from tests.campaigns import harness
 
 DIGEST = 32
 """Bytes of the digest at the end."""
@@ -73,16 +73,12 @@ def campaign(cases: int, seed: int = 0) -> Counter[str]:
     return counts
 
 
-def main() -> int:
+def main(cases: int = 20_000, seed: int = 0) -> int:
     """Run the campaign and print what became of the files."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--cases", type=int, default=20_000)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    for reason, count in campaign(options.cases, options.seed).most_common():
+    for reason, count in campaign(cases, seed).most_common():
         sys.stdout.write(f"{count:8} {reason}\n")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

@@ -1,6 +1,6 @@
 """R13: the native core under ASan and UBSan with hostile contours, maps and parameters: no finding, no hang.
 
-``python tests/campaigns/fuzz_native.py --work DIR --cases 1000000 [--border 20000] [--seed 0]``
+``python -m tests.campaigns.fuzz_native --work DIR --cases 1000000 [--border 20000] [--seed 0]``
 
 Compiles the core and ``tests/campaigns/native`` into one program, which gives every part of the core inputs up to the
 limits that its binding lets through, and runs that many cases in it. What the bindings refuse is tried through Python on
@@ -16,8 +16,8 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import harness
-import sanitized
+from tests.campaigns import harness, sanitized
+from tests.campaigns.compiling import ROOT
 
 CHUNK = 50_000
 """Cases a process: memory is looked through for leaks at its end."""
@@ -104,11 +104,20 @@ def telling(words: str) -> str:
 def border(work: Path, cases: int, seed: int, only: int | None = None) -> tuple[int, str]:
     """Run border cases through Python; the exit code and what was counted or found."""
     core = sanitized.BUILD.module(work)
-    script = Path(__file__).with_name("fuzz_border.py")
-    command = [sys.executable, str(script), "--work", str(work), "--core", str(core), "--seed", str(seed)]
+    command = [
+        sys.executable,
+        "-m",
+        "tests.campaigns.fuzz_border",
+        "--work",
+        str(work),
+        "--core",
+        str(core),
+        "--seed",
+        str(seed),
+    ]
     command += ["--cases", str(cases)] if only is None else ["--only", str(only)]
     env = {**sanitized.environment(leaks=False), "LD_PRELOAD": sanitized.libraries()}  # Python itself keeps memory
-    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False, env=env)
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False, env=env, cwd=ROOT)
     if done.returncode == 0:
         return 0, done.stdout.strip()
     (work / "border-finding.txt").write_text(done.stderr, encoding="utf-8")
@@ -116,26 +125,26 @@ def border(work: Path, cases: int, seed: int, only: int | None = None) -> tuple[
     return done.returncode, f"border case {mark}: {telling(done.stderr) or done.stderr[-300:]}"
 
 
-def main() -> int:
+def main(
+    work: harness.Work,
+    cases: int = 1_000_000,
+    border: int = 20_000,
+    seed: int = 0,
+    first: int = 0,
+    only: int | None = None,
+    border_only: int | None = None,
+) -> int:
     """Build and run both parts; 1 after a finding."""
-    arguments = harness.parser(__doc__)
-    arguments.add_argument("--cases", type=int, default=1_000_000)
-    arguments.add_argument("--border", type=int, default=20_000, help="cases through Python; 0 leaves them out")
-    arguments.add_argument("--seed", type=int, default=0)
-    arguments.add_argument("--first", type=int, default=0, help="number of the first native case")
-    arguments.add_argument("--only", type=int, help="one native case, by its number")
-    arguments.add_argument("--border-only", type=int, help="one case through Python, by its number")
-    given = arguments.parse_args()
-    work = given.work.resolve()
-    first, cases = (given.only, 1) if given.only is not None else (given.first, given.cases)
+    work = work.resolve()
+    first, cases = (only, 1) if only is not None else (first, cases)
     code = 0
-    if given.border_only is None:
-        figures = campaign(work, cases, given.seed, first)
+    if border_only is None:
+        figures = campaign(work, cases, seed, first)
         harness.say(f"native\n{figures}")
         code = 1 if figures.findings or figures.cases != cases else 0
-    if given.border_only is not None or (given.border and given.only is None):
+    if border_only is not None or (border and only is None):
         begin = time.perf_counter()
-        border_code, words = border(work, given.border, given.seed, given.border_only)
+        border_code, words = border(work, border, seed, border_only)
         harness.say(f"border\n{words}\n{time.perf_counter() - begin:.0f} s in all, exit code {border_code}")
         code = code or (1 if border_code else 0)
     harness.say("clean" if code == 0 else f"not clean: the reports are {os.fspath(work)}/*finding*.txt")
@@ -143,4 +152,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
+import functools
 import json
 import os
 import signal
@@ -13,11 +13,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Annotated
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+import typer
 
 KINDS = (("masks", ".png"), ("contours", ".svg"))
 CONFIG = "init.radius=8"
@@ -110,6 +109,13 @@ def draw_blobs(folder: Path, count: int, size: tuple[int, int] = (64, 48)) -> No
         Image.fromarray(np.clip(image, 0, 255).astype(np.uint8)).save(folder / f"i{index}.png", compress_level=1)
 
 
+def draw_film(path: Path, frames: int) -> Path:
+    """Write a film of a disc that moves."""
+    from drawn_films import pictures, write_film
+
+    return write_film(path, pictures(frames, (64, 48), noise=3))
+
+
 def outputs(out: Path) -> dict[str, bytes]:
     """Content of the masks and contours under an output folder, as files or in tar files, by relative path."""
     files = (path for kind, _ in KINDS for path in (out / kind).rglob("*") if path.is_file())
@@ -173,11 +179,22 @@ def children(pid: int) -> list[int]:
         return []
 
 
-def parser(text: str | None) -> argparse.ArgumentParser:
-    """Parser that every campaign begins with."""
-    made = argparse.ArgumentParser(description=(text or "").split("\n", maxsplit=1)[0])
-    made.add_argument("--work", type=Path, required=True, help="folder to work in, made if absent")
-    return made
+Work = Annotated[Path, typer.Option(help="Folder to work in, made if absent.")]
+"""What most campaigns have to be given."""
+
+
+def as_command(run: Callable[..., object]) -> None:
+    """Run a function as a command with an option for each argument; a number that it gives is the exit code, else it is said."""
+
+    @functools.wraps(run)
+    def told(**options: object) -> None:
+        found = run(**options)
+        if isinstance(found, int):
+            sys.exit(found)
+        if found is not None:
+            say(str(found))
+
+    typer.run(told)
 
 
 PACK = ("--pack", "tar")

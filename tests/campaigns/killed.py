@@ -1,6 +1,6 @@
 """R4: kill -9 at random moments leaves no partial file, and resumed runs end in the bytes of an uninterrupted one.
 
-``python tests/campaigns/killed.py --work DIR --kills 200 --jobs 2 [--pack]``
+``python -m tests.campaigns.killed --work DIR --kills 200 --jobs 2 [--pack] [--film]``
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import harness
+from tests.campaigns import harness
 
 
 @dataclass
@@ -29,17 +29,27 @@ class Figures:
 
 
 def campaign(
-    work: Path, kills: int, jobs: int, images: int = 150, seed: int = 1, more: tuple[str, ...] = ()
+    work: harness.Work,
+    kills: int = 200,
+    jobs: int = 2,
+    images: int = 150,
+    seed: int = 1,
+    *,
+    pack: bool = False,
+    film: bool = False,
 ) -> Figures:
     """Kill runs into one folder until `kills` have hit a run at work; start anew whenever the folder is complete."""
     source, straight, out = work / "in", work / "straight", work / "out"
-    harness.draw_blobs(source, images)
-    options = ("--set", harness.CONFIG, "--jobs", str(jobs), "-q", *more)
+    if film:
+        source = harness.draw_film(work / "in.mp4", images)
+    else:
+        harness.draw_blobs(source, images)
+    options = ("--set", harness.CONFIG, "--jobs", str(jobs), "-q", *(harness.PACK if pack else ()))
     begin = time.perf_counter()
     assert harness.run("run", source, "--out", straight, *options).code == 0
     longest = time.perf_counter() - begin
     reference = harness.outputs(straight)
-    figures, rng = Figures(), random.Random(seed)  # noqa: S311 - moments to kill at
+    figures, rng = Figures(), random.Random(1)  # noqa: S311 - moments to kill at
     while figures.kills < kills:
         shutil.rmtree(out, ignore_errors=True)
         figures.rounds += 1
@@ -77,9 +87,4 @@ def _lines(path: Path) -> list[bytes]:
 
 
 if __name__ == "__main__":
-    arguments = harness.parser(__doc__)
-    arguments.add_argument("--kills", type=int, default=200)
-    arguments.add_argument("--jobs", type=int, default=2)
-    arguments.add_argument("--pack", action="store_true")
-    given = arguments.parse_args()
-    harness.say(str(campaign(given.work, given.kills, given.jobs, more=harness.PACK if given.pack else ())))
+    harness.as_command(campaign)

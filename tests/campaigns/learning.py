@@ -9,8 +9,6 @@ scikit-learn's forests on the same pixels.
 
 from __future__ import annotations
 
-import argparse
-import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -40,6 +38,7 @@ from ffseg.learning.training import (
 )
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
+from tests.campaigns import harness
 from tests.campaigns.real_images import Photograph, load
 from tests.real_data import data_folder
 
@@ -47,30 +46,25 @@ GOALS = {("road", 1): 0.68, ("road", 3): 0.78, ("road", 5): 0.82, ("road", 10): 
 """Mean IoU wanted, by set and number of masks."""
 
 
-def main() -> int:
+def main(
+    data: Path = data_folder(),
+    sets: str = "road,real_floors/indoor",
+    masks: str = "1,3,5,10",
+    draws: int = 5,
+    rivals: bool = False,
+) -> int:
     """Run the campaign; 0 also when the images are absent."""
-    options = _options()
     single_thread()
-    for folder in options.sets.split(","):
-        photographs = list(load(options.data, [folder]))
+    for folder in sets.split(","):
+        photographs = list(load(data, [folder]))
         if not photographs:
-            print(f"skipped: {folder} is not in {options.data}; name the folder with --data or FFSEG_DATA")
+            print(f"skipped: {folder} is not in {data}; name the folder with --data or FFSEG_DATA")
             continue
         chosen = [samples(Example(p.image, p.truth, start_of(p), p.circle[2])) for p in photographs]
-        evaluate(photographs, chosen, [int(number) for number in options.masks.split(",")], options.draws)
-        if options.rivals:
-            rivals(photographs, chosen, 5, options.draws)
+        evaluate(photographs, chosen, [int(number) for number in masks.split(",")], draws)
+        if rivals:
+            against_rivals(photographs, chosen, 5, draws)
     return 0
-
-
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--data", type=Path, default=data_folder(), help="image sets")
-    parser.add_argument("--sets", default="road,real_floors/indoor", help="folders separated by commas")
-    parser.add_argument("--masks", default="1,3,5,10", help="numbers of masks to learn from")
-    parser.add_argument("--draws", type=int, default=5, help="random choices of masks at each number")
-    parser.add_argument("--rivals", action="store_true", help="compare with scikit-learn's forests, from five masks")
-    return parser.parse_args()
 
 
 def start_of(photograph: Photograph) -> NDArray[np.bool_]:
@@ -110,7 +104,7 @@ def place_of(one: Photograph) -> str:
     return one.folder if one.folder == "road" else one.name.partition("_")[0]
 
 
-def rivals(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks: int, draws: int) -> None:
+def against_rivals(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks: int, draws: int) -> None:
     """Say what scikit-learn's forests take to grow and how well they do, in LightGBM's place, without the base."""
     folder, count = photographs[0].folder, len(photographs)
     pool, rng = list(range(0, count, 2 if folder == "road" else 1)), np.random.default_rng(1)
@@ -173,4 +167,4 @@ def contoured(one: Photograph, evidence: NDArray[np.float32] | None) -> float:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

@@ -1,6 +1,6 @@
 """R10: resident memory of the run and its workers over many images.
 
-``python tests/campaigns/many.py --work DIR --images 10000 --jobs 2``
+``python -m tests.campaigns.many --work DIR --images 10000 --jobs 2 [--film]``
 """
 
 from __future__ import annotations
@@ -9,9 +9,8 @@ import os
 import shutil
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
-import harness
+from tests.campaigns import harness
 
 LONG = 5000
 """Images from which on a run lasts long enough to be looked at four times a second."""
@@ -32,15 +31,22 @@ class Figures:
         """Relative growth after the first 500 images."""
         return self.late_mb / self.early_mb - 1
 
+    def __str__(self) -> str:
+        return f"{self!r} growth {self.growth:.1%}"
 
-def campaign(work: Path, images: int, jobs: int, first: int = 500) -> Figures:
-    """Run over copies of a few small images and sample the memory of all processes."""
+
+def campaign(
+    work: harness.Work, images: int = 10_000, jobs: int = os.cpu_count() or 1, first: int = 500, *, film: bool = False
+) -> Figures:
+    """Run over copies of a few small images, or the frames of a film, and sample the memory of all processes."""
     source, out = work / "in", work / "out"
     for folder in (source, out):
         shutil.rmtree(folder, ignore_errors=True)
     harness.draw_blobs(work / "few", 20)
     source.mkdir(parents=True)
-    for index in range(images):
+    if film:
+        harness.draw_film(source / "in.mp4", images)
+    for index in range(0 if film else images):
         shutil.copy(work / "few" / f"i{index % 20}.png", source / f"i{index}.png")
     begin = time.monotonic()
     process = harness.start("run", source, "--out", out, "--jobs", str(jobs), "--set", harness.CONFIG, "-q")
@@ -61,9 +67,4 @@ def campaign(work: Path, images: int, jobs: int, first: int = 500) -> Figures:
 
 
 if __name__ == "__main__":
-    arguments = harness.parser(__doc__)
-    arguments.add_argument("--images", type=int, default=10_000)
-    arguments.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    given = arguments.parse_args()
-    figures = campaign(given.work, given.images, given.jobs)
-    harness.say(f"{figures} growth {figures.growth:.1%}")
+    harness.as_command(campaign)

@@ -8,8 +8,6 @@ taken for one, at most and in the mean. Exit code 1 if that is more than 2 % whe
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
@@ -26,6 +24,7 @@ from ffseg.learning.drawn.rooms import room
 from ffseg.learning.drawn.sights import clear_of, seen_from_the_middle
 from ffseg.learning.drawn.skins import Array
 from ffseg.learning.drawn.streets import street
+from tests.campaigns import harness
 
 KINDS = ("street", "room", "mirror")
 FOUND, MOST_LOST = 0.8, 0.02
@@ -120,13 +119,9 @@ def judged(case: Case) -> Outcome:
     return Outcome(case, np.count_nonzero(found & own) / either if either else 1.0, float((found & ~own).mean()), False)
 
 
-def main() -> int:
+def main(cases: int = 12, first: int = 0) -> int:
     """Draw, look, tell."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, default=12, help="of each kind, way, and sort of camera")
-    parser.add_argument("--first", type=int, default=0, help="number of the first")
-    options = parser.parse_args()
-    seeds = range(options.first, options.first + options.cases)
+    seeds = range(first, first + cases)
     groups = [(kind, drive, itself) for drive in DRIVES for kind in KINDS for itself in (True, False)]
     worst = 0.0
     with ProcessPoolExecutor() as pool:
@@ -149,4 +144,4 @@ def _told(kind: str, drive: Drive, itself: bool, outcomes: list[Outcome]) -> str
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

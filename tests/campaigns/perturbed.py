@@ -8,7 +8,6 @@ none of them has no scene among them.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -29,6 +28,7 @@ from ffseg.io.images import single_thread
 from ffseg.learning.drawn.sights import KINDS, sights
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
+from tests.campaigns import harness
 from tests.campaigns.scoring import UNSEEN
 from tests.constants import constants
 from tests.labyrinths import plan
@@ -130,28 +130,20 @@ def _scaled(value: Any, factor: float) -> Any:
     return max(1, round(value * factor)) if isinstance(value, int) else value * factor
 
 
-def main() -> int:
+def main(looks: int = 2, only: str = "", file: str = "", faint: bool = False) -> int:
     """Print a row for each constant."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--looks", type=int, default=2, help="of each kind")
-    parser.add_argument("--only", default="", help="name of one constant")
-    parser.add_argument("--file", default="", help="part of the name of its file")
-    parser.add_argument(
-        "--faint", action="store_true", help="how clear right and wrong contours on own edges are, instead"
-    )
-    asked = parser.parse_args()
     single_thread()
-    if asked.faint:
-        print("\n".join(faint_tenths(asked.looks)))
+    if faint:
+        print("\n".join(faint_tenths(looks)))
         return 0
-    scenes = list(drawings(asked.looks))
+    scenes = list(drawings(looks))
     before = results(scenes)
     print(f"{len(scenes)} drawings, mean IoU {mean(one[1] for one in before):.4f}")
     for _, place, names, _, _ in constants():
-        if not place.endswith(".py") or place in LEARNED or asked.file not in place:
+        if not place.endswith(".py") or place in LEARNED or file not in place:
             continue
         for name in names.split(", "):
-            if asked.only in ("", name):
+            if only in ("", name):
                 print(_row(place, name, scenes, before), flush=True)
     return 0
 
@@ -171,4 +163,4 @@ def _row(place: str, name: str, scenes: list[Drawing], before: list[tuple[bytes,
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

@@ -8,11 +8,9 @@ highest mean IoU counts, once for each folder and once for both. An image that f
 
 from __future__ import annotations
 
-import argparse
 import os
 import pickle
 import resource
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -30,6 +28,7 @@ from ffseg.metrics import scores
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters
 from ffseg.plugins import PEERS, SEGMENTERS
+from tests.campaigns import harness
 from tests.campaigns.real_images import Photograph, load
 from tests.real_data import data_folder
 
@@ -86,19 +85,15 @@ class Result:
         return f"| {self.method} | `{shown(self.setting)}` | {' | '.join(cells)} | {spent:.1f} |"
 
 
-def main() -> int:
+def main(data: Path = data_folder(), methods: str = ",".join(GRIDS)) -> int:
     """Run the campaign; 0 also when the photographs are absent."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--data", type=Path, default=data_folder(), help="photographs")
-    parser.add_argument("--methods", default=",".join(GRIDS), help="names separated by commas")
-    options = parser.parse_args()
-    folders = {folder: list(load(options.data, [folder])) for folder in SETS}
+    folders = {folder: list(load(data, [folder])) for folder in SETS}
     if not all(folders.values()):
-        print(f"skipped: {options.data} has no {' and '.join(SETS)} with seeds.csv; name the folder with --data")
+        print(f"skipped: {data} has no {' and '.join(SETS)} with seeds.csv; name the folder with --data")
         return 0
     single_thread()
     results: list[Result] = []
-    for method in options.methods.split(","):
+    for method in methods.split(","):
         if method in SEGMENTERS or (method in PEERS and PEERS[method].installed):
             results += examined(method, folders)
             print(f"{method}: done", flush=True)
@@ -196,4 +191,4 @@ _HEAD = (
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

@@ -18,17 +18,17 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+import chromium
 import cv2
 import numpy as np
+from pick_page import SETTLED, Hand
 
 from ffseg.learning.drawn.sights import sights
 from ffseg.parameters import load_params
 from ffseg.picking.server import Server
 from ffseg.picking.session import Session
-from tests.campaigns.harness import children, parser, say
-
-import chromium  # isort: skip - the harness says where it is
-from pick_page import SETTLED, Hand  # isort: skip
+from tests.campaigns import harness
+from tests.campaigns.harness import Work, children, say
 
 SIZES = ((800, 600), (4000, 3000))
 MOVES, APART_S = 60, 0.03
@@ -122,7 +122,7 @@ def follow(tab: chromium.Chromium, work: Path, size: tuple[int, int]) -> None:
         server.shutdown()
 
 
-def many(tab: chromium.Chromium, work: Path, count: int) -> None:
+def open_many(tab: chromium.Chromium, work: Path, count: int) -> None:
     """A folder of many images: how long the page takes to open, to list, to go on."""
     draw(work / "first.jpg", (640, 480))
     (work / "photos").mkdir()
@@ -150,21 +150,18 @@ def many(tab: chromium.Chromium, work: Path, count: int) -> None:
         server.shutdown()
 
 
-def main() -> int:
+def main(work: Work, many: int = 0) -> int:
     """See the module."""
-    made = parser(__doc__)
-    made.add_argument("--many", type=int, default=0, metavar="N")
-    chosen = made.parse_args()
     program = chromium.find()
     if program is None:
         sys.exit("no Chromium on the search path; install it, or name one in the environment variable FFSEG_CHROMIUM")
-    with chromium.Chromium(program, chosen.work / "profile") as tab:
-        if chosen.many:
-            many(tab, chosen.work, chosen.many)
-        for size in () if chosen.many else SIZES:
-            follow(tab, chosen.work, size)
+    with chromium.Chromium(program, work / "profile") as tab:
+        if many:
+            open_many(tab, work, many)
+        for size in () if many else SIZES:
+            follow(tab, work, size)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.api import segment
+from ffseg.batch.workers.pictures import read_truth
 from ffseg.errors import FfsegError
 from ffseg.image.edges import edge_map
 from ffseg.io.images import read_image
-from ffseg.io.masks import read_levels
 from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import Edges, Parameters
 from ffseg.result import Segmentation
@@ -95,7 +96,8 @@ def load(data: Path, folders: Iterable[str]) -> Iterator[Photograph]:
             rows = sorted(csv.DictReader(file), key=lambda row: row["image"])
         for place, row in enumerate(rows):
             image = read_image(data / folder / "images" / row["image"])
-            truth = read_levels(data / folder / "truth" / f"{Path(row['image']).stem}.png")
+            mask = os.fspath(data / folder / "truth" / f"{Path(row['image']).stem}.png")
+            truth = read_truth(mask, (image.shape[0], image.shape[1]))
             yield Photograph(folder, row["image"], image, truth, circle_of(row), place % 2)
 
 

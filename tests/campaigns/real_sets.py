@@ -12,15 +12,15 @@ Images sorted by name: those at even places are one half, those at odd places th
 
 from __future__ import annotations
 
-import argparse
 import csv
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import mean, median
+from typing import Annotated
 
 import cv2
 import numpy as np
+import typer
 from numpy.typing import NDArray
 
 from ffseg.io.files import write_bytes_atomic
@@ -29,7 +29,7 @@ from ffseg.io.masks import encode_png
 from ffseg.io.tables import csv_table
 from ffseg.metrics import IGNORED, INSIDE
 from ffseg.parameters import load_params
-from tests.campaigns import real_invariance
+from tests.campaigns import harness, real_invariance
 from tests.campaigns.real_images import COLUMNS, SETS, Outcome, evaluate, load, score
 from tests.real_data import data_folder
 
@@ -39,54 +39,39 @@ POOR = 0.6
 """IoU below which an image ranked worst by its score was ranked rightly."""
 
 
-def main() -> int:
+def main(  # noqa: PLR0913 - options of a command
+    out: Annotated[Path, typer.Option()], data: Path = data_folder(), sets: str = ",".join(SETS), config: str | None = None,
+    settings: Annotated[list[str] | None, typer.Option("--set")] = None, overlays: int = 10, repeat: int = 1,
+    before: Path | None = None, invariance: str = "", scenes: int = 50, stability: bool = False,
+) -> int:  # fmt: skip
     """Run the campaign; 0 also when the images are absent."""
-    options = _options()
-    folders = options.sets.split(",")
+    (out / "worst").mkdir(exist_ok=True, parents=True)
+    folders = sets.split(",")
     for folder in folders:
-        if not (options.data / folder / "seeds.csv").is_file():
-            print(f"left out: {folder} has no seeds.csv in {options.data}")
-    photographs = list(load(options.data, folders))
+        if not (data / folder / "seeds.csv").is_file():
+            print(f"left out: {folder} has no seeds.csv in {data}")
+    photographs = list(load(data, folders))
     if not photographs:
-        print(f"skipped: none of the sets is in {options.data}; name the folder with --data or FFSEG_DATA")
+        print(f"skipped: none of the sets is in {data}; name the folder with --data or FFSEG_DATA")
         return 0
     single_thread()
-    params = load_params(options.config, options.set)
-    outcomes = [evaluate(one, params, options.repeat) for one in photographs]
-    write_bytes_atomic(options.out / "images.csv", csv_table(COLUMNS, [one.cells() for one in outcomes]))
+    params = load_params(config, settings or [])
+    outcomes = [evaluate(one, params, repeat) for one in photographs]
+    write_bytes_atomic(out / "images.csv", csv_table(COLUMNS, [one.cells() for one in outcomes]))
     table = summary(outcomes)
-    write_bytes_atomic(options.out / "sets.csv", csv_table(table[0], table[1:]))
+    write_bytes_atomic(out / "sets.csv", csv_table(table[0], table[1:]))
     print(aligned(table))
     print(about_scores(outcomes))
-    if options.before:
-        print(changes(outcomes, options.before))
-    for rank, one in enumerate(worst(outcomes, options.overlays)):
+    if before:
+        print(changes(outcomes, before))
+    for rank, one in enumerate(worst(outcomes, overlays)):
         name = f"{rank:02d}-{one.photograph.folder.replace('/', '-')}-{Path(one.photograph.name).stem}.png"
-        write_bytes_atomic(options.out / "worst" / name, overlay(one))
-    if options.invariance:
-        print(real_invariance.table(photographs if options.invariance == "real" else None, params, options.scenes))
-    if options.stability:
+        write_bytes_atomic(out / "worst" / name, overlay(one))
+    if invariance:
+        print(real_invariance.table(photographs if invariance == "real" else None, params, scenes))
+    if stability:
         print(real_invariance.stability(photographs, params))
     return 0
-
-
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--data", type=Path, default=data_folder(), help="image sets")
-    parser.add_argument("--out", type=Path, required=True, help="folder to write to, made if absent")
-    parser.add_argument("--sets", default=",".join(SETS), help="folders separated by commas")
-    parser.add_argument("--config", help="parameter file or preset")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="one parameter")
-    parser.add_argument("--overlays", type=int, default=10, help="how many of the worst to draw")
-    parser.add_argument("--repeat", type=int, default=1, help="runs whose median time counts")
-    parser.add_argument("--before", type=Path, help="images.csv of an earlier run to compare with")
-    parser.add_argument("--invariance", choices=("real", "drawn"), help="check invariances on these images")
-    parser.add_argument("--scenes", type=int, default=50, help="drawn scenes of --invariance drawn")
-    parser.add_argument("--stability", action="store_true", help="vary sampling and start radius")
-    options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "worst").mkdir(exist_ok=True)
-    return options
 
 
 def summary(outcomes: Sequence[Outcome]) -> list[list[object]]:
@@ -190,4 +175,4 @@ def aligned(table: Sequence[Sequence[object]]) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

@@ -1,15 +1,14 @@
 """R9: the same bytes for any number of workers, order of the images, time zone, locale and hash seed.
 
-``python tests/campaigns/same_bytes.py --work DIR --images 500``
+``python -m tests.campaigns.same_bytes --work DIR --images 500``
 """
 
 from __future__ import annotations
 
 import shutil
 from dataclasses import dataclass, field
-from pathlib import Path
 
-import harness
+from tests.campaigns import harness
 
 VARIANTS: dict[str, tuple[int, int, dict[str, str]]] = {
     "one": (1, 1, {}),
@@ -29,7 +28,7 @@ class Figures:
     differ: list[str] = field(default_factory=list)
 
 
-def campaign(work: Path, images: int) -> Figures:
+def campaign(work: harness.Work, images: int = 500) -> Figures:
     """Run every variant over the same images and compare masks, contours and overlays."""
     source, figures = work / "in", Figures()
     harness.draw_blobs(source, images)
@@ -52,7 +51,4 @@ def campaign(work: Path, images: int) -> Figures:
 
 
 if __name__ == "__main__":
-    arguments = harness.parser(__doc__)
-    arguments.add_argument("--images", type=int, default=500)
-    given = arguments.parse_args()
-    harness.say(str(campaign(given.work, given.images)))
+    harness.as_command(campaign)

@@ -6,7 +6,7 @@ import os
 import subprocess
 from pathlib import Path
 
-from compiling import ALWAYS, CORE, DRIVER, Build, compiler
+from tests.campaigns.compiling import ALWAYS, CORE, DRIVER, Build, compiler
 
 SANITIZERS = "-fsanitize=address,undefined,float-cast-overflow"
 """Casts of numbers that do not fit are undefined, but not part of ``undefined`` in every compiler."""

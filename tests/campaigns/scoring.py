@@ -7,8 +7,6 @@ odds of the overlap that the prior promises must be divided (`ffseg.judge.HOPE`)
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from statistics import mean
@@ -21,6 +19,7 @@ from ffseg.judge import HOPE
 from ffseg.learning.drawn.sights import KINDS, sights
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
+from tests.campaigns import harness
 from tests.campaigns.real_sets import spearman
 
 UNSEEN = 100_000
@@ -46,13 +45,10 @@ def hope(scores: list[float], overlaps: list[float]) -> float:
     return float(np.exp(shift))
 
 
-def main() -> int:
+def main(looks: int = 12) -> int:
     """Print the figures."""
-    parser = argparse.ArgumentParser(description=__doc__.split(":", maxsplit=1)[0])
-    parser.add_argument("--looks", type=int, default=12, help="looks at each kind")
-    options = parser.parse_args()
     single_thread()
-    found = {kind: list(outcomes(kind, options.looks)) for kind in KINDS}
+    found = {kind: list(outcomes(kind, looks)) for kind in KINDS}
     for kind, rows in found.items():
         print(f"{kind}: IoU {mean(row[2] for row in rows):.3f}, score {mean(row[1] for row in rows):.3f}")
     scores, overlaps = ([row[at] for rows in found.values() for row in rows if row[0] == "prior"] for at in (1, 2))
@@ -62,4 +58,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

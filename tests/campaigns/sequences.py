@@ -7,8 +7,6 @@ does; the marks' shares of all frames; the boxes merged (there must be none); an
 
 from __future__ import annotations
 
-import argparse
-import sys
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +18,7 @@ from ffseg.parameters import Parameters, load_params
 from ffseg.rendering import floor_sequence, sample_camera
 from ffseg.rendering.floors import NOISES, TEXTURES, FloorSequence
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL, GROUND
+from tests.campaigns import harness
 from tests.campaigns.freespace import BOX_FREE, MARK_FREE, ring
 
 LARGE = 150
@@ -97,19 +96,14 @@ def outcome(drive: FloorSequence, found: list[Frame]) -> Outcome:
     return result
 
 
-def main() -> int:
+def main(sequences: int = 6, frames: int = 20, first: int = 0) -> int:
     """Run the campaign and say whether its promise holds."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sequences", type=int, default=6)
-    parser.add_argument("--frames", type=int, default=20)
-    parser.add_argument("--first", type=int, default=0)
-    options = parser.parse_args()
     params, good = load_params(), True
     print("| sequence | texture, noise | how | kept | merged of all | boxes merged | numbers per mark |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
-    for index in range(options.first, options.first + options.sequences):
+    for index in range(first, first + sequences):
         texture, noise = TEXTURES[index % 5], NOISES[index % 3]
-        drive = floor_sequence(900_000 + index, options.frames, texture, noise)
+        drive = floor_sequence(900_000 + index, frames, texture, noise)
         exact: list[Pose | None] = [planar_pose(sample_camera(), *pose) for pose in drive.poses]
         for name, poses, alone in (
             ("Sequence, poses", exact, False),
@@ -130,4 +124,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

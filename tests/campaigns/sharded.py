@@ -10,22 +10,19 @@ apart, and nothing may be done twice. Dask is one local cluster of two workers f
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import random
 import re
 import shutil
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
-import harness
 from batches import tree
+
+from tests.campaigns import harness
 
 EXECUTORS = ("inprocess", "processes", "dask")
 KINDS = ("files", "tar")
@@ -135,13 +132,12 @@ def _differences(expected: dict[str, bytes], found: dict[str, bytes], count: int
     return [f"{name} differs" for name in names if expected.get(name) != same.get(name)]
 
 
-if __name__ == "__main__":
-    options = harness.parser(__doc__)
-    options.add_argument("--images", type=int, default=300)
-    options.add_argument("--shards", default="1,2,3,8")
-    options.add_argument("--executors", default=",".join(EXECUTORS))
-    given: argparse.Namespace = options.parse_args()
-    numbers = tuple(map(int, given.shards.split(",")))
-    result = campaign(given.work, given.images, numbers, tuple(given.executors.split(",")))
+def main(work: harness.Work, images: int = 300, shards: str = "1,2,3,8", executors: str = ",".join(EXECUTORS)) -> int:
+    """Say what was run; 1 after a fault."""
+    result = campaign(work, images, tuple(map(int, shards.split(","))), tuple(executors.split(",")))
     harness.say(str(result))
-    sys.exit(bool(result.faults))
+    return int(bool(result.faults))
+
+
+if __name__ == "__main__":
+    harness.as_command(main)

@@ -1,6 +1,6 @@
 """R7 and R8: runs stopped by SIGINT and SIGTERM, and workers killed, at random moments.
 
-``python tests/campaigns/signals.py --work DIR [--stops 100] [--deaths 100]``
+``python -m tests.campaigns.signals --work DIR [--stops 100] [--deaths 100]``
 
 A stop ends the run with 130 or 143, without a process or a temporary file left, and the tables written; within two
 seconds on a machine that is not busy (``slowest_stop_s``). A worker that is killed
@@ -20,7 +20,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import harness
+from tests.campaigns import harness
 
 CODES = {signal.SIGINT: 130, signal.SIGTERM: 143}
 
@@ -36,7 +36,7 @@ class Figures:
     wrong: list[str] = field(default_factory=list)
 
 
-def campaign(work: Path, stops: int, deaths: int, images: int = 300, seed: int = 1) -> Figures:
+def campaign(work: harness.Work, stops: int = 0, deaths: int = 0, images: int = 300, seed: int = 1) -> Figures:
     """Signal runs with two workers after a random while of work."""
     source, out, figures, rng = work / "in", work / "out", Figures(), random.Random(seed)  # noqa: S311 - moments
     harness.draw_blobs(source, images)
@@ -105,10 +105,4 @@ def _death(process: subprocess.Popen[bytes], out: Path, images: int, rng: random
 
 
 if __name__ == "__main__":
-    arguments = harness.parser(__doc__)
-    arguments.add_argument("--stops", type=int, default=0)
-    arguments.add_argument("--deaths", type=int, default=0)
-    given = arguments.parse_args()
-    harness.say(
-        str(campaign(given.work, given.stops or 100 * (not given.deaths), given.deaths or 100 * (not given.stops)))
-    )
+    harness.as_command(campaign)

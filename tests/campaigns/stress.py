@@ -6,15 +6,16 @@ truth has no passage narrower than 6 pixels the IoU is at least 0.99.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import shapely
+import typer
 
 import ffseg
 from tests import scenes
+from tests.campaigns import harness
 
 LEAST_IOU = 0.99
 FLATTEN_TOLERANCE = 0.005
@@ -61,18 +62,12 @@ def check(seed: int, overrides: dict[str, object]) -> Outcome:
     return Outcome(seed, tuple(faults), iou, scene.wide)
 
 
-def main() -> int:
+def main(
+    scenes: int = 2000, first: int = 0, settings: Annotated[list[str] | None, typer.Option("--set")] = None
+) -> int:
     """Run the campaign; the exit code is 1 when a scene has a fault."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scenes", type=int, default=2000)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="as for ffseg run")
-    args = parser.parse_args()
-    overrides = dict(item.split("=", 1) for item in args.set)
-    outcomes = [
-        check(seed, {k: _number(v) for k, v in overrides.items()})
-        for seed in range(args.first, args.first + args.scenes)
-    ]
+    overrides = dict(item.split("=", 1) for item in settings or ())
+    outcomes = [check(seed, {k: _number(v) for k, v in overrides.items()}) for seed in range(first, first + scenes)]
     for outcome in outcomes:
         if outcome.faults:
             print(f"scene {outcome.seed}: {'; '.join(outcome.faults)}")
@@ -89,4 +84,4 @@ def _number(text: str) -> float | int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

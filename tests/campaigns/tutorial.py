@@ -10,7 +10,6 @@ camera of its own, in changing light and focus.
 
 from __future__ import annotations
 
-import argparse
 import base64
 import io
 import subprocess
@@ -23,21 +22,20 @@ from functools import reduce
 from pathlib import Path
 from statistics import mean, median
 
+import chromium
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pick_page import SETTLED, Hand
 from PIL import Image, ImageDraw
-
-from tests.campaigns.harness import command, say
-
-import chromium  # isort: skip - the harness says where it is
-from pick_page import SETTLED, Hand  # isort: skip
 
 from ffseg.learning.drawn.cameras import perspective, photographed
 from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import clear_of
 from ffseg.learning.drawn.streets import street
 from ffseg.metrics import INSIDE, iou
+from tests.campaigns import harness
+from tests.campaigns.harness import command, say
 
 Mask = NDArray[np.bool_]
 Picture = NDArray[np.uint8]
@@ -245,7 +243,7 @@ def at_the_page(work: Path, tab: chromium.Chromium, truths: dict[str, Picture]) 
             server.terminate()
 
 
-def film(frames: list[tuple[Image.Image, int]], path: Path) -> None:
+def write_film(frames: list[tuple[Image.Image, int]], path: Path) -> None:
     """Write the animation."""
     (first, _), *rest = frames
     first.save(
@@ -261,44 +259,37 @@ def film(frames: list[tuple[Image.Image, int]], path: Path) -> None:
     say(f"{path}: {path.stat().st_size / 1e6:.2f} MB, {len(frames)} frames, {sum(ms for _, ms in frames) / 1e3:.0f} s")
 
 
-def main() -> int:
+def main(work: harness.Work, images: int = 200, first: int = 10, mended: int = 10, film: Path | None = None) -> int:
     """See the module."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--work", type=Path, required=True, help="folder to work in, made if absent")
-    parser.add_argument("--images", type=int, default=200)
-    parser.add_argument("--first", type=int, default=10, help="images picked before the folder is run")
-    parser.add_argument("--mended", type=int, default=10, help="images looked at and mended afterwards")
-    parser.add_argument("--film", type=Path)
-    chosen = parser.parse_args()
     program = chromium.find()
     if program is None:
         sys.exit("no Chromium on the search path; install it, or name one in the environment variable FFSEG_CHROMIUM")
-    truths = drawn(chosen.work, chosen.images)
+    truths = drawn(work, images)
     begin = time.monotonic()
     with (
-        chromium.Chromium(program, chosen.work / "profile", WINDOW) as tab,
-        at_the_page(chosen.work, tab, truths) as stranger,
+        chromium.Chromium(program, work / "profile", WINDOW) as tab,
+        at_the_page(work, tab, truths) as stranger,
     ):
-        if chosen.film:
+        if film:
             stranger.filmed = True
             tab.value(
                 "document.getElementById('command').style.visibility = 'hidden'"
             )  # it names this machine's folders
-        walk(stranger, chosen.first, chosen.mended)
+        walk(stranger, first, mended)
     say(
         f"{sum(stranger.clicks)} clicks in {len(stranger.clicks)} images {stranger.clicks}; "
         f"{stranger.hand_s / 60:.1f} min of the hand, {stranger.waited_s / 60:.1f} min waited for, "
         f"{(time.monotonic() - begin) / 60:.1f} min by the clock"
     )
-    found = list(results(chosen.work / "picked", truths).values())
+    found = list(results(work / "picked", truths).values())
     say(
         f"IoU of all {len(found)}: mean {mean(found):.3f}, median {median(found):.3f}, "
         f"below .8: {sum(one < 0.8 for one in found)}, below .5: {sum(one < 0.5 for one in found)}"
     )
-    if chosen.film:
-        film(stranger.frames, chosen.film)
+    if film:
+        write_film(stranger.frames, film)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

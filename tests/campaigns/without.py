@@ -6,8 +6,6 @@ scenes. The rows it prints are the table of docs/pipeline.md; a rule with which 
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -17,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.campaigns import harness
 from tests.campaigns.perturbed import changed
 
 UNIT = Path(__file__).resolve().parents[1] / "unit"
@@ -90,13 +89,11 @@ def failing(rule: Rule) -> tuple[list[str], int]:
     return seen.names, seen.ran
 
 
-def main() -> int:
-    """Print a row for each rule; 1 if one has no scene."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--only", default="", help="part of a rule's name")
-    asked, idle = parser.parse_args(), 0
+def main(only: str = "") -> int:
+    """Print a row for each rule, or those of a part of their names; 1 if one has no scene."""
+    idle = 0
     for rule in RULES:
-        if asked.only in rule.name:
+        if only in rule.name:
             names, ran = failing(rule)
             idle += not names
             values = ", ".join(f"`{name}` {value}" for name, value in rule.values.items())
@@ -106,4 +103,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

@@ -6,8 +6,6 @@ the ground by more than poses can be off.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -20,6 +18,7 @@ from ffseg.freespace.sequence import Frame, free_space, segment_view
 from ffseg.parameters import load_params
 from ffseg.rendering import RenderedPair, floor_pair
 from ffseg.rendering.floors import NOISES, TEXTURES
+from tests.campaigns import harness
 
 Planar = tuple[float, float, float]
 KINDS: dict[str, tuple[Callable[[Planar], Planar], str]] = {
@@ -78,13 +77,10 @@ def misses(pair: RenderedPair) -> list[str]:
     return found
 
 
-def main() -> int:
+def main(pairs: int = 15) -> int:
     """Say what was missed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--pairs", type=int, default=15)
-    options = parser.parse_args()
     counted, missed = 0, 0
-    for index in range(options.pairs):
+    for index in range(pairs):
         pair = floor_pair(700_000 + index, "plain", TEXTURES[index % 5], NOISES[index // 5 % 3])
         counted += sum(matters(pair, kind) for kind in KINDS)
         for miss in misses(pair):
@@ -95,4 +91,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

@@ -10,8 +10,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import harness
 import pytest
+
+from tests.campaigns import harness
 
 pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 ROOT = Path(__file__).resolve().parents[2]

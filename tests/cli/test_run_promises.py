@@ -9,21 +9,15 @@ import resource
 import signal
 import subprocess
 from pathlib import Path
+from typing import Any
 
-import bad_files
 import bad_images
-import faults
-import films
-import full_disk
-import harness
-import killed
-import many
 import numpy as np
 import pytest
-import same_bytes
-import signals
 from batches import table
 from PIL import Image
+
+from tests.campaigns import bad_files, faults, full_disk, harness, killed, many, same_bytes, signals
 
 SMALL = ("--set", harness.CONFIG)
 LEGAL = {0, 2, 3}
@@ -180,38 +174,41 @@ def test_r4_killed_runs_resume_to_the_same_bytes(tmp_path: Path) -> None:
     assert figures.most_redone <= 2
 
 
-def test_r4_killed_packed_runs_resume_to_the_same_bytes(tmp_path: Path) -> None:
-    figures = killed.campaign(tmp_path, kills=2, jobs=2, images=60, more=harness.PACK)
+@pytest.mark.parametrize("how", [{"jobs": 2, "pack": True}, {"jobs": 1, "film": True}], ids=["packed", "film"])
+def test_r4_killed_runs_into_tar_files_and_of_films_resume_to_the_same_bytes(
+    how: dict[str, Any], tmp_path: Path
+) -> None:
+    figures = killed.campaign(tmp_path, kills=2, images=60, **how)
     assert (figures.partial, figures.resumed_differ, figures.left_over, figures.orphans) == (0, 0, 0, 0)
 
 
 @pytest.mark.parametrize(
-    ("call", "number", "more"),
+    ("call", "number", "pack"),
     [
-        ("open", 5, ()),
-        ("write", 4, ()),
-        ("fsync", 3, ()),
-        ("rename", 4, ()),
-        ("write", 6, harness.PACK),
-        ("rename", 4, harness.PACK),
+        ("open", 5, False),
+        ("write", 4, False),
+        ("fsync", 3, False),
+        ("rename", 4, False),
+        ("write", 6, True),
+        ("rename", 4, True),
     ],
 )
 def test_r5_failing_calls_keep_earlier_outputs_and_name_the_path(
-    call: str, number: int, more: tuple[str, ...], tmp_path: Path
+    call: str, number: int, pack: bool, tmp_path: Path
 ) -> None:
     if os.uname().sysname != "Linux":
         pytest.skip("the faulty calls are put in with LD_PRELOAD")
-    figures = faults.campaign(tmp_path, ("ENOSPC",), images=1, only=(call, number), more=more)
+    figures = faults.campaign(tmp_path, "ENOSPC", images=1, call=call, number=number, pack=pack)
     assert figures.wrong == []
     assert figures.runs == 1
 
 
-@pytest.mark.parametrize("more", [(), harness.PACK])
-def test_r6_small_disks_and_limits_leave_whole_files_only(more: tuple[str, ...], tmp_path: Path) -> None:
+@pytest.mark.parametrize("pack", [False, True])
+def test_r6_small_disks_and_limits_leave_whole_files_only(pack: bool, tmp_path: Path) -> None:
     mount = ["unshare", "-rm", "mount", "-t", "tmpfs", "tmpfs", tmp_path]
     if os.uname().sysname != "Linux" or subprocess.run(mount, check=False).returncode != 0:
         pytest.skip("a tmpfs cannot be mounted in a namespace here")
-    figures = full_disk.campaign(tmp_path, images=12, disks=(16, 96), limits=(1,), more=more)
+    figures = full_disk.campaign(tmp_path, images=12, disks=(16, 96), limits=(1,), pack=pack)
     assert figures.wrong == []
     assert figures.exit_codes[2] >= 1
     assert figures.exit_codes[3] >= 1
@@ -283,9 +280,3 @@ def test_r12_names_are_escaped_on_the_terminal_and_in_the_table(blobs: Path, tmp
     for hostile in ("\x1b", "\u202e"):
         assert hostile not in ended.stderr + text
     assert "\n'=cmd.png,failed," in text
-
-
-def test_a_film_killed_in_the_middle_ends_as_if_it_had_not_been(tmp_path: Path) -> None:
-    figures = films.campaign(tmp_path, frames=40, kills=2, size=(160, 120))
-    assert figures.kills >= 1
-    assert figures.differ == 0

@@ -9,6 +9,9 @@ import re
 import stat
 import subprocess
 import sys
+import threading
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import cv2
@@ -22,6 +25,11 @@ import ffseg
 from tests.masks import read_mask
 
 TOY = Path(__file__).resolve().parents[2] / "samples" / "toy.png"
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, *_: object) -> None:
+        pass
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +56,21 @@ def test_the_class_that_labels_of_yolo_cannot_name_is_said(tmp_path: Path, ffseg
     done = ffseg_command("segment", TOY, "a.txt", "--label", "road", cwd=tmp_path)
     assert done.stderr.startswith("ffseg: class 0 of YOLO's labels is road: name it in the data set's YAML file\n")
     assert (tmp_path / "a.txt").read_text().startswith("0 0.")
+
+
+def test_an_address_is_read_as_run_reads_it(mask: np.ndarray, tmp_path: Path, ffseg_command: Command) -> None:
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=os.fspath(TOY.parent))) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        address = f"http://127.0.0.1:{server.server_port}"
+        done = ffseg_command("segment", f"{address}/toy.png?size=all", "a.png", "a.svg", cwd=tmp_path)
+        gone = ffseg_command("segment", f"{address}/none.png", "b.png", cwd=tmp_path)
+        server.shutdown()
+        thread.join()
+    assert done.returncode == 0, done.stderr
+    assert np.array_equal(read_mask(tmp_path / "a.png"), mask)
+    assert "<title>toy.png</title>" in (tmp_path / "a.svg").read_text("utf-8")
+    assert (gone.returncode, gone.stderr) == (3, f"ffseg: error: {address}/none.png: there is no such object\n")
 
 
 @pytest.mark.parametrize("kind", [None, "svg", "geojson", "coco", "labelme", "overlay"])

@@ -11,7 +11,6 @@ import cv2
 import naive_camera
 import numpy as np
 import pytest
-from campaigns.freespace import run, true_poses
 from rendered import render_pair as pair
 
 from ffseg import rendering
@@ -31,6 +30,7 @@ from ffseg.image.planes import search_ground_motions
 from ffseg.native import _core
 from ffseg.parameters import load_params
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL
+from tests.campaigns.freespace import run, true_poses
 from tests.components import component_of
 
 EPSILON = 0.08

@@ -93,6 +93,13 @@ def address_in(file: Path) -> str:
     raise TimeoutError("the scheduler has not started")
 
 
+def listening() -> socket.socket:
+    """A server that does not wait for ever for whom nobody sends."""
+    server = socket.create_server(("127.0.0.1", 0))
+    server.settimeout(60)
+    return server
+
+
 def by_dask(address: str, chunk: int = 10) -> dict[str, object]:
     return {"executor": "dask", "scheduler": address, "chunk": chunk, "num_workers": 2}
 
@@ -187,7 +194,7 @@ def test_a_scheduler_that_is_not_there_is_refused(tmp_path: Path) -> None:
     make_images(tmp_path / "in", NAMES[:2])
     with pytest.raises(UsageError, match="no scheduler answers"):
         run_batch(tmp_path / "in", tmp_path / "out", **by_dask("nowhere:not-a-port"))
-    with socket.create_server(("127.0.0.1", 0)) as other:  # the dashboard, whose first bytes are no length
+    with listening() as other:  # the dashboard, whose first bytes are no length
         answer = threading.Thread(target=lambda: other.accept()[0].sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n"))
         answer.start()
         with pytest.raises(UsageError, match="no scheduler answers"):
@@ -197,7 +204,7 @@ def test_a_scheduler_that_is_not_there_is_refused(tmp_path: Path) -> None:
 
 def test_a_run_that_waits_for_a_scheduler_is_stopped_at_once(tmp_path: Path) -> None:
     make_images(tmp_path / "in", NAMES[:2])
-    with socket.create_server(("127.0.0.1", 0)) as silent:
+    with listening() as silent:
         asked = ["--executor", "dask", "--dask", f"127.0.0.1:{silent.getsockname()[1]}"]
         line = [sys.executable, "-m", "ffseg", "run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), *asked]
         with subprocess.Popen(line, stderr=subprocess.PIPE, text=True) as run:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from batches import make_images
 
+from ffseg.batch.plan.beside import find_domains, find_evidence
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import make_plan, prepare_output, refuse_foreign
 from ffseg.errors import OutputError, UsageError
@@ -128,6 +129,28 @@ def test_truths_beside_their_images_are_no_inputs(tmp_path: Path) -> None:
     assert plan.jobs[0].truth.endswith("t/sub/b.png")
     with pytest.raises(UsageError, match="no image has a mask"):
         make_plan([str(tmp_path / "sub")], str(tmp_path / "o"), truth=str(tmp_path / "t"))
+
+
+def test_two_files_that_could_belong_to_an_image_are_refused(tmp_path: Path) -> None:
+    _touch(tmp_path / "in", "a.jpg", "a.png")
+    _touch(tmp_path / "t", "a.png", "a_truth.png")
+    _touch(tmp_path / "maps", "a.npy", "a.png")
+    one = str(tmp_path / "in" / "a.jpg")
+    with pytest.raises(
+        UsageError, match=r"--truth: .*/t holds a_truth\.png and a\.png, each .* belong to a\.jpg; leave one"
+    ):
+        make_plan([one], str(tmp_path / "o"), truth=str(tmp_path / "t"))
+    with pytest.raises(UsageError, match=r"--evidence: .* holds a\.npy and a\.png"):
+        find_evidence(discover([one]), str(tmp_path / "maps"))
+    with pytest.raises(UsageError, match=r"domain\.masks: .* holds a\.jpg and a\.png"):
+        find_domains(discover([str(tmp_path / "t" / "a.png")]), str(tmp_path / "in"))
+    with pytest.raises(UsageError, match=r"a\.png and a\.jpg could each be the mask of the other"):
+        make_plan([str(tmp_path / "in")], str(tmp_path / "o"), truth=str(tmp_path / "in"))
+    _touch(tmp_path / "in", "a_truth.png")  # beside an image of that name it is not in doubt
+    plan = make_plan([str(tmp_path / "in")], str(tmp_path / "o"), truth=str(tmp_path / "in"), keep_suffix=True)
+    assert [(job.source.name, job.truth[-11:]) for job in plan.jobs] == [
+        ("a.jpg", "a_truth.png"), ("a.png", "a_truth.png"),
+    ]  # fmt: skip
 
 
 def test_outputs_no_run_made_are_found(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from ffseg.learning.training import (
     Example,
     converted,
     grow,
+    known_of_some,
     known_pixels,
     learn,
     mirrored,
@@ -89,6 +90,20 @@ def test_scribbles_are_enough() -> None:
     assert iou(predicted(learn(partial), one) > 0.5, one.truth) > 0.8
 
 
+def test_scribbles_of_one_pixel_are_enough_on_images_that_are_reduced() -> None:
+    partial = []
+    for seed in (1, 2, 3):
+        one = example(seed)
+        image, whole, start = (np.kron(plane, np.ones((8, 8) + (1,) * (plane.ndim - 2), np.uint8)) for plane in (
+            one.image, one.truth, one.start.astype(np.uint8)))  # fmt: skip
+        truth = np.full(whole.shape, 128, np.uint8)
+        for row in np.flatnonzero((whole == 255).any(1))[40::120]:
+            truth[row] = whole[row]
+        partial.append(samples(Example(image, truth, start > 0, 24.0)))
+    one = example(4)
+    assert iou(predicted(learn(partial), one) > 0.5, one.truth) > 0.8
+
+
 def test_converted_trees_say_what_lightgbm_says() -> None:
     one = samples(example(1))
     data = lightgbm.Dataset(one.rows, one.inside.astype(np.float32))
@@ -134,6 +149,9 @@ def test_mixed_and_unknown_pixels_are_no_samples() -> None:
     truth = np.zeros((4, 6), np.uint8)
     truth[:, :3], truth[0, 5] = 255, 128
     assert known_pixels(truth, 2).tolist() == [[1, -1, -1], [1, -1, 0]]
+    truth[:, 3:] = 128
+    truth[3, 5] = 0
+    assert known_of_some(truth, 2).tolist() == [[1, 1, -1], [1, 1, 0]]
 
 
 @pytest.mark.parametrize(("level", "side"), [(255, "outside"), (0, "inside")])
@@ -141,6 +159,15 @@ def test_a_mask_of_one_side_is_refused(level: int, side: str) -> None:
     one = example(1)
     with pytest.raises(UsageError, match=f"knows no pixel {side}"):
         samples(Example(one.image, np.full(SHAPE, level, np.uint8), one.start, 6.0))
+
+
+def test_what_is_too_small_to_be_seen_is_not_said_to_be_missing() -> None:
+    image, truth = np.zeros((90, 1600), np.uint8), np.zeros((90, 1600), np.uint8)
+    truth[40:43, 801] = 255
+    with pytest.raises(
+        UsageError, match="knows inside is too small or thin: an image of 1600x90 pixels is seen at 400;"
+    ):
+        samples(Example(image, truth, None, 4.0))
 
 
 def test_uncertainty_is_higher_on_what_was_never_seen() -> None:

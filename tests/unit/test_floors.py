@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaigns.floors import LEAST_IOU, Case, Tally, cases, enclosed_marks, kept, run
 from rendered import floor_pair
 
 from ffseg.parameters import load_params
 from ffseg.rendering import FLOOR_KINDS
 from ffseg.rendering.raycast import SHADOW, STREAK, tilt_matrix
+from tests.campaigns.floors import LEAST_IOU, Case, Tally, cases, enclosed_marks, kept, run
 
 SHORT = (
     Case(100_001, "plain", 0.0, 4.0),

@@ -6,12 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import compiling
-import fuzz_native
 import pytest
-import sanitized
 
 from ffseg.native import _core
+from tests.campaigns import compiling, fuzz_native, sanitized
 
 CASES = 400
 """Four rounds of all targets; a tenth of them reach a map of one pixel or a strip."""
@@ -42,9 +40,18 @@ def test_native_cases_under_sanitizers_are_clean(pytestconfig: pytest.Config) ->
 
 
 def test_bindings_survive_what_does_not_fit(tmp_path: Path) -> None:
-    script = str(Path(fuzz_native.__file__).with_name("fuzz_border.py"))
-    command = [sys.executable, script, "--work", str(tmp_path), "--core", _core.__file__, "--cases", "700"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    command = [
+        sys.executable,
+        "-m",
+        "tests.campaigns.fuzz_border",
+        "--work",
+        str(tmp_path),
+        "--core",
+        _core.__file__,
+        "--cases",
+        "700",
+    ]
+    done = subprocess.run(command, cwd=compiling.ROOT, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0, (tmp_path / "border-case").read_text() + done.stderr[-500:]
     assert done.stdout.splitlines()[-1] == "700 cases"
     for name in ("evolve", "rasterize", "edge_maps", "level_sets", "snakes", "pairs", "lists"):

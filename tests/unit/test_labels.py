@@ -40,12 +40,53 @@ def test_what_is_exported_comes_back_pixel_for_pixel(document, tmp_path: Path) -
     image = AnnotatedImage("sub/a.png", SHAPE[1], SHAPE[0], polygons(mask, outlines_of(mask)), "road")
     path = tmp_path / "own.json"
     path.write_text(json_text(document(image)))
-    labels = read_labels(path)
+    labels = read_labels(path).named(["sub/a.png"])
     for label in ("road", ""):
         assert np.array_equal(labels.mask("sub/a.png", label, SHAPE), mask)
     assert labels.mask("sub/a.png", "kerb", SHAPE) is None
     assert labels.mask("b.png", "", SHAPE) is None
-    assert np.array_equal(labels.mask("other/a.png", "", SHAPE), mask), "the only image of that name"
+    other = read_labels(path).named(["other/a.png"])
+    assert np.array_equal(other.mask("other/a.png", "", SHAPE), mask), "the only image of that name"
+
+
+def labelme(name: str, left: int, **more: object) -> dict[str, object]:
+    shape = {"label": "r", "shape_type": "rectangle", "points": [[left, 2], [left + 4, 8]]}
+    return {"imagePath": name, "shapes": [shape], **more}
+
+
+def test_regions_of_images_that_share_a_name_stay_apart(tmp_path: Path) -> None:
+    """Those of one folder were painted into the images of the other as well."""
+    places = {"x": "a.png", "y": "../../photos/y/a.png", "z": "..\\images\\b.png"}
+    for number, (place, name) in enumerate(places.items()):
+        (tmp_path / place).mkdir()
+        write(tmp_path / place, labelme(name, 5 * number), "any.json")
+    found = read_labels(tmp_path)
+    names = ["x/a.png", "y/a.png", "b.png", "c.png"]
+    for number, name in enumerate(names[:3]):
+        assert np.array_equal(found.named(names).mask(name, "", SHAPE), box(5 * number, 2, 5 * number + 4, 8))
+    assert found.without(names) == []
+    assert found.named(["a.png"]).regions == {}, "either could be meant"
+    assert found.without(["a.png", "b.png"]) == ["x/a.png", "../photos/y/a.png"]
+    one = read_labels(write(tmp_path, labelme("a.png", 3)))
+    assert one.named(names).regions == {}, "both could be meant"
+    assert one.without(names) == ["a.png"]
+
+
+@pytest.mark.parametrize("size", [(30, 41), (31, 40), (40, 30)])
+def test_regions_of_another_size_are_refused(size: tuple[int, int], tmp_path: Path) -> None:
+    one = read_labels(write(tmp_path, labelme("a.png", 3, imageHeight=size[0], imageWidth=size[1])))
+    image = {"id": 1, "file_name": "a.png", "height": size[0], "width": size[1]}
+    coco = {"images": [image], "annotations": [{"image_id": 1, "bbox": [3, 2, 7, 6]}]}
+    for found in (one, read_labels(write(tmp_path, coco))):
+        with pytest.raises(UsageError, match=f"drawn on {size[1]}x{size[0]} pixels, the image has 40x30"):
+            found.mask("a.png", "", SHAPE)
+
+
+def test_a_polygon_that_crosses_itself_keeps_both_parts(tmp_path: Path) -> None:
+    bow = {"label": "r", "points": [[0, 0], [40, 30], [40, 0], [0, 30]]}
+    found = read_labels(write(tmp_path, {"imagePath": "a.png", "shapes": [bow]})).mask("a.png", "", SHAPE)
+    assert found is not None
+    assert found[:, :10].sum() == found[:, 30:].sum() > 0
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.95))
@@ -72,15 +113,15 @@ def box(left: int, top: int, right: int, bottom: int) -> np.ndarray:
 def test_shapes_of_every_program_are_painted_where_they_stand(tmp_path: Path) -> None:
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
     part = base64.b64encode(cv2.imencode(".png", np.full((4, 6), 255, np.uint8))[1].tobytes()).decode()
-    labelme = {
-        "imagePath": "..\\photos\\a.png",
+    document = {
+        "imagePath": "a.png",
         "shapes": [
             {"label": "r", "shape_type": "rectangle", "points": [[10, 8], [3, 2]]},
             {"label": "c", "shape_type": "circle", "points": [[20, 15], [20, 21]]},
             {"label": "m", "shape_type": "mask", "points": [[30, 20], [35, 23]], "mask": part},
         ],
     }
-    found = read_labels(write(tmp_path, labelme))
+    found = read_labels(write(tmp_path, document))
     assert np.array_equal(found.mask("a.png", "r", SHAPE), box(3, 2, 10, 8))
     assert np.array_equal(found.mask("a.png", "m", SHAPE), box(30, 20, 36, 24))
     disc = found.mask("a.png", "c", SHAPE)

@@ -170,7 +170,7 @@ def test_images_and_masks_side_by_side_need_other_names(folder: Path) -> None:
         image = cv2.imread(str(folder / "in" / f"{number}.png"))
         (folder / "in" / f"{number}.png").write_bytes((folder / "truth" / f"{number}.png").read_bytes())
         cv2.imwrite(str(folder / "in" / f"{number}.jpg"), image)
-    with pytest.raises(UsageError, match=r"0\.jpg and 0\.png could each be the mask of the other; .* NAME_truth\.png"):
+    with pytest.raises(UsageError, match=r"0\.png and 0\.jpg could each be the mask of the other; .* NAME_truth\.png"):
         gather([str(folder / "in")], str(folder / "in"), load_params())
     for number in range(3):
         (folder / "in" / f"{number}.png").rename(folder / "in" / f"{number}_truth.png")

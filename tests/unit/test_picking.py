@@ -282,14 +282,15 @@ def test_questions_that_are_none_are_refused_and_name_no_file(server) -> None:
 
 
 def test_a_page_that_leaves_says_nothing_on_the_terminal(server, capfd: pytest.CaptureFixture[str]) -> None:
-    before = threading.active_count()
+    before = {*threading.enumerate()}  # of which those of earlier questions may end meanwhile
     with socket.create_connection((pick_page.HOST, server.port)) as page:
         page.sendall(b"GET / HTTP/1.1\r\n")
         page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # closing resets the connection
-        while threading.active_count() <= before:
+        while not (answering := {*threading.enumerate()} - before):
             time.sleep(0.01)
-    while threading.active_count() > before:
-        time.sleep(0.01)
+    for thread in answering:
+        thread.join(20)
+        assert not thread.is_alive()
     assert capfd.readouterr().err == ""
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -58,19 +57,14 @@ def data(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["real_sets", *map(str, arguments)])
-    return real_sets.main()
-
-
 def rows(path: Path) -> list[dict[str, str]]:
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
-def test_tables_and_overlays(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_tables_and_overlays(data: Path, tmp_path: Path, capsys) -> None:
     out = tmp_path / "out"
-    assert run(monkeypatch, "--data", data, "--out", out, "--overlays", 1) == 0
+    assert real_sets.main(out, data, overlays=1) == 0
     said = capsys.readouterr().out
     assert "left out: seeded_objects" in said
     assert "Spearman" in said
@@ -86,8 +80,7 @@ def test_tables_and_overlays(data: Path, tmp_path: Path, monkeypatch: pytest.Mon
     assert float(sets["road"]["leaked"]) > 0.2 > float(sets["road"]["missed"])
     assert [path.name for path in (out / "worst").iterdir()] == ["00-road-1.png"]
     other = tmp_path / "other"
-    given = ("--set", "edges.canny=[0.1,0.2]", "--before", out / "images.csv")
-    assert run(monkeypatch, "--data", data, "--out", other, *given) == 0
+    assert real_sets.main(other, data, settings=["edges.canny=[0.1,0.2]"], before=out / "images.csv") == 0
     assert "2 better, 0 worse" in capsys.readouterr().out
 
 
@@ -140,13 +133,13 @@ def test_photographs_at_even_places_choose_and_those_at_odd_ones_are_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
     """A threshold of 8 holds the strong edges of the even places, and not the weak ones of the odd places."""
-    monkeypatch.setattr(sys, "argv", ["photographs", "--data", str(tmp_path), "--methods", "cv_edges,nothing"])
+    asked = (tmp_path, "cv_edges,nothing")
     monkeypatch.setitem(photographs.GRIDS, "cv_edges", {"threshold": (200.0, 8.0)})
-    assert photographs.main() == 0
+    assert photographs.main(*asked) == 0
     assert "skipped: " in capsys.readouterr().out
     for folder in photographs.SETS:
         drawn(tmp_path, folder, (120, 20, 120, 20))
-    assert photographs.main() == 0
+    assert photographs.main(*asked) == 0
     said = capsys.readouterr().out
     assert "skipped: nothing" in said
     rows = [line.split(" | ") for line in said.splitlines() if line.startswith("| cv_edges |")]

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import stand_in
 from batches import Silent, make_images, run_batch, snapshot, table
+from commands import Command
 from PIL import Image
 
 from ffseg.batch.outputs.table import Products
@@ -215,6 +216,27 @@ def test_truth_adds_the_overlap_and_a_truth_of_other_size_fails_its_image(images
     assert rows[NAMES[0]]["error"].startswith("truth: ")
     assert rows[NAMES[1]]["iou"] == ""
     assert {rows[name]["iou"] for name in NAMES[2:]} == {"1.0"}
+
+
+@pytest.mark.parametrize("gone", [True, False], ids=["removed", "not-among-other-truths"])
+def test_no_overlap_is_kept_of_a_truth_that_is_not_among_those_asked_for(
+    gone: bool, images: Path, tmp_path: Path, ffseg_command: Command
+) -> None:
+    """The table and the summary once disagreed, and one column held overlaps with masks of two folders."""
+    command = ("run", images, "--out", tmp_path / "out", "--json", "--truth")
+    assert ffseg_command(*command[:5]).returncode == 0
+    truth = tmp_path / "truth"
+    shutil.copytree(tmp_path / "out" / "masks", truth)
+    assert json.loads(ffseg_command(*command, truth).stdout)["mean_iou"] == 1
+    if gone:
+        (truth / NAMES[0]).unlink()
+    else:
+        shutil.copytree(truth, tmp_path / "others", ignore=shutil.ignore_patterns(Path(NAMES[0]).name))
+    done = json.loads(ffseg_command(*command, truth if gone else tmp_path / "others").stdout)
+    told = {row["image"]: row.get("iou") for row in done["images"]}
+    assert done["counts"]["unchanged"] == len(NAMES)
+    assert {name for name, overlap in told.items() if overlap is None} == {NAMES[0]}
+    assert {row["image"] for row in table(tmp_path / "out" / "timings.csv") if row["iou"] == ""} == {NAMES[0]}
 
 
 def test_read_only_output_is_refused_at_once(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

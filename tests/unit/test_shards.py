@@ -170,6 +170,11 @@ def test_parts_that_are_none_are_refused(text: str) -> None:
         read_shard(text)
 
 
+def test_the_most_parts_there_can_be_are_said() -> None:
+    with pytest.raises(UsageError, match="n up to 100000;"):
+        read_shard("1/100000000")
+
+
 def test_every_image_belongs_to_one_shard_and_stays_there() -> None:
     names = [f"{index}.png" for index in range(20_000)]
     for count in (1, 2, 7):

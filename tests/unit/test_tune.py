@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from itertools import islice
 from pathlib import Path
 from time import process_time
@@ -14,6 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ffseg.cli.app import app
+from ffseg.io import files
 from ffseg.learning import tune as tuning
 from ffseg.learning.choice import Trial
 from ffseg.learning.gather import Labelled, gather
@@ -46,6 +49,24 @@ def written(folder: Path, *, lined: bool) -> Path:
 
 
 SET = {"init.center": [60, 45], "init.radius": 6}
+
+
+def test_settings_and_page_are_written_together_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page does not fit on the disk: a limit on the size of files stands for it."""
+    folder = written(tmp_path, lined=False)
+    kept, most = files.write_fully, 4096
+
+    def full(descriptor: int, data: bytes) -> None:
+        if len(data) > most:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        kept(descriptor, data)
+
+    monkeypatch.setattr(files, "write_fully", full)
+    before = sorted(os.listdir(folder))
+    command = ["tune", str(folder / "in"), "--truth", str(folder / "truth"), "--out", str(folder / "mine.yaml")]
+    done = CliRunner().invoke(app, [*command, "--page", str(folder / "tune.html"), "--budget", "1", "-q"])
+    assert (type(done.exception).__name__, sorted(os.listdir(folder))) == ("OutputError", before)
+    assert "tune.html cannot be written (No space left on device)" in str(done.exception)
 
 
 def test_tuning_passes_the_lines_that_masks_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

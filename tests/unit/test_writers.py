@@ -16,7 +16,7 @@ from PIL import Image
 
 from ffseg.errors import ParameterError
 from ffseg.io.images import Limits
-from ffseg.io.masks import encode_mask, load_mask, read_levels
+from ffseg.io.masks import encode_mask, load_mask
 from ffseg.io.overlays import COLOURS, Polyline, draw_overlay, encode_overlay
 from ffseg.io.tables import csv_table
 from tests.masks import read_mask
@@ -37,6 +37,10 @@ def test_mask_of_a_parameter_counts_every_level_but_0(tmp_path: Path) -> None:
     mask = load_mask("domain.mask", str(tmp_path / "m.png"))
     assert mask is not None
     assert mask.tolist() == [[0, 255], [255, 255]]
+    Image.fromarray(np.array([[0, 1], [128, 300]], np.uint16)).save(tmp_path / "deep.png")
+    deep = load_mask("domain.mask", str(tmp_path / "deep.png"))
+    assert deep is not None
+    assert deep.tolist() == mask.tolist()
     assert load_mask("domain.mask", None) is None
 
 
@@ -50,17 +54,20 @@ def test_mask_of_a_parameter_is_read_behind_the_gate_and_within_the_limits(tmp_p
             load_mask("init.mask", str(tmp_path / name), limits)
 
 
+@pytest.mark.parametrize("name", ["photo.png", "mask.jpg"])
+def test_photographs_and_soft_masks_are_no_masks_of_a_parameter(name: str, tmp_path: Path) -> None:
+    """Every level but 0 would count: all of a photograph, and what JPEG leaves round the edges."""
+    rows, columns = np.mgrid[:90, :120]
+    disc = (rows - 45) ** 2 + (columns - 60) ** 2 < 900
+    levels = np.where(disc, 255, 0) if name == "mask.jpg" else 2 * rows + disc
+    Image.fromarray(levels.astype(np.uint8)).save(tmp_path / name, quality=60)
+    with pytest.raises(ParameterError, match=rf"^domain\.mask: .*{name} holds \d+ levels, as a photograph"):
+        load_mask("domain.mask", str(tmp_path / name))
+
+
 def test_mask_of_a_transposed_view_is_not_scrambled() -> None:
     mask = np.arange(12).reshape(3, 4).T % 5 == 0
     np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(encode_mask(mask)))) == 255, mask)
-
-
-def test_truth_keeps_its_levels_and_colour_counts_by_its_strongest_channel(tmp_path: Path) -> None:
-    levels = np.array([[0, 128, 255]], np.uint8)
-    Image.fromarray(levels).save(tmp_path / "grey.png")
-    Image.fromarray(np.dstack([levels, levels * 0, levels * 0])).save(tmp_path / "red.png")
-    np.testing.assert_array_equal(read_levels(tmp_path / "grey.png"), levels)
-    np.testing.assert_array_equal(read_levels(tmp_path / "red.png"), levels)
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+1", "-2+3", "@SUM(A1)", " =1+1", "   -2", "\u00a0@SUM(A1)", "\u3000+1"])

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaigns.freespace import true_poses
-from campaigns.wrong_poses import HEIGHTS, KINDS, judged, matters, wrong
 from rendered import floor_pair
 
 from ffseg.camera import load_poses
@@ -16,6 +14,8 @@ from ffseg.freespace.motion.contradictions import LONGEST, TALLEST, unlikely_uni
 from ffseg.freespace.motion.egomotion import given_motion, pair_motion
 from ffseg.freespace.motion.evidence import Scenery
 from ffseg.rendering import RenderedPair, sample_camera
+from tests.campaigns.freespace import true_poses
+from tests.campaigns.wrong_poses import HEIGHTS, KINDS, judged, matters, wrong
 
 
 def pair(texture: float) -> RenderedPair:

@@ -208,9 +208,9 @@ def _connect(start: Assignment) -> tuple[Any, Any]:
             with ThreadPoolExecutor(1) as thread:  # a notebook's own has a loop already
                 thread.submit(asyncio.run, _require_scheduler(address, start.stop)).result()
         return distributed.Client(cluster or address, timeout=_PATIENCE_S, set_as_default=False), cluster
-    except asyncio.CancelledError as error:
-        raise KeyboardInterrupt from error
-    except Exception as error:  # what answers may be anything, and Dask read anything into it
+    except (asyncio.CancelledError, Exception) as error:  # what answers may be anything, and Dask read anything into it
+        if start.stop >= 0 and select.select([start.stop], [], [], 0)[0]:  # what was cut off may end as any of them
+            raise KeyboardInterrupt from error
         raise UsageError(
             f"--dask: no scheduler answers at {printable(address)} ({str(error) or type(error).__name__}); check the address"
         ) from error

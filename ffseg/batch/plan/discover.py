@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ffseg.batch.outputs.table import OUTPUT_FOLDERS
 from ffseg.batch.plan.archives import is_archive, members
-from ffseg.batch.plan.remote import file_system, is_remote
+from ffseg.batch.plan.remote import file_system, is_remote, remote_name
 from ffseg.batch.plan.sources import READ_SUFFIXES, STATE_FOLDER, SUFFIXES, Source, natural_key
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.bags import MARK, stamps
@@ -125,13 +125,13 @@ def _remote_sources(url: str) -> list[Source]:
     """Images of a URL: one, those of a pattern, or those below a folder of a store."""
     try:
         if url.startswith("http"):
-            return [Source(url, os.path.basename(url.partition("?")[0].rstrip("/")) or "index")]
+            return [Source(url, remote_name(url))]
         system, path = file_system(url)
         if any(mark in path for mark in "*?["):
             base = path[: min(path.find(mark) for mark in "*?[" if mark in path)].rpartition("/")[0]
             paths = [one for one in system.glob(path) if not system.isdir(one)]
         elif not system.isdir(path):
-            return [Source(url, os.path.basename(path.rstrip("/").partition("?")[0]) or "index")]
+            return [Source(url, remote_name(path))]
         else:
             base, paths = path.rstrip("/"), system.find(path)
     except Exception as error:  # every store raises its own kinds

@@ -22,6 +22,11 @@ def is_remote(text: str) -> bool:
     return "://" in text and text.partition("://")[0] in PROTOCOLS
 
 
+def remote_name(url: str) -> str:
+    """Name of the image behind a URL."""
+    return url.partition("?")[0].rstrip("/").rpartition("/")[2] or "index"
+
+
 def file_system(url: str) -> tuple[Any, str]:
     """File system of a URL and the path in it.
 

@@ -118,8 +118,8 @@ class Keeper:
         extra: Sequence[Mapping[str, Any]] = reply.extra
         if reply.unchanged and before is not None:
             row, extra = {**before.row, **row}, before.extra
-            if not job.truth and before.status != "ok":  # its true mask was wrong, and is not asked for
-                row.pop("iou", None)
+            if not job.truth and (before.status != "ok" or self.plan.with_truth):
+                row.pop("iou", None)  # its true mask was wrong, and is not asked for, or is not among those asked for
         else:
             row = {"status": "ok", "error": "", **row, **_time_of(job)}
             row["write_ms"] += spent
@@ -141,7 +141,7 @@ class Keeper:
             files=reply.digests.files,
             members={**_members_of(before, kept), **members},
         )
-        if not job.truth and before is not None and before.status == "ok":
+        if not (job.truth or self.plan.with_truth) and before is not None and before.status == "ok":
             result, earlier = ((one.content, one.settings, one.version) for one in (record, before))
             record = _with_truth_of(record, before) if result == earlier else record
         return _judged(record, reply.problem)

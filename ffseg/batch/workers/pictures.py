@@ -14,7 +14,7 @@ from ffseg.batch.plan.sources import Source
 from ffseg.errors import ImageReadError
 from ffseg.io.files import printable
 from ffseg.io.images import Limits, decode_image
-from ffseg.io.masks import decode_labels, hides_levels
+from ffseg.io.masks import MOST_LEVELS, decode_labels, hides_levels
 from ffseg.metrics import IGNORED, INSIDE
 from ffseg.parameters import Levels
 
@@ -23,8 +23,6 @@ Labels = NDArray[Any]
 _DEEP = 257
 """A level of 8 bits is this many of 16."""
 _SHOWN = 6
-_MOST_CLASSES = 32
-"""More levels than this are soft edges rather than class numbers."""
 _LOSSY = (".jpg", ".jpeg", ".jpe")
 """Suffixes of files whose levels are not those that were drawn, however few there are."""
 _WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
@@ -159,7 +157,7 @@ def _levels(labels: Labels, *, lossy: bool) -> NDArray[np.uint8]:
         return np.where(labels == 1, np.uint8(INSIDE), np.uint8(0))
     if set(found.tolist()) <= {0, IGNORED * _DEEP, INSIDE * _DEEP}:
         return (labels // _DEEP).astype(np.uint8)
-    if lossy or len(found) > _MOST_CLASSES:
+    if lossy or len(found) > MOST_LEVELS:
         raise ValueError(
             f"holds {len(found)} levels, as a soft brush or JPEG leaves at edges; 255 is inside, 128 ignored and 0 outside: "
             "draw it with a hard brush, save it as PNG; or say --truth-label K if they are class numbers"

@@ -65,6 +65,7 @@ def pick(  # noqa: PLR0913 - the options of the command
         )
     from ffseg.io.labels import read_labels
     from ffseg.io.tables import counted
+    from ffseg.learning.gather import named
 
     drawn = None if labels_from is None else read_labels(labels_from)
     chosen = [one.strip() for one in labels.split(",")] if labels is not None else []
@@ -72,6 +73,11 @@ def pick(  # noqa: PLR0913 - the options of the command
         if drawn is not None:
             taken = counted(session.take(drawn), "mask")
             console.message(f"ffseg: {taken} taken from {printable(os.fspath(labels_from or ''))}")
+            others = drawn.without([source.name for source in session.sources])
+            if others:
+                console.message(
+                    f"ffseg: left out, as no image or several could be meant: {named([*map(printable, others)])}"
+                )
         _serve(session, port, browser)
 
 

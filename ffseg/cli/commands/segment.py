@@ -28,7 +28,7 @@ PIPE = "-"
 
 def segment(  # noqa: PLR0913 - the options of the command
     context: typer.Context,
-    image: Annotated[str, typer.Argument(metavar="IN", help="Image file, or - for stdin.")],
+    image: Annotated[str, typer.Argument(metavar="IN", help="Image file or its address, or - for stdin.")],
     outputs: Annotated[
         list[str], typer.Argument(metavar="OUT...", help="Files to write; their suffix says what. - is stdout.")
     ],
@@ -76,7 +76,7 @@ def segment(  # noqa: PLR0913 - the options of the command
     try:
         pixels, note = _read(image, params.input.range)
         result = segment_pixels(pixels, params, evidence=_evidence(evidence))
-        source = Source("" if image == PIPE else os.path.basename(image), pixels, label=params.region.label)
+        source = Source(_name(image), pixels, label=params.region.label)
         for path, output in wanted:
             suffix = ".png" if path == PIPE else os.path.splitext(path)[1].lower()
             _write(path, encoded(result, output, source, suffix))
@@ -142,16 +142,24 @@ def _same(path: str, image: str) -> bool:
 
 def _read(image: str, levels: Levels) -> tuple[NDArray[np.uint8], str]:
     """Pixels of an image, and what there is to say of frames that were not read."""
-    from ffseg.io.files import printable, read_bytes
+    from ffseg.batch.plan.reading import read_input
+    from ffseg.io.files import printable
     from ffseg.io.images import Limits, read_picture
 
     limits = Limits()
     try:
-        data = _stdin(limits.max_bytes) if image == PIPE else read_bytes(image, limits.max_bytes)
+        data = _stdin(limits.max_bytes) if image == PIPE else read_input(image, limits.max_bytes)
         return read_picture(data, limits, levels)
     except ImageReadError as error:
         name = "" if image == PIPE else f"{printable(image)}: "
         raise ImageReadError(error.reason, f"{name}{error}") from None
+
+
+def _name(image: str) -> str:
+    """What exports call it."""
+    from ffseg.batch.plan.remote import is_remote, remote_name
+
+    return "" if image == PIPE else remote_name(image) if is_remote(image) else os.path.basename(image)
 
 
 def _stdin(most: int) -> bytes:

@@ -55,7 +55,7 @@ def tune(  # noqa: PLR0913 - the options of the command
         if path is not None:
             output_file(option, path)
     params = ready_params(config, settings)
-    from ffseg.io.files import write_bytes_atomic
+    from ffseg.io.files import write_all_atomic
     from ffseg.learning.gather import gather
     from ffseg.learning.page import given, to_html, to_yaml, told, untried
     from ffseg.learning.tune import before_and_after
@@ -69,10 +69,11 @@ def tune(  # noqa: PLR0913 - the options of the command
     warn_of_starts(found.labelled)
     warn_of_seen(found.labelled)
     tuned = search(found.labelled, budget, progress(quiet=quiet))
-    write_bytes_atomic(os.fspath(out), to_yaml(tuned, params).encode())
+    files = [(os.fspath(out), to_yaml(tuned, params).encode())]
     if page is not None:
         masks = before_and_after(found.labelled, tuned)
-        write_bytes_atomic(os.fspath(page), to_html(tuned, found.labelled, masks).encode())
+        files.append((os.fspath(page), to_html(tuned, found.labelled, masks).encode()))
+    write_all_atomic(files)
     if as_json:
         console.data(json.dumps({"out": os.fspath(out), **asdict(tuned)}, indent=2))
     else:
