@@ -67,6 +67,7 @@ const forget = () => { // what a click would give, as soon as there is something
 const show = (what, options = {}) => ask({ what, quick: false, id: "region", ...options });
 
 const whole = (what) => { // of a large image first a reduced copy, so that a click is answered at once
+  if (!image || image.problem) return;
   if (Math.max(...view.size) > SMALL) show(what, { quick: true });
   show(what);
 };
@@ -119,17 +120,17 @@ const load = async (place, said = "") => {
     if (place !== before) {
       view.region(null);
       forget();
-      view.show(`image/${place}`, found.width, found.height);
+      view.show(found.problem ? "" : `image/${place}`, found.width, found.height);
     }
     adopt(found);
-    notify(said);
+    notify(said || found.problem, Boolean(found.problem));
   } catch (error) {
     image = null;
     say(error.message, true);
   }
   $("name").textContent = about.images[place];
   location.replace(`#${label}/${place}`);
-  if (image) whole(picked);
+  whole(picked);
   void news();
 };
 const go = async (place) => {
@@ -172,7 +173,7 @@ const news = async () => {
     $("command").textContent = found.command;
     $("run").disabled = found.running;
     if (image && found.version > image.version && !drag) await saving.then(() => found.version > image.version && load(index, "changed in another tab"));
-    else if (found.model !== model && model >= 0 && image && !drag) whole(picked);
+    else if (found.model !== model && model >= 0 && !drag) whole(picked);
     model = found.model;
   } catch {
     $("line").textContent = "the server does not answer: start ffseg pick again; nothing that was drawn is lost";
@@ -199,7 +200,7 @@ const levelled = (event) => { // up is larger
 };
 
 stage.addEventListener("pointerdown", (event) => {
-  if (!image || drag) return;
+  if (!image || image.problem || drag) return;
   stage.setPointerCapture(event.pointerId);
   const point = view.at(event), not = event.button === 2 || event.altKey;
   if (event.button === 1 || space) drag = { kind: "move" };
@@ -211,7 +212,7 @@ stage.addEventListener("pointerdown", (event) => {
 });
 stage.addEventListener("pointermove", (event) => {
   const begin = event.timeStamp;
-  if (!image) return;
+  if (!image || image.problem) return;
   if (!drag) return hover(view.at(event), begin);
   if (drag.kind === "move") return view.move(event.movementX, event.movementY);
   if (drag.kind === "stroke") {
@@ -253,7 +254,7 @@ stage.addEventListener("pointercancel", () => {
   drag = null;
   view.box(null);
   view.stroke(null);
-  if (image) whole(picked);
+  whole(picked);
 });
 stage.addEventListener("pointerleave", () => forget());
 stage.addEventListener("contextmenu", (event) => event.preventDefault());

@@ -13,12 +13,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ffseg.batch.plan.discover import discover
+from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.sources import Source
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.report.folder import read_folder
 from ffseg.batch.workers.pictures import read_source
-from ffseg.errors import FfsegError, UsageError
+from ffseg.errors import FfsegError, ImageReadError, UsageError
 from ffseg.io.files import make_folder, printable, write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.io.labels import Labels
@@ -57,7 +57,7 @@ class Session:
     Raises
     ------
     UsageError
-        If there is no image, a label is no file name, or another session holds the folder.
+        If there is no image, two would share a mask, a label is no file name, or another session holds the folder.
     OutputError
         If the folder cannot be written.
     """
@@ -74,7 +74,8 @@ class Session:
         if len(set(labels)) < len(labels):
             raise UsageError("--labels: a class is named twice; name each once")
         self.inputs, self.out = [os.path.abspath(one) if os.path.exists(one) else one for one in inputs], out
-        self.sources: list[Source] = [one for one in discover(inputs) if not one.problem]
+        planned = make_plan(inputs, os.path.join(out, RUN))
+        self.sources: list[Source] = [job.source for job in planned.jobs if not job.source.problem]
         if not self.sources:
             raise UsageError("no image can be opened; check the folder")
         make_folder(out)
@@ -167,16 +168,21 @@ class Session:
         return {index: status for index, status in found.items() if status != "open"}
 
     def image(self, label: int, index: int) -> dict[str, Any]:
-        """What is picked in an image, and what page shows of it."""
-        track, scene = self.projects[label].track(index), self.scene(index)
+        """What is picked in an image, and what the page shows of it; of one that cannot be read, why."""
+        track, problem = self.projects[label].track(index), ""
+        try:
+            height, width = self.scene(index).shape
+        except ImageReadError as error:
+            height, width, problem = 1, 1, str(error)
         return {
             "picked": asdict(track.now),
             "version": track.version,
             "undo": len(track.past),
             "redo": len(track.future),
-            "width": scene.shape[1],
-            "height": scene.shape[0],
-            "radius": start_radius(scene.shape),
+            "problem": problem,
+            "width": width,
+            "height": height,
+            "radius": start_radius((height, width)),
             "probability": self.projects[label].params.region.probability,
             "clearance": self.projects[label].params.contour.clearance,
         }

@@ -16,7 +16,8 @@ export class View {
 
   show(source, width, height) {
     this.size = [width, height];
-    $("picture").src = source;
+    if (source) $("picture").src = source;
+    else $("picture").removeAttribute("src");
     $("layers").style.width = `${width}px`;
     $("layers").style.height = `${height}px`;
     $("drawing").setAttribute("viewBox", `0 0 ${width} ${height}`);

@@ -224,6 +224,27 @@ def test_a_name_of_a_class_and_the_list_of_images(browser: chromium.Chromium, fo
         assert [server.session.image(kind, 1)["picked"]["starts"][0][:2] for kind in (0, 1)] == [LEFT, RIGHT]
 
 
+def test_an_image_that_cannot_be_read_shows_nothing_of_another_and_can_be_skipped(
+    browser: chromium.Chromium, tmp_path: Path
+) -> None:
+    folder = draw(tmp_path / "in", ["a.png", "b.png", "c.png"])
+    (folder / "b.png").write_bytes((folder / "a.png").read_bytes()[:99])
+    with served(folder, tmp_path / "out") as server:
+        hand = PageHand(browser, server.address)
+        hand.click(*LEFT)
+        hand.until_area(45, 55)
+        hand.tab.press("a")
+        hand.until_image("b.png")
+        hand.until_marks()
+        hand.until_area(0, 0)
+        assert "copy the file again" in hand.tab.value("document.getElementById('said').textContent")
+        assert not hand.tab.value("document.getElementById('picture').hasAttribute('src')")
+        hand.until_status("")
+        hand.tab.press("s")
+        hand.until_image("c.png")
+        assert server.session.statuses(0) == {0: "accepted", 1: "skipped"}
+
+
 def command(folder: Path, out: Path, *more: str) -> subprocess.Popen[str]:
     words = [sys.executable, "-m", "ffseg", "pick", str(folder), "--out", str(out), "--no-browser", *more]
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -206,6 +206,14 @@ def test_masks_of_a_run_stand_until_something_is_picked(tmp_path: Path, ffseg_co
     assert iou(mask_of(out / "masks" / "b.png"), disc(LEFT)) > 0.95
 
 
+def test_images_that_would_share_a_mask_are_refused_before_anything_is_picked(tmp_path: Path) -> None:
+    folder = draw(tmp_path / "in", ["a.png", "b.png"])
+    (folder / "a.jpg").write_bytes((folder / "a.png").read_bytes())
+    with pytest.raises(UsageError, match=r"a\.jpg and .*a\.png would share the output masks/a\.png"):
+        session(folder, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_classes_have_folders_of_their_own(tmp_path: Path) -> None:
     folder, out = draw(tmp_path / "in", ["a.png"]), tmp_path / "out"
     with session(folder, out, labels=["left", "right"]) as own:
