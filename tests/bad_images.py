@@ -1,7 +1,5 @@
 """Small images that are broken, hostile or odd, made from nothing; each with what a reader owes it."""
 
-from __future__ import annotations
-
 import io
 import struct
 import zlib

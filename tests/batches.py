@@ -1,7 +1,5 @@
 """Folders of small images and runs over them, for tests of the batch."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

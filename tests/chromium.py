@@ -1,7 +1,5 @@
 """A headless Chromium driven over its debugging pipe: no package and no port, only the browser itself."""
 
-from __future__ import annotations
-
 import json
 import os
 import select
@@ -13,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 _WAIT = 60.0
@@ -67,7 +65,7 @@ class Chromium:
         self.requests: list[str] = []
         self._attach()
 
-    def __enter__(self) -> Chromium:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(

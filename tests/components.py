@@ -1,7 +1,5 @@
 """Components from masks of whole images."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ffseg.image.components import Component

@@ -1,7 +1,5 @@
 """What all tests share: options, golden files, the data folder, the command line."""
 
-from __future__ import annotations
-
 import contextlib
 import faulthandler
 import io

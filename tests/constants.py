@@ -1,7 +1,5 @@
 """The constants of the default path, read out of the sources: value, unit and provenance as they stand beside them."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

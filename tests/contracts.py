@@ -1,7 +1,5 @@
 """What scripts may rely on, read out of the code and off its commands: the end of ``docs/formats.md``."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

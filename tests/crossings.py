@@ -1,7 +1,5 @@
 """Where the contours of one result cross themselves or each other: what no result may do."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

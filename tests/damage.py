@@ -1,7 +1,5 @@
 """Damage done to image files, drawn from a seed: mutated headers, zero tails, cuts, flipped bits and holes."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterator

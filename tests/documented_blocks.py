@@ -1,7 +1,5 @@
 """Runs the commands and the Python code of the documentation, in a folder as a reader has it. Standard library only."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

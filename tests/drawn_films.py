@@ -1,7 +1,5 @@
 """Films made in tests: a disc that moves over a dark ground."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import av

@@ -1,7 +1,5 @@
 """Evolutions of the free form on small edge maps, as the native core offers them, with a plain setting of all options."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

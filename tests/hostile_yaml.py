@@ -1,7 +1,5 @@
 """Parameter files meant to hang, crash or mislead a YAML reader; each must be refused with file and line."""
 
-from __future__ import annotations
-
 _MERGE = "a0: &a0 {k: v}\n" + "".join(f"a{i}: &a{i} {{<<: [*a{i - 1}, *a{i - 1}, *a{i - 1}]}}\n" for i in range(1, 14))
 _ALIAS = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 10))
 

@@ -1,7 +1,5 @@
 """Narrow ground with exact truth: corridors, spirals, mazes, combs, trees and walls with a gap, at any angle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Points are pairs of Fractions (or floats); patches are lists of points. Everything is exact when given Fractions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 from math import comb, floor

@@ -1,7 +1,5 @@
 """Slow, obvious twins of the baselines. Imports nothing from ffseg."""
 
-from __future__ import annotations
-
 import heapq
 import math
 

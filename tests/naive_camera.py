@@ -1,7 +1,5 @@
 """Slow, obvious twins of the camera, pair and rendering parts; imports nothing from ffseg."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 

@@ -1,7 +1,5 @@
 """Slow, obvious twins of the native edge map; imports nothing from ffseg."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

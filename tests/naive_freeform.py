@@ -3,8 +3,6 @@
 Imports nothing from ffseg. Where the print leaves something open or cannot work, a note "Reading" says what is done.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from functools import cache
 from itertools import pairwise

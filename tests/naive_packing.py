@@ -1,7 +1,5 @@
 """Slow, obvious twins of what the core does with packed bytes: they unpack."""
 
-from __future__ import annotations
-
 
 def lzw_size(data: bytes) -> int:
     """Length of what TIFF's LZW codes unpack to; -1 when a code has no meaning."""

@@ -1,7 +1,5 @@
 """Slow, obvious twins of interest points; imports nothing from ffseg."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -1,7 +1,5 @@
 """Slow, obvious twins of the region evidence. Imports nothing from ffseg."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Slow, obvious twin of the parametric snake, with a dense matrix. Imports nothing from ffseg."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Folders of drawn images to pick in, and sessions and servers over them."""
 
-from __future__ import annotations
-
 import http.client
 import json
 from collections.abc import Iterator, Sequence

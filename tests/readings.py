@@ -1,7 +1,5 @@
 """How Pillow and libvips read an image file: what ffseg's own reading is compared with."""
 
-from __future__ import annotations
-
 import io
 import warnings
 

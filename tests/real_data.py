@@ -1,7 +1,5 @@
 """Where the real images are that tests and campaigns use where they are at hand."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

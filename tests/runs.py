@@ -1,7 +1,5 @@
 """Output folders as ``run`` and ``compare`` leave them, made small and by hand, for tests of what reads them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """Random scenes with exact truth for stress tests: blobs, islands, rings, slits, shading and noise."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """A segmenter for tests of the batch: thresholds the image, and misbehaves when its first pixel says so."""
 
-from __future__ import annotations
-
 import ctypes
 import time
 

@@ -1,7 +1,5 @@
 """Hypothesis strategies biased to trouble: repeated points, collinear runs, loops, cusps, tiny and huge scales."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray

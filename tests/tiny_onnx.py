@@ -1,7 +1,5 @@
 """ONNX files of one convolution of 1 x 1, written by hand (protocol buffers)."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Rendered worlds as shapely geometry: where the ground is free, and how far, by another library than ffseg."""
 
-from __future__ import annotations
-
 import numpy as np
 import shapely
 from shapely import affinity

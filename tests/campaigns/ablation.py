@@ -7,8 +7,6 @@ not fit the truth), the least and the mean overlap, and the time of the evolutio
 one build. The printed method is the last row; it is not asked for its holes, which folds of the front add to.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -5,8 +5,6 @@
 ``tests/damage.py``, with N mutated headers of each of its formats and codings, are read as Pillow and libvips read them.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import shutil

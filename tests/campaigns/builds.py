@@ -8,8 +8,6 @@ installed core. The third lets the compiler see all sources at once, which compa
 in DIR.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

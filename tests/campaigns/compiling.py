@@ -1,7 +1,5 @@
 """The native core compiled by the plain C++ compiler with any flags: as objects, and as the Python module."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shlex

@@ -7,8 +7,6 @@ contour comes is measured elsewhere): what is judged is which ground was reached
 all wider ones.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 

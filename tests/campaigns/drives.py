@@ -8,8 +8,6 @@ station is off. ``--frames 1`` looks at single frames; with ``--nod 3`` the came
 in turn. ``--memory N`` drives so many frames round one room and says what the process holds on the way.
 """
 
-from __future__ import annotations
-
 import itertools
 import resource
 from collections.abc import Callable

@@ -5,8 +5,6 @@
 A library loaded before libc (``faults.c``, compiled here) makes the n-th call that touches the output folder fail.
 """
 
-from __future__ import annotations
-
 import errno
 import itertools
 import os

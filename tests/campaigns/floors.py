@@ -9,8 +9,6 @@ RING pixels of their border is left out of the judgement whether they are entere
 floor. The kind ``alike`` is what ``--footprint`` is for.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Says for every mode: boxes merged (there must be none), enclosed marks merged, m
 error of the motion. With ``--snake`` the same of the snake, without its altitude term (Eq. 11) and with it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

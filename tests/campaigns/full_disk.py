@@ -6,8 +6,6 @@ For every size of the disk, and every limit, the run ends with exit code 2 befor
 each output is whole, and no temporary file is left. The tmpfs is mounted in a namespace of its own (``unshare``, Linux).
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import resource

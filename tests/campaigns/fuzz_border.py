@@ -4,8 +4,6 @@ Refused input (ValueError, TypeError) is a pass. The number of the case at work 
 behind the bindings is fuzzed without Python; here every call is small.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import importlib.util
 import os

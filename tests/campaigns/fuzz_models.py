@@ -3,8 +3,6 @@
 ``python -m tests.campaigns.fuzz_models --cases 20000 [--seed 0]``
 """
 
-from __future__ import annotations
-
 import hashlib
 import sys
 from collections import Counter

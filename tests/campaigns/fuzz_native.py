@@ -7,8 +7,6 @@ limits that its binding lets through, and runs that many cases in it. What the b
 a sanitized module (``fuzz_border.py``). After a finding it goes on with the next case; ``--only NUMBER`` repeats one.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -101,7 +99,7 @@ def telling(words: str) -> str:
     return next((line.strip() for line in words.splitlines() if any(part in line for part in TELLING)), "")
 
 
-def border(work: Path, cases: int, seed: int, only: int | None = None) -> tuple[int, str]:
+def at_the_border(work: Path, cases: int, seed: int, only: int | None = None) -> tuple[int, str]:
     """Run border cases through Python; the exit code and what was counted or found."""
     core = sanitized.BUILD.module(work)
     command = [
@@ -144,7 +142,7 @@ def main(
         code = 1 if figures.findings or figures.cases != cases else 0
     if border_only is not None or (border and only is None):
         begin = time.perf_counter()
-        border_code, words = border(work, border, seed, border_only)
+        border_code, words = at_the_border(work, border, seed, border_only)
         harness.say(f"border\n{words}\n{time.perf_counter() - begin:.0f} s in all, exit code {border_code}")
         code = code or (1 if border_code else 0)
     harness.say("clean" if code == 0 else f"not clean: the reports are {os.fspath(work)}/*finding*.txt")

@@ -1,7 +1,5 @@
 """What the campaigns share: small image folders, the command as a process, and a figure for each promise."""
 
-from __future__ import annotations
-
 import functools
 import json
 import os

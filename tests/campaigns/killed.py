@@ -3,8 +3,6 @@
 ``python -m tests.campaigns.killed --work DIR --kills 200 --jobs 2 [--pack] [--film]``
 """
 
-from __future__ import annotations
-
 import random
 import shutil
 import time

@@ -7,8 +7,6 @@ draws of the mean IoU of the contour. ``--rivals`` grows
 scikit-learn's forests on the same pixels.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ time of a patch over (d + 1)^2 must not grow with the degree. Lemma 4: sorting t
 comparisons. Lemma 5: an iteration without a change of topology takes a time linear in the number of patches.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable

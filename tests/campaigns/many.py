@@ -3,8 +3,6 @@
 ``python -m tests.campaigns.many --work DIR --images 10000 --jobs 2 [--film]``
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import time

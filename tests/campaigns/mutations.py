@@ -8,8 +8,6 @@ one build serves all; those of Python go into a copy of the package, one after t
 or takes longer than a minute. Of those that survive some change nothing that could be noticed: they are there to be looked at.
 """
 
-from __future__ import annotations
-
 import ast
 import os
 import random

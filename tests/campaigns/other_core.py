@@ -3,8 +3,6 @@
 ``FFSEG_OTHER_CORE`` names a module, ``FFSEG_OTHER_TREE`` a folder with a package ``ffseg`` without one.
 """
 
-from __future__ import annotations
-
 import importlib.machinery
 import importlib.util
 import os

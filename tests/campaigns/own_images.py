@@ -6,8 +6,6 @@ to image. Says for each kind how many of the cameras' own images were found (IoU
 taken for one, at most and in the mean. Exit code 1 if that is more than 2 % where the camera has moved well and turned.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace

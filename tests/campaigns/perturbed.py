@@ -6,8 +6,6 @@ labyrinths and dark frames. Says how many results differ in a byte, and the mean
 none of them has no scene among them.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

@@ -6,8 +6,6 @@ even places choose and those at odd places are reported. Every method has a smal
 highest mean IoU counts, once for each folder and once for both. An image that fails, or takes too long, counts as IoU 0.
 """
 
-from __future__ import annotations
-
 import os
 import pickle
 import resource

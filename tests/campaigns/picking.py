@@ -8,8 +8,6 @@ processes, which other work on the machine does not lengthen so much. ``--many N
 how long the page takes.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import time

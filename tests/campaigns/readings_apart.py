@@ -4,8 +4,6 @@ Run by ``bad_files.py`` as a process of its own for each format, which a crash o
 each file, the name first.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import sys

@@ -1,7 +1,5 @@
 """Photographs with truth and start circle for the campaign on real sets, and what a segmentation gives on one."""
 
-from __future__ import annotations
-
 import csv
 import os
 from collections.abc import Callable, Iterable, Iterator

@@ -1,7 +1,5 @@
 """What must not decide a segmentation: how the image lies, how bright it is, where in the region it starts, sampling."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from statistics import mean

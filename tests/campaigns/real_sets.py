@@ -10,8 +10,6 @@ that turning, shifting, dimming and moving the start change nothing, ``--stabili
 Images sorted by name: those at even places are one half, those at odd places the other.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from pathlib import Path

@@ -3,8 +3,6 @@
 ``python -m tests.campaigns.same_bytes --work DIR --images 500``
 """
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import dataclass, field
 

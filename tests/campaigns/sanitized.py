@@ -1,7 +1,5 @@
 """The native core compiled under ASan and UBSan by the plain C++ compiler: as a program that fuzzes it, and as a module."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path

@@ -5,8 +5,6 @@ defaults. Says for each kind the mean IoU and the mean score, for all of them th
 odds of the overlap that the prior promises must be divided (`ffseg.judge.HOPE`): a logistic regression of the IoU.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from statistics import mean

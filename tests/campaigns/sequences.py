@@ -5,8 +5,6 @@ it is merged as well (90 % are promised in every sequence), by a `Sequence` and 
 does; the marks' shares of all frames; the boxes merged (there must be none); and how often a mark changes its number.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -8,8 +8,6 @@ shard of other parameters is refused by name at the end. The merged tree must eq
 apart, and nothing may be done twice. Dask is one local cluster of two workers for all.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import random

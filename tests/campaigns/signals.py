@@ -7,8 +7,6 @@ seconds on a machine that is not busy (``slowest_stop_s``). A worker that is kil
 costs at most the image it had, which is named; all others are done.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -4,8 +4,6 @@ Checks, scene by scene: the evolution converges, the contours do not cross thems
 truth has no passage narrower than 6 pixels the IoU is at least 0.99.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -7,8 +7,6 @@ tuning can know it. Where the rest is an image or two, that is the best of many 
 images shows how far a choice could go.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

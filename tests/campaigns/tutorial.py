@@ -8,8 +8,6 @@ of the hand (`THOUGHT_S` before each click, `LOOK_S` for each look), time that t
 camera of its own, in changing light and focus.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import subprocess

@@ -4,8 +4,6 @@ Turns off one rule after another, each by values of its constants with which it 
 scenes. The rows it prints are the table of docs/pipeline.md; a rule with which nothing fails has no scene, and goes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass

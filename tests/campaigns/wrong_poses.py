@@ -4,8 +4,6 @@ A kind that leaves a pair as it is (the sign of a turn of zero) is not counted: 
 the ground by more than poses can be off.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The command line shell: start-up, exit codes, errors in one line, completion."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """``ffseg bench`` as a command: reports, the gate and its exit codes."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a command refuses before it does anything."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

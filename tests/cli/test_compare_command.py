@@ -1,7 +1,5 @@
 """``ffseg compare``: exit codes, sentences, and what is on disk."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

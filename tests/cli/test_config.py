@@ -1,7 +1,5 @@
 """``ffseg config`` and ``ffseg samples``: exit code, sentence, effect."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

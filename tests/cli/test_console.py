@@ -1,7 +1,5 @@
 """What people read: ruled and coloured on a terminal, plain text everywhere else."""
 
-from __future__ import annotations
-
 import io
 import os
 import pty

@@ -1,7 +1,5 @@
 """The commands and the Python code in the documentation are run, page by page, each in a folder of its own."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """``ffseg domain``: one mask of all images or one for each folder, and a run that uses them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

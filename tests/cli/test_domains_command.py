@@ -1,7 +1,5 @@
 """``domain.masks``: each image's own domain, by its name or its folder's."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

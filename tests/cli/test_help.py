@@ -1,7 +1,5 @@
 """Help ends with examples that work, lists show whole summaries, mistyped words are told the nearest, shells complete."""
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """R11: hostile parameter files end with exit code 2, the place, little time, little memory and no traceback."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A terminal, a reader or a disk behind a stream that goes away: the work and the exit code stay what they are."""
 
-from __future__ import annotations
-
 import os
 import pty
 import shutil

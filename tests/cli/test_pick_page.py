@@ -1,7 +1,5 @@
 """``ffseg pick`` and its page in a headless Chromium: the hand, the keys, two tabs, a server that is killed."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

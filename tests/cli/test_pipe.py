@@ -1,7 +1,5 @@
 """Frames through pipes: Y4M and raw pixels in, masks and pictures out, as between two ffmpeg."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``ffseg report`` as a command, and its page in a headless Chromium."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

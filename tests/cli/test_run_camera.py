@@ -1,7 +1,5 @@
 """``ffseg run --camera``: pairs, tables, overlays, what is refused, and what is done again."""
 
-from __future__ import annotations
-
 import csv
 import io
 import os

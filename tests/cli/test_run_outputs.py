@@ -1,7 +1,5 @@
 """``ffseg run`` with --export, --animate and --report: what is written, that it fits, and what is refused."""
 
-from __future__ import annotations
-
 import base64
 import csv
 import io

@@ -1,7 +1,5 @@
 """`ffseg run` as users start it: exit codes, sentences, effects on disk, and the promises R1-R10 and R12 in short form."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

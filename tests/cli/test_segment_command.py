@@ -1,7 +1,5 @@
 """``ffseg segment``: one image, formats by suffix, pipes."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

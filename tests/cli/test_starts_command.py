@@ -1,7 +1,5 @@
 """``--starts`` of ``ffseg run`` and ``ffseg compare``: exit codes, sentences, the plan shown, and what is on disk."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

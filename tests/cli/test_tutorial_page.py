@@ -1,7 +1,5 @@
 """The tutorial's way through the page, in a hurry and with few images: click, accept, learn, run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import chromium

@@ -1,7 +1,5 @@
 """The native edge map beside its twin."""
 
-from __future__ import annotations
-
 import math
 
 import naive_edges

@@ -1,7 +1,5 @@
 """The native pixel features and the forest beside their twins."""
 
-from __future__ import annotations
-
 import naive_evidence as naive
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Filled ground is not filled again: no pixel keeps a winding number of two while a front grows through texture."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import cv2

@@ -1,7 +1,5 @@
 """Patches and contours against their naive twins, exactly where the numbers are dyadic."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

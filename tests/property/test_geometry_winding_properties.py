@@ -1,7 +1,5 @@
 """Winding numbers of curves against exact polygons and fine flattenings."""
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import numpy as np

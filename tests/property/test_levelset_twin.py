@@ -1,7 +1,5 @@
 """Fast marching and the climb of edges against their naive twins."""
 
-from __future__ import annotations
-
 import naive_baselines as naive
 import numpy as np
 import pytest

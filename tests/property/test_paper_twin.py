@@ -1,7 +1,5 @@
 """The printed method in C++ against its naive twin: each step on hand-made and random chains, then whole evolutions."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import cos, pi, sin
 

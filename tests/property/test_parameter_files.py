@@ -1,7 +1,5 @@
 """Parameter files: what is written is read back; the JSON Schema and the reader accept the same files."""
 
-from __future__ import annotations
-
 import json
 import string
 

@@ -1,7 +1,5 @@
 """The native raster against its naive twin, against shapely at pixel centres and against the exact curve."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

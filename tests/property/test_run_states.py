@@ -1,7 +1,5 @@
 """Any sequence of runs, changes, damage and kills: what is in the output folder is what its tables say, and is right."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """The snake against its dense-matrix twin."""
 
-from __future__ import annotations
-
 import naive_snake as naive
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """``ffseg.segment`` as people call it, what a result can do, and the names a signature needs."""
 
-from __future__ import annotations
-
 import inspect
 import io
 import json

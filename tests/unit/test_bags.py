@@ -1,7 +1,5 @@
 """Bags of ROS 1 and 2: a small one is made here, run, and what is written is read by the package that others read with."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import lru_cache

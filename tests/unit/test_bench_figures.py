@@ -1,7 +1,5 @@
 """Figures, exponents and the gate of ``ffseg bench`` on samples whose truth is known."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

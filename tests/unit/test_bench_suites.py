@@ -1,7 +1,5 @@
 """The suites of ``ffseg bench`` in their tiny form, and what they measure on."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

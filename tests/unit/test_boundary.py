@@ -1,7 +1,5 @@
 """What lies under the joints of a contour, against the same said naively."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The valid disc of a mirror, and free places for starts that cannot move."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

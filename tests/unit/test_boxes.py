@@ -1,7 +1,5 @@
 """Boxes that hold the object: what lies outside is background, and the contour ends where the object does."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from statistics import mean

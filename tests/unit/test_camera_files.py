@@ -1,7 +1,5 @@
 """Camera, poses and pairs files: what is read, and that everything else is refused by file and key."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Lift and project: exact inverses, and right against twins and another library."""
 
-from __future__ import annotations
-
 import cv2
 import naive_camera
 import numpy as np

@@ -1,7 +1,5 @@
 """Motion against twins and synthetic truth; real boards."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

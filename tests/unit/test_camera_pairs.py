@@ -1,7 +1,5 @@
 """Patches, corners, rendering and the structural test on rendered pairs."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import partial

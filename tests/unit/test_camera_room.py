@@ -1,7 +1,5 @@
 """Two real frames of a camera under a mirror: altitudes against reference points, floor against desks."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

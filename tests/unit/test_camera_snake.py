@@ -1,7 +1,5 @@
 """The snake's altitude term on pairs: marks are passed, boxes and walls are not, and what its radial zone asks for."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

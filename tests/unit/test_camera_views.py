@@ -1,7 +1,5 @@
 """What a run over views needs: pairing, rows, overlays, and values that can be sent to a worker."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

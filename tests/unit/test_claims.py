@@ -1,7 +1,5 @@
 """What the pages say of the samples and of the peers, measured."""
 
-from __future__ import annotations
-
 import re
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The comparison: rows, gates, Markdown and panels."""
 
-from __future__ import annotations
-
 import csv
 import io
 from dataclasses import replace

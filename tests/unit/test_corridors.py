@@ -1,7 +1,5 @@
 """The front reaches all ground the edge map leaves open, and no other, wherever its samples lie."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Damaged files: refused where their coding can tell, and else read as other programs read them."""
 
-from __future__ import annotations
-
 import io
 
 import bad_images

@@ -1,7 +1,5 @@
 """The Dask executor: the same tree as with processes, and what is left when a worker, the scheduler or the run dies."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import json

@@ -1,7 +1,5 @@
 """Inputs: files, folders, patterns; natural order; what is left out; the plan and what it refuses."""
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

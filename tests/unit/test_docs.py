@@ -1,7 +1,5 @@
 """The documentation: no dead link, no function it names is gone, pages made from docstrings are fresh."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import types

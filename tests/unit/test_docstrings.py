@@ -1,7 +1,5 @@
 """Every public function and class has an example in its docstring, and it runs."""
 
-from __future__ import annotations
-
 import doctest
 import inspect
 import types

@@ -1,7 +1,5 @@
 """The map and graph that a run makes of all its frames: as the frames' own map, whatever way the run took."""
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """An evolution ends when it has done so much work to each pixel it may fill, and says so."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

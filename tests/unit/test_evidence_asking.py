@@ -1,7 +1,5 @@
 """Models that ask the prior too: where, what is added, and what their file remembers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The forest that masks correct: when it is taken, what is added to it, and what a model remembers of how it looks."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

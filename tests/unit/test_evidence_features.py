@@ -1,7 +1,5 @@
 """Features as a value, and the model file."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import struct

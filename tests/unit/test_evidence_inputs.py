@@ -1,7 +1,5 @@
 """Maps beside images: how they are found, read, refused, and known when a run goes on."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

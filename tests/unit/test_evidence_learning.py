@@ -1,7 +1,5 @@
 """Learning from masks: samples, trees as LightGBM grows them, models that find what they were shown."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Maps of evidence as edges: perfect, even, soft and wrong ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

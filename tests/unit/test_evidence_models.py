@@ -1,7 +1,5 @@
 """``edges.model``: forests and networks as what tells a contour where to stop, and forests as what finds a start."""
 
-from __future__ import annotations
-
 import csv
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Open ground: what a start reaches without crossing an edge, and models that ask for it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """COCO, LabelMe, GeoJSON and YOLO, opened in the programs that read them."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Plug-ins from a folder outside the clone, as docs/extending.md shows them."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """The atomic writer: whole or absent, the earlier file kept, the path named, no temporary left."""
 
-from __future__ import annotations
-
 import errno
 import os
 import stat

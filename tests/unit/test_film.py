@@ -1,7 +1,5 @@
 """Animations and film strips of an evolution."""
 
-from __future__ import annotations
-
 import base64
 import io
 import re

@@ -1,7 +1,5 @@
 """Films as inputs: every frame is an image with its time, whatever the container, and damage costs what it damaged."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

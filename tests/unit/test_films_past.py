@@ -1,7 +1,5 @@
 """Frames in order: what the frame before is good for, and what it must never do."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

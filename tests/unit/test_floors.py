@@ -1,7 +1,5 @@
 """Floors of every kind: what is drawn, and a short form of the campaign on them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

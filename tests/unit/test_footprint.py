@@ -1,7 +1,5 @@
 """The robot's footprint: passages a disc on the ground cannot take are closed, at their own width in every image."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What is joined, cut off, kept and dropped by flips of the free form, step by step and at the end."""
 
-from __future__ import annotations
-
 from functools import partial
 from math import cos, pi, sin
 

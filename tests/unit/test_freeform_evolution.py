@@ -1,7 +1,5 @@
 """The free-form contour on random scenes, toy runs and hard starts."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Single flips of the free form on contours made for them: what is joined, where, and what of it stays."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import acos, cos, hypot, pi, sin
 

@@ -1,7 +1,5 @@
 """Repairs of the free form's curves: uneven samples, gaps in diagonal edges, folds and crossings of settled contours."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Single steps of the free form on edge maps and contours made for them: what each step must do can be worked out."""
 
-from __future__ import annotations
-
 from math import cos, hypot, pi, sin
 
 import naive_freeform as naive

@@ -1,7 +1,5 @@
 """R13 in short form: the native core under sanitizers, its bindings as they are installed, and what is said of findings."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Bernstein basis, interpolation, splitting: analytic values."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

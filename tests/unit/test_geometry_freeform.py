@@ -1,7 +1,5 @@
 """The contour value: analytic values and its border."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle

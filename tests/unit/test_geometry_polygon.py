@@ -1,7 +1,5 @@
 """The test's own look for crossings: what counts as one, and what does not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Winding numbers of curves and the grouping of holes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ffseg.geometry.freeform import FreeForm

@@ -1,7 +1,5 @@
 """The fit of a motion to points of the ground that were placed by hand: exact, with outliers, with too few."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the forests that come with ffseg are grown from: drawings, the same every time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

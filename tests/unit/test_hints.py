@@ -1,7 +1,5 @@
 """What clicks say of an image: where they lie holds, and what they show of both sides teaches the evidence."""
 
-from __future__ import annotations
-
 from statistics import mean
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The house rules that no linter checks: sizes of files, functions and parameter lists."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

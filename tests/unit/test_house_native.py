@@ -3,8 +3,6 @@
 Two definitions of one name are found by the build of all sources as one (``tests/campaigns/builds.py --only lto``).
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

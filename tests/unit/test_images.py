@@ -1,7 +1,5 @@
 """Guarded reading: right pixels or a refusal by name, never other values, a hang or a large allocation."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os

@@ -1,7 +1,5 @@
 """Inputs beyond a folder: lists, tar files, URLs; what they cannot be is named, and their names stay inside DIR."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """Interest points of components against their slow twins."""
 
-from __future__ import annotations
-
 import cv2
 import naive_pairs
 import numpy as np

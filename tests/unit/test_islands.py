@@ -1,7 +1,5 @@
 """Parts of a region that lie apart from the one round the start."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

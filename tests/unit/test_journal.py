@@ -1,7 +1,5 @@
 """The journal keeps whole lines only, and the lock dies with its process."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """No result looks sure that has no boundary of its own."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Annotation files of other programs as masks, and what ffseg exports read back."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Start of workers: as copies of a light process, or as new ones; what they have of their parent and what not."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """Free space that has climbed a wall is cut where the pair contradicts the ground, and nowhere else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

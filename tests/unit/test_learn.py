@@ -1,7 +1,5 @@
 """``ffseg learn``: from folders of images and masks to a model that `run` uses, and what it says of itself."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

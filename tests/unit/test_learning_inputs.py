@@ -1,7 +1,5 @@
 """What ``ffseg tune`` and ``ffseg learn`` refuse or warn of before they look: starts off the masks, masks of one side."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """The fast-marching level set on analytic cases."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

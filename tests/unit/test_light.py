@@ -1,7 +1,5 @@
 """Light: evened grey levels, and bright grey streaks taken out before the gradient."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """A picture and its enlargement have the same region; what was enlarged is told, and nothing else."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

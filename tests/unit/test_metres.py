@@ -1,7 +1,5 @@
 """Free space in metres: the robot's frame, polygons, scans and the picture from above, against shapely and the worlds."""
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Overlap and boundary distances on cases that can be counted by hand."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The occupancy grid of a drive: against the rendered world, and its files by a reader of map_server's format."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import lru_cache

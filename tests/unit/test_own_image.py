@@ -1,7 +1,5 @@
 """The camera's own image: found where it stays while the scene moves, nowhere else."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """What is read out of tar files: images by every command, and the files that belong to them by their names."""
 
-from __future__ import annotations
-
 import io
 import json
 import tarfile

@@ -1,7 +1,5 @@
 """Packed outputs: the bytes of a file each, in tar files that are the same however the work was shared out."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

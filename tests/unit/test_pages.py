@@ -1,7 +1,5 @@
 """Generated files: pages, presets and the native stub say what the code does."""
 
-from __future__ import annotations
-
 import ast
 import importlib.util
 import inspect

@@ -1,7 +1,5 @@
 """The printed method as one of the methods: what it finds on drawn scenes, and what it says of itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Parameters: loading, overriding, and errors that come all at once with their places."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import FrozenInstanceError, fields
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Peers: each installed one finds a plain disc; those that are not installed say so."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

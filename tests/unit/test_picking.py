@@ -1,7 +1,5 @@
 """Picking without a browser: what is kept, what is written, who is answered."""
 
-from __future__ import annotations
-
 import json
 import os
 import socket

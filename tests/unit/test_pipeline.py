@@ -1,7 +1,5 @@
 """The pipeline reads downwards: what a step calls lies on its own floor or a lower one."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

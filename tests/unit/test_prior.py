@@ -1,7 +1,5 @@
 """Which evidence decides: clear edges alone, else the learned prior; and how sure the result is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

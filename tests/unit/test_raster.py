@@ -1,7 +1,5 @@
 """Rasterising by the pixel-centre rule: analytic cases, ties, far and refused coordinates."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

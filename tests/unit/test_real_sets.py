@@ -1,7 +1,5 @@
 """The campaigns on real sets and on photographs in short form: what they count, choose and notice."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 from pathlib import Path

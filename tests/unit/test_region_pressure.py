@@ -1,7 +1,5 @@
 """region.weight: the colours of swept ground against the rest, in the balloon's pressure."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Images behind HTTP: read without a package of its own, with the limits of files, from the host that was named."""
 
-from __future__ import annotations
-
 import base64
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The report page without a browser: contours read back and packed, tables, names, links."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os

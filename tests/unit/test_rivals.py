@@ -1,7 +1,5 @@
 """Negative seeds: rivals grow from outside the region, and the contour stops where it meets them."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

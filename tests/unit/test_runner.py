@@ -1,7 +1,5 @@
 """A run: whole or absent, once, in any order, and one bad image costs nobody else anything."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

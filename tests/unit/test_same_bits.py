@@ -1,7 +1,5 @@
 """A segmentation has the same bits whatever the processor lets a linear algebra library or NumPy do."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The sample images: a PNG writer others can read, shapes that other libraries agree with, scenes as described."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct

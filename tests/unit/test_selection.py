@@ -1,7 +1,5 @@
 """Which regions and holes are kept: the same in mask, contours, tables and exports."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A folder with the sources, found before the installed package, gives way to it: only that has the compiled core."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

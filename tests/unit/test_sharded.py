@@ -1,7 +1,5 @@
 """Short form of the campaign on shards: packed, in this process; `test_shards.py` and `test_dask.py` have the other ways."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.campaigns import sharded

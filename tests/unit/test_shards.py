@@ -1,7 +1,5 @@
 """Shards: even and stable parts, merged byte for byte into what one run writes, and everything that is amiss named."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

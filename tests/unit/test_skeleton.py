@@ -1,7 +1,5 @@
 """The graph of ways: loops of known worlds, junctions on the exact medial axis, and its files."""
 
-from __future__ import annotations
-
 import json
 from functools import lru_cache
 from pathlib import Path

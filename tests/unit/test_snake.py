@@ -1,7 +1,5 @@
 """The parametric snake on cases whose answer is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

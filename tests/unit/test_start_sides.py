@@ -1,7 +1,5 @@
 """Start circles over a boundary: on one side of it, and said so, where the image's own edges decide."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

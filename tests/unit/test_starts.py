@@ -1,7 +1,5 @@
 """Starts files: what is read and matched, what is refused by line, and that runs and comparisons start there."""
 
-from __future__ import annotations
-
 import cProfile
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The strict YAML reader: scalars by the YAML 1.2 core schema, places, refusals."""
 
-from __future__ import annotations
-
 import math
 import os
 from pathlib import Path

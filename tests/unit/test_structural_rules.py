@@ -1,7 +1,5 @@
 """The rules of the structural test at their edges: votes, two standard deviations, shares, the window's pose."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

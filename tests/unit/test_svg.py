@@ -1,7 +1,5 @@
 """SVG of contours: whole-text golden files, exact paths, hostile titles, and resvg's picture of them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from xml.etree import ElementTree

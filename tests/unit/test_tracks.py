@@ -1,7 +1,5 @@
 """Numbers of things along a sequence, the window of earlier images, and verdicts that persist."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """True masks: what is inside is told, never guessed, and a wrong mask is what gets the blame."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """``ffseg tune``: finds what masks ask for, keeps what is at hand where nothing is better, and says which."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """Which setting ``ffseg tune`` takes for what a few masks say: levels by their hill, others beyond the noise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

@@ -1,7 +1,5 @@
 """The record of an output folder cannot go stale: part of the images, other outputs, other parameters, gone images."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

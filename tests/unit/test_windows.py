@@ -1,7 +1,5 @@
 """What Windows does not have is not asked for: neither when a module is imported, nor by a run in one process."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Masks, tables and overlays as bytes."""
 
-from __future__ import annotations
-
 import csv
 import io
 import os

@@ -1,7 +1,5 @@
 """Poses in wrong units, signs or order, and poses that say how good they are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
