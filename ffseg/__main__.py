@@ -8,6 +8,9 @@ import sys
 
 def main() -> None:
     """Run the command line; never returns."""
+    handler = signal.getsignal(signal.SIGINT)
+    if handler is signal.default_int_handler:  # a traceback of imports tells nobody anything
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     from ffseg.cli.streams import harden, lost_output
 
     harden()
@@ -18,6 +21,7 @@ def main() -> None:
         launch_early()
     from ffseg.cli.app import main as command_line
 
+    signal.signal(signal.SIGINT, handler)
     try:
         command_line()
     finally:  # the outcome stands: a signal that comes while Python ends must not change it

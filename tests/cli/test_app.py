@@ -1,6 +1,7 @@
 """The command line shell: start-up, exit codes, errors in one line, completion."""
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -116,6 +117,19 @@ def test_anything_unexpected_is_one_line_and_a_file_with_the_traceback(
 
 def test_an_interrupt_ends_with_130(monkeypatch: pytest.MonkeyPatch) -> None:
     assert exit_code(monkeypatch, KeyboardInterrupt()) == 130
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no signals of this kind")
+@pytest.mark.parametrize("command", ["--help", "run"])
+def test_an_interrupt_while_modules_load_ends_without_a_traceback(command: str) -> None:
+    code = (
+        "import os, signal, sys\nfrom ffseg import __main__\nsys.argv[1:] = sys.argv[1:2]\n"
+        "class Finder:\n    def find_spec(self, name, *_):\n"
+        "        if name == 'ffseg.cli.app':\n            os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Finder())\n__main__.main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code, command], capture_output=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, b"", b"")
 
 
 def test_terminal_text_is_escaped() -> None:
