@@ -28,6 +28,8 @@ FILMS = (".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi")
 ANIMATIONS = (".gif", ".webp", ".png", ".apng", ".tif", ".tiff")
 """Pictures that may hold several frames or pages."""
 CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi"
+_PHOTOMETRIC, _SAMPLE_FORMAT = 262, 339
+"""Tags of TIFF."""
 _LATE = 2.5
 """Frames that a film may end before its own head says, which rounds and counts the last frame in its own way."""
 _RATE = 25.0
@@ -272,10 +274,16 @@ def _pages(path: str, max_bytes: int) -> Iterator[Numbered]:
 
 
 def _png(picture: Any, max_bytes: int) -> bytes:  # noqa: ANN401 - of Pillow
+    from PIL import ImageOps
+
     _require_room(picture, 4, max_bytes)
+    tags = getattr(picture, "tag_v2", {})  # of TIFF, of which Pillow takes negative for large, and some white for black
+    if set(tags.get(_SAMPLE_FORMAT, (1,))) != {1} or (tags.get(_PHOTOMETRIC) == 0 and picture.mode.startswith("I")):
+        text = "the page's numbers are signed, float, or 16 bits that begin with white; save it with unsigned ones"
+        raise ImageReadError("unsupported-pixels", text)
     data = io.BytesIO()
     try:
-        picture.save(data, "PNG", compress_level=0)
+        ImageOps.exif_transpose(picture).save(data, "PNG", compress_level=0)
     except (OSError, ValueError) as error:
         reason = "unsupported-pixels" if "mode" in str(error) else "damaged"
         raise ImageReadError(reason, f"the frame cannot be read ({error}); save it in 8 bits") from error

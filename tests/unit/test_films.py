@@ -7,9 +7,11 @@ import av
 import cv2
 import numpy as np
 import pytest
+import tifffile
 from batches import Silent, run_batch, snapshot, table
 from commands import Command
 from drawn_films import pictures, write_animation, write_film
+from PIL import Image
 
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.discover import discover
@@ -18,6 +20,7 @@ from ffseg.batch.plan.reading import parted, read_input
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.films import contents
+from ffseg.io.images import read_image
 
 INPROCESS = "inprocess"
 CODECS = {
@@ -60,6 +63,32 @@ def test_animations_and_pages_are_films_where_asked(tmp_path: Path, name: str) -
         assert np.abs(read_source(source).astype(int) - pixels[:, :, ::-1]).max() <= 8  # a GIF has 256 colours
     single = write_animation(tmp_path / f"single{Path(name).suffix}", frames[:1])
     assert [source.span for source in discover([str(single)], film=True)] == [None]
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6])
+@pytest.mark.parametrize("name", ["a.webp", "a.png", "a.tiff"])
+def test_frames_and_pages_stand_as_the_image_that_is_their_first(name: str, orientation: int, tmp_path: Path) -> None:
+    path, exif = tmp_path / name, Image.Exif()
+    exif[0x112] = orientation
+    first, *others = (Image.fromarray(picture) for picture in pictures(2))
+    more = {"tiffinfo": {0x112: orientation}} if name == "a.tiff" else {"exif": exif, "lossless": True}
+    first.save(path, save_all=True, append_images=others, **more)
+    frames = [read_source(one) for one in discover([str(path)], film=True)]
+    assert np.array_equal(frames[0], read_image(path))
+    assert (len(frames), frames[1].shape) == (2, frames[0].shape)
+
+
+@pytest.mark.parametrize(("kind", "photometric"), [("i1", "minisblack"), ("i2", "minisblack"), ("u2", "miniswhite")])
+def test_pages_that_would_be_read_with_other_values_are_refused(kind: str, photometric: str, tmp_path: Path) -> None:
+    """Bytes with a sign came as 196 for -60, and two bytes a pixel that begin with white upside down."""
+    page = np.arange(-60, 60, dtype=np.int64).reshape(10, 12).astype(kind)
+    with tifffile.TiffWriter(tmp_path / "a.tif") as file:
+        for _ in range(2):
+            file.write(page, photometric=photometric)
+    one = discover([str(tmp_path / "a.tif")], film=True)[0]
+    with pytest.raises(ImageReadError) as caught:
+        read_source(one)
+    assert caught.value.reason == "unsupported-pixels"
 
 
 def test_a_frame_is_one_text_and_is_read_from_anywhere(film: Path) -> None:
