@@ -23,12 +23,11 @@ LTO = Build(
     (*ALWAYS, *WARNINGS, "-O1", "-flto"),  # definitions are compared at any level
     ("-O1", "-flto=auto", "-Wodr", "-Wlto-type-mismatch", "-Werror"),
 )
-NATIVE_TESTS = (
-    "tests/unit/test_freeform_evolution.py", "tests/unit/test_freeform_steps.py",
-    "tests/unit/test_interest.py",
-    "tests/unit/test_levelset.py", "tests/unit/test_metrics.py", "tests/unit/test_raster.py", "tests/unit/test_snake.py",
-    "tests/property/test_edges_twin.py", "tests/property/test_levelset_twin.py", "tests/property/test_paper_twin.py",
-    "tests/property/test_raster_properties.py", "tests/property/test_snake_twin.py",
+NATIVE_TESTS = tuple(
+    f"tests/unit/test_{name}.py"
+    for name in (
+        "freeform_evolution", "freeform_steps", "interest", "levelset", "metrics", "raster", "snake", "edges", "paper",
+    )
 )  # fmt: skip
 """The tests that call every room of the core."""
 SAME_BYTES = """

@@ -28,10 +28,7 @@ LIMIT = 60
 GROUPS = {
     "native": (
         ("native/freeform/*/*.hpp", "native/freeform/*/*.cpp", "native/freeform/[c-z]*.?pp", "native/region/pressure.cpp"),
-        (
-            "freeform_flips", "freeform_repairs", "freeform_steps", "samples", "freeform_components", "region_pressure",
-            "corridors",
-        ),
+        ("freeform_flips", "freeform_evolution", "freeform_steps", "samples", "region_pressure", "corridors"),
     ),
     "structural": (
         ("freespace/structural.py", "freespace/corners.py", "freespace/outlines.py"),

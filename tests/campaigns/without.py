@@ -32,14 +32,14 @@ class Rule:
 _DISC, _PRIOR, _SIDES, _ISLANDS, _JUDGE = ("bounds",), ("prior",), ("start_sides",), ("islands",), ("judge",)
 
 RULES = (
-    Rule("thresholds from the local noise", "image/edges.py", {"AUTO_SPREAD": 1.0}, ("light", "prior")),
+    Rule("thresholds from the local noise", "image/edges.py", {"AUTO_SPREAD": 1.0}, ("edges", "prior")),
     Rule("an enlargement is taken back", "image/magnified.py", {"FACTORS": ()}, ("magnified",)),
     Rule("only whole pictures of few pixels", "image/magnified.py", {"DIFFERENT": 1.0}, ("magnified",)),
     Rule("a picture was not tiny before", "image/magnified.py", {"LEAST_SIDE": 0}, ("magnified",)),
     Rule("edges decide only if clear", "image/boundary.py", {"CLEAR": 0.0}, _PRIOR),
     Rule("a tenth may be fainter", "image/boundary.py", {"CLEAR_SHARE": 0.0}, _PRIOR),
     Rule("plain regions in noise", "image/boundary.py", {"PLAIN": 0.0}, _PRIOR),
-    Rule("no edge at the border", "image/boundary.py", {"MARGIN": 0}, (*_PRIOR, *_JUDGE, "boundary")),
+    Rule("no edge at the border", "image/boundary.py", {"MARGIN": 0}, (*_PRIOR, *_JUDGE, "edges")),
     Rule("what has met no edge does not count", "evidence/auto.py", {"MET": 0.0}, _PRIOR),
     Rule("a start lies on one side", "starts/sides.py", {"LEAST_KEPT": inf}, _SIDES),
     Rule("spare room round a start", "starts/moved.py", {"SPARE": 0.0}, (*_SIDES, *_DISC)),
