@@ -1,0 +1,111 @@
+"""How a prior does on drawn kinds it has not seen: ``python -m tests.campaigns.left_out [--looks 60] [--judged 30]``.
+
+For each group of kinds that look alike, a forest is grown from all other kinds; its looks are then judged: the IoU of the pixels
+where the odds are above even after neighbours have voted. A kind, a feature or a setting earns its place by the kinds that it is
+not of. ``--out FILE`` writes a row a look, ``--before FILE`` says what has changed since and by how many standard errors: two
+looks are at one picture, and count as one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from ffseg.evidence import prior
+from ffseg.evidence.features import WORKING_SIZE
+from ffseg.evidence.forest import Forest
+from ffseg.evidence.surroundings import STRIDE, voted
+from ffseg.io.files import write_bytes_atomic
+from ffseg.io.images import single_thread
+from ffseg.io.tables import csv_table
+from ffseg.learning import grow
+from ffseg.learning.drawn.sights import KINDS, STARTS, sights
+from ffseg.learning.training import known_pixels
+
+GROUPS = (
+    ("room", "corridor", "mirror"),
+    ("street",),
+    ("thing", "animal"),
+    ("tissue", "nuclei", "colony"),
+    ("field", "organ"),
+)
+"""Kinds that are left out together; a kind in none of them only teaches."""
+
+UNSEEN = 300_000
+"""Number of the first picture that is judged."""
+
+COLUMNS = ("kind", "look", "iou")
+Overlaps = dict[tuple[str, int], float]
+"""By kind and number of a look."""
+
+
+def main() -> int:
+    """Print the table."""
+    options = _options()
+    single_thread()
+    taught = {kind: list(learned(kind, options.looks)) for kind in KINDS}
+    found: Overlaps = {}
+    for group in GROUPS:
+        looks = [look for kind, own in taught.items() if kind not in group for look in own]
+        forest = grow.grow(looks, prior.TAKEN, {}).inside
+        found |= {(kind, look): overlap for kind in group for look, overlap in judged(kind, forest, options.judged)}
+    for kind in dict.fromkeys(kind for kind, _ in found):
+        print(f"{kind}: {np.mean([overlap for (own, _), overlap in found.items() if own == kind]):.3f}")
+    print(f"all: {np.mean(list(found.values())):.4f} over {len(found)} looks")
+    if options.out:
+        write_bytes_atomic(options.out, csv_table(COLUMNS, [[*look, overlap] for look, overlap in found.items()]))
+    if options.before:
+        print(changed(found, read(options.before)))
+    return 0
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split(":", maxsplit=1)[0])
+    parser.add_argument("--looks", type=int, default=60, help="looks at each kind to learn from")
+    parser.add_argument("--judged", type=int, default=30, help="looks at each kind to be judged on")
+    parser.add_argument("--out", type=Path, help="CSV file to write")
+    parser.add_argument("--before", type=Path, help="CSV file of an earlier run to compare with")
+    return parser.parse_args()
+
+
+def learned(kind: str, count: int) -> Iterator[grow.Samples]:
+    """What the prior that ships learns from the first looks at a kind."""
+    for number, seen in enumerate(sights(kind, count)):
+        yield grow.for_prior(seen, np.random.default_rng([*kind.encode(), number, 1]))
+
+
+def judged(kind: str, forest: Forest, count: int) -> Iterator[tuple[int, float]]:
+    """Numbers and IoU of so many looks at a kind."""
+    native = forest.compiled()
+    for number, seen in enumerate(sights(kind, count, UNSEEN)):
+        view = prior.look(seen.image, seen.disc(), WORKING_SIZE)
+        odds = np.clip(forest.log_odds(prior.all_planes(view), native), -prior.CERTAIN, prior.CERTAIN)
+        known = known_pixels(seen.truth, view.factor)[::STRIDE, ::STRIDE]
+        inside, truth = voted(odds, view)[known >= 0] > 0, known[known >= 0] > 0
+        yield number, float(np.count_nonzero(inside & truth) / max(1, np.count_nonzero(inside | truth)))
+
+
+def read(path: Path) -> Overlaps:
+    """What an earlier run has written."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return {(row["kind"], int(row["look"])): float(row["iou"]) for row in csv.DictReader(file)}
+
+
+def changed(now: Overlaps, before: Overlaps) -> str:
+    """The mean change of the looks that both have, and its standard error over pictures."""
+    pictures: dict[tuple[str, int], list[float]] = {}
+    for kind, look in now.keys() & before.keys():
+        pictures.setdefault((kind, look // STARTS), []).append(now[kind, look] - before[kind, look])
+    means = np.array([np.mean(changes) for changes in pictures.values()])
+    return (
+        f"changed by {means.mean():+.4f}, standard error {means.std() / np.sqrt(len(means)):.4f}, {len(means)} pictures"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
