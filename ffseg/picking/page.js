@@ -16,8 +16,10 @@ let tool = "pick", brush = 12, hovering = true, space = false, drag = null, hist
 export const times = []; // of contours drawn while the hand moved: for those who measure
 window.ffsegTimes = times;
 
+const GONE = "the server does not answer: start ffseg pick again; nothing that was drawn is lost";
 const post = async (what, body = {}) => {
-  const answer = await fetch(what, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ label, image: Math.max(index, 0), ...body }) });
+  const asked = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ label, image: Math.max(index, 0), ...body }) };
+  const answer = await fetch(what, asked).catch(() => { throw new Error(GONE); });
   const found = await answer.json();
   if (!answer.ok) throw Object.assign(new Error(found.error), { code: answer.status });
   return found;
@@ -176,7 +178,7 @@ const news = async () => {
     else if (found.model !== model && model >= 0 && !drag) whole(picked);
     model = found.model;
   } catch {
-    $("line").textContent = "the server does not answer: start ffseg pick again; nothing that was drawn is lost";
+    $("line").textContent = GONE;
   }
 };
 setInterval(news, NEWS_MS);

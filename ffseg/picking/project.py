@@ -168,10 +168,11 @@ class Project:
         return name != self.journal.last or os.stat(path).st_mtime_ns > os.stat(self.path(JOURNAL)).st_mtime_ns
 
     def arguments(self) -> list[str]:
-        """Arguments of the ``ffseg run`` that does all images."""
+        """Arguments of the ``ffseg run`` that does all images, wherever it is called."""
         named = any(track.now.start is not None for track in self.journal.tracks.values())
-        starts = ["--starts", self.path(STARTS)] if named else []
-        return ["run", *self.inputs, "--out", self.path(RUN), "--config", self.path(SETTINGS), *starts, "--overwrite"]
+        out, settings, table = (os.path.abspath(self.path(name)) for name in (RUN, SETTINGS, STARTS))
+        starts = ["--starts", table] if named else []
+        return ["run", *self.inputs, "--out", out, "--config", settings, *starts, "--overwrite"]
 
     def command(self) -> str:
         """The same as a line for a shell."""

@@ -231,8 +231,8 @@ def results(out: Path, truths: dict[str, Picture]) -> dict[str, float]:
 @contextmanager
 def at_the_page(work: Path, tab: chromium.Chromium, truths: dict[str, Picture]) -> Iterator[Stranger]:
     """A stranger at the page of ``ffseg pick work/photos``."""
-    words = command("pick", work / "photos", "--out", work / "picked", "--no-browser")
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
+    words = command("pick", "photos", "--out", "picked", "--no-browser")  # the page names them so
+    with subprocess.Popen(words, cwd=work, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
         try:
             assert server.stdout is not None
             stranger = Stranger(Hand(tab, server.stdout.readline().strip()), truths)

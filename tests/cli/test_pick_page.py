@@ -266,7 +266,8 @@ def test_a_killed_server_goes_on_where_it_was(
     os.kill(first.pid, signal.SIGKILL)
     first.communicate()
     hand.click(*RIGHT)
-    hand.tab.until("document.getElementById('line').textContent.includes('does not answer')")
+    for place in ("line", "said"):
+        hand.tab.until(f"document.getElementById('{place}').textContent.includes('does not answer')")
     hand.until_marks("start")  # what was not kept is not shown as if it were
     second = command(folder, out)
     assert second.stdout is not None

@@ -192,6 +192,12 @@ def test_planning_takes_work_in_proportion_to_the_images(tmp_path: Path) -> None
     assert used[1] < 40 * used[0]  # ten times the images; a hundred where each is compared with all
 
 
+def test_a_folder_of_films_alone_says_how_they_are_named(tmp_path: Path) -> None:
+    _touch(tmp_path, "in/a.mp4")
+    with pytest.raises(UsageError, match="name a film by its file"):
+        make_plan([str(tmp_path / "in")], str(tmp_path / "out"))
+
+
 def test_planning_writes_nothing(tmp_path: Path) -> None:
     make_images(tmp_path / "in", ["a.png"])
     make_plan([str(tmp_path / "in")], str(tmp_path / "out"))

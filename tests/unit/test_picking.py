@@ -119,6 +119,20 @@ def test_a_click_takes_the_disc_and_a_run_takes_the_same(tmp_path: Path, ffseg_c
         assert (out / "run" / "masks" / name).read_bytes() == (out / "masks" / name).read_bytes()
 
 
+def test_the_command_of_the_folder_works_wherever_it_is_called(
+    tmp_path: Path, ffseg_command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draw(tmp_path / "in", ["a.png"])
+    monkeypatch.chdir(tmp_path)
+    with session(Path("in"), Path("out")) as own:
+        own.change(0, 0, 0, "pick", picked(LEFT))
+    monkeypatch.chdir(tmp_path / "in")
+    line = (tmp_path / "out" / "run.sh").read_text().splitlines()[1].split()
+    done = ffseg_command(*line[1:])
+    assert done.returncode == 0, done.stderr
+    assert iou(mask_of(tmp_path / "out" / "run" / "masks" / "a.png"), disc(LEFT)) > 0.95
+
+
 def test_undoing_takes_a_mask_back_and_a_restart_changes_nothing(tmp_path: Path) -> None:
     folder, out = draw(tmp_path / "in", ["a.png", "b.png"]), tmp_path / "out"
     mask = out / "masks" / "a.png"

@@ -48,9 +48,10 @@ def discover(
         files = _expand(given, skipped) if isinstance(given, str) else [given]
         sources = [frame for source in files for frame in frames(source, film=film)]
         if not sources:
+            films = "; name a film by its file" if any(map(is_film, skipped)) else ""
             raise UsageError(
                 f"{printable(str(given))} holds no image; hidden files, outputs of ffseg and folders below with a file "
-                f"{SKIP_FILE} are left out, and images in a folder need one of the suffixes {READ_SUFFIXES}"
+                f"{SKIP_FILE} are left out, and images in a folder need one of the suffixes {READ_SUFFIXES}{films}"
             )
         places: dict[str, str] = {}  # of archives: their members need not ask the disk each
         for source in sources:
