@@ -23,7 +23,7 @@ from ffseg.compare.shared import Shared, shared, was_moved
 from ffseg.compare.text import markdown
 from ffseg.compare.values import COLUMNS, Comparison, Row
 from ffseg.errors import ImageReadError, ParameterError, UsageError, is_out_of_memory
-from ffseg.io.files import make_folder, printable, read_bytes, write_bytes_atomic
+from ffseg.io.files import make_folder, printable, read_bytes, write_all_atomic, write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.io.overlays import polylines
 from ffseg.io.panels import Tile, encode_panel
@@ -111,8 +111,8 @@ def compare(
             if pace is not None and number > known:
                 pace(number, (perf_counter() - begin) / (number - known) * (len(task.jobs) - number))
     finally:
-        write_bytes_atomic(os.path.join(task.out, "compare.csv"), table(rows))
-        write_bytes_atomic(os.path.join(task.out, "compare.md"), markdown(task, rows).encode("utf-8"))
+        tables = {"compare.csv": table(rows), "compare.md": markdown(task, rows).encode("utf-8")}
+        write_all_atomic([(os.path.join(task.out, name), content) for name, content in tables.items()])
     for panel in old:  # of images that are not compared any more, or could not be read
         with suppress(OSError):
             os.unlink(panel)

@@ -50,6 +50,12 @@ def test_suffixes_say_what_is_written(mask: np.ndarray, tmp_path: Path, ffseg_co
     assert ffseg.read_image(tmp_path / "a.jpg").shape == ffseg.read_image(tmp_path / "a.webp").shape == (600, 800, 3)
 
 
+def test_outputs_are_written_together_or_not_at_all(tmp_path: Path, ffseg_command: Command) -> None:
+    done = ffseg_command("segment", TOY, "a.png", "none/a.svg", "a.json", cwd=tmp_path)
+    assert (done.returncode, os.listdir(tmp_path)) == (3, [])
+    assert "none/a.svg cannot be written" in done.stderr
+
+
 def test_the_class_that_labels_of_yolo_cannot_name_is_said(tmp_path: Path, ffseg_command: Command) -> None:
     done = ffseg_command("segment", TOY, "a.txt", "--label", "road", cwd=tmp_path)
     assert done.stderr.startswith("ffseg: class 0 of YOLO's labels is road: name it in the data set's YAML file\n")

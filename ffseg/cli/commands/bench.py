@@ -86,13 +86,12 @@ def bench(  # noqa: PLR0913 - the options of the command
 def _write(out: Path, outcome: Outcome) -> dict[str, bytes]:
     """Write the tables of what is measured so far; their contents by name."""
     from ffseg.bench.report import to_csv, to_json, to_markdown
-    from ffseg.io.files import write_bytes_atomic
+    from ffseg.io.files import write_all_atomic
 
     tables = {
         "bench.json": to_json(outcome),
         "bench.csv": to_csv(outcome),
         "bench.md": to_markdown(outcome).encode("utf-8"),
     }
-    for name, content in tables.items():
-        write_bytes_atomic(os.path.join(out, name), content)
+    write_all_atomic([(os.path.join(out, name), content) for name, content in tables.items()])
     return tables

@@ -77,9 +77,10 @@ def segment(  # noqa: PLR0913 - the options of the command
         pixels, note = _read(image, params.input.range)
         result = segment_pixels(pixels, params, evidence=_evidence(evidence))
         source = Source(_name(image), pixels, label=params.region.label)
-        for path, output in wanted:
-            suffix = ".png" if path == PIPE else os.path.splitext(path)[1].lower()
-            _write(path, encoded(result, output, source, suffix))
+        suffixes = (".png" if path == PIPE else os.path.splitext(path)[1].lower() for path in outputs)
+        _write(
+            [(path, encoded(result, output, source, end)) for (path, output), end in zip(wanted, suffixes, strict=True)]
+        )
     except Exception as error:
         if not (isinstance(error, FfsegError) or is_out_of_memory(error)):
             raise
@@ -171,21 +172,19 @@ def _stdin(most: int) -> bytes:
     return data
 
 
-def _write(path: str, data: bytes) -> None:
-    """Write a file whole or not at all, or to stdout."""
-    if path != PIPE:
-        from ffseg.io.files import write_bytes_atomic
-
-        write_bytes_atomic(path, data)
-        return
+def _write(files: Sequence[tuple[str, bytes]]) -> None:
+    """Write files whole and together or not at all, then what goes to stdout."""
     from ffseg.cli.streams import lost_output
+    from ffseg.io.files import write_all_atomic
 
-    if sys.stdout.isatty() and b"\0" in data:
-        raise OutputError("stdout is a terminal, which shows no pictures; redirect it: ffseg segment IN - > OUT")
-    sys.stdout.buffer.write(data)
-    lost = lost_output()
-    if lost:
-        raise OutputError(f"stdout cannot be written ({lost})")
+    write_all_atomic([(path, data) for path, data in files if path != PIPE])
+    for data in (data for path, data in files if path == PIPE):
+        if sys.stdout.isatty() and b"\0" in data:
+            raise OutputError("stdout is a terminal, which shows no pictures; redirect it: ffseg segment IN - > OUT")
+        sys.stdout.buffer.write(data)
+        lost = lost_output()
+        if lost:
+            raise OutputError(f"stdout cannot be written ({lost})")
 
 
 def _told(result: Segmentation) -> str:
