@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 
 from ffseg.parameters import Parameters
 from ffseg.peer_parameters import PeerParameters
-from ffseg.schema.kinds import JsonSchema
+from ffseg.schema.kinds import FilePath, JsonSchema
 from ffseg.schema.sections import Leaf, Section, flat, leaves, subsections
 from ffseg.schema.strict_yaml import scalar
 
@@ -50,6 +51,16 @@ def yaml_value(value: object) -> str:
     if isinstance(value, str) and _PLAIN.fullmatch(value) and isinstance(scalar(value), str) and value == value.strip():
         return value
     return json.dumps(value, ensure_ascii=False)
+
+
+def non_defaults(params: Parameters) -> dict[str, object]:
+    """Where a parameter set differs from the defaults; names of files are absolute, for a file may lie anywhere."""
+    defaults, kinds = flat(Parameters()), leaves(Parameters)
+    return {
+        key: os.path.abspath(value) if isinstance(kinds[key].kind, FilePath) and isinstance(value, str) else value
+        for key, value in flat(params).items()
+        if value != defaults[key]
+    }
 
 
 def json_schema() -> JsonSchema:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import html
-import os
 from collections.abc import Sequence
 from statistics import mean, pstdev
 from typing import TypeGuard
@@ -19,10 +18,8 @@ from ffseg.io.tables import counted
 from ffseg.learning.gather import Labelled, few_known
 from ffseg.learning.tune import Tuned
 from ffseg.metrics import IGNORED, INSIDE
-from ffseg.parameter_text import yaml_value
+from ffseg.parameter_text import non_defaults, yaml_value
 from ffseg.parameters import Parameters
-from ffseg.schema.kinds import FilePath
-from ffseg.schema.sections import flat, leaves
 
 MOST_SHOWN = 60
 """Images on the page."""
@@ -74,7 +71,7 @@ def to_yaml(tuned: Tuned, params: Parameters | None = None) -> str:
         run needs.
     """
     lines = [f"# ffseg tune {__version__}", *(f"# {line}" for line in (*told(tuned), *untried(tuned)))]
-    values = (given(params) if params is not None else {}) | tuned.setting
+    values = (non_defaults(params) if params is not None else {}) | tuned.setting
     sections: dict[str, list[str]] = {}
     for key, value in values.items():
         section, _, name = key.rpartition(".")
@@ -84,16 +81,6 @@ def to_yaml(tuned: Tuned, params: Parameters | None = None) -> str:
     for section, entries in sections.items():
         lines += [f"{section}:", *entries]
     return "\n".join([*lines, *([] if values else ["{}"])]) + "\n"
-
-
-def given(params: Parameters) -> dict[str, object]:
-    """Where a parameter set differs from the defaults; names of files are absolute, for a file may lie anywhere."""
-    defaults, kinds = flat(Parameters()), leaves(Parameters)
-    return {
-        key: os.path.abspath(value) if isinstance(kinds[key].kind, FilePath) and isinstance(value, str) else value
-        for key, value in flat(params).items()
-        if value != defaults[key]
-    }
 
 
 def _short(number: float) -> str:

@@ -17,11 +17,10 @@ from ffseg.io.exports import AnnotatedImage, json_text, labelme_document
 from ffseg.io.files import SKIP_FILE, make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.io.masks import decode_mask, encode_mask
 from ffseg.io.starts import starts_table
-from ffseg.parameter_text import yaml_value
+from ffseg.parameter_text import non_defaults, yaml_value
 from ffseg.parameters import Parameters
 from ffseg.picking.picks import Journal, Picked, Track
 from ffseg.picking.scene import Found
-from ffseg.schema.sections import flat
 
 JOURNAL, STARTS, SETTINGS, MODEL, COMMAND = "picks.jsonl", "starts.csv", "pick.yaml", "model.ffmodel", "run.sh"
 MASKS, LABELS, IMPORTED, RUN = "masks", "labels", "imported", "run"
@@ -174,24 +173,25 @@ class Project:
         starts = ["--starts", table] if named else []
         return ["run", *self.inputs, "--out", out, "--config", settings, *starts, "--overwrite"]
 
+    def learning(self, out: str) -> list[str]:
+        """Arguments of the ``ffseg learn`` from the masks there are: images are read as the run reads them."""
+        own = [f"{key}={yaml_value(value)}" for key, value in non_defaults(self._params).items()]
+        settings = [word for one in own for word in ("--set", one)]
+        return ["learn", *self.inputs, "--truth", self.path(MASKS), "--out", out, *settings, "--json", "--quiet"]
+
     def command(self) -> str:
-        """The same as a line for a shell."""
+        """The ``ffseg run`` of all images as a line for a shell."""
         return shlex.join(["ffseg", *self.arguments()])
 
     def _settings(self) -> str:
         """A parameter file with what differs from the defaults."""
-        own, default = flat(self.params), flat(Parameters())
         lines = ["# Written by ffseg pick: what all images are segmented with.", "{}"]
         section = ""
-        for key, value in own.items():
-            if value == default[key]:
-                continue
+        for key, value in non_defaults(self.params).items():
             group, _, name = key.rpartition(".")
             if group != section:
                 lines, section = [*lines, f"{group}:"], group
-            is_file = isinstance(value, str) and key in ("edges.model", "domain.mask", "domain.masks")
-            text = yaml_value(os.path.abspath(str(value)) if is_file else value)
-            lines.append(f"{'  ' if group else ''}{name}: {text}")
+            lines.append(f"{'  ' if group else ''}{name}: {yaml_value(value)}")
         if len(lines) > 2:
             lines.remove("{}")
         return "\n".join([*lines, ""])

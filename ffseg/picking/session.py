@@ -26,7 +26,7 @@ from ffseg.io.tables import counted
 from ffseg.parameters import Parameters
 from ffseg.picking.learner import LEAST_MASKS, Background, figures_said, last_line
 from ffseg.picking.picks import Picked
-from ffseg.picking.project import MASKS, MODEL, RUN, Project
+from ffseg.picking.project import MODEL, RUN, Project
 from ffseg.picking.scene import Found, Scene
 
 MOST_OPEN = 3
@@ -327,9 +327,8 @@ class _Work:
 
     def _start(self, *, measuring: bool) -> None:
         self._measuring = measuring
-        new, truth = self.project.path("learning.ffmodel"), self.project.path(MASKS)
-        arguments = [*self.project.inputs, "--truth", truth, "--out", new, "--json", "--quiet"]
-        self._learning.start(["learn", *arguments, *([] if measuring else ["--quick"])])
+        arguments = self.project.learning(self.project.path("learning.ffmodel"))
+        self._learning.start([*arguments, *([] if measuring else ["--quick"])])
 
     def _learned(self, code: int, out: str, err: str) -> None:
         self._spared = False

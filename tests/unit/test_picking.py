@@ -6,6 +6,7 @@ import socket
 import struct
 import threading
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,13 +20,14 @@ from pick_page import LEFT, OPEN, RIGHT, ask, disc, draw, iou, mask_of, picked, 
 import ffseg
 from ffseg.errors import OutputError, UsageError
 from ffseg.io.labels import read_labels
+from ffseg.io.masks import encode_mask
 from ffseg.io.starts import load_starts
 from ffseg.parameters import load_params
 from ffseg.picking import project
 from ffseg.picking.learner import Background
 from ffseg.picking.picks import Journal, Picked, Stroke, painted
 from ffseg.picking.scene import Scene
-from ffseg.picking.session import StaleError
+from ffseg.picking.session import Session, StaleError
 
 POINT = st.tuples(st.floats(-5, 30), st.floats(-5, 25))
 
@@ -338,6 +340,27 @@ def test_the_page_loads_nothing_from_elsewhere_and_names_are_data(server) -> Non
 FIGURES = {
     "masks": 3, "iou": 0.88, "without": 0.61, "curve": [[1, 0.8], [2, 0.84]], "more": 2, "order": ["c.png", "b.png", "x.png"],
 }  # fmt: skip
+
+
+def test_learning_and_the_run_read_the_images_with_the_parameters_of_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A model was learned from values of 16 bits scaled by another range than that it was used with."""
+    started: list[list[str]] = []
+    monkeypatch.setattr(Background, "start", lambda _self, arguments: started.append(list(arguments)))
+    monkeypatch.chdir(tmp_path)
+    folder = draw(tmp_path / "in", ["a.png", "b.png"])
+    corner = np.zeros(ffseg.read_image(folder / "a.png").shape[:2], np.bool_)
+    corner[:3, :3] = True
+    (tmp_path / "corner.png").write_bytes(encode_mask(corner))
+    params = load_params(None, {"input.range": [0, 500], "init.background_mask": "corner.png"})
+    with Session([str(folder)], "out", params) as own:
+        for index in (0, 1):
+            own.change(0, index, 0, "pick", picked(LEFT, status="accepted"))
+    said = [one for word, one in pairwise(started[0]) if word == "--set"]
+    assert load_params(None, said) == load_params("out/pick.yaml")
+    assert load_params(None, said).input.range == (0, 500)
+    assert load_params(None, said).init.background_mask == str(tmp_path / "corner.png")
 
 
 def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(

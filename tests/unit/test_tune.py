@@ -18,9 +18,10 @@ from ffseg.io import files
 from ffseg.learning import tune as tuning
 from ffseg.learning.choice import Trial
 from ffseg.learning.gather import Labelled, gather
-from ffseg.learning.page import given, to_html, to_yaml, told, untried
+from ffseg.learning.page import to_html, to_yaml, told, untried
 from ffseg.learning.space import MOST_SETTINGS, applied, halton, levels, settings
 from ffseg.learning.tune import Tuned, _sensitivity, before_and_after, tune
+from ffseg.parameter_text import non_defaults
 from ffseg.parameters import load_params
 
 SHAPE = (90, 130)
@@ -190,5 +191,5 @@ def test_the_file_holds_what_tuning_began_with(tmp_path: Path) -> None:
     path.parent.mkdir()
     for setting in ({}, {"edges.canny": (8.0, 16.0), "edges.sigma": 2.0}):
         path.write_text(to_yaml(Tuned(setting, setting, (0.5, 0.5), (0.9, 0.9), (0.9, 0.9), (), 3, 1.0), began))
-        assert load_params(path) == load_params("toy-full", {**given(began), **setting})
+        assert load_params(path) == load_params("toy-full", {**non_defaults(began), **setting})
     assert "contour" not in to_yaml(Tuned({}, {}, (0.5,), (0.9,), (0.9,), (), 3, 1.0), load_params())

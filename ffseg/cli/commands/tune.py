@@ -57,9 +57,10 @@ def tune(  # noqa: PLR0913 - the options of the command
     params = ready_params(config, settings)
     from ffseg.io.files import write_all_atomic
     from ffseg.learning.gather import gather
-    from ffseg.learning.page import given, to_html, to_yaml, told, untried
+    from ffseg.learning.page import to_html, to_yaml, told, untried
     from ffseg.learning.tune import before_and_after
     from ffseg.learning.tune import tune as search
+    from ffseg.parameter_text import non_defaults
     from ffseg.plugins import METHODS
 
     if params.method in METHODS and not METHODS[params.method].uses_edges:
@@ -77,5 +78,5 @@ def tune(  # noqa: PLR0913 - the options of the command
     if as_json:
         console.data(json.dumps({"out": os.fspath(out), **asdict(tuned)}, indent=2))
     else:
-        use = f"use it with --config {out}" if tuned.setting or given(params) else f"{out} changes nothing"
+        use = f"use it with --config {out}" if tuned.setting or non_defaults(params) else f"{out} changes nothing"
         console.data("\n".join([*told(tuned), use, *untried(tuned)]))
