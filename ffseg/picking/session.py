@@ -134,6 +134,14 @@ class Session:
             work.learn(again=taken > 0)
         return taken
 
+    def changed(self) -> list[str]:
+        """Accepted images whose file is newer than the mask: it may be of another image than was looked at."""
+        return [
+            one.name
+            for one in self.sources
+            if any(_newer(one.path, project.mask_path(one.name)) for project in self.projects)
+        ]
+
     def scene(self, index: int) -> Scene:
         """An image, decoded.
 
@@ -272,6 +280,12 @@ class Session:
     def run(self, label: int) -> None:
         """Do the whole folder in the background."""
         self._work[label].run()
+
+
+def _newer(path: str, mask: str) -> bool:
+    with suppress(OSError):  # an address, or an image that is not accepted
+        return os.stat(path).st_mtime_ns > os.stat(mask).st_mtime_ns
+    return False
 
 
 def inputs_of(folder: str | os.PathLike[str]) -> list[str]:

@@ -363,6 +363,20 @@ def test_learning_and_the_run_read_the_images_with_the_parameters_of_the_page(
     assert load_params(None, said).init.background_mask == str(tmp_path / "corner.png")
 
 
+def test_images_that_were_replaced_after_they_were_accepted_are_named(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(Background, "start", lambda *_: None)
+    folder, out = draw(tmp_path / "in", ["a.png", "b.png", "c.png"]), tmp_path / "out"
+    with session(folder, out) as own:
+        for index in (0, 1):
+            own.change(0, index, 0, "pick", picked(LEFT, status="accepted"))
+        assert own.changed() == []
+    later = (out / "masks" / "b.png").stat().st_mtime_ns + 10**9
+    for name in ("b.png", "c.png"):
+        os.utime(folder / name, ns=(later, later))
+    with session(folder, out) as own:
+        assert own.changed() == ["b.png"]
+
+
 def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

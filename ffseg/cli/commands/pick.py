@@ -78,6 +78,10 @@ def pick(  # noqa: PLR0913 - the options of the command
                 console.message(
                     f"ffseg: left out, as no image or several could be meant: {named([*map(printable, others)])}"
                 )
+        changed = session.changed()
+        if changed:
+            names = named([*map(printable, changed)])
+            console.message(f"ffseg: newer than their masks, look at them and accept them again: {names}")
         _serve(session, port, browser)
 
 
