@@ -18,6 +18,7 @@ export class View {
     this.size = [width, height];
     if (source) $("picture").src = source;
     else $("picture").removeAttribute("src");
+    $("picture").style.visibility = source ? "" : "hidden";
     $("layers").style.width = `${width}px`;
     $("layers").style.height = `${height}px`;
     $("drawing").setAttribute("viewBox", `0 0 ${width} ${height}`);
@@ -50,6 +51,7 @@ export class View {
   place() {
     this.fitted = false;
     $("layers").style.transform = `translate(${this.x}px, ${this.y}px) scale(${this.scale})`;
+    $("layers").style.setProperty("--pen", `${1 / this.scale}px`); // of the screen, whatever the image's are
     $("layers").classList.toggle("pixels", this.scale >= SHARP);
     for (const mark of $("marks").querySelectorAll("circle")) mark.setAttribute("r", 6 / this.scale);
   }

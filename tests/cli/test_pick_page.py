@@ -172,6 +172,23 @@ def test_the_contour_follows_the_hand_and_zoom_does_not_move_what_is_meant(hand:
     assert state(server, 1)["starts"][0][:2] == pytest.approx(LEFT, abs=0.2)
 
 
+PEN = """(() => {
+    const region = document.getElementById("region"), layers = document.getElementById("layers");
+    const scale = layers.getBoundingClientRect().width / parseFloat(layers.style.width);
+    return parseFloat(getComputedStyle(region).strokeWidth) * scale;
+})()"""
+"""Pixels of the screen that the contour is wide."""
+
+
+def test_the_contour_is_as_wide_on_a_photograph_of_any_size(hand: PageHand) -> None:
+    hand.click(*LEFT)
+    hand.until_area(45, 55)
+    assert hand.tab.value(PEN) == pytest.approx(2, rel=0.01)
+    for key in "+++++-":
+        hand.tab.press(key)
+    assert hand.tab.value(PEN) == pytest.approx(2, rel=0.01)
+
+
 def test_a_reload_and_another_tab_show_what_is_kept(hand: PageHand, server: Server) -> None:
     hand.tab.press("n")
     hand.until_image("a.png")
