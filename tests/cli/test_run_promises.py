@@ -18,7 +18,6 @@ from PIL import Image
 from tests.campaigns import bad_files, faults, full_disk, harness, killed, many, same_bytes, signals
 
 SMALL = ("--set", harness.CONFIG)
-LEGAL = {0, 2, 3}
 
 
 @pytest.fixture

@@ -9,9 +9,10 @@ from rendered import floor_pair
 from ffseg.parameters import load_params
 from ffseg.rendering import FLOOR_KINDS
 from ffseg.rendering.raycast import SHADOW, STREAK, tilt_matrix
-from tests.campaigns.floors import LEAST_IOU, Case, Tally, cases, enclosed_marks, kept, run
+from tests.campaigns.freespace import LEAST_IOU, MOST_SHIFTED, Case, Tally, cases, enclosed_marks, kept, run
 
 SHORT = (
+    Case(30, "drawn"),
     Case(100_001, "plain", 0.0, 4.0),
     Case(100_002, "nodding", 0.0, 2.0),
     Case(100_003, "turning", 1.0, 1.0),
@@ -25,6 +26,7 @@ def test_short_campaign_on_floors(case: Case) -> None:
         assert tally.boxes_merged == 0, (mode, tally.misses)
         assert tally.marks_merged == tally.marks > 0, (mode, tally.misses)
         assert np.mean(tally.ious) >= LEAST_IOU
+        assert case.kind != "drawn" or max(tally.shift_errors) <= MOST_SHIFTED
 
 
 def test_textures_and_noises_are_what_they_are_called() -> None:
