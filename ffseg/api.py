@@ -98,6 +98,8 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     pixels = taken_image(image, rgb, chosen.input.range)
     _check_method(method, callback)
     _check_extras(pixels, edges, center, altitudes)
+    if domain is None and chosen.domain.masks is not None:
+        raise ParameterError("domain.masks finds masks by the names of files; give the one of this image: domain=mask")
     return pipeline.segment(
         Scene(
             pixels,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ffseg.batch.plan.beside import find_domains, find_truths
 from ffseg.batch.plan.discover import discover
-from ffseg.batch.plan.masks import Masks, named_masks
+from ffseg.batch.plan.masks import NO_MASKS, Masks, named_masks
 from ffseg.batch.plan.sources import Source
 from ffseg.batch.workers.pictures import read_source, read_truth
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
@@ -29,9 +29,6 @@ MOST_NAMED = 4
 
 LEAST_KNOWN = 0.5
 """Part of the pixels; figures from masks that know less say little of where the region ends."""
-
-
-NO_MASKS = Masks()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

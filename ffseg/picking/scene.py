@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.api import segment
+from ffseg.batch.plan.masks import NO_MASKS, Bounds, Masks
 from ffseg.errors import FfsegError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.io.overlays import encode_jpeg
@@ -76,10 +77,12 @@ class Scene:
     Parameters
     ----------
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
+    masks : Masks, optional
+        Where the contour may go, start and may not be.
     """
 
-    def __init__(self, image: NDArray[np.uint8]) -> None:
-        self.image = image
+    def __init__(self, image: NDArray[np.uint8], masks: Masks = NO_MASKS) -> None:
+        self.image, self._masks = image, masks
         self._widest = WIDEST
         self._copies: dict[int, NDArray[np.uint8]] = {}
         self._picture = b""
@@ -138,6 +141,18 @@ class Scene:
             self._copies[self._widest] = _reduced(self.image, self._widest)
         return self._copies[self._widest], longest / self._widest
 
+    def _bounds(self, shape: tuple[int, int]) -> Bounds:
+        """The masks at the size of a copy."""
+        rows, columns = (
+            ((np.arange(few) + 0.5) * many / few).astype(int) for few, many in zip(shape, self.shape, strict=True)
+        )
+
+        def seen(mask: NDArray[np.uint8] | None) -> NDArray[np.uint8] | None:
+            return mask if mask is None or mask.shape != self.shape else mask[np.ix_(rows, columns)]
+
+        masks = self._masks
+        return Bounds(domain=seen(masks.domain), start_mask=seen(masks.start), background=seen(masks.background))
+
     def _grown(
         self, image: NDArray[np.uint8], factor: float, picked: Picked, params: Parameters, base: Mask | None
     ) -> Found:
@@ -154,7 +169,7 @@ class Scene:
             own = scaled(picked.start or Start(), factor).placed(params, shape)
             if factor != 1 and own.contour.clearance > 0:
                 own = replace(own, contour=replace(own.contour, clearance=own.contour.clearance / factor))
-            result = segment(image, own)
+            result = segment(image, own, **self._bounds(shape))
         except FfsegError as error:
             return replace(empty, said=str(error))
         return Found(

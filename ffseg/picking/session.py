@@ -13,7 +13,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from ffseg.batch.plan.beside import find_domains
 from ffseg.batch.plan.jobs import make_plan
+from ffseg.batch.plan.masks import named_masks
 from ffseg.batch.plan.sources import Source
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.report.folder import read_folder
@@ -78,6 +80,8 @@ class Session:
         self.sources: list[Source] = [job.source for job in planned.jobs if not job.source.problem]
         if not self.sources:
             raise UsageError("no image can be opened; check the folder")
+        self._masks = named_masks(params)
+        self._domains = find_domains(self.sources, params.domain.masks) if params.domain.masks else {}
         make_folder(out)
         self._levels = params.input.range
         self._lock = OutputLock(out)
@@ -152,7 +156,9 @@ class Session:
         """
         with self._opening:
             if index not in self._scenes:
-                self._scenes[index] = Scene(read_source(self.sources[index], levels=self._levels))
+                source = self.sources[index]
+                masks = self._masks.within(self._domains.get(source.name, ""))
+                self._scenes[index] = Scene(read_source(source, levels=self._levels), masks)
                 while len(self._scenes) > MOST_OPEN:
                     self._scenes.popitem(last=False)
             self._scenes.move_to_end(index)

@@ -50,6 +50,24 @@ def test_suffixes_say_what_is_written(mask: np.ndarray, tmp_path: Path, ffseg_co
     assert ffseg.read_image(tmp_path / "a.jpg").shape == ffseg.read_image(tmp_path / "a.webp").shape == (600, 800, 3)
 
 
+def test_domains_by_name_are_those_of_run_and_never_passed_over(tmp_path: Path, ffseg_command: Command) -> None:
+    left = np.zeros((600, 800), np.uint8)
+    left[:, :500] = 255
+    (tmp_path / "own").mkdir()
+    cv2.imwrite(str(tmp_path / "own" / "toy.png"), left)
+    own = ("--set", "domain.masks=own")
+    done = ffseg_command("segment", TOY, "a.png", *own, cwd=tmp_path)
+    assert ffseg_command("run", TOY, "--out", "out", *own, cwd=tmp_path).returncode == done.returncode == 0
+    found = read_mask(tmp_path / "a.png")
+    assert np.array_equal(found, read_mask(tmp_path / "out" / "masks" / "toy.png"))
+    assert not found[:, 501:].any()
+    for command in (("segment", "-", "b.png"), ("run", "-", "--raw", "8x8:gray", "--out", "-")):
+        refused = ffseg_command(*command, *own, cwd=tmp_path)
+        assert (refused.returncode, "domain.masks finds masks by the names" in refused.stderr) == (2, True)
+    with pytest.raises(ffseg.ParameterError, match=r"domain\.masks finds masks by the names of files"):
+        ffseg.segment(ffseg.read_image(TOY), {"domain.masks": str(tmp_path / "own")})
+
+
 def test_outputs_are_written_together_or_not_at_all(tmp_path: Path, ffseg_command: Command) -> None:
     done = ffseg_command("segment", TOY, "a.png", "none/a.svg", "a.json", cwd=tmp_path)
     assert (done.returncode, os.listdir(tmp_path)) == (3, [])

@@ -24,6 +24,7 @@ from ffseg.io.masks import encode_mask
 from ffseg.io.starts import load_starts
 from ffseg.parameters import load_params
 from ffseg.picking import project
+from ffseg.picking import scene as scenes
 from ffseg.picking.learner import Background
 from ffseg.picking.picks import Journal, Picked, Stroke, painted
 from ffseg.picking.scene import Scene
@@ -361,6 +362,26 @@ def test_learning_and_the_run_read_the_images_with_the_parameters_of_the_page(
     assert load_params(None, said) == load_params("out/pick.yaml")
     assert load_params(None, said).input.range == (0, 500)
     assert load_params(None, said).init.background_mask == str(tmp_path / "corner.png")
+
+
+@pytest.mark.parametrize("key", ["domain.mask", "domain.masks"])
+def test_the_page_keeps_to_the_domain_as_the_run_does(key: str, tmp_path: Path, monkeypatch) -> None:
+    """Copies that follow the hand are smaller than the mask, which was refused; those of each image were passed over."""
+    monkeypatch.setattr(Background, "start", lambda *_: None)
+    monkeypatch.setattr(scenes, "WIDEST", 60)
+    folder = draw(tmp_path / "in", ["a.png"])
+    shape = ffseg.read_image(folder / "a.png").shape[:2]
+    mask = np.zeros(shape, np.bool_)
+    mask[:, : shape[1] // 3] = True
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "a.png").write_bytes(encode_mask(mask))
+    named = tmp_path / "own" / ("a.png" if key == "domain.mask" else "")
+    with Session([str(folder)], str(tmp_path / "out"), load_params(None, {key: str(named)})) as own:
+        for quick in (False, True):
+            found = own._found(own.projects[0], 0, Picked.read(picked(LEFT)), quick=quick)
+            assert found.said == "" or found.mask.any(), found.said
+            assert found.mask.any()
+            assert not found.mask[:, found.mask.shape[1] // 3 + 1 :].any()
 
 
 def test_images_that_were_replaced_after_they_were_accepted_are_named(tmp_path: Path, monkeypatch) -> None:

@@ -39,6 +39,9 @@ class Masks:
         return replace(self, domain=load_mask("domain.masks", path, limits)) if path else self
 
 
+NO_MASKS = Masks()
+
+
 def named_masks(params: Parameters, limits: Limits | None = None) -> Masks:
     """The masks that the parameters name."""
     return Masks(

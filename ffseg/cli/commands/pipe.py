@@ -100,6 +100,10 @@ def _film(asked: dict[str, Any]) -> _Film:
     from ffseg.io.starts import numbered_starts
 
     params = ready_params(asked["config"], overrides(asked), allow_code=asked["allow_code"])
+    if params.domain.masks is not None:
+        raise UsageError(
+            "domain.masks finds masks by the names of images, and frames of a pipe have none; take domain.mask"
+        )
     starts = starts_file(asked["starts"], params)
     film = _Film(params, numbered_starts(starts) if starts else {})
     if asked["steady"]:

@@ -73,9 +73,10 @@ def segment(  # noqa: PLR0913 - the options of the command
     from ffseg.api import segment as segment_pixels
     from ffseg.io.saving import Source, encoded
 
+    domain = _domain(image, params.domain.masks)
     try:
         pixels, note = _read(image, params.input.range)
-        result = segment_pixels(pixels, params, evidence=_evidence(evidence))
+        result = segment_pixels(pixels, params, evidence=_evidence(evidence), domain=domain)
         source = Source(_name(image), pixels, label=params.region.label)
         suffixes = (".png" if path == PIPE else os.path.splitext(path)[1].lower() for path in outputs)
         _write(
@@ -102,6 +103,22 @@ def _evidence(path: Path | None) -> NDArray[np.float32] | None:
     from ffseg.batch.workers.pictures import read_evidence
 
     return read_evidence(os.fspath(path))
+
+
+def _domain(image: str, folder: str | None) -> NDArray[np.uint8] | None:
+    """The image's own domain in a folder of such masks, as `run` finds it."""
+    if folder is None:
+        return None
+    from ffseg.batch.plan.beside import find_domains
+    from ffseg.batch.plan.sources import Source as Input
+    from ffseg.io.masks import load_mask
+
+    if image == PIPE:
+        raise UsageError(
+            "domain.masks finds masks by the names of images, and stdin has none; name one with domain.mask"
+        )
+    (path,) = find_domains([Input(image, _name(image))], folder).values()
+    return load_mask("domain.masks", path)
 
 
 def _kind(path: str, named: str | None) -> str:
