@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from ffseg.camera import ocam_files, opencv_files
-from ffseg.camera.lens import Lens
 from ffseg.camera.model import Camera
-from ffseg.camera.projections import Affine, Fisheye, Polynomial, Projection, UnifiedSphere
+from ffseg.camera.projections import Affine, Fisheye, Lens, Polynomial, Projection, UnifiedSphere
 from ffseg.errors import CalibrationError
 from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Number, Row, Text
 from ffseg.schema.nodes import Node, Problems, Source

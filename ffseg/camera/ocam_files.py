@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from ffseg.camera.lens import Lens
-from ffseg.camera.projections import Polynomial, polynomial_limit
+from ffseg.camera.projections import Lens, Polynomial, polynomial_limit
 from ffseg.schema.nodes import Problems
 
 MOST_COEFFICIENTS = 64
