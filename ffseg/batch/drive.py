@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.values import Record
 from ffseg.batch.views import Views
 from ffseg.errors import ImageReadError
+from ffseg.freespace.leans import Lean
 from ffseg.freespace.occupancy import OccupancyMap, Sighting
 from ffseg.freespace.skeleton import Skeleton
 from ffseg.freespace.window import Link
@@ -128,8 +129,10 @@ def _sighting(record: Record, out: str, views: Views) -> Sighting:
     """
     mask, ground = (_stored(record, out, kind) for kind in (MASK, GROUND))
     stood: Mapping[str, Any] = json.loads(ground)["camera"]
-    links = tuple(Link(str(one), (float(x), float(y), float(turn))) for one, x, y, turn in stood["moved"])
+    links = tuple(
+        Link(str(one), (float(x), float(y), float(turn)), (float(nod_x), float(nod_y)))
+        for one, x, y, turn, nod_x, nod_y in stood["moved"]
+    )
     sigma_m, sigma_rad = map(float, stood["sigmas"])
-    camera, up = views.camera, np.array([float(part) for part in stood["up"]])
-    camera = camera if np.array_equal(up, camera.up) else replace(camera, up=up)
-    return Sighting(decode_mask(mask), camera, links, (sigma_m, sigma_rad))
+    lean = None if stood["lean"] is None else Lean(*map(float, stood["lean"]))
+    return Sighting(decode_mask(mask), views.camera, links, (sigma_m, sigma_rad), lean)

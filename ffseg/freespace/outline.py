@@ -42,7 +42,7 @@ class Scan:
     ranges : ndarray of float64, shape (n,)
         Metres to where the free space ends; NaN where nothing was seen.
     std : ndarray of float64, shape (n,)
-        Standard deviation, metres: what `OUTLINE_SIGMA` pixels come to on the ground.
+        Standard deviation, metres: what `OUTLINE_SIGMA` pixels come to on the ground, and the lean of a camera that leans.
     ends : tuple of str
         ``obstacle``; ``rim`` where the camera's view or its reach ends; ``unknown`` where nothing was seen.
     reach : float
@@ -104,6 +104,8 @@ class Ground:
         Metres: nothing farther away is told.
     seen : ndarray of bool, shape (H, W)
         Pixels within reach that can show ground at all.
+    lean_sigma : float
+        Standard deviation of the camera's lean where it leans, radians.
 
     Examples
     --------
@@ -118,6 +120,7 @@ class Ground:
     camera: Camera
     reach: float
     seen: Mask
+    lean_sigma: float = 0.0
 
     def document(self, image: str = "") -> dict[str, Any]:
         """GeoJSON feature collection, a Polygon for each region.
@@ -156,7 +159,11 @@ class Ground:
         at_rim = read_at(_away_from_rim(self.camera, self.reach), *pixels.T.astype(np.float32), nearest=True) == 0
         ends = np.where(np.isnan(ranges), "unknown", np.where(at_rim, "rim", "obstacle"))
         told: tuple[End, ...] = tuple(ends.tolist())
-        return Scan(bearings, ranges, _range_sigma(self.camera, pixels), told, self.reach)
+        height = self.camera.mounting()
+        tilted = (
+            height + ranges**2 / height
+        ) * self.lean_sigma  # a lean of so much moves ground so far away by so much
+        return Scan(bearings, ranges, np.hypot(_range_sigma(self.camera, pixels), tilted), told, self.reach)
 
 
 def ground_of(mask: Mask, contours: Sequence[FreeForm], cameras: tuple[Camera, Camera], reach: float = REACH) -> Ground:

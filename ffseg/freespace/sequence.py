@@ -17,6 +17,7 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, planar_parameters, relative_motion, require_camera
 from ffseg.errors import CalibrationError, SegmentationError
 from ffseg.freespace.altitudes import altitude_points
+from ffseg.freespace.leans import SLACK, lean_of
 from ffseg.freespace.motion.egomotion import pair_motion
 from ffseg.freespace.motion.evidence import Scenery, outer_joints
 from ffseg.freespace.motion.ground import GroundFit
@@ -122,7 +123,9 @@ class Frame:
             When the frame is not of a camera.
         """
         camera = self.standing()
-        return ground_of(self.mask, self.contours, (self.lens or camera, camera), reach)
+        lean = None if camera is self.lens else lean_of(self.lens, self.camera, self.motion)
+        sigma = 0.0 if lean is None else SLACK * lean.sigma
+        return replace(ground_of(self.mask, self.contours, (self.lens or camera, camera), reach), lean_sigma=sigma)
 
     def scan(self, count: int = 360, reach: float = REACH) -> Scan:
         """Where the free space ends on so many bearings all round, as a laser scanner would say it.

@@ -56,6 +56,9 @@ class Link:
     planar : tuple of float
         x, y (metres) and turn (radians): a ground point of the current image, in its levelled camera frame, turned by
         the turn and moved by (x, y) is that point in the earlier image's.
+    nod : tuple of float
+        Radians: up of the earlier camera, where it leaned toward x and y of its levelled frame, less that of the current
+        one, turned by the turn. 0 where only poses speak.
 
     Examples
     --------
@@ -67,6 +70,7 @@ class Link:
 
     name: str
     planar: tuple[float, float, float]
+    nod: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,7 +138,7 @@ def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: 
             structural_test(seen, components, epsilon, chosen.fit, samples, evidence.corners), own, view.name
         )
         rows = tuple(map(_better, rows, found))
-        links.append(Link(view.name, _planar(own, chosen.motion)))
+        links.append(_link(view.name, camera, own, chosen.motion))
         if len(links) == MOST_ASKED or all(row.decided for row in rows):
             break
     rows = rows if links else _placed(rows, camera)
@@ -160,7 +164,7 @@ def moved(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: C
         chosen = pair_motion(camera, (grey_image(view.image), current), view.poses, scenery, epsilon, evidence)
         note = f"{NOTHING_ENCLOSED}; {chosen.note}"
         if chosen.motion is not None:
-            link = Link(view.name, _planar(chosen.camera or camera, chosen.motion))
+            link = _link(view.name, camera, chosen.camera or camera, chosen.motion)
             return Judged((), replace(chosen, note=note), links=(link,))
     return Judged((), PairMotion(None, note))
 
@@ -181,6 +185,8 @@ def _placed(rows: tuple[ComponentVerdict, ...], camera: Camera, against: str = "
     )
 
 
-def _planar(camera: Camera, motion: Motion) -> tuple[float, float, float]:
-    x, y, turn = planar_parameters(camera, motion).tolist()
-    return x, y, turn
+def _link(name: str, camera: Camera, stood: Camera, motion: Motion) -> Link:
+    """As the camera is mounted, and as it stood."""
+    x, y, turn = planar_parameters(stood, motion).tolist()
+    nod_x, nod_y = (-camera.level()[:2] @ motion.rotation @ camera.level()[2]).tolist()
+    return Link(name, (x, y, turn), (nod_x, nod_y))

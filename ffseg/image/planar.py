@@ -26,6 +26,6 @@ def read_at(plane: Plane, x: Values, y: Values, *, nearest: bool = False) -> Pla
     return found
 
 
-def shares(part: Plane, whole: Plane) -> Plane:
-    """How many 255ths of each pixel of a plane another is; 0 where there is nothing."""
-    return np.asarray(cv2.divide(part, whole, scale=255.0), np.uint8)
+def of_shares(part: Plane, whole: Plane, table: Values) -> Values:
+    """The values, shape (256,), of how many 255ths of each pixel of a plane another is; the first where there is nothing."""
+    return np.asarray(cv2.LUT(cv2.divide(part, whole, scale=255.0), table), np.float32)

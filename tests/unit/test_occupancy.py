@@ -15,6 +15,7 @@ from worlds import footprint, free_ground
 import ffseg
 from ffseg.camera.motion import planar_pose
 from ffseg.errors import CalibrationError
+from ffseg.freespace.leans import Lean
 from ffseg.freespace.occupancy import ALIKE, SHARP, OccupancyMap, Sighting
 from ffseg.freespace.sequence import Frame
 from ffseg.freespace.window import Link
@@ -154,6 +155,40 @@ def test_errors_of_steps_add_up_as_they_are() -> None:
         links = (Link(str(number - 1), (0.0, 0.0, 0.0)),) if number else ()
         assert grid.fuse(str(number), Sighting(driven()[1][0].mask, CAMERA, links, step))
     assert grid.drift == pytest.approx((0.005, 0.001))
+
+
+def nodding() -> OccupancyMap:
+    """The map of a robot that stands in a square room and nods."""
+    random, grid = np.random.default_rng(6), OccupancyMap()
+    leans = random.normal(0.0, np.deg2rad(1.5), (12, 2))
+    for number, (x, y) in enumerate(leans.tolist()):
+        stood = replace(CAMERA, up=np.array([x, y, -np.sqrt(1.0 - x * x - y * y)]) @ CAMERA.level())
+        nod_x, nod_y = (leans[number - 1] - leans[number]).tolist()
+        noise = random.normal(0.0, np.deg2rad(0.3), 2).tolist()
+        links = (Link(str(number - 1), (0.0, 0.0, 0.0), (nod_x, nod_y)),) if number else ()
+        lean = Lean(x + noise[0], y + noise[1], np.deg2rad(0.1), np.deg2rad(0.007)) if number else None
+        mask = np.abs(stood.ground()).max(axis=-1) < 1.5
+        assert grid.fuse(str(number), Sighting(mask, CAMERA, links, (1e-4, 1e-5), lean))
+    return grid
+
+
+def test_a_camera_that_nods_is_followed() -> None:
+    """Walls stay where they are: as if it were level they lay up to a decimetre off."""
+    grid = nodding()
+    away, chance = np.abs(centres(grid)).max(axis=-1), grid.probability
+    assert not (chance[away > 1.55] < 0.25).any()
+    inside = (away < 1.45) & (np.hypot(*np.moveaxis(centres(grid), -1, 0)) < 1.5)
+    assert (chance[inside] < 0.25).mean() > 0.99
+
+
+def test_a_frame_whose_lean_nobody_knows_tells_nothing_when_the_others_nod() -> None:
+    grid = nodding()
+    before = (grid.probability != 0.5).sum()
+    assert grid.fuse("elsewhere", Sighting(driven()[1][0].mask, CAMERA), planar_pose(CAMERA, 8.0, 0.0, 0.0))
+    assert (grid.probability != 0.5).sum() == before
+    level = OccupancyMap()
+    assert level.fuse("elsewhere", Sighting(driven()[1][0].mask, CAMERA), planar_pose(CAMERA, 8.0, 0.0, 0.0))
+    assert (level.probability != 0.5).sum() > 1000
 
 
 def read_map(folder: Path) -> tuple[dict[str, object], np.ndarray]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ffseg.batch.views import Views
 from ffseg.errors import ImageReadError
+from ffseg.freespace.leans import lean_of
 from ffseg.freespace.sequence import Frame, segment_frame
 from ffseg.freespace.window import FIRST_IMAGE, NOTHING_ENCLOSED, Earlier
 from ffseg.io.files import printable
@@ -111,8 +112,11 @@ def _cell(value: float, digits: int) -> float | str:
 def stood(frame: Frame) -> dict[str, Any]:
     """How the camera stood at an image, and how it moved since earlier ones, as the map of the drive asks for it."""
     sigmas = (frame.motion.translation_sigma, frame.motion.rotation_sigma) if frame.motion is not None else (0.0, 0.0)
-    moved = [[link.name, *link.planar] for link in frame.links]
-    return {"up": frame.standing().up.tolist(), "moved": moved, "sigmas": [float(one) for one in sigmas]}
+    moved = [[link.name, *link.planar, *link.nod] for link in frame.links]
+    seen = lean_of(frame.lens, frame.camera, frame.motion)
+    lean = None if seen is None else [seen.x, seen.y, seen.sigma, seen.nod_sigma]
+    up = frame.standing().up.tolist()
+    return {"up": up, "moved": moved, "sigmas": [float(one) for one in sigmas], "lean": lean}
 
 
 def pair_state(frame: Frame) -> str:

@@ -1,0 +1,94 @@
+"""How a camera on a robot that nods leaned at each frame of a drive: from what pairs show, carried on from frame to frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ffseg.camera.model import Camera
+from ffseg.camera.motion import Motion
+from ffseg.camera.projections import Array
+from ffseg.freespace.window import Link
+
+SLACK, NOD_SLACK = 3.0, 2.0
+"""Times the deviations that a pair states by which its lean and its nod are off: on 12 rendered drives that nod by 2 degrees the
+90th percentiles of these errors in deviations are 3 and 1.7 times those of two normal ones."""
+LEVEL: tuple[Array, float] = np.zeros(2), 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Lean:
+    """What a pair shows of how the camera leans.
+
+    Attributes
+    ----------
+    x, y : float
+        How much its up leans toward x and y of the frame that is levelled as the camera is mounted, radians.
+    sigma, nod_sigma : float
+        Standard deviations per axis of that, and of the nod since the earlier image, radians.
+    """
+
+    x: float
+    y: float
+    sigma: float
+    nod_sigma: float
+
+
+def lean_of(mounted: Camera | None, stood: Camera | None, motion: Motion | None) -> Lean | None:
+    """What a pair's motion shows of how the camera leaned; None where no ground showed it."""
+    if mounted is None or stood is None or motion is None or motion.spread is None:
+        return None
+    x, y = (mounted.level()[:2] @ stood.up).tolist()
+    nod, lean = np.sqrt(np.sum(motion.spread[:, 4:] ** 2, axis=0).reshape(2, 2).mean(axis=1)).tolist()
+    return Lean(x, y, lean, nod)
+
+
+class Leans:
+    """Leans of the frames of a drive, a Kalman filter along it.
+
+    A pair shows to a hundredth of a degree by how much the camera nodded between its images, and to some tenths how it
+    leans. How much this robot leans at all follows from its nods, as the difference of two leans: a level one is left level.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[str, tuple[Array, float | None]] = {}  # lean and variance; None where only the others tell it
+        self._nods = np.zeros(2)  # sum of squares of nods, to each side, and twice their number: one is two leans apart
+
+    @property
+    def told(self) -> bool:
+        """Whether any nod was seen."""
+        return bool(self._nods[1])
+
+    @property
+    def usual(self) -> float:
+        """Variance of a lean of this robot, to each side."""
+        return float(self._nods[0] / max(self._nods[1], 1.0))
+
+    def of(self, name: str) -> tuple[Array, float]:
+        """The lean of a frame, radians toward x and y, and its standard deviation per axis."""
+        lean, variance = self._known.get(name, LEVEL)
+        return lean, float(np.sqrt(self.usual if variance is None else variance))
+
+    def follow(self, name: str, links: Sequence[Link], seen: Lean | None) -> None:
+        """Take the next frame, what its pair shows, and how the ground moved since earlier ones.
+
+        The first frame learns from the second how it leaned.
+        """
+        link = next((one for one in links if one.name in self._known), None)
+        if seen is None or link is None:
+            self._known[name] = np.zeros(2), None
+            return
+        nod, (c, s) = np.array(link.nod), (np.cos(link.planar[2]), np.sin(link.planar[2]))
+        self._nods += [0.5 * nod @ nod, 2.0]
+        turn, added = np.array([[c, -s], [s, c]]), (NOD_SLACK * seen.nod_sigma) ** 2
+        before, variance = self._known[link.name]
+        first = variance is None
+        lean, variance = (before - nod) @ turn, (self.usual if variance is None else variance) + added
+        for other, its in ((np.zeros(2), self.usual), (np.array([seen.x, seen.y]), (SLACK * seen.sigma) ** 2)):
+            share = variance / max(variance + its, 1e-18)
+            lean, variance = lean + share * (other - lean), (1.0 - share) * variance
+        self._known[name] = lean, variance
+        if first:
+            self._known[link.name] = turn @ lean + nod, variance + added
