@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 import ffseg
-from ffseg.image.edges import edge_map, evened, without_streaks
+from ffseg.image.edges import edge_map
+from ffseg.image.evening import evened, without_streaks
 from ffseg.metrics import iou
 from ffseg.native import _core
 from ffseg.parameters import Edges
