@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ffseg.camera.footprint import footprint_of
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, planar_parameters, relative_motion, require_camera
-from ffseg.errors import CalibrationError, SegmentationError
+from ffseg.errors import CalibrationError, ParameterError, SegmentationError
 from ffseg.freespace.altitudes import altitude_points
 from ffseg.freespace.leans import SLACK, lean_of
 from ffseg.freespace.motion.egomotion import pair_motion
@@ -31,6 +31,7 @@ from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.components import Component, contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
 from ffseg.image.leaks import leaked
+from ffseg.io.masks import load_mask
 from ffseg.parameters import Parameters, ParametersLike, parameter_set
 from ffseg.pipeline import segment
 from ffseg.plugins import method as row_of
@@ -400,6 +401,11 @@ class Sequence:
         self._camera, self._rgb, self._mapped = camera, rgb, mapped
         chosen = parameter_set(params)
         self._params = chosen if method is None else replace(chosen, method=method)
+        if chosen.domain.masks is not None:
+            raise ParameterError("domain.masks finds masks by the names of files; name one of all images: domain.mask")
+        named = {"domain.mask": chosen.domain.mask, "init.mask": chosen.init.mask}
+        named["init.background_mask"] = chosen.init.background_mask
+        self._masks = [load_mask(key, path) for key, path in named.items()]
         self._earlier: deque[tuple[str, Grey, Pose | None]] = deque(maxlen=WINDOW)
         self._tracks = Tracks(WINDOW + 1)
         self._paint: dict[int, str] = {}
@@ -433,7 +439,9 @@ class Sequence:
         window = list(self._earlier)
         self._earlier.appendleft((name, grey_image(pixels), pose))
         views = [Earlier(one, _both(before, pose), number) for number, one, before in window]
-        frame = segment_frame(Scene(pixels, self._params), views, self._camera, mapped=self._mapped)
+        domain, start, background = self._masks
+        scene = Scene(pixels, self._params, domain=domain, start_mask=start, background=background)
+        frame = segment_frame(scene, views, self._camera, mapped=self._mapped)
         return self._followed(frame, name, pose, window)
 
     def _followed(

@@ -25,6 +25,7 @@ from ffseg.image.components import Component
 from ffseg.image.interest import harris_points
 from ffseg.image.keypoints import Candidates, align_patches, limited, patch_scores, plane_candidates, plane_pixels
 from ffseg.image.planes import search_ground_motions
+from ffseg.io.masks import encode_mask
 from ffseg.native import _core
 from ffseg.parameters import load_params
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL
@@ -282,6 +283,21 @@ def test_unrelated_grounds_have_no_motion() -> None:
     found = pair_motion(first.camera, images, None, Scenery(first.current.truth), EPSILON)
     assert found.motion is None
     assert "no motion" in found.note
+
+
+def test_a_sequence_keeps_to_the_masks_that_parameters_name(tmp_path: Path) -> None:
+    """They were passed over without a word."""
+    camera, image = pair(1).camera, pair(1).previous.image
+    right = np.zeros(image.shape[:2], np.bool_)
+    right[:, image.shape[1] // 2 :] = True
+    (tmp_path / "right.png").write_bytes(encode_mask(right))
+    found = Sequence(camera, {"domain.mask": str(tmp_path / "right.png")}).feed(image).mask
+    reach = image.shape[1] // 2 - 60  # the start round the robot stays what it is
+    assert Sequence(camera).feed(image).mask[:, :reach].any()
+    assert found.any()
+    assert not found[:, :reach].any()
+    with pytest.raises(ParameterError, match=r"domain\.masks finds masks by the names of files"):
+        Sequence(camera, {"domain.masks": str(tmp_path)})
 
 
 def test_a_sequence_takes_what_segment_takes_and_says_what_it_cannot(tmp_path: Path) -> None:
