@@ -98,7 +98,7 @@ def with_starts(scene: Scene) -> Scene:
     if params.edges.model is not None and scene.start_mask is None and scene.center is None:
         from ffseg.evidence.source import with_model_start
 
-        params = with_model_start(scene.image, params)
+        params = with_model_start(scene.image, params, scene.background)
     starts = start_contours(scene.shape, params, scene.start_mask, scene.center)
     return replace(scene, params=params, starts=starts)
 

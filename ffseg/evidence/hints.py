@@ -2,7 +2,8 @@
 
 What is known to lie inside (start regions) and outside (``init.background``) teaches the colours and ways of both sides of this
 image: the forest sees what the prior sees from the inside, the prior's own say, and the same ways and colours seen from the
-outside. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
+outside. Where a model or a map tells of the image, the forest takes what that says for the prior's say. It is part of the
+package; ``python -m ffseg.learning.grow`` makes it.
 """
 
 from __future__ import annotations
@@ -10,12 +11,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence import prior
-from ffseg.evidence.features import BARRIER, STEP, Features, broadened, enlarged, reduced_region, way
+from ffseg.evidence.features import BARRIER, STEP, Features, broadened, enlarged, reduced_mean, reduced_region, way
 from ffseg.evidence.forest import Compiled, shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
@@ -97,8 +99,13 @@ def hint_edges(scene: Scene) -> EdgeMap:
     return with_hints(scene, gradient(scene))
 
 
-def with_hints(scene: Scene, own: EdgeMap) -> EdgeMap:
+def with_hints(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMap:
     """Edges where the evidence falls to ``region.probability``; the image's own where clicks on both sides show the same.
+
+    Parameters
+    ----------
+    said : ndarray of float32, shape (H, W), optional
+        Log odds that a model or a map of the image tells without clicks, in place of the prior's.
 
     Raises
     ------
@@ -109,7 +116,7 @@ def with_hints(scene: Scene, own: EdgeMap) -> EdgeMap:
     outside = seeds(scene.params.init.background, inside, scene.background)
     if limits is not None:
         inside &= limits > 0
-    odds = hints(scene.image, inside, outside) if inside.any() else None
+    odds = hints(scene.image, inside, outside, said) if inside.any() else said
     if odds is None:
         return own
     edges = odds_edges(odds, scene.params.region.probability, own, "hints")
@@ -119,7 +126,7 @@ def with_hints(scene: Scene, own: EdgeMap) -> EdgeMap:
     return replace(edges, domain=np.where(within, np.uint8(255), np.uint8(0)))
 
 
-def hints(image: NDArray[np.uint8], inside: Region, outside: Region) -> Plane | None:
+def hints(image: NDArray[np.uint8], inside: Region, outside: Region, said: Plane | None = None) -> Plane | None:
     """Evidence of what clicks mean.
 
     Parameters
@@ -128,16 +135,23 @@ def hints(image: NDArray[np.uint8], inside: Region, outside: Region) -> Plane | 
         Grey or BGR.
     inside, outside : ndarray of bool, shape (H, W)
         Pixels known to lie there, at least one inside, none in both.
+    said : ndarray of float32, shape (H, W), optional
+        Log odds that a model or a map of the image tells without clicks, in place of the prior's.
 
     Returns
     -------
     ndarray of float32, shape (H, W), or None
-        Logarithm of the odds of belonging to what is meant, at most ``CERTAIN`` either way; None where both sides show the same.
+        Logarithm of the odds of belonging to what is meant, at most ``CERTAIN`` either way; None where both sides show the same
+        and nothing is said.
     """
     (shown, count), (beyond, _) = showing(inside, outside)
-    whole = prior.prior(image, shown) if count == 1 and not beyond.any() else _seen(look(image, shown, beyond))
-    if whole is None:
+    if count > 1 or beyond.any():
+        said = _seen(look(image, shown, beyond), said)
+    elif said is None:
+        said = prior.prior(image, shown)
+    if said is None:
         return None
+    whole = said.copy()
     whole[grown(inside, HELD)] = CERTAIN
     whole[outside], whole[inside] = -CERTAIN, CERTAIN
     return whole
@@ -161,16 +175,16 @@ def _at_least(
     return kept, sum(len(found.touching(kept[window])) for window, found in side)
 
 
-def _seen(view: View) -> Plane | None:
-    """Log odds of what both sides show; None where that is the same."""
-    return None if view.is_even() else enlarged(_odds(view), view.seen.factor, view.seen.shape, STRIDE)
+def _seen(view: View, said: Plane | None) -> Plane | None:
+    """Log odds of what both sides show; where that is the same, what was said without them."""
+    return said if view.is_even() else enlarged(_odds(view, said), view.seen.factor, view.seen.shape, STRIDE)
 
 
-def _odds(view: View) -> Plane:
+def _odds(view: View, said: Plane | None) -> Plane:
     """Log odds of every `STRIDE`-th pixel; colours of what was found at first are asked again."""
     model, native = shipped(MODEL, TAKEN)
     seen = view.seen
-    odds = np.clip(model.inside.log_odds(all_planes(view, prior.model()), native), -CERTAIN, CERTAIN)
+    odds = np.clip(model.inside.log_odds(all_planes(view, prior.model(), said), native), -CERTAIN, CERTAIN)
     odds[thin(view.outside) > 0], odds[thin(seen.inside) > 0] = -CERTAIN, CERTAIN
     return blurred(with_own_colours(odds, seen), SMOOTHING / STRIDE)
 
@@ -185,18 +199,22 @@ def look(image: NDArray[np.uint8], inside: Region, outside: Region) -> View:
     return View(seen, beyond)
 
 
-def thin(region: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def thin(region: NDArray[Any]) -> NDArray[Any]:
     """Every `STRIDE`-th pixel each way."""
     return np.ascontiguousarray(region[::STRIDE, ::STRIDE])
 
 
-def all_planes(view: View, asked: Compiled) -> Plane:
-    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel; of the prior, `asked` is the model."""
+def all_planes(view: View, asked: Compiled, said: Plane | None = None) -> Plane:
+    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel; of the prior, `asked` is the model.
+
+    What is `said` in its place are log odds for each pixel of the image.
+    """
     seen = view.seen
     planes = np.empty((len(TAKEN), *thin(seen.inside).shape), np.float32)
     own, told = planes[: len(prior.TAKEN)], planes[len(prior.TAKEN) :]
     own[:] = prior.all_planes(seen)
-    told[0] = np.clip(asked[0].inside.log_odds(own, asked[1]), -CERTAIN, CERTAIN)
+    say = asked[0].inside.log_odds(own, asked[1]) if said is None else thin(reduced_mean(said, seen.factor))
+    told[0] = np.clip(say, -CERTAIN, CERTAIN)
     from_inside = {name: own[prior.TAKEN.index(name)] for name in ("way", "barrier@1.5")}
     for to, plane in zip(told[1:], _told(view, told[0], from_inside["way"], from_inside["barrier@1.5"]), strict=True):
         to[:] = plane

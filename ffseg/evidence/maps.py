@@ -92,9 +92,15 @@ def evidence_edges(
     height = min(RIDGE_HEIGHT * image_edges.thresholds[1] * GRADIENT_SCALE, TALLEST)
     _core.evidence_level(above, UNDECIDED, SNAP, RIDGE_WIDTH, height, gradient, edges)
     if odds is None:
-        certain = np.clip(probability, 1 - MOST_CERTAIN, MOST_CERTAIN)
-        odds = np.log(certain / (1 - certain))
+        odds = certain_odds(probability)
     return EdgeMap(gradient, edges, image_edges.domain, image_edges.thresholds, source, odds)
+
+
+def certain_odds(probability: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Log odds of probabilities, as far as they are believed (`MOST_CERTAIN`)."""
+    certain = np.clip(probability, 1 - MOST_CERTAIN, MOST_CERTAIN)
+    odds: NDArray[np.float32] = np.log(certain / (1 - certain))
+    return odds
 
 
 def odds_edges(odds: NDArray[np.float32], probability: float, image_edges: EdgeMap, source: str) -> EdgeMap:

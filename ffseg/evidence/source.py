@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import ImageReadError, ParameterError, SegmentationError
-from ffseg.evidence.features import Features, features, reduction
+from ffseg.evidence.features import Features, features, reduced_mean, reduction
 from ffseg.evidence.forest import Compiled, Model, load_model
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.maps import LEVEL, at_level, evidence_edges, strength_edges
+from ffseg.evidence.hints import with_hints
+from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, strength_edges
 from ffseg.evidence.prior import prior
 from ffseg.image.edges import EdgeMap
 from ffseg.image.parts import parts
@@ -23,6 +24,7 @@ from ffseg.native import _core
 from ffseg.parameters import Network, Parameters
 from ffseg.scene import Scene
 from ffseg.starts.pockets import depths, discs
+from ffseg.starts.rivals import seeds
 
 FOREST_SUFFIX, NETWORK_SUFFIX = ".ffmodel", ".onnx"
 
@@ -50,7 +52,7 @@ def model_edges(scene: Scene) -> EdgeMap:
         probability = _network_map(scene, path)
     else:
         probability = told(ready(path)[0], scene.image, scene.start_region(), ready(path)[1])
-    return _edges(probability, own, scene.params, "model")
+    return _edges(scene, probability, own, "model")
 
 
 def told(
@@ -90,32 +92,39 @@ def map_edges(scene: Scene) -> EdgeMap:
     if scene.evidence.shape != shape:
         sizes = f"{scene.evidence.shape[1]} x {scene.evidence.shape[0]} pixels, the image {shape[1]} x {shape[0]}"
         raise SegmentationError(f"the map of evidence has {sizes}; it must have the image's size")
-    return _edges(scene.evidence, gradient(scene), scene.params, "evidence")
+    return _edges(scene, scene.evidence, gradient(scene), "evidence")
 
 
-def _edges(values: NDArray[np.float32], own: EdgeMap, params: Parameters, source: str) -> EdgeMap:
-    if params.edges.evidence == "edges":
+def _edges(scene: Scene, values: NDArray[np.float32], own: EdgeMap, source: str) -> EdgeMap:
+    if scene.params.edges.evidence == "edges":
         return strength_edges(values, own)
-    return evidence_edges(at_level(values, params.region.probability), own, source)
+    if len(scene.starts) > 1 or scene.clicked_outside:  # which tell of this image what nothing learned before can
+        return with_hints(scene, own, certain_odds(values))
+    return evidence_edges(at_level(values, scene.params.region.probability), own, source)
 
 
-def with_model_start(image: NDArray[np.uint8], params: Parameters) -> Parameters:
+def with_model_start(
+    image: NDArray[np.uint8], params: Parameters, background: NDArray[np.uint8] | None = None
+) -> Parameters:
     """The parameters with the start that a model finds, if it can and they name none.
 
     Notes
     -----
-    The start is a disc in the largest region of which the model is sure without a start.
+    The start is a disc in the largest region of which the model is sure without a start, beside what is known to lie outside.
     """
     path, init = params.edges.model, params.init
     named = init.center != "auto" or init.circles or init.boxes or init.mask
     if path is None or named or not path.endswith(FOREST_SUFFIX):
         return params
-    circle = model_start(image, ready(path)[0], init.radius_in(image.shape))
+    free = ~seeds(init.background, np.zeros(image.shape[:2], np.bool_), background)
+    circle = model_start(image, ready(path)[0], init.radius_in(image.shape), free)
     return params if circle is None else replace(params, init=replace(init, circles=(circle,)))
 
 
-def model_start(image: NDArray[np.uint8], model: Model, most: float) -> tuple[float, float, float] | None:
-    """Centre and radius (px, at most `most`) of a disc in the largest sure region; None where nothing is sure."""
+def model_start(
+    image: NDArray[np.uint8], model: Model, most: float, free: NDArray[np.bool_] | None = None
+) -> tuple[float, float, float] | None:
+    """Centre and radius (px, at most `most`) of a disc in the largest sure region, where `free`; None where nothing is sure."""
     if model.start is None:
         return None
     factor = reduction(image.shape, model.size)
@@ -123,6 +132,8 @@ def model_start(image: NDArray[np.uint8], model: Model, most: float) -> tuple[fl
     anywhere[image.shape[0] // 2, image.shape[1] // 2] = True  # these features say nothing of a start
     seen: Features = features(model.shown(image), anywhere, model.size)
     sure = model.start.probability(seen.planes) >= LEVEL
+    if free is not None:
+        sure &= reduced_mean(free.astype(np.float32), factor) == 1
     if not sure.any():
         return None
     told = parts(sure)

@@ -112,3 +112,15 @@ def test_clicks_that_are_all_narrow_show_what_they_lie_on() -> None:
     image, truth = halves()
     found = ffseg.segment(image, {"init.circles": [[40, 80, 2]], "init.background": [[200, 80, 2]]})
     assert iou(found.mask, truth) > 0.9
+
+
+def test_a_click_outside_corrects_what_a_map_says_and_leaves_the_rest() -> None:
+    """A rival that grew from it took the ground behind the box as well."""
+    levels, truth = np.full((120, 180, 3), (150, 170, 190), np.float64), np.zeros((120, 180), np.uint8)
+    levels[40:], truth[40:] = (120, 125, 130), INSIDE
+    said = np.where(truth == INSIDE, np.float32(0.9), np.float32(0.1))  # of a map to which the box is ground
+    levels[60:100, 100:150], truth[60:100, 100:150] = (140, 135, 110), 0
+    image = (levels + np.random.default_rng(1).normal(0, 3, levels.shape)).clip(0, 255).astype(np.uint8)
+    asked = {"init.circles": [[40, 80, 5]], "init.background": [[125, 80, 5]]}
+    found = ffseg.segment(image, asked, evidence=said)
+    assert (found.source, iou(found.mask, truth) > 0.95) == ("hints", True)
