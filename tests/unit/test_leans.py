@@ -38,6 +38,13 @@ def test_a_level_robot_is_left_level() -> None:
     assert leans.of("19")[1] < np.deg2rad(0.02)
 
 
+def test_a_camera_that_is_mounted_askew_is_found_out() -> None:
+    random = np.random.default_rng(4)
+    askew, turns = np.tile(np.deg2rad([1.0, -0.5]), (20, 1)), random.uniform(-0.3, 0.3, 20)
+    off = errors(followed(askew, turns, random), askew)
+    assert np.abs(off[14:]).max() < np.deg2rad(0.35)
+
+
 def test_a_nodding_robot_is_followed_from_its_first_frame() -> None:
     random = np.random.default_rng(2)
     true, turns = random.normal(0.0, np.deg2rad(1.4), (20, 2)), random.uniform(-0.3, 0.3, 20)
