@@ -230,6 +230,8 @@ def _coco(annotation: Mapping[str, Any]) -> Paint:
         values = np.repeat(np.arange(len(lengths)) % 2 == 1, lengths).reshape((height, width), order="F")
 
         def paint(mask: Mask) -> None:
+            if mask.shape != values.shape:
+                raise ValueError(f"run lengths of {width}x{height} pixels")
             mask |= values
 
         return paint

@@ -127,9 +127,13 @@ class Session:
         for index, source in enumerate(self.sources):
             if source.name not in labels.regions:
                 continue
+            try:
+                shape = self.scene(index).shape
+            except ImageReadError:  # the page says why
+                continue
             for project in self.projects:
                 track = project.journal.track(source.name)
-                mask = None if track.version else labels.mask(source.name, project.label, self.scene(index).shape)
+                mask = None if track.version else labels.mask(source.name, project.label, shape)
                 if mask is not None and mask.any() and not mask.all():
                     project.take(source.name, mask)
                     self._keep(project, source.name)

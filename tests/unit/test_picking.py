@@ -483,6 +483,18 @@ def test_a_notebook_gets_the_page_in_a_frame_and_what_was_picked(tmp_path: Path)
         ffseg.pick([None], out=tmp_path / "out")
 
 
+def test_labels_of_an_image_that_cannot_be_read_keep_no_other_from_being_taken(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(Background, "start", lambda *_: None)
+    folder = draw(tmp_path / "in", ["b.png"])
+    (folder / "a.png").write_text("broken")
+    boxes = [{"image_id": name, "bbox": [20, 20, 30, 30]} for name in ("a.png", "b.png")]
+    images = [{"id": one["image_id"], "file_name": one["image_id"]} for one in boxes]
+    (tmp_path / "coco.json").write_text(json.dumps({"images": images, "annotations": boxes}))
+    with session(folder, tmp_path / "out") as own:
+        assert own.take(read_labels(tmp_path / "coco.json")) == 1
+        assert own.statuses(0) == {1: "accepted"}
+
+
 def test_labels_come_from_other_programs_and_go_back(tmp_path: Path) -> None:
     folder, out = draw(tmp_path / "in", ["a.png", "sub/b.png"]), tmp_path / "out"
     with session(folder, out) as own:
