@@ -20,15 +20,13 @@ from ffseg.image.raster import rasterize
 from ffseg.io.files import printable
 from ffseg.io.images import single_thread
 from ffseg.io.starts import Start, finds_starts, load_starts
+from ffseg.learning.training import LEAST_KNOWN
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 from ffseg.parameters import Parameters
 from ffseg.starts.initial import start_contours
 
 MOST_NAMED = 4
 """Images that a message names."""
-
-LEAST_KNOWN = 0.5
-"""Part of the pixels; figures from masks that know less say little of where the region ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -38,6 +38,11 @@ PIXELS = 6000
 MIXED = 0.2
 """A reduced pixel of which between this share and the rest lies inside is no sample of either."""
 
+LEAST_KNOWN = 0.5
+"""Part of the pixels; masks that know less are scribbles: they say little of where the region ends, and each of their pixels
+counts. Where the rest of a mask is known, reduced pixels at the edge of what is not do harm: with them unseen road frames,
+learned from three masks, had a mean IoU of .801, without .810."""
+
 SETTINGS = {
     "objective": "binary",
     "num_leaves": 15,
@@ -139,7 +144,8 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
     rows, labels, odds = [], [], []
     for start in starts_in(example, rng):
         seen = features(image, start, size, KNOWN)
-        known = known_of_some(example.truth, seen.factor)
+        scribbled = np.count_nonzero(example.truth != IGNORED) < LEAST_KNOWN * example.truth.size
+        known = (known_of_some if scribbled else known_pixels)(example.truth, seen.factor)
         chosen = rng.permutation(np.flatnonzero(known >= 0))[: PIXELS // STARTS]
         found = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1)[:, chosen].T)
         rows += [found, mirrored(found)]
@@ -193,7 +199,7 @@ def known_pixels(truth: NDArray[np.uint8], factor: int) -> NDArray[np.int8]:
 
 
 def known_of_some(truth: NDArray[np.uint8], factor: int) -> NDArray[np.int8]:
-    """The same of masks that may be scribbles: what is known of a reduced pixel, be it one pixel of many, says all of it."""
+    """The same of scribbles: what is known of a reduced pixel, be it one pixel of many, says all of it."""
     inside, outside = (reduced_mean((truth == level).astype(np.float32), factor) for level in (INSIDE, OUTSIDE))
     least = (1 - MIXED) * (inside + outside)
     return np.where(inside + outside <= 0, -1, np.where(inside >= least, 1, np.where(outside >= least, 0, -1))).astype(
