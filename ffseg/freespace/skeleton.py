@@ -22,6 +22,9 @@ Cell = tuple[int, int]
 NodeKind = Literal["junction", "end", "frontier"]
 LEAST_SPREAD = 0.4
 """Metres between the two outlines that a branch lies between: steps of cells and small dents make no branch."""
+LINE, RIM = 0.04, 0.5
+"""Metres that a line of the drawing is wide, and that it shows round the graph."""
+COLOURS: dict[NodeKind, str] = {"junction": "#2563eb", "end": "#111827", "frontier": "#f59e0b"}
 AROUND = ((-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1))
 
 
@@ -155,8 +158,28 @@ class Skeleton:
             lines.append(f'<edge id="e{number}" source="n{way.start}" target="n{way.end}">{data}</edge>')
         return "\n".join([*lines, "</graph>", "</graphml>", ""])
 
+    def svg(self) -> str:
+        """SVG in metres, y up as on the map: a line for each edge and a circle for each node, which say what they are."""
+        places = np.array([[one.x, one.y] for one in self.nodes]).reshape(-1, 2)
+        around = np.concatenate([places, *(edge.points for edge in self.edges)]) if len(places) else np.zeros((1, 2))
+        (left, low), (width, height) = around.min(axis=0) - RIM, np.ptp(around, axis=0) + 2 * RIM
+        view = f"{left:.3f} {-low - height:.3f} {width:.3f} {height:.3f}"
+        lines = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{view}"><g transform="scale(1 -1)">']
+        for way in self.edges:
+            path = " ".join(f"{x:.3f},{y:.3f}" for x, y in way.points.tolist())
+            title = f"<title>{way.length_m:.2f} m long, {way.width_m:.2f} m wide</title>"
+            lines.append(
+                f'<polyline points="{path}" fill="none" stroke="#2563eb" stroke-width="{LINE}">{title}</polyline>'
+            )
+        for one in self.nodes:
+            title = f"<title>{one.kind}, {one.clearance_m:.2f} m clear</title>"
+            lines.append(
+                f'<circle cx="{one.x:.3f}" cy="{one.y:.3f}" r="{2 * LINE}" fill="{COLOURS[one.kind]}">{title}</circle>'
+            )
+        return "\n".join([*lines, "</g></svg>", ""])
+
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Write ``graph.geojson`` and ``graph.graphml``.
+        """Write ``graph.geojson``, ``graph.graphml`` and ``graph.svg``.
 
         Raises
         ------
@@ -168,7 +191,8 @@ class Skeleton:
 
     def files(self) -> dict[str, bytes]:
         """The files that `save` writes, by name."""
-        return {"graph.geojson": self.geojson().encode("utf-8"), "graph.graphml": self.graphml().encode("utf-8")}
+        texts = {"graph.geojson": self.geojson(), "graph.graphml": self.graphml(), "graph.svg": self.svg()}
+        return {name: text.encode("utf-8") for name, text in texts.items()}
 
 
 def skeleton_of(free: Mask, unknown: Mask, cell: float, origin: tuple[float, float], footprint: float) -> Skeleton:

@@ -125,3 +125,8 @@ def test_files_hold_the_graph(tmp_path: Path) -> None:
     assert len(names) == len(graph.nodes)
     assert ends <= names
     assert {one.get("key") for one in root.iter(f"{space}data")} <= declared
+    drawn = ElementTree.fromstring((tmp_path / "graph.svg").read_text())  # noqa: S314 - our own file
+    left, top, width, height = map(float, drawn.get("viewBox", "").split())
+    circles = [(float(one.get("cx")), float(one.get("cy"))) for one in drawn.iter("{http://www.w3.org/2000/svg}circle")]
+    assert circles == [pytest.approx((one.x, one.y), abs=0.001) for one in graph.nodes]
+    assert all(left < x < left + width and top < -y < top + height for x, y in circles)

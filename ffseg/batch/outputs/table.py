@@ -65,7 +65,8 @@ OUTPUTS = (
 )  # fmt: skip
 """Every kind of ffseg's own, in the order in which they are written."""
 MAP_FILES = tuple(
-    f"map/{name}" for name in ("map.pgm", "map.yaml", "map.png", "trajectory.csv", "graph.geojson", "graph.graphml")
+    f"map/{name}"
+    for name in ("map.pgm", "map.yaml", "map.png", "trajectory.csv", "graph.geojson", "graph.graphml", "graph.svg")
 )
 """Of all frames together, where each has a ground."""
 MAP_BAG = "map/drive.mcap"
