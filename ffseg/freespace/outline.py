@@ -160,9 +160,7 @@ class Ground:
         ends = np.where(np.isnan(ranges), "unknown", np.where(at_rim, "rim", "obstacle"))
         told: tuple[End, ...] = tuple(ends.tolist())
         height = self.camera.mounting()
-        tilted = (
-            height + ranges**2 / height
-        ) * self.lean_sigma  # a lean of so much moves ground so far away by so much
+        tilted = (height + ranges**2 / height) * self.lean_sigma  # by which a lean moves ground so far away
         return Scan(bearings, ranges, np.hypot(_range_sigma(self.camera, pixels), tilted), told, self.reach)
 
 
@@ -185,9 +183,12 @@ def ground_of(mask: Mask, contours: Sequence[FreeForm], cameras: tuple[Camera, C
         When the camera file has no mount_height.
     """
     seen, camera = _within(cameras[0], reach), cameras[1]
-    found = []
-    for region in polygons(mask & seen, contours, flatness=0.0):
-        rings = [to_robot(camera, ring) for ring in region.rings]
+    regions, found = polygons(mask & seen, contours, flatness=0.0), []
+    outlines = [ring for region in regions for ring in region.rings]
+    ends = np.cumsum([len(ring) for ring in outlines])
+    laid = iter(np.split(to_robot(camera, np.concatenate(outlines)), ends[:-1]) if outlines else ())
+    for region in regions:
+        rings = [next(laid) for _ in region.rings]
         if all(np.isfinite(ring).all() for ring in rings):
             found.append(tuple(ring[::-1] for ring in rings) if ring_area(rings[0]) < 0 else tuple(rings))
     return Ground(tuple(found), camera, reach, seen)
