@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.plan.jobs import make_plan, with_domains, with_evidence, with_starts
-from ffseg.batch.plan.masks import Masks, named_masks
 from ffseg.batch.plan.sources import Job
 from ffseg.batch.workers.pictures import read_evidence, read_source, read_truth
 from ffseg.compare.journal import Journal
@@ -25,6 +24,7 @@ from ffseg.compare.values import COLUMNS, Comparison, Row
 from ffseg.errors import ImageReadError, ParameterError, UsageError, is_out_of_memory
 from ffseg.io.files import make_folder, printable, read_bytes, write_all_atomic, write_bytes_atomic
 from ffseg.io.images import single_thread
+from ffseg.io.masks import Masks, named_masks
 from ffseg.io.overlays import polylines
 from ffseg.io.panels import Tile, encode_panel
 from ffseg.io.tables import csv_table, names_meant_by

@@ -31,7 +31,7 @@ from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.components import Component, contour_components, merged
 from ffseg.image.keypoints import Grey, grey_image
 from ffseg.image.leaks import leaked
-from ffseg.io.masks import load_mask
+from ffseg.io.masks import named_masks
 from ffseg.parameters import Parameters, ParametersLike, parameter_set
 from ffseg.pipeline import segment
 from ffseg.plugins import method as row_of
@@ -403,9 +403,7 @@ class Sequence:
         self._params = chosen if method is None else replace(chosen, method=method)
         if chosen.domain.masks is not None:
             raise ParameterError("domain.masks finds masks by the names of files; name one of all images: domain.mask")
-        named = {"domain.mask": chosen.domain.mask, "init.mask": chosen.init.mask}
-        named["init.background_mask"] = chosen.init.background_mask
-        self._masks = [load_mask(key, path) for key, path in named.items()]
+        self._masks = named_masks(chosen)
         self._earlier: deque[tuple[str, Grey, Pose | None]] = deque(maxlen=WINDOW)
         self._tracks = Tracks(WINDOW + 1)
         self._paint: dict[int, str] = {}
@@ -439,8 +437,7 @@ class Sequence:
         window = list(self._earlier)
         self._earlier.appendleft((name, grey_image(pixels), pose))
         views = [Earlier(one, _both(before, pose), number) for number, one, before in window]
-        domain, start, background = self._masks
-        scene = Scene(pixels, self._params, domain=domain, start_mask=start, background=background)
+        scene = Scene(pixels, self._params, **self._masks.bounds)
         frame = segment_frame(scene, views, self._camera, mapped=self._mapped)
         return self._followed(frame, name, pose, window)
 

@@ -1,9 +1,10 @@
-"""Masks as 8-bit one-channel PNG files, and masks read back as truth or domain."""
+"""Masks as 8-bit one-channel PNG files, masks read back as truth or domain, and those that come with images."""
 
 from __future__ import annotations
 
 import os
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, TypedDict
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from ffseg.errors import ImageReadError, ParameterError
 from ffseg.io.files import printable, read_bytes
 from ffseg.io.images import Limits, decode_image, read_image
+from ffseg.parameters import Parameters
 
 # A mask is runs of two values: run-length matching on unfiltered rows packs the 800x600 scenes into half the bytes of
 # OpenCV's default, in three quarters of its time. Releases of OpenCV without the filter option choose one themselves.
@@ -114,3 +116,41 @@ def hides_levels(data: bytes) -> bool:
     if stored is None or stored.ndim < 3 or stored.shape[2] < 4:
         return False
     return bool(stored[stored[:, :, 3] == 0][:, :3].any())
+
+
+class Bounds(TypedDict):
+    """Where the contour may go, start and may not be, as arguments of `ffseg.segment`."""
+
+    domain: NDArray[np.uint8] | None
+    start_mask: NDArray[np.uint8] | None
+    background: NDArray[np.uint8] | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Masks:
+    """What is known of an image's pixels before it is segmented: 255 or 0, as `load_mask` gives them, or nothing."""
+
+    domain: NDArray[np.uint8] | None = None
+    start: NDArray[np.uint8] | None = None
+    background: NDArray[np.uint8] | None = None
+
+    @property
+    def bounds(self) -> Bounds:
+        """As arguments."""
+        return {"domain": self.domain, "start_mask": self.start, "background": self.background}
+
+    def within(self, path: str, limits: Limits | None = None) -> Masks:
+        """With the domain of one image out of ``domain.masks``; the same without a path."""
+        return replace(self, domain=load_mask("domain.masks", path, limits)) if path else self
+
+
+NO_MASKS = Masks()
+
+
+def named_masks(params: Parameters, limits: Limits | None = None) -> Masks:
+    """The masks that the parameters name."""
+    return Masks(
+        load_mask("domain.mask", params.domain.mask, limits),
+        load_mask("init.mask", params.init.mask, limits),
+        load_mask("init.background_mask", params.init.background_mask, limits),
+    )

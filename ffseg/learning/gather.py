@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from ffseg.batch.plan.beside import find_domains, find_truths
 from ffseg.batch.plan.discover import discover
-from ffseg.batch.plan.masks import NO_MASKS, Masks, named_masks
 from ffseg.batch.plan.sources import Source
 from ffseg.batch.workers.pictures import read_source, read_truth
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable
 from ffseg.io.images import single_thread
+from ffseg.io.masks import NO_MASKS, Masks, named_masks
 from ffseg.io.starts import Start, finds_starts, load_starts
 from ffseg.learning.training import LEAST_KNOWN
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.api import segment
-from ffseg.batch.plan.masks import NO_MASKS, Bounds, Masks
 from ffseg.errors import FfsegError
 from ffseg.geometry.freeform import FreeForm
+from ffseg.io.masks import NO_MASKS, Bounds, Masks
 from ffseg.io.overlays import encode_jpeg
 from ffseg.io.snapshots import scaled_down
 from ffseg.io.starts import Start

@@ -15,7 +15,6 @@ from typing import Any
 
 from ffseg.batch.plan.beside import find_domains
 from ffseg.batch.plan.jobs import make_plan
-from ffseg.batch.plan.masks import named_masks
 from ffseg.batch.plan.sources import Source
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.report.folder import read_folder
@@ -24,6 +23,7 @@ from ffseg.errors import FfsegError, ImageReadError, UsageError
 from ffseg.io.files import make_folder, printable, write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.io.labels import Labels
+from ffseg.io.masks import named_masks
 from ffseg.io.tables import counted
 from ffseg.parameters import Parameters
 from ffseg.picking.learner import LEAST_MASKS, Background, figures_said, last_line

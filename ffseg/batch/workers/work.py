@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from ffseg import __version__
 from ffseg.batch.outputs.encoding import Context, Film, encoded
 from ffseg.batch.outputs.table import Output
-from ffseg.batch.plan.masks import named_masks
 from ffseg.batch.tar.members import digest, output_bytes
 from ffseg.batch.workers.freshness import Read, kept_outputs, read_job
 from ffseg.batch.workers.messages import Done, Encoded, Failed, Reply, Setup, Task
 from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError, is_out_of_memory
 from ffseg.image.selection import counted
 from ffseg.io.images import OPENCV_VERSION, Limits, read_picture, single_thread
-from ffseg.io.masks import decode_mask
+from ffseg.io.masks import decode_mask, named_masks
 from ffseg.io.overlays import FLATNESS, polylines
 from ffseg.parameters import Parameters
 from ffseg.plugins import load
