@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections.abc import Callable, Mapping
 
 from ffseg.parameters import Parameters
 from ffseg.peer_parameters import PeerParameters
@@ -61,6 +62,18 @@ def non_defaults(params: Parameters) -> dict[str, object]:
         for key, value in flat(params).items()
         if value != defaults[key]
     }
+
+
+def yaml_lines(values: Mapping[str, object], text: Callable[[object], str] = yaml_value) -> list[str]:
+    """Lines of a parameter file that sets these keys, by section; ``{}`` where there is none."""
+    sections: dict[str, list[str]] = {"": []}
+    for key, value in values.items():
+        section, _, name = key.rpartition(".")
+        sections.setdefault(section, []).append(f"{'  ' if section else ''}{name}: {text(value)}")
+    lines = sections.pop("")
+    for section, entries in sections.items():
+        lines += [f"{section}:", *entries]
+    return lines or ["{}"]
 
 
 def json_schema() -> JsonSchema:

@@ -18,7 +18,7 @@ from ffseg.io.tables import counted
 from ffseg.learning.gather import Labelled, few_known
 from ffseg.learning.tune import Tuned
 from ffseg.metrics import IGNORED, INSIDE
-from ffseg.parameter_text import non_defaults, yaml_value
+from ffseg.parameter_text import non_defaults, yaml_lines, yaml_value
 from ffseg.parameters import Parameters
 
 MOST_SHOWN = 60
@@ -72,15 +72,11 @@ def to_yaml(tuned: Tuned, params: Parameters | None = None) -> str:
     """
     lines = [f"# ffseg tune {__version__}", *(f"# {line}" for line in (*told(tuned), *untried(tuned)))]
     values = (non_defaults(params) if params is not None else {}) | tuned.setting
-    sections: dict[str, list[str]] = {}
-    for key, value in values.items():
-        section, _, name = key.rpartition(".")
-        text = f"[{', '.join(map(_short, value))}]" if _is_row(value) else yaml_value(value)
-        sections.setdefault(section, []).append(f"{'  ' if section else ''}{name}: {text}")
-    lines += sections.pop("", [])
-    for section, entries in sections.items():
-        lines += [f"{section}:", *entries]
-    return "\n".join([*lines, *([] if values else ["{}"])]) + "\n"
+    return "\n".join([*lines, *yaml_lines(values, _text), ""])
+
+
+def _text(value: object) -> str:
+    return f"[{', '.join(map(_short, value))}]" if _is_row(value) else yaml_value(value)
 
 
 def _short(number: float) -> str:

@@ -17,7 +17,7 @@ from ffseg.io.exports import AnnotatedImage, json_text, labelme_document
 from ffseg.io.files import SKIP_FILE, make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.io.masks import decode_mask, encode_mask
 from ffseg.io.starts import starts_table
-from ffseg.parameter_text import non_defaults, yaml_value
+from ffseg.parameter_text import non_defaults, yaml_lines, yaml_value
 from ffseg.parameters import Parameters
 from ffseg.picking.picks import Journal, Picked, Track
 from ffseg.picking.scene import Found
@@ -185,13 +185,5 @@ class Project:
 
     def _settings(self) -> str:
         """A parameter file with what differs from the defaults."""
-        lines = ["# Written by ffseg pick: what all images are segmented with.", "{}"]
-        section = ""
-        for key, value in non_defaults(self.params).items():
-            group, _, name = key.rpartition(".")
-            if group != section:
-                lines, section = [*lines, f"{group}:"], group
-            lines.append(f"{'  ' if group else ''}{name}: {yaml_value(value)}")
-        if len(lines) > 2:
-            lines.remove("{}")
-        return "\n".join([*lines, ""])
+        head = "# Written by ffseg pick: what all images are segmented with."
+        return "\n".join([head, *yaml_lines(non_defaults(self.params)), ""])
