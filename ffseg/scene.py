@@ -191,6 +191,11 @@ class Scene:
         """Whether it is told what lies outside the region, but for boxes."""
         return bool(self.params.init.background) or self.background is not None
 
+    @property
+    def has_hints(self) -> bool:
+        """Whether more is told than one start, which teaches what this image shows (the source ``hints``)."""
+        return len(self.starts) > 1 or self.clicked_outside
+
     def start_region(self) -> NDArray[np.bool_]:
         """Pixels whose centre lies in a start contour, shape (H, W)."""
         return rasterize(self.starts, self.shape)

@@ -32,7 +32,7 @@ def auto(scene: Scene) -> EdgeMap:
     found = _trial(replace(_not_told_outside(scene), edges=edges, callback=None))
     if found is not None and not _holds_clicks_outside(found, scene):
         return replace(edges, trial=found)
-    if len(scene.starts) > 1 or scene.clicked_outside:
+    if scene.has_hints:
         from ffseg.evidence.hints import with_hints  # these load forests, which clear edges do not need
 
         return with_hints(scene, edges)

@@ -146,12 +146,12 @@ def hints(image: NDArray[np.uint8], inside: Region, outside: Region, said: Plane
     """
     (shown, count), (beyond, _) = showing(inside, outside)
     if count > 1 or beyond.any():
-        said = _seen(look(image, shown, beyond), said)
-    elif said is None:
-        said = prior.prior(image, shown)
-    if said is None:
+        whole = _seen(look(image, shown, beyond), said)
+    else:
+        whole = prior.prior(image, shown) if said is None else said
+    if whole is None:
         return None
-    whole = said.copy()
+    whole = whole.copy() if whole is said else whole
     whole[grown(inside, HELD)] = CERTAIN
     whole[outside], whole[inside] = -CERTAIN, CERTAIN
     return whole

@@ -98,7 +98,7 @@ def map_edges(scene: Scene) -> EdgeMap:
 def _edges(scene: Scene, values: NDArray[np.float32], own: EdgeMap, source: str) -> EdgeMap:
     if scene.params.edges.evidence == "edges":
         return strength_edges(values, own)
-    if len(scene.starts) > 1 or scene.clicked_outside:  # which tell of this image what nothing learned before can
+    if scene.has_hints:
         return with_hints(scene, own, certain_odds(values))
     return evidence_edges(at_level(values, scene.params.region.probability), own, source)
 
@@ -116,15 +116,17 @@ def with_model_start(
     named = init.center != "auto" or init.circles or init.boxes or init.mask
     if path is None or named or not path.endswith(FOREST_SUFFIX):
         return params
-    free = ~seeds(init.background, np.zeros(image.shape[:2], np.bool_), background)
-    circle = model_start(image, ready(path)[0], init.radius_in(image.shape), free)
+    outside = None
+    if init.background or background is not None:
+        outside = seeds(init.background, np.zeros(image.shape[:2], np.bool_), background)
+    circle = model_start(image, ready(path)[0], init.radius_in(image.shape), outside)
     return params if circle is None else replace(params, init=replace(init, circles=(circle,)))
 
 
 def model_start(
-    image: NDArray[np.uint8], model: Model, most: float, free: NDArray[np.bool_] | None = None
+    image: NDArray[np.uint8], model: Model, most: float, outside: NDArray[np.bool_] | None = None
 ) -> tuple[float, float, float] | None:
-    """Centre and radius (px, at most `most`) of a disc in the largest sure region, where `free`; None where nothing is sure."""
+    """Centre and radius (px, at most `most`) of a disc in the largest sure region not known `outside`; None where nothing is."""
     if model.start is None:
         return None
     factor = reduction(image.shape, model.size)
@@ -132,8 +134,8 @@ def model_start(
     anywhere[image.shape[0] // 2, image.shape[1] // 2] = True  # these features say nothing of a start
     seen: Features = features(model.shown(image), anywhere, model.size)
     sure = model.start.probability(seen.planes) >= LEVEL
-    if free is not None:
-        sure &= reduced_mean(free.astype(np.float32), factor) == 1
+    if outside is not None:
+        sure &= reduced_mean(outside.astype(np.float32), factor) == 0
     if not sure.any():
         return None
     told = parts(sure)
