@@ -169,7 +169,7 @@ class Skeleton:
             path = " ".join(f"{x:.3f},{y:.3f}" for x, y in way.points.tolist())
             title = f"<title>{way.length_m:.2f} m long, {way.width_m:.2f} m wide</title>"
             lines.append(
-                f'<polyline points="{path}" fill="none" stroke="#2563eb" stroke-width="{LINE}">{title}</polyline>'
+                f'<polyline points="{path}" fill="none" stroke="{COLOURS["junction"]}" stroke-width="{LINE}">{title}</polyline>'
             )
         for one in self.nodes:
             title = f"<title>{one.kind}, {one.clearance_m:.2f} m clear</title>"

@@ -53,11 +53,7 @@ class Labels:
         An image and what the file has belong together where the ends of their paths have most in common, each of all
         the others: what is called ``a.png`` is of no image where there are ``x/a.png`` and ``y/a.png``.
         """
-        images, entries = _by_ends(names), _by_ends(self.regions)
-        nearest = {name: _nearest(name, entries) for name in names}
-        pairs = {
-            name: keys[0] for name, keys in nearest.items() if len(keys) == 1 and _nearest(keys[0], images) == [name]
-        }
+        pairs = self._pairs(names)
         return Labels(
             {name: self.regions[key] for name, key in pairs.items()},
             {name: self.sizes[key] for name, key in pairs.items() if key in self.sizes},
@@ -65,8 +61,16 @@ class Labels:
 
     def without(self, names: Sequence[str]) -> list[str]:
         """What the file calls the images that belong to none of these."""
+        known = set(self._pairs(names).values())
+        return [key for key in self.regions if key not in known]
+
+    def _pairs(self, names: Sequence[str]) -> dict[str, str]:
+        """What the file calls the images of these names, where image and entry are nearest to each other alone."""
         images, entries = _by_ends(names), _by_ends(self.regions)
-        return [key for key in self.regions if [_nearest(one, entries) for one in _nearest(key, images)] != [[key]]]
+        nearest = {name: _nearest(name, entries) for name in names}
+        return {
+            name: keys[0] for name, keys in nearest.items() if len(keys) == 1 and _nearest(keys[0], images) == [name]
+        }
 
     def mask(self, name: str, label: str, shape: tuple[int, int]) -> Mask | None:
         """Regions of a label in an image, or of all labels where it is empty; None where the file has none.

@@ -27,7 +27,7 @@ Rows along_x(const std::vector<Vec2>& steps) {
     for (const Vec2& step : steps) top = std::min(top, step.y), bottom = std::max(bottom, step.y);
     if (steps.empty()) return {};
     Rows found{static_cast<int>(std::floor(top)), {}};
-    found.steps.resize(static_cast<std::size_t>(std::floor(bottom)) - found.top + 1);
+    found.steps.resize(static_cast<int>(std::floor(bottom)) - found.top + 1);
     for (std::size_t i = 0; i < steps.size(); ++i) {
         const double column = std::floor(steps[i].x);
         if (column != steps[i].x)
