@@ -309,7 +309,7 @@ def test_a_page_that_leaves_says_nothing_on_the_terminal(server, capfd: pytest.C
     with socket.create_connection((pick_page.HOST, server.port)) as page:
         page.sendall(b"GET / HTTP/1.1\r\n")
         page.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # closing resets the connection
-        while not (answering := {*threading.enumerate()} - before):
+        while not (answering := {one for one in threading.enumerate() if one.is_alive()} - before):
             time.sleep(0.01)
     for thread in answering:
         thread.join(20)
