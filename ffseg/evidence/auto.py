@@ -7,7 +7,7 @@ from time import perf_counter
 
 from ffseg.contour import Found, bounded, run
 from ffseg.evidence.gradient import gradient
-from ffseg.image.boundary import Boundary
+from ffseg.image.boundary import EVERY, Boundary, FaintError, unless_faint
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.scene import BlockedStartError, Scene
@@ -62,8 +62,8 @@ def _trial(scene: Scene) -> Found | None:
     begin = perf_counter()
     scene, messages, across = on_one_side(scene)
     try:
-        outcome = run(scene)
-    except BlockedStartError:
+        outcome = run(replace(scene, callback=unless_faint(scene.edges, MET), every=EVERY))
+    except (BlockedStartError, FaintError):
         return None
     if outcome.contours is None:
         return None

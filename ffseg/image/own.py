@@ -188,7 +188,7 @@ def _outlines(seen: _Seen) -> Mask:
     stay = parts(seen.stays >= MAY_STAY, corners=True)
     labels = stay.labels
     sure = np.bincount(labels[(seen.stays >= STAYS) & (seen.strength >= CLEAR)], minlength=len(stay.areas))
-    kept = (sure >= LEAST_SURE * stay.areas) & (stay.boxes[:, 2:].max(axis=1) >= LEAST_LENGTH * max(labels.shape))
+    kept = (sure >= LEAST_SURE * stay.areas) & (stay.boxes()[:, 2:].max(axis=1) >= LEAST_LENGTH * max(labels.shape))
     kept[0] = False
     half = LONGEST_GAP // 2
     padded = np.pad(kept[labels].astype(np.uint8), half, mode="edge")  # an outline ends at the image's border

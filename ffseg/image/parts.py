@@ -20,13 +20,13 @@ class Parts:
         Number of the part that a pixel belongs to.
     areas : ndarray of intp, shape (N + 1,)
         Pixels of each; none for 0.
-    boxes : ndarray of int32, shape (N + 1, 4)
-        Column, row, width and height of the box round each.
+    neighbours : int
+        Of a pixel: 4 over its sides, 8 over corners too.
     """
 
     labels: NDArray[np.int32]
     areas: NDArray[np.intp]
-    boxes: NDArray[np.int32]
+    neighbours: int
 
     def touching(self, mask: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Numbers of those with a pixel in a mask."""
@@ -37,13 +37,19 @@ class Parts:
         """Pixels of those that have so many."""
         return np.asarray((self.areas >= max(area, 1))[self.labels], np.bool_)
 
+    def boxes(self) -> NDArray[np.int32]:
+        """Column, row, width and height of the box round each, shape (N + 1, 4); looked for only now, as few ask."""
+        inside = (self.labels > 0).astype(np.uint8)
+        return np.asarray(cv2.connectedComponentsWithStats(inside, connectivity=self.neighbours)[2][:, :4], np.int32)
+
 
 def parts(mask: NDArray[np.bool_] | NDArray[np.uint8], *, corners: bool = False) -> Parts:
     """The parts of a mask, whose pixels hang together over their sides, or over corners too."""
-    _, labels, figures, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8 if corners else 4)
-    areas = figures[:, cv2.CC_STAT_AREA].astype(np.intp)
+    neighbours = 8 if corners else 4
+    number, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=neighbours)
+    areas = np.bincount(labels.ravel(), minlength=number)
     areas[0] = 0
-    return Parts(np.asarray(labels, np.int32), areas, np.asarray(figures[:, :4], np.int32))
+    return Parts(np.asarray(labels, np.int32), areas, neighbours)
 
 
 def scattered(mask: NDArray[np.bool_]) -> Iterator[tuple[tuple[slice, slice], Parts]]:

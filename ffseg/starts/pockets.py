@@ -40,7 +40,9 @@ def starts_beyond(walls: NDArray[np.uint8], starts: NDArray[np.bool_], most: flo
     """
     free = np.where(walls > 0, np.uint8(0), np.uint8(1))
     ground = parts(free)
-    depth = depths(np.isin(ground.labels, ground.touching(starts)).astype(np.uint8))
+    reached = np.zeros(len(ground.areas), np.uint8)
+    reached[ground.touching(starts)] = 1
+    depth = depths(reached[ground.labels])
     deep = parts(depth >= NARROW, corners=True)
     chosen = np.setdiff1d(np.flatnonzero(deep.areas >= LEAST_PIXELS), deep.touching(starts))
     return discs(depth, deep, chosen, most)
@@ -65,9 +67,10 @@ def discs(depth: NDArray[np.float32], told: Parts, chosen: Iterable[int], most: 
     most : float
         px; the largest radius of a disc.
     """
-    found = []
+    chosen, found = list(chosen), []
+    boxes = told.boxes() if chosen else ()
     for part in chosen:
-        x, y, width, height = told.boxes[part].tolist()
+        x, y, width, height = boxes[part].tolist()
         window = np.s_[y : y + height, x : x + width]
         inside = np.where(told.labels[window] == part, depth[window], 0)
         row, column = np.unravel_index(int(inside.argmax()), inside.shape)

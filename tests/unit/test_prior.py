@@ -1,19 +1,25 @@
 """Which evidence decides: clear edges alone, else the learned prior; and how sure the result is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from ffseg.api import segment
+from ffseg.contour import run
+from ffseg.evidence import auto
 from ffseg.evidence.features import MIDDLE, exposed
 from ffseg.evidence.prior import CERTAIN, LEAST_START, TAKEN, all_planes, look, prior
 from ffseg.geometry.freeform import FreeForm
+from ffseg.image import boundary
 from ffseg.image.boundary import Boundary
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
 from ffseg.judge import HOPE, expected_overlap, sobered
 from ffseg.learning.drawn.sights import sights
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
+from ffseg.scene import Outcome, Progress, Scene
 from tests.scenes import START, START_RADIUS, scene
 
 PARAMS = load_params(None, {"init.center": list(START), "init.radius": START_RADIUS})
@@ -150,6 +156,35 @@ def test_nothing_to_ask_of_an_even_image() -> None:
     edges = edge_map(even, params.edges)
     assert Boundary((), edges).is_clear()
     assert segment(even, params).source == "gradient"
+
+
+@pytest.mark.parametrize("kind", ["thing", "mirror"])
+def test_a_trial_on_faint_edges_ends_early_and_changes_nothing(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = list(sights(kind, 3, 100_000))[2]
+    x, y, radius = seen.start
+    params = load_params(None, {"init.center": [x, y], "init.radius": radius})
+    ends = []
+
+    def told(scene: Scene) -> Outcome:
+        watch, heard = scene.callback, []
+        assert watch is not None
+
+        def hear(progress: Progress) -> None:
+            heard.append(progress.iteration)
+            watch(progress)
+
+        try:
+            return run(replace(scene, callback=hear))
+        finally:
+            ends.append(heard[-1])
+
+    monkeypatch.setattr(auto, "run", told)
+    early = segment(seen.image, params)
+    monkeypatch.setattr(boundary, "ENOUGH", seen.image.size)
+    whole = segment(seen.image, params)
+    assert (early.source, early.score) == ("prior", whole.score)
+    assert [c.control_points.tolist() for c in early.contours] == [c.control_points.tolist() for c in whole.contours]
+    assert ends[0] < ends[1] / 2
 
 
 @pytest.mark.parametrize("number", [0, 1])
