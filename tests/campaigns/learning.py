@@ -3,12 +3,10 @@
 Run ``python -m tests.campaigns.learning [--data DATA] [--sets a,b] [--masks 1,3,5,10] [--draws 5]``.
 DATA (or FFSEG_DATA) holds the folders of `real_images.SETS`. ``road`` is learned at even places of the sorted names and tested at
 odd ones; of the other sets some images are drawn to learn from, and the rest is tested. Each figure is the mean over the
-draws of the mean IoU of the contour. ``--rivals`` grows
-scikit-learn's forests on the same pixels.
+draws of the mean IoU of the contour.
 """
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import mean, pstdev
 
@@ -16,24 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.api import segment
-from ffseg.evidence.features import KNOWN, enlarged, exposed, features
 from ffseg.evidence.forest import Model
-from ffseg.evidence.openings import OPEN
 from ffseg.evidence.source import told
 from ffseg.io.images import single_thread
-from ffseg.learning.training import (
-    LEAST_IN_LEAF,
-    LEAVES_OF_AN_IMAGE,
-    PART,
-    RATE,
-    TAUGHT,
-    TREES,
-    Example,
-    Samples,
-    grow,
-    learn,
-    samples,
-)
+from ffseg.learning.training import Example, Samples, learn, samples
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from tests.campaigns import harness
@@ -45,11 +29,7 @@ GOALS = {("road", 1): 0.68, ("road", 3): 0.78, ("road", 5): 0.82, ("road", 10): 
 
 
 def main(
-    data: Path = data_folder(),
-    sets: str = "road,real_floors/indoor",
-    masks: str = "1,3,5,10",
-    draws: int = 5,
-    rivals: bool = False,
+    data: Path = data_folder(), sets: str = "road,real_floors/indoor", masks: str = "1,3,5,10", draws: int = 5
 ) -> int:
     """Run the campaign; 0 also when the images are absent."""
     single_thread()
@@ -60,8 +40,6 @@ def main(
             continue
         chosen = [samples(Example(p.image, p.truth, start_of(p), p.circle[2])) for p in photographs]
         evaluate(photographs, chosen, [int(number) for number in masks.split(",")], draws)
-        if rivals:
-            against_rivals(photographs, chosen, 5, draws)
     return 0
 
 
@@ -102,65 +80,9 @@ def place_of(one: Photograph) -> str:
     return one.folder if one.folder == "road" else one.name.partition("_")[0]
 
 
-def against_rivals(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks: int, draws: int) -> None:
-    """Say what scikit-learn's forests take to grow and how well they do, in LightGBM's place, without the base."""
-    folder, count = photographs[0].folder, len(photographs)
-    pool, rng = list(range(0, count, 2 if folder == "road" else 1)), np.random.default_rng(1)
-    spent: dict[str, list[float]] = {"LightGBM": [], "scikit-learn": []}
-    found: dict[str, list[float]] = {"LightGBM": [], "scikit-learn": []}
-    for _ in range(draws):
-        drawn = sorted(rng.choice(pool, masks, replace=False).tolist())
-        rest = range(1, count, 2) if folder == "road" else [i for i in range(count) if i not in drawn]
-        for name, grown in (("LightGBM", _own), ("scikit-learn", _histogram)):
-            begin = time.process_time()
-            says = grown([chosen[i] for i in drawn])
-            spent[name].append(time.process_time() - begin)
-            found[name].append(mean(contoured(photographs[i], says(photographs[i])) for i in rest))
-    for name, seconds in spent.items():
-        print(f"{folder}: {masks} masks: {name}: {mean(found[name]):.3f}, grown in {mean(seconds):.1f} s")
-
-
-Says = Callable[[Photograph], NDArray[np.float32]]
-
-
-def _own(chosen: Sequence[Samples]) -> Says:
-    model = Model(grow(chosen), exposed=True)
-    return lambda one: model.map(model.look(one.image, start_of(one)))
-
-
-def _histogram(chosen: Sequence[Samples]) -> Says:
-    """The mean of two forests, of which one does not see open ground, with the settings that both libraries have."""
-    from sklearn.ensemble import HistGradientBoostingClassifier
-
-    rows, labels = np.concatenate([one.rows for one in chosen]), np.concatenate([one.inside for one in chosen])
-    weights = np.concatenate([np.full(len(one.inside), 1 / len(one.inside)) for one in chosen])
-    least = max(LEAST_IN_LEAF, len(rows) // len(chosen) // LEAVES_OF_AN_IMAGE)
-    forests = []
-    for names in ([name for name in TAUGHT if name not in OPEN], TAUGHT):
-        columns = [KNOWN.index(name) for name in names]
-        forest = HistGradientBoostingClassifier(
-            learning_rate=RATE / PART, max_iter=round(PART * TREES), max_leaf_nodes=15, l2_regularization=5.0, max_bins=63,
-            min_samples_leaf=least, max_features=0.4, early_stopping=False, random_state=0,
-        )  # fmt: skip
-        forests.append((forest.fit(rows[:, columns], labels, weights / weights.mean()), columns))
-
-    def says(one: Photograph) -> NDArray[np.float32]:
-        seen = features(exposed(one.image), start_of(one), names=KNOWN)
-        flat = seen.planes.reshape(len(KNOWN), -1).T
-        odds = np.mean([forest.decision_function(flat[:, columns]) for forest, columns in forests], axis=0)
-        probability = (1 / (1 + np.exp(-odds))).astype(np.float32).reshape(seen.inside.shape)
-        return enlarged(probability, seen.factor, seen.shape)
-
-    return says
-
-
 def overlap(one: Photograph, model: Model | None) -> float:
-    """IoU of the contour from the start circle."""
-    return contoured(one, None if model is None else told(model, one.image, start_of(one)))
-
-
-def contoured(one: Photograph, evidence: NDArray[np.float32] | None) -> float:
-    """IoU of the contour that a map gives, or the defaults without one."""
+    """IoU of the contour from the start circle, by a model or the defaults."""
+    evidence = None if model is None else told(model, one.image, start_of(one))
     return iou(segment(one.image, one.placed(load_params()), evidence=evidence).mask, one.truth)
 
 
