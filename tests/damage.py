@@ -20,28 +20,11 @@ HEADER = 220
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Damaged:
-    """One damaged file.
+    """One damaged file: ``whole``, ``header``, ``tail``, ``cut``, ``bit`` or ``hole``, and its number among those of a kind."""
 
-    Attributes
-    ----------
-    format : str
-        Name of its source in `sources`.
-    kind : str
-        ``whole``, ``header``, ``tail``, ``cut``, ``bit`` or ``hole``.
-    number : int
-        Counts the files of a format and kind.
-    data : bytes
-    """
-
-    format: str
     kind: str
     number: int
     data: bytes
-
-    @property
-    def name(self) -> str:
-        """File name."""
-        return f"{self.format}-{self.kind}-{self.number}"
 
 
 def picture(width: int = 256, height: int = 192) -> NDArray[np.uint8]:
@@ -162,30 +145,21 @@ def _text_ppm(rgb: NDArray[np.uint8]) -> bytes:
 
 
 def damaged(name: str, data: bytes, headers: int) -> Iterator[Damaged]:
-    """Every kind of damage to one file.
-
-    Parameters
-    ----------
-    name : str
-        Of its source; with it the damage is drawn.
-    data : bytes
-    headers : int
-        Mutated headers to make.
-    """
+    """Every kind of damage to one file, with so many mutated headers; it is drawn by the name of its source."""
     rng = np.random.default_rng([*name.encode()])
-    yield Damaged(name, "whole", 0, data)
+    yield Damaged("whole", 0, data)
     for number in range(headers):
-        yield Damaged(name, "header", number, mutated_header(data, rng))
+        yield Damaged("header", number, mutated_header(data, rng))
     for share in SHARES:
         end = len(data) * share // 100
-        yield Damaged(name, "tail", share, data[:end] + bytes(len(data) - end))
-        yield Damaged(name, "cut", share, data[:end])
+        yield Damaged("tail", share, data[:end] + bytes(len(data) - end))
+        yield Damaged("cut", share, data[:end])
     for number in range(20):
         at = int(rng.integers(min(HEADER, len(data) // 4), len(data)))
-        yield Damaged(name, "bit", number, _changed(data, at, bytes([data[at] ^ 1 << rng.integers(8)])))
+        yield Damaged("bit", number, _changed(data, at, bytes([data[at] ^ 1 << rng.integers(8)])))
     for number in range(6):
         at = int(rng.integers(len(data) // 8, max(len(data) - HOLE, len(data) // 8 + 1)))
-        yield Damaged(name, "hole", number, _changed(data, at, bytes(min(HOLE, len(data) - at))))
+        yield Damaged("hole", number, _changed(data, at, bytes(min(HOLE, len(data) - at))))
 
 
 def mutated_header(data: bytes, rng: np.random.Generator) -> bytes:

@@ -1,8 +1,7 @@
 """R1, R2: every bad file costs a row with a known reason, 2 s and 500 MB at most, and never the run.
 
-``python -m tests.campaigns.bad_files --work DIR [--folder BAD] [--headers N]``; without ``--folder`` the files of
-``tests/bad_images.py`` are used. Each file is read by a process of its own, then all of them in one run. Then the files of
-``tests/damage.py``, with N mutated headers of each of its formats and codings, are read as Pillow and libvips read them.
+``python -m tests.campaigns.bad_files --work DIR [--folder BAD]``; without ``--folder`` the files of
+``tests/bad_images.py`` are used. Each file is read by a process of its own, then all of them in one run.
 """
 
 import csv
@@ -11,13 +10,10 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.campaigns import harness
-from tests.campaigns.compiling import ROOT
-from tests.campaigns.readings_apart import Share, share_of, table
 
 READ_ONE = """
 import json, re, sys, time
@@ -86,18 +82,6 @@ def read_alone(path: Path, figures: Figures) -> None:
         figures.largest_bomb_mb = max(figures.largest_bomb_mb, (grown, path.name))
 
 
-def damaged(headers: int, names: Sequence[str] = ()) -> dict[str, Share]:
-    """Read damaged files of every format, or of some, in a process for each."""
-    import damage
-
-    shares = {}
-    for name in names or damage.sources():
-        command = [sys.executable, "-m", "tests.campaigns.readings_apart", name, str(headers)]
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=3600, check=False)
-        shares[name] = share_of(name, done.stdout, done.returncode)
-    return shares
-
-
 def _run_over(paths: list[Path], work: Path, figures: Figures, known: set[str]) -> None:
     """One run over all files, each in a folder of its own because many differ in their suffix only."""
     source, out = work / "files", work / "out"
@@ -120,18 +104,15 @@ def _run_over(paths: list[Path], work: Path, figures: Figures, known: set[str]) 
     figures.wrong += [f"{name}: {reason}" for name, reason in reasons.items() if reason not in allowed]
 
 
-def main(work: harness.Work, folder: Path | None = None, headers: int = 200) -> None:
-    """Read all files alone and in one run, then damaged ones of every format."""
+def main(work: harness.Work, folder: Path | None = None) -> Figures:
+    """Read all files alone and in one run."""
     if folder is None:
         import bad_images
 
         folder = work / "bad"
         folder.mkdir(parents=True, exist_ok=True)
         bad_images.write_all(folder)
-    harness.say(str(campaign(folder, work)))
-    shares = damaged(headers)
-    harness.say(table(shares))
-    harness.say(f"crashed: {[name for share in shares.values() for name in share.crashed]}")
+    return campaign(folder, work)
 
 
 if __name__ == "__main__":
