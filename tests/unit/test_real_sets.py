@@ -1,4 +1,4 @@
-"""The campaigns on real sets and on photographs in short form: what they count, choose and notice."""
+"""The campaign on real sets in short form: what it counts and notices."""
 
 import csv
 from dataclasses import replace
@@ -10,7 +10,7 @@ import pytest
 
 from ffseg.parameters import load_params
 from tests import real_data
-from tests.campaigns import photographs, real_images, real_invariance, real_sets
+from tests.campaigns import real_images, real_invariance, real_sets
 
 
 def test_an_empty_variable_names_no_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -125,36 +125,3 @@ def test_the_start_stays_in_the_region_when_moved() -> None:
     assert (x, y) != (60.0, 45.0)
     v, u = np.mgrid[:90, :120]
     assert (moved.truth[np.hypot(u - x, v - y) <= radius] == 255).all()
-
-
-def test_photographs_at_even_places_choose_and_those_at_odd_ones_are_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
-) -> None:
-    """A threshold of 8 holds the strong edges of the even places, and not the weak ones of the odd places."""
-    asked = (tmp_path, "cv_edges,nothing")
-    monkeypatch.setitem(photographs.GRIDS, "cv_edges", {"threshold": (200.0, 8.0)})
-    assert photographs.main(*asked) == 0
-    assert "skipped: " in capsys.readouterr().out
-    for folder in photographs.SETS:
-        drawn(tmp_path, folder, (120, 20, 120, 20))
-    assert photographs.main(*asked) == 0
-    said = capsys.readouterr().out
-    assert "skipped: nothing" in said
-    rows = [line.split(" | ") for line in said.splitlines() if line.startswith("| cv_edges |")]
-    assert [row[1] for row in rows] == ["`threshold=8.0`"] * 4  # of each folder and of both, in each folder
-    assert all(float(row[2]) > 0.9 and float(row[3]) < 0.6 for row in rows)
-
-
-def test_a_photograph_that_fails_counts_zero() -> None:
-    one = replace(photograph(), circle=(600.0, 45.0, 12.0))
-    assert photographs.figures("freeform", (), one, 1)[:2] == (0.0, 0.0)
-    assert photographs.figures("freeform", (), photograph(), 1)[0] > 0.9
-
-
-def test_work_is_limited() -> None:
-    def endless() -> None:
-        while True:
-            pass
-
-    assert photographs.limited(lambda: 5, 1) == 5
-    assert photographs.limited(endless, 1) is None
