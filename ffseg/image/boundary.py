@@ -18,7 +18,7 @@ CLEAR_SHARE = 0.1
 
 CLEAR = 2.5
 """Edges are clear that have this many times the strength an edge needs. On drawings the faint tenth of a contour that is right
-(IoU .9) has 3.27 times or more (41 of 44), of one that is wrong 2.39 at most (59; ``tests.campaigns.perturbed --faint``)."""
+(IoU .9) has 3.27 times or more (41 of 44), of one that is wrong 2.39 at most (59)."""
 
 PLAIN_FAINTEST, PLAIN = 1.25, 0.6
 """In strong noise the edges of a plain region are clear enough at 1.25 times (all but a twentieth): plain is a region

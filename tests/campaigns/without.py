@@ -4,17 +4,19 @@ Turns off one rule after another, each by values of its constants with which it 
 scenes. The rows it prints are the table of docs/pipeline.md; a rule with which nothing fails has no scene, and goes.
 """
 
-from collections.abc import Mapping
-from contextlib import redirect_stdout
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
+from importlib import import_module
 from io import StringIO
 from math import inf
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from tests.campaigns import harness
-from tests.campaigns.perturbed import changed
 
 UNIT = Path(__file__).resolve().parents[1] / "unit"
 
@@ -63,6 +65,33 @@ RULES = (
     Rule("hope", "judge.py", {"HOPE": 1.0}, _JUDGE),
 )  # fmt: skip
 """Each rule of the default path, and how it is turned off."""
+
+
+@contextmanager
+def changed(place: str, values: Mapping[str, object]) -> Iterator[None]:
+    """The constants of a file with other values, wherever they have been imported."""
+    home = "ffseg." + place.removesuffix(".py").replace("/", ".")
+    import_module(home)
+    before = [
+        (module, name, vars(module)[name])
+        for key, module in list(sys.modules.items())
+        for name in values
+        if key.startswith("ffseg") and name in vars(module) and (key == home or _imports(module, home, name))
+    ]
+    for module, name, _ in before:
+        setattr(module, name, values[name])
+    try:
+        yield
+    finally:
+        for module, name, value in before:
+            setattr(module, name, value)
+
+
+def _imports(module: ModuleType, home: str, name: str) -> bool:
+    """Whether a module has the constant from its home and none of its own."""
+    file = module.__file__ or ""
+    text = Path(file).read_text("utf-8") if file.endswith(".py") else ""
+    return f"from {home} import" in text and f"\n{name} = " not in text
 
 
 class _Failed:
