@@ -160,6 +160,8 @@ TABLE: dict[str, Mapping[str, str]] = {
 }
 """Where each built-in lives, by kind and name."""
 
+_ARGUMENTS = {"methods": ("scene",), "evidence": ("scene",), "outputs": ("result", "context"), "executors": ("do", "tasks")}
+"""What the function of each kind is called with."""
 _ASKED_BY = {"methods": "method", "evidence": "edges.source", "outputs": "--export", "executors": "--executor"}
 """What a message calls each kind."""
 
@@ -202,7 +204,23 @@ def find(kind: str, name: str) -> Any:  # noqa: ANN401 - the caller knows what t
         raise ParameterError(f"{_ASKED_BY[kind]}: {error}") from error
     if kind != "outputs" and not callable(found):
         raise ParameterError(f"{_ASKED_BY[kind]}: {name} is no function; name one as docs/extending.md shows")
+    if name not in TABLE[kind] and callable(found) and not hasattr(found, "replies"):  # the class of an executor
+        _require_shape(kind, name, found)
     return found
+
+
+def _require_shape(kind: str, name: str, function: Callable[..., Any]) -> None:
+    """Refuse a function of somebody's that cannot be called as its kind is; of some built into Python that cannot be told."""
+    from inspect import signature
+
+    wanted = _ARGUMENTS[kind]
+    try:
+        signature(function).bind(*wanted)
+    except ValueError:
+        return
+    except TypeError as error:
+        what = f"{name} cannot be called as {name.rpartition(':')[2]}({', '.join(wanted)}): {error}"
+        raise ParameterError(f"{_ASKED_BY[kind]}: {what}; name one as docs/extending.md shows") from error
 
 
 def check(kind: str, name: str) -> str:

@@ -158,7 +158,10 @@ class Work:
         """Let a function do the tasks, in any order; it may draw them from another thread."""
         do = Do(self.setup)
         self.ledger.versions = do.bench.versions()
-        for reply in executor(do, takewhile(lambda _: not self.stop.signal, tasks)):
+        replies = executor(do, takewhile(lambda _: not self.stop.signal, tasks))
+        if not isinstance(replies, Iterable):
+            raise UsageError(f"--executor: {name} gave {type(replies).__name__}, not what do(task) returned for each task")
+        for reply in replies:
             if not isinstance(reply, Reply):
                 raise UsageError(f"--executor: {name} gave {type(reply).__name__}, not what do(task) returned")
             if not self.ledger.finished[reply.index]:

@@ -23,6 +23,7 @@ def mask(result, context): ...
 mask.folder = 'masks'
 def none(do, tasks): return []
 def text(result, context): return 'text'
+def silent(do, tasks): list(tasks)
 """
 OWN = ("--set", "method=bright:run", "--set", "edges.source=red:edges", "--export", "areas:encode")
 
@@ -101,6 +102,11 @@ def test_a_method_of_ones_own_is_measured(folder: Path) -> None:
         ("run", "--export odd:up", "odd:up has folder '../up'"),
         ("run", "--export odd:mask", "which is ffseg's own"),
         ("run", "--export cooc", "--export: there is no 'cooc'; did you mean 'coco'?"),
+        ("run", "--executor os:system", "--executor: os:system cannot be called as system(do, tasks): "),
+        ("run --dry-run", "--set method=os:getpid", "method: os:getpid cannot be called as getpid(scene): "),
+        ("compare", "--methods areas:encode", "method: areas:encode cannot be called as encode(scene): "),
+        ("segment", "--set edges.source=threads:threads", "threads:threads cannot be called as threads(scene): "),
+        ("run", "--export bright:run", "--export: bright:run cannot be called as run(result, context): "),
         ("run", "--executor dusk", "--executor: there is no 'dusk'; did you mean 'dask'?"),
     ],
 )
@@ -110,7 +116,8 @@ def test_a_wrong_name_is_refused_before_the_first_image(
     (folder / "wrong.py").write_text("edges = undefined\n")
     (folder / "theirs.yaml").write_text("method: bright:run\n")
     (folder / "odd.py").write_text(ODD)
-    done = ffseg_process(*command.split(), "photos", "--out", "out", *options.split(), cwd=folder)
+    where = ("photos/a.png", "out.png") if command == "segment" else ("photos", "--out", "out")
+    done = ffseg_process(*command.split(), *where, *options.split(), cwd=folder)
     assert (done.returncode, sentence in " ".join(done.stderr.split())) == (2, True), done.stderr
     assert not (folder / "out").exists()
 
@@ -129,6 +136,13 @@ def test_what_a_plug_in_does_wrong_costs_the_images(
     done = ffseg_process("run", "photos", "--out", "out", *options.split(), cwd=folder)
     assert done.returncode == 3
     assert sentence in (folder / "out" / "timings.csv").read_text()
+
+
+def test_an_executor_that_gives_nothing_is_told(folder: Path, ffseg_process: Command) -> None:
+    (folder / "odd.py").write_text(ODD)
+    done = ffseg_process("run", "photos", "--out", "out", "--executor", "odd:silent", cwd=folder)
+    assert done.returncode == 2
+    assert "--executor: odd:silent gave NoneType, not what do(task) returned for each task" in done.stderr
 
 
 def test_code_that_a_file_names_is_imported_when_it_may_be(folder: Path, ffseg_process: Command) -> None:
