@@ -38,10 +38,13 @@ class Labels:
         By the image's name as the file has it, then by label: how its regions are painted.
     sizes : dict
         (H, W) of the images as the file has them, where it says.
+    odd : dict
+        Images in which `mask` met a region that holds no pixel, or all of them, as keys.
     """
 
     regions: dict[str, dict[str, list[Paint]]] = field(default_factory=dict)
     sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
+    odd: dict[str, None] = field(default_factory=dict)
 
     def add(self, image: str, label: str, paint: Paint) -> None:
         """Add a region."""
@@ -98,7 +101,11 @@ class Labels:
         mask = np.zeros(shape, np.bool_)
         try:
             for paint in paints:
-                paint(mask)
+                part = np.zeros(shape, np.bool_)
+                paint(part)
+                mask |= part
+                if not part.any() or part.all():
+                    self.odd[name] = None
         except (ValueError, TypeError, KeyError, IndexError, FfsegError, binascii.Error) as error:
             raise UsageError(f"a region of {printable(name)} cannot be read ({error}); export it again") from error
         return mask

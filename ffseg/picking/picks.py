@@ -180,6 +180,8 @@ class Track:
     ----------
     version : int
         Steps so far, undone ones and undoing included: what a page must have seen before it may change anything.
+    size : int or None
+        Bytes of the image's file at the last step: of another file they are others.
     """
 
     now: Picked = field(default_factory=Picked)
@@ -187,6 +189,7 @@ class Track:
     future: list[Picked] = field(default_factory=list)
     version: int = 0
     accepted: bool = False
+    size: int | None = None
 
     def step(self, do: str, picked: Picked | None = None) -> bool:
         """Take a step: ``pick``, ``undo`` or ``redo``; False where there is nothing to be undone or redone."""
@@ -244,7 +247,9 @@ class Journal:
         try:
             entry = json.loads(line)
             picked = Picked.read(entry["picked"]) if entry["do"] == "pick" else None
-            self.track(entry["image"]).step(entry["do"], picked)
+            track = self.track(entry["image"])
+            track.step(entry["do"], picked)
+            track.size = entry.get("size")
             self.last = entry["image"]
         except (ValueError, KeyError, TypeError, UsageError) as error:
             raise OutputError(
@@ -255,8 +260,8 @@ class Journal:
         """The steps in an image."""
         return self.tracks.setdefault(image, Track())
 
-    def add(self, image: str, do: str, picked: Picked | None = None) -> bool:
-        """Take a step and keep it; False where there is none to take.
+    def add(self, image: str, do: str, picked: Picked | None = None, size: int | None = None) -> bool:
+        """Take a step and keep it, with the bytes of the image's file; False where there is none to take.
 
         Raises
         ------
@@ -266,7 +271,7 @@ class Journal:
         track = self.track(image)
         if (do == "undo" and not track.past) or (do == "redo" and not track.future):
             return False
-        entry = {"image": image, "do": do} | ({} if picked is None else {"picked": asdict(picked)})
+        entry = {"image": image, "do": do, "size": size} | ({} if picked is None else {"picked": asdict(picked)})
         line = json.dumps(entry, separators=(",", ":")).encode("ascii") + b"\n"
         before = os.fstat(self._descriptor).st_size
         try:
@@ -276,6 +281,7 @@ class Journal:
         except OSError as error:
             os.ftruncate(self._descriptor, before)
             raise unwritten(self._path, error) from error
+        track.size = size
         return track.step(do, picked)
 
     def names(self, wanted: Callable[[Track], bool]) -> list[str]:

@@ -102,12 +102,12 @@ class Project:
                 return decode_mask(read_bytes(path, MOST_BYTES))
         return None
 
-    def take(self, name: str, mask: NDArray[np.bool_]) -> None:
+    def take(self, source: Source, mask: NDArray[np.bool_]) -> None:
         """Take a mask that was drawn elsewhere as that of an image in which nothing was picked, and accept it."""
-        path = self.mask_path(name, self.path(IMPORTED))
+        path = self.mask_path(source.name, self.path(IMPORTED))
         make_folder(os.path.dirname(path))
         write_bytes_atomic(path, encode_mask(mask))
-        self.journal.add(name, "pick", Picked(status="accepted"))
+        self.journal.add(source.name, "pick", Picked(status="accepted"), size_of(source.path))
 
     def count(self, status: str) -> int:
         """Images of a status other than ``open``."""
@@ -187,3 +187,10 @@ class Project:
         """A parameter file with what differs from the defaults."""
         head = "# Written by ffseg pick: what all images are segmented with."
         return "\n".join([head, *yaml_lines(non_defaults(self.params)), ""])
+
+
+def size_of(path: str) -> int | None:
+    """Bytes of a file; None of an address, or where it has gone."""
+    with contextlib.suppress(OSError):
+        return os.stat(path).st_size
+    return None

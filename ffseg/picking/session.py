@@ -28,7 +28,7 @@ from ffseg.io.tables import counted
 from ffseg.parameters import Parameters
 from ffseg.picking.learner import LEAST_MASKS, Background, figures_said, last_line
 from ffseg.picking.picks import Picked
-from ffseg.picking.project import MODEL, RUN, Project
+from ffseg.picking.project import MODEL, RUN, Project, size_of
 from ffseg.picking.scene import Found, Scene
 
 MOST_OPEN = 3
@@ -115,8 +115,15 @@ class Session:
             work.stop()
         self._lock.__exit__(None, None, None)
 
-    def take(self, labels: Labels) -> int:
-        """Take regions drawn elsewhere as masks of images in which nothing was picked; how many were taken.
+    def take(self, labels: Labels) -> tuple[int, list[str]]:
+        """Take regions drawn elsewhere as masks of images in which nothing was picked.
+
+        Returns
+        -------
+        taken : int
+            How many were.
+        odd : list of str
+            Images with a region that holds no pixel of theirs, or all of them.
 
         Raises
         ------
@@ -135,20 +142,16 @@ class Session:
                 track = project.journal.track(source.name)
                 mask = None if track.version else labels.mask(source.name, project.label, shape)
                 if mask is not None and mask.any() and not mask.all():
-                    project.take(source.name, mask)
+                    project.take(source, mask)
                     self._keep(project, source.name)
                     taken += 1
         for work in self._work:
             work.learn(again=taken > 0)
-        return taken
+        return taken, [*labels.odd]
 
     def changed(self) -> list[str]:
-        """Accepted images whose file is newer than the mask: it may be of another image than was looked at."""
-        return [
-            one.name
-            for one in self.sources
-            if any(_newer(one.path, project.mask_path(one.name)) for project in self.projects)
-        ]
+        """Images whose file is newer than the mask, or of another size than at the last step: another may have been meant."""
+        return [one.name for one in self.sources if any(_replaced(one, project) for project in self.projects)]
 
     def scene(self, index: int) -> Scene:
         """An image, decoded.
@@ -236,7 +239,7 @@ class Session:
                 mask = self._found(project, index, picked).mask
                 if not mask.any() or mask.all():
                     raise UsageError("a mask needs pixels inside and outside; pick a region first, or skip the image")
-            if project.journal.add(name, do, picked):
+            if project.journal.add(name, do, picked, size_of(self.sources[index].path)):
                 changed = self._keep(project, name)
                 if changed:
                     self._work[label].learn(again=True)
@@ -292,9 +295,12 @@ class Session:
         self._work[label].run()
 
 
-def _newer(path: str, mask: str) -> bool:
+def _replaced(source: Source, project: Project) -> bool:
+    before, now = project.journal.track(source.name).size, size_of(source.path)
+    if before is not None and now is not None and before != now:
+        return True
     with suppress(OSError):  # an address, or an image that is not accepted
-        return os.stat(path).st_mtime_ns > os.stat(mask).st_mtime_ns
+        return os.stat(source.path).st_mtime_ns > os.stat(project.mask_path(source.name)).st_mtime_ns
     return False
 
 

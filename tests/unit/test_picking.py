@@ -396,6 +396,11 @@ def test_images_that_were_replaced_after_they_were_accepted_are_named(tmp_path: 
         os.utime(folder / name, ns=(later, later))
     with session(folder, out) as own:
         assert own.changed() == ["b.png"]
+    for name in ("a.png", "c.png"):  # by an older file, as one that was moved there; nothing was picked in c.png
+        (folder / name).write_bytes((folder / name).read_bytes() + b" ")
+        os.utime(folder / name, ns=(0, 0))
+    with session(folder, out) as own:
+        assert own.changed() == ["a.png", "b.png"]
 
 
 def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(
@@ -491,8 +496,20 @@ def test_labels_of_an_image_that_cannot_be_read_keep_no_other_from_being_taken(t
     images = [{"id": one["image_id"], "file_name": one["image_id"]} for one in boxes]
     (tmp_path / "coco.json").write_text(json.dumps({"images": images, "annotations": boxes}))
     with session(folder, tmp_path / "out") as own:
-        assert own.take(read_labels(tmp_path / "coco.json")) == 1
+        assert own.take(read_labels(tmp_path / "coco.json")) == (1, [])
         assert own.statuses(0) == {1: "accepted"}
+
+
+@pytest.mark.parametrize("thin", [[20.6, 20, 0.3, 30], [500, 500, 9, 9], [-9, -9, 999, 999]])
+def test_labels_that_hold_no_pixel_or_all_are_named(thin: list[float], tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(Background, "start", lambda *_: None)
+    folder = draw(tmp_path / "in", ["a.png", "b.png", "c.png"])
+    boxes = [("a.png", thin), ("b.png", [20, 20, 30, 30]), ("b.png", thin), ("c.png", [20, 20, 30, 30])]
+    images = [{"id": name, "file_name": name} for name in ("a.png", "b.png", "c.png")]
+    document = {"images": images, "annotations": [{"image_id": name, "bbox": box} for name, box in boxes]}
+    (tmp_path / "coco.json").write_text(json.dumps(document))
+    with session(folder, tmp_path / "out") as own:
+        assert own.take(read_labels(tmp_path / "coco.json"))[1] == ["a.png", "b.png"]
 
 
 def test_labels_come_from_other_programs_and_go_back(tmp_path: Path) -> None:
@@ -504,8 +521,8 @@ def test_labels_come_from_other_programs_and_go_back(tmp_path: Path) -> None:
     drawn = read_labels(out / "labels")
     with session(folder, tmp_path / "second") as own:
         own.change(0, 1, 0, "pick", picked(RIGHT))
-        assert own.take(drawn) == 1
-        assert own.take(drawn) == 0, "nothing is doubled"
+        assert own.take(drawn) == (1, [])
+        assert own.take(drawn) == (0, []), "nothing is doubled"
         assert own.statuses(0) == {0: "accepted"}
         eraser = {"inside": False, "radius": 40, "points": [[25, 60]]}
         own.change(0, 0, 1, "pick", OPEN | {"strokes": [eraser], "status": "accepted"})

@@ -71,8 +71,10 @@ def pick(  # noqa: PLR0913 - the options of the command
     chosen = [one.strip() for one in labels.split(",")] if labels is not None else []
     with Session(inputs, target, params, chosen, os.fspath(review) if review else "") as session:
         if drawn is not None:
-            taken = counted(session.take(drawn), "mask")
-            console.message(f"ffseg: {taken} taken from {printable(os.fspath(labels_from or ''))}")
+            taken, odd = session.take(drawn)
+            console.message(f"ffseg: {counted(taken, 'mask')} taken from {printable(os.fspath(labels_from or ''))}")
+            if odd:
+                console.message(f"ffseg: a region holds no pixel, or all of them, in {named([*map(printable, odd)])}")
             others = drawn.without([source.name for source in session.sources])
             if others:
                 console.message(
@@ -81,7 +83,7 @@ def pick(  # noqa: PLR0913 - the options of the command
         changed = session.changed()
         if changed:
             names = named([*map(printable, changed)])
-            console.message(f"ffseg: newer than their masks, look at them and accept them again: {names}")
+            console.message(f"ffseg: changed since they were picked in, look at them and accept them again: {names}")
         _serve(session, port, browser)
 
 
