@@ -38,7 +38,7 @@ class Run:
 
     def __init__(self, plan: Plan, setup: Setup, options: Options, stop: Stop, observer: Observer) -> None:
         self._plan, self._setup, self._options, self._stop = plan, setup, options, stop
-        self._ledger = Ledger(plan, observer, noted=setup.views is None)
+        self._ledger = Ledger(plan, observer)
         self._keeper: Keeper
         self._held = contextlib.ExitStack()
         self.summary = self._ledger.summary

@@ -54,6 +54,18 @@ def test_the_snake_takes_the_altitudes_of_the_pair(ffseg_command: Command, views
     assert masks[0][marks].mean() > masks[1][marks].mean() + 0.5
 
 
+def test_a_start_that_was_moved_is_told(ffseg_command: Command, views: Path) -> None:
+    """Beside what the table alone says of each pair."""
+    shape = render_pair(4).current.image.shape[:2]
+    domain = np.zeros(shape, np.uint8)
+    domain[shape[0] * 3 // 4 :, shape[1] // 2 :] = 255
+    cv2.imwrite(str(views / "domain.png"), domain)
+    done = run(ffseg_command, views, *with_camera(views), "--set", f"domain.mask={views / 'domain.png'}")
+    told = [line for line in done.stderr.splitlines() if "lay outside the domain and was moved to" in line]
+    assert [line.partition(".png: the start at ")[0][-1] for line in told] == ["1", "2"], done.stderr
+    assert "first image" not in done.stderr
+
+
 def test_a_sequence_writes_verdicts_and_merged_masks(ffseg_command: Command, views: Path) -> None:
     result = run(ffseg_command, views, *with_camera(views), "--overlay")
     assert result.returncode == 0, result.stderr

@@ -69,20 +69,15 @@ class Ledger:
         1 for each image of the plan that is finished.
     versions : mapping of str to str
         Of what the workers have loaded.
-
-    Parameters
-    ----------
-    noted : bool
-        Tell the observer the notes of images that are done.
     """
 
-    def __init__(self, plan: Plan, observer: Observer, *, noted: bool) -> None:
+    def __init__(self, plan: Plan, observer: Observer) -> None:
         self.summary = Summary(len(plan.jobs))
         self.finished = bytearray(len(plan.jobs))
         self.started = datetime.now(UTC)
         self.versions: Mapping[str, str] = {}
         self.note = observer.note
-        self._plan, self._observer, self._noted = plan, observer, noted
+        self._plan, self._observer = plan, observer
 
     def count(self, reply: Reply, record: Record) -> None:
         """Take into account that an image is finished."""
@@ -91,7 +86,7 @@ class Ledger:
         status = "unchanged" if unchanged else record.status
         name = "done" if status == "ok" else status
         setattr(self.summary, name, getattr(self.summary, name) + 1)
-        note = record.row.get("note") or "" if status == "ok" and self._noted else ""
+        note = reply.told if isinstance(reply, Done) else ""
         self._observer.finished(self._plan.jobs[reply.index], status, record.row["error"] or note)
 
     def problem(self, text: str) -> None:

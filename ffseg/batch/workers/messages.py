@@ -128,6 +128,8 @@ class Done:
     """``reason: text`` when the image counts as failed although its outputs are right: of its true mask."""
     unchanged: bool = False
     """Nothing was made: the recorded outputs are right, and the row has what is new."""
+    told: str = ""
+    """What is said of it on the terminal: its note, without what came of comparing it with the images before."""
 
 
 @dataclass(frozen=True, slots=True)

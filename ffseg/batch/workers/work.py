@@ -107,13 +107,14 @@ class Workbench:
         outputs = tuple(_encoded(found, task.out, missing))
         result = found.result
         row = _row(image, result, self._setup.params.method) | found.row | _start_cells(params, job)
-        row["note"] = "; ".join(filter(None, (told, *result.messages, row.get("note"))))
+        told = "; ".join(filter(None, (told, *result.messages)))
+        row["note"] = "; ".join(filter(None, (told, row.get("note"))))
         overlap, problem = self._iou(result.mask, job, read)
         row |= {"iou": overlap} if job.truth else {}
         end = perf_counter()
         row |= {"decode_ms": (decoded - begin) * 1e3, "write_ms": (end - segmented) * 1e3}
         row["total_ms"] = (end - begin) * 1e3
-        return Done(job.index, row, read.digests, outputs, kept, found.extra, problem)
+        return Done(job.index, row, read.digests, outputs, kept, found.extra, problem, told=told)
 
     def _unchanged(self, task: Task, recorded: Record, read: Read, kept: tuple[str, ...]) -> Done:
         """The reply for an image that need not be segmented; the mask on the disk is enough to measure its IoU."""
