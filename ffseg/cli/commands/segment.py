@@ -160,6 +160,8 @@ def _same(path: str, image: str) -> bool:
 
 def _read(image: str, levels: Levels) -> tuple[NDArray[np.uint8], str]:
     """Pixels of an image, and what there is to say of frames that were not read."""
+    from glob import has_magic
+
     from ffseg.batch.plan.reading import read_input
     from ffseg.io.files import printable
     from ffseg.io.images import Limits, read_picture
@@ -170,7 +172,8 @@ def _read(image: str, levels: Levels) -> tuple[NDArray[np.uint8], str]:
         return read_picture(data, limits, levels)
     except ImageReadError as error:
         name = "" if image == PIPE else f"{printable(image)}: "
-        raise ImageReadError(error.reason, f"{name}{error}") from None
+        several = "; 'ffseg run' takes patterns" if error.reason == "missing" and has_magic(image) else ""
+        raise ImageReadError(error.reason, f"{name}{error}{several}") from None
 
 
 def _name(image: str) -> str:
