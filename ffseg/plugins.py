@@ -160,7 +160,12 @@ TABLE: dict[str, Mapping[str, str]] = {
 }
 """Where each built-in lives, by kind and name."""
 
-_ARGUMENTS = {"methods": ("scene",), "evidence": ("scene",), "outputs": ("result", "context"), "executors": ("do", "tasks")}
+_ARGUMENTS = {
+    "methods": ("scene",),
+    "evidence": ("scene",),
+    "outputs": ("result", "context"),
+    "executors": ("do", "tasks"),
+}
 """What the function of each kind is called with."""
 _ASKED_BY = {"methods": "method", "evidence": "edges.source", "outputs": "--export", "executors": "--executor"}
 """What a message calls each kind."""

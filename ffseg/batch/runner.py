@@ -160,7 +160,9 @@ class Work:
         self.ledger.versions = do.bench.versions()
         replies = executor(do, takewhile(lambda _: not self.stop.signal, tasks))
         if not isinstance(replies, Iterable):
-            raise UsageError(f"--executor: {name} gave {type(replies).__name__}, not what do(task) returned for each task")
+            raise UsageError(
+                f"--executor: {name} gave {type(replies).__name__}, not what do(task) returned for each task"
+            )
         for reply in replies:
             if not isinstance(reply, Reply):
                 raise UsageError(f"--executor: {name} gave {type(reply).__name__}, not what do(task) returned")

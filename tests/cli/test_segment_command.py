@@ -53,7 +53,9 @@ def test_suffixes_say_what_is_written(mask: np.ndarray, tmp_path: Path, ffseg_co
 def test_a_pattern_is_said_to_be_one(tmp_path: Path, ffseg_command: Command) -> None:
     done = ffseg_command("segment", "*.png", "a.svg", cwd=tmp_path)
     assert done.returncode == 3
-    assert done.stderr.endswith("*.png: there is no such file, or its link points nowhere; 'ffseg run' takes patterns\n")
+    assert done.stderr.endswith(
+        "*.png: there is no such file, or its link points nowhere; 'ffseg run' takes patterns\n"
+    )
 
 
 def test_domains_by_name_are_those_of_run_and_never_passed_over(tmp_path: Path, ffseg_command: Command) -> None:
