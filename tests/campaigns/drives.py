@@ -5,11 +5,10 @@ cells that are said to be free with a probability, how many are (each tenth of i
 grid, free cells in boxes (within 3 cm of a box's outline none counts), and by how many of its own standard deviations the last
 station is off. ``--frames 1`` looks at single frames; with ``--nod 3`` the camera leans by up to 3 degrees at each of them.
 ``--cost`` says what the ground, the scan and the fusing of a frame take beside its edge map, in processor time on one thread, all
-in turn. ``--memory N`` drives so many frames round one room and says what the process holds on the way.
+in turn.
 """
 
 import itertools
-import resource
 from collections.abc import Callable
 from dataclasses import replace
 from time import process_time
@@ -25,7 +24,6 @@ from ffseg.image.edges import edge_map
 from ffseg.parameters import load_params
 from ffseg.rendering import floor_sequence, sample_camera
 from ffseg.rendering.floors import NOISES, TEXTURES, FloorSequence
-from ffseg.samples.drive import drive, drive_camera
 from tests.campaigns import harness
 from tests.worlds import footprint, free_ground
 
@@ -143,23 +141,9 @@ def _milliseconds(step: Callable[[], object]) -> float:
     return (process_time() - begin) * 1e3
 
 
-def resident(count: int) -> bool:
-    """Print what the process holds after each tenth of a drive round and round; whether it grows no more after two tenths."""
-    sight, camera = drive(), drive_camera()
-    sequence, grid, held = Sequence(camera, mapped=True), OccupancyMap(), []
-    for number in range(count):
-        at = number % len(sight.views)
-        pose = planar_pose(camera, *sight.poses[at])
-        grid.add(sequence.feed(sight.views[at].image, pose), pose)
-        if (number + 1) % (count // 10) == 0:
-            held.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
-            print(f"{number + 1} frames: {held[-1]:.1f} MB at most, {grid.probability.shape} cells", flush=True)
-    return held[-1] - held[1] < 0.01 * held[1]
-
-
-def main(drives: int = 12, frames: int = 20, nod: float = 0.0, cost: bool = False, memory: int = 0) -> int:
+def main(drives: int = 12, frames: int = 20, nod: float = 0.0, cost: bool = False) -> int:
     """Run what is asked for; 1 when a promise is not kept."""
-    kept = costs() if cost else resident(memory) if memory else reliability(drives, frames, nod)
+    kept = costs() if cost else reliability(drives, frames, nod)
     return int(not kept)
 
 

@@ -1,11 +1,10 @@
-"""How quickly the page of `ffseg pick` follows, in Chromium; run ``python -m tests.campaigns.picking --work DIR [--many N]``.
+"""How quickly the page of `ffseg pick` follows, in Chromium; run ``python -m tests.campaigns.picking --work DIR``.
 
 A drawn photograph of 800x600 and one of 12 megapixels: the mouse moves without a button, drags a box, drags a level. Printed
 for each, in ms, median and nine tenths: ``all``, from the mouse's move to the frame with the contour; of these ``waited``, until
 the page could ask; ``asked``, until it had the answer; ``server``, what that took the server; ``find``, the segmentation alone;
 the rest is the browser's drawing. Beside them, for each contour, the processor's time of the server and of all of the browser's
-processes, which other work on the machine does not lengthen so much. ``--many N`` opens a folder of N images instead and says
-how long the page takes.
+processes, which other work on the machine does not lengthen so much.
 """
 
 import os
@@ -120,43 +119,13 @@ def follow(tab: chromium.Chromium, work: Path, size: tuple[int, int]) -> None:
         server.shutdown()
 
 
-def open_many(tab: chromium.Chromium, work: Path, count: int) -> None:
-    """A folder of many images: how long the page takes to open, to list, to go on."""
-    draw(work / "first.jpg", (640, 480))
-    (work / "photos").mkdir()
-    for number in range(count):
-        (work / "photos" / f"{number:05d}.jpg").hardlink_to(work / "first.jpg")
-    begin = time.monotonic()
-    with Session([str(work / "photos")], str(work / "picked"), load_params()) as session, Server(session) as server:
-        server.begin()
-        opened = time.monotonic()
-        Hand(tab, server.address)
-        ready = time.monotonic()
-        taken = []
-        for number in range(20):
-            start = time.monotonic()
-            tab.press("s")
-            tab.until(f"location.hash !== '#0/{number}' && document.getElementById('picture').complete")
-            taken.append(time.monotonic() - start)
-        start = time.monotonic()
-        tab.press("l")
-        tab.until("document.querySelectorAll('#names li').length === 300")
-        say(
-            f"{count} images: {opened - begin:.2f} s to find them, {ready - opened:.2f} s to the page, "
-            f"{median(taken):.2f} s to the next image, {time.monotonic() - start:.2f} s to the list; problems {tab.problems}"
-        )
-        server.shutdown()
-
-
-def main(work: Work, many: int = 0) -> int:
+def main(work: Work) -> int:
     """See the module."""
     program = chromium.find()
     if program is None:
         sys.exit("no Chromium on the search path; install it, or name one in the environment variable FFSEG_CHROMIUM")
     with chromium.Chromium(program, work / "profile") as tab:
-        if many:
-            open_many(tab, work, many)
-        for size in () if many else SIZES:
+        for size in SIZES:
             follow(tab, work, size)
     return 0
 

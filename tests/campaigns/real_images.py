@@ -40,10 +40,10 @@ class Photograph:
     circle: tuple[float, float, float]
     half: int = 0
 
-    def placed(self, params: Parameters, factor: float = 1.0) -> Parameters:
-        """The parameters started at this image's circle, its radius times a factor."""
+    def placed(self, params: Parameters) -> Parameters:
+        """The parameters started at this image's circle."""
         x, y, radius = self.circle
-        return replace(params, init=replace(params.init, center=(x, y), radius=radius * factor))
+        return replace(params, init=replace(params.init, center=(x, y), radius=radius))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +133,4 @@ def _timed(work: Callable[[], object], repeat: int) -> float:
 
 def score(result: Segmentation | None) -> float | None:
     """How sure the segmentation says it is, if it says so."""
-    found = getattr(result, "score", None)
-    if found is None and result is not None:
-        found = getattr(result.stats, "score", None)
-    return None if found is None or found != found else float(found)
+    return None if result is None or np.isnan(result.score) else result.score

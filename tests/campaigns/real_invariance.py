@@ -1,6 +1,6 @@
-"""What must not decide a segmentation: how the image lies, how bright it is, where in the region it starts, sampling."""
+"""What must not decide a segmentation: how the image lies, how bright it is, where in the region it starts."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from statistics import mean
 
@@ -18,12 +18,6 @@ from tests.campaigns.real_images import Photograph
 SHIFT = 7
 LEAST = 0.995
 """Mean IoU between the region and that of the changed image, from which the change counts as harmless."""
-MOST_CHANGE = 0.02
-"""Change of the mean IoU of a set that sampling and the start's radius may make."""
-STABLE: tuple[tuple[str, str, float], ...] = (
-    ("contour", "split_threshold", 6), ("contour", "split_threshold", 40), ("contour", "split_threshold", 80),
-    ("contour", "patches", 8), ("contour", "patches", 40), ("radius", "x", 0.5), ("radius", "x", 1.5),
-)  # fmt: skip
 
 Mask = NDArray[np.bool_]
 Image = NDArray[np.uint8]
@@ -110,10 +104,10 @@ def agreement(one: Photograph, change: Change, params: Parameters) -> float:
     return iou(after, change.common(before).astype(np.uint8) * np.uint8(INSIDE))
 
 
-def region(one: Photograph, params: Parameters, factor: float = 1.0) -> Mask:
+def region(one: Photograph, params: Parameters) -> Mask:
     """The region of a photograph; empty where it fails."""
     try:
-        return segment(one.image, one.placed(params, factor)).mask
+        return segment(one.image, one.placed(params)).mask
     except FfsegError:
         return np.zeros(one.truth.shape, bool)
 
@@ -123,29 +117,3 @@ def drawn(seed: int) -> Photograph:
     scene = scenes.scene(seed)
     truth = np.where(scene.truth, np.uint8(INSIDE), np.uint8(0))
     return Photograph("drawn", f"scene {seed}", scene.image, truth, (*scenes.START, scenes.START_RADIUS))
-
-
-def stability(photographs: Iterable[Photograph], params: Parameters) -> str:
-    """Mean IoU of every set for values that should not matter, and the largest change from the parameters given."""
-    sets: dict[str, list[Photograph]] = {}
-    for one in photographs:
-        sets.setdefault(one.folder, []).append(one)
-    lines = [f"stability (change of a set's mean IoU wanted: at most {MOST_CHANGE})"]
-    for folder, ones in sets.items():
-        base = _mean_overlap(ones, params, 1.0)
-        changes = []
-        for section, key, value in STABLE:
-            varied, factor = (params, value) if section == "radius" else (_varied(params, key, value), 1.0)
-            change = _mean_overlap(ones, varied, factor) - base
-            changes.append(f"{section if section == 'radius' else key} {value:g}: {change:+.3f}")
-        lines.append(f"  {folder} {base:.3f}; {', '.join(changes)}")
-    return "\n".join(lines)
-
-
-def _varied(params: Parameters, key: str, value: float) -> Parameters:
-    kind = type(getattr(params.contour, key))
-    return replace(params, contour=replace(params.contour, **{key: kind(value)}))
-
-
-def _mean_overlap(ones: Sequence[Photograph], params: Parameters, factor: float) -> float:
-    return mean(iou(region(one, params, factor), one.truth) for one in ones)

@@ -6,7 +6,7 @@ DATA (or the environment variable FFSEG_DATA) holds the folders of `SETS`, each 
 
 Writes ``images.csv`` (one row an image), ``sets.csv`` and overlays of the worst images (truth green, result red, missed
 blue, leaked orange). ``--before images.csv`` compares with an earlier table. ``--invariance real`` or ``drawn`` checks
-that turning, shifting, dimming and moving the start change nothing, ``--stability`` that sampling does not decide.
+that turning, shifting, dimming and moving the start change nothing.
 Images sorted by name: those at even places are one half, those at odd places the other.
 """
 
@@ -40,7 +40,7 @@ POOR = 0.6
 def main(  # noqa: PLR0913 - options of a command
     out: Annotated[Path, typer.Option()], data: Path = data_folder(), sets: str = ",".join(SETS), config: str | None = None,
     settings: Annotated[list[str] | None, typer.Option("--set")] = None, overlays: int = 10, repeat: int = 1,
-    before: Path | None = None, invariance: str = "", scenes: int = 50, stability: bool = False,
+    before: Path | None = None, invariance: str = "", scenes: int = 50,
 ) -> int:  # fmt: skip
     """Run the campaign; 0 also when the images are absent."""
     (out / "worst").mkdir(exist_ok=True, parents=True)
@@ -67,8 +67,6 @@ def main(  # noqa: PLR0913 - options of a command
         write_bytes_atomic(out / "worst" / name, overlay(one))
     if invariance:
         print(real_invariance.table(photographs if invariance == "real" else None, params, scenes))
-    if stability:
-        print(real_invariance.stability(photographs, params))
     return 0
 
 
