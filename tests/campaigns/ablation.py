@@ -102,7 +102,7 @@ def measure(settings: Mapping[str, object], scenes: int, method: str) -> dict[st
 
     import ffseg
     from tests import scenes as drawn
-    from tests.campaigns import stress
+    from tests import stress
 
     ious, faulty, seconds = [], 0, 0.0
     start = {"init.center": list(drawn.START), "init.radius": drawn.START_RADIUS, "method": method}

@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 from tests.campaigns import harness
-from tests.campaigns.compiling import ALWAYS, ROOT, WARNINGS, Build
+from tests.campaigns.compiling import ALWAYS, ROOT, WARNINGS, Build, tests_with
 
 DEBUG = Build((*ALWAYS, *WARNINGS, "-O0", "-g1", "-D_GLIBCXX_ASSERTIONS"))
 PLAIN = Build((*ALWAYS, "-pedantic-errors", "-O2", "-DFFSEG_PLAIN"))
@@ -48,18 +48,9 @@ print(digest.hexdigest())
 
 def debug(work: Path) -> int:
     """Build without optimisation and run the native tests with that module; the exit code of pytest."""
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "-p",
-        "tests.campaigns.other_core",
-        "-p",
-        "no:cacheprovider",
-        *NATIVE_TESTS,
-    ]
-    return subprocess.run(command, cwd=ROOT, env=_with(DEBUG.module(work / "debug")), check=False).returncode
+    return subprocess.run(
+        tests_with(*NATIVE_TESTS), cwd=ROOT, env=_with(DEBUG.module(work / "debug")), check=False
+    ).returncode
 
 
 def plain(work: Path) -> int:

@@ -5,6 +5,7 @@ import os
 import shlex
 import shutil
 import subprocess
+import sys
 import sysconfig
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +18,11 @@ DRIVER = Path(__file__).resolve().parent / "native"
 ALWAYS = ("-std=c++17", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 """As the core is built, but for what a build is there to find."""
 WARNINGS = ("-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Wno-sign-conversion", "-Werror")
+
+
+def tests_with(*words: str) -> list[str]:
+    """Command of tests with what ``other_core`` puts in the place of the installed core."""
+    return [sys.executable, "-m", "pytest", "-q", "-p", "tests.campaigns.other_core", "-p", "no:cacheprovider", *words]
 
 
 class NoCompilerError(RuntimeError):

@@ -1,4 +1,4 @@
-"""Free space on rendered pairs, paint or obstacle: ``python -m tests.campaigns.freespace [--kinds floors|KIND,...] [--snake]``.
+"""Free space on rendered pairs, paint or obstacle: ``python -m tests.campaigns.freespace [--kinds floors|KIND,...]``.
 
 Drawn pairs (the kind ``drawn``, else alone) and ``floors`` of every kind: with a texture of 0 to 5 grey levels under noise of 1
 to 4, glossy ones, shadows of boxes, cameras that nod or turn, marks without corners or touching each other, walls and boxes of
@@ -6,21 +6,18 @@ the floor's own grey in places: each with exact poses, with poses off by 2 % and
 kind and mode the boxes merged (there must be none), the enclosed marks merged, the mean IoU of the free space, and the
 translation error of the motion. Reflections and shadows, which are ground that no pair shows to be ground, are left out of the
 IoU. Of boxes with squares of the floor's grey (``alike``, what ``--footprint`` is for) what lies within RING pixels of their
-border is left out of the judgement whether they are entered: nothing tells a square there from floor. ``--snake``: the same of
-the snake on drawn pairs, without its altitude term (Eq. 11) and with it.
+border is left out of the judgement whether they are entered: nothing tells a square there from floor.
 """
 
-import pickle
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.motion import Pose, planar_pose, relative_motion
-from ffseg.freespace.sequence import Frame, Sequence, segment_frame
+from ffseg.freespace.sequence import Frame, segment_frame
 from ffseg.freespace.window import Earlier
 from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import Parameters, load_params
@@ -92,18 +89,11 @@ def cases(pairs: int, kinds: tuple[str, ...], first: int = 0) -> Iterator[Case]:
                 yield Case(100_000 * place + 10_000 * row + index, kind, own, noise)
 
 
-def rendered(case: Case, cache: Path | None = None) -> RenderedPair:
-    """The pair of a case; from the cache where it has it."""
+def rendered(case: Case) -> RenderedPair:
+    """The pair of a case."""
     if case.kind == "drawn":
         return render_pair(case.seed)
-    if cache is None:
-        return floor_pair(case.seed, case.kind, case.texture, case.noise)
-    path = cache / f"{case.seed}.pickle"
-    if not path.is_file():
-        cache.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(pickle.dumps(rendered(case)))
-    pair: RenderedPair = pickle.loads(path.read_bytes())
-    return pair
+    return floor_pair(case.seed, case.kind, case.texture, case.noise)
 
 
 def enclosed_marks(pair: RenderedPair) -> list[int]:
@@ -196,11 +186,11 @@ def poses_of(pair: RenderedPair, mode: str, seed: int) -> tuple[Pose, Pose] | No
     return planar_pose(pair.camera, x + dx, y + dy, theta + random.normal(0, NOISE_RADIANS)), current
 
 
-def run(chosen: Iterator[Case], params: Parameters, cache: Path | None = None, footprint: float = 0.0) -> Tallies:
+def run(chosen: Iterator[Case], params: Parameters, footprint: float = 0.0) -> Tallies:
     """Render, segment and test every case in every mode; tallies by name and mode."""
     tallies: Tallies = {}
     for case in chosen:
-        pair = rendered(case, cache)
+        pair = rendered(case)
         pair = replace(pair, camera=replace(pair.camera, footprint=footprint))
         for mode in MODES:
             if case.kind != "drawn" and mode == "none" and len(pair.scene.marks) < MARKS_WITHOUT_POSES:
@@ -209,19 +199,6 @@ def run(chosen: Iterator[Case], params: Parameters, cache: Path | None = None, f
             frame = segment_frame(Scene(pair.current.image, params), [Earlier(pair.previous.image, poses)], pair.camera)
             name = f"{case.name()} (texture {case.texture:g}, noise {case.noise:g}), {mode}, seed {case.seed}"
             measure(pair, frame, tallies.setdefault((case.name(), mode), Tally()), name)
-    return tallies
-
-
-def snakes(seeds: range) -> Tallies:
-    """The snake on an image alone, which leaves out its altitude term, and on pairs with exact poses."""
-    params, tallies = load_params(None, {"method": "snake"}), {("snake", "alone"): Tally(), ("snake", "pair"): Tally()}
-    for seed in seeds:
-        pair = render_pair(seed)
-        before, now = true_poses(pair)
-        both = Sequence(pair.camera, params)
-        both.feed(pair.previous.image, before)
-        for name, sequence in (("alone", Sequence(pair.camera, params)), ("pair", both)):
-            measure(pair, sequence.feed(pair.current.image, now), tallies["snake", name], f"pair {seed}")
     return tallies
 
 
@@ -256,16 +233,11 @@ def kept(tallies: Tallies) -> bool:
     )
 
 
-def main(
-    pairs: int = 15, first: int = 0, kinds: str = "drawn", cache: Path | None = None, footprint: float = 0.0, snake: bool = False,
-) -> int:  # fmt: skip
+def main(pairs: int = 15, first: int = 0, kinds: str = "drawn", footprint: float = 0.0) -> int:
     """Run the campaign and say whether its promises hold."""
-    if snake:
-        print(table(snakes(range(first, first + pairs))))
-        return 0
     every = FLOOR_KINDS if footprint else tuple(kind for kind in FLOOR_KINDS if kind != "alike")
     chosen = cases(pairs, every if kinds == "floors" else tuple(kinds.split(",")), first)
-    tallies = run(chosen, load_params(), cache, footprint)
+    tallies = run(chosen, load_params(), footprint)
     print(table(tallies))
     for tally in tallies.values():
         for miss in tally.misses:

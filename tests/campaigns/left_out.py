@@ -6,15 +6,13 @@ not of. ``--out FILE`` writes a row a look, ``--before FILE`` says what has chan
 looks are at one picture, and count as one.
 """
 
-from __future__ import annotations
-
-import argparse
 import csv
-import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
 from ffseg.evidence import prior
 from ffseg.evidence.features import WORKING_SIZE
@@ -26,6 +24,7 @@ from ffseg.io.tables import csv_table
 from ffseg.learning import grow
 from ffseg.learning.drawn.sights import KINDS, STARTS, sights
 from ffseg.learning.training import known_pixels
+from tests.campaigns import harness
 
 GROUPS = (
     ("room", "corridor", "mirror"),
@@ -44,33 +43,27 @@ Overlaps = dict[tuple[str, int], float]
 """By kind and number of a look."""
 
 
-def main() -> int:
+def main(
+    looks: int = 60,
+    judged_on: Annotated[int, typer.Option("--judged")] = 30,
+    out: Path | None = None,
+    before: Path | None = None,
+) -> None:
     """Print the table."""
-    options = _options()
     single_thread()
-    taught = {kind: list(learned(kind, options.looks)) for kind in KINDS}
+    taught = {kind: list(learned(kind, looks)) for kind in KINDS}
     found: Overlaps = {}
     for group in GROUPS:
-        looks = [look for kind, own in taught.items() if kind not in group for look in own]
-        forest = grow.grow(looks, prior.TAKEN, {}).inside
-        found |= {(kind, look): overlap for kind in group for look, overlap in judged(kind, forest, options.judged)}
+        others = [look for kind, own in taught.items() if kind not in group for look in own]
+        forest = grow.grow(others, prior.TAKEN, {}).inside
+        found |= {(kind, look): overlap for kind in group for look, overlap in judged(kind, forest, judged_on)}
     for kind in dict.fromkeys(kind for kind, _ in found):
         print(f"{kind}: {np.mean([overlap for (own, _), overlap in found.items() if own == kind]):.3f}")
     print(f"all: {np.mean(list(found.values())):.4f} over {len(found)} looks")
-    if options.out:
-        write_bytes_atomic(options.out, csv_table(COLUMNS, [[*look, overlap] for look, overlap in found.items()]))
-    if options.before:
-        print(changed(found, read(options.before)))
-    return 0
-
-
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split(":", maxsplit=1)[0])
-    parser.add_argument("--looks", type=int, default=60, help="looks at each kind to learn from")
-    parser.add_argument("--judged", type=int, default=30, help="looks at each kind to be judged on")
-    parser.add_argument("--out", type=Path, help="CSV file to write")
-    parser.add_argument("--before", type=Path, help="CSV file of an earlier run to compare with")
-    return parser.parse_args()
+    if out:
+        write_bytes_atomic(out, csv_table(COLUMNS, [[*look, overlap] for look, overlap in found.items()]))
+    if before:
+        print(changed(found, read(before)))
 
 
 def learned(kind: str, count: int) -> Iterator[grow.Samples]:
@@ -108,4 +101,4 @@ def changed(now: Overlaps, before: Overlaps) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.as_command(main)

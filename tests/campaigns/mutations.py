@@ -14,7 +14,6 @@ import random
 import re
 import shutil
 import subprocess
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -172,19 +171,7 @@ def python_tree(work: Path) -> Path:
 
 def tested(names: Sequence[str], env: dict[str, str], limit: float | None) -> tuple[str, float]:
     """The name of the first test that fails, or nothing; and the seconds it took."""
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-qx",
-        "-p",
-        "tests.campaigns.other_core",
-        "-p",
-        "no:cacheprovider",
-        "-p",
-        "no:randomly",
-    ]
-    command += [f"tests/unit/test_{name}.py" for name in names]
+    command = compiling.tests_with("-x", "-p", "no:randomly", *(f"tests/unit/test_{name}.py" for name in names))
     begin = time.monotonic()
     try:
         done = subprocess.run(

@@ -15,12 +15,13 @@ from ffseg.image.raster import rasterize
 from ffseg.parameters import load_params
 from ffseg.plugins import METHODS
 from ffseg.scene import Scene
-from tests.campaigns import stress
+from tests import stress
 from tests.crossings import self_intersections
 from tests.evolutions import SHAPE, areas, contours, evolution
 
 ROOT = Path(__file__).resolve().parents[2]
-SHORT = 50
+SHORT, LONG = 50, 2000
+"""Scenes."""
 
 
 def disc(center: tuple[int, int], radius: int, size: tuple[int, int] = (120, 160)) -> np.ndarray:
@@ -33,8 +34,9 @@ def disc(center: tuple[int, int], radius: int, size: tuple[int, int] = (120, 160
     [{}, {"contour.degree": 2, "contour.split_threshold": 8.0}, {"contour.degree": 4, "contour.split_threshold": 14.0}],
     ids=["default", "degree 2", "degree 4"],
 )
-def test_random_scenes(overrides: dict[str, object]) -> None:
-    faults = [o for o in (stress.check(seed, overrides) for seed in range(SHORT)) if o.faults]
+def test_random_scenes(overrides: dict[str, object], request: pytest.FixtureRequest) -> None:
+    seeds = range(LONG if request.config.getoption("--long") else SHORT)
+    faults = [o for o in (stress.check(seed, overrides) for seed in seeds) if o.faults]
     assert faults == []
 
 

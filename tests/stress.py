@@ -1,19 +1,16 @@
-"""Random scenes against their truth: ``python -m tests.campaigns.stress --scenes 2000``.
+"""Random scenes against their truth.
 
 Checks, scene by scene: the evolution converges, the contours do not cross themselves or each other, and where the
 truth has no passage narrower than 6 pixels the IoU is at least 0.99.
 """
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 import shapely
-import typer
 
 import ffseg
 from tests import scenes
-from tests.campaigns import harness
 
 LEAST_IOU = 0.99
 FLATTEN_TOLERANCE = 0.005
@@ -58,28 +55,3 @@ def check(seed: int, overrides: dict[str, object]) -> Outcome:
     if scene.wide and num_holes != scene.holes:
         faults.append(f"{num_holes} holes, truth {scene.holes}")
     return Outcome(seed, tuple(faults), iou, scene.wide)
-
-
-def main(
-    scenes: int = 2000, first: int = 0, settings: Annotated[list[str] | None, typer.Option("--set")] = None
-) -> int:
-    """Run the campaign; the exit code is 1 when a scene has a fault."""
-    overrides = dict(item.split("=", 1) for item in settings or ())
-    outcomes = [check(seed, {k: _number(v) for k, v in overrides.items()}) for seed in range(first, first + scenes)]
-    for outcome in outcomes:
-        if outcome.faults:
-            print(f"scene {outcome.seed}: {'; '.join(outcome.faults)}")
-    wide = [o.iou for o in outcomes if o.wide]
-    faulty = sum(bool(o.faults) for o in outcomes)
-    print(
-        f"{len(outcomes)} scenes, {faulty} faulty; {len(wide)} wide, IoU least {min(wide):.4f}, mean {np.mean(wide):.4f}"
-    )
-    return 1 if faulty else 0
-
-
-def _number(text: str) -> float | int:
-    return float(text) if "." in text else int(text)
-
-
-if __name__ == "__main__":
-    harness.as_command(main)
