@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.image.free import distances
 from ffseg.image.keypoints import grey_image
 from ffseg.image.parts import parts
 
@@ -80,9 +81,7 @@ def _wide(image: Image) -> Image:
 
 def _depth(region: Mask) -> NDArray[np.float32]:
     """Distance of each pixel to the boundary, px: positive inside, the border of the image being none."""
-    inside = region.astype(np.uint8)
-    deep, far = (cv2.distanceTransform(side, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for side in (inside, 1 - inside))
-    return np.asarray(np.where(region, deep - 0.5, 0.5 - far), np.float32)
+    return np.asarray(np.where(region, distances(region) - 0.5, 0.5 - distances(~region)), np.float32)
 
 
 def _holes(region: Mask) -> Mask:

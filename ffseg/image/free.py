@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 from ffseg.image.parts import parts
 
+_EXACT = np.float32(1024)
+"""Pixels up to which the square of a distance that is off by its last bits rounds to the right whole number: below 2^21."""
+
 Plane = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
@@ -26,13 +29,13 @@ def free_pixels(edges: Plane, domain: Plane | None, clearance: float = 0.0) -> M
     """
     free: Mask = cv2.dilate(edges, np.ones((3, 3), np.uint8)) == 0
     if clearance > 0:
-        free &= _distance(edges == 0) >= clearance / 2
+        free &= distances(edges == 0) >= clearance / 2
     return free if domain is None else free & (domain != 0)
 
 
 def room_round(free: Mask) -> NDArray[np.float32]:
     """Distance of every pixel to the nearest one that is not free, pixels; the ring beyond the image is not free."""
-    return _distance(np.pad(free, 1))[1:-1, 1:-1]
+    return distances(np.pad(free, 1))[1:-1, 1:-1]
 
 
 def nearest_outside(mask: Mask) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
@@ -65,6 +68,14 @@ def open_sides(free: Mask) -> NDArray[np.int32]:
     return parts(np.asarray(cv2.dilate(fits, square, anchor=(1, 1)), np.uint8)).labels
 
 
-def _distance(free: Mask) -> NDArray[np.float32]:
-    found = cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(found, np.float32)
+def distances(mask: Mask) -> NDArray[np.float32]:
+    """Distance of every pixel of a mask to the nearest one that is not in it, pixels.
+
+    Notes
+    -----
+    OpenCV's depends in its last bit on where the memory lies. Squares of distances are whole numbers: those up to
+    `_EXACT` are brought back to them.
+    """
+    found = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    squares = np.rint(np.square(np.minimum(found, _EXACT)))
+    return np.asarray(np.where(found < _EXACT, np.sqrt(squares), found), np.float32)

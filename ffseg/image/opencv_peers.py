@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
+from ffseg.image.free import distances
 from ffseg.peer_parameters import EdgeComponents, EdgeOpened, FloodFill, GrabCut, Watershed
 
 Mask = NDArray[np.bool_]
@@ -84,8 +85,7 @@ def near(seeds: Mask, radii: float) -> Mask:
     """Pixels within so many radii of a start's centre, where the start is a disc; of several discs, the mean radius."""
     count = cv2.connectedComponents(seeds.astype(np.uint8))[0] - 1
     radius = math.sqrt(np.count_nonzero(seeds) / (math.pi * count))
-    distance = cv2.distanceTransform((~seeds).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    found: Mask = distance <= (radii - 1) * radius
+    found: Mask = distances(~seeds) <= (radii - 1) * radius
     return found
 
 
@@ -122,7 +122,7 @@ def grown(mask: Mask, by: float) -> Mask:
     if by <= 0 or not mask.any():
         return mask
     if by > _LARGEST_DISC:
-        found: Mask = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= by
+        found: Mask = distances(~mask) <= by
         return found
     steps = np.arange(-int(by), int(by) + 1)
     disc = (steps[:, None] ** 2 + steps**2 <= by * by).astype(np.uint8)

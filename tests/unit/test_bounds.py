@@ -9,7 +9,7 @@ import pytest
 import ffseg
 from ffseg.errors import SegmentationError
 from ffseg.image.disc import Disc, valid_disc
-from ffseg.image.free import free_pixels, ground_under, room_round
+from ffseg.image.free import distances, free_pixels, ground_under, room_round
 from tests import scenes
 
 
@@ -206,3 +206,16 @@ def test_disc_holds_its_points() -> None:
     assert disc.holds(np.array([13.0, 14.0]))
     assert not disc.holds(np.array([13.1, 14.1]))
     assert disc.mask((21, 21), 0.0).sum() == 255 * 81  # lattice points within 5: the Gauss circle problem
+
+
+@pytest.mark.parametrize("width", [37, 50, 61])
+def test_distances_are_the_nearest_to_the_true_ones_wherever_the_memory_lies(width: int) -> None:
+    mask = np.random.default_rng(width).random((40, width)) > 0.02
+    rows, columns = np.indices(mask.shape)
+    out = np.argwhere(~mask)
+    squares = ((rows[..., None] - out[:, 0]) ** 2 + (columns[..., None] - out[:, 1]) ** 2).min(axis=2)
+    assert np.array_equal(distances(mask), np.sqrt(squares).astype(np.float32))
+
+
+def test_distances_of_a_mask_without_an_end_are_beyond_any_image() -> None:
+    assert distances(np.ones((3, 4), np.bool_)).min() > 1e6
