@@ -11,6 +11,8 @@ import sys
 import tarfile
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import stand_in
 from batches import Silent, make_images, run_batch, table, tree
@@ -388,3 +390,16 @@ def test_the_command(tmp_path: Path, ffseg_command: Command) -> None:
     wrong = ffseg_command(*run, "other", "--pack", "zip", cwd=tmp_path)
     assert wrong.returncode == 2
     assert "there is no 'zip'; choose tar" in wrong.stderr
+
+
+@pytest.mark.parametrize("pack", [(), ("--pack", "tar")])
+def test_an_empty_output_is_made_once(pack: tuple[str, ...], tmp_path: Path, ffseg_command: Command) -> None:
+    (tmp_path / "in").mkdir()
+    cv2.imwrite(str(tmp_path / "in" / "tiny.png"), np.zeros((1, 1), np.uint8))
+    run = ("run", tmp_path / "in", "--out", tmp_path / "out", "--export", "yolo", *pack, "--json")
+    counts = [json.loads(ffseg_command(*run).stdout)["counts"] for _ in range(2)]
+    assert [(one["done"], one["unchanged"]) for one in counts] == [(1, 0), (0, 1)]
+    lost = "yolo.tar" if pack else "yolo/tiny.txt"
+    (tmp_path / "out" / lost).unlink()
+    assert json.loads(ffseg_command(*run).stdout)["counts"]["done"] == 1
+    assert (tmp_path / "out" / lost).is_file()
