@@ -46,6 +46,14 @@ def test_gradient_and_ridges_are_those_of_the_twin(image: np.ndarray, sigma: flo
     np.testing.assert_array_equal(ridges, maxima)
 
 
+@pytest.mark.parametrize("channel", [0, 1, 2])
+def test_one_pixel_that_is_not_grey_counts(channel: int) -> None:
+    image = np.full((40, 70, 3), 100, np.uint8)
+    np.testing.assert_array_equal(native(image, 1.0)[0], 0)
+    image[-1, -1, channel] = 255
+    np.testing.assert_array_equal(native(image, 1.0)[0], naive_edges.gradient_and_ridges(image, 1.0)[0])
+
+
 def most_error(sigma: float) -> float:
     """What rounding and the cut kernel can add up to, in stored units.
 

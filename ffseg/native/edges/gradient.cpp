@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "common/lanes.hpp"
 #include "edges/sobel.hpp"
 
 namespace ffseg::edges {
@@ -45,6 +46,19 @@ void replicate(std::uint16_t* row, int width, int margin) {
     std::fill(row + width, row + whole(width) + margin, row[width - 1]);
 }
 
+// Whether the three channels of every pixel are equal: one then has the gradient of all.
+FFSEG_CLONES
+bool is_grey(const ImageView& image) {
+    bool grey = image.channels == 3;
+    for (int y = 0; y < image.height && grey; ++y) {
+        const std::uint8_t* const row = image.data + static_cast<std::ptrdiff_t>(y) * image.width * 3;
+        int apart = 0;
+        for (int x = 0; x < image.width; ++x) apart |= (row[3 * x] ^ row[3 * x + 1]) | (row[3 * x] ^ row[3 * x + 2]);
+        grey = apart == 0;
+    }
+    return grey;
+}
+
 // The pass over the image. Each stage is some rows behind the one before it and keeps no more rows than the next needs.
 class Pass {
 public:
@@ -55,9 +69,10 @@ public:
           ridges_(ridges),
           span_(whole(image.width)),
           ring_(2 * kernel.radius() + 1),
+          channels_(is_grey(image) ? 1 : image.channels),
           wide_(1, image.width, kernel.radius()),
-          across_(ring_ * image.channels, image.width, 0),
-          smoothed_(3 * image.channels, image.width, 1),
+          across_(ring_ * channels_, image.width, 0),
+          smoothed_(3 * channels_, image.width, 1),
           slopes_(2, image.width, 0),
           sizes_(4, image.width, 1),
           directions_(2, image.width, 0),
@@ -80,43 +95,42 @@ private:
 
     // Smooth a row of the image to both sides.
     void take(int y) {
-        const int channels = image_.channels;
-        const std::uint8_t* row = image_.data + static_cast<std::ptrdiff_t>(y) * image_.width * channels;
-        for (int c = 0; c < channels; ++c) {
-            widen_row(row + c, channels, wide_[0], image_.width);
+        const std::uint8_t* row = image_.data + static_cast<std::ptrdiff_t>(y) * image_.width * image_.channels;
+        for (int c = 0; c < channels_; ++c) {
+            widen_row(row + c, image_.channels, wide_[0], image_.width);
             replicate(wide_[0], image_.width, kernel_.radius());
-            smooth_across(wide_[0], kernel_, across_[y % ring_ * channels + c], span_);
+            smooth_across(wide_[0], kernel_, across_[y % ring_ * channels_ + c], span_);
         }
     }
 
     void smooth(int y) {
-        const int channels = image_.channels;
-        for (int c = 0; c < channels; ++c) {
+        for (int c = 0; c < channels_; ++c) {
             for (int k = 0; k <= kernel_.radius(); ++k) {
                 const auto at = static_cast<std::size_t>(k);
-                above_[at] = across_[std::max(y - k, 0) % ring_ * channels + c];
-                below_[at] = across_[std::min(y + k, image_.height - 1) % ring_ * channels + c];
+                above_[at] = across_[std::max(y - k, 0) % ring_ * channels_ + c];
+                below_[at] = across_[std::min(y + k, image_.height - 1) % ring_ * channels_ + c];
             }
-            std::uint16_t* row = smoothed_[y % 3 * channels + c];
+            std::uint16_t* row = smoothed_[y % 3 * channels_ + c];
             smooth_down(above_.data(), below_.data(), kernel_, row, span_);
             replicate(row, image_.width, 1);
         }
     }
 
     void find_gradient(int y) {
-        const int channels = image_.channels, width = image_.width;
+        const int width = image_.width;
         const int before = std::max(y - 1, 0) % 3, after = std::min(y + 1, image_.height - 1) % 3;
         const auto rows = [&](int c) -> ThreeRows {
-            return {smoothed_[before * channels + c], smoothed_[y % 3 * channels + c], smoothed_[after * channels + c]};
+            return {smoothed_[before * channels_ + c], smoothed_[y % 3 * channels_ + c],
+                    smoothed_[after * channels_ + c]};
         };
         std::uint16_t* row = sizes_[y % 3];
         const GradientRow out{row, directions_[y % 2]};
-        if (channels == 1) {
+        if (channels_ == 1) {
             gradient_row(rows(0), out, span_);
         } else {
             const SlopeRow slope{slopes_[0], slopes_[1]};
             slope_row(rows(0), slope, span_);
-            for (int c = 1; c < channels; ++c) keep_steeper(rows(c), slope, span_);
+            for (int c = 1; c < channels_; ++c) keep_steeper(rows(c), slope, span_);
             gradient_row(slope, out, span_);
         }
         row[width] = 0;
@@ -134,7 +148,7 @@ private:
     const Gaussian& kernel_;
     std::uint16_t* gradient_;
     std::uint8_t* ridges_;
-    int span_, ring_;
+    int span_, ring_, channels_;
     Rows<std::uint16_t> wide_, across_, smoothed_;
     Rows<std::int16_t> slopes_;
     Rows<std::uint16_t> sizes_, directions_;
