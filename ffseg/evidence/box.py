@@ -1,4 +1,4 @@
-"""The source ``box``: what a forest learned from drawings says of the object inside a box, seen from what lies outside it.
+"""The source ``box``: what a forest learned from drawings and a cut by colours say of the object inside a box.
 
 It looks at each box and its surroundings at one size, so that a picture and its enlargement give the same. The forest sees
 what the prior sees, with all that lies outside the box for a start, and beside it the same from the core of the box.
@@ -20,8 +20,9 @@ from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.prior import CERTAIN, SEEN, SMOOTHING
-from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, every, surroundings, with_own_colours
+from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, every, surroundings, voted
 from ffseg.image.edges import EdgeMap
+from ffseg.image.opencv_peers import cut
 from ffseg.image.raster import window_of
 from ffseg.image.resized import resized
 from ffseg.native import _core
@@ -40,6 +41,14 @@ AROUND = 0.3
 
 LEAST_SIDE = 8
 """Pixels of the shorter side at that size, however narrow the box."""
+
+FILLED = 0.5
+"""Added to the log odds that the forest tells: more of a box belongs to its object. Of 0.25, 0.5 and 0.75 the best
+on drawings that are not judged on."""
+
+CUT_SIZE, DOUBTFUL, CUT, ALIKE = 200, -1.0, 3.0, 0.5
+"""A graph cut by colours: pixels of the longer side, log odds above which it starts as the object, its say in log odds, and the
+overlap with what the forest finds below which it has none. Chosen on the same drawings, where they gain .01."""
 
 CORE = 0.4
 """Radii of the ellipse that is taken for the object's core, in parts of the box's halves."""
@@ -103,9 +112,23 @@ def in_box(image: NDArray[np.uint8], box: Box) -> tuple[tuple[slice, slice], NDA
     if view is None:
         return window, np.full([part.stop - part.start for part in window], np.float32(-CERTAIN))
     model, native = shipped(MODEL, TAKEN)
-    odds = np.clip(model.inside.log_odds(all_planes(view), native), -CERTAIN, CERTAIN)
+    odds = np.clip(model.inside.log_odds(all_planes(view), native) + np.float32(FILLED), -CERTAIN, CERTAIN)
     odds[view.seen.inside[::STRIDE, ::STRIDE] > 0] = -CERTAIN
-    return window, view.enlarged(blurred(with_own_colours(odds, view.seen), SMOOTHING / STRIDE))
+    return window, view.enlarged(blurred(_with_cut(odds, image, view), SMOOTHING / STRIDE))
+
+
+def _with_cut(odds: Plane, image: NDArray[np.uint8], view: View) -> Plane:
+    """Log odds after neighbours have voted; a cut by colours that finds much the same as they do has its say."""
+    found = voted(odds, view.seen)
+    height, width = (max(LEAST_SIDE, side * CUT_SIZE // SIZE) for side in view.seen.shape)
+    shape = height, width
+    outside = resized(view.seen.inside, shape) > 0
+    likely = (resized(found, shape) > DOUBTFUL) & ~outside
+    if not likely.any() or likely.all():
+        return found
+    inside = resized(cut(resized(image[view.outer], shape), likely, outside, 1).astype(np.float32), odds.shape)
+    both, either = (np.count_nonzero(joint(found > 0, inside > 0.5)) for joint in (np.logical_and, np.logical_or))
+    return found + np.float32(CUT) * (2 * inside - 1) if both > ALIKE * either else found
 
 
 @dataclass(frozen=True, slots=True, eq=False)

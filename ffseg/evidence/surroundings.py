@@ -23,7 +23,7 @@ FINEST, COLOURS = (tuple(f"{name}@{scale:g}" for name in ("light", "red", "blue"
 
 AGAIN = 0.6
 """Part of the log odds of colours, learned from what was found at first, that is added to it: of 0.3, 0.6 and 1 the best on
-drawings that are not judged on. In boxes things gain .03, in the mean of all kinds .006."""
+drawings that are not judged on."""
 
 FRAME = 0.03
 """Width of the border whose colours are compared, in parts of the root of the image's area."""

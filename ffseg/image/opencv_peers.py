@@ -69,16 +69,26 @@ def grabcut(image: Image, seeds: Mask, params: GrabCut) -> Mask:
     What lies within `params.probable` radii of the start's centre is probably inside, the rest probably outside: told
     that all but the start is outside, it learns the object's colours from the start alone and gives the start back.
     """
-    colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
-    labels = np.full(seeds.shape, cv2.GC_BGD, np.uint8)
-    labels[1:-1, 1:-1] = np.where(near(seeds, params.probable), cv2.GC_PR_FGD, cv2.GC_PR_BGD)[1:-1, 1:-1]
-    labels[seeds] = cv2.GC_FGD
-    if np.isin(labels, (cv2.GC_FGD, cv2.GC_PR_FGD)).all():
+    outside = np.ones(seeds.shape, np.bool_)
+    outside[1:-1, 1:-1] = False
+    outside &= ~seeds
+    likely = near(seeds, params.probable) | seeds
+    if (likely & ~outside).all():
         raise SegmentationError("the start leaves no pixel outside to learn from; change init.radius")
+    return connected(cut(image, likely, outside, params.iterations, seeds), seeds)
+
+
+def cut(image: Image, likely: Mask, outside: Mask, iterations: int, inside: Mask | None = None) -> Mask:
+    """What ``cv2.grabCut`` finds inside, told what likely is, what is outside and what is inside; there must be both sides."""
+    colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    labels = np.where(outside, cv2.GC_BGD, np.where(likely, cv2.GC_PR_FGD, cv2.GC_PR_BGD)).astype(np.uint8)
+    if inside is not None:
+        labels[inside] = cv2.GC_FGD
     cv2.setRNGSeed(0)
     background, foreground = np.zeros((1, 65)), np.zeros((1, 65))
-    cv2.grabCut(colour, labels, None, background, foreground, params.iterations, cv2.GC_INIT_WITH_MASK)  # type: ignore[call-overload]
-    return connected((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD), seeds)
+    cv2.grabCut(colour, labels, None, background, foreground, iterations, cv2.GC_INIT_WITH_MASK)  # type: ignore[call-overload]
+    found: Mask = (labels & cv2.GC_FGD) > 0
+    return found
 
 
 def near(seeds: Mask, radii: float) -> Mask:
