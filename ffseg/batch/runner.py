@@ -176,8 +176,10 @@ class Work:
 
     def _task(self, job: Job) -> Task:
         record = None if self.options.overwrite else self.keeper.journal.get(job.source.name)
+        outputs = self.keeper.plan.outputs(job)
         fits = record is not None and record.fits(self.keeper.settings)
-        return Task(job, self.keeper.plan.out, self.keeper.plan.outputs(job), record if fits else None)
+        named = record is not None and outputs[0] in record.outputs  # else an earlier run called its outputs otherwise
+        return Task(job, self.keeper.plan.out, outputs, record if fits and named else None)
 
     def _take(self, replies: Sequence[Reply]) -> None:
         """Write what replies bring and remember it: never more images at once than there are workers."""

@@ -94,6 +94,21 @@ def test_yolo_cutouts_and_labels(ffseg_command: Command, images: Path, tmp_path:
     assert (refused.returncode, "a cut-out is transparent, which .jpg cannot be" in refused.stderr) == (3, True)
 
 
+@pytest.mark.parametrize("pack", [(), ("--pack", "tar")])
+@pytest.mark.parametrize("order", [((), ("--keep-suffix",)), (("--keep-suffix",), ())])
+def test_outputs_under_other_names_take_the_place_of_the_old(
+    order: tuple, pack: tuple, ffseg_command: Command, images: Path, tmp_path: Path
+) -> None:
+    run = ("run", images, *START, "--export", "coco", *pack, "--out")
+    for names in order:
+        assert ffseg_command(*run, tmp_path / "out", *names).returncode == 0
+    assert ffseg_command(*run, tmp_path / "fresh", *order[1]).returncode == 0
+    for folder in ("masks", "coco", "contours"):
+        found, fresh = (sorted((tmp_path / out / folder).rglob("*.*")) for out in ("out", "fresh"))
+        assert [one.name for one in found] == [one.name for one in fresh]
+    assert (tmp_path / "out" / "coco.json").read_bytes() == (tmp_path / "fresh" / "coco.json").read_bytes()
+
+
 def test_exports_hold_the_mask_and_find_their_image(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     result = ffseg_command("run", images, "--out", out, *START, "--export", "coco,labelme", "--export", "geojson")
