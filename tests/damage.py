@@ -37,51 +37,51 @@ def picture(width: int = 256, height: int = 192) -> NDArray[np.uint8]:
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
-def sources() -> dict[str, tuple[bytes, NDArray[np.uint8]]]:
-    """Whole files in every format and coding that is read, each with its pixels in RGB or grey before any loss."""
+def sources() -> dict[str, bytes]:
+    """Whole files in every format and coding that is read."""
     rgb = picture()
     image, grey = Image.fromarray(rgb), Image.fromarray(rgb[..., 1])
     bit, palette = grey.convert("1"), image.quantize(200)
     made = {
-        "png": (encoded(image, "PNG"), rgb),
-        "grey.png": (encoded(grey, "PNG"), rgb[..., 1]),
-        "palette.png": (encoded(palette, "PNG"), _rgb(palette)),
-        "jpg": (encoded(image, "JPEG", quality=90), rgb),
-        "grey.jpg": (encoded(grey, "JPEG", quality=90), rgb[..., 1]),
-        "progressive.jpg": (encoded(image, "JPEG", quality=90, progressive=True), rgb),
-        "restart.jpg": (encoded(image, "JPEG", quality=90, restart_marker_rows=1), rgb),
-        "lossless.webp": (encoded(image, "WEBP", lossless=True), rgb),
-        "lossy.webp": (encoded(image, "WEBP", quality=90), rgb),
-        **({"gif": (encoded(palette, "GIF"), _rgb(palette))} if READS_GIF else {}),
-        "24.bmp": (encoded(image, "BMP"), rgb),
-        "8.bmp": (encoded(palette, "BMP"), _rgb(palette)),
-        "1.bmp": (encoded(bit, "BMP"), _bits(bit)),
-        "ppm": (encoded(image, "PPM"), rgb),
-        "pgm": (encoded(grey, "PPM"), rgb[..., 1]),
-        "pbm": (encoded(bit, "PPM"), _bits(bit)),
-        "text.ppm": (_text_ppm(rgb[:64, :64]), rgb[:64, :64]),
-        "lossless.jp2": (encoded(image, "JPEG2000"), rgb),
-        "lossy.jp2": (encoded(image, "JPEG2000", quality_mode="rates", quality_layers=[8]), rgb),
+        "png": encoded(image, "PNG"),
+        "grey.png": encoded(grey, "PNG"),
+        "palette.png": encoded(palette, "PNG"),
+        "jpg": encoded(image, "JPEG", quality=90),
+        "grey.jpg": encoded(grey, "JPEG", quality=90),
+        "progressive.jpg": encoded(image, "JPEG", quality=90, progressive=True),
+        "restart.jpg": encoded(image, "JPEG", quality=90, restart_marker_rows=1),
+        "lossless.webp": encoded(image, "WEBP", lossless=True),
+        "lossy.webp": encoded(image, "WEBP", quality=90),
+        **({"gif": encoded(palette, "GIF")} if READS_GIF else {}),
+        "24.bmp": encoded(image, "BMP"),
+        "8.bmp": encoded(palette, "BMP"),
+        "1.bmp": encoded(bit, "BMP"),
+        "ppm": encoded(image, "PPM"),
+        "pgm": encoded(grey, "PPM"),
+        "pbm": encoded(bit, "PPM"),
+        "text.ppm": _text_ppm(rgb[:64, :64]),
+        "lossless.jp2": encoded(image, "JPEG2000"),
+        "lossy.jp2": encoded(image, "JPEG2000", quality_mode="rates", quality_layers=[8]),
     }
     if "avif" in features.get_supported_modules():
-        made["avif"] = (encoded(image, "AVIF", quality=95, subsampling="4:4:4"), rgb)
+        made["avif"] = encoded(image, "AVIF", quality=95, subsampling="4:4:4")
     return made | tiff_sources()
 
 
-def tiff_sources() -> dict[str, tuple[bytes, NDArray[np.uint8]]]:
+def tiff_sources() -> dict[str, bytes]:
     """TIFF files of every compression with the directory before the pixels, and one with it behind them."""
     rgb = picture()
     image, grey = Image.fromarray(rgb), Image.fromarray(rgb[..., 1])
     kinds = {"deflate": "tiff_adobe_deflate", "lzw": "tiff_lzw", "packbits": "packbits", "jpeg": "jpeg"}
-    made = {"none.tif": (encoded(image, "TIFF"), rgb)}
+    made = {"none.tif": encoded(image, "TIFF")}
     for name, compression in kinds.items():
-        made[f"{name}.tif"] = (directory_first(encoded(image, "TIFF", compression=compression)), rgb)
+        made[f"{name}.tif"] = directory_first(encoded(image, "TIFF", compression=compression))
     difference = encoded(image, "TIFF", compression="tiff_lzw", tiffinfo={317: 2})
-    made["difference.tif"] = (directory_first(difference), rgb)
-    made["last.tif"] = (encoded(image, "TIFF", compression="tiff_adobe_deflate", tiffinfo={278: 16}), rgb)
-    made["grey.tif"] = (directory_first(encoded(grey, "TIFF", compression="tiff_lzw")), rgb[..., 1])
+    made["difference.tif"] = directory_first(difference)
+    made["last.tif"] = encoded(image, "TIFF", compression="tiff_adobe_deflate", tiffinfo={278: 16})
+    made["grey.tif"] = directory_first(encoded(grey, "TIFF", compression="tiff_lzw"))
     deep = Image.fromarray((rgb[..., 1].astype(np.uint16)) * 257)
-    made["16.tif"] = (directory_first(encoded(deep, "TIFF", compression="tiff_adobe_deflate")), rgb[..., 1])
+    made["16.tif"] = directory_first(encoded(deep, "TIFF", compression="tiff_adobe_deflate"))
     return made
 
 
@@ -129,14 +129,6 @@ def _values(data: bytes, kind: int, count: int, raw: bytes) -> tuple[int, tuple[
     size = struct.calcsize(code)
     at = int.from_bytes(raw, "little")
     return kind, struct.unpack(code, raw[:size] if size <= 4 else data[at : at + size])
-
-
-def _rgb(image: Image.Image) -> NDArray[np.uint8]:
-    return np.asarray(image.convert("RGB"))
-
-
-def _bits(image: Image.Image) -> NDArray[np.uint8]:
-    return np.asarray(image).astype(np.uint8) * 255
 
 
 def _text_ppm(rgb: NDArray[np.uint8]) -> bytes:

@@ -1,7 +1,6 @@
 """What the campaigns share: small image folders, the command as a process, and a figure for each promise."""
 
 import functools
-import json
 import os
 import signal
 import subprocess
@@ -129,12 +128,6 @@ def outputs(out: Path) -> dict[str, bytes]:
 def temporaries(out: Path) -> list[str]:
     """Names of temporary files left under an output folder."""
     return [str(path) for path in out.rglob("*") if path.name.startswith(".ffseg-")]
-
-
-def counts(out: Path) -> dict[str, int]:
-    """Counts of the last run into an output folder."""
-    found: dict[str, int] = json.loads((out / "run.json").read_text())["counts"]
-    return found
 
 
 def group_is_gone(process: subprocess.Popen[bytes], patience: float = 20.0) -> bool:

@@ -33,7 +33,7 @@ def refused(data: bytes) -> bool:
 
 @pytest.mark.parametrize("name", sorted(SOURCES))
 def test_whole_files_are_read_as_pillow_reads_them(name: str) -> None:
-    data = SOURCES[name][0]
+    data = SOURCES[name]
     reading = readings.pillow(data)
     assert reading is not None
     assert readings.same(decode_image(data), reading, damage.tolerance(name))
@@ -41,26 +41,26 @@ def test_whole_files_are_read_as_pillow_reads_them(name: str) -> None:
 
 @pytest.mark.parametrize("name", TELL_ZEROS)
 def test_zero_tails_and_cuts_of_packed_pixels_are_refused(name: str) -> None:
-    tails = [item for item in damage.damaged(name, SOURCES[name][0], 0) if item.kind in ("tail", "cut")]
+    tails = [item for item in damage.damaged(name, SOURCES[name], 0) if item.kind in ("tail", "cut")]
     assert [item.number for item in tails if not refused(item.data)] == []
 
 
 @pytest.mark.parametrize("name", NO_HOLES)
 def test_lost_blocks_are_refused(name: str) -> None:
-    holes = [item for item in damage.damaged(name, SOURCES[name][0], 0) if item.kind == "hole"]
+    holes = [item for item in damage.damaged(name, SOURCES[name], 0) if item.kind == "hole"]
     assert [item.number for item in holes if not refused(item.data)] == []
 
 
 @pytest.mark.parametrize("name", CHECKSUMS)
 def test_flipped_bits_are_refused_where_there_are_checksums(name: str) -> None:
-    flips = [item for item in damage.damaged(name, SOURCES[name][0], 0) if item.kind == "bit"]
+    flips = [item for item in damage.damaged(name, SOURCES[name], 0) if item.kind == "bit"]
     assert [item.number for item in flips if not refused(item.data)] == []
 
 
 @pytest.mark.parametrize("name", sorted(SOURCES))
 def test_what_is_read_of_damaged_files_is_what_pillow_or_libvips_read(name: str, request) -> None:
     wrong = []
-    for item in damage.damaged(name, SOURCES[name][0], 300 if request.config.getoption("--long") else 40):
+    for item in damage.damaged(name, SOURCES[name], 300 if request.config.getoption("--long") else 40):
         if refused(item.data):
             continue
         image = decode_image(item.data)
