@@ -190,16 +190,12 @@ def _inline(root: Node, values: dict[str, Any], problems: Problems) -> Lens | No
     for key, other in (("D", "distortion"), *(("K", name) for name in (*LENS_KEYS, "skew"))):
         if key in values and other in values:
             problems.add(_place(root, other), f"{other}: given beside {key}; keep one")
-    affine = _matrix(root, values["K"], problems) if "K" in values else None
+    affine = affine_of(values["K"], _place(root, "K"), "K", problems) if "K" in values else None
     if problems.lines:
         return None
     affine = affine or Affine(values["fx"], values["fy"], values["cx"], values["cy"], values.get("skew", 0.0))
     distortion = values.get("D", values.get("distortion", (0.0,) * 4))
     return lens_of(model, affine, values.get("xi"), distortion, (values["width"], values["height"]))
-
-
-def _matrix(root: Node, rows: tuple[tuple[float, ...], ...], problems: Problems) -> Affine | None:
-    return affine_of(rows, _place(root, "K"), "K", problems)
 
 
 def affine_of(rows: tuple[tuple[float, ...], ...], where: str, key: str, problems: Problems) -> Affine | None:

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from ffseg.io.files import unprintable
 
@@ -35,6 +35,11 @@ def neutral(cell: Cell) -> str:
 def meant_by(cell: str) -> list[str]:
     """Texts that `neutral` writes as this cell: one that begins with an apostrophe may have been given it."""
     return [cell[1:], cell] if cell.startswith("'") else [cell]
+
+
+def without_nan(values: Mapping[str, object]) -> dict[str, object]:
+    """Values as JSON holds them: None for what is not a number."""
+    return {key: None if value != value else value for key, value in values.items()}
 
 
 def counted(number: int, what: str) -> str:

@@ -17,7 +17,7 @@ from ffseg.evidence.features import KNOWN, exposed, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_start, told
-from ffseg.io.tables import counted
+from ffseg.io.tables import counted, without_nan
 from ffseg.learning.gather import Gathered, Labelled, known_share, start_region
 from ffseg.learning.training import (
     Asked,
@@ -126,13 +126,9 @@ def learned(gathered: Gathered, params: Parameters, tell: Tell, *, measured: boo
         known=known_share(gathered.labelled),
         searched=any(one.start is None for one in gathered.labelled),
     )
-    about = {"ffseg": __version__, "images": [one.name for one in gathered.labelled][:100], **_told(figures)}
+    names = [one.name for one in gathered.labelled][:100]
+    about = {"ffseg": __version__, "images": names, **without_nan(asdict(figures))}
     return replace(model, about=about), replace(figures, order=order)
-
-
-def _told(figures: Figures) -> dict[str, object]:
-    """Figures as JSON holds them: no NaN."""
-    return {key: None if value != value else value for key, value in asdict(figures).items()}
 
 
 def _samples(one: Labelled, params: Parameters) -> Samples:

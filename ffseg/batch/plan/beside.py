@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import cached_property
+from operator import attrgetter
 
 from ffseg.batch.plan.archives import is_archive, members
 from ffseg.batch.plan.reading import told
@@ -50,7 +51,7 @@ class Beside:
         self._listings: dict[str, dict[str, list[str]]] = {}
         self._packed = packed and is_archive(folder) and os.path.isfile(folder)
         if self._packed:
-            for source in sorted(members(folder, suffixes), key=_name):
+            for source in sorted(members(folder, suffixes), key=attrgetter("name")):
                 place, name = os.path.split(os.path.splitext(source.name)[0])
                 self._listings.setdefault(place, {}).setdefault(name, []).append(source.content)
         elif not os.path.isdir(folder):
@@ -98,10 +99,6 @@ class Beside:
                 if end.lower() in self._suffixes:
                     found.setdefault(stem, []).append(os.path.join(folder, name))
         return found
-
-
-def _name(source: Source) -> str:
-    return source.name
 
 
 def find_truths(sources: Sequence[Source], folder: str) -> dict[str, str]:

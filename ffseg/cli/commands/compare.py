@@ -15,6 +15,7 @@ import typer
 from ffseg.cli import completion, console, options
 from ffseg.cli.checks import ready_params, require_truth
 from ffseg.errors import UsageError
+from ffseg.io.tables import without_nan
 
 if TYPE_CHECKING:
     from ffseg.compare.values import Row
@@ -83,7 +84,8 @@ def compare(  # noqa: PLR0913 - the options of the command
         console.message(f"ffseg: {DISAGREE}")
     missed = work.missed_gates(rows, gates)
     if as_json:
-        console.data(json.dumps({"out": folder, "missed": missed, "rows": [_plain(row) for row in rows]}, indent=2))
+        plain = [without_nan(asdict(row)) for row in rows]
+        console.data(json.dumps({"out": folder, "missed": missed, "rows": plain}, indent=2))
     elif not quiet:
         cells = summary_cells(task, rows)
         shown = [place for place in range(len(SUMMARY)) if any(line[place] for line in cells)]  # no IoU without truth
@@ -113,10 +115,6 @@ def _gates(texts: Sequence[str], methods: Sequence[str], *, with_truth: bool) ->
     if gates and not with_truth:
         raise UsageError("--min-iou needs truth to measure against; add --truth DIR")
     return gates
-
-
-def _plain(row: Row) -> dict[str, object]:
-    return {key: None if value != value else value for key, value in asdict(row).items()}
 
 
 def _tell(row: Row, *, failed_only: bool) -> None:

@@ -15,7 +15,7 @@ from ffseg.cli import console, options
 from ffseg.cli.checks import output_file, ready_params
 from ffseg.cli.commands.telling import progress, warn_of_starts
 from ffseg.errors import UsageError
-from ffseg.io.tables import counted
+from ffseg.io.tables import counted, without_nan
 
 if TYPE_CHECKING:
     from ffseg.learning.learn import Figures
@@ -61,8 +61,7 @@ def learn(  # noqa: PLR0913 - the options of the command
     model, figures = learned(found, params, progress(quiet=quiet), measured=not quick)
     write_bytes_atomic(os.fspath(out), to_bytes(model))
     if as_json:
-        plain = {key: None if value != value else value for key, value in asdict(figures).items()}
-        console.data(json.dumps({"out": os.fspath(out), **plain}, indent=2))
+        console.data(json.dumps({"out": os.fspath(out), **without_nan(asdict(figures))}, indent=2))
     else:
         console.data("\n".join(sentences(figures, os.fspath(out))))
 
