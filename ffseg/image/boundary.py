@@ -54,15 +54,15 @@ class Boundary:
         gradients = _core.gradients_at(packed_joints(self._contours)[0], edges.gradient, edges.domain, MARGIN)
         self.strength = gradients / needed(edges)
 
-    def is_clear(self, least: float = 0.0, share: float = CLEAR_SHARE) -> bool:
+    def is_clear(self, least: float = 0.0, share: float | None = None) -> bool:
         """Whether it stands on edges that nobody would doubt.
 
         Parameters
         ----------
         least : float
             Parts on less than this strength are left out: a front that still moves.
-        share : float
-            So much of the rest may be fainter.
+        share : float, optional
+            So much of the rest may be fainter, else `CLEAR_SHARE`.
 
         Returns
         -------
@@ -70,7 +70,7 @@ class Boundary:
             False where no part lies inside the image and the domain, as the region has met no edge, unless the image is
             even: then nobody can tell more of it. True where all parts are left out.
         """
-        fainter = np.sort(self.strength[self.strength >= least])
+        fainter, share = np.sort(self.strength[self.strength >= least]), CLEAR_SHARE if share is None else share
         if len(fainter) == 0:
             return len(self.strength) > 0 or int(self._edges.gradient.max(initial=0)) < AUTO_HIGH_MIN * GRADIENT_SCALE
         if fainter[int(share * len(fainter))] >= CLEAR:

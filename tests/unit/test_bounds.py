@@ -72,6 +72,16 @@ def test_ordinary_images_have_no_disc() -> None:
         assert valid_disc(scenes.scene(seed).image) is None
 
 
+@pytest.mark.parametrize(("long", "lopsided"), [(4, 0), (6, 4), (12, 8)])
+def test_a_thing_that_is_nearly_round_is_no_disc(long: int, lopsided: int) -> None:
+    """On black, as a fruit; the circle through its outline is not the limit of a scene."""
+    y, x = np.mgrid[:300, :400]
+    angle = np.arctan2(y - 150, x - 200)
+    radius = 112 + long * np.cos(2 * angle) + lopsided * np.cos(3 * angle + 1)
+    rough = np.clip(120 + 60 * np.random.default_rng(1).normal(size=(300, 400)), 40, 255)
+    assert valid_disc(np.where(np.hypot(x - 200, y - 150) < radius, rough, 0).astype(np.uint8)) is None
+
+
 def test_a_reflection_beside_the_disc_does_not_hide_it() -> None:
     image = mirror((300, 400), (170.0, 150.0, 100.0))
     image[146:154, 290:298] = 230  # the box round what is bright is wider than high

@@ -56,6 +56,18 @@ def test_a_picture_as_it_was_drawn_is_none(seed: int) -> None:
     assert magnified(binary)[1] is binary
 
 
+@pytest.mark.parametrize("way", ["linear", "cubic"])
+def test_a_picture_in_which_only_the_liveliest_lines_are_enlarged_is_none(way: str) -> None:
+    """A faint part of it was never smaller."""
+    rng = np.random.default_rng(0)
+    smooth = cv2.GaussianBlur(rng.normal(size=(256, 256)), (0, 0), 2)
+    image = larger((127 + 110 * np.clip(smooth / smooth.std(), -1, 1)).astype(np.uint8), 2, way)
+    image[200:300, 200:300] = 120 + rng.integers(-8, 9, (100, 100))
+    image[180:320, :] //= 6  # so that no line through it is among the liveliest
+    image[:, 180:320] //= 2
+    assert magnified(image)[0] == 1
+
+
 def test_nothing_is_told_of_an_even_picture_nor_of_a_small_one() -> None:
     assert magnified(np.full((400, 400), 7, np.uint8))[0] == 1
     assert magnified(larger(scene(1).image[:60, :80], 2))[0] == 1

@@ -158,6 +158,18 @@ def test_nothing_to_ask_of_an_even_image() -> None:
     assert segment(even, params).source == "gradient"
 
 
+@pytest.mark.parametrize(("kind", "number"), [("tissue", 5), ("street", 6)])
+def test_what_looks_only_nearly_alike_is_left_out(kind: str, number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cells beyond a wall, the ground beside a road."""
+    seen = list(sights(kind, number + 1, 100_000))[number]
+    x, y, radius = seen.start
+    params = load_params(None, {"init.center": [x, y], "init.radius": radius})
+    found = iou(segment(seen.image, params).mask, seen.truth)
+    assert found > 0.75
+    monkeypatch.setattr("ffseg.evidence.prior.CAUTION", 0.0)
+    assert iou(segment(seen.image, params).mask, seen.truth) < found - 0.05
+
+
 @pytest.mark.parametrize("kind", ["thing", "mirror"])
 def test_a_trial_on_faint_edges_ends_early_and_changes_nothing(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = list(sights(kind, 3, 100_000))[2]
