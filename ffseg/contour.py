@@ -11,7 +11,7 @@ from ffseg.errors import SegmentationError
 from ffseg.image.boundary import Boundary
 from ffseg.plugins import method as chosen
 from ffseg.scene import BlockedStartError, Outcome, Scene
-from ffseg.starts.parts import parts
+from ffseg.starts.parts import kept, parts
 from ffseg.starts.sides import on_one_side
 
 
@@ -53,7 +53,7 @@ def contour(scene: Scene) -> Found:
         from ffseg.starts.boxes import in_boxes  # loads what only this needs
 
         scene = in_boxes(scene)
-    scene = bounded(scene)
+    scene = kept(bounded(scene))
     scene = replace(scene, starts=(*scene.starts, *parts(scene)))
     begin = perf_counter()
     free, messages, across = on_one_side(scene)

@@ -20,12 +20,12 @@ from ffseg.evidence import prior
 from ffseg.evidence.features import BARRIER, STEP, Features, broadened, enlarged, reduced_mean, reduced_region, way
 from ffseg.evidence.forest import Compiled, shipped
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.maps import blurred, odds_edges
+from ffseg.evidence.maps import blurred, log_odds, odds_edges
 from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
 from ffseg.evidence.surroundings import STRIDE, colours_of, likelier, likeness, steepest, with_own_colours
 from ffseg.image.edges import EdgeMap
 from ffseg.image.opencv_peers import grown
-from ffseg.image.parts import Parts, scattered
+from ffseg.image.parts import Parts, holding, scattered
 from ffseg.native import _core
 from ffseg.scene import Scene
 from ffseg.starts.rivals import seeds
@@ -105,7 +105,8 @@ def with_hints(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMap
     Parameters
     ----------
     said : ndarray of float32, shape (H, W), optional
-        Log odds that a model or a map of the image tells without clicks, in place of the prior's.
+        Log odds that a model or a map of the image tells without clicks, in place of the prior's: what clicks show takes their
+        place where it hangs together with a click on that side.
 
     Raises
     ------
@@ -116,11 +117,20 @@ def with_hints(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMap
     outside = seeds(scene.params.init.background, inside, scene.background)
     if limits is not None:
         inside &= limits > 0
-    odds = hints(scene.image, inside, outside, said) if inside.any() else said
+    odds, kept = hints(scene.image, inside, outside, said) if inside.any() else said, None
+    if said is not None and odds is not None:
+        level = log_odds(scene.params.region.probability)
+        before, after = said > level, odds > level
+        added, taken = holding(after & ~before, inside), holding(before & ~after, outside)
+        odds = np.where(added | taken | inside | outside, odds, said)
+        kept = holding(before, inside) & (odds > level)
     if odds is None:
         return own
     edges = odds_edges(odds, scene.params.region.probability, own, "hints")
-    if edges is own or not outside.any():
+    if edges is own:
+        return own
+    edges = replace(edges, kept=kept)
+    if not outside.any():
         return edges
     within = ~outside if limits is None else ~outside & (limits > 0)
     return replace(edges, domain=np.where(within, np.uint8(255), np.uint8(0)))

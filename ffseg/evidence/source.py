@@ -19,10 +19,12 @@ from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, s
 from ffseg.evidence.prior import prior
 from ffseg.image.edges import EdgeMap
 from ffseg.image.parts import parts
+from ffseg.image.raster import rasterize
 from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 from ffseg.parameters import Network, Parameters
 from ffseg.scene import Scene
+from ffseg.starts.initial import circle_start
 from ffseg.starts.pockets import depths, discs
 from ffseg.starts.rivals import seeds
 
@@ -106,21 +108,24 @@ def _edges(scene: Scene, values: NDArray[np.float32], own: EdgeMap, source: str)
 def with_model_start(
     image: NDArray[np.uint8], params: Parameters, background: NDArray[np.uint8] | None = None
 ) -> Parameters:
-    """The parameters with the start that a model finds, if it can and they name none.
+    """The parameters with the start that a model finds, if it can; further circles that they name follow it.
 
     Notes
     -----
-    The start is a disc in the largest region of which the model is sure without a start, beside what is known to lie outside.
+    The start is a disc in the largest region of which the model is sure without a start; if what is known to lie outside
+    lies in that, in what is left. A centre, boxes or a mask that are named take its place.
     """
     path, init = params.edges.model, params.init
-    named = init.center != "auto" or init.circles or init.boxes or init.mask
-    if path is None or named or not path.endswith(FOREST_SUFFIX):
+    elsewhere = (init.center != "auto" and not init.circles) or init.boxes or init.mask
+    if path is None or elsewhere or not path.endswith(FOREST_SUFFIX):
         return params
-    outside = None
-    if init.background or background is not None:
+    model, most = ready(path)[0], init.radius_in(image.shape)
+    circle = model_start(image, model, most)
+    if circle is not None and (init.background or background is not None):
         outside = seeds(init.background, np.zeros(image.shape[:2], np.bool_), background)
-    circle = model_start(image, ready(path)[0], init.radius_in(image.shape), outside)
-    return params if circle is None else replace(params, init=replace(init, circles=(circle,)))
+        if (outside & rasterize([circle_start(circle, params)], outside.shape)).any():
+            circle = model_start(image, model, most, outside)
+    return params if circle is None else replace(params, init=replace(init, circles=(circle, *init.circles)))
 
 
 def model_start(

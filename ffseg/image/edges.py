@@ -37,6 +37,8 @@ class EdgeMap:
     odds : ndarray of float32, shape (H, W), or None
         Where evidence tells a region: the log odds of inside, 0 where the region ends. The edges wall it in: all that
         hangs together in it belongs together, also through places too narrow for a contour.
+    kept : ndarray of bool, shape (H, W), or None
+        Where clicks correct what a model or a map says: the region it tells, but for what clicks take away.
     trial : object, optional
         What a contour has found on exactly these edges, where the source has asked for one (`ffseg.contour.Found`).
 
@@ -58,6 +60,7 @@ class EdgeMap:
     thresholds: tuple[float, float]
     source: str = ""
     odds: NDArray[np.float32] | None = None
+    kept: NDArray[np.bool_] | None = None
     trial: Any = None
 
     def magnitude(self) -> NDArray[np.float64]:

@@ -52,6 +52,14 @@ def parts(mask: NDArray[np.bool_] | NDArray[np.uint8], *, corners: bool = False)
     return Parts(np.asarray(labels, np.int32), areas, neighbours)
 
 
+def holding(mask: NDArray[np.bool_], places: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Pixels of the parts of a mask that have one of the places in them."""
+    found = parts(mask)
+    kept = np.zeros(len(found.areas), np.bool_)
+    kept[found.touching(places)] = True
+    return np.asarray(kept[found.labels], np.bool_)
+
+
 def scattered(mask: NDArray[np.bool_]) -> Iterator[tuple[tuple[slice, slice], Parts]]:
     """Parts of a mask that is nearly empty: rows and columns of windows that hold all of it, and the parts in each."""
     filled = np.pad(mask.any(axis=1), 1)

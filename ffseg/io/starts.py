@@ -75,7 +75,7 @@ class Start:
             for one in self.circles
             if one.x is not None and one.y is not None
         ]
-        if len(circles) == 1 and not (self.boxes or init.boxes):
+        if len(circles) == 1 and not (self.boxes or init.boxes or params.edges.model):
             init = replace(init, center=circles[0][:2], radius=circles[0][2], circles=())
         elif circles:
             init = replace(init, center=circles[0][:2], radius=circles[0][2], circles=tuple(circles))

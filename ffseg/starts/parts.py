@@ -2,11 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
+
+
+def kept(scene: Scene) -> Scene:
+    """The scene with a start in each part that stays of what a model or a map says, where clicks correct it."""
+    stays, params = scene.edges.kept, scene.params
+    if stays is None or _one_contour(scene):
+        return scene
+    from ffseg.image.parts import parts as together
+    from ffseg.starts.pockets import LEAST_PIXELS, depths, discs
+
+    if scene.domain is not None:
+        stays = stays & (scene.domain > 0)
+    told = together(stays)
+    large = np.setdiff1d(np.flatnonzero(told.areas >= LEAST_PIXELS), told.touching(scene.start_region()))
+    found = discs(depths(stays.view(np.uint8)), told, large.tolist(), params.init.radius_in(scene.shape))
+    return replace(scene, starts=(*scene.starts, *(circle_start(circle, params) for circle in found)))
+
+
+def _one_contour(scene: Scene) -> bool:
+    """Whether there must be no starts but those asked for."""
+    alone = scene.shuts_passages or scene.params.contour.balloon < 0 or not scene.params.contour.topology
+    return alone or scene.method is None or not scene.method.merges
 
 
 def parts(scene: Scene) -> tuple[FreeForm, ...]:
@@ -18,8 +42,7 @@ def parts(scene: Scene) -> tuple[FreeForm, ...]:
         With its edges; none tell a region where ``edges.odds`` is None.
     """
     odds, params = scene.edges.odds, scene.params
-    one_contour = scene.shuts_passages or params.contour.balloon < 0 or not params.contour.topology
-    if odds is None or one_contour or scene.method is None or not scene.method.merges:
+    if odds is None or _one_contour(scene):
         return ()
     from ffseg.starts.islands import islands  # load what only told regions need
     from ffseg.starts.pockets import starts_beyond

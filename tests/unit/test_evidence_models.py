@@ -180,20 +180,21 @@ def test_sources_without_what_they_need_say_so() -> None:
 
 
 @pytest.mark.parametrize("command", ["run", "compare"])
-def test_commands_start_where_a_model_says_unless_a_file_does(
+def test_commands_start_where_a_model_says_and_a_file_adds(
     command: str, forest: str, tmp_path: Path, ffseg_command: Command
 ) -> None:
-    """Two red discs: the larger one is where a model starts, the smaller one is where the file does."""
+    """Two red discs: a model starts in the larger one, a file adds the smaller one, a centre takes that alone."""
     image = np.full((*SHAPE, 3), (160, 90, 70), np.uint8)
     small, large = disc(25, 30, 12), disc(90, 50, 25)
     image[small | large] = (60, 70, 170)
-    for folder, content in (("in", image), ("large", large), ("small", small)):
+    for folder, content in (("in", image), ("large", large), ("small", small), ("both", small | large)):
         (tmp_path / folder).mkdir()
         cv2.imwrite(
             str(tmp_path / folder / "a.png"), content if folder == "in" else content.astype(np.uint8) * np.uint8(255)
         )
     (tmp_path / "starts.csv").write_text("image,x,y,radius\na,25,30,4\n")
-    for truth, more in (("large", []), ("small", ["--starts", str(tmp_path / "starts.csv")])):
+    alone = ["--set", "init.center=[25,30]", "--set", "init.radius=4"]
+    for truth, more in (("large", []), ("both", ["--starts", str(tmp_path / "starts.csv")]), ("small", alone)):
         out = tmp_path / f"out-{truth}"
         words = [command, str(tmp_path / "in"), "--truth", str(tmp_path / truth), "--out", str(out), *more]
         words += ["--set", f"edges.model={forest}", *(["--methods", "freeform"] if command == "compare" else [])]
