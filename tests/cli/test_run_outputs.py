@@ -258,3 +258,13 @@ def test_the_summary_says_the_mean_iou_and_what_was_stopped(
     document = json.loads(ffseg_command(*given, "--json").stdout)
     assert document["mean_iou"] == pytest.approx(np.mean(overlaps), abs=1e-12)
     assert document["max_iterations"] == 2
+
+
+@pytest.mark.parametrize("words", [("-0",), ("--chunk", "60"), ("--chunk", "500", "--executor", "inprocess")])
+def test_options_that_would_mean_nothing_are_refused(
+    words: tuple[str, ...], tmp_path: Path, ffseg_command: Command
+) -> None:
+    done = ffseg_command("run", "samples", "--out", tmp_path / "out", *words)
+    assert done.returncode == 2
+    assert words[0] in done.stderr
+    assert not (tmp_path / "out").exists()

@@ -32,13 +32,16 @@ if TYPE_CHECKING:
 PROCESSES = "inprocess" if sys.platform == "win32" else "processes"
 """The default of ``--executor``: worker processes are waited for with ``poll``, which Windows does not have."""
 _MEGABYTE = 1 << 20
-_NEED_CAMERA = {
+_NEED = {
     **dict.fromkeys(
-        ("poses", "pairs", "footprint"), "--poses, --pairs and --footprint need --camera; name the camera file"
+        ("poses", "pairs", "footprint"),
+        ("camera", "--poses, --pairs and --footprint need --camera; name the camera file"),
     ),
-    "metric": "--map needs --camera, which knows how large the ground is; name the camera file",
+    "metric": ("camera", "--map needs --camera, which knows how large the ground is; name the camera file"),
+    "nul": ("listed", "-0 says how the paths of --list end; name a list"),
+    "chunk": ("dask", "--chunk says how many images a Dask worker gets; name --executor dask or --dask ADDRESS"),
 }
-"""What is said of options that mean nothing without a camera."""
+"""What options mean nothing without, and what is said of them."""
 _APART = {
     ("film_out", "shard"): "; merge the shards, then run it once more without --shard",
     ("evidence", "camera"): ": the images of a camera are segmented without maps; leave out one of them, or name the "
@@ -108,7 +111,10 @@ def run(  # noqa: PLR0913 - the options of the command
     dask: Annotated[
         str, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster; else one is started here.")
     ] = "",
-    chunk: Annotated[int, typer.Option("--chunk", min=1, max=10_000, help="Images a Dask worker gets at once.")] = 500,
+    chunk: Annotated[
+        int | None,
+        typer.Option("--chunk", min=1, max=10_000, show_default="500", help="Images a Dask worker gets at once."),
+    ] = None,
     pack: Annotated[
         str,
         typer.Option("--pack", metavar="tar", help="Outputs go into tar files, one a kind, instead of a file each."),
@@ -233,7 +239,7 @@ def run(  # noqa: PLR0913 - the options of the command
             raise typer.Exit(_preview(plan, setup, overwrite=overwrite, as_json=as_json))
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
         cleanup.callback(progress.close)
-        how = Options(workers, timeout, overwrite, report, read_tables(table), who, dask, chunk)
+        how = Options(workers, timeout, overwrite, report, read_tables(table), who, dask, chunk or 500)
         work = cleanup.enter_context(Run(plan, setup, how, interruption, progress))
         interruption.defer()
         summary = work.execute(early)
@@ -248,8 +254,8 @@ def _require_together(asked: Mapping[str, Any]) -> None:
     """Refuse options that need others, or do not go with them."""
     checks.require_truth(asked["truth"], asked["truth_label"])
     given = {name for name, value in asked.items() if not (value is None or value is False or value in ("", ()))}
-    for name, sentence in _NEED_CAMERA.items():
-        if name in given and "camera" not in given:
+    for name, (other, sentence) in _NEED.items():
+        if name in given and other not in given:
             raise UsageError(sentence)
     for pair, why in _APART.items():
         if given.issuperset(pair):
