@@ -16,13 +16,10 @@ if TYPE_CHECKING:
 
 
 def bench(  # noqa: PLR0913 - the options of the command
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", parser=folder, help="Folder for the report; made if absent.")
-    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", parser=folder, help="Folder for the report; made if absent.")],
     suite: Annotated[
         list[str] | None,
         typer.Option(
-            "--suite",
             metavar="NAME",
             autocompletion=completion.suites,
             help="patches, size, method, scenes, peers, batch, startup, memory or shards; may be repeated.",
@@ -30,29 +27,21 @@ def bench(  # noqa: PLR0913 - the options of the command
     ] = None,
     methods: Annotated[
         str,
-        typer.Option(
-            "--methods", metavar="A,B,C", autocompletion=completion.methods, help="Methods of the suite method."
-        ),
+        typer.Option(metavar="A,B,C", autocompletion=completion.methods, help="Methods of the suite method."),
     ] = "freeform,levelset,paper,snake",
     images: Annotated[
-        Path | None, typer.Option("--images", metavar="DIR", help="Images of scenes and peers, with NAME_truth.png.")
+        Path | None, typer.Option(metavar="DIR", help="Images of scenes and peers, with NAME_truth.png.")
     ] = None,
-    repeat: Annotated[int, typer.Option("--repeat", min=1, help="Rounds of every group.")] = 15,
+    repeat: Annotated[int, typer.Option(min=1, help="Rounds of every group.")] = 15,
     budget: Annotated[
-        float, typer.Option("--budget", min=0, callback=number, help="Seconds after which a group gets no more.")
+        float, typer.Option(min=0, callback=number, help="Seconds after which a group gets no more.")
     ] = 20.0,
     baseline: Annotated[
-        Path | None, typer.Option("--baseline", metavar="FILE", help="bench.json of an earlier run to compare with.")
+        Path | None, typer.Option(metavar="FILE", help="bench.json of an earlier run to compare with.")
     ] = None,
     max_ratio: Annotated[
         float,
-        typer.Option(
-            "--max-ratio",
-            min=1,
-            callback=number,
-            metavar="X",
-            help="Exit with 4 when a figure is X times its baseline.",
-        ),
+        typer.Option(min=1, callback=number, metavar="X", help="Exit with 4 when a figure is X times its baseline."),
     ] = 1.15,
     quick: Annotated[bool, typer.Option("--quick", help="Tiny inputs, to see that it runs.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print bench.json instead of the tables.")] = False,

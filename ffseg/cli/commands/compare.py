@@ -27,7 +27,6 @@ def compare(  # noqa: PLR0913 - the options of the command
     methods: Annotated[
         str,
         typer.Option(
-            "--methods",
             metavar="A,B,C",
             autocompletion=completion.methods,
             help="Methods and peers; 'peers' or 'all' for every one.",
@@ -35,24 +34,24 @@ def compare(  # noqa: PLR0913 - the options of the command
     ] = "freeform,snake,levelset",
     truth: Annotated[
         Path | None,
-        typer.Option("--truth", metavar="DIR", help="Folder or .tar of true masks: 255 inside, 128 ignored."),
+        typer.Option(metavar="DIR", help="Folder or .tar of true masks: 255 inside, 128 ignored."),
     ] = None,
     truth_label: options.TruthLabel = None,
-    repeat: Annotated[int, typer.Option("--repeat", min=1, help="Runs of each; the median time counts.")] = 1,
+    repeat: Annotated[int, typer.Option(min=1, help="Runs of each; the median time counts.")] = 1,
     config: options.Config = None,
     settings: options.Settings = None,
     allow_code: options.AllowCode = False,
     starts: options.Starts = None,
     evidence: options.Evidence = None,
     peers: Annotated[
-        Path | None, typer.Option("--peers", metavar="FILE", help="Parameters of the peers, like configs/peers.yaml.")
+        Path | None, typer.Option(metavar="FILE", help="Parameters of the peers, like configs/peers.yaml.")
     ] = None,
     own_edges: Annotated[
         bool, typer.Option("--own-edges", help="Each method makes its own edges and moves its own starts, as in a run.")
     ] = False,
     min_iou: Annotated[
         list[str] | None,
-        typer.Option("--min-iou", metavar="X|METHOD=X", help="Least IoU on every image; exit code 4 when missed."),
+        typer.Option(metavar="X|METHOD=X", help="Least IoU on every image; exit code 4 when missed."),
     ] = None,
     as_json: options.AsJson = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No messages, no table; errors only.")] = False,
@@ -78,7 +77,7 @@ def compare(  # noqa: PLR0913 - the options of the command
     folder, truths, maps = (os.fspath(path) if path else "" for path in (out, truth, evidence))
     jobs = work.plan_comparison(inputs, folder, truths, starting, maps, params.domain.masks or "")
     task = Comparison(jobs, folder, chosen, params, peer_params, repeat, truth_label, own_edges)
-    with Interruption("run it again to go on"):
+    with Interruption():
         rows = work.compare(task, partial(_tell, failed_only=quiet), None if quiet else partial(_pace, len(jobs)))
     if not quiet and disagree(row.iou for row in rows):
         console.message(f"ffseg: {DISAGREE}")

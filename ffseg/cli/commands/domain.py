@@ -24,10 +24,10 @@ def domain(
     inputs: Inputs,
     out: Annotated[
         Path,
-        typer.Option("--out", metavar="FILE|DIR", help="A .png mask of all images, or a folder: one for each folder."),
+        typer.Option(metavar="FILE|DIR", help="A .png mask of all images, or a folder: one for each folder."),
     ],
     sample: Annotated[
-        int, typer.Option("--sample", min=5, max=200, metavar="N", help="Images of a camera looked at, evenly spaced.")
+        int, typer.Option(min=5, max=200, metavar="N", help="Images of a camera looked at, evenly spaced.")
     ] = 24,
     as_json: AsJsonOrSentences = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress; the findings only.")] = False,

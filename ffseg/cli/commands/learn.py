@@ -27,7 +27,7 @@ SUFFIX = ".ffmodel"
 def learn(  # noqa: PLR0913 - the options of the command
     inputs: options.Inputs,
     truth: options.Masks,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Model to write, a .ffmodel file.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Model to write, a .ffmodel file.")],
     truth_label: options.TruthLabel = None,
     starts: options.Starts = None,
     config: options.Config = None,

@@ -26,24 +26,20 @@ def pick(  # noqa: PLR0913 - the options of the command
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", parser=folder, help="Folder for what is picked; without it INPUT-picked."),
+        typer.Option(metavar="DIR", parser=folder, help="Folder for what is picked; without it INPUT-picked."),
     ] = None,
-    labels: Annotated[
-        str | None, typer.Option("--labels", metavar="A,B", help="Names of classes, each picked by itself.")
-    ] = None,
+    labels: Annotated[str | None, typer.Option(metavar="A,B", help="Names of classes, each picked by itself.")] = None,
     review: Annotated[
         Path | None,
-        typer.Option(
-            "--review", metavar="DIR", parser=folder, help="Output folder of run: accept or correct its masks."
-        ),
+        typer.Option(metavar="DIR", parser=folder, help="Output folder of run: accept or correct its masks."),
     ] = None,
     labels_from: Annotated[
         Path | None,
-        typer.Option("--labels-from", metavar="FILE", help="Regions of LabelMe, COCO or VIA (or folder of LabelMe's)."),
+        typer.Option(metavar="FILE", help="Regions of LabelMe, COCO or VIA (or folder of LabelMe's)."),
     ] = None,
     config: Config = None,
     settings: Settings = None,
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Of the page; 0 = any that is free.")] = 0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0 = any that is free.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
 ) -> None:
     """Pick regions in a browser with clicks, boxes and a brush; saved as they are made.

@@ -19,10 +19,10 @@ def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", parser=named, help="Output folder of run or compare.")],
     images: Annotated[
         list[str] | None,
-        typer.Option("--images", metavar="INPUT", help="Where the input images are, if moved; may be repeated."),
+        typer.Option(metavar="INPUT", help="Where the input images are, if moved; may be repeated."),
     ] = None,
     embed: Annotated[
-        float, typer.Option("--embed", metavar="MB", min=0, max=1000, show_default=True, help="Thumbnails in the page.")
+        float, typer.Option(metavar="MB", min=0, max=1000, show_default=True, help="Thumbnails in the page.")
     ] = 20.0,
 ) -> None:
     """Write DIR/report.html: one page with every image, its contours, numbers and failures.

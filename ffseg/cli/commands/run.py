@@ -60,10 +60,7 @@ def run(  # noqa: PLR0913 - the options of the command
     out: Annotated[
         Path,
         typer.Option(
-            "--out",
-            metavar="DIR",
-            parser=checks.folder_or_stdout,
-            help="Folder for the outputs, made if absent; - for stdout.",
+            metavar="DIR", parser=checks.folder_or_stdout, help="Folder for the outputs, made if absent; - for stdout."
         ),
     ],
     inputs: options.SomeInputs = None,
@@ -79,18 +76,17 @@ def run(  # noqa: PLR0913 - the options of the command
     fill_holes: options.FillHoles = None,
     label: options.Label = None,
     camera: Annotated[
-        Path | None, typer.Option("--camera", metavar="FILE", help="Camera file: tests enclosed components on pairs.")
+        Path | None, typer.Option(metavar="FILE", help="Camera file: tests enclosed components on pairs.")
     ] = None,
     poses: Annotated[
-        Path | None, typer.Option("--poses", metavar="FILE", help="Poses CSV or TUM trajectory; else from the ground.")
+        Path | None, typer.Option(metavar="FILE", help="Poses CSV or TUM trajectory; else from the ground.")
     ] = None,
     pairs: Annotated[
-        Path | None, typer.Option("--pairs", metavar="FILE", help="CSV previous,current; else neighbours in a folder.")
+        Path | None, typer.Option(metavar="FILE", help="CSV previous,current; else neighbours in a folder.")
     ] = None,
     footprint: Annotated[
         float | None,
         typer.Option(
-            "--footprint",
             metavar="R",
             min=0,
             max=100,
@@ -100,27 +96,27 @@ def run(  # noqa: PLR0913 - the options of the command
     ] = None,
     truth: Annotated[
         Path | None,
-        typer.Option("--truth", metavar="DIR", help="Folder or .tar of true masks (NAME.png): adds the IoU."),
+        typer.Option(metavar="DIR", help="Folder or .tar of true masks (NAME.png): adds the IoU."),
     ] = None,
     truth_label: options.TruthLabel = None,
     jobs: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Worker processes; 0 = one for each core.")] = 0,
     executor: Annotated[
         str,
-        typer.Option("--executor", metavar="NAME", help="Who works: processes, dask, inprocess to debug, or your own."),
+        typer.Option(metavar="NAME", help="Who works: processes, dask, inprocess to debug, or your own."),
     ] = PROCESSES,
     dask: Annotated[
-        str, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster; else one is started here.")
+        str, typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster; else one is started here.")
     ] = "",
     chunk: Annotated[
         int | None,
-        typer.Option("--chunk", min=1, max=10_000, show_default="500", help="Images a Dask worker gets at once."),
+        typer.Option(min=1, max=10_000, show_default="500", help="Images a Dask worker gets at once."),
     ] = None,
     pack: Annotated[
         str,
-        typer.Option("--pack", metavar="tar", help="Outputs go into tar files, one a kind, instead of a file each."),
+        typer.Option(metavar="tar", help="Outputs go into tar files, one a kind, instead of a file each."),
     ] = "",
     shard: Annotated[
-        str, typer.Option("--shard", metavar="i/n", help="Only this part of the images; 'ffseg merge' joins them.")
+        str, typer.Option(metavar="i/n", help="Only this part of the images; 'ffseg merge' joins them.")
     ] = "",
     table: options.Table = "csv",
     overlay: Annotated[
@@ -129,7 +125,6 @@ def run(  # noqa: PLR0913 - the options of the command
     export: Annotated[
         list[str] | None,
         typer.Option(
-            "--export",
             metavar="LIST",
             autocompletion=completion.exports,
             help="Also write coco, labelme, geojson, yolo files, svg (contours over the image), cutout (PNG with alpha).",
@@ -140,9 +135,7 @@ def run(  # noqa: PLR0913 - the options of the command
     ] = False,
     film_out: Annotated[
         str,
-        typer.Option(
-            "--film-out", metavar="LIST", help="Films of all frames, too: mask, overlay, cutout (with alpha)."
-        ),
+        typer.Option(metavar="LIST", help="Films of all frames, too: mask, overlay, cutout (with alpha)."),
     ] = "",
     animate: Annotated[bool, typer.Option("--animate", help="Write a film and a film strip of each image.")] = False,
     report: options.Report = False,
@@ -151,11 +144,9 @@ def run(  # noqa: PLR0913 - the options of the command
     ] = False,
     bag: Annotated[
         str,
-        typer.Option(
-            "--bag", metavar="FILE", help="Bag of ROS 1 or 2 whose --topic holds the images; --poses may name one."
-        ),
+        typer.Option(metavar="FILE", help="Bag of ROS 1 or 2 whose --topic holds the images; --poses may name one."),
     ] = "",
-    topic: Annotated[str, typer.Option("--topic", metavar="NAME", help="Topic of the images in --bag.")] = "",
+    topic: Annotated[str, typer.Option(metavar="NAME", help="Topic of the images in --bag.")] = "",
     steady: Annotated[
         bool, typer.Option("--steady", help="Film frames in order: start and outline follow the frame before.")
     ] = False,
@@ -164,12 +155,10 @@ def run(  # noqa: PLR0913 - the options of the command
     ] = False,
     raw: Annotated[
         str,
-        typer.Option(
-            "--raw", metavar="WxH:LAYOUT", help="Pixels of INPUT -, if not Y4M: 800x600:bgr24, rgb24 or gray."
-        ),
+        typer.Option(metavar="WxH:LAYOUT", help="Pixels of INPUT -, if not Y4M: 800x600:bgr24, rgb24 or gray."),
     ] = "",
     exclude: Annotated[
-        list[str] | None, typer.Option("--exclude", metavar="PATTERN", help="Leave out what matches; may be repeated.")
+        list[str] | None, typer.Option(metavar="PATTERN", help="Leave out what matches; may be repeated.")
     ] = None,
     listed: Annotated[
         str, typer.Option("--list", metavar="FILE", help="File with one image path a line; - for stdin.")
@@ -189,7 +178,6 @@ def run(  # noqa: PLR0913 - the options of the command
     timeout: Annotated[
         float,
         typer.Option(
-            "--timeout",
             min=0,
             max=checks.MOST_SECONDS,
             callback=checks.number,
@@ -199,11 +187,9 @@ def run(  # noqa: PLR0913 - the options of the command
     ] = 300.0,
     memory: Annotated[
         int,
-        typer.Option(
-            "--memory", min=0, max=checks.MOST_MEGABYTES, help="MB a worker may add to its start; 0 = no limit."
-        ),
+        typer.Option(min=0, max=checks.MOST_MEGABYTES, help="MB a worker may add to its start; 0 = no limit."),
     ] = 4096,
-    max_pixels: Annotated[int, typer.Option("--max-pixels", min=1, help="Refuse larger images.")] = 100_000_000,
+    max_pixels: Annotated[int, typer.Option(min=1, help="Refuse larger images.")] = 100_000_000,
 ) -> None:
     """Segment images: masks, exact contours, a table of timings and what went wrong.
 
@@ -222,7 +208,7 @@ def run(  # noqa: PLR0913 - the options of the command
         from ffseg.batch.workers.messages import Setup
         from ffseg.cli.reporting import Progress, show_result
 
-        interruption = cleanup.enter_context(Interruption("run it again to go on"))
+        interruption = cleanup.enter_context(Interruption())
         params = checks.ready_params(config, options.overrides(context.params), evidence, allow_code=allow_code)
         who = _executor(executor, dask, context.params)
         products = _products(export or (), pack, film_out, overlay=overlay, animate=animate, metric=metric)

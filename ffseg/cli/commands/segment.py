@@ -51,7 +51,7 @@ def segment(  # noqa: PLR0913 - the options of the command
     fill_holes: options.FillHoles = None,
     label: options.Label = None,
     evidence: Annotated[
-        Path | None, typer.Option("--evidence", metavar="FILE", help="Map of what is inside: grey image, or .npy.")
+        Path | None, typer.Option(metavar="FILE", help="Map of what is inside: grey image, or .npy.")
     ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace also pictures that are no masks, perhaps photographs.")

@@ -19,21 +19,13 @@ from ffseg.errors import UsageError
 def tune(  # noqa: PLR0913 - the options of the command
     inputs: options.Inputs,
     truth: options.Masks,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Parameter file to write, for --config.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Parameter file to write, for --config.")],
     page: Annotated[
-        Path | None, typer.Option("--page", metavar="FILE", help="Also write a page with each image before and after.")
+        Path | None, typer.Option(metavar="FILE", help="Also write a page with each image before and after.")
     ] = None,
     budget: Annotated[
         float,
-        typer.Option(
-            "--budget",
-            min=1,
-            max=86400,
-            callback=number,
-            metavar="SECONDS",
-            help="How long to look.",
-            show_default=True,
-        ),
+        typer.Option(min=1, max=86400, callback=number, metavar="SECONDS", help="How long to look.", show_default=True),
     ] = 25.0,
     truth_label: options.TruthLabel = None,
     starts: options.Starts = None,
