@@ -20,40 +20,31 @@ class Interruption:
     Until `defer` is called a signal ends the program where it is; from then on it is only noted, and `descriptor`
     becomes readable. A SIGHUP that is ignored when this begins, as under ``nohup``, stays ignored.
 
-    Parameters
+    Attributes
     ----------
-    remedy : str
-        What to do after an interruption.
+    signal : int
+        0, or the signal that came.
+    descriptor : int
+        To wait on.
     """
 
-    def __init__(self, remedy: str = "") -> None:
-        self._remedy = remedy
-        self._signal = 0
+    def __init__(self) -> None:
+        self.signal = 0
         self._deferred = False
-        self._reader, self._writer = -1, -1
+        self.descriptor, self._writer = -1, -1
         self._earlier: dict[int, object] = {}
-
-    @property
-    def signal(self) -> int:
-        """0, or the signal that came."""
-        return self._signal
-
-    @property
-    def descriptor(self) -> int:
-        """File descriptor to wait on."""
-        return self._reader
 
     @property
     def exit_code(self) -> int:
         """128 + the signal that came."""
-        return _BASE + self._signal
+        return _BASE + self.signal
 
     def defer(self) -> None:
         """Only note signals from now on."""
         self._deferred = True
 
     def __enter__(self) -> Interruption:
-        self._reader, self._writer = os.pipe()
+        self.descriptor, self._writer = os.pipe()
         for number in SIGNALS:
             if number == getattr(signal, "SIGHUP", 0) and signal.getsignal(number) == signal.SIG_IGN:
                 continue
@@ -65,17 +56,17 @@ class Interruption:
     ) -> None:
         for number, handler in self._earlier.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
-        os.close(self._reader)
+        os.close(self.descriptor)
         os.close(self._writer)
-        if self._signal:
-            console.message(f"ffseg: interrupted{'; ' if self._remedy else ''}{self._remedy}")
-        if isinstance(error, KeyboardInterrupt) and self._signal:
+        if self.signal:
+            console.message("ffseg: interrupted; run it again to go on")
+        if isinstance(error, KeyboardInterrupt) and self.signal:
             raise SystemExit(self.exit_code) from error
 
     def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - a handler's signature
-        if self._signal:
+        if self.signal:
             return  # it is ending already
-        self._signal = number
+        self.signal = number
         if not self._deferred:
             raise SystemExit(self.exit_code)
         os.write(self._writer, b"!")

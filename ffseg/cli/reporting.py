@@ -189,10 +189,9 @@ def show_result(run: Run, out: str, *, as_json: bool, verbose: bool = False) -> 
             "problems": summary.problems,
             **({"map": summary.drive} if summary.drive else {}),
         }
-        rows = list(run.rows())
-        console.data(json.dumps({**value, **_figures(rows), "images": rows}, indent=2))
+        console.data(json.dumps({**value, **_figures(finished), "images": finished}, indent=2))
         return
-    console.summary([*_lines(run, summary), ("output", printable(out))])
+    console.summary([*_lines(summary, finished), ("output", printable(out))])
 
 
 def left_out(drive: Mapping[str, Any]) -> list[str]:
@@ -229,25 +228,20 @@ def _figures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {"max_iterations": stopped, "doubts": dict(doubts), "mean_iou": fmean(overlaps) if overlaps else None}
 
 
-def _lines(run: Run, summary: Summary) -> list[tuple[str, str]]:
+def _lines(summary: Summary, rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
     from statistics import median
 
     rate = summary.done / max(summary.seconds, 1e-9)
-    left = [("stale", f"{summary.stale} no longer what was made; run.json names them")] if summary.stale else []
-    left += (
-        [("removed", f"{summary.removed} outputs of earlier runs that belong to no image")] if summary.removed else []
-    )
-    lines = [
-        ("images", f"{summary.total}"),
-        ("done", f"{summary.done}"),
-        ("unchanged", f"{summary.unchanged}"),
-        ("failed", f"{summary.failed}"),
-        *left,
-        ("time", f"{summary.seconds:.2f} s ({rate:.1f} images/s)"),
-    ]
+    named = {"images": "total", "done": "done", "unchanged": "unchanged", "failed": "failed"}
+    lines = [(label, str(getattr(summary, name))) for label, name in named.items()]
+    if summary.stale:
+        lines.append(("stale", f"{summary.stale} no longer what was made; run.json names them"))
+    if summary.removed:
+        lines.append(("removed", f"{summary.removed} outputs of earlier runs that belong to no image"))
+    lines.append(("time", f"{summary.seconds:.2f} s ({rate:.1f} images/s)"))
     if summary.drive:
         lines.append(("map", _map_told(summary.drive)))
-    good = [row for row in run.rows() if row["status"] == "ok"]
+    good = [row for row in rows if row["status"] == "ok"]
     if good:
         parts = ("decode_ms", "edges_ms", "evolve_ms", "write_ms", "total_ms")
         medians = (f"{part[:-3]} {median(row[part] for row in good):.1f}" for part in parts)
@@ -256,10 +250,10 @@ def _lines(run: Run, summary: Summary) -> list[tuple[str, str]]:
     if figures["doubts"]:
         told = (f"{count} {DOUBTS.get(name, name)}" for name, count in figures["doubts"].items())
         lines.append(("doubtful", f"{', '.join(told)}; of {len(good)}"))
-    overlaps = [row["iou"] for row in good if row.get("iou") is not None]
-    flicker = [row["flicker"] for row in good if row.get("flicker") is not None]
+    flicker, moved, overlaps = (
+        [row[name] for row in good if row.get(name) is not None] for name in ("flicker", "steady_px", "iou")
+    )
     if flicker:
-        moved = [row["steady_px"] for row in good if row.get("steady_px") is not None]
         cost = f"; the past changed {sum(moved) / len(moved):.0f} px a frame" if moved else ""
         lines.append(("flicker", f"{sum(flicker) / len(flicker):.4f} (most {max(flicker):.4f}){cost}"))
     if overlaps:
