@@ -7,9 +7,9 @@ from functools import cache, wraps
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-from ffseg import rendering
 from ffseg.io.files import write_bytes_atomic
-from ffseg.rendering.floors import FloorSequence
+from ffseg.rendering import pairs
+from tests import floors
 
 FOLDER = "FFSEG_RENDERED"
 """Environment variable with the folder that the processes of a test run share."""
@@ -34,11 +34,11 @@ def once(make: Callable[P, T]) -> Callable[P, T]:
     return kept
 
 
-render_pair = once(rendering.render_pair)
-floor_pair = once(rendering.floor_pair)
+render_pair = once(pairs.render_pair)
+floor_pair = once(floors.floor_pair)
 
 
 @once
-def drive() -> FloorSequence:
+def drive() -> pairs.RenderedSequence:
     """Four views of a drive over a textured floor."""
-    return rendering.floor_sequence(990_003, 4, 2.0, 1.0)
+    return floors.floor_sequence(990_003, 4, 2.0, 1.0)

@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 from shapely import affinity
 
-from ffseg.rendering import Box, Scene
+from ffseg.rendering.scene import Box, Scene
 
 FAR = 50.0
 

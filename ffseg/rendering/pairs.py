@@ -39,6 +39,16 @@ class RenderedPair:
     tilts: tuple[tuple[float, float], tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class RenderedSequence:
+    """Views along a path over one scene, their poses, and their tilts as of a pair: none of a level drive."""
+
+    views: tuple[Rendering, ...]
+    poses: tuple[PlanarPose, ...]
+    scene: Scene
+    tilts: tuple[tuple[float, float], ...] = ()
+
+
 def sample_camera() -> Camera:
     """The catadioptric camera of the rendered scenes: 800x600, 0.9 m above the ground."""
     lens = UnifiedSphere(Affine(280.0, 280.0, 399.5, 299.5), 0.95, (0.0, 0.0, 0.0, 0.0))

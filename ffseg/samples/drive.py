@@ -8,8 +8,7 @@ import numpy as np
 
 from ffseg.camera.model import Camera
 from ffseg.camera.projections import Affine, UnifiedSphere
-from ffseg.rendering.floors import FloorSequence
-from ffseg.rendering.pairs import PlanarPose, sample_camera
+from ffseg.rendering.pairs import PlanarPose, RenderedSequence, sample_camera
 from ffseg.rendering.raycast import render
 from ffseg.rendering.scene import Box, Floor, Mark, Room, Scene
 
@@ -76,11 +75,11 @@ def drive_poses() -> list[PlanarPose]:
     return [(round(float(x), 4), round(float(y), 4), round(float(theta), 5)) for x, y, theta in places]
 
 
-def drive(frames: int = FRAMES) -> FloorSequence:
+def drive(frames: int = FRAMES) -> RenderedSequence:
     """The drive, or its beginning."""
     scene, camera, poses = drive_scene(), drive_camera(), drive_poses()[:frames]
     views = tuple(render(scene, camera, pose, number, subsamples=2) for number, pose in enumerate(poses))
-    return FloorSequence(views, tuple(poses), scene)
+    return RenderedSequence(views, tuple(poses), scene)
 
 
 def _box(center: tuple[float, float], half: tuple[float, float], angle: float, height: float, grey: float) -> Box:

@@ -9,8 +9,8 @@ import numpy as np
 
 from ffseg.errors import ImageReadError, OutputError
 from ffseg.io.files import SKIP_FILE, make_folder, printable, read_bytes, write_bytes_atomic
-from ffseg.rendering import CAMERA_YAML, Rendering, poses_csv, render_pair
-from ffseg.rendering.pairs import PlanarPose
+from ffseg.rendering.pairs import CAMERA_YAML, PlanarPose, poses_csv, render_pair
+from ffseg.rendering.raycast import Rendering
 from ffseg.samples.drive import DRIVE_CAMERA, drive
 from ffseg.samples.png import encode
 from ffseg.samples.scenes import SCENES

@@ -22,9 +22,9 @@ from ffseg.freespace.occupancy import OccupancyMap
 from ffseg.freespace.sequence import Sequence
 from ffseg.image.edges import edge_map
 from ffseg.parameters import load_params
-from ffseg.rendering import floor_sequence, sample_camera
-from ffseg.rendering.floors import NOISES, TEXTURES, FloorSequence
+from ffseg.rendering.pairs import RenderedSequence, sample_camera
 from tests.campaigns import harness
+from tests.floors import NOISES, TEXTURES, floor_sequence
 from tests.worlds import footprint, free_ground
 
 FIRST = 730_000
@@ -45,7 +45,7 @@ def odometry(poses: np.ndarray, seed: int) -> np.ndarray:
     return np.array(found)
 
 
-def fused(sight: FloorSequence, poses: np.ndarray | None) -> OccupancyMap:
+def fused(sight: RenderedSequence, poses: np.ndarray | None) -> OccupancyMap:
     """The map of a drive with these poses."""
     camera = replace(sample_camera(), footprint=0.15)
     sequence, grid = Sequence(camera, mapped=True), OccupancyMap()
@@ -56,7 +56,7 @@ def fused(sight: FloorSequence, poses: np.ndarray | None) -> OccupancyMap:
 
 
 def judged(
-    grid: OccupancyMap, sight: FloorSequence, frame: tuple[float, float, float]
+    grid: OccupancyMap, sight: RenderedSequence, frame: tuple[float, float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Probability of the known cells to be free, whether they are, and whether they lie in a box.
 
@@ -71,7 +71,7 @@ def judged(
     return 1.0 - chance[chance != 0.5], free, boxed
 
 
-def strayed(grid: OccupancyMap, sight: FloorSequence, frame: tuple[float, float, float]) -> float:
+def strayed(grid: OccupancyMap, sight: RenderedSequence, frame: tuple[float, float, float]) -> float:
     """By how many of its standard deviations, to each side, the last station is off; NaN where none is."""
     last, (c, s) = grid.stations[-1], (np.cos(frame[2]), np.sin(frame[2]))
     if last is None or last.sigma_m == 0.0:

@@ -21,11 +21,11 @@ from ffseg.freespace.sequence import Frame, segment_frame
 from ffseg.freespace.window import Earlier
 from ffseg.metrics import IGNORED, INSIDE, iou
 from ffseg.parameters import Parameters, load_params
-from ffseg.rendering import FLOOR_KINDS, RenderedPair, floor_pair, render_pair
-from ffseg.rendering.floors import NOISES, TEXTURES, FloorKind
+from ffseg.rendering.pairs import RenderedPair, render_pair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL, GROUND, SHADOW, STREAK
 from ffseg.scene import Scene
 from tests.campaigns import harness
+from tests.floors import FLOOR_KINDS, NOISES, TEXTURES, FloorKind, floor_pair
 
 MODES = ("poses", "noisy", "none")
 NOISE_METRES, NOISE_RADIANS = 0.02, np.deg2rad(0.5)

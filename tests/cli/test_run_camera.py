@@ -14,7 +14,7 @@ import pytest
 from commands import Command
 from rendered import render_pair
 
-from ffseg.rendering import CAMERA_YAML, poses_csv
+from ffseg.rendering.pairs import CAMERA_YAML, poses_csv
 
 
 @pytest.fixture

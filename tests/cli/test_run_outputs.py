@@ -18,7 +18,7 @@ from commands import Command
 from PIL import Image
 from rendered import render_pair
 
-from ffseg.rendering import CAMERA_YAML, poses_csv
+from ffseg.rendering.pairs import CAMERA_YAML, poses_csv
 
 START = ("--set", "init.radius=12")
 

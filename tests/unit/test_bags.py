@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_typestore
 from ffseg.camera.robot import robot_axes, robot_pose
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io import bags
-from ffseg.rendering import sample_camera
+from ffseg.rendering.pairs import sample_camera
 from ffseg.samples.drive import DRIVE_CAMERA, drive
 
 COUNT, BEGIN, STEP = 4, 1_700_000_000_000_000_000, 100_000_000

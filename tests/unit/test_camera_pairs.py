@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from rendered import render_pair as pair
 
-from ffseg import rendering
 from ffseg.camera.motion import planar_parameters, planar_pose, relative_motion
 from ffseg.camera.poses import load_poses
 from ffseg.errors import CalibrationError, ParameterError, SegmentationError
@@ -28,6 +27,7 @@ from ffseg.image.planes import search_ground_motions
 from ffseg.io.masks import encode_mask
 from ffseg.native import _core
 from ffseg.parameters import load_params
+from ffseg.rendering import pairs
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL
 from tests.campaigns.freespace import true_poses
 from tests.components import component_of
@@ -160,7 +160,7 @@ def test_plane_candidates_follow_points_of_that_altitude() -> None:
 
 
 def test_rendering_is_the_same_every_time_and_its_truth_is_connected() -> None:
-    first, second = pair(3), rendering.render_pair(3)
+    first, second = pair(3), pairs.render_pair(3)
     assert np.array_equal(first.current.image, second.current.image)
     assert np.array_equal(first.previous.image, second.previous.image)
     twin = naive_camera.free_ground(first.current.labels, first.camera.center, first.camera.robot_radius)

@@ -11,7 +11,7 @@ from ffseg.errors import CalibrationError
 from ffseg.freespace.altitudes import ALIKE, BEHIND, NEIGHBOUR, REACH, _passable
 from ffseg.freespace.sequence import Frame, Sequence, segment_view
 from ffseg.parameters import load_params
-from ffseg.rendering import RenderedPair
+from ffseg.rendering.pairs import RenderedPair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL
 
 SNAKE = load_params(None, {"method": "snake"})

@@ -18,7 +18,7 @@ from ffseg.batch.workers.frames import (
 from ffseg.io.images import Limits
 from ffseg.io.masks import encode_png
 from ffseg.parameters import load_params
-from ffseg.rendering import CAMERA_YAML, poses_csv
+from ffseg.rendering.pairs import CAMERA_YAML, poses_csv
 from ffseg.scene import Scene
 
 

@@ -15,7 +15,7 @@ from rendered import drive
 
 import ffseg
 from ffseg.batch.outputs.table import MAP_FILES
-from ffseg.rendering import CAMERA_YAML
+from ffseg.rendering.pairs import CAMERA_YAML
 from ffseg.rendering.raycast import render
 from ffseg.samples.drive import DRIVE_CAMERA, drive_camera, drive_poses, drive_scene
 

@@ -13,7 +13,7 @@ from ffseg.batch.plan.beside import find_evidence
 from ffseg.batch.plan.discover import discover
 from ffseg.batch.workers.pictures import read_evidence
 from ffseg.errors import ImageReadError, UsageError
-from ffseg.rendering import CAMERA_YAML
+from ffseg.rendering.pairs import CAMERA_YAML
 
 SHAPE = (60, 80)
 

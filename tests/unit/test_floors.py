@@ -7,9 +7,9 @@ import pytest
 from rendered import floor_pair
 
 from ffseg.parameters import load_params
-from ffseg.rendering import FLOOR_KINDS
 from ffseg.rendering.raycast import SHADOW, STREAK, tilt_matrix
 from tests.campaigns.freespace import LEAST_IOU, MOST_SHIFTED, Case, Tally, cases, enclosed_marks, kept, run
+from tests.floors import FLOOR_KINDS
 
 SHORT = (
     Case(30, "drawn"),

@@ -11,7 +11,7 @@ from ffseg.camera.model import Camera
 from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.errors import SegmentationError
 from ffseg.freespace.sequence import segment_view
-from ffseg.rendering import CAMERA_YAML, sample_camera
+from ffseg.rendering.pairs import CAMERA_YAML, sample_camera
 
 RADIUS = 0.15
 PARAMS = ffseg.load_params()

@@ -23,7 +23,7 @@ from ffseg.errors import CalibrationError
 from ffseg.freespace.birdseye import HALF_M, SCALE, birds_eye
 from ffseg.freespace.outline import Ground, _first_exits
 from ffseg.freespace.sequence import Frame, free_space, segment_view
-from ffseg.rendering import CAMERA_YAML, RenderedPair, sample_camera
+from ffseg.rendering.pairs import CAMERA_YAML, RenderedPair, sample_camera
 
 PARAMS = ffseg.load_params()
 

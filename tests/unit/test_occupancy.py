@@ -19,14 +19,13 @@ from ffseg.freespace.leans import Lean
 from ffseg.freespace.occupancy import ALIKE, SHARP, OccupancyMap, Sighting
 from ffseg.freespace.sequence import Frame
 from ffseg.freespace.window import Link
-from ffseg.rendering import sample_camera
-from ffseg.rendering.floors import FloorSequence
+from ffseg.rendering.pairs import RenderedSequence, sample_camera
 
 CAMERA = replace(sample_camera(), footprint=0.1)
 
 
 @lru_cache(maxsize=1)
-def driven() -> tuple[FloorSequence, list[Frame]]:
+def driven() -> tuple[RenderedSequence, list[Frame]]:
     drive = replace(rendered.drive(), views=rendered.drive().views[:3], poses=rendered.drive().poses[:3])
     sequence = ffseg.Sequence(CAMERA)
     poses = [planar_pose(CAMERA, *pose) for pose in drive.poses]
@@ -49,7 +48,7 @@ def contains(ground: shapely.Geometry, places: np.ndarray) -> np.ndarray:
     return shapely.contains_xy(ground, places[..., 0], places[..., 1])
 
 
-def check(grid: OccupancyMap, drive: FloorSequence, places: np.ndarray, least: float) -> None:
+def check(grid: OccupancyMap, drive: RenderedSequence, places: np.ndarray, least: float) -> None:
     """Free cells are those of the world; none of a box; beyond the walls nothing is known but a band."""
     chance = grid.probability
     world = free_ground(drive.scene)

@@ -24,7 +24,7 @@ from ffseg.camera.motion import planar_pose
 from ffseg.errors import OutputError
 from ffseg.metrics import iou
 from ffseg.parameters import Parameters
-from ffseg.rendering import CAMERA_YAML, sample_camera
+from ffseg.rendering.pairs import CAMERA_YAML, sample_camera
 from ffseg.samples import png, texture
 from ffseg.samples.drive import DRIVE_CAMERA, drive, drive_camera, drive_poses, drive_scene
 from ffseg.samples.paint import CURVE_STEPS, GRID, Paper, centers, coverage, spline

@@ -16,7 +16,7 @@ from ffseg.freespace.structural import structural_test
 from ffseg.image.components import Component
 from ffseg.image.keypoints import Alignments, Candidates
 from ffseg.parameters import load_params
-from ffseg.rendering import RenderedPair, sample_camera
+from ffseg.rendering.pairs import RenderedPair, sample_camera
 
 EPSILON = 0.08
 

@@ -14,7 +14,7 @@ from ffseg.freespace.sequence import Sequence, free_space, segment_view
 from ffseg.freespace.tracks import NEAR, Tracks, linked, moved
 from ffseg.freespace.window import WINDOW, Earlier
 from ffseg.parameters import load_params
-from ffseg.rendering import RenderedPair, sample_camera
+from ffseg.rendering.pairs import RenderedPair, sample_camera
 
 EPSILON = 0.08
 

@@ -17,7 +17,7 @@ from ffseg.freespace.motion.egomotion import given_motion, pair_motion
 from ffseg.freespace.motion.evidence import Scenery
 from ffseg.freespace.sequence import free_space, segment_view
 from ffseg.parameters import load_params
-from ffseg.rendering import RenderedPair, sample_camera
+from ffseg.rendering.pairs import RenderedPair, sample_camera
 from tests.campaigns.freespace import true_poses
 
 Planar = tuple[float, float, float]

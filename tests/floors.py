@@ -1,14 +1,20 @@
 """Pairs and sequences on floors of every kind: bare, glossy, shaded, seen by a camera that nods or turns."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, get_args
 
 import numpy as np
 
-from ffseg.rendering.pairs import LONGEST, SHORTEST, WIDEST_TURN, PlanarPose, RenderedPair, sample_camera
-from ffseg.rendering.raycast import Rendering, render
+from ffseg.rendering.pairs import (
+    LONGEST,
+    SHORTEST,
+    WIDEST_TURN,
+    PlanarPose,
+    RenderedPair,
+    RenderedSequence,
+    sample_camera,
+)
+from ffseg.rendering.raycast import render
 from ffseg.rendering.scene import Floor, MarkKind, Scene, random_scene
 
 FloorKind = Literal["plain", "glossy", "shadows", "nodding", "turning", "discs", "touching", "alike"]
@@ -22,23 +28,6 @@ STEP = 0.12
 """Metres between the images of a sequence."""
 
 Tilt = tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FloorSequence:
-    """Views along a path over one scene.
-
-    Attributes
-    ----------
-    poses : tuple of (x, y, theta)
-    tilts : tuple of (about_x, about_y)
-        Radians, as `ffseg.rendering.raycast.render` takes them; none of a level drive.
-    """
-
-    views: tuple[Rendering, ...]
-    poses: tuple[PlanarPose, ...]
-    scene: Scene
-    tilts: tuple[Tilt, ...] = ()
 
 
 def floor_pair(seed: int, kind: FloorKind, texture: float, noise: float) -> RenderedPair:
@@ -66,7 +55,7 @@ def floor_pair(seed: int, kind: FloorKind, texture: float, noise: float) -> Rend
     return RenderedPair(views[0], views[1], camera, poses, scene, (tilts[0], tilts[1]))
 
 
-def floor_sequence(seed: int, num_views: int, texture: float, noise: float, nod: float = 0.0) -> FloorSequence:
+def floor_sequence(seed: int, num_views: int, texture: float, noise: float, nod: float = 0.0) -> RenderedSequence:
     """Views of a robot that drives a curve through a scene, a step of ``STEP`` metres each.
 
     Parameters
@@ -80,7 +69,7 @@ def floor_sequence(seed: int, num_views: int, texture: float, noise: float, nod:
     scene = replace(scene, floor=_floor(random, "plain", texture, noise))
     tilts = [_tilt(random, nod) if nod else (0.0, 0.0) for _ in poses]
     views = (render(scene, camera, pose, index, tilts[index]) for index, pose in enumerate(poses))
-    return FloorSequence(tuple(views), tuple(poses), scene, tuple(tilts))
+    return RenderedSequence(tuple(views), tuple(poses), scene, tuple(tilts))
 
 
 def _path(random: np.random.Generator, num_views: int) -> list[PlanarPose]:
