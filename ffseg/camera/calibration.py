@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ffseg.camera import ocam_files, opencv_files
 from ffseg.camera.model import Camera
-from ffseg.camera.projections import Affine, Fisheye, Lens, Polynomial, Projection, UnifiedSphere
+from ffseg.camera.projections import Affine, Fisheye, Polynomial, Projection, UnifiedSphere
 from ffseg.errors import CalibrationError
 from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Number, Row, Text
 from ffseg.schema.nodes import Node, Problems, Source
@@ -21,6 +21,7 @@ MODELS = ("unified", "omnidir", "fisheye", "ocam")
 MAX_SIDE = 65_500
 """Pixels; no image reader here takes a longer side."""
 LENS_KEYS = ("fx", "fy", "cx", "cy")
+MOUNTING = ("mount_height", "robot_radius", "rim_radius", "footprint", "mirrored", "forward")
 
 _FOCAL = Number(0, 1e6, above=True)
 _PIXEL = Number(-1e6, 1e6)
@@ -115,19 +116,15 @@ def load_mounted_camera(path: str | os.PathLike[str]) -> Camera:
 
 def _from_text(text: str, source: Source, problems: Problems) -> Camera | None:
     if ocam_files.looks_like(text):
-        return _bare(ocam_files.read(text, source.name, problems))
+        return ocam_files.read(text, source.name, problems)
     if opencv_files.looks_like(text):
-        return _bare(_opencv(opencv_files.read(text, source, problems), None, problems))
+        return _opencv(opencv_files.read(text, source, problems), None, problems)
     root = parse(text, source, problems)
     if not isinstance(root.value, dict):
         if not problems.lines:
             problems.add(source.name, "the file must be a mapping of keys to values, such as 'model: unified'")
         return None
     return _from_yaml(root, problems)
-
-
-def _bare(lens: Lens | None) -> Camera | None:
-    return None if lens is None else Camera(lens.projection, lens.width, lens.height, lens.center)
 
 
 def _from_yaml(root: Node, problems: Problems) -> Camera | None:
@@ -144,14 +141,11 @@ def _from_yaml(root: Node, problems: Problems) -> Camera | None:
         problems.add(_place(root, "rim_radius"), "rim_radius: must exceed robot_radius, nothing is left between")
     if lens is None or problems.lines:
         return None
-    return Camera(
-        lens.projection, lens.width, lens.height, lens.center,
-        values.get("mount_height"), up / length, values.get("robot_radius", 0.0), rim,
-        values.get("footprint", 0.0), values.get("mirrored", True), values.get("forward", 0.0),
-    )  # fmt: skip
+    return replace(lens, up=up / length, **{key: values[key] for key in MOUNTING if key in values})
 
 
-def _lens(root: Node, values: dict[str, Any], problems: Problems) -> Lens | None:
+def _lens(root: Node, values: dict[str, Any], problems: Problems) -> Camera | None:
+    """The camera that the file's lens makes, mounted nowhere."""
     if values["model"] == "ocam" and values.get("file") is None:
         problems.add(_place(root, "file"), "file: missing; model ocam needs the name of an OCamCalib calib_results.txt")
         return None
@@ -160,7 +154,7 @@ def _lens(root: Node, values: dict[str, Any], problems: Problems) -> Lens | None
     return _inline(root, values, problems)
 
 
-def _lens_file(root: Node, values: dict[str, Any], problems: Problems) -> Lens | None:
+def _lens_file(root: Node, values: dict[str, Any], problems: Problems) -> Camera | None:
     """Read the file named by ``file:``; keys that it holds may not be given beside it, but for the size."""
     for key in ("xi", *LENS_KEYS, "skew", "distortion", "K", "D"):
         if key in values:
@@ -169,7 +163,6 @@ def _lens_file(root: Node, values: dict[str, Any], problems: Problems) -> Lens |
     text = read_text(name, problems)
     if problems.lines:
         return None
-    lens: Lens | None
     if values["model"] == "ocam":
         lens = ocam_files.read(text, name, problems)
     else:
@@ -181,7 +174,7 @@ def _lens_file(root: Node, values: dict[str, Any], problems: Problems) -> Lens |
     return lens
 
 
-def _inline(root: Node, values: dict[str, Any], problems: Problems) -> Lens | None:
+def _inline(root: Node, values: dict[str, Any], problems: Problems) -> Camera | None:
     model = values["model"]
     needed = ["width", "height"] + (["xi"] if model != "fisheye" else []) + ([] if "K" in values else list(LENS_KEYS))
     for key in needed:
@@ -206,17 +199,19 @@ def affine_of(rows: tuple[tuple[float, ...], ...], where: str, key: str, problem
     return Affine(rows[0][0], rows[1][1], rows[0][2], rows[1][2], rows[0][1])
 
 
-def lens_of(model: str, affine: Affine, xi: float | None, distortion: tuple[float, ...], size: tuple[int, int]) -> Lens:
-    """Build the lens of a sphere or fisheye model."""
+def lens_of(
+    model: str, affine: Affine, xi: float | None, distortion: tuple[float, ...], size: tuple[int, int]
+) -> Camera:
+    """Build the camera of a sphere or fisheye model."""
     four = (float(distortion[0]), float(distortion[1]), float(distortion[2]), float(distortion[3]))
     projection: Projection = UnifiedSphere(affine, float(xi or 0), four)
     if model == "fisheye":
         projection = Fisheye(affine, four)
-    return Lens(projection, *size, (affine.cx, affine.cy))
+    return Camera(projection, *size, (affine.cx, affine.cy))
 
 
-def _opencv(values: opencv_files.Values | None, model: str | None, problems: Problems) -> Lens | None:
-    """A lens from OpenCV's keys; without a model, ``xi`` tells an omnidir file and ``fisheye_model`` a fisheye."""
+def _opencv(values: opencv_files.Values | None, model: str | None, problems: Problems) -> Camera | None:
+    """A camera from OpenCV's keys; without a model, ``xi`` tells an omnidir file and ``fisheye_model`` a fisheye."""
     if values is None:
         return None
     model = model or ("omnidir" if values.xi is not None else "fisheye" if values.fisheye else None)

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from ffseg.camera.projections import Lens, Polynomial, polynomial_limit
+from ffseg.camera.model import Camera
+from ffseg.camera.projections import Polynomial, polynomial_limit
 from ffseg.schema.nodes import Problems
 
 MOST_COEFFICIENTS = 64
@@ -20,8 +21,8 @@ def looks_like(text: str) -> bool:
     return text.lstrip().startswith("#polynomial coefficients")
 
 
-def read(text: str, name: str, problems: Problems) -> Lens | None:
-    """Read the lens; None with the problems noted.
+def read(text: str, name: str, problems: Problems) -> Camera | None:
+    """Read the camera, mounted nowhere; None with the problems noted.
 
     The inverse polynomial is an approximation of the forward one: it is checked for form and not used.
     """
@@ -42,7 +43,7 @@ def read(text: str, name: str, problems: Problems) -> Lens | None:
     _plausible(rows, coefficients, name, problems)
     if problems.lines:
         return None
-    return _lens(coefficients, (centre[1], centre[0]), affine, (int(size[1]), int(size[0])))
+    return _camera(coefficients, (centre[1], centre[0]), affine, (int(size[1]), int(size[0])))
 
 
 def _rows(text: str, name: str, problems: Problems) -> list[tuple[int, list[float]]]:
@@ -93,7 +94,9 @@ def _plausible(rows: list[tuple[int, list[float]]], coefficients: list[float], n
         problems.add(f"{name}:{rows[4][0]}", f"{_LINES[4]}: height and width must be integers from 1 to {MAX_SIDE}")
 
 
-def _lens(coefficients: list[float], center: tuple[float, float], affine: list[float], size: tuple[int, int]) -> Lens:
+def _camera(
+    coefficients: list[float], center: tuple[float, float], affine: list[float], size: tuple[int, int]
+) -> Camera:
     c, d, e = affine
     forward = np.array(coefficients)
     forward.setflags(write=False)
@@ -102,4 +105,4 @@ def _lens(coefficients: list[float], center: tuple[float, float], affine: list[f
     down = (corners[:, 1] - d * corners[:, 0]) / (c - d * e)
     right = (c * corners[:, 0] - e * corners[:, 1]) / (c - d * e)
     limit = polynomial_limit(forward, float(np.hypot(down, right).max()))
-    return Lens(Polynomial(forward, center, (c, d, e), limit), width, height, center)
+    return Camera(Polynomial(forward, center, (c, d, e), limit), width, height, center)

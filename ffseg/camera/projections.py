@@ -374,21 +374,3 @@ def _horner(coefficients: Array, x: Array) -> Array:
     for coefficient in coefficients[::-1]:
         value = value * x + coefficient
     return value
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Lens:
-    """A projection with its image size and centre.
-
-    Attributes
-    ----------
-    width, height : int
-        Pixels.
-    center : tuple of float
-        (x, y), pixels.
-    """
-
-    projection: Projection
-    width: int
-    height: int
-    center: tuple[float, float]
