@@ -55,10 +55,8 @@ def load_poses(path: str | os.PathLike[str], images: Sequence[str], camera: Came
     (['0001.png', '0002.png'], array([0., 0., 0.]))
     """
     require_camera(camera)
-    problems = Problems()
-    name = os.fspath(path)
-    text = read_table(name, problems)
-    problems.raise_as(CalibrationError)
+    name, problems = os.fspath(path), Problems()
+    text = read_table(name, CalibrationError)
     head = text.lstrip("\ufeff \t\r\n").partition("\n")[0]
     if [cell.strip() for cell in head.split(",")] in (POSE_HEADER, SIGMA_HEADER):
         poses = _csv_poses(text, name, camera, problems)
@@ -90,10 +88,8 @@ def load_pairs(path: str | os.PathLike[str], images: Sequence[str]) -> Mapping[s
     CalibrationError
         One line for each thing wrong: header, unknown image, an image paired with itself or given two predecessors.
     """
-    problems = Problems()
-    name = os.fspath(path)
-    text = read_table(name, problems)
-    problems.raise_as(CalibrationError)
+    name, problems = os.fspath(path), Problems()
+    text = read_table(name, CalibrationError)
     pairs: dict[str, str] = {}
     known = set(images)
     for line, row in rows_of(text, name, [PAIR_HEADER], problems):

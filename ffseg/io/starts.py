@@ -157,9 +157,7 @@ def load_starts(path: str | os.PathLike[str], images: Iterable[str], *, partial:
         name is nearly that of a row of no image.
     """
     name, problems = os.fspath(path), Problems()
-    text = read_table(name, problems)
-    problems.raise_as(ParameterError)
-    rows = _rows(text, printable(name), problems)
+    rows = _rows(read_table(name, ParameterError), printable(name), problems)
     problems.raise_as(ParameterError)
     names = {image: _row_of(image, rows, printable(name), problems) for image in images}
     if not partial:
@@ -177,10 +175,8 @@ def numbered_starts(path: str | os.PathLike[str]) -> Mapping[int, Start]:
         One line for each thing wrong, with file and line; also for two names that end with one number.
     """
     name, problems = os.fspath(path), Problems()
-    text = read_table(name, problems)
-    problems.raise_as(ParameterError)
     found: dict[int, Start] = {}
-    for image, (line, start) in _rows(text, printable(name), problems).items():
+    for image, (line, start) in _rows(read_table(name, ParameterError), printable(name), problems).items():
         digits = _LAST_NUMBER.search(os.path.splitext(image)[0])
         number = int(digits[0]) if digits else -1
         if number < 0 or number in found:

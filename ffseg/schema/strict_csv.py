@@ -8,6 +8,7 @@ import math
 import os
 from collections.abc import Iterator, Sequence
 
+from ffseg.errors import FfsegError
 from ffseg.schema.nodes import Problems
 from ffseg.schema.strict_yaml import read_text
 
@@ -15,9 +16,12 @@ MAX_BYTES = 64_000_000
 """Hundreds of thousands of rows, which take some seconds at worst: every reader of a table is linear in them."""
 
 
-def read_table(path: str | os.PathLike[str], problems: Problems) -> str:
-    """Text of a table of at most `MAX_BYTES`; otherwise as `read_text`."""
-    return read_text(path, problems, MAX_BYTES)
+def read_table(path: str | os.PathLike[str], error: type[FfsegError]) -> str:
+    """Text of a table of at most `MAX_BYTES`; what `read_text` finds wrong is raised."""
+    problems = Problems()
+    text = read_text(path, problems, MAX_BYTES)
+    problems.raise_as(error)
+    return text
 
 
 def rows_of(text: str, name: str, headers: Sequence[list[str]], problems: Problems) -> Iterator[tuple[int, list[str]]]:

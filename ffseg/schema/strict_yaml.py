@@ -174,7 +174,7 @@ def read_text(path: str | os.PathLike[str], problems: Problems, max_bytes: int =
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
         try:
             regular = stat.S_ISREG(os.fstat(handle).st_mode)
-            data = _read_bytes(handle, max_bytes + 1) if regular else None
+            data = os.fdopen(handle, "rb", closefd=False).read(max_bytes + 1) if regular else None
         finally:
             os.close(handle)
     except (OSError, ValueError) as error:
@@ -185,13 +185,6 @@ def read_text(path: str | os.PathLike[str], problems: Problems, max_bytes: int =
         problems.add(os.fspath(path), "not a regular file; give a text file")
         return ""
     return _decode(os.fspath(path), data, problems, max_bytes)
-
-
-def _read_bytes(handle: int, most: int) -> bytes:
-    data = bytearray()
-    while len(data) < most and (part := os.read(handle, most - len(data))):
-        data += part
-    return bytes(data)
 
 
 def _decode(path: str, data: bytes, problems: Problems, max_bytes: int) -> str:
