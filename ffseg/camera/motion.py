@@ -219,13 +219,11 @@ def planar_pose(camera: Camera, x: float, y: float, theta: float, sigmas: tuple[
     return Pose(_turn(theta) @ camera.level(), np.array([x, y, 0.0]), sigmas, theta)
 
 
-def relative_motion(
-    previous: Pose, current: Pose, translation_sigma: float = 0.0, rotation_sigma: float = 0.0
-) -> Motion:
+def relative_motion(previous: Pose, current: Pose) -> Motion:
     """Motion between two poses."""
     rotation = previous.rotation.T @ current.rotation
     translation = previous.rotation.T @ (current.position - previous.position)
-    return Motion(rotation, translation, "poses", 0, translation_sigma, rotation_sigma)
+    return Motion(rotation, translation, "poses", 0, 0.0, 0.0)
 
 
 def planar_motion(camera: Camera, planar: Array, origin: Origin, inliers: int, sigma: tuple[float, float]) -> Motion:

@@ -230,7 +230,7 @@ def segment_frame(scene: Scene, earlier: Iterable[Earlier], camera: Camera, *, m
         before = next(views, None)
         if before is not None:
             return _frame_by_altitudes(scene, before, camera)
-    frame = free_space(scene.image, segment(scene), None, camera, scene.params.obstacles.altitude, earlier=copy(views))
+    frame = free_space(scene.image, segment(scene), copy(views), camera, scene.params.obstacles.altitude)
     if mapped and frame.note == NOTHING_ENCLOSED:
         frame = _moved(frame, scene, copy(views), camera)
     return _without_leaks(frame, scene, views, camera)
@@ -247,7 +247,7 @@ def _without_leaks(frame: Frame, scene: Scene, views: Iterator[Earlier], camera:
         return frame
     bound = np.where(climbed, np.uint8(0), np.uint8(255) if scene.domain is None else scene.domain)
     again, epsilon = segment(replace(scene, domain=bound)), scene.params.obstacles.altitude
-    cut = free_space(scene.image, again, None, camera, epsilon, earlier=views)
+    cut = free_space(scene.image, again, views, camera, epsilon)
     if cut.motion is None:  # nothing is enclosed any more; the camera moved as it did
         cut = replace(cut, motion=frame.motion, camera=frame.camera, fit=frame.fit, links=frame.links)
     said = f"{np.count_nonzero(climbed)} px of free space that moved as nothing on the ground does were cut off"
@@ -283,20 +283,13 @@ def _frame_by_altitudes(scene: Scene, before: Earlier, camera: Camera) -> Frame:
     second = segment(replace(scene, altitudes=rows))
     spent = (first.timings, second.timings)
     timings = Timings(second.timings.edges_ms, sum(t.evolve_ms for t in spent), sum(t.total_ms for t in spent))
-    frame = free_space(scene.image, replace(second, timings=timings), None, camera, epsilon)
+    frame = free_space(scene.image, replace(second, timings=timings), (), camera, epsilon)
     matched_ms = (perf_counter() - begin) * 1e3 - timings.total_ms
     return replace(frame, motion=chosen.motion, note=f"{chosen.note}; {said}", obstacles_ms=matched_ms)
 
 
 def free_space(
-    current: Grey,
-    segmentation: Segmentation,
-    previous: Grey | None,
-    camera: Camera,
-    epsilon: float,
-    poses: tuple[Pose, Pose] | None = None,
-    *,
-    earlier: Iterable[Earlier] = (),
+    current: Grey, segmentation: Segmentation, earlier: Iterable[Earlier], camera: Camera, epsilon: float
 ) -> Frame:
     """The structural test on a segmented image: a pure function of the images, the camera and the poses.
 
@@ -305,14 +298,11 @@ def free_space(
     current : ndarray of uint8, shape (H, W) or (H, W, 3)
     segmentation : Segmentation
         Of the current image.
-    previous : ndarray of uint8 or None
-        None for the first image.
+    earlier : iterable of Earlier
+        Images before it, the nearest first: what one pair leaves open is asked of the next. Without poses the motion is
+        read off the ground.
     epsilon : float
         ``obstacles.altitude``, metres.
-    poses : tuple of Pose, optional
-        Of the previous and the current image; without them the motion is read off the ground.
-    earlier : iterable of Earlier, optional
-        Images farther back, the nearest first: what one pair leaves open is asked of the next.
 
     Raises
     ------
@@ -323,8 +313,7 @@ def free_space(
     inner, components = contour_components(segmentation.contours, segmentation.mask.shape)
     others = [contour for place, contour in enumerate(segmentation.contours) if place not in inner]
     scenery = Scenery(segmentation.mask, components, outer_joints(others))
-    nearest = () if previous is None else (Earlier(previous, poses),)
-    found = judged(grey_image(current), scenery, itertools.chain(nearest, earlier), camera, epsilon)
+    found = judged(grey_image(current), scenery, earlier, camera, epsilon)
     bare = Frame(
         segmentation.mask, segmentation.contours, (), found.rows, segmentation, found.pair.motion, found.pair.note, 0.0,
         found.pair.camera, found.pair.fit, found.tested, found.links, found.pair.contradicted, found.samples, camera,

@@ -20,6 +20,7 @@ from ffseg.freespace.motion.ground import fit_ground, prior_sigmas
 from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.sequence import Sequence, free_space, segment_view
 from ffseg.freespace.structural import structural_test
+from ffseg.freespace.window import Earlier
 from ffseg.image.components import Component
 from ffseg.image.interest import harris_points
 from ffseg.image.keypoints import Candidates, align_patches, limited, patch_scores, plane_candidates, plane_pixels
@@ -261,9 +262,8 @@ def test_sequence_gives_what_the_pure_steps_give() -> None:
     assert "first image" in first.note
     second = sequence.feed(rendered.current.image, current)
     found = segment_view(rendered.current.image, rendered.camera, params)
-    pure = free_space(
-        rendered.current.image, found, rendered.previous.image, rendered.camera, EPSILON, (previous, current)
-    )
+    before = Earlier(rendered.previous.image, (previous, current))
+    pure = free_space(rendered.current.image, found, [before], rendered.camera, EPSILON)
     assert np.array_equal(second.mask, pure.mask)
     assert all(row.track >= 0 and row.against == "0" for row in second.components)
     assert tuple(replace(row, track=-1, against="") for row in second.components) == pure.components

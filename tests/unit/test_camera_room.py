@@ -12,6 +12,7 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, planar_parameters, planar_pose, relative_motion
 from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.freespace.sequence import free_space, segment_view
+from ffseg.freespace.window import Earlier
 from ffseg.image.keypoints import Candidates, align_patches, patch_scores, plane_candidates
 from ffseg.parameters import load_params
 from tests.triangulation import triangulate
@@ -84,7 +85,7 @@ def test_the_floor_is_free_and_desks_are_not_merged(room: Room) -> None:
         Pose(np.eye(3), np.zeros(3)),
     )
     found = segment_view(images[0], camera, params)
-    frame = free_space(images[0], found, images[1], camera, params.obstacles.altitude, poses)
+    frame = free_space(images[0], found, [Earlier(images[1], poses)], camera, params.obstacles.altitude)
     pixels = np.rint((room.reference[:, :2] + 0.5) / 2 - 0.5).astype(int)
     free = frame.mask[pixels[:, 1], pixels[:, 0]]
     depth = room.reference[:, 6]
@@ -107,7 +108,7 @@ def test_the_ground_says_how_the_robot_nodded(room: Room) -> None:
     params = load_params("omni-indoor")
     found = segment_view(images[0], camera, params)
     poses = planar_poses(room, camera)
-    frame = free_space(images[0], found, images[1], camera, params.obstacles.altitude, poses)
+    frame = free_space(images[0], found, [Earlier(images[1], poses)], camera, params.obstacles.altitude)
     assert frame.motion is not None
     assert frame.motion.inliers > 60
     missed = frame.motion.rotation.T @ room.motion.rotation
@@ -125,6 +126,6 @@ def test_a_reversed_step_is_named(room: Room) -> None:
     params = load_params("omni-indoor")
     found = segment_view(images[0], camera, params)
     poses = planar_poses(room, camera)[::-1]
-    frame = free_space(images[0], found, images[1], camera, params.obstacles.altitude, poses)
+    frame = free_space(images[0], found, [Earlier(images[1], poses)], camera, params.obstacles.altitude)
     assert "the poses of the two images are swapped" in frame.note
     assert {row.verdict for row in frame.components} == {"untested"}

@@ -23,6 +23,7 @@ from ffseg.errors import CalibrationError
 from ffseg.freespace.birdseye import HALF_M, SCALE, birds_eye
 from ffseg.freespace.outline import Ground, _first_exits
 from ffseg.freespace.sequence import Frame, free_space, segment_view
+from ffseg.freespace.window import Earlier
 from ffseg.rendering.pairs import CAMERA_YAML, RenderedPair, sample_camera
 
 PARAMS = ffseg.load_params()
@@ -33,7 +34,7 @@ def framed(pair: RenderedPair, camera: Camera | None = None) -> Frame:
     poses = planar_pose(camera, *pair.poses[0]), planar_pose(camera, *pair.poses[1])
     segmentation = segment_view(pair.current.image, camera, PARAMS)
     altitude = PARAMS.obstacles.altitude
-    return free_space(pair.current.image, segmentation, pair.previous.image, camera, altitude, poses)
+    return free_space(pair.current.image, segmentation, [Earlier(pair.previous.image, poses)], camera, altitude)
 
 
 @lru_cache(maxsize=1)
@@ -184,7 +185,7 @@ def test_rays_leave_polygons_where_shapely_says(center: tuple[float, float]) -> 
 def test_what_a_perspective_camera_does_not_show_is_unknown() -> None:
     camera = tilted()
     image = np.clip(np.random.default_rng(2).normal(110.0, 1.0, (480, 640)), 0, 255).astype(np.uint8)
-    scan = free_space(image, segment_view(image, camera, PARAMS), None, camera, 0.05).scan()
+    scan = free_space(image, segment_view(image, camera, PARAMS), (), camera, 0.05).scan()
     degrees = np.rad2deg(scan.bearings)
     ends = np.array(scan.ends)
     assert set(ends[np.abs(degrees) > 75]) == {"unknown"}

@@ -74,12 +74,12 @@ def test_what_a_standing_robot_leaves_open_is_asked_of_an_earlier_image() -> Non
     camera, params = rendered.camera, load_params()
     found = segment_view(rendered.current.image, camera, params)
     poses = tuple(planar_pose(camera, *pose) for pose in rendered.poses)
-    same = (poses[1], poses[1])
-    alone = free_space(rendered.current.image, found, rendered.current.image, camera, EPSILON, same)
+    again = Earlier(rendered.current.image, (poses[1], poses[1]))
+    alone = free_space(rendered.current.image, found, [again], camera, EPSILON)
     assert {row.verdict for row in alone.components} == {"untested"}
     assert not alone.tested
-    farther = [Earlier(rendered.previous.image, (poses[0], poses[1]), "first.png")]
-    frame = free_space(rendered.current.image, found, rendered.current.image, camera, EPSILON, same, earlier=farther)
+    farther = Earlier(rendered.previous.image, (poses[0], poses[1]), "first.png")
+    frame = free_space(rendered.current.image, found, [again, farther], camera, EPSILON)
     assert {row.against for row in frame.components} == {"first.png"}
     assert {row.verdict for row in frame.components} == {"obstacle", "false_obstacle"}
     assert "degenerate" in frame.note
@@ -96,7 +96,7 @@ def test_decided_components_ask_for_no_further_image() -> None:
             asked.append(number)
             yield Earlier(rendered.previous.image, None, str(number))
 
-    free_space(rendered.current.image, found, None, rendered.camera, EPSILON, earlier=views())  # type: ignore[arg-type]
+    free_space(rendered.current.image, found, views(), rendered.camera, EPSILON)  # type: ignore[arg-type]
     assert asked == [0]
 
 

@@ -16,6 +16,7 @@ from ffseg.freespace.motion.contradictions import LONGEST, TALLEST, unlikely_uni
 from ffseg.freespace.motion.egomotion import given_motion, pair_motion
 from ffseg.freespace.motion.evidence import Scenery
 from ffseg.freespace.sequence import free_space, segment_view
+from ffseg.freespace.window import Earlier
 from ffseg.parameters import load_params
 from ffseg.rendering.pairs import RenderedPair, sample_camera
 from tests.campaigns.freespace import true_poses
@@ -55,8 +56,8 @@ def test_wrong_poses_are_named_and_nothing_is_judged(kind: str, texture: float) 
     rendered, params = pair(texture), load_params()
     camera, poses = wrong(rendered, kind)
     found = segment_view(rendered.current.image, camera, params)
-    images = rendered.current.image, found, rendered.previous.image
-    frame = free_space(*images, camera, params.obstacles.altitude, poses)
+    before = Earlier(rendered.previous.image, poses)
+    frame = free_space(rendered.current.image, found, [before], camera, params.obstacles.altitude)
     assert frame.note.startswith("no motion: ")
     assert KINDS[kind][1] in frame.note
     assert {row.verdict for row in frame.components} == {"untested"}
