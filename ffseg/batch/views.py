@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 
 from ffseg.camera import Camera, Pose, load_mounted_camera, load_pairs, load_poses
-from ffseg.camera.robot import robot_pose
+from ffseg.camera.motion import robot_pose
 from ffseg.io.bags import MARK, bag_of, bag_poses
 
 WINDOW = 8

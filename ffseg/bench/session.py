@@ -20,7 +20,7 @@ from ffseg.bench import images, processes
 from ffseg.bench.gate import Baseline, Slower, confirmed, slower
 from ffseg.bench.measure import Compared, Fact, Figure, Group, Order, Skipped, compared, measure
 from ffseg.errors import UsageError
-from ffseg.image.reference import opencv_version
+from ffseg.io.images import OPENCV_VERSION
 from ffseg.schema.kinds import nearest_word
 
 SUITES: dict[str, Callable[[Order, Path], Iterator[Group | Skipped]]] = {
@@ -129,7 +129,7 @@ def _machine() -> dict[str, object]:
 def _versions() -> dict[str, str]:
     """Versions of ffseg, Python and what takes part in the measuring; packages that are absent are left out."""
     found = {"ffseg": __version__, "python": platform.python_version()}
-    found |= {"numpy": np.__version__, "opencv": opencv_version()}
+    found |= {"numpy": np.__version__, "opencv": OPENCV_VERSION}
     for name in PACKAGES:
         with suppress(PackageNotFoundError):
             found[name] = version(name)

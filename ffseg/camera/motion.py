@@ -1,4 +1,7 @@
-"""Motion between two images: values, poses to motion, and how points answer its corrections."""
+"""Motion between two images: values, poses to motion, and how points answer its corrections; the robot's frame.
+
+The robot's frame on the ground is that of REP-103: x forward, y left, metres, the origin below the camera.
+"""
 
 from __future__ import annotations
 
@@ -244,11 +247,43 @@ def planar_parameters(camera: Camera, motion: Motion) -> Array:
 
 
 def ground_points(camera: Camera, pixels: Array) -> Array:
-    """Where rays of pixels, shape (n, 2), meet the ground: levelled (x, y), metres; NaN above the horizon."""
-    points: Array = (camera.meet_plane(camera.lift(pixels)) @ camera.level().T)[:, :2]
+    """Where rays of pixels, shape (..., 2), meet the ground: levelled (x, y), metres; NaN above the horizon."""
+    points: Array = (camera.meet_plane(camera.lift(pixels)) @ camera.level().T)[..., :2]
     return points
 
 
 def _turn(theta: float) -> Array:
     c, s = np.cos(theta), np.sin(theta)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def robot_axes(camera: Camera) -> Array:
+    """Rows that take (x, y) of the levelled camera frame to (forward, left), shape (2, 2).
+
+    Forward is ``camera.forward`` degrees from the image's x axis toward its y axis. Left is a quarter turn on from there
+    toward y where the image is mirrored, as under a mirror, and back from there where it is not, as from above.
+    """
+    turn = np.deg2rad(camera.forward)
+    c, s = np.cos(turn), np.sin(turn)
+    return np.array([[c, s], [-s, c]] if camera.mirrored else [[c, s], [s, -c]])
+
+
+def to_robot(camera: Camera, pixels: Array) -> Array:
+    """Where pixels, shape (..., 2), show the ground in the robot's frame, metres; NaN above the horizon."""
+    return ground_points(camera, pixels) @ robot_axes(camera).T
+
+
+def to_pixels(camera: Camera, points: Array) -> Array:
+    """Pixels that show points of the ground, shape (..., 2), in the robot's frame; NaN where the camera shows none."""
+    flat = np.asarray(points, np.float64) @ robot_axes(camera)
+    down = np.full((*flat.shape[:-1], 1), camera.mounting())
+    return camera.project(np.concatenate([flat, down], axis=-1) @ camera.level())
+
+
+def robot_pose(camera: Camera, x: float, y: float, heading: float) -> Pose:
+    """Pose of the camera of a robot at (x, y), metres, with a heading counterclockwise as seen from above, radians.
+
+    Without a mirror y and turns change their signs, as the image's do.
+    """
+    turn = heading if camera.mirrored else -heading
+    return planar_pose(camera, x, y if camera.mirrored else -y, turn - np.deg2rad(camera.forward))

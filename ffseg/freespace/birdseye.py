@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
-from ffseg.camera.robot import to_pixels
+from ffseg.camera.motion import to_pixels
 from ffseg.freespace.outline import Ground
 from ffseg.io.overlays import Polyline, encode_overlay
 

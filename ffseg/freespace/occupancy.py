@@ -18,7 +18,7 @@ from ffseg.freespace.leans import Lean, Leans, lean_of
 from ffseg.freespace.sequence import Frame
 from ffseg.freespace.skeleton import Skeleton, skeleton_of
 from ffseg.freespace.window import WINDOW, Link
-from ffseg.image.planar import NOWHERE, Values, laid_out, of_shares, read_at
+from ffseg.image.resized import NOWHERE, Values, laid_out, of_shares, read_at
 from ffseg.io.files import make_folder, write_all_atomic
 from ffseg.io.overlays import Kind, Polyline, encode_overlay
 from ffseg.io.tables import csv_table

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
+from ffseg.camera.motion import to_pixels, to_robot
 from ffseg.camera.projections import Array
-from ffseg.camera.robot import to_pixels, to_robot
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.orientation import ring_area
 from ffseg.image.free import room_round
-from ffseg.image.planar import read_at
 from ffseg.image.polygons import polygons
+from ffseg.image.resized import read_at
 
 REACH = 6.0
 """Metres: beyond it a pixel of a mirror over a robot shows a quarter of a metre, and its outline tells nothing."""

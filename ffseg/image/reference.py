@@ -42,8 +42,3 @@ def one_thread() -> Iterator[None]:
         yield
     finally:
         cv2.setNumThreads(before)
-
-
-def opencv_version() -> str:
-    """Version of OpenCV that runs K."""
-    return cv2.__version__

@@ -15,7 +15,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from ffseg.camera.robot import robot_axes, robot_pose
+from ffseg.camera.motion import robot_axes, robot_pose
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io import bags
 from ffseg.rendering.pairs import sample_camera

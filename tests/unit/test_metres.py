@@ -16,9 +16,8 @@ from worlds import free_ground, in_robot_frame, range_along
 
 import ffseg
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import planar_pose
+from ffseg.camera.motion import planar_pose, robot_axes, to_pixels, to_robot
 from ffseg.camera.projections import Affine, UnifiedSphere
-from ffseg.camera.robot import robot_axes, to_pixels, to_robot
 from ffseg.errors import CalibrationError
 from ffseg.freespace.birdseye import HALF_M, SCALE, birds_eye
 from ffseg.freespace.outline import Ground, _first_exits

@@ -124,7 +124,7 @@ class Tables:
         return made
 
     def _obstacles(self) -> Iterator[list[Any]]:
-        from ffseg.batch.sightings import numbered
+        from ffseg.freespace.tracks import numbered
 
         lines = {printable(record.name): record.extra for record in self.survey.records()}
         found = numbered(map(printable, in_time(self.survey.records())), lines)
