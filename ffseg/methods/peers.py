@@ -35,6 +35,7 @@ from ffseg.scene import Outcome, Scene
 
 Mask = NDArray[np.bool_]
 Image = NDArray[np.uint8]
+S = TypeVar("S")
 
 
 def geodesic(edges: EdgeMap, seeds: Mask, params: SkimageGac, callback: Callable[[Any], object] | None = None) -> Mask:
@@ -145,79 +146,39 @@ def _skfmm(edges: EdgeMap, seeds: Mask, params: SkFmm) -> Mask:
     return opencv_peers.grown(reached, params.grow)
 
 
-def _region(mask: Mask) -> Outcome:
-    """Outcome of a peer: its mask; peers do not tell counts."""
-    return Outcome(None, mask=mask)
+def _sitk_fast_marching(edges: EdgeMap, seeds: Mask, params: SitkFastMarching) -> Mask:
+    return opencv_peers.grown(_sitk_front(edges, seeds, params.threshold), params.grow)
 
 
-def cv_floodfill(scene: Scene) -> Outcome:
-    """OpenCV's flood fill."""
-    return _region(opencv_peers.floodfill(scene.image, _seeds(scene), _section(scene, FloodFill)))
+def _method(kind: type[S], find: Callable[[Any, Mask, S], Mask], *, edges: bool = False) -> Callable[[Scene], Outcome]:
+    """A peer's function as a method: it takes the image or the edge map, the start's pixels, and its own parameters."""
+
+    def run(scene: Scene) -> Outcome:
+        seeds = scene.start_region()
+        if not seeds.any():
+            raise SegmentationError("the start contour covers no pixel, and a peer needs one; raise init.radius")
+        params = scene.options if isinstance(scene.options, kind) else kind()
+        return Outcome(mask=find(scene.edges if edges else scene.image, seeds, params))
+
+    return run
 
 
-def cv_edges(scene: Scene) -> Outcome:
-    """Edge threshold and connected components."""
-    return _region(opencv_peers.edge_components(scene.edges, _seeds(scene), _section(scene, EdgeComponents)))
-
-
-def cv_edges_opened(scene: Scene) -> Outcome:
-    """Edge threshold, opened against gaps, and connected components."""
-    return _region(opencv_peers.edge_opened(scene.edges, _seeds(scene), _section(scene, EdgeOpened)))
-
-
-def cv_watershed(scene: Scene) -> Outcome:
-    """OpenCV's watershed."""
-    return _region(opencv_peers.watershed(scene.image, _seeds(scene), _section(scene, Watershed)))
-
-
-def cv_grabcut(scene: Scene) -> Outcome:
-    """OpenCV's GrabCut."""
-    return _region(opencv_peers.grabcut(scene.image, _seeds(scene), _section(scene, GrabCut)))
-
-
-def skimage_gac(scene: Scene) -> Outcome:
-    """scikit-image's morphological geodesic active contour."""
-    return _region(geodesic(scene.edges, _seeds(scene), _section(scene, SkimageGac)))
-
-
-def skimage_chan_vese(scene: Scene) -> Outcome:
-    """scikit-image's morphological Chan-Vese."""
-    return _region(_skimage_chan_vese(scene.image, _seeds(scene), _section(scene, SkimageChanVese)))
+cv_floodfill = _method(FloodFill, opencv_peers.floodfill)
+cv_edges = _method(EdgeComponents, opencv_peers.edge_components, edges=True)
+cv_edges_opened = _method(EdgeOpened, opencv_peers.edge_opened, edges=True)
+cv_watershed = _method(Watershed, opencv_peers.watershed)
+cv_grabcut = _method(GrabCut, opencv_peers.grabcut)
+skimage_gac = _method(SkimageGac, geodesic, edges=True)
+skimage_chan_vese = _method(SkimageChanVese, _skimage_chan_vese)
+sitk_fast_marching = _method(SitkFastMarching, _sitk_fast_marching, edges=True)
+sitk_gac = _method(SitkGac, _sitk_gac, edges=True)
+skfmm = _method(SkFmm, _skfmm, edges=True)
 
 
 def skimage_snake(scene: Scene) -> Outcome:
-    """scikit-image's snake."""
-    return _region(_skimage_snake(scene.image, _section(scene, SkimageSnake)))
-
-
-def sitk_fast_marching(scene: Scene) -> Outcome:
-    """SimpleITK's fast marching."""
-    section = _section(scene, SitkFastMarching)
-    return _region(opencv_peers.grown(_sitk_front(scene.edges, _seeds(scene), section.threshold), section.grow))
-
-
-def sitk_gac(scene: Scene) -> Outcome:
-    """SimpleITK's geodesic active contour."""
-    return _region(_sitk_gac(scene.edges, _seeds(scene), _section(scene, SitkGac)))
-
-
-def skfmm(scene: Scene) -> Outcome:
-    """scikit-fmm's travel time."""
-    return _region(_skfmm(scene.edges, _seeds(scene), _section(scene, SkFmm)))
-
-
-S = TypeVar("S")
-
-
-def _section(scene: Scene, kind: type[S]) -> S:
-    return scene.options if isinstance(scene.options, kind) else kind()
-
-
-def _seeds(scene: Scene) -> Mask:
-    seeds = scene.start_region()
-    if not seeds.any():
-        raise SegmentationError("the start contour covers no pixel, and a peer needs one; raise init.radius")
-    return seeds
+    """scikit-image's snake, which closes in from an ellipse and takes no start."""
+    params = scene.options if isinstance(scene.options, SkimageSnake) else SkimageSnake()
+    return Outcome(mask=_skimage_snake(scene.image, params))
 
 
 def edge_parameters(name: str, edges: Edges, peers: PeerParameters) -> Edges:
