@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
+from numpy.polynomial.polynomial import polyroots, polyval
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -265,21 +267,11 @@ class Fisheye:
         return min(np.pi, _first_root((1.0, 3 * k1, 5 * k2, 7 * k3, 9 * k4)))
 
     def _angle(self, radius: Array) -> Array:
-        """Newton inside a shrinking bracket [0, limit]: the radius grows strictly there."""
-        low, high = np.zeros_like(radius), np.full_like(radius, self._limit())
-        inside = radius <= self._radius(high)
-        theta = np.clip(radius, low, high)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            for _ in range(NEWTON_STEPS):
-                residual = self._radius(theta) - radius
-                low, high = np.where(residual <= 0, theta, low), np.where(residual >= 0, theta, high)
-                step = theta - residual / self._slope(theta)
-                step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
-                done = not np.any(np.abs(step - theta) > LAST_STEP)
-                theta = step
-                if done:
-                    break
-        theta[~inside] = np.nan
+        """Angle in [0, limit], where the radius grows strictly."""
+        most = np.full_like(radius, self._limit())
+        start = np.clip(radius, 0.0, most)
+        theta = _bracketed(start, most, lambda angle: (self._radius(angle) - radius, self._slope(angle)), LAST_STEP)
+        theta[~(radius <= self._radius(most))] = np.nan
         return theta
 
 
@@ -316,7 +308,7 @@ class Polynomial:
         down = (row - d * column) / determinant
         right = (c * column - e * row) / determinant
         radius = np.hypot(right, down)
-        ray = np.stack([right, down, -_horner(self.coefficients, radius)], axis=1)
+        ray = np.stack([right, down, -polyval(radius, self.coefficients)], axis=1)
         ray[~(radius <= self.limit)] = np.nan
         ray /= np.sqrt(np.sum(ray**2, axis=1, keepdims=True))
         return ray
@@ -338,22 +330,40 @@ class Polynomial:
         with np.errstate(invalid="ignore", divide="ignore"):
             side, ahead = across / norm, depth / norm
         slope = self.coefficients[1:] * np.arange(1, len(self.coefficients))
-        low, high = np.zeros_like(side), np.full_like(side, self.limit)
-        outside = ~(_horner(self.coefficients, high) * side + ahead * high >= -CLOSED * self.limit)
-        radius = np.clip(-self.coefficients[0] * side / np.maximum(ahead, 0.2), low, high)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            for _ in range(NEWTON_STEPS):
-                value = _horner(self.coefficients, radius) * side + ahead * radius
-                low, high = np.where(value <= 0, radius, low), np.where(value >= 0, radius, high)
-                step = radius - value / (_horner(slope, radius) * side + ahead)
-                step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
-                done = not np.any(np.abs(step - radius) > LAST_STEP * self.limit)
-                radius = step
-                if done:
-                    break
+        high = np.full_like(side, self.limit)
+        outside = ~(polyval(high, self.coefficients) * side + ahead * high >= -CLOSED * self.limit)
+        start = np.clip(-self.coefficients[0] * side / np.maximum(ahead, 0.2), 0.0, high)
+
+        def at(radius: Array) -> tuple[Array, Array]:
+            return polyval(radius, self.coefficients) * side + ahead * radius, polyval(radius, slope) * side + ahead
+
+        radius = _bracketed(start, high, at, LAST_STEP * self.limit)
         radius[outside | (norm == 0)] = np.nan
-        found: Array = radius
-        return found
+        return radius
+
+
+def _bracketed(start: Array, most: Array, at: Callable[[Array], tuple[Array, Array]], last: float) -> Array:
+    """Where a value that grows in [0, most] is 0, by Newton's steps inside a shrinking bracket.
+
+    Parameters
+    ----------
+    at : callable
+        Gives value and slope.
+    last : float
+        A step as small as this is the last one.
+    """
+    found, low, high = start, np.zeros_like(start), most
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for _ in range(NEWTON_STEPS):
+            value, slope = at(found)
+            low, high = np.where(value <= 0, found, low), np.where(value >= 0, found, high)
+            step = found - value / slope
+            step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+            done = not np.any(np.abs(step - found) > last)
+            found = step
+            if done:
+                break
+    return found
 
 
 def polynomial_limit(coefficients: Array, farthest: float) -> float:
@@ -363,14 +373,7 @@ def polynomial_limit(coefficients: Array, farthest: float) -> float:
     """
     powers = np.arange(len(coefficients))
     growth = coefficients * (powers - 1)
-    roots = np.polynomial.polynomial.polyroots(np.trim_zeros(growth, "b"))
+    roots = polyroots(np.trim_zeros(growth, "b"))
     real = roots[np.abs(roots.imag) < 1e-9 * (1.0 + np.abs(roots.real))].real
     positive = real[(real > 0) & (real < farthest)]
     return float(positive.min()) if positive.size else farthest
-
-
-def _horner(coefficients: Array, x: Array) -> Array:
-    value = np.zeros_like(x)
-    for coefficient in coefficients[::-1]:
-        value = value * x + coefficient
-    return value

@@ -207,12 +207,10 @@ def skeleton_of(free: Mask, unknown: Mask, cell: float, origin: tuple[float, flo
 def _between(outside: NDArray[np.intp], spread: float) -> Mask:
     """Cells beside one whose nearest outline is another one."""
     found = np.zeros(outside.shape[:2], np.bool_)
-    for axis in (0, 1):
-        apart = np.hypot(*np.moveaxis(np.diff(outside, axis=axis), -1, 0)) > spread
-        low, high = [slice(None)] * 2, [slice(None)] * 2
-        low[axis], high[axis] = slice(None, -1), slice(1, None)
-        found[tuple(low)] |= apart
-        found[tuple(high)] |= apart
+    for nearest, marked in ((outside, found), (outside.swapaxes(0, 1), found.T)):
+        apart = np.hypot(*np.moveaxis(np.diff(nearest, axis=0), -1, 0)) > spread
+        marked[:-1] |= apart
+        marked[1:] |= apart
     return found
 
 

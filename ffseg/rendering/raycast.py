@@ -105,12 +105,10 @@ def render(
 def _smooth_edges(grey: Array, parts: NDArray[np.int32], caster: _Caster, subsamples: int) -> None:
     """Replace pixels on a border between parts by the mean of ``subsamples**2`` rays."""
     border = np.zeros(parts.shape, dtype=np.bool_)
-    for axis in (0, 1):
-        differs = np.diff(parts, axis=axis) != 0
-        low, high = [slice(None)] * 2, [slice(None)] * 2
-        low[axis], high[axis] = slice(None, -1), slice(1, None)
-        border[tuple(low)] |= differs
-        border[tuple(high)] |= differs
+    for part, marked in ((parts, border), (parts.T, border.T)):
+        differs = np.diff(part, axis=0) != 0
+        marked[:-1] |= differs
+        marked[1:] |= differs
     rows, columns = np.nonzero(border)
     offsets = (np.arange(subsamples) + 0.5) / subsamples - 0.5
     total = np.zeros(len(rows))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ffseg.camera.model import Camera
 from ffseg.camera.projections import Affine, UnifiedSphere
-from ffseg.rendering.pairs import PlanarPose, RenderedSequence, sample_camera
+from ffseg.rendering.pairs import PlanarPose, RenderedSequence
 from ffseg.rendering.raycast import render
 from ffseg.rendering.scene import Box, Floor, Mark, Room, Scene
 
@@ -22,15 +20,7 @@ GROUND = 112.0
 def drive_camera() -> Camera:
     """The camera of the rendered pairs at two fifths of its size: 40 views are drawn in seconds."""
     lens = UnifiedSphere(Affine(112.0, 112.0, 159.5, 119.5), 0.95, (0.0, 0.0, 0.0, 0.0))
-    return replace(
-        sample_camera(),
-        projection=lens,
-        width=320,
-        height=240,
-        center=(159.5, 119.5),
-        robot_radius=18.0,
-        rim_radius=117.0,
-    )
+    return Camera(lens, 320, 240, (159.5, 119.5), mount_height=0.9, robot_radius=18.0, rim_radius=117.0)
 
 
 DRIVE_CAMERA = """model: unified

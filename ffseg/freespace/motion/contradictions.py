@@ -88,20 +88,18 @@ def _readings(camera: Camera, poses: tuple[Pose, Pose]) -> Iterator[tuple[str, M
     """Other readings of the poses: what is said of each, its motion and its camera."""
     flat = [_planar(camera, pose) for pose in poses]
     degrees = [(x, y, np.deg2rad(theta)) for x, y, theta in _unwrapped(poses, flat)]
-    yield _said(poses, "theta looks like degrees; give radians"), _motion(camera, degrees), camera
-    for unit, factor in (("millimetres", 1000.0), ("centimetres", 100.0)):
-        scaled = [(x / factor, y / factor, theta) for x, y, theta in flat]
-        yield _said(poses, f"x and y look like {unit}; divide them by {factor:g}"), _motion(camera, scaled), camera
-    turned = [(x, y, -theta) for x, y, theta in flat]
-    yield _said(poses, "theta has the other sign; turn it"), _motion(camera, turned), camera
-    swapped = _motion(camera, flat[::-1])
-    yield _said(poses, "the poses of the two images are swapped; check the order of the rows"), swapped, camera
-    mirrored = [(x, -y, theta) for x, y, theta in flat]
-    yield _said(poses, "y has the other sign, as seen without the mirror; turn it"), _motion(camera, mirrored), camera
-    exchanged = [(y, x, theta) for x, y, theta in flat]
-    yield _said(poses, "x and y are exchanged"), _motion(camera, exchanged), camera
-    other = [(x, -y, -theta) for x, y, theta in flat]
-    yield _said(poses, "y and theta have the other sign, as seen without the mirror"), _motion(camera, other), camera
+    readings = {
+        "theta looks like degrees; give radians": degrees,
+        "x and y look like millimetres; divide them by 1000": [(x / 1000.0, y / 1000.0, theta) for x, y, theta in flat],
+        "x and y look like centimetres; divide them by 100": [(x / 100.0, y / 100.0, theta) for x, y, theta in flat],
+        "theta has the other sign; turn it": [(x, y, -theta) for x, y, theta in flat],
+        "the poses of the two images are swapped; check the order of the rows": flat[::-1],
+        "y has the other sign, as seen without the mirror; turn it": [(x, -y, theta) for x, y, theta in flat],
+        "x and y are exchanged": [(y, x, theta) for x, y, theta in flat],
+        "y and theta have the other sign, as seen without the mirror": [(x, -y, -theta) for x, y, theta in flat],
+    }
+    for what, planar in readings.items():
+        yield _said(poses, what), _motion(camera, planar), camera
     for unit, factor in (("feet", 0.3048), ("inches", 0.0254)):
         lower = replace(camera, mount_height=camera.mounting() * factor)
         yield _said(poses, f"mount_height looks like {unit}; give metres"), relative_motion(*poses), lower
