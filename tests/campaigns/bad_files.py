@@ -4,7 +4,6 @@
 ``tests/bad_images.py`` are used. Each file is read by a process of its own, then all of them in one run.
 """
 
-import csv
 import json
 import shutil
 import subprocess
@@ -95,8 +94,7 @@ def _run_over(paths: list[Path], work: Path, figures: Figures, known: set[str]) 
     if ended.code not in (0, 3) or "Traceback" in ended.stderr:
         figures.wrong.append(f"the run ended with {ended.code}: {ended.stderr[-300:]}")
         return
-    with (out / "timings.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = harness.rows(out)
     if len(rows) != len(paths):
         figures.wrong.append(f"{len(rows)} rows for {len(paths)} files")
     reasons = {row["image"]: row["error"].split(":")[0] for row in rows if row["status"] == "failed"}

@@ -10,21 +10,11 @@ import itertools
 import os
 import shutil
 import subprocess
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.campaigns import harness
 
 CALLS = ("open", "write", "fsync", "rename")
-
-
-@dataclass
-class Figures:
-    """What the faults did; `wrong` names each run that broke a promise."""
-
-    runs: int = 0
-    exit_codes: dict[int, int] = field(default_factory=dict)
-    wrong: list[str] = field(default_factory=list)
 
 
 def build(work: Path) -> Path:
@@ -44,10 +34,10 @@ def campaign(
     number: int = 0,
     *,
     pack: bool = False,
-) -> Figures:
+) -> harness.Figures:
     """Fail each call once (or the one of a number), in a run that follows a good one of the same images with other contents."""
     options = ("--jobs", "1", "--set", harness.CONFIG, *(harness.PACK if pack else ()))
-    library, figures = build(work), Figures()
+    library, figures = build(work), harness.Figures()
     before, after, prepared = work / "before", work / "after", work / "prepared"
     harness.draw_blobs(before, images)
     harness.draw_blobs(after, images + 1)
@@ -75,7 +65,7 @@ def _one_fault(
     fault: tuple[Path, tuple[str, str, int]],
     options: tuple[str, ...],
     known: tuple[dict[str, bytes], dict[str, bytes]],
-    figures: Figures,
+    figures: harness.Figures,
 ) -> bool:
     """Whether the fault happened: once n is beyond the last call it does not."""
     library, (call, name, number) = fault
@@ -91,19 +81,14 @@ def _one_fault(
     ended = harness.run("run", work / "after", "--out", out, *options, env=env)
     if not mark.exists():
         return False
-    figures.runs += 1
-    figures.exit_codes[ended.code] = figures.exit_codes.get(ended.code, 0) + 1
     label = f"{call} {number} {name}"
+    figures.judge(label, ended, out, [os.strerror(getattr(errno, name))])
     found = harness.outputs(out)
     broken = [path for path in old if found.get(path) not in (old[path], new[path])]
     if broken:
         figures.wrong.append(f"{label}: {broken} neither old nor new")
-    if "Traceback" in ended.stderr or ended.code not in (0, 2, 3):
-        figures.wrong.append(f"{label}: exit {ended.code} {ended.stderr[-200:]}")
-    if ended.code in (2, 3) and (str(out) not in ended.stderr or os.strerror(getattr(errno, name)) not in ended.stderr):
-        figures.wrong.append(f"{label}: path or reason not named: {ended.stderr[-200:]}")
-    if harness.temporaries(out):
-        figures.wrong.append(f"{label}: {harness.temporaries(out)} left")
+    if ended.code in (2, 3) and str(out) not in ended.stderr:
+        figures.wrong.append(f"{label}: path not named: {ended.stderr[-200:]}")
     again = harness.run("run", work / "after", "--out", out, "-q", *options)
     if again.code != 0 or harness.outputs(out) != new or list(out.rglob("packs/*")):
         figures.wrong.append(f"{label}: the next run does not complete it ({again.code})")

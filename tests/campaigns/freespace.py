@@ -211,15 +211,8 @@ def table(tallies: Tallies) -> str:
     for (name, mode), tally in tallies.items():
         marks = f"{tally.marks_merged} of {tally.marks} ({tally.marks_merged / max(1, tally.marks):.1%})"
         ious, errors = f"{np.mean(tally.ious):.4f} (min {min(tally.ious):.4f})", tally.shift_errors or [np.nan]
-        cells = (
-            name,
-            mode,
-            f"{tally.boxes_merged} of {tally.boxes}",
-            marks,
-            ious,
-            f"{max(errors):.2%} / {np.mean(errors):.2%}",
-        )
-        lines.append(f"| {' | '.join(cells)} |")
+        boxes, shifts = f"{tally.boxes_merged} of {tally.boxes}", f"{max(errors):.2%} / {np.mean(errors):.2%}"
+        lines.append(f"| {name} | {mode} | {boxes} | {marks} | {ious} | {shifts} |")
     return "\n".join(lines)
 
 

@@ -5,7 +5,6 @@ behind the bindings is fuzzed without Python; here every call is small.
 """
 
 import faulthandler
-import importlib.util
 import os
 from collections import Counter
 from collections.abc import Sequence
@@ -16,7 +15,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from tests.campaigns import harness
+from tests.campaigns import harness, other_core
 
 CASE_SECONDS = 120
 """A case takes milliseconds; one that takes this long hangs, on a busy machine too."""
@@ -222,16 +221,6 @@ def packed(core: ModuleType, draws: Draws) -> None:
 TARGETS = (evolve, rasterize, edge_maps, level_sets, snakes, pairs, interest, lists, packed)
 
 
-def load(path: str) -> ModuleType:
-    """Load the core from a file."""
-    spec = importlib.util.spec_from_file_location("ffseg.native._core", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def fuzz(core: ModuleType, work: Path, cases: range, seed: int) -> Counter[str]:
     """Run cases; a finding of the sanitizers ends the process."""
     seen: Counter[str] = Counter()
@@ -258,7 +247,7 @@ def main(
 ) -> int:
     """Run the cases with a core that is built already."""
     cases = range(cases) if only is None else range(only, only + 1)
-    seen = fuzz(load(core), work, cases, seed)
+    seen = fuzz(other_core.loaded(core), work, cases, seed)
     harness.say("\n".join(f"{name:20} {seen[name]:6} cases" for name in sorted(seen)))
     harness.say(f"{sum(seen.values())} cases")
     return 0

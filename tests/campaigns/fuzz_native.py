@@ -99,21 +99,16 @@ def telling(words: str) -> str:
     return next((line.strip() for line in words.splitlines() if any(part in line for part in TELLING)), "")
 
 
+def border_command(work: Path, core: Path | str, *options: object) -> list[str]:
+    """What runs border cases with a core."""
+    module = "tests.campaigns.fuzz_border"
+    return [sys.executable, "-m", module, "--work", str(work), "--core", str(core), *map(str, options)]
+
+
 def at_the_border(work: Path, cases: int, seed: int, only: int | None = None) -> tuple[int, str]:
     """Run border cases through Python; the exit code and what was counted or found."""
     core = sanitized.BUILD.module(work)
-    command = [
-        sys.executable,
-        "-m",
-        "tests.campaigns.fuzz_border",
-        "--work",
-        str(work),
-        "--core",
-        str(core),
-        "--seed",
-        str(seed),
-    ]
-    command += ["--cases", str(cases)] if only is None else ["--only", str(only)]
+    command = border_command(work, core, "--seed", seed, *(("--cases", cases) if only is None else ("--only", only)))
     env = {**sanitized.environment(leaks=False), "LD_PRELOAD": sanitized.libraries()}  # Python itself keeps memory
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False, env=env, cwd=ROOT)
     if done.returncode == 0:

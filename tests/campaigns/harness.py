@@ -1,5 +1,6 @@
 """What the campaigns share: small image folders, the command as a process, and a figure for each promise."""
 
+import csv
 import functools
 import os
 import signal
@@ -7,8 +8,9 @@ import subprocess
 import sys
 import tarfile
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Annotated
 
@@ -18,6 +20,26 @@ import typer
 KINDS = (("masks", ".png"), ("contours", ".svg"))
 CONFIG = "init.radius=8"
 """A start circle that lies inside the small images."""
+
+
+@dataclass
+class Figures:
+    """What runs did that met a fault; `wrong` names each that broke a promise."""
+
+    runs: int = 0
+    exit_codes: Counter[int] = field(default_factory=Counter)
+    wrong: list[str] = field(default_factory=list)
+
+    def judge(self, label: str, ended: "Ended", out: Path, reasons: Sequence[str]) -> None:
+        """Count a run; it ends with an exit code of its own and a reason, and leaves no temporary file."""
+        self.runs += 1
+        self.exit_codes[ended.code] += 1
+        if "Traceback" in ended.stderr or ended.code not in (0, 2, 3):
+            self.wrong.append(f"{label}: exit {ended.code} {ended.stderr[-300:]}")
+        if ended.code in (2, 3) and not any(reason in ended.stderr for reason in reasons):
+            self.wrong.append(f"{label}: no reason in {ended.stderr[-300:]}")
+        if temporaries(out):
+            self.wrong.append(f"{label}: {temporaries(out)} left")
 
 
 @dataclass(frozen=True)
@@ -62,24 +84,19 @@ def endless(work: Path, images: int = 12) -> list[str | os.PathLike[str]]:
 
     draw_blobs(work / "in", images)
     Image.fromarray(np.full((48, 64), stand_in.HANG, np.uint8)).save(work / "in" / "z.png")
-    return [
-        "run",
-        work / "in",
-        "--out",
-        work / "out",
-        "--jobs",
-        "2",
-        "--set",
-        CONFIG,
-        "--set",
-        f"method={stand_in.METHOD}",
-    ]
+    run = ["run", work / "in", "--out", work / "out", "--jobs", "2"]
+    return [*run, "--set", CONFIG, "--set", f"method={stand_in.METHOD}"]
+
+
+def journal(out: Path) -> bytes:
+    """What a run has written down so far."""
+    path = out / ".ffseg" / "journal.jsonl"
+    return path.read_bytes() if path.exists() else b""
 
 
 def until_written(out: Path, images: int = 12) -> None:
     """Wait until so many images stand in the journal of a run."""
-    journal = out / ".ffseg" / "journal.jsonl"
-    until(lambda: journal.exists() and journal.read_bytes().count(b"\n") > images)
+    until(lambda: journal(out).count(b"\n") > images)
 
 
 def until(true: Callable[[], bool], patience: float = 120.0) -> None:
@@ -123,6 +140,12 @@ def outputs(out: Path) -> dict[str, bytes]:
                 stored = ((member.name, archive.extractfile(member)) for member in archive)
                 found |= {name: file.read() for name, file in stored if file}
     return found
+
+
+def rows(out: Path) -> list[dict[str, str]]:
+    """Rows of the table of a run."""
+    with (out / "timings.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def temporaries(out: Path) -> list[str]:

@@ -74,14 +74,10 @@ def _one_kill(
     found = harness.outputs(out)
     figures.partial += sum(reference[name] != data for name, data in found.items())
     whole = sum(f"contours/{Path(name).stem}.svg" in found for name in found if name.startswith("masks/"))
-    journal = out / ".ffseg" / "journal.jsonl"
-    known = sum(b'"status":"ok"' in line and line.endswith(b"\n") for line in _lines(journal))
+    lines = harness.journal(out).splitlines(keepends=True)
+    known = sum(b'"status":"ok"' in line and line.endswith(b"\n") for line in lines)
     figures.most_redone = max(figures.most_redone, whole - known)
     return True
-
-
-def _lines(path: Path) -> list[bytes]:
-    return path.read_bytes().splitlines(keepends=True) if path.exists() else []
 
 
 if __name__ == "__main__":

@@ -51,11 +51,9 @@ def campaign(
     early: list[float] = []
     late: list[float] = []
     pause = 0.02 if images < LONG else 0.25
-    journal = out / ".ffseg" / "journal.jsonl"
     while process.poll() is None:
         time.sleep(pause)
-        size = journal.stat().st_size if journal.exists() else 0
-        done = size / 800  # a line has about 800 bytes: this only tells early from late
+        done = len(harness.journal(out)) / 800  # a line has about 800 bytes: this only tells early from late
         memory = harness.resident_mb([process.pid, *harness.children(process.pid)])
         if done > first / 2:  # every worker has loaded what it needs
             (late if done > first else early).append(memory)

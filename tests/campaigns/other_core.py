@@ -7,19 +7,25 @@ import importlib.machinery
 import importlib.util
 import os
 import sys
+from types import ModuleType
 
 NAME = "ffseg.native._core"
 
 
-def put_in_place(path: str) -> None:
-    """Load the module at a path under the name of the installed one, before anything imports that."""
-    assert NAME not in sys.modules, "the installed core is loaded already"
+def loaded(path: str) -> ModuleType:
+    """The module at a path."""
     loader = importlib.machinery.ExtensionFileLoader(NAME, path)
     spec = importlib.util.spec_from_file_location(NAME, path, loader=loader)
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
     loader.exec_module(module)
-    sys.modules[NAME] = module
+    return module
+
+
+def put_in_place(path: str) -> None:
+    """Load the module at a path under the name of the installed one, before anything imports that."""
+    assert NAME not in sys.modules, "the installed core is loaded already"
+    sys.modules[NAME] = module = loaded(path)
     import ffseg.native
 
     ffseg.native._core = module

@@ -7,7 +7,6 @@ seconds on a machine that is not busy (``slowest_stop_s``). A worker that is kil
 costs at most the image it had, which is named; all others are done.
 """
 
-import csv
 import json
 import os
 import random
@@ -51,8 +50,8 @@ def _at_work(source: Path, out: Path, rng: random.Random) -> subprocess.Popen[by
     """Start a run into an empty folder and wait until a random part of it is done."""
     shutil.rmtree(out, ignore_errors=True)
     process = harness.start("run", source, "--out", out, "--jobs", "2", "--set", harness.CONFIG, "-q")
-    journal, wanted = out / ".ffseg" / "journal.jsonl", rng.uniform(0, 40_000)
-    while process.poll() is None and not (journal.exists() and journal.stat().st_size > wanted):
+    wanted = rng.uniform(0, 40_000)
+    while process.poll() is None and len(harness.journal(out)) <= wanted:
         time.sleep(0.005)
     return process
 
@@ -90,8 +89,7 @@ def _death(process: subprocess.Popen[bytes], out: Path, images: int, rng: random
         process.wait()
         return
     code = process.wait(timeout=300)
-    with (out / "timings.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = harness.rows(out)
     failed = [row for row in rows if row["status"] == "failed"]
     figures.deaths += 1
     figures.images_lost += len(failed)

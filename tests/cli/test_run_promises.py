@@ -190,11 +190,15 @@ def test_r5_failing_calls_keep_earlier_outputs_and_name_the_path(
 
 
 @pytest.mark.parametrize("pack", [False, True])
-def test_r6_small_disks_and_limits_leave_whole_files_only(pack: bool, tmp_path: Path) -> None:
+def test_r6_small_disks_and_limits_leave_whole_files_only(
+    pack: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     mount = ["unshare", "-rm", "mount", "-t", "tmpfs", "tmpfs", tmp_path]
     if os.uname().sysname != "Linux" or subprocess.run(mount, check=False).returncode != 0:
         pytest.skip("a tmpfs cannot be mounted in a namespace here")
-    figures = full_disk.campaign(tmp_path, images=12, disks=(16, 96), limits=(1,), pack=pack)
+    monkeypatch.setattr(full_disk, "DISKS_KB", (16, 96))
+    monkeypatch.setattr(full_disk, "FILE_LIMITS", (1,))
+    figures = full_disk.campaign(tmp_path, pack=pack)
     assert figures.wrong == []
     assert figures.exit_codes[2] >= 1
     assert figures.exit_codes[3] >= 1

@@ -38,17 +38,7 @@ def test_native_cases_under_sanitizers_are_clean(pytestconfig: pytest.Config) ->
 
 
 def test_bindings_survive_what_does_not_fit(tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "tests.campaigns.fuzz_border",
-        "--work",
-        str(tmp_path),
-        "--core",
-        _core.__file__,
-        "--cases",
-        "700",
-    ]
+    command = fuzz_native.border_command(tmp_path, _core.__file__, "--cases", 700)
     done = subprocess.run(command, cwd=compiling.ROOT, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0, (tmp_path / "border-case").read_text() + done.stderr[-500:]
     assert done.stdout.splitlines()[-1] == "700 cases"
