@@ -12,10 +12,12 @@ import stand_in
 from PIL import Image
 
 from ffseg.batch.executors.base import Options
-from ffseg.batch.plan.jobs import make_plan
+from ffseg.batch.outputs.table import Products
+from ffseg.batch.plan.jobs import Plan, make_plan
 from ffseg.batch.plan.sources import Job
 from ffseg.batch.record.ledger import Summary
 from ffseg.batch.runner import Run
+from ffseg.batch.shards.assign import only, read_shard
 from ffseg.batch.workers.messages import Setup
 from ffseg.parameters import Parameters, load_params
 
@@ -72,9 +74,24 @@ def run_batch(
         products=plan.products,
         **setup_options,
     )
+    return run_plan(plan, setup, observer, **options)
+
+
+def run_plan(plan: Plan, setup: Setup, observer: Silent | None = None, **options: object) -> Summary:
+    """Run what is planned; options are those of `Options` by name."""
     observer = observer or Silent()
     with Run(plan, setup, Options(**options), observer, observer) as run:
         return run.execute()
+
+
+def run_shard(
+    folder: Path, out: Path, shard: str, params: Parameters | None = None, *, products: Products,
+    executor: str = "inprocess", **options: object,
+) -> None:  # fmt: skip
+    """Run the stand-in over a part of a folder."""
+    plan = only(make_plan([str(folder)], str(out), products=products), read_shard(shard))
+    setup = Setup(params=params or load_params(), segmenter=stand_in.NAME, products=products)
+    run_plan(plan, setup, executor=executor, **options)
 
 
 def table(path: Path) -> list[dict[str, str]]:

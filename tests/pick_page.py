@@ -57,10 +57,6 @@ def picked(*starts: tuple[int, int], **other: object) -> dict[str, Any]:
     return OPEN | {"starts": [[*place, 6] for place in starts]} | other
 
 
-def iou(a: np.ndarray, b: np.ndarray) -> float:
-    return float((a & b).sum() / (a | b).sum())
-
-
 def mask_of(path: Path) -> np.ndarray:
     return cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) > 0
 

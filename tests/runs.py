@@ -1,10 +1,12 @@
 """Output folders as ``run`` and ``compare`` leave them, made small and by hand, for tests of what reads them."""
 
 import json
+import re
 import shutil
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -101,3 +103,10 @@ def large_run(out: Path, count: int) -> None:
         for folder, suffix in (("masks", "png"), ("contours", "svg"), ("overlays", "png")):
             shutil.copyfile(out / folder / f"0000.{suffix}", first.parent.parent / folder / f"{index:04}.{suffix}")
     write_tables(out, [done_row(f"{index:04}.png", result, index) for index in range(count)], [])
+
+
+def data_of(path: Path) -> dict[str, Any]:
+    """What the page's script gets."""
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', path.read_text("utf-8"), re.DOTALL)
+    assert found
+    return dict(json.loads(found[1]))

@@ -3,17 +3,9 @@
 import json
 from pathlib import Path
 
-import cv2
-import numpy as np
 from commands import Command
 
-
-def write_case(folder: Path) -> None:
-    y, x = np.mgrid[:90, :120]
-    inside = np.hypot(x - 60, y - 45) < 30
-    (folder / "truth").mkdir(parents=True)
-    cv2.imwrite(str(folder / "disc.png"), np.where(inside, 180, 60).astype(np.uint8))
-    cv2.imwrite(str(folder / "truth" / "disc.png"), np.where(inside, 255, 0).astype(np.uint8))
+from tests.discs import write_case
 
 
 def test_a_comparison_and_its_json(tmp_path: Path, ffseg_command: Command) -> None:

@@ -13,10 +13,11 @@ from typing import Any
 import chromium
 import pytest
 from commands import Command
-from pick_page import LEFT, RIGHT, Hand, ask, disc, draw, iou, mask_of, picked, served
+from pick_page import LEFT, RIGHT, Hand, ask, disc, draw, mask_of, picked, served
 
 from ffseg.io.starts import Start, load_starts
 from ffseg.picking.server import Server
+from tests.discs import overlap
 
 HOSTILE = "<img src=x onerror=alert(1)>'\"\n&amp;.png"
 NAMES = ["a.png", "b.png", HOSTILE, "z.png"]
@@ -103,7 +104,7 @@ def test_clicks_keys_and_what_they_leave_on_the_disk(hand: PageHand, server: Ser
     hand.until_area(45, 55)
     hand.tab.press("a")
     hand.until_image("b.png")
-    assert iou(mask_of(out / "masks" / "a.png"), disc(LEFT)) > 0.95
+    assert overlap(mask_of(out / "masks" / "a.png"), disc(LEFT)) > 0.95
     hand.tab.press("s")
     hand.until_image("z.png")
     hand.tab.press("p")

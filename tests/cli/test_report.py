@@ -1,6 +1,5 @@
 """``ffseg report`` as a command, and its page in a headless Chromium."""
 
-import json
 import os
 import re
 import shutil
@@ -21,11 +20,6 @@ MOST_IN_SIGHT = 100
 """Cards: 5 columns and 4 rows of the window of the tests, 3 rows above and below, and one cut at each end."""
 BLOCKED = "segmentation: the start contour lies on an edge; move init.center, change init.radius or raise edges.canny"
 FAILURES = [(HOSTILE, "truncated: the data ends"), ("blocked.png", BLOCKED)]
-
-
-def data_of(page: Path) -> dict[str, list[dict[str, dict[str, str]]]]:
-    """What the page's script gets."""
-    return dict(json.loads(re.findall('id="data">(.*?)</script>', page.read_text("utf-8"), re.DOTALL)[0]))
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +72,7 @@ def test_command_writes_the_page_and_says_where(ffseg_command: Command, tmp_path
 def test_page_of_a_run_links_the_images_it_was_given(ffseg_command: Command, tmp_path: Path) -> None:
     assert ffseg_command("run", "samples", "--out", tmp_path, cwd=runs.ROOT).returncode == 0
     assert ffseg_command("report", tmp_path).returncode == 0
-    images = data_of(tmp_path / "report.html")["images"]
+    images = runs.data_of(tmp_path / "report.html")["images"]
     assert len(images) == 3
     assert [(tmp_path / image["pictures"]["image"]).is_file() for image in images] == [True] * 3
     assert all(image["contours"] for image in images)
@@ -91,7 +85,7 @@ def test_a_pattern_over_folders_names_the_images_of_one_without_folders(ffseg_co
     (tmp_path / "toy.png").rename(tmp_path / "moved" / "toy.png")
     done = ffseg_command("report", "out", "--images", "moved/**/*.png", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
-    assert data_of(tmp_path / "out" / "report.html")["images"][0]["pictures"]["image"] == "../moved/toy.png"
+    assert runs.data_of(tmp_path / "out" / "report.html")["images"][0]["pictures"]["image"] == "../moved/toy.png"
 
 
 def test_command_refuses_a_folder_of_something_else(ffseg_command: Command, tmp_path: Path) -> None:

@@ -22,20 +22,12 @@ from ffseg.peer_parameters import PeerParameters
 from ffseg.pipeline import segment
 from ffseg.result import Segmentation, Timings
 from ffseg.scene import Scene, Stats
+from tests.discs import write_case
 
 CONTRACT = [
     *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),
     *("iou", "boundary_mean_px", "boundary_max_px", "holes", "status", "error"),
 ]
-
-
-def write_case(folder: Path, name: str = "disc.png") -> None:
-    """A disc image and its truth."""
-    y, x = np.mgrid[:90, :120]
-    inside = np.hypot(x - 60, y - 45) < 30
-    for place, image in ((folder, np.where(inside, 180, 60)), (folder / "truth", np.where(inside, 255, 0))):
-        place.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(str(place / name), image.astype(np.uint8))
 
 
 def task_of(folder: Path, methods: str, **settings: object) -> work.Comparison:

@@ -12,13 +12,10 @@ import pytest
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.evidence.features import KNOWN, NAMES, enlarged, features, reduced_mean, reduction
 from ffseg.evidence.forest import MAGIC, Forest, Model, from_bytes, load_model, to_bytes
+from tests.discs import disc_of
 
 SHAPE = (90, 130)
-
-
-def disc(x: float, y: float, radius: float) -> np.ndarray:
-    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    return (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
+disc = disc_of(SHAPE)
 
 
 def photograph() -> np.ndarray:

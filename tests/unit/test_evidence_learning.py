@@ -31,14 +31,11 @@ from ffseg.learning.training import (
     uncertainty,
 )
 from ffseg.metrics import iou
+from tests.discs import disc_of
 
 lightgbm = pytest.importorskip("lightgbm")
 SHAPE = (80, 120)
-
-
-def disc(x: float, y: float, radius: float) -> np.ndarray:
-    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    return (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
+disc = disc_of(SHAPE)
 
 
 def example(seed: int, *, start: bool = True) -> Example:

@@ -18,13 +18,10 @@ from ffseg.evidence.forest import Forest, Model, to_bytes
 from ffseg.evidence.source import check_model, model_start
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
+from tests.discs import disc_of
 
 SHAPE = (90, 130)
-
-
-def disc(x: float, y: float, radius: float) -> np.ndarray:
-    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    return (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
+disc = disc_of(SHAPE)
 
 
 def red_disc() -> tuple[np.ndarray, np.ndarray]:

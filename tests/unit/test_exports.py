@@ -31,6 +31,7 @@ from ffseg.io.exports import (
 )
 from ffseg.io.images import read_image
 from ffseg.parameters import load_params
+from tests.discs import overlap
 from tests.real_data import data_folder
 
 # pycocotools 2.0.11 predates the copy keyword of NumPy 2's __array__
@@ -62,10 +63,6 @@ def islands() -> AnnotatedImage:
 
 def disc() -> AnnotatedImage:
     return annotated([circle(199.6, 150.3, 140.2)])
-
-
-def overlap(a: Mask, b: Mask) -> float:
-    return float((a & b).sum() / (a | b).sum())
 
 
 def num_holes(mask: Mask) -> int:

@@ -9,17 +9,10 @@ from commands import Command
 from drawn_films import pictures, write_film
 
 from ffseg.image.flow import BAND, carried, start_in, steadied
+from tests.discs import disc_of, overlap
 
-ROWS, COLUMNS = np.mgrid[:120, :160]
+disc = disc_of((120, 160))
 GROUND = np.random.default_rng(2).integers(60, 90, (120, 160), dtype=np.uint8)
-
-
-def disc(x: float, y: float, radius: float) -> np.ndarray:
-    return (COLUMNS - x) ** 2 + (ROWS - y) ** 2 <= radius**2
-
-
-def overlap(one: np.ndarray, other: np.ndarray) -> float:
-    return float((one & other).sum() / (one | other).sum())
 
 
 def test_a_region_goes_where_motion_takes_it() -> None:

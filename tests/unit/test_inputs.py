@@ -5,19 +5,22 @@ import json
 import os
 import sys
 import tarfile
+from functools import partial
 from pathlib import Path
 
 import pytest
-from batches import make_images, run_batch, snapshot, table
+import stand_in
+from batches import make_images, run_batch, run_plan, snapshot, table
 from commands import Command
 
-from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.discover import discover, listed
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.reading import read_input
 from ffseg.batch.plan.sources import natural_key
+from ffseg.batch.workers.messages import Setup
 from ffseg.errors import ImageReadError, UsageError
+from ffseg.parameters import load_params
 
 INPROCESS = "inprocess"
 NAMES = ["a.png", "b/a10.png", "b/a9.png"]
@@ -213,19 +216,7 @@ def test_images_behind_a_url_are_run_like_files(store, images: Path, tmp_path: P
     assert [job.source.name for job in plan.jobs] == ["a.png", "b/a9.png", "b/a10.png"]
     assert [source.name for source in discover(["memory://bucket/set/b/*.png"])] == ["a9.png", "a10.png"]
     assert [source.name for source in discover(["memory://bucket/set/a.png"])] == ["a.png"]
-    from batches import Silent
-    from stand_in import NAME
-
-    from ffseg.batch.runner import Run
-    from ffseg.batch.workers.messages import Setup
-    from ffseg.parameters import load_params
-
-    def again():
-        observer = Silent()
-        setup = Setup(params=load_params(), segmenter=NAME)
-        with Run(plan, setup, Options(executor=INPROCESS), observer, observer) as run:
-            return run.execute()
-
+    again = partial(run_plan, plan, Setup(params=load_params(), segmenter=stand_in.NAME), executor=INPROCESS)
     assert again().done == 3
     assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
     assert again().unchanged == 3

@@ -18,14 +18,11 @@ from ffseg.learning.gather import gather
 from ffseg.learning.learn import Figures, _worth_drawing, learned
 from ffseg.learning.training import Asked, Beginning, Example, grown, samples
 from ffseg.parameters import load_params
+from tests.discs import disc_of
 
 pytest.importorskip("lightgbm")
 SHAPE = (80, 120)
-
-
-def disc(x: float, y: float, radius: float) -> np.ndarray:
-    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    return (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
+disc = disc_of(SHAPE)
 
 
 @pytest.fixture

@@ -18,13 +18,10 @@ from ffseg.learning.learn import Figures
 from ffseg.learning.page import told
 from ffseg.learning.tune import Bench, tune
 from ffseg.parameters import Parameters, load_params
+from tests.discs import disc_of
 
 SHAPE = (60, 90)
-
-
-def disc(x: float, y: float, radius: float) -> np.ndarray:
-    rows, columns = np.indices(SHAPE)
-    return (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
+disc = disc_of(SHAPE)
 
 
 @pytest.fixture

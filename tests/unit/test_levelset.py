@@ -1,5 +1,7 @@
 """The fast-marching level set on analytic cases, and against its naive twin."""
 
+from functools import partial
+
 import naive_baselines as naive
 import numpy as np
 import pytest
@@ -7,30 +9,21 @@ from numpy.typing import NDArray
 
 import ffseg
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.edges import EdgeMap, edge_map
+from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.methods import levelset
 from ffseg.native import _core
 from ffseg.parameters import Parameters, load_params
 from ffseg.scene import Scene
+from tests.discs import bright_disc, edges_of
 
 SHAPE = (120, 160)
-
-
-def disc_image(center: tuple[float, float], radius: float) -> NDArray[np.uint8]:
-    """A bright disc on dark ground with an antialiased edge one pixel wide."""
-    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    distance = radius - np.hypot(x - center[0], y - center[1])
-    return np.rint(60 + 120 * np.clip(distance + 0.5, 0, 1)).astype(np.uint8)
+disc_image = partial(bright_disc, SHAPE)
 
 
 def evolved(edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters, **more: object) -> tuple:
     outcome = levelset.run(Scene(np.empty(SHAPE, np.uint8), params, edges=edges, starts=starts, **more))
     return outcome.contours, outcome.stats
-
-
-def edges_of(image: NDArray[np.uint8], domain: NDArray[np.uint8] | None = None) -> EdgeMap:
-    return edge_map(image, Parameters().edges, domain)
 
 
 def circle(center: tuple[float, float], radius: float) -> FreeForm:

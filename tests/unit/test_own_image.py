@@ -11,6 +11,7 @@ from ffseg.errors import SegmentationError
 from ffseg.image.own import LEAST_IMAGES, own_image
 from ffseg.samples.write import write_samples
 from tests.campaigns.own_images import DRIVES, FOUND, KINDS, MOST_LOST, Case, judged
+from tests.discs import overlap
 
 SHAPE = (180, 240)
 ROWS, COLUMNS = np.indices(SHAPE)
@@ -43,10 +44,6 @@ def frames(own: np.ndarray | None, count: int = 12, colour: bool = True) -> list
             image[own] = np.clip(30 + noise, 0, 255).astype(np.uint8)[own]
         found.append(image)
     return found
-
-
-def overlap(one: np.ndarray, other: np.ndarray) -> float:
-    return np.count_nonzero(one & other) / np.count_nonzero(one | other)
 
 
 @pytest.mark.parametrize("kind", OWN)

@@ -9,8 +9,10 @@ import signal
 import subprocess
 import sys
 import tarfile
+from functools import partial
 from pathlib import Path
 
+import batches
 import cv2
 import numpy as np
 import pytest
@@ -18,19 +20,13 @@ import stand_in
 from batches import Silent, make_images, run_batch, table, tree
 from commands import Command
 
-from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
-from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.record.journal import last_records
 from ffseg.batch.report.write import write_report
-from ffseg.batch.runner import Run
-from ffseg.batch.shards.assign import only, read_shard
 from ffseg.batch.shards.merge import merge_shards
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.tar.writer import PackWriter, head, head_size
-from ffseg.batch.workers.messages import Setup
 from ffseg.errors import OutputError, UsageError
-from ffseg.parameters import load_params
 
 NAMES = [f"{index % 3}/i{index}.png" for index in range(14)]
 INPROCESS = "inprocess"
@@ -52,12 +48,7 @@ def images(tmp_path: Path) -> Path:
     return tmp_path / "in"
 
 
-def run_shard(images: Path, out: Path, shard: str, products: Products = PACKED, **options: object) -> None:
-    plan = only(make_plan([str(images)], str(out), products=products), read_shard(shard))
-    setup = Setup(params=load_params(), segmenter=stand_in.NAME, products=products)
-    observer = Silent()
-    with Run(plan, setup, Options(executor=INPROCESS, **options), observer, observer) as run:
-        run.execute()
+run_shard = partial(batches.run_shard, products=PACKED)
 
 
 def tars(out: Path) -> dict[str, bytes]:
@@ -276,7 +267,7 @@ def test_files_and_members_are_not_mixed(images: Path, tmp_path: Path) -> None:
     run_batch(images, out, products=PACKED, overwrite=True, executor=INPROCESS)
     assert not [path for path in out.rglob("masks/**/*") if path.is_file()]
     run_shard(images, tmp_path / "parts", "1/2")
-    run_shard(images, tmp_path / "parts", "2/2", FILES)
+    run_shard(images, tmp_path / "parts", "2/2", products=FILES)
     with pytest.raises(UsageError, match="one was run with --pack"):
         merge_shards(str(tmp_path / "parts"))
     (tmp_path / "other").mkdir()

@@ -13,6 +13,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed
 from ffseg.native import _core
 from ffseg.samples.scenes import SCENES
+from tests.discs import overlap
 
 
 def scene(name: str) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
@@ -21,16 +22,12 @@ def scene(name: str) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     return image, drawn.truth > 0
 
 
-def iou(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
-    return float((mask & truth).sum() / (mask | truth).sum())
-
-
 @pytest.mark.parametrize(("name", "least"), [("simple", 0.995), ("complex", 0.97), ("toy", 0.95)])
 def test_overlap_on_the_samples(name: str, least: float) -> None:
     """It stops at edges and passes obstacles; measured 0.9982, 0.9777 and 0.9588."""
     image, truth = scene(name)
     result = ffseg.segment(image, ffseg.load_params("paper"))
-    assert iou(result.mask, truth) > least
+    assert overlap(result.mask, truth) > least
     assert result.stats.stop_reason == "converged"
     assert result.stats.initial_points == 39
     assert result.stats.final_points == sum(len(c.control_points) for c in result.contours)
@@ -152,10 +149,10 @@ def found(evolution: _core.PaperEvolution, degree: int) -> list[naive.Component]
     return [chain([tuple(point) for point in points[a:b].tolist()], degree) for a, b in spans]
 
 
-def same(ours: list[naive.Component], twins: list[naive.Component]) -> None:
+def same(ours: list[naive.Component], twins: list[naive.Component], tolerance: float = CLOSE) -> None:
     assert [len(component) for component in ours] == [len(component) for component in twins]
     for one, other in zip(ours, twins, strict=True):
-        np.testing.assert_allclose(np.array(one), np.array(other), rtol=0, atol=CLOSE)
+        np.testing.assert_allclose(np.array(one), np.array(other), rtol=0, atol=tolerance)
 
 
 CASES = [(seed, degree) for degree in range(1, 7) for seed in range(8)]
@@ -293,14 +290,8 @@ def test_whole_evolution(seed: int, balloon: float) -> None:
         naive.flip(components, inner)
         moved = naive.move(components, field, balloon, 2.0, 1.5)
         assert evolution.step() == moved
-    same_to(found(evolution, degree), components + inner, 1e-6)
-
-
-def same_to(ours: list[naive.Component], twins: list[naive.Component], tolerance: float) -> None:
-    """Rounding grows from one iteration to the next, by the slope of the edge force."""
-    assert [len(component) for component in ours] == [len(component) for component in twins]
-    for one, other in zip(ours, twins, strict=True):
-        np.testing.assert_allclose(np.array(one), np.array(other), rtol=0, atol=tolerance)
+    # rounding grows from one iteration to the next, by the slope of the edge force
+    same(found(evolution, degree), components + inner, 1e-6)
 
 
 def test_the_evolution_stops_when_almost_nothing_moves() -> None:

@@ -20,6 +20,7 @@ from ffseg.plugins import METHODS, PEERS
 from ffseg.result import Segmentation
 from ffseg.schema.kinds import Integer, Number
 from ffseg.schema.sections import leaves
+from tests.discs import bright_disc, disc_of
 
 SHAPE = (120, 160)
 PARAMS = load_params(None, {"init.center": [80, 60], "init.radius": 12})
@@ -28,10 +29,8 @@ FLOOR = {"skimage_snake": 0.9, "cv_grabcut": 0.97, "cv_watershed": 0.97}
 
 
 def disc() -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    distance = 40.3 - np.hypot(x - 80.2, y - 59.7)
-    image = np.rint(60 + 120 * np.clip(distance + 0.5, 0, 1)).astype(np.uint8)
-    return image, (distance > 0).astype(np.uint8) * np.uint8(255)
+    inside = disc_of(SHAPE)(80.2, 59.7, 40.3)
+    return bright_disc(SHAPE, (80.2, 59.7), 40.3), inside.astype(np.uint8) * np.uint8(255)
 
 
 def peer_parameters() -> PeerParameters:

@@ -15,7 +15,7 @@ import pytest
 from commands import Command
 from hypothesis import given
 from hypothesis import strategies as st
-from pick_page import LEFT, OPEN, RIGHT, ask, disc, draw, iou, mask_of, picked, served, session
+from pick_page import LEFT, OPEN, RIGHT, ask, disc, draw, mask_of, picked, served, session
 
 import ffseg
 from ffseg.errors import OutputError, UsageError
@@ -29,6 +29,7 @@ from ffseg.picking.learner import Background
 from ffseg.picking.picks import Journal, Picked, Stroke, painted
 from ffseg.picking.scene import Scene
 from ffseg.picking.session import Session, StaleError
+from tests.discs import overlap
 
 POINT = st.tuples(st.floats(-5, 30), st.floats(-5, 25))
 
@@ -111,8 +112,8 @@ def test_a_click_takes_the_disc_and_a_run_takes_the_same(tmp_path: Path, ffseg_c
         boxed = picked(LEFT, RIGHT, nots=[[80, 10, 5]], probability=0.4, status="accepted")
         own.change(0, 1, 0, "pick", boxed)
     masks = [mask_of(out / "masks" / name) for name in ("a.png", "sub/b.png")]
-    assert iou(masks[0], disc(LEFT)) > 0.95
-    assert iou(masks[1], disc(LEFT) | disc(RIGHT)) > 0.9
+    assert overlap(masks[0], disc(LEFT)) > 0.95
+    assert overlap(masks[1], disc(LEFT) | disc(RIGHT)) > 0.9
     assert set(load_starts(out / "starts.csv", ["a.png", "sub/b.png"])) == {"a.png", "sub/b.png"}
     line = (out / "run.sh").read_text().splitlines()[1].split()
     assert line[:2] == ["ffseg", "run"]
@@ -133,7 +134,7 @@ def test_the_command_of_the_folder_works_wherever_it_is_called(
     line = (tmp_path / "out" / "run.sh").read_text().splitlines()[1].split()
     done = ffseg_command(*line[1:])
     assert done.returncode == 0, done.stderr
-    assert iou(mask_of(tmp_path / "out" / "run" / "masks" / "a.png"), disc(LEFT)) > 0.95
+    assert overlap(mask_of(tmp_path / "out" / "run" / "masks" / "a.png"), disc(LEFT)) > 0.95
 
 
 def test_undoing_takes_a_mask_back_and_a_restart_changes_nothing(tmp_path: Path) -> None:
@@ -195,7 +196,7 @@ def test_no_mask_of_an_earlier_step_stands(tmp_path: Path, monkeypatch: pytest.M
         monkeypatch.undo()
     with session(folder, out) as own:
         assert own.image(0, 0)["version"] == 2
-    assert iou(mask_of(mask), disc(RIGHT)) > 0.95
+    assert overlap(mask_of(mask), disc(RIGHT)) > 0.95
 
 
 def test_a_step_on_what_was_changed_elsewhere_is_refused(tmp_path: Path) -> None:
@@ -218,7 +219,7 @@ def test_masks_of_a_run_stand_until_something_is_picked(tmp_path: Path, ffseg_co
         own.change(0, 0, 0, "pick", OPEN | {"status": "accepted"})
         own.change(0, 1, 0, "pick", picked(LEFT, status="accepted"))
     assert (out / "masks" / "a.png").read_bytes() == (tmp_path / "run" / "masks" / "a.png").read_bytes()
-    assert iou(mask_of(out / "masks" / "b.png"), disc(LEFT)) > 0.95
+    assert overlap(mask_of(out / "masks" / "b.png"), disc(LEFT)) > 0.95
 
 
 def test_images_that_would_share_a_mask_are_refused_before_anything_is_picked(tmp_path: Path) -> None:
@@ -236,7 +237,7 @@ def test_classes_have_folders_of_their_own(tmp_path: Path) -> None:
             own.change(label, 0, 0, "pick", picked(place, status="accepted"))
     assert (out / "classes.txt").read_text() == "left\nright\n"
     for name, place in (("left", LEFT), ("right", RIGHT)):
-        assert iou(mask_of(out / name / "masks" / "a.png"), disc(place)) > 0.95
+        assert overlap(mask_of(out / name / "masks" / "a.png"), disc(place)) > 0.95
     for bad in (["a/b"], [".."], ["a", "a"], [""]):
         with pytest.raises(UsageError, match="--labels"):
             session(folder, tmp_path / "bad", labels=bad)
@@ -252,7 +253,7 @@ def test_a_reduced_copy_tells_nearly_the_same() -> None:
     quick, whole = scene.find(one, params, None, quick=True), scene.find(one, params, None)
     assert quick.factor == 5
     assert whole.factor == 1
-    assert iou(np.kron(quick.mask, np.ones((5, 5), np.bool_)), whole.mask) > 0.98
+    assert overlap(np.kron(quick.mask, np.ones((5, 5), np.bool_)), whole.mask) > 0.98
 
 
 @pytest.fixture(scope="module")
@@ -466,7 +467,7 @@ def test_the_folder_is_run_behind_and_its_masks_are_shown(tmp_path: Path) -> Non
         assert own.news(0, 0)["lines"] == ["the folder is done: 2 images", "nothing was learned: too few"]
         own.change(0, 0, 1, "pick", OPEN)
         assert own.find(0, 0, OPEN, quick=False)["source"] == "run"
-        assert iou(own._found(own.projects[0], 0, Picked()).mask, disc(LEFT)) > 0.95
+        assert overlap(own._found(own.projects[0], 0, Picked()).mask, disc(LEFT)) > 0.95
 
 
 def test_a_notebook_gets_the_page_in_a_frame_and_what_was_picked(tmp_path: Path) -> None:
@@ -481,7 +482,7 @@ def test_a_notebook_gets_the_page_in_a_frame_and_what_was_picked(tmp_path: Path)
             assert ask(server, "change", one)[0] == 200
         assert [name for name, one in opened.starts().items() if one["starts"] == ((*LEFT, 6),)] == ["0.png", "1.png"]
         assert list(opened.masks()) == ["0.png"]
-        assert iou(opened.masks()["0.png"], disc(LEFT)) > 0.95
+        assert overlap(opened.masks()["0.png"], disc(LEFT)) > 0.95
     with ffseg.pick(tmp_path / "out" / "images", out=tmp_path / "out") as again:
         assert list(again.masks()) == ["0.png"]
     with pytest.raises(ffseg.SegmentationError, match="the image is None"):

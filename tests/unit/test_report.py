@@ -29,13 +29,6 @@ from ffseg.io.tables import csv_table, meant_by, neutral
 HOSTILE = "</script><img src=x onerror=alert(1)>&amp;\"'.png"
 
 
-def data_of(path: Path) -> dict[str, object]:
-    """What the page's script gets."""
-    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', path.read_text("utf-8"), re.DOTALL)
-    assert found
-    return dict(json.loads(found[1]))
-
-
 def unpacked(text: str) -> list[dict[str, object]]:
     return list(json.loads(zlib.decompress(base64.b64decode(text), -15)))
 
@@ -121,7 +114,7 @@ def test_title_is_escaped_and_the_page_has_one_script() -> None:
 
 def test_report_of_a_run(tmp_path: Path) -> None:
     results = runs.sample_run(tmp_path, failures=[(HOSTILE, "truncated: the data ends")])
-    data = data_of(write_report(tmp_path))
+    data = runs.data_of(write_report(tmp_path))
     assert (data["kind"], data["failed"]) == ("run", 1)
     images = data["images"]
     assert [image["name"] for image in images] == ["complex.png", "simple.png", "toy.png", HOSTILE]
@@ -141,12 +134,12 @@ def test_pictures_for_which_there_is_no_memory_are_left_out(tmp_path: Path, monk
 
     runs.sample_run(tmp_path)
     monkeypatch.setattr("ffseg.batch.report.thumbnails.decode_image", starved)
-    assert {image["thumbnail"] for image in data_of(write_report(tmp_path))["images"]} == {""}
+    assert {image["thumbnail"] for image in runs.data_of(write_report(tmp_path))["images"]} == {""}
 
 
 def test_parameters_that_differ_are_marked(tmp_path: Path) -> None:
     runs.sample_run(tmp_path)
-    lines = {key: (value, changed) for key, value, changed in data_of(write_report(tmp_path))["parameters"]}
+    lines = {key: (value, changed) for key, value, changed in runs.data_of(write_report(tmp_path))["parameters"]}
     assert lines["contour.degree"] == ("2", True)
     assert lines["init.center"] == ('"auto"', False)
 
@@ -162,7 +155,7 @@ def test_odd_names_are_linked_to_their_files(tmp_path: Path) -> None:
         runs.write_outputs(tmp_path, stem, image, result)
     rows = [runs.done_row(f"{stem}.jpg", result) for stem in stems]
     runs.write_tables(tmp_path, rows, [])
-    images = data_of(write_report(tmp_path))["images"]
+    images = runs.data_of(write_report(tmp_path))["images"]
     assert [image["name"] for image in images][:2] == ["'=cmd.jpg", "a b#c?d%41.jpg"]
     for image, stem in zip(images, stems, strict=True):
         assert unquote(image["pictures"]["mask"], errors="surrogateescape") == f"masks/{stem}.png"
@@ -180,15 +173,15 @@ def test_unreadable_images_are_not_given_to_the_browser(tmp_path: Path) -> None:
         runs.failed_row("blocked.png", "segmentation: no room"),
     ]
     runs.write_tables(out, rows, [tmp_path / "in"])
-    images = data_of(write_report(out))["images"]
+    images = runs.data_of(write_report(out))["images"]
     assert [set(image["pictures"]) for image in images] == [set(), {"image"}]
 
 
 def test_sources_can_be_named(tmp_path: Path) -> None:
     runs.sample_run(tmp_path)
     (tmp_path / "run.json").write_text("{}")
-    assert "image" not in data_of(write_report(tmp_path))["images"][0]["pictures"]
-    images = data_of(write_report(tmp_path, [str(runs.ROOT / "samples")]))["images"]
+    assert "image" not in runs.data_of(write_report(tmp_path))["images"][0]["pictures"]
+    images = runs.data_of(write_report(tmp_path, [str(runs.ROOT / "samples")]))["images"]
     assert (tmp_path / images[0]["pictures"]["image"]).samefile(runs.ROOT / "samples" / "complex.png")
 
 
@@ -202,7 +195,7 @@ def test_report_of_a_comparison(tmp_path: Path) -> None:
     (tmp_path / "compare.csv").write_bytes(csv_table(runs.COMPARED, rows))
     (tmp_path / "panels").mkdir()
     (tmp_path / "panels" / "a.png").write_bytes((runs.ROOT / "samples" / "simple.png").read_bytes())
-    data = data_of(write_report(tmp_path))
+    data = runs.data_of(write_report(tmp_path))
     assert data["kind"] == "compare"
     assert [[row["method"] for row in image["rows"]] for image in data["images"]] == [["freeform", "snake"]] * 2
     assert data["images"][0]["pictures"] == {"panel": "panels/a.png"}
@@ -216,13 +209,13 @@ def test_broken_run_json(tmp_path: Path, content: str) -> None:
         with pytest.raises(UsageError, match=r"run\.json is no JSON"):
             write_report(tmp_path)
     else:
-        assert data_of(write_report(tmp_path))["parameters"] == []
+        assert runs.data_of(write_report(tmp_path))["parameters"] == []
 
 
 def test_broken_contours_are_left_out(tmp_path: Path) -> None:
     runs.sample_run(tmp_path)
     (tmp_path / "contours" / "toy.svg").write_text('<svg><path d="M0,0 L1,1"/><path d="M0 Z"/></svg>')
-    contours = [image["contours"] for image in data_of(write_report(tmp_path))["images"]]
+    contours = [image["contours"] for image in runs.data_of(write_report(tmp_path))["images"]]
     assert [bool(text) for text in contours] == [True, True, False]
 
 
@@ -230,7 +223,7 @@ def test_thumbnails_are_embedded_up_to_a_size(tmp_path: Path) -> None:
     runs.sample_run(tmp_path)
 
     def embedded(size: int) -> int:
-        return sum("thumbnail" in image for image in data_of(write_report(tmp_path, (), size))["images"])
+        return sum("thumbnail" in image for image in runs.data_of(write_report(tmp_path, (), size))["images"])
 
     assert (embedded(0), embedded(1)) == (0, 1)
     assert embedded(20_000_000) > 1
@@ -270,7 +263,7 @@ def test_folders_that_inputs_name_are_not_walked(tmp_path: Path, monkeypatch: py
     (tmp_path / "run.json").write_text(json.dumps({"inputs": ["/", "/**/*.png", f"{image.parent}/*.png", 7, None]}))
     for name in ("walk", "scandir", "listdir"):
         monkeypatch.setattr(os, name, None)
-    images = data_of(write_report(tmp_path))["images"]
+    images = runs.data_of(write_report(tmp_path))["images"]
     assert (tmp_path / images[0]["pictures"]["image"]).samefile(image)
     assert images[0]["contours"]
 
@@ -283,7 +276,7 @@ def test_names_that_lead_out_find_no_picture(tmp_path: Path) -> None:
     names = ["../secret.png", str(secret), "../../secret.png", "a/../../secret.png", "nul\\u0000.png"]
     runs.write_tables(out, [runs.failed_row(name, "segmentation: x") for name in names], [tmp_path / "in"])
     (out / "timings.csv").write_text((out / "timings.csv").read_text().replace(",failed,", ",ok,"))
-    images = data_of(write_report(out))["images"]
+    images = runs.data_of(write_report(out))["images"]
     assert len(images) == len(names)
     assert [image["pictures"] for image in images] == [{}] * len(names)
 
@@ -301,7 +294,7 @@ def test_names_that_lead_out_find_no_picture(tmp_path: Path) -> None:
 def test_odd_facts_of_a_run_are_shown_as_far_as_they_go(text: str, tmp_path: Path) -> None:
     runs.sample_run(tmp_path)
     (tmp_path / "run.json").write_text(text)
-    data = data_of(write_report(tmp_path))
+    data = runs.data_of(write_report(tmp_path))
     assert len(json.dumps(data["about"]) + json.dumps(data["parameters"])) < 10_000
     assert isinstance(data["about"]["problems"], list)
     assert isinstance(data["about"]["counts"], dict)
@@ -316,7 +309,7 @@ def test_a_run_json_of_endless_depth_is_named(tmp_path: Path) -> None:
 
 def test_long_cells_are_cut(tmp_path: Path) -> None:
     runs.write_tables(tmp_path, [runs.failed_row("a.png", "damaged: " + "x" * 200_000)], [])
-    (image,) = data_of(write_report(tmp_path))["images"]
+    (image,) = runs.data_of(write_report(tmp_path))["images"]
     assert image["rows"][0]["error"] == "damaged: " + "x" * 991 + "..."
 
 

@@ -7,27 +7,26 @@ import tempfile
 import tracemalloc
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+import batches
 import pytest
 import stand_in
-from batches import Silent, make_images, run_batch, table, tree
+from batches import make_images, run_batch, table, tree
 from commands import Command
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.sources import order_key
 from ffseg.batch.record.journal import last_records
-from ffseg.batch.runner import Run
 from ffseg.batch.shards.assign import Shard, number_of, only, read_shard
 from ffseg.batch.shards.merge import last_lines, merge_shards
 from ffseg.batch.values import Record, record_line
-from ffseg.batch.workers.messages import Setup
 from ffseg.errors import UsageError
-from ffseg.parameters import Parameters, load_params
+from ffseg.parameters import load_params
 
 NAMES = [f"{index % 7}/i{index}.png" for index in range(40)]
 ALL = Products(True, ("coco", "geojson"))
@@ -39,19 +38,7 @@ def images(tmp_path: Path) -> Path:
     return tmp_path / "in"
 
 
-def run_shard(
-    images: Path,
-    out: Path,
-    shard: str,
-    params: Parameters | None = None,
-    executor: str = "inprocess",
-    **options: object,
-) -> None:
-    plan = only(make_plan([str(images)], str(out), products=ALL), read_shard(shard))
-    setup = Setup(params=params or load_params(), segmenter=stand_in.NAME, products=ALL)
-    observer = Silent()
-    with Run(plan, setup, Options(executor=executor, **options), observer, observer) as run:
-        run.execute()
+run_shard = partial(batches.run_shard, products=ALL)
 
 
 @pytest.mark.parametrize(("count", "executor"), [(8, "inprocess"), (3, "processes")])

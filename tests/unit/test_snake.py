@@ -1,5 +1,7 @@
 """The parametric snake on cases whose answer is known, and against its dense-matrix twin."""
 
+from functools import partial
+
 import naive_snake as naive
 import numpy as np
 import pytest
@@ -9,31 +11,22 @@ from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
-from ffseg.image.edges import EdgeMap, edge_map
+from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.methods import snake
 from ffseg.native import _core
 from ffseg.parameters import Parameters, load_params
 from ffseg.scene import Progress, Scene
+from tests.discs import bright_disc, edges_of
 
 SHAPE = (160, 200)
 START = FreeForm.circle((100, 80), 14, 13, 3)
-
-
-def disc_image(radius: float, level: int = 180) -> NDArray[np.uint8]:
-    """A bright disc at (100.2, 79.7) on dark ground with an antialiased edge one pixel wide."""
-    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    inside = np.clip(radius - np.hypot(x - 100.2, y - 79.7) + 0.5, 0, 1)
-    return np.rint(60 + (level - 60) * inside).astype(np.uint8)
+disc_image = partial(bright_disc, SHAPE, (100.2, 79.7))
 
 
 def evolved(edges: EdgeMap, starts: tuple[FreeForm, ...], params: Parameters, **more: object) -> tuple:
     outcome = snake.run(Scene(np.empty(SHAPE, np.uint8), params, edges=edges, starts=starts, **more))
     return outcome.contours, outcome.stats
-
-
-def edges_of(image: NDArray[np.uint8], domain: NDArray[np.uint8] | None = None) -> EdgeMap:
-    return edge_map(image, Parameters().edges, domain)
 
 
 def test_it_rests_on_the_boundary_of_a_disc() -> None:

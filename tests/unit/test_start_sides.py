@@ -13,12 +13,9 @@ from ffseg.image.raster import rasterize
 from ffseg.starts import sides
 from ffseg.starts.initial import circle_start
 from ffseg.starts.moved import SPARE, placed
+from tests.discs import overlap
 
 CENTER, RADIUS, START = (110.0, 100.0), 60.0, 14.0
-
-
-def iou(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
-    return float(np.sum(mask & truth) / np.sum(mask | truth))
 
 
 def disc(inside: int = 200, outside: int = 50) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
@@ -40,7 +37,7 @@ def start(over: float, angle: float) -> dict[str, object]:
 def test_a_start_over_the_boundary_keeps_to_the_side_of_most_of_it(over: float, angle: float) -> None:
     image, truth = disc()
     found = ffseg.segment(image, ffseg.load_params(None, start(over, angle)))
-    assert iou(found.mask, truth) > 0.99
+    assert overlap(found.mask, truth) > 0.99
     assert len(found.messages) == 1
     assert "lay across an edge and was moved to (" in found.messages[0]
     assert found.stats.stop_reason == "converged"
@@ -49,7 +46,7 @@ def test_a_start_over_the_boundary_keeps_to_the_side_of_most_of_it(over: float, 
 def test_the_other_side_is_taken_where_most_of_the_start_lies_there() -> None:
     image, truth = disc()
     found = ffseg.segment(image, ffseg.load_params(None, start(2 * START - 4, 1.0)))
-    assert iou(found.mask, ~truth) > 0.99
+    assert overlap(found.mask, ~truth) > 0.99
     assert "was moved to" in found.messages[0]
 
 
@@ -66,7 +63,7 @@ def test_one_of_several_starts_is_moved() -> None:
     over, radius = start(5.0, 0.3), START
     circles = [[*over["init.center"], radius], [CENTER[0] - 20, CENTER[1], 9.0]]  # type: ignore[misc]
     found = ffseg.segment(image, ffseg.load_params(None, {"init.circles": circles}))
-    assert iou(found.mask, truth) > 0.99
+    assert overlap(found.mask, truth) > 0.99
     assert len(found.messages) == 1
 
 
@@ -75,7 +72,7 @@ def test_a_mark_within_the_start_is_no_boundary() -> None:
     cv2.circle(image, (110, 100), 4, 60, -1)
     found = ffseg.segment(image, ffseg.load_params(None, {"init.center": list(CENTER), "init.radius": START}))
     assert found.messages == ()
-    assert iou(found.mask, truth) > 0.98
+    assert overlap(found.mask, truth) > 0.98
 
 
 def test_a_start_that_would_lose_most_of_itself_stays_and_is_told() -> None:
@@ -156,5 +153,5 @@ def test_a_start_over_ground_outside_the_domain_leaves_it(hole: tuple[int, int, 
     assert cv2.imwrite(str(tmp_path / "domain.png"), domain)
     given = {"init.center": list(CENTER), "init.radius": 25, "domain.mask": str(tmp_path / "domain.png")}
     found = ffseg.segment(image, ffseg.load_params(None, given))
-    assert iou(found.mask, truth & (domain > 0)) > 0.98
+    assert overlap(found.mask, truth & (domain > 0)) > 0.98
     assert "lay across the domain's limit and was moved to (" in found.messages[0]

@@ -23,13 +23,10 @@ from ffseg.learning.space import MOST_SETTINGS, applied, halton, levels, setting
 from ffseg.learning.tune import Tuned, _sensitivity, before_and_after, tune
 from ffseg.parameter_text import non_defaults
 from ffseg.parameters import load_params
+from tests.discs import disc_of
 
 SHAPE = (90, 130)
-
-
-def disc(x: float, y: float, radius: float) -> np.ndarray:
-    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    return (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
+disc = disc_of(SHAPE)
 
 
 def written(folder: Path, *, lined: bool) -> Path:

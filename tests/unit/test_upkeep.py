@@ -6,12 +6,14 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 import stand_in
-from batches import Silent, make_images, run_batch, snapshot, table
+from batches import Silent, make_images, run_batch, run_plan, snapshot, table
 from PIL import Image
 
 from ffseg.batch.outputs.table import Products
@@ -120,21 +122,11 @@ def test_a_run_in_which_every_image_failed_stands_in_nobodys_way(tmp_path: Path)
 
 
 def test_every_file_a_job_depends_on_makes_it_stale(images: Path, tmp_path: Path) -> None:
-    from dataclasses import replace
-
-    from ffseg.batch.executors.base import Options
-    from ffseg.batch.runner import Run
-
     plan = make_plan([str(images)], str(tmp_path / "out"))
     evidence = [tmp_path / f"{job.index}.npy" for job in plan.jobs]
     plan = replace(plan, jobs=tuple(replace(job, evidence=str(evidence[job.index])) for job in plan.jobs))
     setup = Setup(params=load_params(), segmenter=stand_in.NAME, files={"model": str(tmp_path / "model")})
-
-    def again():
-        observer = Silent()
-        with Run(plan, setup, Options(executor="inprocess"), observer, observer) as run:
-            return run.execute()
-
+    again = partial(run_plan, plan, setup, executor="inprocess")
     (tmp_path / "model").write_bytes(b"trees")
     for path in evidence:
         np.save(path, np.full((12, 16), 0.5, np.float32))

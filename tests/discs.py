@@ -1,0 +1,47 @@
+"""Discs to be found, and how well they were."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.image.edges import EdgeMap, edge_map
+from ffseg.parameters import Parameters
+
+Mask = NDArray[np.bool_]
+
+
+def disc_of(shape: tuple[int, int]) -> Callable[[float, float, float], Mask]:
+    """What draws a disc by x, y and radius, shape (H, W)."""
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    return lambda x, y, radius: (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
+
+
+def bright_disc(
+    shape: tuple[int, int], center: tuple[float, float], radius: float, level: int = 180
+) -> NDArray[np.uint8]:
+    """A disc of this level on ground of 60, with an antialiased edge one pixel wide."""
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    inside = np.clip(radius - np.hypot(x - center[0], y - center[1]) + 0.5, 0, 1)
+    return np.rint(60 + (level - 60) * inside).astype(np.uint8)
+
+
+def edges_of(image: NDArray[np.uint8], domain: NDArray[np.uint8] | None = None) -> EdgeMap:
+    """The edge map by the defaults."""
+    return edge_map(image, Parameters().edges, domain)
+
+
+def overlap(one: Mask, other: Mask) -> float:
+    """IoU."""
+    return float((one & other).sum() / (one | other).sum())
+
+
+def write_case(folder: Path, name: str = "disc.png") -> None:
+    """A disc image and its truth."""
+    y, x = np.mgrid[:90, :120]
+    inside = np.hypot(x - 60, y - 45) < 30
+    for place, image in ((folder, np.where(inside, 180, 60)), (folder / "truth", np.where(inside, 255, 0))):
+        place.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(place / name), image.astype(np.uint8))
