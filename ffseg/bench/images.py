@@ -132,7 +132,6 @@ def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: flo
 
 
 def _pictures(order: Order) -> Iterator[Picture]:
-    """The user's images, or the project's."""
     if order.images is None:
         yield from _own(order)
         return

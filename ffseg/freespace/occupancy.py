@@ -398,7 +398,6 @@ def _levelled(camera: Camera, lean: Array) -> Array:
 
 
 def _cells(one: Station | None) -> Sequence[str | float]:
-    """Cells of a row of the trajectory."""
     if one is None:
         return ["", "", "", "", "", "lost"]
     numbers = [round(one.x, 4), round(one.y, 4), round(one.theta, 5), round(one.sigma_m, 4), round(one.sigma_rad, 5)]

@@ -314,7 +314,6 @@ def _numbered(beside: dict[Cell, list[Cell]]) -> dict[Cell, int]:
 
 
 def _parts(cells: set[Cell], beside: dict[Cell, list[Cell]]) -> list[list[Cell]]:
-    """Cells that hang together."""
     left, found = set(cells), []
     for one in sorted(cells):
         if one in left:
@@ -330,7 +329,6 @@ def _parts(cells: set[Cell], beside: dict[Cell, list[Cell]]) -> list[list[Cell]]
 
 
 def _ways(beside: dict[Cell, list[Cell]], numbers: dict[Cell, int]) -> Iterator[list[Cell]]:
-    """Ways from node to node, each once."""
     walked: set[tuple[Cell, Cell]] = set()
     for start in sorted(numbers):
         for second in beside[start]:

@@ -154,7 +154,6 @@ def _look(images: Iterable[Image]) -> tuple[tuple[int, int], _Seen]:
 
 
 def _usual(discs: list[Disc | None]) -> Disc | None:
-    """The disc that most images have."""
     found = [(disc.x, disc.y, disc.radius) for disc in discs if disc is not None]
     return Disc(*np.median(found, axis=0).tolist()) if 2 * len(found) > len(discs) else None
 

@@ -58,6 +58,5 @@ def animation_bytes(
 
 
 def _frame(small: NDArray[np.uint8], snapshot: Snapshot, scale: float) -> NDArray[np.uint8]:
-    """One frame as RGB."""
     lines = polylines(scaled_contour(contour, scale) for contour in snapshot.contours)
     return np.ascontiguousarray(draw_overlay(small, lines)[..., ::-1])

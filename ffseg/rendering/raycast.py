@@ -119,8 +119,6 @@ def _smooth_edges(grey: Array, parts: NDArray[np.int32], caster: _Caster, subsam
 
 
 class _Caster:
-    """Casts rays of one view."""
-
     def __init__(
         self, scene: Scene, camera: Camera, pose: tuple[float, float, float], tilt: tuple[float, float] = (0.0, 0.0)
     ) -> None:

@@ -159,7 +159,6 @@ def with_domains(plan: Plan, folder: str) -> Plan:
 
 
 def _tried(plan: Plan) -> list[Source]:
-    """The images that can be tried."""
     return [job.source for job in plan.jobs if not job.source.problem]
 
 

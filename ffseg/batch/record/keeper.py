@@ -206,7 +206,6 @@ def kept(
 
 
 def _time_of(job: Job) -> dict[str, float]:
-    """Cell of a frame's time in its film."""
     return {} if job.source.time is None else {TIME_COLUMN: job.source.time}
 
 

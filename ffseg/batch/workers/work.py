@@ -160,7 +160,6 @@ class Workbench:
         return _Found(merged_segmentation(frame), context, row, obstacle_rows(frame))
 
     def _params(self, job: Job, shape: tuple[int, ...]) -> Parameters:
-        """Parameters of one image."""
         params = self._setup.params if job.start is None else job.start.placed(self._setup.params, shape)
         return params if self._past is None else self._past.start(params, shape)
 

@@ -177,7 +177,6 @@ def _read(image: str, levels: Levels) -> tuple[NDArray[np.uint8], str]:
 
 
 def _name(image: str) -> str:
-    """What exports call it."""
     from ffseg.batch.plan.remote import is_remote, remote_name
 
     return "" if image == PIPE else remote_name(image) if is_remote(image) else os.path.basename(image)

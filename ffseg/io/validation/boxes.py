@@ -222,8 +222,6 @@ def _read_items(data: bytes, at: int, end: int, meta: _Meta) -> None:
 
 
 class _Fields:
-    """Numbers of a box, one after another."""
-
     def __init__(self, content: bytes) -> None:
         self._content, self._at = content, 0
 

@@ -107,7 +107,6 @@ def _refuse_size(tags: dict[int, tuple[int, ...]], size: tuple[int, int], num_by
 
 
 def _pieces(tags: dict[int, tuple[int, ...]], size: tuple[int, int], places: tuple[tuple[int, int], ...]) -> Pieces:
-    """The strips or tiles that make up the image."""
     width, height = size
     bits = _one(tags, _BITS, 1) * _one(tags, _SAMPLES, 1)
     tiled = _TILE_WIDTH in tags
