@@ -5,15 +5,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ffseg.rendering.pairs import (
-    LONGEST,
-    SHORTEST,
-    WIDEST_TURN,
-    PlanarPose,
-    RenderedPair,
-    RenderedSequence,
-    sample_camera,
-)
+from ffseg.rendering.pairs import WIDEST_TURN, PlanarPose, RenderedPair, RenderedSequence, random_poses, sample_camera
 from ffseg.rendering.raycast import render
 from ffseg.rendering.scene import Floor, MarkKind, Scene, random_scene
 
@@ -31,21 +23,15 @@ Tilt = tuple[float, float]
 
 
 def floor_pair(seed: int, kind: FloorKind, texture: float, noise: float) -> RenderedPair:
-    """Render a pair on a floor.
+    """Render a pair on a floor with a texture under the noise of a sensor, standard deviations in grey levels.
 
-    Parameters
-    ----------
-    kind : str
-        ``plain``; ``glossy`` (a mirrored strip moves with the camera), ``shadows`` (of boxes), ``nodding`` (each view
-        tilted by up to 1.5 degrees), ``turning`` (up to 90 degrees between the views), ``discs`` (marks without
-        corners), ``touching`` (marks side by side), ``alike`` (walls whose shading crosses the floor's grey, boxes with
-        squares of it).
-    texture, noise : float
-        Standard deviations of the floor's texture and of the sensor's noise, grey levels.
+    ``glossy``: a mirrored strip moves with the camera; ``shadows`` of boxes; ``nodding``: each view tilted by up to 1.5
+    degrees; ``turning``: up to 90 degrees between the views; ``discs``: marks without corners; ``touching``: marks side
+    by side; ``alike``: walls whose shading crosses the floor's grey, boxes with squares of it.
     """
     camera = sample_camera()
     random = np.random.default_rng([seed, 11])
-    poses = _poses(random, QUARTER if kind == "turning" else WIDEST_TURN)
+    poses = random_poses(random, QUARTER if kind == "turning" else WIDEST_TURN)
     scene = _scene(seed, kind, np.array(poses[0][:2]), random)
     scene = replace(scene, floor=_floor(random, kind, texture, noise))
     if kind == "alike":
@@ -56,13 +42,7 @@ def floor_pair(seed: int, kind: FloorKind, texture: float, noise: float) -> Rend
 
 
 def floor_sequence(seed: int, num_views: int, texture: float, noise: float, nod: float = 0.0) -> RenderedSequence:
-    """Views of a robot that drives a curve through a scene, a step of ``STEP`` metres each.
-
-    Parameters
-    ----------
-    nod : float
-        Radians: every view is tilted by up to so much, on a bearing of its own.
-    """
+    """Views of a robot that drives a curve through a scene, each tilted by up to `nod` radians on a bearing of its own."""
     camera, random = sample_camera(), np.random.default_rng([seed, 12])
     poses = _path(random, num_views)
     scene = _scene(seed, "plain", np.array([pose[:2] for pose in poses]), random)
@@ -79,16 +59,6 @@ def _path(random: np.random.Generator, num_views: int) -> list[PlanarPose]:
     places = np.cumsum(STEP * np.stack([np.cos(headings), np.sin(headings)], axis=1), axis=0)
     places -= places.mean(axis=0)
     return [(float(x), float(y), float(heading)) for (x, y), heading in zip(places, headings, strict=True)]
-
-
-def _poses(random: np.random.Generator, widest: float) -> tuple[PlanarPose, PlanarPose]:
-    baseline, bearing = random.uniform(SHORTEST, LONGEST), random.uniform(0, 2 * np.pi)
-    theta = random.uniform(-np.pi, np.pi)
-    turn = random.uniform(-widest, widest)
-    return (
-        (float(baseline * np.cos(bearing)), float(baseline * np.sin(bearing)), float(theta + turn)),
-        (0.0, 0.0, float(theta)),
-    )
 
 
 def _scene(seed: int, kind: FloorKind, clear_of: np.ndarray, random: np.random.Generator) -> Scene:

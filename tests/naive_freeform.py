@@ -3,10 +3,11 @@
 Imports nothing from ffseg. Where the print leaves something open or cannot work, a note "Reading" says what is done.
 """
 
-from fractions import Fraction
 from functools import cache
 from itertools import pairwise
-from math import comb, hypot
+from math import hypot
+
+from naive import bezier_point, interpolation_inverse
 
 Point = tuple[float, float]
 Patch = list[Point]
@@ -14,35 +15,15 @@ Component = list[Patch]
 Place = tuple[int, int]  # of a component, and of a patch in it
 
 
-def evaluate(points: Patch, t: float) -> Point:
-    """Algorithm 1 (de Casteljau)."""
-    if len(points) == 1:
-        return points[0]
-    (ax, ay), (bx, by) = evaluate(points[:-1], t), evaluate(points[1:], t)
-    return (1 - t) * ax + t * bx, (1 - t) * ay + t * by
-
-
 def tangent(points: Patch, t: float) -> Point:
     d = len(points) - 1
-    return evaluate([(d * (bx - ax), d * (by - ay)) for (ax, ay), (bx, by) in pairwise(points)], t)
+    return bezier_point([(d * (bx - ax), d * (by - ay)) for (ax, ay), (bx, by) in pairwise(points)], t)
 
 
 @cache
 def inverse_matrix(d: int) -> list[list[float]]:
-    """V^-1 of Eq. 5, by elimination in exact fractions."""
-    rows = [
-        [comb(d, i) * Fraction(k, d) ** i * (1 - Fraction(k, d)) ** (d - i) for i in range(d + 1)]
-        + [Fraction(i == k) for i in range(d + 1)]
-        for k in range(d + 1)
-    ]
-    for column in range(d + 1):
-        pivot = next(r for r in range(column, d + 1) if rows[r][column] != 0)
-        rows[column], rows[pivot] = rows[pivot], rows[column]
-        rows[column] = [value / rows[column][column] for value in rows[column]]
-        for r in range(d + 1):
-            if r != column:
-                rows[r] = [a - rows[r][column] * b for a, b in zip(rows[r], rows[column], strict=True)]
-    return [[float(value) for value in row[d + 1 :]] for row in rows]
+    """V^-1 of Eq. 5, its exact entries rounded once."""
+    return [[float(value) for value in row] for row in interpolation_inverse(d)]
 
 
 def interpolate(samples: Patch) -> Patch:
@@ -68,8 +49,8 @@ def split(components: list[Component], threshold: float) -> list[Component]:
         for patch in component:
             d = len(patch) - 1
             if spread(patch) > threshold:
-                new.append(interpolate([evaluate(patch, i / (2 * d)) for i in range(d + 1)]))
-                new.append(interpolate([evaluate(patch, (i + d) / (2 * d)) for i in range(d + 1)]))
+                new.append(interpolate([bezier_point(patch, i / (2 * d)) for i in range(d + 1)]))
+                new.append(interpolate([bezier_point(patch, (i + d) / (2 * d)) for i in range(d + 1)]))
             else:
                 new.append(patch)
         made.append(new)
@@ -247,7 +228,7 @@ def move(components: list[Component], field: Field, balloon: float, exponent: fl
                     a, b = unit(along), unit(tangent(component[i - 1], 1.0))
                     along = a[0] + b[0], a[1] + b[1]
                 along = unit(along)
-                at, normal = evaluate(patch, k / d), (along[1], -along[0])
+                at, normal = bezier_point(patch, k / d), (along[1], -along[0])
                 size = deformation(field, at, normal, balloon, exponent, sigma)
                 to = at[0] + size * normal[0], at[1] + size * normal[1]
                 way.append((size * normal[0], size * normal[1]) if field.allowed(to) else (0.0, 0.0))

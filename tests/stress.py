@@ -11,6 +11,7 @@ import shapely
 
 import ffseg
 from tests import scenes
+from tests.discs import overlap
 
 LEAST_IOU = 0.99
 FLATTEN_TOLERANCE = 0.005
@@ -26,6 +27,7 @@ class Outcome:
     faults: tuple[str, ...]
     iou: float
     wide: bool
+    evolve_ms: float
 
 
 def is_simple(contours: tuple[ffseg.FreeForm, ...]) -> bool:
@@ -42,9 +44,7 @@ def check(seed: int, overrides: dict[str, object]) -> Outcome:
         None, {"init.center": list(scenes.START), "init.radius": scenes.START_RADIUS, **overrides}
     )
     result = ffseg.segment(scene.image, params)
-    both, either = np.sum(result.mask & scene.truth), np.sum(result.mask | scene.truth)
-    iou = float(both / either)
-    faults = []
+    iou, faults = overlap(result.mask, scene.truth), []
     if result.stats.stop_reason != "converged":
         faults.append(f"stopped by {result.stats.stop_reason}")
     if not is_simple(result.contours):
@@ -54,4 +54,4 @@ def check(seed: int, overrides: dict[str, object]) -> Outcome:
     num_holes = sum(c.signed_area < 0 for c in result.contours)
     if scene.wide and num_holes != scene.holes:
         faults.append(f"{num_holes} holes, truth {scene.holes}")
-    return Outcome(seed, tuple(faults), iou, scene.wide)
+    return Outcome(seed, tuple(faults), iou, scene.wide, result.timings.evolve_ms)

@@ -55,15 +55,14 @@ def sample_camera() -> Camera:
     return Camera(lens, 800, 600, (399.5, 299.5), mount_height=0.9, robot_radius=46.0, rim_radius=292.0)
 
 
-def random_poses(seed: int) -> tuple[PlanarPose, PlanarPose]:
+def random_poses(random: np.random.Generator, widest: float = WIDEST_TURN) -> tuple[PlanarPose, PlanarPose]:
     """Poses of a pair: the current one turned anyhow at the origin, the previous one 0.15 to 0.4 m away."""
-    random = np.random.default_rng([seed, 5])
     baseline, bearing = random.uniform(SHORTEST, LONGEST), random.uniform(0, 2 * np.pi)
     theta = random.uniform(-np.pi, np.pi)
     previous = (
         float(baseline * np.cos(bearing)),
         float(baseline * np.sin(bearing)),
-        float(theta + random.uniform(-WIDEST_TURN, WIDEST_TURN)),
+        float(theta + random.uniform(-widest, widest)),
     )
     return previous, (0.0, 0.0, float(theta))
 
@@ -71,7 +70,7 @@ def random_poses(seed: int) -> tuple[PlanarPose, PlanarPose]:
 def render_pair(seed: int) -> RenderedPair:
     """Render a pair; the same seed gives the same pixels."""
     camera = sample_camera()
-    poses = random_poses(seed)
+    poses = random_poses(np.random.default_rng([seed, 5]))
     scene = random_scene(seed, camera.mounting(), np.array(poses[0][:2]))
     previous, current = (render(scene, camera, pose, index) for index, pose in enumerate(poses))
     return RenderedPair(previous, current, camera, poses, scene)

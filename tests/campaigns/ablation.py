@@ -15,6 +15,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import mean
 
 from tests.campaigns import harness
 from tests.campaigns.mutations import ROOT, Fault, named, native_core
@@ -98,27 +99,13 @@ FAULTS = tuple(fault for departure in DEPARTURES for fault in departure.faults)
 
 def measure(settings: Mapping[str, object], scenes: int, method: str) -> dict[str, float]:
     """Figures of the core that is in place."""
-    import numpy as np
-
-    import ffseg
-    from tests import scenes as drawn
     from tests import stress
 
-    ious, faulty, seconds = [], 0, 0.0
-    start = {"init.center": list(drawn.START), "init.radius": drawn.START_RADIUS, "method": method}
-    for seed in range(scenes):
-        scene = drawn.scene(seed)
-        result = ffseg.segment(scene.image, ffseg.load_params(None, {**start, **settings}))
-        seconds += result.timings.evolve_ms / 1e3
-        iou = float(np.sum(result.mask & scene.truth) / np.sum(result.mask | scene.truth))
-        fault = result.stats.stop_reason != "converged"
-        if method == "freeform":
-            fault |= not stress.is_simple(result.contours) or (scene.wide and result.num_holes != scene.holes)
-        if scene.wide:
-            ious.append(iou)
-            fault |= iou < stress.LEAST_IOU
-        faulty += bool(fault)
-    return {"faulty": faulty, "least": min(ious), "mean": float(np.mean(ious)), "ms": 1e3 * seconds / scenes}
+    found = [stress.check(seed, {"method": method, **settings}) for seed in range(scenes)]
+    asked = ("stopped", "IoU") if method == "paper" else ("",)
+    faulty = sum(any(fault.startswith(asked) for fault in one.faults) for one in found)
+    ious = [one.iou for one in found if one.wide]
+    return {"faulty": faulty, "least": min(ious), "mean": mean(ious), "ms": mean(one.evolve_ms for one in found)}
 
 
 def row(core: Path, departure: Departure, scenes: int, method: str = "freeform") -> dict[str, float] | None:
