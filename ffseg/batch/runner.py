@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import takewhile
 from time import perf_counter
 from typing import Any
@@ -79,7 +79,7 @@ class Run:
         self._keeper = kept(plan, header, setup.params.method, self._ledger.problem, **asked)
         self._held.enter_context(contextlib.closing(self._keeper))
         _resume(self._keeper)
-        Work(self._keeper, self._ledger, setup, options, self._stop).do(started)
+        self._work(started)
         self.summary.seconds = perf_counter() - begin
         Ending(self._keeper, self._ledger, setup, options, self._stop).write()
         return self.summary
@@ -90,6 +90,82 @@ class Run:
             record = self._keeper.journal.get(job.source.name) if self._ledger.finished[job.index] else None
             if record is not None:
                 yield {"image": printable(job.source.name), **without_old_truth(record).row}
+
+    def _work(self, started: Sequence[Process]) -> None:
+        """Do the images, until the end is asked for."""
+        jobs, name = self._plan.jobs, self._options.executor
+        self._take([Failed(job.index, *job.source.problem.split(": ", 1)) for job in jobs if job.source.problem])
+        tasks = (self._task(job) for job in jobs if not job.source.problem)
+        chosen = find("executors", name)
+        if isinstance(chosen, type) and issubclass(chosen, Executor):
+            where = {"state": self._keeper.state, "settings": self._keeper.settings}
+            executor = chosen(
+                Assignment(self._setup, self._options, started, self._stop.descriptor, len(jobs), **where)
+            )
+            try:
+                self._feed(executor, tasks)
+            finally:
+                executor.close()
+        else:
+            self._map(name, chosen, tasks)
+        self.summary.signal = self._stop.signal
+
+    def _feed(self, executor: Executor, tasks: Iterator[Task]) -> None:
+        """Write one reply of each worker together: the disk is waited for less. What has come is written in any case."""
+        held: list[Reply] = []
+        came = 0
+        try:
+            for event in served(executor, tasks, lambda: not self._stop.signal, lambda: _TOGETHER_MS if held else None):
+                if event is None:
+                    if len(held) >= self._options.num_workers or not came:
+                        together = held.copy()
+                        held.clear()
+                        self._take(together)
+                    came = 0
+                elif isinstance(event, Note):
+                    self._ledger.note(event.text)
+                elif isinstance(event, Ready):
+                    self._ledger.versions = event.versions
+                else:
+                    held.append(event)
+                    came += 1
+        finally:
+            self._take(held)
+
+    def _map(self, name: str, executor: Callable[[Do, Iterator[Task]], Iterable[Reply]], tasks: Iterator[Task]) -> None:
+        """Let a function do the tasks, in any order; it may draw them from another thread."""
+        do = Do(self._setup)
+        self._ledger.versions = do.bench.versions()
+        replies = executor(do, takewhile(lambda _: not self._stop.signal, tasks))
+        if not isinstance(replies, Iterable):
+            raise UsageError(
+                f"--executor: {name} gave {type(replies).__name__}, not what do(task) returned for each task"
+            )
+        for reply in replies:
+            if not isinstance(reply, Reply):
+                raise UsageError(f"--executor: {name} gave {type(reply).__name__}, not what do(task) returned")
+            if not self._ledger.finished[reply.index]:
+                self._take([reply])
+            if self._stop.signal:
+                return
+        lost = f"the executor {name} gave no reply for it"
+        left = (job.index for job in self._plan.jobs if not (self._stop.signal or self._ledger.finished[job.index]))
+        self._take([Failed(index, "crash", lost) for index in left])
+
+    def _task(self, job: Job) -> Task:
+        record = None if self._options.overwrite else self._keeper.journal.get(job.source.name)
+        outputs = self._plan.outputs(job)
+        fits = record is not None and record.fits(self._keeper.settings)
+        named = record is not None and outputs[0] in record.outputs  # else an earlier run called its outputs otherwise
+        return Task(job, self._plan.out, outputs, record if fits and named else None)
+
+    def _take(self, replies: Sequence[Reply]) -> None:
+        """Write what replies bring and remember it: never more images at once than there are workers."""
+        together = self._options.num_workers
+        for first in range(0, len(replies), together):
+            part = replies[first : first + together]
+            for reply, record in zip(part, self._keeper.complete(part), strict=True):
+                self._ledger.count(reply, record)
 
 
 def _resume(keeper: Keeper) -> None:
@@ -103,88 +179,3 @@ def _resume(keeper: Keeper) -> None:
             find_moved(plan.out, keeper.journal, plan)
         with contextlib.suppress(OSError):
             os.unlink(os.path.join(keeper.state, RUN))
-
-
-@dataclass(frozen=True, slots=True)
-class Work:
-    """Does the images of a keeper's plan, until the end is asked for."""
-
-    keeper: Keeper
-    ledger: Ledger
-    setup: Setup
-    options: Options
-    stop: Stop
-
-    def do(self, started: Sequence[Process]) -> None:
-        """Do them, with worker processes that have been started already."""
-        jobs, name = self.keeper.plan.jobs, self.options.executor
-        self._take([Failed(job.index, *job.source.problem.split(": ", 1)) for job in jobs if job.source.problem])
-        tasks = (self._task(job) for job in jobs if not job.source.problem)
-        chosen = find("executors", name)
-        if isinstance(chosen, type) and issubclass(chosen, Executor):
-            where = {"state": self.keeper.state, "settings": self.keeper.settings}
-            executor = chosen(Assignment(self.setup, self.options, started, self.stop.descriptor, len(jobs), **where))
-            try:
-                self._feed(executor, tasks)
-            finally:
-                executor.close()
-        else:
-            self._map(name, chosen, tasks)
-        self.ledger.summary.signal = self.stop.signal
-
-    def _feed(self, executor: Executor, tasks: Iterator[Task]) -> None:
-        """Write one reply of each worker together: the disk is waited for less. What has come is written in any case."""
-        held: list[Reply] = []
-        came = 0
-        try:
-            for event in served(executor, tasks, lambda: not self.stop.signal, lambda: _TOGETHER_MS if held else None):
-                if event is None:
-                    if len(held) >= self.options.num_workers or not came:
-                        together = held.copy()
-                        held.clear()
-                        self._take(together)
-                    came = 0
-                elif isinstance(event, Note):
-                    self.ledger.note(event.text)
-                elif isinstance(event, Ready):
-                    self.ledger.versions = event.versions
-                else:
-                    held.append(event)
-                    came += 1
-        finally:
-            self._take(held)
-
-    def _map(self, name: str, executor: Callable[[Do, Iterator[Task]], Iterable[Reply]], tasks: Iterator[Task]) -> None:
-        """Let a function do the tasks, in any order; it may draw them from another thread."""
-        do = Do(self.setup)
-        self.ledger.versions = do.bench.versions()
-        replies = executor(do, takewhile(lambda _: not self.stop.signal, tasks))
-        if not isinstance(replies, Iterable):
-            raise UsageError(
-                f"--executor: {name} gave {type(replies).__name__}, not what do(task) returned for each task"
-            )
-        for reply in replies:
-            if not isinstance(reply, Reply):
-                raise UsageError(f"--executor: {name} gave {type(reply).__name__}, not what do(task) returned")
-            if not self.ledger.finished[reply.index]:
-                self._take([reply])
-            if self.stop.signal:
-                return
-        lost = f"the executor {name} gave no reply for it"
-        left = (job.index for job in self.keeper.plan.jobs if not (self.stop.signal or self.ledger.finished[job.index]))
-        self._take([Failed(index, "crash", lost) for index in left])
-
-    def _task(self, job: Job) -> Task:
-        record = None if self.options.overwrite else self.keeper.journal.get(job.source.name)
-        outputs = self.keeper.plan.outputs(job)
-        fits = record is not None and record.fits(self.keeper.settings)
-        named = record is not None and outputs[0] in record.outputs  # else an earlier run called its outputs otherwise
-        return Task(job, self.keeper.plan.out, outputs, record if fits and named else None)
-
-    def _take(self, replies: Sequence[Reply]) -> None:
-        """Write what replies bring and remember it: never more images at once than there are workers."""
-        together = self.options.num_workers
-        for first in range(0, len(replies), together):
-            part = replies[first : first + together]
-            for reply, record in zip(part, self.keeper.complete(part), strict=True):
-                self.ledger.count(reply, record)
