@@ -39,7 +39,7 @@ def birds_eye(image: NDArray[np.uint8], ground: Ground) -> bytes:
     seen = seen & ground.seen[row, column]
     above = np.where(seen if image.ndim == 2 else seen[..., None], image[row, column], np.uint8(NOTHING))
     lines = [
-        Polyline(_placed(ring), "outer" if number == 0 else "obstacle")
+        Polyline((HALF_M - ring[:, ::-1]) * SCALE - 0.5, "outer" if number == 0 else "obstacle")
         for rings in ground.polygons
         for number, ring in enumerate(rings)
     ]
@@ -47,12 +47,6 @@ def birds_eye(image: NDArray[np.uint8], ground: Ground) -> bytes:
     lines.append(Polyline(corner + BAR, "untested"))
     lines += [Polyline(corner + [SCALE / 2 - 6.0, -8.0] + stroke, "untested") for stroke in LETTERS]
     return encode_overlay(above, lines)
-
-
-def _placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pixels of the picture that show points of the robot's frame, shape (n, 2)."""
-    placed: NDArray[np.float64] = (HALF_M - points[:, ::-1]) * SCALE - 0.5
-    return placed
 
 
 Table = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]

@@ -180,7 +180,8 @@ def _encoded(message: Any, max_bytes: int) -> bytes:  # noqa: ANN401 - of rosbag
 def _opened(path: str, kinds: tuple[str, ...]) -> Iterator[tuple[Any, list[Any]]]:
     """Reader of a bag, and the connections of a topic that holds messages of one of these types."""
     bag, _, topic = path.partition(MARK)
-    require_bags(bag)
+    if find_spec("rosbags") is None:
+        raise UsageError(f"{printable(bag)}: a bag needs rosbags; install it with: pip install 'ffseg[ros]'")
     from rosbags.highlevel import AnyReader, AnyReaderError
     from rosbags.typesys import Stores, get_typestore
 
@@ -198,12 +199,6 @@ def _opened(path: str, kinds: tuple[str, ...]) -> Iterator[tuple[Any, list[Any]]
         raise UsageError(
             f"{printable(bag)} cannot be read as a bag ({error}); name a .bag file or a bag's folder"
         ) from error
-
-
-def require_bags(bag: str) -> None:
-    """Refuse a bag without its reader."""
-    if find_spec("rosbags") is None:
-        raise UsageError(f"{printable(bag)}: a bag needs rosbags; install it with: pip install 'ffseg[ros]'")
 
 
 def map_bag(

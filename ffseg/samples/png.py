@@ -40,16 +40,13 @@ def encode(image: NDArray[np.uint8]) -> bytes:
     above = np.vstack([np.zeros_like(rows[:1]), rows[:-1]])
     filtered = np.hstack([np.full((height, 1), FILTER_UP, np.uint8), rows - above])
     header = struct.pack(">IIBBBBB", width, height, 8, 2 if image.ndim == 3 else 0, 0, 0, 0)
-    chunks = [_chunk(b"IHDR", header), _chunk(b"IDAT", _zlib_stream(filtered.ravel())), _chunk(b"IEND", b"")]
+    packed = b"\x78\x01" + _deflate(filtered.ravel()) + struct.pack(">I", zlib.adler32(filtered.tobytes()))
+    chunks = [_chunk(b"IHDR", header), _chunk(b"IDAT", packed), _chunk(b"IEND", b"")]
     return SIGNATURE + b"".join(chunks)
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-
-def _zlib_stream(data: NDArray[np.uint8]) -> bytes:
-    return b"\x78\x01" + _deflate(data) + struct.pack(">I", zlib.adler32(data.tobytes()))
 
 
 def _deflate(data: NDArray[np.uint8]) -> bytes:

@@ -144,7 +144,8 @@ class Keeper:
         if not (job.truth or self.plan.with_truth) and before is not None and before.status == "ok":
             result, earlier = ((one.content, one.settings, one.version) for one in (record, before))
             record = _with_truth_of(record, before) if result == earlier else record
-        return _judged(record, reply.problem)
+        status = "failed" if reply.problem else "ok"  # for something that leaves its outputs right
+        return replace(record, status=status, row={**record.row, "status": status, "error": reply.problem})
 
     def _failure(self, reply: Reply, problem: str, before: Record | None) -> Record:
         job = self.plan.jobs[reply.index]
@@ -213,12 +214,6 @@ def _members_of(record: Record | None, outputs: Mapping[str, Any]) -> dict[str, 
     """Where those of the outputs lie that are no files of their own."""
     known = {} if record is None else record.members
     return {path: member for path, member in known.items() if path in outputs}
-
-
-def _judged(record: Record, problem: str) -> Record:
-    """A record as done, or as failed for something that leaves its outputs right."""
-    row: dict[str, Any] = {**record.row, "status": "failed" if problem else "ok", "error": problem}
-    return replace(record, status=row["status"], row=row)
 
 
 def _with_truth_of(record: Record, before: Record) -> Record:

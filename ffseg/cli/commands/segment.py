@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ffseg.parameters import Levels
-    from ffseg.result import Segmentation
 
 PIPE = "-"
 
@@ -94,7 +93,7 @@ def segment(  # noqa: PLR0913 - the options of the command
             texts.append(f"class 0 of YOLO's labels is {label}: name it in the data set's YAML file")
         for text in filter(None, texts):
             console.message(f"ffseg: {text}")
-        console.message(_told(result))
+        console.message(f"ffseg: {repr(result).strip('<>').partition(': ')[2]}")
 
 
 def _evidence(path: Path | None) -> NDArray[np.float32] | None:
@@ -204,8 +203,3 @@ def _write(files: Sequence[tuple[str, bytes]]) -> None:
         lost = lost_output()
         if lost:
             raise OutputError(f"stdout cannot be written ({lost})")
-
-
-def _told(result: Segmentation) -> str:
-    inner = repr(result).strip("<>").partition(": ")[2]
-    return f"ffseg: {inner}"

@@ -99,7 +99,8 @@ def _readings(camera: Camera, poses: tuple[Pose, Pose]) -> Iterator[tuple[str, M
         "y and theta have the other sign, as seen without the mirror": [(x, -y, -theta) for x, y, theta in flat],
     }
     for what, planar in readings.items():
-        yield _said(poses, what), _motion(camera, planar), camera
+        previous, current = (planar_pose(camera, *one) for one in planar)
+        yield _said(poses, what), relative_motion(previous, current), camera
     for unit, factor in (("feet", 0.3048), ("inches", 0.0254)):
         lower = replace(camera, mount_height=camera.mounting() * factor)
         yield _said(poses, f"mount_height looks like {unit}; give metres"), relative_motion(*poses), lower
@@ -122,8 +123,3 @@ def _unwrapped(poses: tuple[Pose, Pose], flat: list[tuple[float, float, float]])
     return [
         (x, y, pose.theta if pose.theta is not None else theta) for pose, (x, y, theta) in zip(poses, flat, strict=True)
     ]
-
-
-def _motion(camera: Camera, flat: list[tuple[float, float, float]]) -> Motion:
-    previous, current = (planar_pose(camera, *one) for one in flat)
-    return relative_motion(previous, current)

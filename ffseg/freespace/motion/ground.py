@@ -226,7 +226,7 @@ def _fitted(
     white = miss - levers @ (total - offset)
     covariance = np.asarray(np.linalg.inv(normal) * _scatter(white[inliers]), np.float64)
     fixed = _moved(camera, motion, total - offset, covariance, int(inliers.sum()))
-    residual = tracks.previous - _predicted(*fixed, tracks.current)
+    residual = tracks.previous - predictions(*fixed, tracks.current, np.zeros((1, PARAMETERS)))[0]
     return GroundFit(*fixed, total, tracks, inliers, residual, slopes, levers, white, hold)
 
 
@@ -301,11 +301,6 @@ def position_slopes(camera: Camera, motion: Motion, current: Array) -> Array:
     _, pixels = projection_slopes(camera, motion.apply(points))
     slopes: Array = np.nan_to_num(pixels @ point_slopes(camera, motion, points, on_ground=True))
     return slopes
-
-
-def _predicted(camera: Camera, motion: Motion, current: Array) -> Array:
-    first: Array = predictions(camera, motion, current, np.zeros((1, PARAMETERS)))[0]
-    return first
 
 
 def predictions(camera: Camera, motion: Motion, current: Array, parameters: Array) -> Array:

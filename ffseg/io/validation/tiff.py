@@ -83,7 +83,9 @@ def tiff(data: bytes) -> Header:
     places = _places(tags, len(data))
     if width == 0 or height == 0:
         return Header("TIFF", width, height)
-    _refuse_size(tags, (width, height), min(sum(length for _, length in places), len(data)))
+    compression, bits = _one(tags, _COMPRESSION, NONE), _one(tags, _BITS, 1) * samples
+    most = _PIXELS_PER_BYTE[compression] // (bits if compression != JPEG else 1) + 1
+    refuse_claim("TIFF", (width, height), min(sum(length for _, length in places), len(data)), most)
     pieces = _pieces(tags, (width, height), places)
     grey = samples == 1 and _one(tags, _PHOTOMETRIC, _BLACK_IS_ZERO) in _GREYS
     deep = _one(tags, _BITS, 1) == _DEEP and _one(tags, _PHOTOMETRIC, -1) != _WHITE_IS_ZERO
@@ -99,11 +101,6 @@ def _stated(tags: dict[int, tuple[int, ...]]) -> tuple[int, int] | None:
     lowest = tags.get(_SIGNED_LEAST) or tags.get(_LEAST) or (0,)
     low, high = min(lowest), max(highest)
     return (low, high) if low < high <= _FULL else None
-
-
-def _refuse_size(tags: dict[int, tuple[int, ...]], size: tuple[int, int], num_bytes: int) -> None:
-    compression, bits = _one(tags, _COMPRESSION, NONE), _one(tags, _BITS, 1) * _one(tags, _SAMPLES, 1)
-    refuse_claim("TIFF", size, num_bytes, _PIXELS_PER_BYTE[compression] // (bits if compression != JPEG else 1) + 1)
 
 
 def _pieces(tags: dict[int, tuple[int, ...]], size: tuple[int, int], places: tuple[tuple[int, int], ...]) -> Pieces:
