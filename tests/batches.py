@@ -3,11 +3,12 @@
 import csv
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pytest
 import stand_in
 from PIL import Image
 
@@ -52,6 +53,17 @@ def make_images(folder: Path, names: Iterable[str], levels: dict[str, int] | Non
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(pixels).save(path)
+
+
+def images_fixture(names: Sequence[str], levels: dict[str, int] | None = None) -> Callable[[Path], Path]:
+    """A fixture of a module: a folder of such images."""
+
+    @pytest.fixture
+    def images(tmp_path: Path) -> Path:
+        make_images(tmp_path / "in", names, levels)
+        return tmp_path / "in"
+
+    return images
 
 
 def run_batch(

@@ -38,6 +38,19 @@ def overlap(one: Mask, other: Mask) -> float:
     return float((one & other).sum() / (one | other).sum())
 
 
+LEFT, RIGHT = (30, 40), (90, 40)
+"""Centres of `two_discs`, of radius 20."""
+
+
+def two_discs(folder: Path, *names: str) -> None:
+    """Write images of two bright discs."""
+    disc = disc_of((80, 120))
+    image = np.where(disc(*LEFT, 19.99) | disc(*RIGHT, 19.99), 180, 60).astype(np.uint8)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        cv2.imwrite(str(folder / name), image)
+
+
 def write_case(folder: Path, name: str = "disc.png") -> None:
     """A disc image and its truth."""
     y, x = np.mgrid[:90, :120]

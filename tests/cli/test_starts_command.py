@@ -9,16 +9,12 @@ import numpy as np
 import pytest
 from commands import Command
 
+from tests.discs import two_discs
+
 
 @pytest.fixture
 def images(tmp_path: Path) -> Path:
-    y, x = np.mgrid[:80, :120]
-    image = np.full((80, 120), 60, np.uint8)
-    for place in (30, 90):
-        image[np.hypot(x - place, y - 40) < 20] = 180
-    for name in ("a.png", "b.png"):
-        (tmp_path / "in").mkdir(exist_ok=True)
-        cv2.imwrite(str(tmp_path / "in" / name), image)
+    two_discs(tmp_path / "in", "a.png", "b.png")
     return tmp_path / "in"
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import stand_in
-from batches import make_images, run_batch, run_plan, snapshot, table
+from batches import images_fixture, make_images, run_batch, run_plan, snapshot, table
 from commands import Command
 
 from ffseg.batch.outputs.table import Products
@@ -26,10 +26,7 @@ INPROCESS = "inprocess"
 NAMES = ["a.png", "b/a10.png", "b/a9.png"]
 
 
-@pytest.fixture
-def images(tmp_path: Path) -> Path:
-    make_images(tmp_path / "in", NAMES)
-    return tmp_path / "in"
+images = images_fixture(NAMES)
 
 
 def packed(images: Path, path: Path, names: list[str] = NAMES, mode: str = "w") -> Path:

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import pytest
 import stand_in
-from batches import Silent, make_images, run_batch, table, tree
+from batches import Silent, images_fixture, make_images, run_batch, table, tree
 from commands import Command
 
 from ffseg.batch.outputs.table import Products
@@ -42,10 +42,7 @@ def _quick_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda _: None)
 
 
-@pytest.fixture
-def images(tmp_path: Path) -> Path:
-    make_images(tmp_path / "in", NAMES, {NAMES[3]: stand_in.FAIL})
-    return tmp_path / "in"
+images = images_fixture(NAMES, {NAMES[3]: stand_in.FAIL})
 
 
 run_shard = partial(batches.run_shard, products=PACKED)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import stand_in
-from batches import Silent, make_images, run_batch, snapshot, table
+from batches import Silent, images_fixture, make_images, run_batch, snapshot, table
 from commands import Command
 from PIL import Image
 
@@ -25,10 +25,7 @@ from ffseg.parameters import load_params
 NAMES = [f"s{index % 3}/image{index}.png" for index in range(12)]
 
 
-@pytest.fixture
-def images(tmp_path: Path) -> Path:
-    make_images(tmp_path / "in", NAMES)
-    return tmp_path / "in"
+images = images_fixture(NAMES)
 
 
 def test_outputs_and_table_mirror_the_input(images: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import batches
 import pytest
 import stand_in
-from batches import make_images, run_batch, table, tree
+from batches import images_fixture, make_images, run_batch, table, tree
 from commands import Command
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,10 +32,7 @@ NAMES = [f"{index % 7}/i{index}.png" for index in range(40)]
 ALL = Products(True, ("coco", "geojson"))
 
 
-@pytest.fixture
-def images(tmp_path: Path) -> Path:
-    make_images(tmp_path / "in", NAMES, {NAMES[3]: stand_in.FAIL, NAMES[8]: stand_in.DEFECT})
-    return tmp_path / "in"
+images = images_fixture(NAMES, {NAMES[3]: stand_in.FAIL, NAMES[8]: stand_in.DEFECT})
 
 
 run_shard = partial(batches.run_shard, products=ALL)

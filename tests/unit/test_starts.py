@@ -7,14 +7,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from batches import Silent, table
+from batches import run_plan, table
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ffseg.batch.executors.base import Options
 from ffseg.batch.plan.jobs import make_plan, with_starts
 from ffseg.batch.record.ledger import Summary
-from ffseg.batch.runner import Run
 from ffseg.batch.workers.messages import Setup
 from ffseg.compare.run import compare, plan_comparison
 from ffseg.compare.values import Comparison
@@ -24,25 +22,13 @@ from ffseg.methods.peers import PEERS
 from ffseg.parameters import Parameters, load_params
 from ffseg.peer_parameters import PeerParameters
 from ffseg.schema.strict_csv import MAX_BYTES
-
-LEFT, RIGHT = (30, 40), (90, 40)
-"""Centres of the two discs of `two_discs`, of radius 20."""
+from tests.discs import LEFT, RIGHT, two_discs
 
 
 def write(folder: Path, text: str | bytes) -> Path:
     path = folder / "starts.csv"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
-
-
-def two_discs(folder: Path, *names: str) -> None:
-    y, x = np.mgrid[:80, :120]
-    image = np.full((80, 120), 60, np.uint8)
-    for place in (LEFT, RIGHT):
-        image[np.hypot(x - place[0], y - place[1]) < 20] = 180
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in names:
-        cv2.imwrite(str(folder / name), image)
 
 
 def test_rows_are_found_by_name_or_stem_in_any_order(tmp_path: Path) -> None:
@@ -167,9 +153,7 @@ def test_a_start_without_a_radius_leaves_it() -> None:
 
 def run_from(folder: Path, text: str, out: Path, params: Parameters) -> Summary:
     plan = with_starts(make_plan([str(folder)], str(out)), str(write(folder.parent, text)))
-    silent = Silent()
-    with Run(plan, Setup(params=params), Options(), silent, silent) as work:
-        return work.execute()
+    return run_plan(plan, Setup(params=params))
 
 
 def mask_of(out: Path, name: str) -> np.ndarray:
@@ -199,9 +183,7 @@ def test_a_run_without_starts_does_the_images_again(tmp_path: Path) -> None:
     two_discs(tmp_path / "in", "a.png")
     params, out = load_params(None, {"init.center": [30, 40], "init.radius": 6}), tmp_path / "out"
     run_from(tmp_path / "in", "image,x,y\na,90,40\n", out, params)
-    silent = Silent()
-    with Run(make_plan([str(tmp_path / "in")], str(out)), Setup(params=params), Options(), silent, silent) as work:
-        assert work.execute().done == 1
+    assert run_plan(make_plan([str(tmp_path / "in")], str(out)), Setup(params=params)).done == 1
     assert mask_of(out, "a.png")[LEFT[::-1]]
     assert "start_x" not in table(out / "timings.csv")[0]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stand_in
-from batches import Silent, make_images, run_batch, run_plan, snapshot, table
+from batches import Silent, images_fixture, make_images, run_batch, run_plan, snapshot, table
 from PIL import Image
 
 from ffseg.batch.outputs.table import Products
@@ -27,10 +27,7 @@ NAMES = [f"{name}.png" for name in "abcdef"]
 ALL = Products(True, ("coco", "geojson"))
 
 
-@pytest.fixture
-def images(tmp_path: Path) -> Path:
-    make_images(tmp_path / "in", NAMES)
-    return tmp_path / "in"
+images = images_fixture(NAMES)
 
 
 def run_in(images: Path | list[Path], out: Path, **options: object):
