@@ -17,6 +17,7 @@ from ffseg.plugins import METHODS
 from ffseg.scene import Scene
 from tests import stress
 from tests.crossings import self_intersections
+from tests.discs import overlap
 from tests.evolutions import SHAPE, areas, contours, evolution
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,8 +53,7 @@ def test_scenes(data_folder: Path, name: str, least: float, holes: int, degree: 
     if name == "e":
         overrides["contour.clearance"] = 12.0  # its gaps are 8 px wide, that between ring and wall 4 px
     result = ffseg.segment(image, ffseg.load_params(None, {"init.center": [400, 300], **overrides}))
-    iou = np.sum(result.mask & truth) / np.sum(result.mask | truth)
-    assert iou >= least - 0.002 * ((degree, threshold) != (3, 40.0))
+    assert overlap(result.mask, truth) >= least - 0.002 * ((degree, threshold) != (3, 40.0))
     assert sum(c.signed_area < 0 for c in result.contours) == holes
 
 
@@ -64,7 +64,7 @@ def test_noise(data_folder: Path, name: str, sigma: int, least_b: float, least_c
     truth = cv2.imread(str(data_folder / f"scenes/{name}_truth.png"), cv2.IMREAD_GRAYSCALE) > 0
     noisy = np.clip(np.round(image + np.random.default_rng(5).normal(0, sigma, image.shape)), 0, 255).astype(np.uint8)
     result = ffseg.segment(noisy, ffseg.load_params(None, {"init.center": [400, 300]}))
-    assert np.sum(result.mask & truth) / np.sum(result.mask | truth) >= (least_b if name == "b" else least_c)
+    assert overlap(result.mask, truth) >= (least_b if name == "b" else least_c)
     assert sum(c.signed_area < 0 for c in result.contours) == (6 if name == "b" else 7)
 
 
@@ -81,8 +81,7 @@ def test_two_starts_merge_and_one_that_closes_in_splits() -> None:
     )
     split = ffseg.segment(apart, params)
     assert sorted(c.signed_area > 0 for c in split.contours) == [True, True]
-    truth = apart == 200
-    assert np.sum(split.mask & truth) / np.sum(split.mask | truth) > 0.99
+    assert overlap(split.mask, apart == 200) > 0.99
 
 
 def test_toy_runs_differ_as_in_the_paper() -> None:
@@ -92,7 +91,7 @@ def test_toy_runs_differ_as_in_the_paper() -> None:
     def iou(preset: str) -> tuple[float, int, str]:
         result = ffseg.segment(image, ffseg.load_params(preset))
         holes = sum(c.signed_area < 0 for c in result.contours)
-        return float(np.sum(result.mask & truth) / np.sum(result.mask | truth)), holes, result.stats.stop_reason
+        return overlap(result.mask, truth), holes, result.stats.stop_reason
 
     fixed, full = iou("toy-fixed"), iou("toy-full")
     assert fixed[0] < 0.9
