@@ -322,14 +322,10 @@ def free_space(
     return replace(frame, obstacles_ms=(perf_counter() - begin) * 1e3)
 
 
-def with_verdicts(frame: Frame, rows: tuple[ComponentVerdict, ...]) -> Frame:
-    """The frame with other verdicts on its components, and the mask and contours that follow from them."""
-    return _assembled(frame, rows, *contour_components(frame.segmentation.contours, frame.segmentation.mask.shape))
-
-
 def _assembled(
     frame: Frame, rows: tuple[ComponentVerdict, ...], inner: list[int], components: list[Component]
 ) -> Frame:
+    """The frame with these verdicts on its components, and the mask and contours that follow from them."""
     paint = {row.component for row in rows if row.verdict == "false_obstacle"}
     dropped = {inner[place] for place in paint}
     contours = frame.segmentation.contours
@@ -448,7 +444,9 @@ class Sequence:
             if row.decided and row.verdict == "obstacle":
                 self._paint.pop(row.track, None)
         kept = tuple(self._kept(row) for row in rows)
-        return with_verdicts(frame, kept) if kept != rows else replace(frame, components=rows)
+        if kept == rows:
+            return replace(frame, components=rows)
+        return _assembled(frame, kept, *contour_components(frame.segmentation.contours, frame.segmentation.mask.shape))
 
     def _kept(self, row: ComponentVerdict) -> ComponentVerdict:
         if row.decided or row.track not in self._paint:
