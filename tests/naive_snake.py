@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,11 +45,7 @@ class Snake:
     gradient: NDArray[np.float64]
     zone: NDArray[np.int64]
     domain: NDArray[np.bool_]
-    tension: float
-    rigidity: float
-    balloon: float
-    attraction: float
-    spacing: float
+    options: Any
 
     def step(self) -> None:
         """Force, dense solve, domain, sweep, refinement."""
@@ -56,7 +53,7 @@ class Snake:
         tangents = np.roll(old, -1, axis=0) - np.roll(old, 1, axis=0)
         normals = np.stack([tangents[:, 1], -tangents[:, 0]], axis=1) / np.hypot(*tangents.T)[:, None]
         pushed = old + np.array([self.force(p, n) for p, n in zip(old, normals, strict=True)])
-        solved = np.linalg.solve(internal_matrix(len(old), self.tension, self.rigidity), pushed)
+        solved = np.linalg.solve(internal_matrix(len(old), self.options.tension, self.options.rigidity), pushed)
         new = np.array([self.inside(a, self.clamp(self.near(a, b))) for a, b in zip(old, solved, strict=True)])
         for i in range(len(old)):
             j = (i + 1) % len(old)
@@ -76,17 +73,17 @@ class Snake:
         """Balloon in homogeneous parts, attraction to the ridge in edge zones."""
         zone = self.zone[self.pixel(p)]
         if zone in (HOMOGENEOUS, SWEPT):
-            way = math.copysign(1.0, self.balloon) * normal
+            way = math.copysign(1.0, self.options.balloon) * normal
             return self.free_way(p, way) * way
         level, slope = self.slope(p)
         if level <= 0:
             return np.zeros(2)
-        gain = self.attraction * (2 if zone == STRONG_EDGE else 1)
+        gain = self.options.attraction * (2 if zone == STRONG_EDGE else 1)
         return float(np.clip(gain * (slope @ normal) / level, -1.0, 1.0)) * normal
 
     def free_way(self, p: Points, way: Points) -> float:
         """To the first edge zone, and 1.5 px short of what was swept."""
-        wanted = abs(self.balloon)
+        wanted = abs(self.options.balloon)
         reach = 0.5
         while reach < wanted + 1.5:
             zone = self.zone[self.pixel(self.clamp(p + reach * way))]
@@ -147,10 +144,10 @@ class Snake:
         """Drop points nearer than a third of the spacing to the one kept before; halve longer stretches."""
         kept: list[Points] = []
         for i, p in enumerate(points):
-            if kept and np.hypot(*(p - kept[-1])) < self.spacing / 3:
+            if kept and np.hypot(*(p - kept[-1])) < self.options.spacing / 3:
                 continue
             kept.append(p)
             follower = points[(i + 1) % len(points)]
-            if np.hypot(*(follower - p)) > self.spacing:
+            if np.hypot(*(follower - p)) > self.options.spacing:
                 kept.append((p + follower) / 2)
         return np.array(kept)

@@ -209,17 +209,8 @@ def test_the_snake_moves_as_the_dense_one(seed: int) -> None:
     start = center + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     rows = np.array(altitudes).reshape(-1, 4)
     snake = _core.Snake(start, gradient, edges, domain.view(np.uint8), rows, 0.08, options)
-    twin = naive.Snake(
-        start,
-        gradient.astype(float),
-        naive.zones(edges, altitudes, 0.08),
-        domain,
-        options.tension,
-        options.rigidity,
-        options.balloon,
-        options.attraction,
-        options.spacing,
-    )
+    zones = naive.zones(edges, altitudes, 0.08)
+    twin = naive.Snake(start, gradient.astype(float), zones, domain, options)
     for _ in range(30):
         if not snake.advance(1):
             break
