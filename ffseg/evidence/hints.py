@@ -52,6 +52,10 @@ SHOWS, CLICK = 0.75, 0.01
 image's longer side, if the widest is wider. Narrower ones mend a rim and lie on its edge: they hold what they cover, no more.
 On 55 drawings .60, .75 and .90 do alike; on 55 others clicks lose half as much as if all were to show something."""
 
+SAY = 0.3
+"""Share of what clicks show in the log odds beside what a model or a map says, away from what they change: each errs elsewhere.
+Of 0, .3, .5, .6 and 1 the one with which clicks do least harm on 36 drawings of six kinds, and reach most."""
+
 TOLD = (
     "prior",
     *(f"outside_{name}" for name in BARRIER),
@@ -105,8 +109,7 @@ def with_hints(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMap
     Parameters
     ----------
     said : ndarray of float32, shape (H, W), optional
-        Log odds that a model or a map of the image tells without clicks, in place of the prior's: what clicks show takes their
-        place where it hangs together with a click on that side.
+        Log odds that a model or a map of the image tells without clicks, in place of the prior's: what clicks show corrects them.
 
     Raises
     ------
@@ -119,11 +122,7 @@ def with_hints(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMap
         inside &= limits > 0
     odds, kept = hints(scene.image, inside, outside, said) if inside.any() else said, None
     if said is not None and odds is not None:
-        level = log_odds(scene.params.region.probability)
-        before, after = said > level, odds > level
-        added, taken = holding(after & ~before, inside), holding(before & ~after, outside)
-        odds = np.where(added | taken | inside | outside, odds, said)
-        kept = holding(before, inside) & (odds > level)
+        odds, kept = corrected(said, odds, inside, outside, log_odds(scene.params.region.probability))
     if odds is None:
         return own
     edges = odds_edges(odds, scene.params.region.probability, own, "hints")
@@ -134,6 +133,32 @@ def with_hints(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMap
         return edges
     within = ~outside if limits is None else ~outside & (limits > 0)
     return replace(edges, domain=np.where(within, np.uint8(255), np.uint8(0)))
+
+
+def corrected(said: Plane, odds: Plane, inside: Region, outside: Region, level: float) -> tuple[Plane, Region]:
+    """What was said without clicks, corrected by what they show.
+
+    Parameters
+    ----------
+    said, odds : ndarray of float32, shape (H, W)
+        Log odds without clicks, and with them.
+    inside, outside : ndarray of bool, shape (H, W)
+        Pixels known to lie there.
+    level : float
+        Log odds at which the region ends.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W)
+        Those with clicks where they add or take what hangs together with one on that side; between both elsewhere (`SAY`).
+    ndarray of bool, shape (H, W)
+        What stays of the parts of the region before that hold clicks inside.
+    """
+    both = said + np.float32(SAY) * (odds - said)
+    before, after = both > level, odds > level
+    added, taken = holding(after & ~before | inside, inside), holding(before & ~after | outside, outside)
+    found = np.where(added | taken, odds, both)
+    return found, holding(before, inside) & (found > level)
 
 
 def hints(image: NDArray[np.uint8], inside: Region, outside: Region, said: Plane | None = None) -> Plane | None:

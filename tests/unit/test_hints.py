@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 import ffseg
+from ffseg.evidence.hints import corrected
 from ffseg.learning.drawn.clicks import Clicks, covered
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import INSIDE, iou
@@ -124,3 +125,17 @@ def test_a_click_outside_corrects_what_a_map_says_and_leaves_the_rest() -> None:
     asked = {"init.circles": [[40, 80, 5]], "init.background": [[125, 80, 5]]}
     found = ffseg.segment(image, asked, evidence=said)
     assert (found.source, iou(found.mask, truth) > 0.95) == ("hints", True)
+
+
+def test_what_is_told_without_clicks_and_with_them_share_what_no_click_changes() -> None:
+    said, shown = np.full((5, 9), np.float32(0.5)), np.full((5, 9), np.float32(2))
+    shown[:, 5:] = -2
+    inside, outside = np.zeros((2, 5, 9), np.bool_)
+    inside[2, 1] = True
+    odds, kept = corrected(said, shown, inside, outside, 0.0)
+    assert (odds[:, :5] > 0).all()
+    assert (odds[:, 5:] < 0).all()  # hardly inside without clicks, surely outside with them
+    assert (odds[:, 5:] > shown[:, 5:]).all()
+    assert (kept == (odds > 0)).all()
+    outside[2, 6] = True
+    assert (corrected(said, shown, inside, outside, 0.0)[0][2, 6] == -2).all()
