@@ -18,6 +18,7 @@ from ffseg.schema.nodes import Node, Problems, Source, shown_key
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 20
+TOO_DEEP = f"nested deeper than {MAX_DEPTH} levels"
 MAX_VALUES = 20_000
 """Bounds the time a hostile file takes; the largest real one (hundreds of start circles) has some thousands."""
 MAX_DIGITS = 400
@@ -78,7 +79,10 @@ def parse(text: str, source: Source, problems: Problems) -> Node:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = min(mark.line + 1, len(text.splitlines())) if mark else 0
-        problems.add(_placed(source, line), f"not valid YAML: {error.problem}")
+        deep = "nesting depth" in str(
+            error.problem
+        )  # libyaml's own limit, met before the first event where it looks ahead
+        problems.add(_placed(source, line), TOO_DEEP if deep else f"not valid YAML: {error.problem}")
     return Node(None, source)
 
 
@@ -131,7 +135,7 @@ def _refuse_foreign(events: Iterable[yaml.Event]) -> None:
             raise _RefusedError(line, f"tag '{shown_key(tag)}' is not supported; write the plain value")
         depth += isinstance(event, yaml.CollectionStartEvent)
         if depth > MAX_DEPTH:
-            raise _RefusedError(line, f"nested deeper than {MAX_DEPTH} levels")
+            raise _RefusedError(line, TOO_DEEP)
 
 
 def _node(parsed: yaml.Node, source: Source, problems: Problems, key_line: int = 0) -> Node:
