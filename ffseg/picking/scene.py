@@ -19,6 +19,7 @@ from ffseg.io.svg import path_data
 from ffseg.parameters import Parameters, Seed
 from ffseg.picking.picks import Picked, painted
 from ffseg.pipeline import outlines_of
+from ffseg.starts.initial import start_contours
 
 Mask = NDArray[np.bool_]
 
@@ -165,8 +166,12 @@ class Scene:
         empty = Found(np.zeros(shape, np.bool_), (), factor)
         if not grows and params.edges.model is None:
             return empty
+        start = picked.start or Start()
         try:
-            own = scaled(picked.start or Start(), factor).placed(params, shape)
+            start_contours(
+                self.shape, start.placed(params, self.shape), self._masks.start
+            )  # what is wrong, in the image's pixels
+            own = scaled(start, factor).placed(params, shape)
             if factor != 1 and own.contour.clearance > 0:
                 own = replace(own, contour=replace(own.contour, clearance=own.contour.clearance / factor))
             result = segment(image, own, **self._bounds(shape))

@@ -243,6 +243,13 @@ def test_classes_have_folders_of_their_own(tmp_path: Path) -> None:
             session(folder, tmp_path / "bad", labels=bad)
 
 
+def test_a_click_in_no_box_is_told_in_pixels_of_the_image() -> None:
+    found = Scene(np.zeros((900, 1200), np.uint8)).find(
+        Picked(((900.0, 800.0, 9.0),), boxes=((300.0, 300.0, 700.0, 700.0),)), load_params(), None, quick=True
+    )
+    assert "the start circle at (900, 800) lies in no box" in found.said
+
+
 def test_a_reduced_copy_tells_nearly_the_same() -> None:
     y, x = np.mgrid[:1500, :2000]
     image = np.where(np.hypot(x - 900, y - 700) < 400, 190, 60).astype(np.uint8)
