@@ -52,7 +52,7 @@ def contour(scene: Scene) -> Found:
     if scene.boxes:
         from ffseg.starts.boxes import in_boxes  # loads what only this needs
 
-        scene = in_boxes(scene)
+        scene = in_boxes(scene, scene.edges.odds)
     scene = kept(bounded(scene))
     scene = replace(scene, starts=(*scene.starts, *parts(scene)))
     begin = perf_counter()

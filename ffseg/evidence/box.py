@@ -18,6 +18,7 @@ from ffseg.errors import SegmentationError
 from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, exposed, features, way
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
+from ffseg.evidence.hints import with_hints
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.prior import CERTAIN, SEEN, SMOOTHING
 from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, every, surroundings, voted
@@ -71,7 +72,7 @@ TAKEN = (*SEEN, *SURROUNDINGS, *IN_BOX)
 
 
 def box_edges(scene: Scene) -> EdgeMap:
-    """Edges where the object in each box ends; the image's own edges where nothing in it differs from outside.
+    """Edges where the object in each box ends, corrected by clicks; the image's own edges where nothing differs from outside.
 
     Raises
     ------
@@ -87,6 +88,8 @@ def box_edges(scene: Scene) -> EdgeMap:
         np.maximum(odds[window], inside, out=odds[window])
     if scene.domain is not None:
         odds[scene.domain == 0] = -CERTAIN
+    if scene.clicked_outside or scene.params.init.circles:
+        return with_hints(scene, own, odds)
     return odds_edges(odds, scene.params.region.probability, own, "box")
 
 

@@ -28,6 +28,7 @@ from ffseg.image.opencv_peers import grown
 from ffseg.image.parts import Parts, holding, scattered
 from ffseg.native import _core
 from ffseg.scene import Scene
+from ffseg.starts.boxes import in_boxes
 from ffseg.starts.rivals import seeds
 
 Plane = NDArray[np.float32]
@@ -109,20 +110,23 @@ def with_hints(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMap
     Parameters
     ----------
     said : ndarray of float32, shape (H, W), optional
-        Log odds that a model or a map of the image tells without clicks, in place of the prior's: what clicks show corrects them.
+        Log odds that a model, a map of the image or boxes tell without clicks, in place of the prior's: clicks correct them.
 
     Raises
     ------
     SegmentationError
         If a click outside lies in the start region or beyond the image.
     """
+    level = log_odds(scene.params.region.probability)
+    if scene.boxes and said is not None:
+        scene = _begun(scene, said - np.float32(level))
     inside, limits = scene.start_region(), scene.disc if scene.domain is None else scene.domain
     outside = seeds(scene.params.init.background, inside, scene.background)
     if limits is not None:
         inside &= limits > 0
     odds, kept = hints(scene.image, inside, outside, said) if inside.any() else said, None
     if said is not None and odds is not None:
-        odds, kept = corrected(said, odds, inside, outside, log_odds(scene.params.region.probability))
+        odds, kept = corrected(said, odds, inside, outside, level)
     if odds is None:
         return own
     edges = odds_edges(odds, scene.params.region.probability, own, "hints")
@@ -133,6 +137,12 @@ def with_hints(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMap
         return edges
     within = ~outside if limits is None else ~outside & (limits > 0)
     return replace(edges, domain=np.where(within, np.uint8(255), np.uint8(0)))
+
+
+def _begun(scene: Scene, odds: Plane) -> Scene:
+    """The scene with starts in what its boxes hold, but for what is known to lie outside: their middles say nothing."""
+    outside = seeds(scene.params.init.background, np.zeros(scene.shape, np.bool_), scene.background)
+    return in_boxes(scene, np.where(outside, np.float32(-CERTAIN), odds))
 
 
 def corrected(said: Plane, odds: Plane, inside: Region, outside: Region, level: float) -> tuple[Plane, Region]:

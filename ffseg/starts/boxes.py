@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ffseg.image.parts import parts
 from ffseg.image.raster import window_of
@@ -16,16 +17,21 @@ LEAST_PART = 0.1
 """Smaller parts of what evidence tells in a box, measured in its largest, are not worth a start."""
 
 
-def in_boxes(scene: Scene) -> Scene:
-    """The scene with its starts in the depth of what evidence tells in its boxes; the same where nothing tells, or a start does.
+def in_boxes(scene: Scene, odds: NDArray[np.float32] | None) -> Scene:
+    """The scene with starts in the depth of what evidence tells in its boxes, beside circles that are given.
 
     Parameters
     ----------
     scene : Scene
-        With its edges. Contours that close in start on the boxes themselves.
+        As it comes back where nothing tells. Contours that close in start on the boxes themselves, those of methods that do not
+        merge on one circle.
+    odds : ndarray of float32, shape (H, W), or None
+        Log odds of belonging to the objects.
     """
-    odds, params = scene.edges.odds, scene.params
-    if odds is None or params.init.circles or params.contour.balloon < 0:
+    params = scene.params
+    given = scene.starts if params.init.circles else ()
+    alone = scene.method is None or not scene.method.merges
+    if odds is None or params.contour.balloon < 0 or (given and alone):
         return scene
     inside = odds > 0 if scene.domain is None else (odds > 0) & (scene.domain > 0)
     circles = []
@@ -35,7 +41,5 @@ def in_boxes(scene: Scene) -> Scene:
         told = parts(region)
         large = np.flatnonzero(told.areas >= max(LEAST_PART * told.areas.max(), 1))
         found = discs(depths(region), told, large, np.inf)
-        if scene.method is None or not scene.method.merges:
-            found = found[:1]
-        circles += [(x + columns.start, y + rows.start, radius) for x, y, radius in found]
-    return replace(scene, starts=tuple(circle_start(one, params) for one in circles)) if circles else scene
+        circles += [(x + columns.start, y + rows.start, radius) for x, y, radius in (found[:1] if alone else found)]
+    return replace(scene, starts=(*given, *(circle_start(one, params) for one in circles))) if circles else scene

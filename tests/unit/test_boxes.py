@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import ffseg
 from ffseg.errors import SegmentationError
 from ffseg.io.starts import Start
+from ffseg.learning.drawn.clicks import Clicks
 from ffseg.learning.drawn.sights import sights
 from ffseg.metrics import INSIDE, iou
 
@@ -155,13 +156,39 @@ def test_an_enlarged_picture_gives_the_same() -> None:
     assert iou(other, one.astype(np.uint8) * np.uint8(255)) > 0.97
 
 
-def test_two_boxes_hold_two_objects_and_a_circle_in_one_is_where_the_contour_starts() -> None:
+def test_two_boxes_hold_two_objects_and_a_circle_in_one_leaves_the_other() -> None:
     image, _ = scene()
     boxes = [BOX, [115.0, 35.0, 185.0, 105.0]]
     assert ffseg.segment(image, {"init.boxes": boxes}).num_regions == 2
-    assert ffseg.segment(image, {"init.boxes": boxes, "init.circles": [[60, 70, 8]]}).num_regions == 1
+    assert ffseg.segment(image, {"init.boxes": boxes, "init.circles": [[60, 70, 8]]}).num_regions == 2
     with pytest.raises(SegmentationError, match=r"start circle at \(5, 5\) lies in no box"):
         ffseg.segment(image, {"init.boxes": boxes, "init.circles": [[5, 5, 2]]})
+
+
+def test_clicks_correct_what_a_box_holds() -> None:
+    """Each click of a simulated user took the starts of the box away, and lost a quarter of the IoU."""
+    overlaps = []
+    for kind in ("thing", "animal", "organ", "nuclei", "colony", "field"):
+        image, truth, box = next(objects(kind, 1))
+        clicks, mask = Clicks(), np.zeros(truth.shape, np.bool_)
+        for _ in range(3):
+            init = {"circles": clicks.inside, "background": clicks.outside, "boxes": [prompt(box)]}
+            mask = ffseg.segment(image, {f"init.{name}": value for name, value in init.items()}).mask
+            overlaps.append(iou(mask, truth))
+            clicks = clicks.next(mask, truth, 5.0)
+    box_alone, first, second = np.reshape(overlaps, (-1, 3)).mean(axis=0)
+    assert box_alone < first < second
+
+
+def test_a_click_outside_in_the_middle_of_a_box_leaves_a_ring() -> None:
+    """It was refused: the start of a box that nothing is known of lies there."""
+    image = np.full((140, 140, 3), 190, np.uint8)
+    y, x = np.mgrid[:140, :140]
+    ring = (np.hypot(x - 70, y - 70) <= 50) & (np.hypot(x - 70, y - 70) > 20)
+    image[ring] = (60, 90, 120)
+    image = np.clip(image + np.random.default_rng(0).normal(0, 6, image.shape), 0, 255).astype(np.uint8)
+    found = ffseg.segment(image, {"init.boxes": [[18, 18, 122, 122]], "init.background": [[70, 70, 5]]})
+    assert iou(found.mask, np.where(ring, INSIDE, 0).astype(np.uint8)) > 0.95
 
 
 def test_a_click_in_a_picked_box_is_not_lost() -> None:
