@@ -16,17 +16,12 @@ from ffseg.batch.workers.pictures import read_truth
 from ffseg.errors import FfsegError
 from ffseg.image.edges import edge_map
 from ffseg.io.images import read_image
-from ffseg.metrics import IGNORED, INSIDE, iou
+from ffseg.metrics import iou
 from ffseg.parameters import Edges, Parameters
-from ffseg.result import Segmentation
 
 SETS = ("road", "seeded_objects", "real_floors/indoor", "real_floors/omni")
 LARGEST_START, SMALL_START = 20.0, 8.0
 """Radius of the start circle, px: half of the free radius round the seed where the seeds tell it, else small."""
-COLUMNS = (
-    *("set", "image", "half", "iou", "score", "missed_px", "leaked_px", "stop_reason", "components", "holes"),
-    *("edges_ms", "segment_ms", "edge_map_ms", "ratio", "status", "message"),
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,40 +43,14 @@ class Photograph:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What the parameters gave on one image; times in ms of processor time."""
+    """What the parameters gave on one image; times in ms of processor time. One that failed is sure of nothing."""
 
     photograph: Photograph
-    mask: NDArray[np.bool_]
     overlap: float
-    result: Segmentation | None
+    score: float
     edge_map_ms: float
     segment_ms: float
     message: str
-
-    @property
-    def missed(self) -> NDArray[np.bool_]:
-        """Pixels of the truth that the result lacks."""
-        return (self.photograph.truth == INSIDE) & ~self.mask
-
-    @property
-    def leaked(self) -> NDArray[np.bool_]:
-        """Pixels of the result outside the truth; ignored ones do not count."""
-        return self.mask & (self.photograph.truth != INSIDE) & (self.photograph.truth != IGNORED)
-
-    def cells(self) -> list[object]:
-        """Line of ``images.csv``."""
-        one, result = self.photograph, self.result
-        areas = [c.signed_area for c in result.contours] if result else []
-        numbers = [np.count_nonzero(self.missed), np.count_nonzero(self.leaked)]
-        stop = result.stats.stop_reason if result else ""
-        sure, times = score(result), [self.edge_map_ms, self.segment_ms]
-        return [
-            *(one.folder, one.name, ("even", "odd")[one.half], round(self.overlap, 4)),
-            *("" if sure is None else round(sure, 4), *numbers, stop),
-            *(sum(area > 0 for area in areas), sum(area < 0 for area in areas)),
-            *(round(result.timings.edges_ms, 2) if result else "", round(times[1], 2), round(times[0], 2)),
-            *(round(times[1] / times[0], 2), "ok" if result else "failed", self.message),
-        ]
 
 
 def load(data: Path, folders: Iterable[str]) -> Iterator[Photograph]:
@@ -108,18 +77,16 @@ def circle_of(row: dict[str, str]) -> tuple[float, float, float]:
     return float(row["seed_x"]), float(row["seed_y"]), radius
 
 
-def evaluate(one: Photograph, params: Parameters, repeat: int = 1) -> Outcome:
+def evaluate(one: Photograph, params: Parameters) -> Outcome:
     """Segment one photograph; a failure gives an empty region."""
     placed = one.placed(params)
-    base = _timed(lambda: edge_map(one.image, Edges(canny=(4.0, 8.0))), max(3, repeat))
+    base = _timed(lambda: edge_map(one.image, Edges(canny=(4.0, 8.0))), 3)
     try:
         result = segment(one.image, placed)
-        spent = _timed(lambda: segment(one.image, placed), repeat)
+        spent = _timed(lambda: segment(one.image, placed), 1)
     except FfsegError as error:
-        nothing = np.zeros(one.truth.shape, bool)
-        return Outcome(one, nothing, 0.0, None, base, 0.0, str(error))
-    said = "; ".join(result.messages)
-    return Outcome(one, result.mask, iou(result.mask, one.truth), result, base, spent, said)
+        return Outcome(one, 0.0, 0.0, base, 0.0, str(error))
+    return Outcome(one, iou(result.mask, one.truth), float(result.score), base, spent, "; ".join(result.messages))
 
 
 def _timed(work: Callable[[], object], repeat: int) -> float:
@@ -129,8 +96,3 @@ def _timed(work: Callable[[], object], repeat: int) -> float:
         work()
         spent.append((process_time() - begin) * 1e3)
     return median(spent)
-
-
-def score(result: Segmentation | None) -> float | None:
-    """How sure the segmentation says it is, if it says so."""
-    return None if result is None or np.isnan(result.score) else result.score
