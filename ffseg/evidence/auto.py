@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from time import perf_counter
 
+import numpy as np
+
 from ffseg.contour import Found, bounded, run
 from ffseg.evidence.gradient import gradient
 from ffseg.image.boundary import EVERY, Boundary, FaintError, unless_faint
@@ -29,7 +31,7 @@ def auto(scene: Scene) -> EdgeMap:
     edges = gradient(scene)
     if scene.params.edges.canny != "auto":
         return edges
-    found = _trial(replace(_not_told_outside(scene), edges=edges, callback=None))
+    found = None if _mends_a_rim(scene) else _trial(replace(_not_told_outside(scene), edges=edges, callback=None))
     if found is not None and not _holds_clicks_outside(found, scene):
         return replace(edges, trial=found)
     if scene.has_hints:
@@ -39,6 +41,17 @@ def auto(scene: Scene) -> EdgeMap:
     from ffseg.evidence.prior import with_prior
 
     return with_prior(scene, edges)
+
+
+def _mends_a_rim(scene: Scene) -> bool:
+    """Whether a click is so narrow beside another that it holds its pixels only: no contour may grow from it."""
+    if len(scene.params.init.circles) < 2:
+        return False
+    from ffseg.evidence.hints import showing  # loads forests
+
+    inside = scene.start_region()
+    (shown, _), _ = showing(inside, np.zeros_like(inside))
+    return bool((inside & ~shown).any())
 
 
 def _not_told_outside(scene: Scene) -> Scene:

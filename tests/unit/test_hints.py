@@ -139,3 +139,12 @@ def test_what_is_told_without_clicks_and_with_them_share_what_no_click_changes()
     assert (kept == (odds > 0)).all()
     outside[2, 6] = True
     assert (corrected(said, shown, inside, outside, 0.0)[0][2, 6] == -2).all()
+
+
+def test_no_contour_grows_from_a_click_that_mends_a_rim() -> None:
+    """On clear edges the contour from the small one beyond the disc filled all else, and counted."""
+    y, x = np.mgrid[:300, :300]
+    image = np.where(np.hypot(x - 150, y - 150) <= 60, np.uint8(200), np.uint8(60))
+    truth = np.where(np.hypot(x - 150, y - 150) <= 60, np.uint8(INSIDE), np.uint8(0))
+    found = ffseg.segment(image, {"init.circles": [[150, 150, 10], [150, 88, 1]]})
+    assert iou(found.mask, truth) > 0.9
