@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -91,11 +92,17 @@ class Boundary:
         return len(levels) > 0 and float(np.quantile(levels, 0.9)) <= PLAIN * needed(self._edges)
 
 
-def unless_faint(edges: EdgeMap, least: float) -> Callable[[object], None]:
-    """A callback that raises a `FaintError` when what an evolution has met is faint; met is what has at least that strength."""
+def unless_faint(edges: EdgeMap, least: float) -> Callable[[Any], None]:
+    """A callback that raises a `FaintError` when what an evolution has met is faint; met is what has at least that strength.
 
-    def watch(progress: object) -> None:
-        met = Boundary(progress.contours, edges)  # type: ignore[attr-defined]
+    Not looked at are the start, which is no contour on the way, if it has too few joints, and the end, which whoever asked
+    for the evolution looks at.
+    """
+
+    def watch(progress: Any) -> None:  # noqa: ANN401 - an `ffseg.scene.Progress`, of a higher floor
+        if progress.iteration % EVERY or sum(one.num_patches for one in progress.contours) < ENOUGH:
+            return
+        met = Boundary(progress.contours, edges)
         if np.count_nonzero(met.strength >= least) >= ENOUGH and not met.is_clear(least, DOUBTED):
             raise FaintError
 

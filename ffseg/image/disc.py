@@ -83,8 +83,7 @@ def valid_disc(image: Image) -> Disc | None:
     if surround is None or min(small.shape[:2]) < 8:
         return None
     grey = np.ascontiguousarray(_brightest(small))
-    counts = cv2.calcHist([grey], [0], None, [256], [0, 256]).cumsum()
-    level = float(np.searchsorted(counts, BRIGHT * grey.size))
+    level = _bright_level(grey)
     if surround > DARKEST * level:
         return None
     seen: NDArray[np.bool_] | None = None
@@ -97,6 +96,15 @@ def valid_disc(image: Image) -> Disc | None:
             return Disc(found.x * step + step // 2, found.y * step + step // 2, found.radius * step)
         seen = bright
     return None
+
+
+def _bright_level(grey: Image) -> float:
+    """The least level that `BRIGHT` of the pixels do not exceed: mostly of a drawing the brightest, which is known at once."""
+    brightest = int(grey.max())
+    if np.count_nonzero(grey < brightest) < BRIGHT * grey.size:
+        return brightest
+    counts = cv2.calcHist([grey], [0], None, [256], [0, 256]).cumsum()
+    return float(np.searchsorted(counts, BRIGHT * grey.size))
 
 
 def _corner_level(image: Image, step: int) -> float | None:
