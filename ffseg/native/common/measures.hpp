@@ -27,16 +27,18 @@ inline double pairwise_sum(const double* values, std::size_t count) {
 // Signed area of a contour of `count` control points, the first of which is subtracted first. `matrix`, (degree + 1)
 // squared values, takes the coordinates of a patch, x^T matrix y, to its integral of (x dy - y dx) / 2.
 inline double signed_area(const Vec2* points, std::size_t count, const double* matrix, std::size_t degree) {
-    std::vector<double> terms;
+    std::vector<double> terms, x(degree + 1), y(degree + 1);
     terms.reserve(count + count / degree);
     for (std::size_t begin = 0; begin < count; begin += degree) {
+        for (std::size_t k = 0; k <= degree; ++k) {
+            const Vec2 point = points[begin + k < count ? begin + k : 0] - points[0];
+            x[k] = point.x;
+            y[k] = point.y;
+        }
         for (std::size_t row = 0; row <= degree; ++row) {
-            double moment = 0.0;
-            for (std::size_t k = 0; k <= degree; ++k) {
-                const double x = points[(begin + k) % count].x - points[0].x;
-                moment = k == 0 ? matrix[row] * x : moment + matrix[k * (degree + 1) + row] * x;
-            }
-            terms.push_back(moment * (points[(begin + row) % count].y - points[0].y));
+            double moment = matrix[row] * x[0];
+            for (std::size_t k = 1; k <= degree; ++k) moment += matrix[k * (degree + 1) + row] * x[k];
+            terms.push_back(moment * y[row]);
         }
     }
     return pairwise_sum(terms.data(), terms.size());
@@ -46,7 +48,7 @@ inline double signed_area(const Vec2* points, std::size_t count, const double* m
 inline double steps_along_axes(const Vec2* points, std::size_t count) {
     double steps = 0.0;
     for (std::size_t i = 0; i < count; ++i) {
-        const Vec2 step = points[(i + 1) % count] - points[i];
+        const Vec2 step = points[i + 1 < count ? i + 1 : 0] - points[i];
         steps += std::abs(step.x) + std::abs(step.y);
     }
     return steps;

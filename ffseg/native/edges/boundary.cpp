@@ -46,6 +46,7 @@ std::vector<std::uint16_t> gradients_at(const std::vector<Vec2>& joints, const s
 }
 
 double share_within(const std::vector<Vec2>& joints, const std::vector<std::size_t>& ends, const Limits& limits) {
+    if (std::none_of(joints.begin(), joints.end(), [&](Vec2 at) { return within(at, limits); })) return 0.0;
     double along = 0.0, whole = 0.0;
     std::vector<double> lengths, inside;
     for (std::size_t c = 1; c < ends.size(); ++c) {

@@ -1,5 +1,6 @@
 #include "edges/canny.hpp"
 
+#include <algorithm>
 #include <cstddef>
 #include <cstring>
 
@@ -65,7 +66,9 @@ private:
 
 // Thresholds of one row of blocks, pixel by pixel.
 void spread(const std::uint16_t* blocks, std::vector<std::uint16_t>& out) {
-    for (std::size_t x = 0; x < out.size(); ++x) out[x] = blocks[x / NoiseMap::kBlock];
+    for (auto at = out.begin(); at != out.end();) {
+        at = std::fill_n(at, std::min<std::ptrdiff_t>(NoiseMap::kBlock, out.end() - at), *blocks++);
+    }
 }
 
 FFSEG_CLONES

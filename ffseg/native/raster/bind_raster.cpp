@@ -41,6 +41,7 @@ void check_contours(const Indices& offsets, const Indices& degrees, std::size_t 
 std::vector<ffseg::raster::Edge> edges_of(const std::vector<ffseg::Vec2>& control, const Indices& offsets,
                                           const Indices& degrees, const ffseg::raster::PixelGrid& grid) {
     std::vector<ffseg::raster::Edge> edges;
+    edges.reserve(2 * control.size());  // what mostly is enough
     for (std::size_t c = 0; c < degrees.shape(0); ++c) {
         const std::size_t begin = static_cast<std::size_t>(offsets.data()[c]);
         const std::size_t end = static_cast<std::size_t>(offsets.data()[c + 1]);

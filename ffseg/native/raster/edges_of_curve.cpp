@@ -19,8 +19,12 @@ constexpr int kMaxHalvings = 256;
 Vec2 middle(Vec2 a, Vec2 b) { return 0.5 * a + 0.5 * b; }
 
 void append_chord(Vec2 from, Vec2 to, std::vector<Edge>& edges) {
-    if (from.y < to.y) edges.push_back({from, to, 1});
-    if (to.y < from.y) edges.push_back({to, from, -1});
+    if (from.y == to.y) return;
+    Edge& edge = edges.emplace_back();
+    const bool falls = from.y < to.y;
+    edge.low = falls ? from : to;
+    edge.high = falls ? to : from;
+    edge.sign = falls ? 1 : -1;
 }
 
 // Number of equal steps whose chords stay within the tolerance: h^2 |B''| / 8 <= tolerance.

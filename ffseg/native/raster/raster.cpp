@@ -50,6 +50,7 @@ struct ByRow {
 
     ByRow(const std::vector<Edge>& edges, int height, int width) : begin(static_cast<std::size_t>(height) + 1, 0) {
         std::vector<std::pair<int, Crossing>> found;
+        found.reserve(edges.size());
         for (const Edge& edge : edges) {
             const int end = ceil_clamped(edge.high.y, height);
             for (int y = ceil_clamped(edge.low.y, height); y < end; ++y) {
