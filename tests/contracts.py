@@ -47,10 +47,9 @@ def together() -> list[str]:
 
 
 def stops() -> list[str]:
-    """Names of the reasons to stop in the bindings of the core."""
-    files = ("freeform/bind_freeform.cpp", "baselines/snake/bind_snake.cpp", "paper/bind_paper.cpp")
-    text = "".join((ROOT / "ffseg" / "native" / name).read_text("utf-8") for name in files)
-    return list(dict.fromkeys(re.findall(r'::k\w+: return "(\w+)";', text)))
+    """Names of the reasons to stop in the core, but for that of what goes on."""
+    text = (ROOT / "ffseg" / "native" / "common" / "stop.hpp").read_text("utf-8")
+    return [name for name in re.findall(r'"(\w+)"', text) if name != "running"]
 
 
 JOB_REASONS = [

@@ -120,7 +120,7 @@ def test_the_core_refuses_a_plane_that_does_not_fit() -> None:
     start = packed((FreeForm(np.array([[4.0, 4.0], [12.0, 4.0], [12.0, 12.0], [4.0, 12.0]]), 1),))
     options = native_options(ffseg.load_params(None, {"contour.degree": 1}), 2.0)
     edges = np.zeros((16, 16), np.uint8)
-    with pytest.raises(ValueError, match="plane differs in size"):
+    with pytest.raises(ValueError, match="arrays differ in size"):
         _core.Evolution(*start, edges, None, options, None, np.zeros((16, 15), np.int32))
     with pytest.raises(ValueError, match="4096 cells"):
         _core.Evolution(*start, edges, None, options, None, np.full((16, 16), 4096, np.int32))

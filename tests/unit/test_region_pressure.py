@@ -178,5 +178,5 @@ def test_what_makes_no_sense_is_refused() -> None:
     options = _core.EvolutionOptions()
     options.degree, options.split_threshold, options.balloon, options.max_iterations = 1, 40.0, 8.0, 1
     start = packed([FreeForm(10 + 4 * circle(8), 1)])
-    with pytest.raises(ValueError, match="differs in size"):
+    with pytest.raises(ValueError, match="differ in size"):
         _core.Evolution(*start, np.zeros((20, 21), np.uint8), None, options, image)

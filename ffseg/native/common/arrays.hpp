@@ -2,10 +2,14 @@
 #pragma once
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 
 #include <cmath>
 #include <cstdint>
+#include <limits>
+#include <optional>
 #include <stdexcept>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -24,23 +28,51 @@ using Whole = Array<const std::int32_t, nanobind::ndim<2>>;
 using Words = Array<const std::uint16_t, nanobind::ndim<2>>;
 using Colours = Array<const std::uint8_t, nanobind::ndim<3>>;
 
-// The image in an array of 1 to 65535 pixels a side and one to three channels, which keeps it.
-inline Picture picture_of(const Colours& image) {
-    const std::size_t height = image.shape(0), width = image.shape(1), channels = image.shape(2);
-    if (height < 1 || width < 1 || height > 65535 || width > 65535 || channels < 1 || channels > kMostChannels) {
-        throw std::invalid_argument("an image must have 1 to 65535 pixels a side and one to three channels");
+inline void require(bool holds, const char* what) {
+    if (!holds) throw std::invalid_argument(what);
+}
+
+// Rows and columns of a plane or picture: at least one, at most so many of each.
+template <class Plane>
+Size size_of(const Plane& plane, std::size_t most = kMostSide) {
+    const std::size_t height = plane.shape(0), width = plane.shape(1);
+    if (height < 1 || width < 1 || height > most || width > most) {
+        throw std::invalid_argument("the image must have 1 to " + std::to_string(most) + " pixels a side");
     }
-    return {image.data(), static_cast<int>(height), static_cast<int>(width), static_cast<int>(channels)};
+    return {static_cast<int>(height), static_cast<int>(width)};
+}
+
+template <class Plane>
+void check_size(const Plane& plane, Size size) {
+    const bool same = plane.shape(0) == static_cast<std::size_t>(size.height) &&
+                      plane.shape(1) == static_cast<std::size_t>(size.width);
+    if (!same) throw std::invalid_argument("the arrays differ in size");
+}
+
+// The pixels of a domain; null, which is everywhere, where there is none.
+inline const std::uint8_t* domain_of(const std::optional<Bytes>& domain, Size size) {
+    if (!domain) return nullptr;
+    check_size(*domain, size);
+    return domain->data();
+}
+
+// The picture in an array (H, W) or (H, W, C), which keeps it.
+template <class Image>
+Picture picture_of(const Image& image, std::size_t most_channels = kMostChannels) {
+    require(image.ndim() == 2 || image.ndim() == 3, "the image must be (H, W) or (H, W, C)");
+    const std::size_t channels = image.ndim() == 3 ? image.shape(2) : 1;
+    require(channels >= 1 && channels <= most_channels, "the image has no channels or too many");
+    const Size size = size_of(image);
+    return {image.data(), size.height, size.width, static_cast<int>(channels)};
 }
 
 // The points, whose coordinates must be numbers of at most this size.
-inline std::vector<Vec2> points_of(const Points& points, double farthest) {
+inline std::vector<Vec2> points_of(const Points& points, double farthest = std::numeric_limits<double>::max()) {
     std::vector<Vec2> checked(points.shape(0));
     for (std::size_t i = 0; i < checked.size(); ++i) {
         checked[i] = {points.data()[2 * i], points.data()[2 * i + 1]};
-        if (!(std::abs(checked[i].x) <= farthest && std::abs(checked[i].y) <= farthest)) {
-            throw std::invalid_argument("a point is not finite or too far away");
-        }
+        const bool near = std::abs(checked[i].x) <= farthest && std::abs(checked[i].y) <= farthest;
+        if (!near) throw std::invalid_argument("a point is not finite or too far away");
     }
     return checked;
 }
@@ -51,9 +83,8 @@ inline std::vector<std::size_t> ends_of(const Indices& offsets, std::size_t coun
     std::int64_t last = 0;
     for (std::size_t c = 0; c < offsets.shape(0); ++c) {
         const std::int64_t at = offsets.data()[c];
-        if (at < last || at > static_cast<std::int64_t>(count) || (c == 0 && at != 0)) {
-            throw std::invalid_argument("offsets must begin with 0, rise and end within the points");
-        }
+        require(at >= last && at <= static_cast<std::int64_t>(count) && (c > 0 || at == 0),
+                "offsets must begin with 0, rise and end within the points");
         ends.push_back(static_cast<std::size_t>(last = at));
     }
     return ends;
@@ -65,9 +96,8 @@ inline std::vector<std::size_t> patch_ends_of(const Indices& offsets, std::size_
     const auto least = static_cast<std::size_t>(degree);
     for (std::size_t c = 1; c < ends.size(); ++c) {
         const std::size_t size = ends[c] - ends[c - 1];
-        if (size < 2 * least || size % least != 0) {
-            throw std::invalid_argument("a contour needs two patches or more of `degree` control points each");
-        }
+        require(size >= 2 * least && size % least == 0,
+                "a contour needs two patches or more of `degree` control points each");
     }
     return ends;
 }

@@ -1,5 +1,6 @@
 // Images as the core looks at them.
 #pragma once
+#include <cstddef>
 #include <cstdint>
 #include <type_traits>
 
@@ -7,7 +8,13 @@
 
 namespace ffseg {
 
+constexpr std::size_t kMostSide = 65535;  // places along a side are 16-bit numbers
 constexpr int kMostChannels = 3;
+
+struct Size {
+    int height = 0, width = 0;
+    std::size_t count() const { return static_cast<std::size_t>(height) * static_cast<std::size_t>(width); }
+};
 
 // Rows of `channels` bytes a pixel, kept by their owner; no pixels stand for no image.
 struct Picture {

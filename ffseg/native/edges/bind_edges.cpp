@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -21,74 +19,49 @@ using namespace nb::literals;
 
 namespace {
 
-using Bytes = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
-using Plane8 = nb::ndarray<std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Domain = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Gradient = nb::ndarray<const std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Floats = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Plane16 = nb::ndarray<std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using ffseg::Bytes;
+using ffseg::Size;
+using ffseg::Words;
+using Pixels = ffseg::Array<const std::uint8_t>;
+using Plane8 = ffseg::Array<std::uint8_t, nb::ndim<2>>;
+using Plane16 = ffseg::Array<std::uint16_t, nb::ndim<2>>;
+using Floats = ffseg::Array<const float, nb::ndim<2>>;
 
 nb::ndarray<nb::numpy, float> py_liveliest(const nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::device::cpu>& plane,
                                            std::size_t most, std::size_t step, std::size_t skip) {
-    if (step == 0 || skip == 0) throw std::invalid_argument("steps must be 1 or more");
+    ffseg::require(step > 0 && skip > 0, "steps must be 1 or more");
     return ffseg::given(ffseg::edges::liveliest(
         {plane.data(), plane.shape(0), plane.shape(1), plane.stride(0), plane.stride(1)}, most, step, skip));
 }
 
 std::vector<double> py_amiss(const Floats& lines, const Floats& rest, std::size_t factor, float rounded, double most) {
     const std::size_t size = rest.shape(0);
-    if (size == 0 || factor == 0 || rest.shape(1) % size != 0) throw std::invalid_argument("no such matrix");
+    ffseg::require(size > 0 && factor > 0 && rest.shape(1) % size == 0, "no such matrix");
     return ffseg::edges::amiss(lines.data(), lines.shape(0), lines.shape(1),
                                {rest.data(), size, rest.shape(1) / size, factor}, rounded, most);
 }
 
-ffseg::edges::ImageView view(const Bytes& image) {
-    if (image.ndim() != 2 && image.ndim() != 3) throw std::invalid_argument("the image must be (H, W) or (H, W, C)");
-    const std::size_t channels = image.ndim() == 3 ? image.shape(2) : 1;
-    if (image.shape(0) == 0 || image.shape(1) == 0 || channels == 0) throw std::invalid_argument("the image is empty");
-    if (image.shape(0) > 65535 || image.shape(1) > 65535 || channels > 4) {
-        throw std::invalid_argument("the image is larger than 65535 pixels a side or has more than 4 channels");
-    }
-    return {image.data(), static_cast<int>(image.shape(0)), static_cast<int>(image.shape(1)),
-            static_cast<int>(channels)};
-}
-
-template <class Plane>
-void check_plane(const Plane& plane, std::size_t height, std::size_t width) {
-    if (plane.shape(0) != height || plane.shape(1) != width) throw std::invalid_argument("the arrays differ in size");
-}
-
-void check_size(const Gradient& gradient) {
-    if (gradient.shape(0) == 0 || gradient.shape(1) == 0) throw std::invalid_argument("the image is empty");
-    if (gradient.shape(0) > 65535 || gradient.shape(1) > 65535) {
-        throw std::invalid_argument("the image is larger than 65535 pixels a side");
-    }
-}
-
-void py_gradient(const Bytes& image, double sigma, Plane16 gradient, Plane8 ridges) {
-    const ffseg::edges::ImageView pixels = view(image);
-    check_plane(gradient, image.shape(0), image.shape(1));
-    check_plane(ridges, image.shape(0), image.shape(1));
-    if (!(sigma > 0 && sigma <= ffseg::edges::kMostSigma)) throw std::invalid_argument("sigma is out of range");
+void py_gradient(const Pixels& image, double sigma, Plane16 gradient, Plane8 ridges) {
+    const ffseg::Picture pixels = ffseg::picture_of(image, 4);
+    ffseg::check_size(gradient, {pixels.height, pixels.width});
+    ffseg::check_size(ridges, {pixels.height, pixels.width});
+    ffseg::require(sigma > 0 && sigma <= ffseg::edges::kMostSigma, "sigma is out of range");
     nb::gil_scoped_release release;
     ffseg::edges::gradient_and_ridges(pixels, ffseg::edges::gaussian(sigma), gradient.data(), ridges.data());
 }
 
 // Thresholds from the noise: high = factor * local noise, at least `least`; low = low_ratio * high. The local noise is
 // held within `spread` times that of the quiet windows either way. Returns the latter.
-int py_canny_auto(const Gradient& gradient, std::optional<Domain> domain, double factor, double least, double low_ratio,
-                  double spread, Plane8 edges) {
-    check_size(gradient);
-    check_plane(edges, gradient.shape(0), gradient.shape(1));
-    if (domain) check_plane(*domain, gradient.shape(0), gradient.shape(1));
+int py_canny_auto(const Words& gradient, const std::optional<Bytes>& domain, double factor, double least,
+                  double low_ratio, double spread, Plane8 edges) {
+    const Size size = ffseg::size_of(gradient);
+    ffseg::check_size(edges, size);
+    const std::uint8_t* const inside = ffseg::domain_of(domain, size);
     const bool finite = std::isfinite(factor) && std::isfinite(least) && std::isfinite(spread);
-    if (!(finite && factor >= 0 && least >= 0 && low_ratio >= 0 && low_ratio <= 1 && spread >= 1)) {
-        throw std::invalid_argument("a threshold option is out of range");
-    }
-    const int height = static_cast<int>(gradient.shape(0)), width = static_cast<int>(gradient.shape(1));
+    ffseg::require(finite && factor >= 0 && least >= 0 && low_ratio >= 0 && low_ratio <= 1 && spread >= 1,
+                   "a threshold option is out of range");
     nb::gil_scoped_release release;
-    const ffseg::edges::NoiseMap noise =
-        ffseg::edges::noise_map(gradient.data(), domain ? domain->data() : nullptr, height, width);
+    const ffseg::edges::NoiseMap noise = ffseg::edges::noise_map(gradient.data(), inside, size.height, size.width);
     ffseg::edges::ThresholdMap thresholds;
     thresholds.columns = noise.columns;
     for (const std::uint16_t block : noise.blocks) {
@@ -97,46 +70,43 @@ int py_canny_auto(const Gradient& gradient, std::optional<Domain> domain, double
         thresholds.high.push_back(static_cast<std::uint16_t>(std::lround(high)));
         thresholds.low.push_back(static_cast<std::uint16_t>(std::lround(low_ratio * high)));
     }
-    ffseg::edges::link_edges(gradient.data(), height, width, thresholds, edges.data());
+    ffseg::edges::link_edges(gradient.data(), size.height, size.width, thresholds, edges.data());
     return noise.quiet;
 }
 
-void py_canny(const Gradient& gradient, int low, int high, Plane8 edges) {
-    check_size(gradient);
-    check_plane(edges, gradient.shape(0), gradient.shape(1));
-    if (low > high) throw std::invalid_argument("the low threshold is above the high one");
-    const int height = static_cast<int>(gradient.shape(0)), width = static_cast<int>(gradient.shape(1));
+void py_canny(const Words& gradient, int low, int high, Plane8 edges) {
+    const Size size = ffseg::size_of(gradient);
+    ffseg::check_size(edges, size);
+    ffseg::require(low <= high, "the low threshold is above the high one");
     const auto clamp = [](int value) { return static_cast<std::uint16_t>(std::clamp(value, 0, 65535)); };
     nb::gil_scoped_release release;
     constexpr int kBlock = ffseg::edges::NoiseMap::kBlock;
     ffseg::edges::ThresholdMap thresholds;
-    thresholds.columns = (width + kBlock - 1) / kBlock;
-    const std::size_t rows = static_cast<std::size_t>((height + kBlock - 1) / kBlock);
+    thresholds.columns = (size.width + kBlock - 1) / kBlock;
+    const std::size_t rows = static_cast<std::size_t>((size.height + kBlock - 1) / kBlock);
     thresholds.low.assign(rows * static_cast<std::size_t>(thresholds.columns), clamp(low));
     thresholds.high.assign(thresholds.low.size(), clamp(high));
-    ffseg::edges::link_edges(gradient.data(), height, width, thresholds, edges.data());
+    ffseg::edges::link_edges(gradient.data(), size.height, size.width, thresholds, edges.data());
 }
 
-ffseg::edges::Limits limits_of(std::size_t height, std::size_t width, const std::optional<Domain>& domain, int margin) {
-    if (height == 0 || width == 0 || height > 65535 || width > 65535 || margin < 1 || margin > 65535) {
-        throw std::invalid_argument("the image must have 1 to 65535 pixels a side, and a margin of 1 or more");
-    }
-    if (domain) check_plane(*domain, height, width);
-    return {domain ? domain->data() : nullptr, static_cast<int>(height), static_cast<int>(width), margin};
+ffseg::edges::Limits limits_of(Size size, const std::optional<Bytes>& domain, int margin) {
+    ffseg::require(margin >= 1 && margin <= 65535, "the margin must be 1 or more");
+    return {ffseg::domain_of(domain, size), size.height, size.width, margin};
 }
 
-nb::ndarray<nb::numpy, std::uint16_t> py_gradients_at(const ffseg::Points& joints, const Gradient& gradient,
-                                                      const std::optional<Domain>& domain, int margin) {
-    const ffseg::edges::Limits limits = limits_of(gradient.shape(0), gradient.shape(1), domain, margin);
-    const std::vector<ffseg::Vec2> points = ffseg::points_of(joints, std::numeric_limits<double>::max());
-    return ffseg::given(ffseg::edges::gradients_at(points, gradient.data(), limits));
+nb::ndarray<nb::numpy, std::uint16_t> py_gradients_at(const ffseg::Points& joints, const Words& gradient,
+                                                      const std::optional<Bytes>& domain, int margin) {
+    const ffseg::edges::Limits limits = limits_of(ffseg::size_of(gradient), domain, margin);
+    return ffseg::given(ffseg::edges::gradients_at(ffseg::points_of(joints), gradient.data(), limits));
 }
 
-double py_share_within(const ffseg::Points& joints, const ffseg::Indices& ends,
-                       std::pair<std::size_t, std::size_t> shape, const std::optional<Domain>& domain, int margin) {
-    const ffseg::edges::Limits limits = limits_of(shape.first, shape.second, domain, margin);
-    const std::vector<ffseg::Vec2> points = ffseg::points_of(joints, std::numeric_limits<double>::max());
-    return ffseg::edges::share_within(points, ffseg::ends_of(ends, points.size()), limits);
+double py_share_within(const ffseg::Points& joints, const ffseg::Indices& ends, std::pair<int, int> shape,
+                       const std::optional<Bytes>& domain, int margin) {
+    const auto [height, width] = shape;
+    ffseg::require(height > 0 && width > 0, "the image must have 1 pixel a side or more");
+    const std::vector<ffseg::Vec2> points = ffseg::points_of(joints);
+    return ffseg::edges::share_within(points, ffseg::ends_of(ends, points.size()),
+                                      limits_of({height, width}, domain, margin));
 }
 
 }  // namespace

@@ -48,10 +48,10 @@ void replicate(std::uint16_t* row, int width, int margin) {
 
 // Whether the three channels of every pixel are equal: one then has the gradient of all.
 FFSEG_CLONES
-bool is_grey(const ImageView& image) {
+bool is_grey(const Picture& image) {
     bool grey = image.channels == 3;
     for (int y = 0; y < image.height && grey; ++y) {
-        const std::uint8_t* const row = image.data + static_cast<std::ptrdiff_t>(y) * image.width * 3;
+        const std::uint8_t* const row = image.pixels + static_cast<std::ptrdiff_t>(y) * image.width * 3;
         int apart = 0;
         for (int x = 0; x < image.width; ++x) apart |= (row[3 * x] ^ row[3 * x + 1]) | (row[3 * x] ^ row[3 * x + 2]);
         grey = apart == 0;
@@ -62,7 +62,7 @@ bool is_grey(const ImageView& image) {
 // The pass over the image. Each stage is some rows behind the one before it and keeps no more rows than the next needs.
 class Pass {
 public:
-    Pass(const ImageView& image, const Gaussian& kernel, std::uint16_t* gradient, std::uint8_t* ridges)
+    Pass(const Picture& image, const Gaussian& kernel, std::uint16_t* gradient, std::uint8_t* ridges)
         : image_(image),
           kernel_(kernel),
           gradient_(gradient),
@@ -95,7 +95,7 @@ private:
 
     // Smooth a row of the image to both sides.
     void take(int y) {
-        const std::uint8_t* row = image_.data + static_cast<std::ptrdiff_t>(y) * image_.width * image_.channels;
+        const std::uint8_t* row = image_.pixels + static_cast<std::ptrdiff_t>(y) * image_.width * image_.channels;
         for (int c = 0; c < channels_; ++c) {
             widen_row(row + c, image_.channels, wide_[0], image_.width);
             replicate(wide_[0], image_.width, kernel_.radius());
@@ -144,7 +144,7 @@ private:
         ridge_row(rows, directions_[y % 2], ridges_ + static_cast<std::ptrdiff_t>(y) * image_.width, image_.width);
     }
 
-    const ImageView& image_;
+    const Picture& image_;
     const Gaussian& kernel_;
     std::uint16_t* gradient_;
     std::uint8_t* ridges_;
@@ -157,8 +157,7 @@ private:
 
 }  // namespace
 
-void gradient_and_ridges(const ImageView& image, const Gaussian& kernel, std::uint16_t* gradient,
-                         std::uint8_t* ridges) {
+void gradient_and_ridges(const Picture& image, const Gaussian& kernel, std::uint16_t* gradient, std::uint8_t* ridges) {
     Pass(image, kernel, gradient, ridges).run();
 }
 

@@ -1,8 +1,7 @@
 #include <cmath>
-#include <optional>
-#include <stdexcept>
 
 #include "bindings.hpp"
+#include "common/arrays.hpp"
 #include "evidence/blur.hpp"
 #include "evidence/flood.hpp"
 #include "evidence/forest.hpp"
@@ -17,83 +16,56 @@ using namespace nb::literals;
 namespace {
 
 namespace evidence = ffseg::evidence;
-using evidence::Size;
+using ffseg::Bytes;
+using ffseg::check_size;
+using ffseg::require;
+using ffseg::Size;
+using ffseg::size_of;
 
-using Bytes = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
-using Region = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using InPlane = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using InPlanes = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using OutPlane = nb::ndarray<float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using OutPlanes = nb::ndarray<float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using OutWhole = nb::ndarray<std::uint16_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using OutBytes = nb::ndarray<std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Whole = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Real = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Pixels = ffseg::Array<const std::uint8_t>;
+using InPlane = ffseg::Array<const float, nb::ndim<2>>;
+using InPlanes = ffseg::Array<const float, nb::ndim<3>>;
+using OutPlane = ffseg::Array<float, nb::ndim<2>>;
+using OutPlanes = ffseg::Array<float, nb::ndim<3>>;
+using OutWhole = ffseg::Array<std::uint16_t, nb::ndim<2>>;
+using OutBytes = ffseg::Array<std::uint8_t, nb::ndim<2>>;
+using Whole = ffseg::Array<const std::int32_t, nb::ndim<1>>;
+using Real = ffseg::Array<const float, nb::ndim<1>>;
 
-// As many as an image may have; places along a side are 16-bit numbers.
-constexpr std::size_t kMostPixels = 65535;
-// Of planes that are flooded: costs of the longest shortest path stay below 2^32.
+// Of planes that are flooded, pixels a side: costs of the longest shortest path stay below 2^32.
 constexpr std::size_t kMostFlooded = 4096;
 
-void require(bool holds, const char* what) {
-    if (!holds) throw std::invalid_argument(what);
-}
-
-Size checked(std::size_t height, std::size_t width) {
-    require(height > 0 && width > 0, "the plane is empty");
-    require(height <= kMostPixels && width <= kMostPixels, "the plane is larger than 65535 pixels a side");
-    return {static_cast<int>(height), static_cast<int>(width)};
-}
-
-Size size_of(const InPlane& plane) { return checked(plane.shape(0), plane.shape(1)); }
-
-Size flooded(const InPlane& plane) {
-    const Size size = size_of(plane);
-    require(plane.shape(0) <= kMostFlooded && plane.shape(1) <= kMostFlooded,
-            "the plane is larger than 4096 pixels a side");
-    return size;
-}
-
-template <class Array>
-void check_same(const Array& array, Size size) {
-    require(array.shape(0) == static_cast<std::size_t>(size.height) &&
-                array.shape(1) == static_cast<std::size_t>(size.width),
-            "the arrays differ in size");
-}
-
+// The size of so many planes.
 template <class Planes>
 Size check_planes(const Planes& planes, std::size_t count) {
     require(planes.shape(0) == count, "there are more or fewer planes than this needs");
-    return checked(planes.shape(1), planes.shape(2));
+    const std::size_t height = planes.shape(1), width = planes.shape(2);
+    require(height > 0 && width > 0 && height <= ffseg::kMostSide && width <= ffseg::kMostSide,
+            "the planes must have 1 to 65535 pixels a side");
+    return {static_cast<int>(height), static_cast<int>(width)};
+}
+
+// Planes of the same size, so many.
+template <class Planes>
+void check_planes(const Planes& planes, std::size_t count, Size size) {
+    const Size found = check_planes(planes, count);
+    require(found.height == size.height && found.width == size.width, "the arrays differ in size");
 }
 
 void check_step(double step) { require(step >= 1e-6 && step <= 1e6, "the step is out of range"); }
 
-void py_lab(const Bytes& image, int factor, OutPlanes out) {
-    require(image.ndim() == 2 || image.ndim() == 3, "the image must be (H, W) or (H, W, C)");
-    const std::size_t channels = image.ndim() == 3 ? image.shape(2) : 1;
-    require(channels == 1 || channels == 3 || channels == 4, "the image must have 1, 3 or 4 channels");
-    require(image.shape(0) > 0 && image.shape(1) > 0, "the image is empty");
-    require(image.shape(0) <= 65535 && image.shape(1) <= 65535, "the image is larger than 65535 pixels a side");
+void py_lab(const Pixels& image, int factor, OutPlanes out) {
+    const ffseg::Picture picture = ffseg::picture_of(image, 4);
+    require(picture.channels != 2, "the image must have 1, 3 or 4 channels");
     require(factor >= 1 && factor <= 256, "the factor is out of range");
-    const evidence::Pixels pixels{image.data(), static_cast<int>(image.shape(0)), static_cast<int>(image.shape(1)),
-                                  static_cast<int>(channels)};
-    const Size size = check_planes(out, 3), wanted = evidence::reduced(pixels, factor);
-    require(size.height == wanted.height && size.width == wanted.width, "the arrays differ in size");
+    check_planes(out, 3, evidence::reduced(picture, factor));
     nb::gil_scoped_release release;
-    evidence::reduced_lab(pixels, factor, out.data());
-}
-
-void check_halved(std::size_t height, std::size_t width, Size size) {
-    const Size small = evidence::halved(size);
-    require(height == static_cast<std::size_t>(small.height) && width == static_cast<std::size_t>(small.width),
-            "the arrays differ in size");
+    evidence::reduced_lab(picture, factor, out.data());
 }
 
 void py_thin(const InPlanes& planes, const Whole& places, OutPlanes out) {
     const Size size = check_planes(planes, planes.shape(0));
-    require(out.shape(0) == places.shape(0), "there are more or fewer planes than this needs");
-    check_halved(out.shape(1), out.shape(2), size);
+    check_planes(out, places.shape(0), evidence::halved(size));
     const std::size_t pixels = evidence::halved(size).count();
     for (std::size_t k = 0; k < places.shape(0); ++k) {
         require(places.data()[k] >= 0 && static_cast<std::size_t>(places.data()[k]) < planes.shape(0),
@@ -108,27 +80,21 @@ void py_thin(const InPlanes& planes, const Whole& places, OutPlanes out) {
 
 void py_steepest(const InPlane& plane, OutPlane out) {
     const Size size = size_of(plane);
-    check_halved(out.shape(0), out.shape(1), size);
+    check_size(out, evidence::halved(size));
     nb::gil_scoped_release release;
     evidence::steepest(plane.data(), size, out.data());
 }
 
 void py_enlarge(const InPlane& plane, int factor, int stride, OutPlane out) {
-    require(plane.shape(0) > 0 && plane.shape(1) > 0 && out.shape(0) > 0 && out.shape(1) > 0, "the plane is empty");
-    require(plane.shape(0) <= 65535 && plane.shape(1) <= 65535 && out.shape(0) <= 65535 && out.shape(1) <= 65535,
-            "the plane is larger than 65535 pixels a side");
+    const Size size = size_of(plane), whole = size_of(out);
     require(factor >= 1 && factor <= 65535 && stride >= 1 && stride <= 65535, "the factor is out of range");
-    const Size size{static_cast<int>(plane.shape(0)), static_cast<int>(plane.shape(1))};
-    const Size whole{static_cast<int>(out.shape(0)), static_cast<int>(out.shape(1))};
     nb::gil_scoped_release release;
     evidence::enlarge(plane.data(), size, {whole, factor, stride}, out.data());
 }
 
 void py_blur(const InPlane& plane, double sigma, OutPlane out) {
-    require(plane.shape(0) > 0 && plane.shape(1) > 0, "the plane is empty");
-    require(plane.shape(0) <= 65535 && plane.shape(1) <= 65535, "the plane is larger than 65535 pixels a side");
-    const Size size{static_cast<int>(plane.shape(0)), static_cast<int>(plane.shape(1))};
-    check_same(out, size);
+    const Size size = size_of(plane);
+    check_size(out, size);
     require(sigma > 0 && sigma <= evidence::kWidestBlur, "sigma is out of range");
     nb::gil_scoped_release release;
     evidence::blur(plane.data(), size, sigma, out.data());
@@ -136,17 +102,17 @@ void py_blur(const InPlane& plane, double sigma, OutPlane out) {
 
 template <auto look, int planes>
 void py_look(const InPlanes& lab, double sigma, OutPlanes out) {
-    const Size size = check_planes(lab, 3), target = check_planes(out, planes);
-    require(size.height == target.height && size.width == target.width, "the arrays differ in size");
+    const Size size = check_planes(lab, 3);
+    check_planes(out, planes, size);
     require(sigma > 0 && 2 * sigma <= evidence::kWidestBlur, "sigma is out of range");
     nb::gil_scoped_release release;
     look(lab.data(), size, sigma, out.data());
 }
 
-void py_relative(const InPlanes& lab, const Region& inside, double floor, OutPlanes out) {
-    const Size size = check_planes(lab, 3), target = check_planes(out, evidence::kRelativePlanes);
-    require(size.height == target.height && size.width == target.width, "the arrays differ in size");
-    check_same(inside, size);
+void py_relative(const InPlanes& lab, const Bytes& inside, double floor, OutPlanes out) {
+    const Size size = check_planes(lab, 3);
+    check_planes(out, evidence::kRelativePlanes, size);
+    check_size(inside, size);
     require(floor > 0 && std::isfinite(floor), "the floor is out of range");
     nb::gil_scoped_release release;
     evidence::relative_colour(lab.data(), inside.data(), size, floor, out.data());
@@ -157,19 +123,19 @@ void check_finite(const float* values, std::size_t count) {
     require(evidence::within(values, count, 1e6F), "a value is not finite or beyond 1e6");
 }
 
-void py_likelihood(const InPlanes& lab, const Region& inside, OutPlane out) {
+void py_likelihood(const InPlanes& lab, const Bytes& inside, OutPlane out) {
     const Size size = check_planes(lab, 3);
-    check_same(inside, size);
-    check_same(out, size);
+    check_size(inside, size);
+    check_size(out, size);
     check_finite(lab.data(), 3 * size.count());
     nb::gil_scoped_release release;
     evidence::likelihood_ratio(lab.data(), inside.data(), size, out.data());
 }
 
 void py_diffuse(const InPlane& values, const InPlanes& lab, double kept, double contrast, int steps, OutPlane out) {
-    const Size size = size_of(values), colour = check_planes(lab, 3);
-    require(size.height == colour.height && size.width == colour.width, "the arrays differ in size");
-    check_same(out, size);
+    const Size size = size_of(values);
+    check_planes(lab, 3, size);
+    check_size(out, size);
     require(kept >= 1e-6 && kept <= 1e6, "the weight is out of range");
     require(contrast >= 1e-3 && contrast <= 1e6, "the contrast is out of range");
     require(steps >= 0 && steps <= 10000, "the number of steps is out of range");
@@ -177,19 +143,19 @@ void py_diffuse(const InPlane& values, const InPlanes& lab, double kept, double 
     evidence::diffuse(values.data(), lab.data(), size, {kept, contrast, steps}, out.data());
 }
 
-void py_barrier(const InPlane& heights, const Region& inside, double step, OutPlanes out) {
-    const Size size = flooded(heights), target = check_planes(out, evidence::kBarrierPlanes);
-    require(size.height == target.height && size.width == target.width, "the arrays differ in size");
-    check_same(inside, size);
+void py_barrier(const InPlane& heights, const Bytes& inside, double step, OutPlanes out) {
+    const Size size = size_of(heights, kMostFlooded);
+    check_planes(out, evidence::kBarrierPlanes, size);
+    check_size(inside, size);
     check_step(step);
     nb::gil_scoped_release release;
     evidence::barrier_planes(heights.data(), inside.data(), size, step, out.data());
 }
 
-void py_geodesic(const InPlane& heights, const Region& inside, double step, int least, OutPlane out) {
-    const Size size = flooded(heights);
-    check_same(inside, size);
-    check_same(out, size);
+void py_geodesic(const InPlane& heights, const Bytes& inside, double step, int least, OutPlane out) {
+    const Size size = size_of(heights, kMostFlooded);
+    check_size(inside, size);
+    check_size(out, size);
     check_step(step);
     require(least >= 1 && least <= 4095, "the least cost is out of range");
     nb::gil_scoped_release release;
@@ -198,11 +164,9 @@ void py_geodesic(const InPlane& heights, const Region& inside, double step, int 
 
 void py_level(const InPlane& above, float undecided, float snap, float width, float height, OutWhole gradient,
               OutBytes edges) {
-    require(above.shape(0) > 0 && above.shape(1) > 0, "the plane is empty");
-    require(above.shape(0) <= 65535 && above.shape(1) <= 65535, "the plane is larger than 65535 pixels a side");
-    const Size size{static_cast<int>(above.shape(0)), static_cast<int>(above.shape(1))};
-    check_same(gradient, size);
-    check_same(edges, size);
+    const Size size = size_of(above);
+    check_size(gradient, size);
+    check_size(edges, size);
     check_finite(above.data(), size.count());
     require(snap > 0 && width > 0 && snap < 1e6F && width < 1e6F, "a width is out of range");
     require(height >= 0 && height <= 65535, "the height is out of range");
@@ -223,7 +187,7 @@ void make_forest(evidence::Forest* self, const Whole& feature, const Real& thres
 
 void py_score(const evidence::Forest& forest, const InPlanes& planes, OutPlane out) {
     const Size size = check_planes(planes, static_cast<std::size_t>(forest.features()));
-    check_same(out, size);
+    check_size(out, size);
     nb::gil_scoped_release release;
     forest.score(planes.data(), size.count(), out.data());
 }

@@ -50,11 +50,11 @@ struct Columns {
     std::vector<std::uint16_t> sums;
     int rows = 0;
 
-    void take(const Pixels& image, int first, int factor) {
+    void take(const Picture& image, int first, int factor) {
         sums.assign(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.channels), 0);
         rows = std::min(factor, image.height - first);
         const std::uint8_t* row =
-            image.data + static_cast<std::ptrdiff_t>(first) * static_cast<std::ptrdiff_t>(sums.size());
+            image.pixels + static_cast<std::ptrdiff_t>(first) * static_cast<std::ptrdiff_t>(sums.size());
         for (int k = 0; k < rows; ++k, row += sums.size()) add_bytes(row, sums.size(), sums.data());
     }
 };
@@ -65,7 +65,7 @@ struct Sums {
     int count = 0;
 };
 
-Sums sums_of(const Columns& columns, const Pixels& image, int factor, int x) {
+Sums sums_of(const Columns& columns, const Picture& image, int factor, int x) {
     const int x1 = std::min(x + factor, image.width);
     Sums sums;
     const int green = image.channels == 1 ? 0 : 1, red = image.channels == 1 ? 0 : 2;
@@ -125,11 +125,11 @@ void lab_of_row(const Row& row, const float* roots, int width, float* light, flo
 
 }  // namespace
 
-Size reduced(const Pixels& image, int factor) {
+Size reduced(const Picture& image, int factor) {
     return {(image.height + factor - 1) / factor, (image.width + factor - 1) / factor};
 }
 
-void reduced_lab(const Pixels& image, int factor, float* lab) {
+void reduced_lab(const Picture& image, int factor, float* lab) {
     static const Table roots = tabled(root);
     const Light light(factor * factor);
     const Size size = reduced(image, factor);

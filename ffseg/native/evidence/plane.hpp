@@ -3,12 +3,9 @@
 #include <cstddef>
 #include <vector>
 
-namespace ffseg::evidence {
+#include "common/picture.hpp"
 
-struct Size {
-    int height = 0, width = 0;
-    std::size_t count() const { return static_cast<std::size_t>(height) * static_cast<std::size_t>(width); }
-};
+namespace ffseg::evidence {
 
 using Plane = std::vector<float>;
 

@@ -2,8 +2,6 @@
 #include <nanobind/stl/unique_ptr.h>
 
 #include <algorithm>
-#include <limits>
-#include <stdexcept>
 
 #include "bindings.hpp"
 #include "common/arrays.hpp"
@@ -22,18 +20,18 @@ using ffseg::Whole;
 using ffseg::Words;
 
 ffseg::freeform::ContourSet contour_set(const Points& points, const Indices& offsets, int degree) {
-    ffseg::freeform::ContourSet set{ffseg::points_of(points, std::numeric_limits<double>::max()), {}};
+    ffseg::freeform::ContourSet set{ffseg::points_of(points), {}};
     set.offsets = ffseg::patch_ends_of(offsets, set.points.size(), degree);
-    if (set.offsets.size() < 2) throw std::invalid_argument("an evolution needs a contour or more");
+    ffseg::require(set.offsets.size() > 1, "an evolution needs a contour or more");
     return set;
 }
 
 void check(const ffseg::freeform::EvolutionOptions& o) {
-    const bool sane = o.degree >= 1 && o.degree <= 6 && o.split_threshold >= 1 && o.split_threshold <= 1e6 &&
-                      o.balloon > 0 && o.balloon <= 1e3 && o.max_iterations >= 0 && o.clearance >= 0 &&
-                      o.clearance <= 1e4 && o.settle >= 0 && o.settle <= 16 && o.ridge_low >= 0 && o.weight >= 0 &&
-                      o.weight <= 1e3 && o.window >= 0 && o.window <= 1e5;
-    if (!sane) throw std::invalid_argument("an evolution option is out of range");
+    ffseg::require(o.degree >= 1 && o.degree <= 6 && o.split_threshold >= 1 && o.split_threshold <= 1e6 &&
+                       o.balloon > 0 && o.balloon <= 1e3 && o.max_iterations >= 0 && o.clearance >= 0 &&
+                       o.clearance <= 1e4 && o.settle >= 0 && o.settle <= 16 && o.ridge_low >= 0 && o.weight >= 0 &&
+                       o.weight <= 1e3 && o.window >= 0 && o.window <= 1e5,
+                   "an evolution option is out of range");
 }
 
 constexpr std::int32_t kMostCells = 4096;  // a side of a plane: 2 MB as bits
@@ -42,29 +40,21 @@ constexpr std::int32_t kMostCells = 4096;  // a side of a plane: 2 MB as bits
 struct PyEvolution {
     std::optional<Colours> image;
     std::unique_ptr<ffseg::freeform::Evolution> evolution;
-    std::size_t height, width;
+    ffseg::Size size;
 
-    PyEvolution(const Points& points, const Indices& offsets, const Bytes& edges, std::optional<Bytes> domain,
+    PyEvolution(const Points& points, const Indices& offsets, const Bytes& edges, const std::optional<Bytes>& domain,
                 ffseg::freeform::EvolutionOptions options, const std::optional<Colours>& given,
                 const std::optional<Whole>& plane)
-        : image(given), height(edges.shape(0)), width(edges.shape(1)) {
+        : image(given), size(ffseg::size_of(edges)) {
         check(options);
-        if (height == 0 || width == 0 || height > 65535 || width > 65535) {
-            throw std::invalid_argument("the edge map must have 1 to 65535 pixels a side");
-        }
-        if (domain && (domain->shape(0) != height || domain->shape(1) != width)) {
-            throw std::invalid_argument("the domain differs in size from the edge map");
-        }
-        if (image && (image->shape(0) != height || image->shape(1) != width)) {
-            throw std::invalid_argument("the image differs in size from the edge map");
-        }
+        const std::uint8_t* const limits = ffseg::domain_of(domain, size);
+        if (image) ffseg::check_size(*image, size);
         if (plane) options.plane = plane_of(*plane);
         const ffseg::Picture colours = image ? ffseg::picture_of(*image) : ffseg::Picture{};
         const ffseg::freeform::ContourSet starts = contour_set(points, offsets, options.degree);
-        const std::uint8_t* limits = domain ? domain->data() : nullptr;
         nb::gil_scoped_release release;
-        evolution = ffseg::freeform::make_evolution(starts, edges.data(), limits, static_cast<int>(height),
-                                                    static_cast<int>(width), options, colours);
+        evolution =
+            ffseg::freeform::make_evolution(starts, edges.data(), limits, size.height, size.width, options, colours);
     }
 
     bool advance(int iterations) {
@@ -73,24 +63,20 @@ struct PyEvolution {
     }
 
     ffseg::freeform::Plane plane_of(const Whole& cells) const {
-        if (cells.shape(0) != height || cells.shape(1) != width) {
-            throw std::invalid_argument("the plane differs in size from the edge map");
-        }
+        ffseg::check_size(cells, size);
         std::int32_t last = 0;
-        for (std::size_t at = 0; at < height * width; ++at) {
+        for (std::size_t at = 0; at < size.count(); ++at) {
             const std::int32_t cell = cells.data()[at];
             if (cell >= 0) last = std::max({last, cell >> 16, cell & 0xffff});
         }
-        if (last >= kMostCells) throw std::invalid_argument("the plane has more than 4096 cells a side");
+        ffseg::require(last < kMostCells, "the plane has more than 4096 cells a side");
         return {cells.data(), last + 1};
     }
 
     void settle(const Words& gradient) {
-        if (gradient.shape(0) != height || gradient.shape(1) != width) {
-            throw std::invalid_argument("the gradient differs in size from the edge map");
-        }
+        ffseg::check_size(gradient, size);
         nb::gil_scoped_release release;
-        evolution->settle({gradient.data(), static_cast<int>(height), static_cast<int>(width)});
+        evolution->settle({gradient.data(), size.height, size.width});
     }
 
     nb::tuple contours() const {
@@ -98,18 +84,7 @@ struct PyEvolution {
         return ffseg::given_contours(set.points, set.offsets);
     }
 
-    const char* stop_reason() const {
-        switch (evolution->stop_reason()) {
-            case ffseg::freeform::StopReason::kConverged: return "converged";
-            case ffseg::freeform::StopReason::kMaxIterations: return "max_iterations";
-            case ffseg::freeform::StopReason::kMaxPatches: return "max_patches";
-            case ffseg::freeform::StopReason::kBudget: return "budget";
-            case ffseg::freeform::StopReason::kVanished: return "vanished";
-            case ffseg::freeform::StopReason::kBlocked: return "blocked";
-            case ffseg::freeform::StopReason::kStalled: return "stalled";
-            default: return "running";
-        }
-    }
+    const char* stop_reason() const { return ffseg::name_of(evolution->stop_reason()); }
 
     nb::dict counts() const {
         const ffseg::freeform::EvolutionCounts& c = evolution->counts();
@@ -144,7 +119,7 @@ void bind_freeform(nb::module_& m) {
         .def_rw("weight", &Options::weight)
         .def_rw("window", &Options::window);
     nb::class_<PyEvolution>(m, "Evolution")
-        .def(nb::init<const Points&, const Indices&, const Bytes&, std::optional<Bytes>, const Options&,
+        .def(nb::init<const Points&, const Indices&, const Bytes&, const std::optional<Bytes>&, const Options&,
                       const std::optional<Colours>&, const std::optional<Whole>&>(),
              "points"_a, "offsets"_a, "edges"_a, "domain"_a.none(), "options"_a, "image"_a.none() = nb::none(),
              "plane"_a.none() = nb::none())

@@ -71,27 +71,27 @@ public:
         }
         const bool fits =
             options.clearance <= 0 || contour_.field.close_passages(edges, samples, options.clearance, options.plane);
-        if (samples.empty() || !fits) reason_ = StopReason::kBlocked;
+        if (samples.empty() || !fits) reason_ = Stop::kBlocked;
         if (colours.pixels != nullptr && options.weight > 0) {
             contour_.pressure = std::make_unique<region::Pressure>(colours, options.weight, options.window);
         }
     }
 
     bool advance(int iterations) override {
-        for (int done = 0; done < iterations && reason_ == StopReason::kRunning; ++done) {
+        for (int done = 0; done < iterations && reason_ == Stop::kRunning; ++done) {
             if (contour_.counts.iterations >= contour_.options.max_iterations) {
-                reason_ = StopReason::kMaxIterations;
+                reason_ = Stop::kMaxIterations;
             } else if (contour_.num_alive() > most_patches_) {
-                reason_ = StopReason::kMaxPatches;
+                reason_ = Stop::kMaxPatches;
             } else if (contour_.options.budget > 0 && contour_.effort.work > contour_.options.budget) {
-                reason_ = StopReason::kBudget;
+                reason_ = Stop::kBudget;
             } else {
                 if (contour_.pressure != nullptr && contour_.counts.iterations >= next_fit_) fit_pressure();
                 if (!evolve(contour_) && !(contour_.options.refine && (resting::wake_open(contour_) || wake_anew())))
                     finish();
             }
         }
-        return reason_ == StopReason::kRunning;
+        return reason_ == Stop::kRunning;
     }
 
     // Attraction to edges (Section 3.2), once the contour has stopped.
@@ -122,7 +122,7 @@ public:
     }
 
     const EvolutionCounts& counts() const override { return contour_.counts; }
-    StopReason stop_reason() const override { return reason_; }
+    Stop stop_reason() const override { return reason_; }
     std::size_t work() const override { return contour_.effort.work; }
 
 private:
@@ -146,15 +146,15 @@ private:
     void finish() {
         if (contour_.options.topology) topology::drop_nested(contour_);
         contour_.reclaim();
-        reason_ = contour_.order.empty()          ? StopReason::kVanished
-                  : contour_.memory.num_stray > 0 ? StopReason::kStalled
-                                                  : StopReason::kConverged;
-        assert(reason_ != StopReason::kConverged || !contour_.options.refine || resting::all_held(contour_));
+        reason_ = contour_.order.empty()          ? Stop::kVanished
+                  : contour_.memory.num_stray > 0 ? Stop::kStalled
+                                                  : Stop::kConverged;
+        assert(reason_ != Stop::kConverged || !contour_.options.refine || resting::all_held(contour_));
     }
 
     Contour<D> contour_;
     std::vector<Samples> settled_;  // once they have settled
-    StopReason reason_ = StopReason::kRunning;
+    Stop reason_ = Stop::kRunning;
     int most_patches_;
     int next_fit_ = 0, rounds_ = 0;  // of the pressure by colour
 };

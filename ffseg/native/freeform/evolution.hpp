@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/picture.hpp"
+#include "common/stop.hpp"
 #include "common/vec.hpp"
 
 namespace ffseg::freeform {
@@ -36,8 +37,6 @@ struct EvolutionCounts {
     int iterations = 0, splits = 0, prunes = 0, flips = 0, merges = 0, drops = 0;
 };
 
-enum class StopReason { kRunning, kConverged, kMaxIterations, kMaxPatches, kBudget, kVanished, kBlocked, kStalled };
-
 // Closed contours as runs of control points: contour c owns points[offsets[c] .. offsets[c + 1]).
 struct ContourSet {
     std::vector<Vec2> points;
@@ -58,7 +57,7 @@ public:
     virtual void settle(const GradientView& gradient) = 0;
     virtual ContourSet contours() const = 0;
     virtual const EvolutionCounts& counts() const = 0;
-    virtual StopReason stop_reason() const = 0;
+    virtual Stop stop_reason() const = 0;
     // What of the budget was spent.
     virtual std::size_t work() const = 0;
 };

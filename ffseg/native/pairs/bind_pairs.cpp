@@ -1,7 +1,7 @@
-#include <stdexcept>
 #include <vector>
 
 #include "bindings.hpp"
+#include "common/arrays.hpp"
 #include "pairs/interest.hpp"
 #include "pairs/patches.hpp"
 
@@ -10,25 +10,22 @@ using namespace nb::literals;
 
 namespace {
 
-using Grey = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Table = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Bytes = nb::ndarray<const std::uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Windows = nb::ndarray<const std::int64_t, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
-using Counts = nb::ndarray<std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Grey = ffseg::Array<const std::uint8_t, nb::ndim<2>>;
+using Rows = ffseg::Array<const double, nb::ndim<2>>;
+using Table = ffseg::Array<double, nb::ndim<2>>;
+using Bytes = ffseg::Array<const std::uint8_t, nb::ndim<1>>;
+using Windows = ffseg::Array<const std::int64_t, nb::shape<-1, 4>>;
+using Counts = ffseg::Array<std::int64_t, nb::ndim<1>>;
 
 constexpr int kMaxRadius = 32;
 
-ffseg::pairs::PlaneView view(const Grey& image) {
-    if (image.shape(0) < 2 || image.shape(1) < 2 || image.shape(0) > 65535 || image.shape(1) > 65535) {
-        throw std::invalid_argument("images must have 2 to 65535 pixels a side");
-    }
-    return {image.data(), static_cast<int>(image.shape(0)), static_cast<int>(image.shape(1))};
+ffseg::Picture view(const Grey& image) {
+    ffseg::require(image.shape(0) > 1 && image.shape(1) > 1, "images must have 2 to 65535 pixels a side");
+    return ffseg::picture_of(image);
 }
 
 void check(bool right) {
-    if (!right)
-        throw std::invalid_argument("the arrays differ in size, or the radius or number of steps is out of range");
+    ffseg::require(right, "the arrays differ in size, or the radius or number of steps is out of range");
 }
 
 ffseg::Vec2 point(const Rows& rows, std::size_t row, std::size_t column = 0) {
@@ -42,7 +39,7 @@ ffseg::pairs::Warp warp(const Rows& rows, std::size_t row, std::size_t column = 
 }
 
 // Components packed one after another: windows (n, 4) of x, y, width, height, and their masks row by row.
-std::vector<ffseg::pairs::ComponentWindow> regions(const ffseg::pairs::PlaneView& image, const Windows& windows,
+std::vector<ffseg::pairs::ComponentWindow> regions(const ffseg::Picture& image, const Windows& windows,
                                                    const Bytes& masks) {
     std::vector<ffseg::pairs::ComponentWindow> found;
     std::size_t offset = 0;
@@ -51,9 +48,7 @@ std::vector<ffseg::pairs::ComponentWindow> regions(const ffseg::pairs::PlaneView
         const bool inside = w[0] >= 0 && w[1] >= 0 && w[2] >= 0 && w[3] >= 0 && w[0] <= image.width &&
                             w[1] <= image.height && w[2] <= image.width - w[0] && w[3] <= image.height - w[1];
         const std::size_t size = inside ? static_cast<std::size_t>(w[2] * w[3]) : 0;
-        if (!inside || size > masks.shape(0) - offset) {
-            throw std::invalid_argument("a window leaves the image, or its mask is missing");
-        }
+        ffseg::require(inside && size <= masks.shape(0) - offset, "a window leaves the image, or its mask is missing");
         const std::uint8_t* first = masks.data() + offset;
         found.push_back({static_cast<int>(w[0]), static_cast<int>(w[1]), static_cast<int>(w[2]), static_cast<int>(w[3]),
                          std::vector<std::uint8_t>(first, first + size)});
@@ -65,7 +60,7 @@ std::vector<ffseg::pairs::ComponentWindow> regions(const ffseg::pairs::PlaneView
 // points (n * most, 2), counts (n,): the points of one component after another, without gaps.
 template <auto kFind>
 void py_points(const Grey& image, const Windows& windows, const Bytes& masks, int grow, Table points, Counts counts) {
-    const ffseg::pairs::PlaneView seen = view(image);
+    const ffseg::Picture seen = view(image);
     const std::vector<ffseg::pairs::ComponentWindow> components = regions(seen, windows, masks);
     const std::size_t n = components.size(), most = n ? points.shape(0) / n : 0;
     check(points.shape(0) == n * most && points.shape(1) == 2 && counts.shape(0) == n && most <= 65535 && grow >= 0 &&

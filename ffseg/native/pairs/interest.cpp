@@ -40,10 +40,10 @@ struct Gradients {
     int width, height;
     std::vector<int> dx, dy;
 
-    Gradients(const PlaneView& image, int x, int y, int columns, int rows);
+    Gradients(const Picture& image, int x, int y, int columns, int rows);
 };
 
-Gradients::Gradients(const PlaneView& image, int x, int y, int columns, int rows) : width(columns), height(rows) {
+Gradients::Gradients(const Picture& image, int x, int y, int columns, int rows) : width(columns), height(rows) {
     const std::size_t size = static_cast<std::size_t>(columns) * rows;
     dx.resize(size);
     dy.resize(size);
@@ -52,7 +52,7 @@ Gradients::Gradients(const PlaneView& image, int x, int y, int columns, int rows
         const std::uint8_t* lines[3];
         for (int k = 0; k < 3; ++k) {
             const int at = std::clamp(y + row + k - 1, 0, image.height - 1);
-            lines[k] = image.data + static_cast<std::size_t>(at) * image.width;
+            lines[k] = image.pixels + static_cast<std::size_t>(at) * image.width;
         }
         for (int column = 0; column < columns + 2; ++column) {
             const int at = std::clamp(x + column - 1, 0, image.width - 1);
@@ -93,7 +93,7 @@ void response_row(ProductRows rows, int width, double* __restrict out) {
 }
 
 // Harris response of every pixel of the region's window, gradient products summed over 3x3 pixels.
-std::vector<double> response(const PlaneView& image, const ComponentWindow& region) {
+std::vector<double> response(const Picture& image, const ComponentWindow& region) {
     const Gradients gradients(image, region.x - 1, region.y - 1, region.width + 2, region.height + 2);
     const int width = gradients.width;
     std::vector<int> products(3 * static_cast<std::size_t>(width));
@@ -165,7 +165,7 @@ ComponentWindow grown(const ComponentWindow& region, int by, int image_width, in
     return wide;
 }
 
-std::vector<Vec2> harris_points(const PlaneView& image, const ComponentWindow& region, int most) {
+std::vector<Vec2> harris_points(const Picture& image, const ComponentWindow& region, int most) {
     const std::vector<double> strength = response(image, region);
     double strongest = 0.0;
     for (std::size_t k = 0; k < strength.size(); ++k) {
@@ -184,7 +184,7 @@ std::vector<Vec2> harris_points(const PlaneView& image, const ComponentWindow& r
     return points;
 }
 
-std::vector<Vec2> outline_points(const PlaneView& image, const ComponentWindow& region, int most) {
+std::vector<Vec2> outline_points(const Picture& image, const ComponentWindow& region, int most) {
     const Gradients gradients(image, region.x, region.y, region.width, region.height);
     const int across = (region.width + kCell - 1) / kCell, down = (region.height + kCell - 1) / kCell;
     constexpr int least = kOutlineFloor * kOutlineFloor * kSobelGain * kSobelGain;

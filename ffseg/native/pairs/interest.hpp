@@ -20,9 +20,9 @@ struct ComponentWindow {
 ComponentWindow grown(const ComponentWindow& region, int by, int image_width, int image_height);
 
 // Corners of the region, strongest first and at most `most`: peaks of the Harris response, to a part of a pixel.
-std::vector<Vec2> harris_points(const PlaneView& image, const ComponentWindow& region, int most);
+std::vector<Vec2> harris_points(const Picture& image, const ComponentWindow& region, int most);
 
 // Pixels of strongest gradient in the region, at most one per cell and `most` in all, evenly thinned.
-std::vector<Vec2> outline_points(const PlaneView& image, const ComponentWindow& region, int most);
+std::vector<Vec2> outline_points(const Picture& image, const ComponentWindow& region, int most);
 
 }  // namespace ffseg::pairs

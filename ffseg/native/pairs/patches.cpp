@@ -60,14 +60,14 @@ void blend(const std::uint16_t* above, const std::uint16_t* below, const double*
     }
 }
 
-void sample_rows(const PlaneView& image, const Rows& rows, double* out) {
+void sample_rows(const Picture& image, const Rows& rows, double* out) {
     std::uint32_t at[kBlock];
     std::uint16_t above[kBlock], below[kBlock];
     double right[kBlock], down[kBlock];
     locate(rows, static_cast<std::uint32_t>(image.width), at, right, down);
     const int count = rows.count * rows.side;
     for (int k = 0; k < count; ++k) {
-        const std::uint8_t* here = image.data + at[k];
+        const std::uint8_t* here = image.pixels + at[k];
         above[k] = two(here);
         below[k] = two(here + image.width);
     }
@@ -75,7 +75,7 @@ void sample_rows(const PlaneView& image, const Rows& rows, double* out) {
 }
 
 // The whole patch, and a ring of one pixel for its derivatives, must lie where four neighbours exist.
-bool fits(const PlaneView& image, Vec2 center, const Warp& warp, int radius) {
+bool fits(const Picture& image, Vec2 center, const Warp& warp, int radius) {
     const double reach = radius + 1;
     const double across = reach * (std::abs(warp.xx) + std::abs(warp.xy));
     const double down = reach * (std::abs(warp.yx) + std::abs(warp.yy));
@@ -90,7 +90,7 @@ ImagePatch::ImagePatch(int radius, int stride) : radius_(radius), stride_(stride
     values_.resize(side * side);
 }
 
-bool ImagePatch::fill(const PlaneView& image, Vec2 center, const Warp& warp) {
+bool ImagePatch::fill(const Picture& image, Vec2 center, const Warp& warp) {
     if (!fits(image, center, warp, radius_)) return false;
     const Vec2 right{warp.xx, warp.yx}, below{warp.xy, warp.yy};
     const Vec2 first = center - static_cast<double>(radius_) * (right + below);
@@ -103,7 +103,7 @@ bool ImagePatch::fill(const PlaneView& image, Vec2 center, const Warp& warp) {
     return true;
 }
 
-bool ImagePatch::sample(const PlaneView& image, Vec2 center, const Warp& warp) {
+bool ImagePatch::sample(const Picture& image, Vec2 center, const Warp& warp) {
     if (!fill(image, center, warp)) return false;
     double sum = 0.0, squares = 0.0;
     for (const double value : values_) {

@@ -3,17 +3,13 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/picture.hpp"
 #include "common/vec.hpp"
 
 namespace ffseg::pairs {
 
-struct PlaneView {
-    const std::uint8_t* data;
-    int height, width;
-};
-
 struct ImagePair {
-    PlaneView current, previous;
+    Picture current, previous;  // of one channel
 };
 
 // d(previous pixel) / d(current pixel).
@@ -37,8 +33,8 @@ class ImagePatch {
 public:
     explicit ImagePatch(int radius, int stride = 1);
     // False, with nothing sampled, where it does not lie inside the image; `fill` leaves mean and spread as they were.
-    bool sample(const PlaneView& image, Vec2 center, const Warp& warp);
-    bool fill(const PlaneView& image, Vec2 center, const Warp& warp);
+    bool sample(const Picture& image, Vec2 center, const Warp& warp);
+    bool fill(const Picture& image, Vec2 center, const Warp& warp);
     double correlation(const ImagePatch& other) const;
     const std::vector<double>& values() const { return values_; }
     double mean() const { return mean_; }

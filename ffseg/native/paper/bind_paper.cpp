@@ -2,7 +2,6 @@
 #include <nanobind/stl/vector.h>
 
 #include <cmath>
-#include <stdexcept>
 
 #include "bindings.hpp"
 #include "common/arrays.hpp"
@@ -30,10 +29,10 @@ struct Options {
 };
 
 void check(const Options& o) {
-    const bool sane = o.degree >= 1 && o.degree <= paper::kMostDegree && o.split_threshold >= 1 &&
-                      o.split_threshold <= 1e6 && std::abs(o.balloon) <= 1e3 && o.max_iterations >= 0 &&
-                      o.exponent >= 1 && o.exponent <= 64 && o.sigma > 0 && o.sigma <= 1e3;
-    if (!sane) throw std::invalid_argument("an option of the paper's method is out of range");
+    ffseg::require(o.degree >= 1 && o.degree <= paper::kMostDegree && o.split_threshold >= 1 &&
+                       o.split_threshold <= 1e6 && std::abs(o.balloon) <= 1e3 && o.max_iterations >= 0 &&
+                       o.exponent >= 1 && o.exponent <= 64 && o.sigma > 0 && o.sigma <= 1e3,
+                   "an option of the paper's method is out of range");
 }
 
 paper::Contour contour_of(const Points& points, const Indices& offsets, const Options& o) {
@@ -65,16 +64,9 @@ struct PyPaper {
     static paper::Evolution made(const Points& points, const Indices& offsets, const Words& gradient,
                                  const Bytes& edges, const std::optional<Bytes>& domain, const Options& o) {
         check(o);
-        const std::size_t height = gradient.shape(0), width = gradient.shape(1);
-        if (height == 0 || width == 0 || height > 65535 || width > 65535) {
-            throw std::invalid_argument("the edge map must have 1 to 65535 pixels a side");
-        }
-        if (edges.shape(0) != height || edges.shape(1) != width ||
-            (domain && (domain->shape(0) != height || domain->shape(1) != width))) {
-            throw std::invalid_argument("edges, gradient and domain differ in size");
-        }
-        paper::Field field(gradient.data(), edges.data(), domain ? domain->data() : nullptr, static_cast<int>(height),
-                           static_cast<int>(width));
+        const ffseg::Size size = ffseg::size_of(gradient);
+        ffseg::check_size(edges, size);
+        paper::Field field(gradient.data(), edges.data(), ffseg::domain_of(domain, size), size.height, size.width);
         return {contour_of(points, offsets, o),
                 std::move(field),
                 {o.balloon, o.exponent, o.sigma},
@@ -131,15 +123,7 @@ struct PyPaper {
         return {result.moved, result.samples};
     }
 
-    const char* stop_reason() const {
-        switch (evolution.stop()) {
-            case paper::Stop::kConverged: return "converged";
-            case paper::Stop::kMaxIterations: return "max_iterations";
-            case paper::Stop::kMaxPatches: return "max_patches";
-            case paper::Stop::kBudget: return "budget";
-            default: return "running";
-        }
-    }
+    const char* stop_reason() const { return ffseg::name_of(evolution.stop()); }
 };
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/stop.hpp"
 #include "paper/contour.hpp"
 
 namespace ffseg::paper {
@@ -39,8 +40,6 @@ private:
     std::vector<double> gradient_;
     std::vector<std::uint8_t> near_edge_, domain_;
 };
-
-enum class Stop { kRunning, kConverged, kMaxIterations, kMaxPatches, kBudget };
 
 // Moves every sample (Section 3.2), then every control point by V^-1 of that (Eq. 7); how many samples moved, of all.
 struct Moved {

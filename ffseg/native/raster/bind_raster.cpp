@@ -1,7 +1,5 @@
 #include <nanobind/stl/vector.h>
 
-#include <limits>
-#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -18,22 +16,20 @@ namespace {
 
 using ffseg::Indices;
 using ffseg::Points;
-using Mask = nb::ndarray<std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Mask = ffseg::Array<std::uint8_t, nb::ndim<2>>;
 
 // Beyond this, sums of products in the exact side test would overflow.
 constexpr double kFarthest = 1e100;
 
 void check_contours(const Indices& offsets, const Indices& degrees, std::size_t count) {
     const std::size_t contours = degrees.shape(0);
-    if (offsets.shape(0) != contours + 1 || offsets.data()[0] != 0 ||
-        offsets.data()[contours] != static_cast<std::int64_t>(count)) {
-        throw std::invalid_argument("offsets must run from 0 to the number of points, one more than the degrees");
-    }
+    ffseg::require(offsets.shape(0) == contours + 1 && offsets.data()[0] == 0 &&
+                       offsets.data()[contours] == static_cast<std::int64_t>(count),
+                   "offsets must run from 0 to the number of points, one more than the degrees");
     for (std::size_t c = 0; c < contours; ++c) {
         const std::int64_t degree = degrees.data()[c], size = offsets.data()[c + 1] - offsets.data()[c];
-        if (degree < 1 || degree > ffseg::raster::kMaxDegree || size < degree || size % degree != 0) {
-            throw std::invalid_argument("a contour needs N * d control points, N >= 1, d from 1 to 6");
-        }
+        ffseg::require(degree >= 1 && degree <= ffseg::raster::kMaxDegree && size >= degree && size % degree == 0,
+                       "a contour needs N * d control points, N >= 1, d from 1 to 6");
     }
 }
 
@@ -53,15 +49,14 @@ std::vector<ffseg::raster::Edge> edges_of(const std::vector<ffseg::Vec2>& contro
 
 std::vector<ffseg::Vec2> checked_contours(const Points& points, const Indices& offsets, const Indices& degrees,
                                           double tolerance) {
-    if (!(tolerance >= 1e-6)) throw std::invalid_argument("the tolerance must be at least 1e-6 pixel");
+    ffseg::require(tolerance >= 1e-6, "the tolerance must be at least 1e-6 pixel");
     std::vector<ffseg::Vec2> control = ffseg::points_of(points, kFarthest);
     check_contours(offsets, degrees, control.size());
     return control;
 }
 
 void py_rasterize(const Points& points, const Indices& offsets, const Indices& degrees, double tolerance, Mask out) {
-    if (out.shape(0) > 65535 || out.shape(1) > 65535)
-        throw std::invalid_argument("the mask exceeds 65535 pixels a side");
+    ffseg::require(out.shape(0) <= 65535 && out.shape(1) <= 65535, "the mask exceeds 65535 pixels a side");
     const std::vector<ffseg::Vec2> control = checked_contours(points, offsets, degrees, tolerance);
     const ffseg::raster::MaskView mask{out.data(), static_cast<int>(out.shape(0)), static_cast<int>(out.shape(1))};
     nb::gil_scoped_release release;
@@ -87,31 +82,31 @@ auto py_crossings(const Points& steps, const Points& points, const Indices& offs
     return ffseg::given_points(moved);
 }
 
+// Calls measure(first point, count) for each contour.
+template <class Measure>
+std::vector<double> of_each(const Points& points, const Indices& offsets, const Measure& measure) {
+    const std::vector<ffseg::Vec2> control = ffseg::points_of(points);
+    const std::vector<std::size_t> ends = ffseg::ends_of(offsets, control.size());
+    std::vector<double> found;
+    for (std::size_t c = 1; c < ends.size(); ++c) {
+        found.push_back(measure(control.data() + ends[c - 1], ends[c] - ends[c - 1]));
+    }
+    return found;
+}
+
 std::vector<double> py_signed_areas(const Points& points, const Indices& offsets,
                                     const ffseg::Array<const double, nb::ndim<2>>& matrix) {
-    const std::vector<ffseg::Vec2> control = ffseg::points_of(points, std::numeric_limits<double>::max());
-    const std::vector<std::size_t> ends = ffseg::ends_of(offsets, control.size());
     const std::size_t degree = matrix.shape(0) - 1;
-    if (degree < 1 || degree > ffseg::raster::kMaxDegree || matrix.shape(1) != degree + 1) {
-        throw std::invalid_argument("the matrix of an area has degree + 1 rows and columns");
-    }
-    std::vector<double> areas;
-    for (std::size_t c = 1; c < ends.size(); ++c) {
-        const std::size_t count = ends[c] - ends[c - 1];
-        if (count == 0 || count % degree != 0) throw std::invalid_argument("a contour needs N * d control points");
-        areas.push_back(ffseg::signed_area(control.data() + ends[c - 1], count, matrix.data(), degree));
-    }
-    return areas;
+    ffseg::require(degree >= 1 && degree <= ffseg::raster::kMaxDegree && matrix.shape(1) == degree + 1,
+                   "the matrix of an area has degree + 1 rows and columns");
+    return of_each(points, offsets, [&](const ffseg::Vec2* first, std::size_t count) {
+        ffseg::require(count > 0 && count % degree == 0, "a contour needs N * d control points");
+        return ffseg::signed_area(first, count, matrix.data(), degree);
+    });
 }
 
 std::vector<double> py_steps_along_axes(const Points& points, const Indices& offsets) {
-    const std::vector<ffseg::Vec2> control = ffseg::points_of(points, std::numeric_limits<double>::max());
-    const std::vector<std::size_t> ends = ffseg::ends_of(offsets, control.size());
-    std::vector<double> steps;
-    for (std::size_t c = 1; c < ends.size(); ++c) {
-        steps.push_back(ffseg::steps_along_axes(control.data() + ends[c - 1], ends[c] - ends[c - 1]));
-    }
-    return steps;
+    return of_each(points, offsets, ffseg::steps_along_axes);
 }
 
 }  // namespace

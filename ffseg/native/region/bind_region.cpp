@@ -1,5 +1,3 @@
-#include <stdexcept>
-
 #include "bindings.hpp"
 #include "common/arrays.hpp"
 #include "region/pressure.hpp"
@@ -24,14 +22,13 @@ struct PyPressure {
         : image(given), pressure(checked(given, weight, window), weight, window) {}
 
     static ffseg::Picture checked(const Colours& image, double weight, double window) {
-        if (!(weight > 0 && weight <= 1e3 && window >= 0 && window <= 1e5)) {
-            throw std::invalid_argument("the weight or the window is out of range");
-        }
+        ffseg::require(weight > 0 && weight <= 1e3 && window >= 0 && window <= 1e5,
+                       "the weight or the window is out of range");
         return ffseg::picture_of(image);
     }
 
     void fit(const Points& points, const Indices& offsets, int degree, bool closes_in) {
-        if (degree < 1 || degree > ffseg::raster::kMaxDegree) throw std::invalid_argument("the degree must be 1 to 6");
+        ffseg::require(degree >= 1 && degree <= ffseg::raster::kMaxDegree, "the degree must be 1 to 6");
         const std::vector<ffseg::Vec2> control = ffseg::points_of(points, kFarthest);
         const std::vector<std::size_t> ends = ffseg::patch_ends_of(offsets, control.size(), degree);
         pressure.fit({control, ends, degree}, closes_in);

@@ -1,7 +1,5 @@
 #include <nanobind/stl/string.h>
 
-#include <stdexcept>
-
 #include "bindings.hpp"
 #include "common/arrays.hpp"
 #include "text/path_text.hpp"
@@ -14,10 +12,9 @@ namespace {
 using ffseg::Points;
 
 std::string py_path_text(const Points& points, int degree) {
-    if (degree < 1 || degree > 3) throw std::invalid_argument("a path is written in degree 1, 2 or 3");
-    if (points.shape(0) == 0 || points.shape(0) % static_cast<std::size_t>(degree) != 0) {
-        throw std::invalid_argument("a closed contour needs N * degree control points, N >= 1");
-    }
+    ffseg::require(degree >= 1 && degree <= 3, "a path is written in degree 1, 2 or 3");
+    ffseg::require(points.shape(0) > 0 && points.shape(0) % static_cast<std::size_t>(degree) == 0,
+                   "a closed contour needs N * degree control points, N >= 1");
     const std::vector<ffseg::Vec2> checked = ffseg::points_of(points, ffseg::text::kLargestWritten);
     nb::gil_scoped_release release;
     return ffseg::text::path_text(checked, degree);

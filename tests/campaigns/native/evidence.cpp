@@ -44,8 +44,8 @@ void features(Random& random) {
     const Size drawn = draw_size(random, 1, 4096);
     const int channels = random.pick({1, 3, 4}), factor = random.pick({1, 1, 2, 3, 7, 256});
     const std::vector<std::uint8_t> bytes = draw_bytes(random, drawn.count() * static_cast<std::size_t>(channels));
-    const evidence::Pixels pixels{bytes.data(), drawn.height, drawn.width, channels};
-    const evidence::Size size = evidence::reduced(pixels, factor);
+    const ffseg::Picture pixels{bytes.data(), drawn.height, drawn.width, channels};
+    const ffseg::Size size = evidence::reduced(pixels, factor);
     std::vector<float> lab(3 * size.count());
     evidence::reduced_lab(pixels, factor, lab.data());
     expect(std::all_of(lab.begin(), lab.end(), [](float v) { return std::abs(v) < 150; }), "a colour out of range");
@@ -67,7 +67,7 @@ void features(Random& random) {
 
 void ways(Random& random) {
     const Size drawn = draw_size(random, 1, 2000);
-    const evidence::Size size{drawn.height, drawn.width};
+    const ffseg::Size size{drawn.height, drawn.width};
     std::vector<float> heights = draw_floats(random, size.count());
     if (random.once_in(3)) spoil(random, heights);
     const std::vector<std::uint8_t> inside = draw_marks(random, drawn);

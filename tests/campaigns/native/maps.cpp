@@ -57,7 +57,7 @@ void edges(Random& random) {
     const Size size = draw_size(random, 1, 65535);
     const int channels = random.pick({1, 1, 3, 2, 4});
     const std::vector<std::uint8_t> image = draw_bytes(random, size.count() * static_cast<std::size_t>(channels));
-    const ffseg::edges::ImageView view{image.data(), size.height, size.width, channels};
+    const ffseg::Picture view{image.data(), size.height, size.width, channels};
     const double sigma =
         random.pick({0.01, 0.5, 1.5, 1.5, 4.0, 20.0, ffseg::edges::kMostSigma, random.scale(1e-3, 32.0)});
     std::vector<std::uint16_t> gradient(size.count(), 65535);

@@ -175,7 +175,7 @@ void interest(Random& random) {
     region.width = random.among(1, size.width - region.x);
     region.height = random.among(1, size.height - region.y);
     region.mask = draw_marks(random, {region.height, region.width});
-    const ffseg::pairs::PlaneView view{image.data(), size.height, size.width};
+    const ffseg::Picture view{image.data(), size.height, size.width, 1};
     const ffseg::pairs::ComponentWindow wide =
         ffseg::pairs::grown(region, random.pick({0, 1, 3, 32}), size.width, size.height);
     const int most = random.pick({0, 1, 8, 65535});

@@ -24,18 +24,8 @@ constexpr double kFastest = 1e100, kSlowest = 1e-100;
 
 template <class Plane>
 ffseg::marching::Grid grid_of(const Plane& plane) {
-    if (plane.shape(0) == 0 || plane.shape(1) == 0 || plane.shape(0) > 32767 || plane.shape(1) > 32767) {
-        throw std::invalid_argument("the image must have 1 to 32767 pixels a side");
-    }
-    return {static_cast<int>(plane.shape(0)), static_cast<int>(plane.shape(1))};
-}
-
-template <class Plane>
-void check_size(const ffseg::marching::Grid& grid, const Plane& plane) {
-    if (plane.shape(0) != static_cast<std::size_t>(grid.height) ||
-        plane.shape(1) != static_cast<std::size_t>(grid.width)) {
-        throw std::invalid_argument("the arrays differ in size");
-    }
+    const ffseg::Size size = ffseg::size_of(plane, 32767);
+    return {size.height, size.width};
 }
 
 // Slowness on the grid with its ring; the ring and all that is not faster than `stop` is infinite.
@@ -60,10 +50,9 @@ std::vector<std::int32_t> raster_index(const ffseg::marching::Grid& grid, const 
 
 nb::tuple py_march(const PlaneF& speed, double stop, const Bytes& inside, std::optional<Bytes> domain) {
     const ffseg::marching::Grid grid = grid_of(speed);
-    check_size(grid, inside);
-    if (domain) check_size(grid, *domain);
-    if (!(stop >= 0)) throw std::invalid_argument("the stop speed must not be negative");
-    ffseg::marching::March march(grid, domain ? domain->data() : nullptr);
+    ffseg::check_size(inside, {grid.height, grid.width});
+    ffseg::require(stop >= 0, "the stop speed must not be negative");
+    ffseg::marching::March march(grid, ffseg::domain_of(domain, {grid.height, grid.width}));
     std::vector<double> time(static_cast<std::size_t>(grid.height) * static_cast<std::size_t>(grid.width));
     std::size_t initial = 0;
     {
@@ -97,12 +86,11 @@ struct LevelSetOptions {
 nb::tuple py_level_set(const Words& gradient, const Table& slowness, const Bytes& inside, std::optional<Bytes> domain,
                        const LevelSetOptions& options) {
     const ffseg::marching::Grid grid = grid_of(gradient);
-    check_size(grid, inside);
-    if (domain) check_size(grid, *domain);
-    if (options.stop < 1 || options.stop > 65536 || options.reach < 0 || options.reach > 64 ||
-        !(options.min_area >= 0)) {
-        throw std::invalid_argument("a level set option is out of range");
-    }
+    ffseg::check_size(inside, {grid.height, grid.width});
+    const std::uint8_t* const limits = ffseg::domain_of(domain, {grid.height, grid.width});
+    ffseg::require(options.stop >= 1 && options.stop <= 65536 && options.reach >= 0 && options.reach <= 64 &&
+                       options.min_area >= 0,
+                   "a level set option is out of range");
     for (int level = 0; level < 65536; ++level) {
         const double value = slowness.data()[level];
         const bool fits = level < options.stop ? value >= kSlowest && value <= kFastest : std::isinf(value);
@@ -112,7 +100,7 @@ nb::tuple py_level_set(const Words& gradient, const Table& slowness, const Bytes
     {
         nb::gil_scoped_release release;
         const ffseg::levelset::LevelSetInput input{
-            grid,         gradient.data(), slowness.data(),    inside.data(),   domain ? domain->data() : nullptr,
+            grid,         gradient.data(), slowness.data(),    inside.data(),   limits,
             options.stop, options.reach,   options.closing_in, options.min_area};
         result = ffseg::levelset::level_set(input);
     }

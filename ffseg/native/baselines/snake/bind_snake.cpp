@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <memory>
-#include <stdexcept>
 
 #include "baselines/snake/snake.hpp"
 #include "bindings.hpp"
@@ -23,20 +22,19 @@ constexpr double kFar = 1e6;  // px; beyond it coordinates do not fit into pixel
 bool between(double value, double low, double high) { return value >= low && value <= high; }
 
 void check(const ffseg::snake::SnakeOptions& o) {
-    const bool sane = between(o.tension, 0, 1e3) && between(o.rigidity, 0, 1e3) && between(o.balloon, -64, 64) &&
-                      between(o.attraction, 0, 1e3) && between(o.spacing, 0.5, 1e6) && between(o.tolerance, 0, 1e6) &&
-                      o.max_iterations >= 0;
-    if (!sane) throw std::invalid_argument("a snake option is out of range");
+    ffseg::require(between(o.tension, 0, 1e3) && between(o.rigidity, 0, 1e3) && between(o.balloon, -64, 64) &&
+                       between(o.attraction, 0, 1e3) && between(o.spacing, 0.5, 1e6) && between(o.tolerance, 0, 1e6) &&
+                       o.max_iterations >= 0,
+                   "a snake option is out of range");
 }
 
 std::vector<ffseg::snake::AltitudePoint> altitude_points(const Altitudes& rows, double epsilon) {
     std::vector<ffseg::snake::AltitudePoint> out;
     for (std::size_t i = 0; i < rows.shape(0); ++i) {
         const double* row = rows.data() + 4 * i;
-        if (!between(row[0], -kFar, kFar) || !between(row[1], -kFar, kFar) || !std::isfinite(row[2]) ||
-            !between(row[3], 0, 1e4)) {
-            throw std::invalid_argument("an altitude point (x, y, altitude, radius) is out of range");
-        }
+        ffseg::require(between(row[0], -kFar, kFar) && between(row[1], -kFar, kFar) && std::isfinite(row[2]) &&
+                           between(row[3], 0, 1e4),
+                       "an altitude point (x, y, altitude, radius) is out of range");
         out.push_back({{row[0], row[1]}, row[3], row[2] < epsilon});
     }
     return out;
@@ -52,19 +50,14 @@ struct PySnake {
             const Altitudes& altitudes, double epsilon, const ffseg::snake::SnakeOptions& options)
         : gradient(std::move(gradient_in)), domain(std::move(domain_in)) {
         check(options);
-        const std::size_t h = gradient.shape(0), w = gradient.shape(1);
-        if (h == 0 || w == 0 || h > 32767 || w > 32767)
-            throw std::invalid_argument("the image must have 1 to 32767 pixels a side");
-        if (edges.shape(0) != h || edges.shape(1) != w ||
-            (domain && (domain->shape(0) != h || domain->shape(1) != w))) {
-            throw std::invalid_argument("the arrays differ in size");
-        }
-        const int height = static_cast<int>(h), width = static_cast<int>(w);
+        const ffseg::Size size = ffseg::size_of(gradient, 32767);
+        ffseg::check_size(edges, size);
+        const std::uint8_t* const limits = ffseg::domain_of(domain, size);
         const std::vector<ffseg::snake::AltitudePoint> known = altitude_points(altitudes, epsilon);
         std::vector<ffseg::Vec2> start = ffseg::points_of(points, kFar);
         nb::gil_scoped_release release;
-        ffseg::snake::SnakeField field{gradient.data(), height, width, domain ? domain->data() : nullptr,
-                                       ffseg::snake::snake_zones(edges.data(), height, width, known)};
+        ffseg::snake::SnakeField field{gradient.data(), size.height, size.width, limits,
+                                       ffseg::snake::snake_zones(edges.data(), size.height, size.width, known)};
         snake = std::make_unique<ffseg::snake::Snake>(std::move(field), std::move(start), options);
     }
 
@@ -73,16 +66,7 @@ struct PySnake {
         return snake->advance(most);
     }
 
-    const char* stop_reason() const {
-        switch (snake->stop()) {
-            case ffseg::snake::SnakeStop::kConverged: return "converged";
-            case ffseg::snake::SnakeStop::kMaxIterations: return "max_iterations";
-            case ffseg::snake::SnakeStop::kVanished: return "vanished";
-            case ffseg::snake::SnakeStop::kMaxPoints: return "max_points";
-            case ffseg::snake::SnakeStop::kBudget: return "budget";
-            default: return "running";
-        }
-    }
+    const char* stop_reason() const { return ffseg::name_of(snake->stop()); }
 };
 
 }  // namespace

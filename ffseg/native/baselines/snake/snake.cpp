@@ -84,25 +84,25 @@ Snake::Snake(SnakeField field, std::vector<Vec2> points, const SnakeOptions& opt
 }
 
 bool Snake::advance(int most) {
-    for (int i = 0; i < most && stop_ == SnakeStop::kRunning; ++i) step();
-    return stop_ == SnakeStop::kRunning;
+    for (int i = 0; i < most && stop_ == Stop::kRunning; ++i) step();
+    return stop_ == Stop::kRunning;
 }
 
 void Snake::step() {
     if (points_.size() < kFewest) {
-        stop_ = SnakeStop::kVanished;
+        stop_ = Stop::kVanished;
         return;
     }
     if (points_.size() >= kMost) {
-        stop_ = SnakeStop::kMaxPoints;
+        stop_ = Stop::kMaxPoints;
         return;
     }
     if (counts_.iterations == options_.max_iterations) {
-        stop_ = SnakeStop::kMaxIterations;
+        stop_ = Stop::kMaxIterations;
         return;
     }
     if (options_.budget > 0 && counts_.moved > options_.budget) {
-        stop_ = SnakeStop::kBudget;
+        stop_ = Stop::kBudget;
         return;
     }
     ++counts_.iterations;
@@ -125,7 +125,7 @@ void Snake::step() {
     points_.swap(next_);
     const bool changed = options_.refine && refine();
     quiet_ = !changed && static_cast<double>(moved) <= kRestless * static_cast<double>(n) ? quiet_ + 1 : 0;
-    if (quiet_ == kQuiet) stop_ = SnakeStop::kConverged;
+    if (quiet_ == kQuiet) stop_ = Stop::kConverged;
 }
 
 // Outer unit normal: to the left of the way along a contour of positive area.

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "baselines/snake/cyclic.hpp"
+#include "common/stop.hpp"
 #include "common/vec.hpp"
 
 namespace ffseg::snake {
@@ -47,8 +48,6 @@ enum SnakeZone : std::uint8_t { kHomogeneous = 0, kEdge = 1, kStrongEdge = 2, kS
 std::vector<std::uint8_t> snake_zones(const std::uint8_t* edges, int height, int width,
                                       const std::vector<AltitudePoint>& points);
 
-enum class SnakeStop { kRunning, kConverged, kMaxIterations, kVanished, kMaxPoints, kBudget };
-
 struct SnakeCounts {
     int iterations = 0, insertions = 0, removals = 0;
     std::size_t moved = 0;  // points, in all iterations
@@ -62,7 +61,7 @@ public:
     bool advance(int most);
 
     const std::vector<Vec2>& points() const { return points_; }
-    SnakeStop stop() const { return stop_; }
+    Stop stop() const { return stop_; }
     const SnakeCounts& counts() const { return counts_; }
 
 private:
@@ -81,7 +80,7 @@ private:
     std::vector<Vec2> points_, next_, normals_;
     SnakeCounts counts_;
     int quiet_ = 0;
-    SnakeStop stop_ = SnakeStop::kRunning;
+    Stop stop_ = Stop::kRunning;
 };
 
 }  // namespace ffseg::snake
