@@ -27,7 +27,10 @@ struct Cells {
 
 // Is there a solid pixel in these columns and rows, both ends included?
 bool holds_solid(const Cells& cells, int left, int right, int top, int bottom);
-// Which tiles hold something blocked, and how far free ones are from these, from the pixels.
-void build_tiles(Cells& cells);
+// How far free tiles are from those that hold something blocked, the occupied ones. Tiles grow by one all round, level
+// by level; a tile not reached by level k has k free tiles on every side. Tiles at the border (the last row and column
+// may be cut) have the outside beside them. The band round an edge may lie in the next tile, one pixel deep: what is
+// free is one pixel less.
+void measure_reach(Cells& cells, std::vector<std::uint8_t>& occupied);
 
 }  // namespace ffseg::field

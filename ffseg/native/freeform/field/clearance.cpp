@@ -121,7 +121,12 @@ bool Field::close_passages(const std::uint8_t* edges, const std::vector<Vec2>& s
     if (mapped) shut.add(uncovered(plane, thin, width(), std::max(kLeast * radius, 0.0), free));
     if (shut.empty()) return true;
     for_pixels(shut, [&](int x, int y) { cells_.blocked[cells_.at(x, y)] = kEdge; });
-    build_tiles(cells_);
+    std::vector<std::uint8_t> occupied(cells_.tiles_x * cells_.tiles_y);
+    for (int y = 0; y < height(); ++y) {
+        std::uint8_t* const tiles = &occupied[static_cast<std::size_t>(y >> kTileShift) * cells_.tiles_x];
+        for (int x = 0; x < width(); ++x) tiles[x >> kTileShift] |= cells_.blocked[cells_.at(x, y)];
+    }
+    measure_reach(cells_, occupied);
     return true;
 }
 

@@ -6,22 +6,45 @@
 #include <cstring>
 #include <utility>
 
-#include "freeform/field/runs.hpp"
+#include "common/lanes.hpp"
 
 namespace ffseg::field {
 namespace {
 
-FFSEG_INLINE bool any_set(const std::uint8_t* bytes, int count) {
+// Pixels looked at together.
+constexpr int kRun = 64;
+
+// Eight pixels, a byte each, as one number.
+using Eight = std::uint64_t;
+constexpr int kEight = 8;
+constexpr Eight kOnes = 0x0101010101010101;
+
+FFSEG_INLINE Eight eight(const std::uint8_t* bytes) {
+    Eight read = 0;
+    std::memcpy(&read, bytes, sizeof read);
+    return read;
+}
+
+FFSEG_INLINE bool any_set(const std::uint8_t* run) {
     Eight any = 0;
-    if (count == kRun) {
-        for (int at = 0; at < kRun; at += kEight) any |= eight(bytes + at);
-        return any != 0;
-    }
-    int at = 0;
-    for (; at + kEight <= count; at += kEight) any |= eight(bytes + at);
-    for (; at < count; ++at) any |= bytes[at];
+    for (int at = 0; at < kRun; at += kEight) any |= eight(run + at);
     return any != 0;
 }
+
+// Rows of numbers with so many zeros before and after each, and rows of zeros above and below.
+class Rows {
+public:
+    Rows(int height, int width, int margin)
+        : margin_(margin),
+          stride_(static_cast<std::size_t>(width + 2 * margin)),
+          data_((static_cast<std::size_t>(height) + 2) * stride_) {}
+    std::uint8_t* operator[](int y) { return &data_[static_cast<std::size_t>(y + 1) * stride_ + margin_]; }
+
+private:
+    int margin_;
+    std::size_t stride_;
+    std::vector<std::uint8_t> data_;
+};
 
 // kRun cells of one row from the edges (0 or 1) of this row and those above and below it: edge pixels and the band
 // round them. A pixel under an edge pixel whose neighbour continues the edge diagonally becomes solid too, so that an
@@ -55,7 +78,7 @@ void add_where_zero(const std::uint8_t* marks, std::uint8_t gained, std::uint8_t
     }
 }
 
-// A whole run as 0 and 1, and the tiles it lies in.
+// A run as 0 and 1, and the tiles it lies in.
 void read_run(const std::uint8_t* from, std::uint8_t* row, std::uint8_t* tiles) {
     constexpr int kTiles = kRun >> kTileShift;
     std::array<std::uint8_t, kRun> pixels;
@@ -70,73 +93,49 @@ void read_run(const std::uint8_t* from, std::uint8_t* row, std::uint8_t* tiles) 
     std::memcpy(tiles, held.data(), sizeof held);
 }
 
-// A row of edges as 0 and 1, which of its runs hold any, and the tiles they lie in; beyond the image there are none.
-// True if there are any at all.
-bool read_row(const Cells& cells, const std::uint8_t* edges, int y, std::uint8_t* row, std::uint8_t* flags,
-              std::vector<std::uint8_t>& occupied) {
-    const int runs = (cells.width + kRun - 1) / kRun;
-    const std::uint8_t* from = edges + static_cast<std::size_t>(y) * cells.width;
-    std::uint8_t* tiles = occupied.data() + static_cast<std::size_t>(y >> kTileShift) * cells.tiles_x;
-    bool found = false;
-    for (int run = 0; run < runs; ++run) {
-        const int first = run * kRun, count = y < cells.height ? std::min(kRun, cells.width - first) : 0;
-        const bool any = any_set(from + first, count);
-        if (!any && flags[run] == 0) continue;
-        flags[run] = any;
-        found = found || any;
-        if (any && count == kRun) {
-            read_run(from + first, row + first, tiles + (first >> kTileShift));
-            continue;
+// A row of edges as 0 and 1, which of its runs hold any, and the tiles they lie in.
+void read_row(const std::uint8_t* from, int width, std::uint8_t* row, std::uint8_t* flags, std::uint8_t* tiles) {
+    for (int first = 0; first < width; first += kRun) {
+        std::array<std::uint8_t, kRun> part{};
+        const std::uint8_t* run = from + first;
+        if (first + kRun > width) {
+            std::memcpy(part.data(), run, static_cast<std::size_t>(width - first));
+            run = part.data();
         }
-        std::memset(row + first, 0, kRun);
-        if (!any) continue;
-        for (int x = 0; x < count; ++x) row[first + x] = from[first + x] != 0;
-        for (int tile = 0; tile << kTileShift < count; ++tile) {
-            std::uint32_t word = 0;
-            std::memcpy(&word, row + first + (tile << kTileShift), sizeof word);
-            tiles[(first >> kTileShift) + tile] |= word != 0 ? 1 : 0;
-        }
+        std::uint8_t& flag = flags[first / kRun];
+        const bool any = any_set(run);
+        if (any || flag != 0) read_run(run, row + first, tiles + (first >> kTileShift));
+        flag = any;
     }
-    return found;
 }
 
-void mark_edges(Cells& cells, const std::uint8_t* edges, std::vector<std::uint8_t>& occupied, RunMarks& held) {
+// Marks the edges and their band; `held` tells the runs that have any. What is written beyond the width of a row is
+// written again with the next one.
+void mark_edges(Cells& cells, const std::uint8_t* edges, std::vector<std::uint8_t>& occupied, Rows& held) {
     static_assert(kBand == 1 && kEdge == 2, "mark_run writes these");
     const int runs = (cells.width + kRun - 1) / kRun;
-    const std::size_t padded = static_cast<std::size_t>(runs + 2) * kRun;
-    // Three rows of edges as 0 and 1, their runs that hold any, with margins of a run at either side.
-    std::vector<std::uint8_t> rows(3 * padded), flags(4 * static_cast<std::size_t>(runs + 2)), part(kRun);
-    std::array<std::uint8_t*, 3> row{}, flag{};
-    for (std::size_t i = 0; i < 3; ++i) {
-        row[i] = rows.data() + i * padded + kRun;
-        flag[i] = flags.data() + i * static_cast<std::size_t>(runs + 2) + 1;
-    }
-    std::uint8_t* const near = flags.data() + 3 * static_cast<std::size_t>(runs + 2) + 1;
-    std::array<bool, 3> filled{false, false, read_row(cells, edges, 0, row[2], flag[2], occupied)};
-    for (int y = 0; y < cells.height; ++y) {
-        std::rotate(row.begin(), row.begin() + 1, row.end());
-        std::rotate(flag.begin(), flag.begin() + 1, flag.end());
-        std::rotate(filled.begin(), filled.begin() + 1, filled.end());
-        filled[2] = read_row(cells, edges, y + 1, row[2], flag[2], occupied);
-        if (!(filled[0] || filled[1] || filled[2])) continue;
-        for (int run = -1; run <= runs; ++run) near[run] = flag[0][run] | flag[1][run] | flag[2][run];
+    const std::vector<std::uint8_t> none(static_cast<std::size_t>(cells.width));
+    Rows rows(3, runs * kRun, kRun), flags(4, runs, 1);
+    std::uint8_t* const near = flags[3];  // runs with any in three rows
+    for (int y = 0; y <= cells.height; ++y) {
+        const bool inside = y < cells.height;
+        read_row(inside ? edges + static_cast<std::size_t>(y) * cells.width : none.data(), cells.width, rows[y % 3],
+                 flags[y % 3], &occupied[static_cast<std::size_t>(y >> kTileShift) * cells.tiles_x]);
+        if (y == 0) continue;
+        for (int run = 0; run < runs; ++run) near[run] = flags[0][run] | flags[1][run] | flags[2][run];
+        const std::uint8_t *const up = rows[(y + 1) % 3], *const here = rows[(y + 2) % 3], *const down = rows[y % 3];
+        const auto column = [&](int x) { return up[x] | here[x] | down[x]; };
         for (int run = 0; run < runs; ++run) {
-            if ((near[run - 1] | near[run] | near[run + 1]) == 0) continue;
-            const std::size_t x = static_cast<std::size_t>(run) * kRun;
-            const auto side = [&](std::ptrdiff_t at) { return row[0][at] | row[1][at] | row[2][at]; };
-            const auto first = static_cast<std::ptrdiff_t>(x);
-            // Only the runs beside may hold any, and those not at this side.
-            if (near[run] == 0 && (side(first - 1) | side(first + kRun)) == 0) continue;
-            held.row(y)[run] = 1;
-            std::uint8_t* const to = &cells.blocked[cells.at(run * kRun, y)];
-            const bool whole = (run + 1) * kRun <= cells.width;
-            mark_run(row[0] + x, row[1] + x, row[2] + x, whole ? to : part.data());
-            if (!whole) std::memcpy(to, part.data(), static_cast<std::size_t>(cells.width) - x);
+            const int x = run * kRun;
+            if (near[run] == 0 && ((near[run - 1] | near[run + 1]) == 0 || (column(x - 1) | column(x + kRun)) == 0))
+                continue;
+            held[y - 1][run] = 1;
+            mark_run(up + x, here + x, down + x, &cells.blocked[cells.at(x, y - 1)]);
         }
     }
 }
 
-void mark_outside(Cells& cells, const std::uint8_t* domain, std::vector<std::uint8_t>& occupied, RunMarks& held) {
+void mark_outside(Cells& cells, const std::uint8_t* domain, std::vector<std::uint8_t>& occupied, Rows& held) {
     const std::size_t rows = static_cast<std::size_t>(cells.height) + 2;
     std::memset(cells.blocked.data(), kOutside, cells.stride);
     std::memset(cells.blocked.data() + (rows - 1) * cells.stride, kOutside, cells.stride);
@@ -149,16 +148,58 @@ void mark_outside(Cells& cells, const std::uint8_t* domain, std::vector<std::uin
         for (int x = 0; x < cells.width; ++x) {
             if (domain[static_cast<std::size_t>(y) * cells.width + x] != 0) continue;
             cells.blocked[cells.at(x, y)] = kOutside;
-            held.row(y)[x / kRun] = 1;
+            held[y][x / kRun] = 1;
             occupied[static_cast<std::size_t>(y >> kTileShift) * cells.tiles_x +
                      static_cast<std::size_t>(x >> kTileShift)] = 1;
         }
     }
 }
 
-// Tiles grow by one all round, level by level; a tile not reached by level k has k free tiles on every side. Tiles at
-// the border (the last row and column may be cut) have the outside beside them. The band round an edge may lie in the
-// next tile, one pixel deep: what is free is one pixel less.
+// Those free ones of kRun pixels in a row that no square of two by two free pixels covers become 1 in `slits`; says
+// whether there are any. All that is blocked has the lowest bit.
+FFSEG_CLONES
+bool find_slits(const std::uint8_t* row, std::ptrdiff_t stride, std::uint8_t* __restrict slits) {
+    const std::uint8_t *const up = row - stride, *const down = row + stride;
+    Eight any = 0;
+    for (int x = 0; x < kRun; x += kEight) {
+        const Eight here = eight(row + x), left = eight(row + x - 1), right = eight(row + x + 1);
+        const Eight above = eight(up + x) | ((eight(up + x - 1) | left) & (eight(up + x + 1) | right));
+        const Eight below = eight(down + x) | ((eight(down + x - 1) | left) & (eight(down + x + 1) | right));
+        const Eight shut = above & below & ~here & kOnes;
+        std::memcpy(slits + x, &shut, sizeof shut);
+        any |= shut;
+    }
+    return any != 0;
+}
+
+// Blocks free space that no two by two free pixels fit into. Only runs of a row that hold something blocked, or lie
+// between two that do, are looked at; they are marked when the next row has been looked at. A slit lies between edges
+// on either side, so no farther than the band reaches beyond both: what is known of free tiles stays true.
+void shut_slits(Cells& cells, Rows& held) {
+    using Slits = std::array<std::uint8_t, kRun>;
+    std::array<std::vector<std::pair<std::uint8_t*, Slits>>, 2> found;  // where, in this row and the one before
+    for (int y = 0; y <= cells.height; ++y) {
+        const std::uint8_t *const above = held[y - 1], *const here = held[y], *const below = above + (here - above) * 2;
+        for (int x = 0, run = 0; y < cells.height && x < cells.width; x += kRun, ++run) {
+            if ((here[run] | (above[run] & below[run])) == 0) continue;
+            Slits slits;
+            std::uint8_t* const row = &cells.blocked[cells.at(x, y)];
+            if (!find_slits(row, static_cast<std::ptrdiff_t>(cells.stride), slits.data())) continue;
+            std::fill(slits.begin() + std::min(kRun, cells.width - x), slits.end(), std::uint8_t{0});
+            found[y % 2].emplace_back(row, slits);
+        }
+        for (const auto& [row, slits] : found[(y + 1) % 2]) {
+            for (int x = 0; x < kRun; x += kEight) {
+                const Eight sum = eight(row + x) | eight(&slits[x]);
+                std::memcpy(row + x, &sum, sizeof sum);
+            }
+        }
+        found[(y + 1) % 2].clear();
+    }
+}
+
+}  // namespace
+
 void measure_reach(Cells& cells, std::vector<std::uint8_t>& occupied) {
     const std::size_t columns = cells.tiles_x, rows = cells.tiles_y;
     for (const std::size_t r : {rows - 1, std::max<std::size_t>(rows, 2) - 2}) {
@@ -186,8 +227,6 @@ void measure_reach(Cells& cells, std::vector<std::uint8_t>& occupied) {
     }
 }
 
-}  // namespace
-
 Cells::Cells(int h, int w, std::size_t padding)
     : height(h),
       width(w),
@@ -198,32 +237,12 @@ Cells::Cells(int h, int w, std::size_t padding)
 
 Field::Field(const std::uint8_t* edges, const std::uint8_t* domain, int height, int width)
     : cells_(height, width, kRun + 1) {
-    std::vector<std::uint8_t> occupied(cells_.tiles_x * cells_.tiles_y);
-    RunMarks held(height, static_cast<std::size_t>((width + kRun - 1) / kRun));
+    std::vector<std::uint8_t> occupied((cells_.tiles_y + 1) * cells_.tiles_x + kRun);  // as far as whole runs reach
+    Rows held(height, (width + kRun - 1) / kRun, 0);
     mark_edges(cells_, edges, occupied, held);
     mark_outside(cells_, domain, occupied, held);
     measure_reach(cells_, occupied);
     shut_slits(cells_, held);
-}
-
-// Which tiles hold something blocked, from the pixels.
-void build_tiles(Cells& cells) {
-    constexpr int kTile = 1 << kTileShift;
-    std::vector<std::uint8_t> occupied(cells.tiles_x * cells.tiles_y);
-    for (int y = 0; y < cells.height; ++y) {
-        std::uint8_t* const tiles = occupied.data() + static_cast<std::size_t>(y >> kTileShift) * cells.tiles_x;
-        const std::uint8_t* const row = &cells.blocked[cells.at(0, y)];
-        for (int x = 0; x < cells.width; x += kTile) {
-            std::uint32_t word = 0;
-            if (x + kTile <= cells.width) {
-                std::memcpy(&word, row + x, sizeof word);
-            } else {
-                std::memcpy(&word, row + x, static_cast<std::size_t>(cells.width - x));
-            }
-            tiles[x >> kTileShift] |= word != 0 ? 1 : 0;
-        }
-    }
-    measure_reach(cells, occupied);
 }
 
 // Is there a solid pixel in these columns and rows, both ends included?
