@@ -33,14 +33,6 @@ void between_rows(const float* before, const float* after, float share, float* o
     for (int x = 0; x < count; ++x) out[x] = before[x] * rest + after[x] * share;
 }
 
-FFSEG_CLONES
-bool within_most(const float* values, std::size_t count, float most) {
-    int beyond = 0;
-    FFSEG_APART
-    for (std::size_t i = 0; i < count; ++i) beyond |= !(std::abs(values[i]) <= most);
-    return beyond == 0;
-}
-
 // The values before and after a pixel of a longer line, and the weight of the one after.
 struct Between {
     int before, after;
@@ -60,7 +52,13 @@ std::vector<Between> places_between(int length, int values, double step, int str
 
 }  // namespace
 
-bool within(const float* values, std::size_t count, float most) { return within_most(values, count, most); }
+FFSEG_CLONES
+bool within(const float* values, std::size_t count, float most) {
+    int beyond = 0;
+    FFSEG_APART
+    for (std::size_t i = 0; i < count; ++i) beyond |= !(std::abs(values[i]) <= most);
+    return beyond == 0;
+}
 
 void thin(const float* plane, Size size, float* out) {
     const Size small = halved(size);
