@@ -44,8 +44,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
-        signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup the commands that are tested would ignore it as well
+    # Under nohup, and behind "&" in a script, the commands that are tested would ignore these as well.
+    for name, usual in (("SIGHUP", signal.SIG_DFL), ("SIGINT", signal.default_int_handler)):
+        number = getattr(signal, name, None)  # not every system has all
+        if number is not None and signal.getsignal(number) == signal.SIG_IGN:
+            signal.signal(number, usual)
     config.stash[_STDERR] = os.dup(2)  # tests find it captured
     settings.load_profile("long" if config.getoption("--long") else "short")
     if not hasattr(config, "workerinput"):  # the process that starts the others
