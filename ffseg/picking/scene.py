@@ -168,18 +168,24 @@ class Scene:
             return empty
         start = picked.start or Start()
         try:
-            start_contours(
-                self.shape, start.placed(params, self.shape), self._masks.start
-            )  # what is wrong, in the image's pixels
             own = scaled(start, factor).placed(params, shape)
             if factor != 1 and own.contour.clearance > 0:
                 own = replace(own, contour=replace(own.contour, clearance=own.contour.clearance / factor))
             result = segment(image, own, **self._bounds(shape))
         except FfsegError as error:
-            return replace(empty, said=str(error))
+            wrong = error if factor == 1 else self._wrong_start(start, params) or error
+            return replace(empty, said=str(wrong))
         return Found(
             result.mask, result.contours, factor, "; ".join(result.messages), result.source, float(result.score)
         )
+
+    def _wrong_start(self, start: Start, params: Parameters) -> FfsegError | None:
+        """What is wrong with a start, in pixels of the image."""
+        try:
+            start_contours(self.shape, start.placed(params, self.shape), self._masks.start)
+        except FfsegError as error:
+            return error
+        return None
 
 
 def _reduced(image: NDArray[np.uint8], longest: int) -> NDArray[np.uint8]:

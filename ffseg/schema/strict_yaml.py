@@ -79,9 +79,8 @@ def parse(text: str, source: Source, problems: Problems) -> Node:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = min(mark.line + 1, len(text.splitlines())) if mark else 0
-        deep = "nesting depth" in str(
-            error.problem
-        )  # libyaml's own limit, met before the first event where it looks ahead
+        # Where libyaml looks ahead, it meets its own limit before the first event.
+        deep = "nesting depth" in str(error.problem)
         problems.add(_placed(source, line), TOO_DEEP if deep else f"not valid YAML: {error.problem}")
     return Node(None, source)
 
