@@ -1,11 +1,15 @@
-"""How long an evolution may go on: ``contour.max_iterations``, and a budget of work to each pixel it may fill."""
+"""How long an evolution goes on, ``contour.max_iterations`` and a budget of work to each pixel, and what it then says."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from ffseg.geometry.freeform import FreeForm
+from ffseg.native import _core
 from ffseg.parameters import Parameters
-from ffseg.scene import Scene
+from ffseg.scene import Progress, Scene, Stats
 
 ENDLESS = 2**31 - 2
 """Iterations no evolution comes to before its budget is spent."""
@@ -24,3 +28,27 @@ def budget(scene: Scene, to_pixel: int) -> int:
     domain = scene.edges.domain
     pixels = scene.edges.edges.size if domain is None else int(np.count_nonzero(domain))
     return LEAST + to_pixel * pixels
+
+
+def advanced(advance: Callable[[int], bool], scene: Scene, now: Callable[[], Progress]) -> None:
+    """Let an evolution go on until it ends; the scene's callback hears of the start and of where it is on the way."""
+    if scene.callback is None:
+        advance(ENDLESS + 1)
+        return
+    scene.callback(Progress(0, scene.starts))
+    while advance(scene.every):
+        scene.callback(now())
+
+
+def stats_of(
+    evolution: _core.Evolution | _core.PaperEvolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]
+) -> Stats:
+    """What an evolution of patches has counted."""
+    counts = evolution.counts()
+    return Stats(
+        **{name: counts[name] for name in ("iterations", "splits", "prunes", "flips", "merges")},
+        initial_points=sum(len(c.control_points) for c in starts),
+        final_points=sum(len(c.control_points) for c in contours),
+        patches=sum(c.num_patches for c in contours),
+        stop_reason=evolution.stop_reason,
+    )

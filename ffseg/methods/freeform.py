@@ -9,10 +9,10 @@ from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed, unpacked
 from ffseg.image.edges import GRADIENT_SCALE
-from ffseg.methods.effort import ENDLESS, budget, iterations
+from ffseg.methods.effort import advanced, budget, iterations, stats_of
 from ffseg.native import _core
 from ffseg.parameters import STILL, Parameters
-from ffseg.scene import BlockedStartError, Outcome, Progress, Scene, Stats
+from ffseg.scene import BlockedStartError, Outcome, Progress, Scene
 
 RIDGE_SHARE = 0.5
 """A ridge may be this much weaker than the low Canny threshold: between samples the edge fades and returns."""
@@ -73,19 +73,14 @@ def run(scene: Scene) -> Outcome:
         contours = unpacked(points, offsets, params.contour.degree)
         return tuple(c.reversed() for c in contours) if shrinking else contours
 
-    if callback is None:
-        evolution.advance(ENDLESS + 1)
-    else:
-        callback(Progress(0, starts))
-        while evolution.advance(scene.every):
-            callback(Progress(evolution.counts()["iterations"], current()))
+    advanced(evolution.advance, scene, lambda: Progress(evolution.counts()["iterations"], current()))
     evolution.settle(edge_map.gradient)
     contours = current()
     if all(contour.signed_area < 0 for contour in contours):  # turned inside out where an image is narrower than a step
         contours = ()
     if callback is not None:
         callback(Progress(evolution.counts()["iterations"], contours))
-    return Outcome(contours, _stats(evolution, starts, contours))
+    return Outcome(contours, stats_of(evolution, starts, contours))
 
 
 def native_options(params: Parameters, low: float) -> _core.EvolutionOptions:
@@ -117,19 +112,3 @@ def _colours(scene: Scene) -> NDArray[np.uint8] | None:
     if scene.params.region.weight == 0:
         return None
     return np.ascontiguousarray(scene.image[..., None] if scene.image.ndim == 2 else scene.image)
-
-
-def _stats(evolution: _core.Evolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]) -> Stats:
-    counts, degree = evolution.counts(), starts[0].degree
-    final = sum(len(c.control_points) for c in contours)
-    return Stats(
-        iterations=counts["iterations"],
-        splits=counts["splits"],
-        prunes=counts["prunes"],
-        flips=counts["flips"],
-        merges=counts["merges"],
-        initial_points=sum(len(c.control_points) for c in starts),
-        final_points=final,
-        patches=final // degree,
-        stop_reason=evolution.stop_reason,
-    )

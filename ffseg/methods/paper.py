@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed, unpacked
-from ffseg.methods.effort import ENDLESS, budget, iterations
+from ffseg.methods.effort import advanced, budget, iterations, stats_of
 from ffseg.native import _core
-from ffseg.scene import Outcome, Progress, Scene, Stats
+from ffseg.scene import Outcome, Progress, Scene
 
 WORK = 16
 """Patches moved to a pixel of the domain, at most; 64 tests of two patches count as one. Measured: at most 8 on drawn scenes
@@ -33,24 +32,18 @@ def run(scene: Scene) -> Outcome:
     in homogeneous ground by ``balloon * F_diff`` (Eq. 8), round an edge up the slope of the edge force. It ends when
     at most one sample in a hundred moves by a tenth of a pixel. What the paper leaves open is listed in docs/method.md.
     """
-    params, callback = scene.params, scene.callback
-    degree = params.contour.degree
     evolution = _evolution(scene)
 
-    def current() -> tuple[FreeForm, ...]:
+    def current() -> Progress:
         points, offsets = evolution.contours()
-        return unpacked(points, offsets, degree)
+        contours = unpacked(points, offsets, scene.params.contour.degree)
+        return Progress(evolution.counts()["iterations"], contours)
 
-    if callback is None:
-        evolution.advance(ENDLESS + 1)
-    else:
-        callback(Progress(0, scene.starts))
-        while evolution.advance(scene.every):
-            callback(Progress(evolution.counts()["iterations"], current()))
-    contours = current()
-    if callback is not None:
-        callback(Progress(evolution.counts()["iterations"], contours))
-    return Outcome(contours, _stats(evolution, scene.starts, contours))
+    advanced(evolution.advance, scene, current)
+    last = current()
+    if scene.callback is not None:
+        scene.callback(last)
+    return Outcome(last.contours, stats_of(evolution, scene.starts, last.contours))
 
 
 def _evolution(scene: Scene) -> _core.PaperEvolution:
@@ -65,14 +58,3 @@ def _evolution(scene: Scene) -> _core.PaperEvolution:
     options.exponent = params.edges.exponent
     options.sigma = params.edges.sigma
     return _core.PaperEvolution(*packed(scene.starts), edges.gradient, edges.edges, edges.domain, options)
-
-
-def _stats(evolution: _core.PaperEvolution, starts: tuple[FreeForm, ...], contours: tuple[FreeForm, ...]) -> Stats:
-    counts = evolution.counts()
-    return Stats(
-        **{name: counts[name] for name in ("iterations", "splits", "prunes", "flips", "merges")},
-        initial_points=sum(len(c.control_points) for c in starts),
-        final_points=sum(len(c.control_points) for c in contours),
-        patches=sum(c.num_patches for c in contours),
-        stop_reason=evolution.stop_reason,
-    )

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
-from ffseg.methods.effort import ENDLESS, budget, iterations
+from ffseg.methods.effort import advanced, budget, iterations
 from ffseg.native import _core
 from ffseg.scene import LONGEST_MARCH, Outcome, Progress, Scene, Stats, check_sides
 
@@ -52,7 +52,7 @@ def run(scene: Scene) -> Outcome:
     does not depend on the contrast. The one contour does not split: round an island it closes to a slit.
     """
     check_sides(scene.image.shape, LONGEST_MARCH, "method snake")
-    edge_map, starts, params, callback = scene.edges, scene.starts, scene.params, scene.callback
+    edge_map, starts, params = scene.edges, scene.starts, scene.params
     if len(starts) != 1:
         raise SegmentationError(
             f"the snake is one closed contour, but {len(starts)} starts are given; give one, or use method freeform"
@@ -67,15 +67,10 @@ def run(scene: Scene) -> Outcome:
         _options(scene),
     )
     initial = len(snake.points())
-    if callback is None:
-        snake.advance(ENDLESS + 1)
-    else:
-        callback(Progress(0, starts))
-        while snake.advance(scene.every):
-            callback(Progress(snake.iterations, _contours(snake)))
+    advanced(snake.advance, scene, lambda: Progress(snake.iterations, _contours(snake)))
     contours = _contours(snake)
-    if callback is not None:
-        callback(Progress(snake.iterations, contours))
+    if scene.callback is not None:
+        scene.callback(Progress(snake.iterations, contours))
     return Outcome(contours, _stats(snake, initial))
 
 
@@ -112,8 +107,6 @@ def _stats(snake: _core.Snake, initial: int) -> Stats:
         iterations=snake.iterations,
         splits=snake.insertions,
         prunes=snake.removals,
-        flips=0,
-        merges=0,
         initial_points=initial,
         final_points=final,
         patches=final,
