@@ -28,13 +28,18 @@ INSIDE = 128
 """A grey level from here on counts as inside when a mask is read."""
 
 
-def encode_png(image: NDArray[np.uint8], options: list[int]) -> bytes:
-    """PNG file of a grey or BGR image."""
-    done, encoded = cv2.imencode(".png", image, options)
+def encode_picture(image: NDArray[np.uint8], suffix: str, options: list[int]) -> bytes:
+    """File of a grey or BGR image, with or without alpha, in a format that OpenCV writes."""
+    done, encoded = cv2.imencode(suffix, image, options)
     if not done:  # reached only when memory is gone: every uint8 image of positive size encodes
-        raise MemoryError("the PNG encoder failed")
+        raise MemoryError(f"the {suffix[1:].upper()} encoder failed")
     data: bytes = encoded.tobytes()
     return data
+
+
+def encode_png(image: NDArray[np.uint8], options: list[int]) -> bytes:
+    """PNG file of a grey or BGR image."""
+    return encode_picture(image, ".png", options)
 
 
 def encode_mask(mask: NDArray[np.bool_]) -> bytes:

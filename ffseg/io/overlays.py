@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ffseg.errors import OutputError
 from ffseg.geometry.freeform import FreeForm
-from ffseg.io.masks import encode_png
+from ffseg.io.masks import encode_picture, encode_png
 
 Kind = Literal["outer", "obstacle", "false", "untested", "agrees", "differs", "silent"]
 COLOURS: dict[Kind, tuple[int, int, int]] = {
@@ -121,10 +121,7 @@ def encode_cutout(image: NDArray[np.uint8], mask: NDArray[np.bool_], suffix: str
         raise OutputError(f"a cut-out is transparent, which {suffix} cannot be; write it as .png or .webp")
     opaque = np.where(mask, np.uint8(255), np.uint8(0))
     cut = np.ascontiguousarray(np.dstack([as_colour(image) * mask[..., None], opaque]))
-    if suffix == ".png":
-        return encode_png(cut, [])
-    data: bytes = cv2.imencode(suffix, cut, [cv2.IMWRITE_WEBP_QUALITY, _LOSSLESS])[1].tobytes()
-    return data
+    return encode_picture(cut, suffix, [] if suffix == ".png" else [cv2.IMWRITE_WEBP_QUALITY, _LOSSLESS])
 
 
 _LOSSLESS = 101
@@ -132,20 +129,8 @@ _LOSSLESS = 101
 
 
 def encode_jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
-    """JPEG file of an image.
-
-    Parameters
-    ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
-        Grey or BGR.
-    quality : int
-        0 to 100.
-    """
-    done, data = cv2.imencode(".jpg", np.ascontiguousarray(image), [cv2.IMWRITE_JPEG_QUALITY, quality])
-    if not done:  # reached only when memory is gone: every uint8 image of positive size encodes
-        raise MemoryError("the JPEG encoder failed")
-    encoded: bytes = data.tobytes()
-    return encoded
+    """JPEG file of a grey or BGR image, of a quality from 0 to 100."""
+    return encode_picture(np.ascontiguousarray(image), ".jpg", [cv2.IMWRITE_JPEG_QUALITY, quality])
 
 
 def jpeg_address(image: NDArray[np.uint8], quality: int) -> str:

@@ -49,10 +49,29 @@ class RenderedSequence:
     tilts: tuple[tuple[float, float], ...] = ()
 
 
+def mirror_camera(size: tuple[int, int], focal: float, robot: int, rim: int) -> Camera:
+    """A catadioptric camera 0.9 m above the ground: width and height, focal length and radii, px."""
+    center = ((size[0] - 1) / 2, (size[1] - 1) / 2)
+    lens = UnifiedSphere(Affine(focal, focal, *center), 0.95, (0.0, 0.0, 0.0, 0.0))
+    return Camera(lens, *size, center, mount_height=0.9, robot_radius=float(robot), rim_radius=float(rim))
+
+
+def mirror_yaml(size: tuple[int, int], focal: float, robot: int, rim: int) -> str:
+    """The camera file of a `mirror_camera`."""
+    values: dict[str, object] = {"model": "unified", "width": size[0], "height": size[1], "xi": 0.95}
+    values |= {"fx": focal, "fy": focal, "cx": (size[0] - 1) / 2, "cy": (size[1] - 1) / 2}
+    values |= {"mount_height": 0.9, "robot_radius": robot, "rim_radius": rim}
+    return "".join(f"{key}: {value}\n" for key, value in values.items())
+
+
+_SAMPLE = ((800, 600), 280.0, 46, 292)
+CAMERA_YAML = mirror_yaml(*_SAMPLE)
+"""Camera file of `sample_camera`."""
+
+
 def sample_camera() -> Camera:
-    """The catadioptric camera of the rendered scenes: 800x600, 0.9 m above the ground."""
-    lens = UnifiedSphere(Affine(280.0, 280.0, 399.5, 299.5), 0.95, (0.0, 0.0, 0.0, 0.0))
-    return Camera(lens, 800, 600, (399.5, 299.5), mount_height=0.9, robot_radius=46.0, rim_radius=292.0)
+    """The camera of the rendered scenes."""
+    return mirror_camera(*_SAMPLE)
 
 
 def random_poses(random: np.random.Generator, widest: float = WIDEST_TURN) -> tuple[PlanarPose, PlanarPose]:
@@ -74,21 +93,6 @@ def render_pair(seed: int) -> RenderedPair:
     scene = random_scene(seed, camera.mounting(), np.array(poses[0][:2]))
     previous, current = (render(scene, camera, pose, index) for index, pose in enumerate(poses))
     return RenderedPair(previous, current, camera, poses, scene)
-
-
-CAMERA_YAML = """model: unified
-width: 800
-height: 600
-xi: 0.95
-fx: 280.0
-fy: 280.0
-cx: 399.5
-cy: 299.5
-mount_height: 0.9
-robot_radius: 46
-rim_radius: 292
-"""
-"""Camera file of `sample_camera`."""
 
 
 def poses_csv(poses: Sequence[PlanarPose], names: Sequence[str]) -> str:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ffseg.camera.model import Camera
-from ffseg.camera.projections import Affine, UnifiedSphere
-from ffseg.rendering.pairs import PlanarPose, RenderedSequence
+from ffseg.rendering.pairs import PlanarPose, RenderedSequence, mirror_camera, mirror_yaml
 from ffseg.rendering.raycast import render
 from ffseg.rendering.scene import Box, Floor, Mark, Room, Scene
 
@@ -15,27 +14,14 @@ LONG, SHORT = 1.9, 1.15
 """Metres: half axes of the ellipse that is driven, once round and a little more."""
 TURNS = 1.03
 GROUND = 112.0
+_CAMERA = ((320, 240), 112.0, 18, 117)
+DRIVE_CAMERA = mirror_yaml(*_CAMERA)
+"""Camera file of `drive_camera`."""
 
 
 def drive_camera() -> Camera:
     """The camera of the rendered pairs at two fifths of its size: 40 views are drawn in seconds."""
-    lens = UnifiedSphere(Affine(112.0, 112.0, 159.5, 119.5), 0.95, (0.0, 0.0, 0.0, 0.0))
-    return Camera(lens, 320, 240, (159.5, 119.5), mount_height=0.9, robot_radius=18.0, rim_radius=117.0)
-
-
-DRIVE_CAMERA = """model: unified
-width: 320
-height: 240
-xi: 0.95
-fx: 112.0
-fy: 112.0
-cx: 159.5
-cy: 119.5
-mount_height: 0.9
-robot_radius: 18
-rim_radius: 117
-"""
-"""Camera file of `drive_camera`."""
+    return mirror_camera(*_CAMERA)
 
 
 def drive_scene() -> Scene:
