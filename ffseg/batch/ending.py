@@ -15,12 +15,12 @@ from ffseg.batch.outputs.table import GROUND, MAP_BAG, MAP_FILES, OUTPUTS
 from ffseg.batch.plan.jobs import output_folders, sweep
 from ffseg.batch.record.keeper import Keeper
 from ffseg.batch.record.ledger import Ledger, Stop
-from ffseg.batch.record.ordered import StoppedError, packs_of, put_in_order, remove_packs
+from ffseg.batch.record.ordered import StoppedError, packs_of, put_in_order
 from ffseg.batch.record.survey import Survey, survey, tidy
 from ffseg.batch.record.tables import START_COLUMNS, Tables, remove_old
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import FfsegError, OutputError
-from ffseg.io.files import printable, sync_folders
+from ffseg.io.files import printable, remove_files, sync_folders
 
 _TOLD_FRAMES = 200
 """Frames whose map takes seconds, some 25 ms each: that is said."""
@@ -100,7 +100,7 @@ class Ending:
         if plan.shard or not all(self.ledger.finished):
             return kept
         if not plan.tars:
-            remove_packs(packs_of(keeper.state))
+            remove_files(packs_of(keeper.state))
             return []
         try:
             return put_in_order(plan.out, keeper.journal, found, keeper.header, lambda: bool(self.stop.signal))

@@ -26,7 +26,7 @@ from ffseg.batch.record.tables import RUN
 from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Failed, Note, Ready, Reply, Setup, Task
 from ffseg.errors import UsageError
-from ffseg.io.files import printable
+from ffseg.io.files import printable, remove_files
 from ffseg.plugins import find
 
 _TOGETHER_MS = 20
@@ -177,5 +177,4 @@ def _resume(keeper: Keeper) -> None:
     if plan.shard:  # until it has finished, it has not
         if plan.tars:
             find_moved(plan.out, keeper.journal, plan)
-        with contextlib.suppress(OSError):
-            os.unlink(os.path.join(keeper.state, RUN))
+        remove_files([os.path.join(keeper.state, RUN)])

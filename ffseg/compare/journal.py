@@ -17,7 +17,7 @@ from ffseg.batch.workers.freshness import read_job
 from ffseg.batch.workers.messages import Setup
 from ffseg.compare.values import Comparison, Row
 from ffseg.errors import ImageReadError
-from ffseg.io.files import unwritten, write_bytes_atomic
+from ffseg.io.files import remove_files, unwritten, write_bytes_atomic
 from ffseg.plugins import check
 
 NAME = "compare.jsonl"
@@ -68,5 +68,4 @@ class Journal:
 
     def end(self) -> None:
         """Remove the file: a finished comparison begins anew."""
-        with contextlib.suppress(OSError):
-            os.unlink(self._path)
+        remove_files([self._path])

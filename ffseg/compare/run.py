@@ -6,7 +6,6 @@ import csv
 import io
 import os
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import astuple, replace
 from statistics import median
 from time import perf_counter
@@ -22,7 +21,7 @@ from ffseg.compare.shared import Shared, shared, was_moved
 from ffseg.compare.text import markdown
 from ffseg.compare.values import COLUMNS, Comparison, Row
 from ffseg.errors import ImageReadError, ParameterError, UsageError, is_out_of_memory
-from ffseg.io.files import make_folder, printable, read_bytes, write_all_atomic, write_bytes_atomic
+from ffseg.io.files import make_folder, printable, read_bytes, remove_files, write_all_atomic, write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.io.masks import Masks, named_masks
 from ffseg.io.overlays import polylines
@@ -113,9 +112,7 @@ def compare(
     finally:
         tables = {"compare.csv": table(rows), "compare.md": markdown(task, rows).encode("utf-8")}
         write_all_atomic([(os.path.join(task.out, name), content) for name, content in tables.items()])
-    for panel in old:  # of images that are not compared any more, or could not be read
-        with suppress(OSError):
-            os.unlink(panel)
+    remove_files(old)  # panels of images that are not compared any more, or could not be read
     journal.end()
     return rows
 

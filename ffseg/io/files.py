@@ -9,7 +9,7 @@ import os
 import re
 import stat
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import BinaryIO
 
 from ffseg.errors import ImageReadError, OutputError
@@ -195,9 +195,14 @@ def write_all_atomic(files: Sequence[tuple[str, bytes]]) -> None:
         for descriptor in opened.values():
             with contextlib.suppress(OSError):  # the error being raised names the file already
                 os.close(descriptor)
-        for temporary in temporaries.values():
-            with contextlib.suppress(OSError):  # never created, or the disk is gone
-                os.unlink(temporary)
+        remove_files(temporaries.values())
+
+
+def remove_files(paths: Iterable[str]) -> None:
+    """Remove files; one that is gone already, was never made or cannot be removed is left alone."""
+    for path in paths:
+        with contextlib.suppress(OSError):
+            os.unlink(path)
 
 
 def write_fully(descriptor: int, data: bytes | bytearray) -> None:
@@ -271,8 +276,7 @@ def replacement(path: str) -> Iterator[str]:
             yield temporary
             os.replace(temporary, path)
     finally:
-        with contextlib.suppress(OSError):  # it has got its name, or was never made
-            os.unlink(temporary)
+        remove_files([temporary])  # unless it has got its name
 
 
 _BUFFER = 1 << 20

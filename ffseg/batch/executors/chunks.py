@@ -15,7 +15,7 @@ from typing import Any
 
 from ffseg.batch.values import json_line, parsed_line
 from ffseg.batch.workers.messages import Digests, Done, Encoded, Failed, Reply
-from ffseg.io.files import make_folder
+from ffseg.io.files import make_folder, remove_files
 
 CHUNKS = "chunks"
 _GOING = ".going"
@@ -35,9 +35,7 @@ class Chunks:
         folder = os.path.join(state, CHUNKS)
         make_folder(folder)
         chunks = cls(folder, uuid.uuid4().hex[:12])
-        for name in os.listdir(folder):
-            if name.endswith(_GOING):
-                _remove(os.path.join(folder, name))
+        remove_files(os.path.join(folder, name) for name in os.listdir(folder) if name.endswith(_GOING))
         Path(chunks.going).touch()
         return chunks
 
@@ -52,12 +50,7 @@ class Chunks:
 
     def end(self) -> None:
         """Let whoever still works on a chunk stop."""
-        _remove(self.going)
-
-
-def _remove(path: str) -> None:
-    with contextlib.suppress(OSError):
-        os.unlink(path)
+        remove_files([self.going])
 
 
 def reply_line(name: str, settings: str, reply: Reply) -> bytes:
@@ -94,5 +87,4 @@ def left_over(state: str, settings: str) -> Iterator[tuple[str, Reply]]:
     names = sorted(name for name in (os.listdir(folder) if os.path.isdir(folder) else ()) if name.endswith(".jsonl"))
     for name in names:
         yield from replies(os.path.join(folder, name), settings)
-    for name in names:
-        _remove(os.path.join(folder, name))
+    remove_files(os.path.join(folder, name) for name in names)

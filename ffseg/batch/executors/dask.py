@@ -23,7 +23,7 @@ from ffseg.batch.tar.members import digest
 from ffseg.batch.tar.writer import Store
 from ffseg.batch.workers.messages import Done, Event, Failed, Note, Ready, Reply, Setup, Task
 from ffseg.errors import OutputError, UsageError, WorkerLostError
-from ffseg.io.files import printable
+from ffseg.io.files import printable, remove_files
 
 CHUNKS_EACH = 4
 """Chunks of a worker that what is left is cut into, so that all workers end at about the same time."""
@@ -161,8 +161,7 @@ class Dask(Executor):
         lost = Failed(0, "crash", "the workers that had it ended before it was done; run again to try it again")
         for task in tasks:
             yield replace(found.get(task.job.source.name, lost), index=task.job.index)
-        with contextlib.suppress(OSError):
-            os.unlink(self._chunks.path(number))
+        remove_files([self._chunks.path(number)])
 
     def close(self) -> None:
         """As `Executor.close`; what workers have written down of unfinished chunks is found by the next run."""

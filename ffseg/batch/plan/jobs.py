@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from itertools import chain
@@ -24,7 +23,7 @@ from ffseg.batch.plan.discover import discover, identity
 from ffseg.batch.plan.reading import parted, place_of
 from ffseg.batch.plan.sources import STATE_FOLDER, Job, Source, film_of
 from ffseg.errors import OutputError, UsageError
-from ffseg.io.files import SKIP_FILE, is_temporary, make_folder, printable, write_bytes_atomic
+from ffseg.io.files import SKIP_FILE, is_temporary, make_folder, printable, remove_files, write_bytes_atomic
 from ffseg.io.starts import load_starts
 
 MAX_NAME_BYTES = 255
@@ -300,9 +299,7 @@ def sweep(plan: Plan, state: str) -> None:
     for folder in (state, *(() if plan.shard else (plan.out, *output_folders(plan)))):
         with os.scandir(folder) as entries:
             left = [entry.path for entry in entries if is_temporary(entry.name)]
-        for path in left:
-            with suppress(OSError):
-                os.unlink(path)
+        remove_files(left)
 
 
 PROBE_BYTES = 1 << 16

@@ -5,10 +5,9 @@ They are made at the end of a packed run, and of a merge; what a merge has moved
 
 from __future__ import annotations
 
-import contextlib
 import os
 import uuid
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -31,7 +30,7 @@ from ffseg.batch.tar.members import (
 )
 from ffseg.batch.tar.writer import PackWriter, head_size, unwritable
 from ffseg.batch.values import Record, parsed_record
-from ffseg.io.files import AT_ONCE, read_at, require_replaceable, sync_folders
+from ffseg.io.files import AT_ONCE, read_at, remove_files, require_replaceable, sync_folders
 
 _MOST_OPEN = 64
 """Tar files read from at once."""
@@ -70,7 +69,7 @@ class OrderedPacks:
         for tar in self._tars.values():
             tar.close()
         if not self.packs:
-            remove_packs([os.path.join(self._out, tar.pack) for tar in self._tars.values()])
+            remove_files(os.path.join(self._out, tar.pack) for tar in self._tars.values())
 
     def moved(self, records: Iterable[Record]) -> Iterator[Record]:
         """Copy the outputs of records, then put everything on the disk.
@@ -187,13 +186,6 @@ def packs_of(state: str) -> list[str]:
         return []
 
 
-def remove_packs(paths: Sequence[str]) -> None:
-    """Remove tar files that nothing refers to any longer."""
-    for path in paths:
-        with contextlib.suppress(OSError):
-            os.unlink(path)
-
-
 class StoppedError(Exception):
     """The end was asked for while outputs were put in order: the next run does it."""
 
@@ -233,7 +225,7 @@ def put_in_order(
             journal.rewrite(header, ordered.moved(records()))
         packs = ordered.packs
     published = publish(out, packs)
-    remove_packs(packs_of(state_folder(out)))
+    remove_files(packs_of(state_folder(out)))
     return published
 
 

@@ -14,7 +14,7 @@ from ffseg.batch.outputs.table import MAP_BAG, MAP_FILES, OUTPUTS, Output
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.values import Record
 from ffseg.errors import ImageReadError, OutputError
-from ffseg.io.files import atomic_stream, printable, write_all_atomic
+from ffseg.io.files import atomic_stream, printable, remove_files, write_all_atomic
 from ffseg.io.tables import csv_lines
 from ffseg.plugins import load
 
@@ -204,7 +204,5 @@ def json_bytes(value: Mapping[str, Any]) -> bytes:
 
 def remove_old(folder: str, before: Sequence[str], now: Sequence[str]) -> None:
     """Remove tables that an earlier run wrote and this one has nothing for."""
-    for name in set(before) - set(now):
-        if name == os.path.basename(name) or name in (*MAP_FILES, MAP_BAG):
-            with contextlib.suppress(OSError):
-                os.unlink(os.path.join(folder, name))
+    ours = (name for name in set(before) - set(now) if name == os.path.basename(name) or name in (*MAP_FILES, MAP_BAG))
+    remove_files(os.path.join(folder, name) for name in ours)

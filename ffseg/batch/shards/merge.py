@@ -20,14 +20,14 @@ from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.header import changes
 from ffseg.batch.record.journal import FORMAT, JOURNAL, journal_lines, read_header
 from ffseg.batch.record.lock import OutputLock
-from ffseg.batch.record.ordered import NAMED, OrderedPacks, is_gone, packs_of, publish, relocated, remove_packs
+from ffseg.batch.record.ordered import NAMED, OrderedPacks, is_gone, packs_of, publish, relocated
 from ffseg.batch.record.survey import stale_reason, without_old_truth
 from ffseg.batch.record.tables import RUN, Records, Tables, remove_old
 from ffseg.batch.shards.assign import Shard, shard_of_folder
 from ffseg.batch.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.batch.workers.freshness import still_true
 from ffseg.errors import ImageReadError, OutputError, UsageError
-from ffseg.io.files import atomic_stream, is_temporary, printable, read_bytes, temporary_path
+from ffseg.io.files import atomic_stream, is_temporary, printable, read_bytes, remove_files, temporary_path
 
 SHARDS = "shards"
 _MOST_RUN = 1 << 30
@@ -159,10 +159,10 @@ def _write_packed(
 
 def _remove_packs(out: str, packs: Mapping[str, list[str]]) -> None:
     """Remove the tar files of shards, whose outputs are in those of all by now; not where a run has begun meanwhile."""
-    remove_packs(packs_of(os.path.join(out, STATE_FOLDER)))
+    remove_files(packs_of(os.path.join(out, STATE_FOLDER)))
     for folder, paths in packs.items():
         with suppress(UsageError), OutputLock(out, folder):
-            remove_packs(paths)
+            remove_files(paths)
 
 
 def _write(merge: Merge, records: MergedRecords, parts: list[Part], before: list[str], *, parquet: bool) -> None:
@@ -290,8 +290,7 @@ def last_lines(lines: Iterable[tuple[bytes, int, bytes]], folder: str) -> Iterat
     except sqlite3.Error as error:
         raise OutputError(f"{printable(folder)} cannot be written ({error}); free some space") from error
     finally:
-        with suppress(OSError):
-            os.unlink(path)
+        remove_files([path])
 
 
 def chosen(lines: Iterable[tuple[bytes, bytes]], out: str, settings: str) -> Iterator[tuple[Record, bytes]]:

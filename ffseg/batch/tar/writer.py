@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from ffseg.batch.outputs.table import PACKS
 from ffseg.batch.tar.members import BLOCK, END, Member, final_name, padding
 from ffseg.errors import OutputError
-from ffseg.io.files import OWN, make_folder, printable, write_all_atomic, write_fully
+from ffseg.io.files import OWN, make_folder, printable, remove_files, write_all_atomic, write_fully
 
 _TIME = 315_532_800
 """Time of change of every member, the first of 1980: the same outputs are the same bytes, and no program doubts it."""
@@ -109,8 +109,7 @@ class PackWriter:
         if descriptor != _CLOSED:
             os.close(descriptor)
             if not self._end:
-                with contextlib.suppress(OSError):
-                    os.unlink(self._path)
+                remove_files([self._path])
 
 
 class Store:
