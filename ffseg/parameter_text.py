@@ -8,13 +8,11 @@ import re
 from collections.abc import Callable, Mapping
 
 from ffseg.parameters import Parameters
-from ffseg.peer_parameters import PeerParameters
 from ffseg.schema.kinds import FilePath, JsonSchema
 from ffseg.schema.sections import Leaf, Section, flat, leaves, subsections
 from ffseg.schema.strict_yaml import scalar
 
 _PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./ -]*")
-SCHEMA_COMMENT = "# yaml-language-server: $schema=schema.json"
 
 
 def to_yaml(params: Section) -> str:
@@ -30,16 +28,6 @@ def to_yaml(params: Section) -> str:
         indent = "  " if section else ""
         lines += [f"{indent}# {leaf.doc}; {leaf.kind.allowed()}", f"{indent}{name}: {yaml_value(values[key])}"]
     return "\n".join(lines) + "\n"
-
-
-def default_file() -> str:
-    """Write ``configs/default.yaml``: every key with its default."""
-    return f"{SCHEMA_COMMENT}\n# Every key with its default.\n\n{to_yaml(Parameters())}"
-
-
-def peers_file() -> str:
-    """Write ``configs/peers.yaml``: every parameter of the peers with its default."""
-    return f"# Parameters of the peers, for `ffseg compare --peers FILE`.\n\n{to_yaml(PeerParameters())}"
 
 
 def schema_file() -> str:

@@ -7,8 +7,17 @@ from functools import cache, wraps
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.camera.model import Camera
+from ffseg.freespace.sequence import view_scene
 from ffseg.io.files import write_bytes_atomic
+from ffseg.parameters import Parameters
+from ffseg.pipeline import segment
 from ffseg.rendering import pairs
+from ffseg.result import Segmentation
+from ffseg.scene import Scene
 from tests import floors
 
 FOLDER = "FFSEG_RENDERED"
@@ -32,6 +41,11 @@ def once(make: Callable[P, T]) -> Callable[P, T]:
         return pickle.loads(path.read_bytes())  # our own
 
     return kept
+
+
+def segment_view(image: NDArray[np.uint8], camera: Camera, params: Parameters) -> Segmentation:
+    """Segment one omnidirectional image, without the structural test."""
+    return segment(view_scene(Scene(image, params), camera))
 
 
 render_pair = once(pairs.render_pair)

@@ -201,11 +201,6 @@ def view_scene(scene: Scene, camera: Camera) -> Scene:
     return replace(scene, params=params, domain=bound, center=camera.center, footprint=footprint)
 
 
-def segment_view(image: Grey, camera: Camera, params: Parameters) -> Segmentation:
-    """Segment one omnidirectional image, without the structural test (`view_scene`)."""
-    return segment(view_scene(Scene(image, params), camera))
-
-
 def segment_frame(scene: Scene, earlier: Iterable[Earlier], camera: Camera, *, mapped: bool = False) -> Frame:
     """Segment an image of a sequence and test it against the image before, and those farther back where one is not enough.
 

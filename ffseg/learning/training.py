@@ -132,7 +132,7 @@ class Samples:
     prior: NDArray[np.float32] | None = None
 
 
-def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Samples:
+def samples(example: Example) -> Samples:
     """Known pixels of an image, seen from several starts, each also as in a mirror.
 
     Raises
@@ -140,10 +140,10 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
     UsageError
         If the mask knows no pixel inside, or none outside.
     """
-    rng, image = np.random.default_rng(seed), exposed(example.image)
+    rng, image = np.random.default_rng(0), exposed(example.image)
     rows, labels, odds = [], [], []
     for start in starts_in(example, rng):
-        seen = features(image, start, size, KNOWN)
+        seen = features(image, start, names=KNOWN)
         scribbled = np.count_nonzero(example.truth != IGNORED) < LEAST_KNOWN * example.truth.size
         known = (known_of_some if scribbled else known_pixels)(example.truth, seen.factor)
         chosen = rng.permutation(np.flatnonzero(known >= 0))[: PIXELS // STARTS]
@@ -155,7 +155,7 @@ def samples(example: Example, size: int = WORKING_SIZE, seed: int = 0) -> Sample
     if inside.all() or not inside.any():
         side, level = ("outside", OUTSIDE) if inside.any() else ("inside", INSIDE)
         if (example.truth == level).any():
-            reduced = f"an image of {image.shape[1]}x{image.shape[0]} pixels is seen at {size}"
+            reduced = f"an image of {image.shape[1]}x{image.shape[0]} pixels is seen at {WORKING_SIZE}"
             raise UsageError(f"what the mask knows {side} is too small or thin: {reduced}; cut it out, or leave it out")
         raise UsageError(f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both")
     return Samples(np.concatenate(rows), inside, np.concatenate(odds))
@@ -354,13 +354,9 @@ def asking(chosen: Sequence[Samples], *, corrected: bool = False) -> Asked | Non
     return Asked(helped > taught, own, taught=taught, both=helped)
 
 
-def learn(
-    chosen: Sequence[Samples], size: int = WORKING_SIZE, about: dict[str, Any] | None = None, *, searched: bool = True
-) -> Model:
+def learn(chosen: Sequence[Samples], *, searched: bool = True) -> Model:
     """A model of what lies inside, and, unless no start will be `searched` for, of where to start."""
-    start = grow(chosen, WITHOUT_START) if searched else None
-    model = grown(chosen)
-    return replace(model, start=start, size=size, about={**model.about, **(about or {})})
+    return replace(grown(chosen), start=grow(chosen, WITHOUT_START) if searched else None)
 
 
 def grown(chosen: Sequence[Samples], trees: int = TREES) -> Model:

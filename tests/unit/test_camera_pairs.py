@@ -10,6 +10,7 @@ import naive_camera
 import numpy as np
 import pytest
 from rendered import render_pair as pair
+from rendered import segment_view
 
 from ffseg.camera.motion import planar_parameters, planar_pose, relative_motion
 from ffseg.camera.poses import load_poses
@@ -18,7 +19,7 @@ from ffseg.freespace.motion.egomotion import pair_motion
 from ffseg.freespace.motion.evidence import Scenery, gathered
 from ffseg.freespace.motion.ground import fit_ground, prior_sigmas
 from ffseg.freespace.pairs import ImagePair
-from ffseg.freespace.sequence import Sequence, free_space, segment_view
+from ffseg.freespace.sequence import Sequence, free_space
 from ffseg.freespace.structural import structural_test
 from ffseg.freespace.window import Earlier
 from ffseg.image.components import Component

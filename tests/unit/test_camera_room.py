@@ -7,11 +7,12 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from rendered import segment_view
 
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, planar_parameters, planar_pose, relative_motion
 from ffseg.camera.projections import Affine, UnifiedSphere
-from ffseg.freespace.sequence import free_space, segment_view
+from ffseg.freespace.sequence import free_space
 from ffseg.freespace.window import Earlier
 from ffseg.image.keypoints import Candidates, align_patches, patch_scores, plane_candidates
 from ffseg.parameters import load_params

@@ -4,12 +4,12 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from rendered import render_pair
+from rendered import render_pair, segment_view
 
 from ffseg.camera.motion import planar_pose
 from ffseg.errors import CalibrationError
 from ffseg.freespace.altitudes import ALIKE, BEHIND, NEIGHBOUR, REACH, _passable
-from ffseg.freespace.sequence import Frame, Sequence, segment_view
+from ffseg.freespace.sequence import Frame, Sequence
 from ffseg.parameters import load_params
 from ffseg.rendering.pairs import RenderedPair
 from ffseg.rendering.raycast import FIRST_BOX, FIRST_WALL

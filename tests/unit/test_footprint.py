@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rendered import segment_view
 
 import ffseg
 from ffseg.camera.model import Camera
 from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.errors import SegmentationError
-from ffseg.freespace.sequence import segment_view
 from ffseg.rendering.pairs import CAMERA_YAML, sample_camera
 
 RADIUS = 0.15

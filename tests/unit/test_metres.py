@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 from commands import Command
-from rendered import floor_pair, render_pair
+from rendered import floor_pair, render_pair, segment_view
 from worlds import free_ground, in_robot_frame, range_along
 
 import ffseg
@@ -21,7 +21,7 @@ from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.errors import CalibrationError
 from ffseg.freespace.birdseye import HALF_M, SCALE, birds_eye
 from ffseg.freespace.outline import Ground, _first_exits
-from ffseg.freespace.sequence import Frame, free_space, segment_view
+from ffseg.freespace.sequence import Frame, free_space
 from ffseg.freespace.window import Earlier
 from ffseg.rendering.pairs import CAMERA_YAML, RenderedPair, sample_camera
 

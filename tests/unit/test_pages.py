@@ -14,7 +14,9 @@ import pytest
 import typer
 
 from ffseg.native import _core
-from ffseg.parameter_text import default_file, peers_file, schema_file, to_markdown
+from ffseg.parameter_text import schema_file, to_markdown, to_yaml
+from ffseg.parameters import Parameters
+from ffseg.peer_parameters import PeerParameters
 from tests import constants, contracts
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,11 +26,13 @@ Golden = Callable[[Path, str], None]
 
 
 def test_default_preset(golden: Golden) -> None:
-    golden(ROOT / "configs" / "default.yaml", default_file())
+    head = "# yaml-language-server: $schema=schema.json\n# Every key with its default.\n\n"
+    golden(ROOT / "configs" / "default.yaml", head + to_yaml(Parameters()))
 
 
 def test_peers_file(golden: Golden) -> None:
-    golden(ROOT / "configs" / "peers.yaml", peers_file())
+    head = "# Parameters of the peers, for `ffseg compare --peers FILE`.\n\n"
+    golden(ROOT / "configs" / "peers.yaml", head + to_yaml(PeerParameters()))
 
 
 def test_schema_file(golden: Golden) -> None:

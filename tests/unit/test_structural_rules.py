@@ -210,9 +210,10 @@ def test_a_sequence_takes_the_pose_of_the_image_before() -> None:
 
 
 def test_components_are_judged_without_their_own_points() -> None:
+    from rendered import segment_view
+
     from ffseg.freespace.motion.evidence import Scenery, gathered, outer_joints
     from ffseg.freespace.motion.ground import fit_ground, prior_sigmas
-    from ffseg.freespace.sequence import segment_view
     from ffseg.image.components import contour_components
 
     rendered = pair()

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rendered import floor_pair
+from rendered import floor_pair, segment_view
 
 from ffseg.batch.views import WINDOW as VIEWS_WINDOW
 from ffseg.batch.views import Views
 from ffseg.camera.motion import planar_pose, relative_motion
-from ffseg.freespace.sequence import Sequence, free_space, segment_view
+from ffseg.freespace.sequence import Sequence, free_space
 from ffseg.freespace.tracks import NEAR, Tracks, linked, moved, numbered
 from ffseg.freespace.window import WINDOW, Earlier
 from ffseg.parameters import load_params

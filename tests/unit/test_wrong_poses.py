@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rendered import floor_pair
+from rendered import floor_pair, segment_view
 
 from ffseg.camera import load_poses
 from ffseg.camera.model import Camera
@@ -15,7 +15,7 @@ from ffseg.errors import CalibrationError
 from ffseg.freespace.motion.contradictions import LONGEST, TALLEST, unlikely_units
 from ffseg.freespace.motion.egomotion import given_motion, pair_motion
 from ffseg.freespace.motion.evidence import Scenery
-from ffseg.freespace.sequence import free_space, segment_view
+from ffseg.freespace.sequence import free_space
 from ffseg.freespace.window import Earlier
 from ffseg.parameters import load_params
 from ffseg.rendering.pairs import RenderedPair, sample_camera

@@ -64,15 +64,10 @@ def _part(path: str, span: Span, max_bytes: int) -> bytes:
     if length > max_bytes:
         raise ImageReadError("too-many-bytes", f"the member has {length} bytes, the limit is {max_bytes}")
     try:
-        descriptor = os.open(path, os.O_RDONLY | AT_ONCE)
+        with os.fdopen(os.open(path, os.O_RDONLY | AT_ONCE), "rb", buffering=0) as file:
+            data = read_at(file.fileno(), length, offset)
     except OSError as error:
         raise ImageReadError("unreadable", f"the archive cannot be read ({os.strerror(error.errno or 0)})") from error
-    try:
-        data = read_at(descriptor, length, offset)
-    except OSError as error:
-        raise ImageReadError("unreadable", f"the archive cannot be read ({os.strerror(error.errno or 0)})") from error
-    finally:
-        os.close(descriptor)
     if len(data) < length:
         raise ImageReadError("truncated", "the archive ends before the member does; copy it again")
     return data

@@ -29,7 +29,7 @@ _WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
 """What stands for one in whole numbers."""
 
 
-def read_source(source: Source, limits: Limits | None = None, levels: Levels = "auto") -> NDArray[np.uint8]:
+def read_source(source: Source, levels: Levels = "auto") -> NDArray[np.uint8]:
     """Image of a source, shape (H, W) for grey or (H, W, 3) in BGR order.
 
     Raises
@@ -37,9 +37,8 @@ def read_source(source: Source, limits: Limits | None = None, levels: Levels = "
     ImageReadError
         With one of ``REASONS``; the message names the file.
     """
-    limits = limits or Limits()
     try:
-        return decode_image(read_input(source.path, limits.max_bytes, source.span), limits, levels)
+        return decode_image(read_input(source.path, Limits().max_bytes, source.span), None, levels)
     except ImageReadError as error:
         raise ImageReadError(error.reason, f"{printable(told(source.content))}: {error}") from None
 
