@@ -7,7 +7,7 @@ from functools import cache
 from itertools import pairwise
 from math import hypot
 
-from naive import bezier_point, interpolation_inverse
+from naive import bezier_point, interpolation_inverse, turn
 
 Point = tuple[float, float]
 Patch = list[Point]
@@ -96,12 +96,8 @@ def crossings(p: Patch, q: Patch) -> int:
     return sum(cross(a, b, c, d) for a, b in pairwise(p) for c, d in pairwise(q))
 
 
-def side(a: Point, b: Point, p: Point) -> float:
-    return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
-
-
 def cross(a: Point, b: Point, c: Point, d: Point) -> bool:
-    return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
+    return turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0
 
 
 def pairs(components: list[Component]) -> list[tuple[Place, Place]]:

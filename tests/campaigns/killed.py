@@ -31,7 +31,6 @@ def campaign(
     kills: int = 200,
     jobs: int = 2,
     images: int = 150,
-    seed: int = 1,
     *,
     pack: bool = False,
     film: bool = False,

@@ -4,7 +4,7 @@ Run ``python -m tests.campaigns.real_sets [--data DATA] [--half even|odd] [--con
 DATA (or the environment variable FFSEG_DATA) holds the folders of `SETS`, each with ``images/``, ``truth/`` (255 inside,
 128 ignored) and ``seeds.csv``; folders that are absent are named and left out. An image that fails counts as IoU 0.
 
-``--invariance real`` or ``drawn`` checks that turning, shifting, dimming and moving the start change nothing.
+``--invariance real`` checks that turning, shifting, dimming and moving the start change nothing.
 Images sorted by name: those at even places are one half, those at odd places the other. ``ffseg run`` and ``ffseg report`` show
 the regions beside their truths.
 """
@@ -29,7 +29,7 @@ HALVES = ("even", "odd")
 
 def main(
     data: Path = data_folder(), sets: str = ",".join(SETS), half: str = "", config: str | None = None,
-    settings: Annotated[list[str] | None, typer.Option("--set")] = None, invariance: str = "", scenes: int = 50,
+    settings: Annotated[list[str] | None, typer.Option("--set")] = None, invariance: str = "",
 ) -> int:  # fmt: skip
     """Run the campaign; 0 also when the images are absent."""
     folders = sets.split(",")
@@ -44,7 +44,7 @@ def main(
     params = load_params(config, settings or [])
     print("\n".join(summary([evaluate(one, params) for one in photographs])))
     if invariance:
-        print(real_invariance.table(photographs if invariance == "real" else None, params, scenes))
+        print(real_invariance.table(photographs, params))
     return 0
 
 

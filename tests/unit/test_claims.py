@@ -11,6 +11,7 @@ from commands import Command
 import ffseg
 from ffseg.image.opencv_peers import near
 from ffseg.image.raster import rasterize
+from tests.discs import overlap as iou
 from tests.masks import read_mask
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,7 +24,7 @@ def overlap(name: str, **settings: object) -> float:
     image = ffseg.read_image(ROOT / "samples" / f"{name}.png")
     truth = read_mask(ROOT / "samples" / "truth" / f"{name}.png")
     mask = ffseg.segment(image, {key.replace("__", "."): value for key, value in settings.items()}).mask
-    return float((mask & truth).sum() / (mask | truth).sum())
+    return iou(mask, truth)
 
 
 def said(page: str, pattern: str) -> str:
@@ -53,8 +54,7 @@ def test_the_pair_of_the_tutorial() -> None:
     assert {component.verdict for component in frames[0].components} == {"untested"}
     truth = read_mask(pair / "truth" / "0002.png")
     claim = float(said("tutorial.md", r"given back \(IoU ([\d.]+)\)"))
-    found = float((frames[1].mask & truth).sum() / (frames[1].mask | truth).sum())
-    assert found == pytest.approx(claim, abs=0.0005)
+    assert iou(frames[1].mask, truth) == pytest.approx(claim, abs=0.0005)
 
 
 def test_grabcut_is_told_that_four_radii_round_the_start_are_probably_inside() -> None:

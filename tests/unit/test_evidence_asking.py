@@ -12,7 +12,8 @@ from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import told
 from ffseg.learning.training import THIN, Asked, Samples, asking, learn, samples
-from tests.unit.test_evidence_base import halves, stump
+from tests.stumps import stump
+from tests.unit.test_evidence_base import halves
 from tests.unit.test_evidence_learning import example
 
 

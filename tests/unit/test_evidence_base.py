@@ -5,24 +5,12 @@ import pytest
 
 from ffseg.evidence.base import base, enough_of, joined, odds_of
 from ffseg.evidence.features import KNOWN, NAMES, exposed, features
-from ffseg.evidence.forest import MAGIC, Forest, Model, from_bytes, to_bytes
+from ffseg.evidence.forest import MAGIC, Model, from_bytes, to_bytes
 from ffseg.evidence.openings import OPEN
 from ffseg.learning.training import TAUGHT, Samples, _taught_by_others, beginning, grow, learn, samples
 from ffseg.metrics import iou
+from tests.stumps import stump
 from tests.unit.test_evidence_learning import example, predicted
-
-
-def stump(name: str, threshold: float, names: tuple[str, ...] = NAMES) -> Forest:
-    """Log odds of 2 where a feature is above the threshold, -2 elsewhere."""
-    arrays = {
-        "feature": np.array([names.index(name)], np.int32),
-        "threshold": np.array([threshold], np.float32),
-        "left": np.array([-1], np.int32),
-        "right": np.array([-2], np.int32),
-        "root": np.array([0], np.int32),
-        "value": np.array([-2.0, 2.0], np.float32),
-    }
-    return Forest(arrays, names, 0.25)
 
 
 def halves(share: float) -> tuple[np.ndarray, np.ndarray]:
@@ -46,7 +34,7 @@ def test_the_base_sees_no_place_and_no_open_ground() -> None:
 
 
 def test_joined_forests_add_their_odds() -> None:
-    one, other = stump("light@0.7", 50.0), stump("y", 0.5, TAUGHT)
+    one, other = stump("light@0.7", 50.0), stump("y", 0.5, names=TAUGHT)
     rows = np.zeros((4, len(KNOWN)), np.float32)
     rows[:, KNOWN.index("light@0.7")] = [0, 100, 0, 100]
     rows[:, KNOWN.index("y")] = [0, 0, 1, 1]

@@ -13,6 +13,7 @@ from ffseg.errors import ParameterError, SegmentationError
 from ffseg.evidence.features import KNOWN, NAMES, enlarged, features, reduced_mean, reduction
 from ffseg.evidence.forest import MAGIC, Forest, Model, from_bytes, load_model, to_bytes
 from tests.discs import disc_of
+from tests.stumps import stump
 
 SHAPE = (90, 130)
 disc = disc_of(SHAPE)
@@ -22,14 +23,6 @@ def photograph() -> np.ndarray:
     image = np.random.default_rng(3).integers(90, 110, (*SHAPE, 3), np.uint8)
     image[:, 80:] //= 3
     return image
-
-
-def stump(name: str, threshold: float) -> Model:
-    """A forest that calls inside what is at most the threshold."""
-    kinds = {"feature": [NAMES.index(name)], "left": [-1], "right": [-2], "root": [0]}
-    arrays = {key: np.array(value, np.int32) for key, value in kinds.items()}
-    arrays |= {"threshold": np.array([threshold], np.float32), "value": np.array([3, -3], np.float32)}
-    return Model(Forest(arrays), about={"masks": 1})
 
 
 def test_all_features_are_finite_and_named_once() -> None:
@@ -77,7 +70,10 @@ def test_reduction_is_a_whole_factor() -> None:
 
 
 def test_a_forest_survives_its_file(tmp_path: Path) -> None:
-    forest, seen = stump("barrier@1.5", 1.0), features(photograph(), disc(30, 40, 8), size=65)
+    forest, seen = (
+        Model(stump("barrier@1.5", 1.0, -3), about={"masks": 1}),
+        features(photograph(), disc(30, 40, 8), size=65),
+    )
     (tmp_path / "a.ffmodel").write_bytes(to_bytes(forest))
     again = load_model(tmp_path / "a.ffmodel")
     assert again.about == {"masks": 1}
@@ -88,12 +84,12 @@ def test_a_forest_survives_its_file(tmp_path: Path) -> None:
 
 def test_a_forest_of_few_features_asks_for_those_only() -> None:
     full, seen = stump("barrier@1.5", 1.0), features(photograph(), disc(30, 40, 8), size=65)
-    few = Forest({**full.inside.arrays, "feature": np.zeros(1, np.int32)}, features=("barrier@1.5",))
-    np.testing.assert_array_equal(few.probability(seen.planes), full.inside.probability(seen.planes))
+    few = Forest({**full.arrays, "feature": np.zeros(1, np.int32)}, ("barrier@1.5",), full.bias)
+    np.testing.assert_array_equal(few.probability(seen.planes), full.probability(seen.planes))
 
 
 def test_a_model_may_hold_a_second_forest(tmp_path: Path) -> None:
-    both = Model(stump("x", 0.5).inside, stump("y", 0.25).inside, size=300)
+    both = Model(stump("x", 0.5), stump("y", 0.25), size=300)
     (tmp_path / "a.ffmodel").write_bytes(to_bytes(both))
     again = load_model(tmp_path / "a.ffmodel")
     assert again.size == 300
@@ -108,11 +104,13 @@ def sealed(header: object, body: bytes, length: int | None = None) -> bytes:
     return data + hashlib.sha256(data).digest()
 
 
+FILE = to_bytes(Model(stump("x", 0.5), about={"masks": 1}))
+
+
 def parts() -> tuple[dict[str, object], bytes]:
-    data = to_bytes(stump("x", 0.5))
     start = len(MAGIC) + 4
-    length = struct.unpack("<I", data[len(MAGIC) : start])[0]
-    return json.loads(data[start : start + length]), data[start + length : -32]
+    length = struct.unpack("<I", FILE[len(MAGIC) : start])[0]
+    return json.loads(FILE[start : start + length]), FILE[start + length : -32]
 
 
 HEADER, BODY = parts()
@@ -126,8 +124,8 @@ def header(**changes: object) -> dict[str, object]:
 HOSTILE = {
     "empty": (b"", "empty"),
     "text": (b"hello", "not a model file"),
-    "cut": (to_bytes(stump("x", 0.5))[:-7], "cut or altered"),
-    "altered": (to_bytes(stump("x", 0.5)).replace(b"nodes", b"nodez"), "cut or altered"),
+    "cut": (FILE[:-7], "cut or altered"),
+    "altered": (FILE.replace(b"nodes", b"nodez"), "cut or altered"),
     "long-header": (sealed(HEADER, BODY, 1 << 30), "header is longer"),
     "no-json": (sealed(b"{", BODY), "not JSON"),
     "deep": (sealed(b"[" * 60000, BODY), "not JSON"),

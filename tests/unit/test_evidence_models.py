@@ -13,12 +13,12 @@ from tiny_onnx import pointwise
 
 import ffseg
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.evidence.features import NAMES
-from ffseg.evidence.forest import Forest, Model, to_bytes
+from ffseg.evidence.forest import Model, to_bytes
 from ffseg.evidence.source import check_model, model_start
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from tests.discs import disc_of
+from tests.stumps import stump
 
 SHAPE = (90, 130)
 disc = disc_of(SHAPE)
@@ -33,20 +33,10 @@ def red_disc() -> tuple[np.ndarray, np.ndarray]:
     return image, np.where(inside, np.uint8(255), np.uint8(0))
 
 
-def stump(name: str, threshold: float, *, below: bool) -> Forest:
-    """A forest of one node: inside is what is at most (or above) the threshold."""
-    kinds = {"feature": [NAMES.index(name)], "left": [-1], "right": [-2], "root": [0]}
-    arrays = {key: np.array(value, np.int32) for key, value in kinds.items()}
-    sign = 4.0 if below else -4.0
-    return Forest(
-        arrays | {"threshold": np.array([threshold], np.float32), "value": np.array([sign, -sign], np.float32)}
-    )
-
-
 @pytest.fixture
 def forest(tmp_path: Path) -> str:
     """Red is inside."""
-    red = stump("red@1.5", 20.0, below=False)
+    red = stump("red@1.5", 20.0, 4)
     path = tmp_path / "red.ffmodel"
     path.write_bytes(to_bytes(Model(red, red)))
     return str(path)
@@ -71,12 +61,12 @@ def test_a_forest_finds_the_start(forest: str) -> None:
 def test_the_start_lies_in_the_largest_sure_region(forest: str) -> None:
     image = np.full((*SHAPE, 3), (160, 90, 70), np.uint8)
     image[disc(25, 30, 12)] = image[disc(90, 50, 25)] = (60, 70, 170)
-    model = Model(stump("red@1.5", 20.0, below=False), stump("red@1.5", 20.0, below=False))
+    model = Model(stump("red@1.5", 20.0, 4), stump("red@1.5", 20.0, 4))
     x, y, radius = model_start(image, model, 40.0) or (0, 0, 0)
     assert np.hypot(x - 90, y - 50) < 4
     assert 10 < radius < 20
     assert model_start(image, model, 5.0)[2] == 5.0  # type: ignore[index]
-    nowhere = Model(model.inside, stump("x", -1.0, below=True))
+    nowhere = Model(model.inside, stump("x", -1.0, -4))
     assert model_start(image, nowhere, 5.0) is None
     assert model_start(image, Model(model.inside), 5.0) is None
 
@@ -159,7 +149,7 @@ def test_a_model_that_changes_is_read_anew(forest: str) -> None:
     image, truth = red_disc()
     settings = load_params(None, {"init.center": [50, 28], "init.radius": 8, "edges.model": forest})
     assert iou(ffseg.segment(image, settings).mask, truth) > 0.97
-    anything = stump("x", 2.0, below=True)
+    anything = stump("x", 2.0, -4)
     Path(forest).write_bytes(to_bytes(Model(anything)))
     assert iou(ffseg.segment(image, settings).mask, truth) < 0.9
 

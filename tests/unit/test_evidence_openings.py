@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from ffseg.evidence.features import KNOWN, NAMES, PLAIN, features
-from ffseg.evidence.forest import Forest, Model, from_bytes, to_bytes
+from ffseg.evidence.forest import Model, from_bytes, to_bytes
 from ffseg.evidence.openings import OPEN, PASSAGES, open_ground, widened
+from tests.stumps import stump
 
 SHAPE = (60, 100)
 
@@ -30,13 +31,6 @@ def seen(image: np.ndarray, factor: int = 1) -> np.ndarray:
     planes = np.empty((len(OPEN), *inside.shape), np.float32)
     open_ground(image, inside, factor, planes)
     return planes
-
-
-def stump(name: str) -> Model:
-    kinds = {"feature": [KNOWN.index(name)], "left": [-1], "right": [-2], "root": [0]}
-    arrays = {key: np.array(value, np.int32) for key, value in kinds.items()}
-    arrays |= {"threshold": np.array([0.5], np.float32), "value": np.array([-3, 3], np.float32)}
-    return Model(Forest(arrays, KNOWN if name in OPEN else NAMES))
 
 
 @pytest.mark.parametrize(("gap", "passed"), [(0, 0), (8, 2), (12, 3), (40, 4)])
@@ -84,7 +78,7 @@ def test_widened_is_the_largest_of_the_square_round_a_pixel() -> None:
 
 def test_only_a_model_that_asks_for_open_ground_looks_for_it() -> None:
     """A model made before there was any keeps its features, and what it says."""
-    old, new = stump("barrier@1.5"), stump("open3")
+    old, new = Model(stump("barrier@1.5", 0.5, 3)), Model(stump("open3", 0.5, 3, KNOWN))
     image = walled(0)
     assert len(old.look(image, start()).planes) == len(NAMES)
     assert len(new.look(image, start()).planes) == len(KNOWN)

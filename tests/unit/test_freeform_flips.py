@@ -22,7 +22,7 @@ def meeting(p: list[Point], q: list[Point]) -> list[Point]:
     """Two polygons joined where they first cross: p up to there, then q, as evenly spaced points."""
     for a, b in ((a, b) for a in range(len(p) - 1) for b in range(len(q) - 1)):
         if naive.cross(p[a], p[a + 1], q[b], q[b + 1]):
-            one, other = naive.side(p[a], p[a + 1], q[b]), naive.side(p[a], p[a + 1], q[b + 1])
+            one, other = naive.turn(p[a], p[a + 1], q[b]), naive.turn(p[a], p[a + 1], q[b + 1])
             u = one / (one - other)
             at = (q[b][0] + u * (q[b + 1][0] - q[b][0]), q[b][1] + u * (q[b + 1][1] - q[b][1]))
             return evenly([*p[: a + 1], at, *q[b + 1 :]], len(p))

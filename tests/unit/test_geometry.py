@@ -71,11 +71,6 @@ def test_box_has_positive_area_and_reversal_changes_the_sign() -> None:
     assert FreeForm.box(5, 7, 2, 3).signed_area == 12.0
 
 
-def test_area_of_parabola_segment_is_two_thirds() -> None:
-    segment = FreeForm([[0, 0], [1, 2], [2, 0], [1, 0]], 2)  # the chord back is a straight patch
-    assert segment.signed_area == -4.0 / 3.0
-
-
 def test_area_far_away_keeps_its_digits() -> None:
     near = FreeForm.circle((0, 0), 1.0, 8, 3)
     shift = 2.0**30
@@ -106,13 +101,6 @@ def test_bounding_box_of_a_cubic_bulge() -> None:
     arch = FreeForm([[0, 0], [0, 4], [4, 4], [4, 0], [3, 0], [1, 0]], 3)
     np.testing.assert_allclose(arch.bounding_box, [[0, 0], [4, 3]], atol=1e-15)
     np.testing.assert_array_equal(arch.control_box, [[0, 0], [4, 4]])
-
-
-def test_bounding_box_of_a_loop_inside_one_patch() -> None:
-    loop = FreeForm([[0, 0], [8, 6], [-7, 6]], 3)
-    t = np.linspace(0, 1, 100_001)
-    dense = loop.evaluate(t)
-    np.testing.assert_allclose(loop.bounding_box, [dense.min(axis=0), dense.max(axis=0)], atol=1e-8)
 
 
 def test_one_patch_and_single_point_contours_are_legal() -> None:

@@ -1,4 +1,4 @@
-"""What the forests that come with ffseg are grown from: drawings, the same every time."""
+"""What the forests that come with ffseg are grown from: drawings, the same every time, and which kinds are left out together."""
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ from ffseg.evidence.forest import load_model, to_bytes
 from ffseg.learning.drawn.sights import KINDS, LEAST_DEPTH, sights
 from ffseg.learning.grow import HINTED, LOOKS, grow, taken, told
 from ffseg.metrics import INSIDE
+from tests.campaigns.left_out import GROUPS, changed
 
 FLAT = [name for name, kind in KINDS.items() if not kind.alike]
 """Kinds that are painted, not ray cast: quick to draw."""
@@ -46,3 +47,16 @@ def test_the_same_looks_grow_the_same_bytes() -> None:
 def test_the_same_clicks_grow_the_same_bytes() -> None:
     made = [to_bytes(grow(told("nuclei", 2, prior.MODEL.read_bytes()), hints.TAKEN, {})) for _ in range(2)]
     assert made[0] == made[1]
+
+
+def test_each_kind_of_a_group_is_drawn_and_left_out_once() -> None:
+    names = [kind for group in GROUPS for kind in group]
+    assert len(names) == len(set(names))
+    assert set(names) <= set(KINDS)
+
+
+def test_two_looks_at_one_picture_count_as_one() -> None:
+    before = {("room", 0): 0.5, ("room", 1): 0.5, ("room", 2): 0.5, ("street", 0): 0.5}
+    now = {("room", 0): 0.6, ("room", 1): 0.8, ("room", 2): 0.4, ("field", 0): 0.0}
+    # changes .2 and -.1 of two pictures: mean .05, deviation .15, over the root of two
+    assert changed(now, before) == "changed by +0.0500, standard error 0.1061, 2 pictures"

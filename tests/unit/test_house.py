@@ -1,21 +1,31 @@
-"""The house rules that no linter checks: sizes of files, functions and parameter lists."""
+"""The house rules that no linter checks: sizes of files and functions, and a namespace of its own for each room of the core.
+
+Two definitions of one name in the core are found by the build of all sources as one (``tests/campaigns/builds.py --only lto``).
+"""
 
 import ast
-from collections.abc import Iterator
+import re
 from pathlib import Path
 
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / "ffseg"
+CORE = PACKAGE / "native"
 MODULES = sorted(PACKAGE.rglob("*.py"))
-FILE_LINES = 500
-FUNCTION_LINES = 40
-NAMES = [str(path.relative_to(PACKAGE)) for path in MODULES]
+SOURCES = sorted(path for path in CORE.rglob("*") if path.suffix in {".cpp", ".hpp"})
+FUNCTION_LINES, NATIVE_FUNCTION_LINES = 40, 60
+NO_FUNCTION = re.compile(r"(public|private|protected):|(namespace|class|struct|union|enum)\b")
 
 
-def functions(path: Path) -> Iterator[ast.FunctionDef]:
-    tree = ast.parse(path.read_text("utf-8"))
-    return (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+def name(path: Path) -> str:
+    return str(path.relative_to(PACKAGE))
+
+
+@pytest.mark.parametrize(("paths", "least", "most"), [(MODULES, 20, 500), (SOURCES, 40, 300)], ids=["Python", "C++"])
+def test_no_file_is_too_long(paths: list[Path], least: int, most: int) -> None:
+    lengths = {name(path): len(path.read_text("utf-8").splitlines()) for path in paths}
+    assert len(lengths) > least
+    assert {name: length for name, length in lengths.items() if length > most} == {}
 
 
 def lines_of(function: ast.FunctionDef) -> int:
@@ -26,12 +36,40 @@ def lines_of(function: ast.FunctionDef) -> int:
     return (body[-1].end_lineno or 0) - body[0].lineno + 2
 
 
-def test_no_file_is_too_long() -> None:
-    lengths = {str(path.relative_to(PACKAGE)): len(path.read_text("utf-8").splitlines()) for path in MODULES}
-    assert len(lengths) > 20
-    assert {name: length for name, length in lengths.items() if length > FILE_LINES} == {}
-
-
-@pytest.mark.parametrize("path", MODULES, ids=NAMES)
+@pytest.mark.parametrize("path", MODULES, ids=name)
 def test_no_function_is_too_long(path: Path) -> None:
-    assert {item.name: lines_of(item) for item in functions(path) if lines_of(item) > FUNCTION_LINES} == {}
+    functions = [node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.FunctionDef)]
+    assert {item.name: lines_of(item) for item in functions if lines_of(item) > FUNCTION_LINES} == {}
+
+
+def long_functions(text: str) -> list[str]:
+    """First lines of what is too long: from a line to the next of its indent, which clang-format makes a closing brace."""
+    found, last = [], dict[int, tuple[int, str]]()
+    for number, line in enumerate(text.splitlines()):
+        indent = len(line) - len(line.lstrip())
+        begin, head = last.get(indent, (number, ""))
+        if line.lstrip().startswith("}") and number - begin >= NATIVE_FUNCTION_LINES and not NO_FUNCTION.match(head):
+            found.append(head)
+        if line.strip():
+            last[indent] = (number, line)
+    return found
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_no_native_function_is_too_long(path: Path) -> None:
+    assert long_functions(path.read_text("utf-8")) == []
+
+
+@pytest.mark.parametrize("head", ["int f() {", "    void g(int a,\n           int b) const {"])
+def test_a_long_native_function_is_noticed(head: str) -> None:
+    indent = " " * (len(head) - len(head.lstrip()))
+    body = f"{indent}    if (a) {{\n{indent}        b();\n{indent}    }}\n"
+    long, short = (f"struct S {{\n{head}\n{body * count}{indent}}}\n}};\n" for count in (20, 10))
+    assert (long_functions(long), long_functions(short)) == ([head.split("\n", maxsplit=1)[0]], [])
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_each_room_has_its_namespace(path: Path) -> None:
+    folder = path.parent.relative_to(CORE)
+    room = "ffseg" if folder.name == "common" else f"ffseg::{folder.name}"
+    assert set(re.findall(r"^namespace ([\w:]+) \{", path.read_text("utf-8"), re.M)) <= {room}

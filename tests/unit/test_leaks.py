@@ -13,6 +13,7 @@ from ffseg.image.leaks import leaked
 from ffseg.rendering.raycast import FIRST_WALL, Rendering, render
 from ffseg.rendering.scene import Floor, Room, Scene
 from ffseg.samples.drive import drive_camera, drive_scene
+from tests.discs import overlap
 
 POSES = ((0.25, 0.95, 0.3), (0.0, 1.05, 0.3))
 CUT = "moved as nothing on the ground does"
@@ -33,10 +34,6 @@ def walls_of_the_floors_grey() -> Scene:
     return replace(scene, boxes=scene.boxes[:1], room=Room((2.4, 2.2), 0.2, scene.ground_grey, shading=(45.0, 2.0)))
 
 
-def overlap(frame: Frame, view: Rendering) -> float:
-    return float((frame.mask & view.truth).sum() / (frame.mask | view.truth).sum())
-
-
 @pytest.mark.parametrize("posed", [True, False])
 def test_what_climbed_a_wall_is_cut_and_said(posed: bool) -> None:
     scene = walls_of_the_floors_grey()
@@ -45,7 +42,7 @@ def test_what_climbed_a_wall_is_cut_and_said(posed: bool) -> None:
     assert climbed.sum() > 0.05 * view.truth.sum(), "the scene is one in which the contour climbs"
     frame, _ = seen(scene, 0.15, posed)
     assert (frame.mask & climbed).sum() < 0.03 * climbed.sum()
-    assert overlap(frame, view) > overlap(plain, view) + 0.4 > 0.8
+    assert overlap(frame.mask, view.truth) > overlap(plain.mask, view.truth) + 0.4 > 0.8
     assert CUT in frame.note
     assert CUT not in plain.note
 
@@ -76,6 +73,6 @@ def test_poses_that_the_ground_does_not_confirm_cut_nothing(monkeypatch: pytest.
 )
 def test_ground_that_a_box_a_shadow_or_a_reflection_hid_before_is_not_cut(floor: Floor) -> None:
     frame, view = seen(replace(drive_scene(), floor=floor), 0.05)
-    assert overlap(frame, view) > 0.9
+    assert overlap(frame.mask, view.truth) > 0.9
     assert frame.motion is not None
     assert CUT not in frame.note
