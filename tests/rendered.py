@@ -2,11 +2,12 @@
 
 import os
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache, wraps
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +17,7 @@ from ffseg.io.files import write_bytes_atomic
 from ffseg.parameters import Parameters
 from ffseg.pipeline import segment
 from ffseg.rendering import pairs
+from ffseg.rendering.raycast import Rendering
 from ffseg.result import Segmentation
 from ffseg.scene import Scene
 from tests import floors
@@ -41,6 +43,27 @@ def once(make: Callable[P, T]) -> Callable[P, T]:
         return pickle.loads(path.read_bytes())  # our own
 
     return kept
+
+
+def write_views(
+    folder: Path,
+    shown: Iterable[Rendering],
+    poses: Sequence[pairs.PlanarPose],
+    names: Sequence[str],
+    camera: str = pairs.CAMERA_YAML,
+) -> None:
+    """Write images into ``views``, and their camera and their poses beside it."""
+    (folder / "views").mkdir()
+    for name, view in zip(names, shown, strict=True):
+        cv2.imwrite(str(folder / "views" / name), view.image)
+    (folder / "camera.yaml").write_text(camera)
+    (folder / "poses.csv").write_text(pairs.poses_csv(poses, names))
+
+
+def write_pair(folder: Path) -> None:
+    """Write a pair as images called 1 and 2, with its camera and its poses."""
+    pair = render_pair(4)
+    write_views(folder, (pair.previous, pair.current), pair.poses, ("1.png", "2.png"))
 
 
 def segment_view(image: NDArray[np.uint8], camera: Camera, params: Parameters) -> Segmentation:

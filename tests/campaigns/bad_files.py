@@ -12,6 +12,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from batches import table
+
+from ffseg.io.images import REASONS
 from tests.campaigns import harness
 
 READ_ONE = """
@@ -50,20 +53,16 @@ class Figures:
 
 def campaign(folder: Path, work: Path) -> Figures:
     """Read every file of a folder alone, then run over all of them."""
-    from ffseg.io.images import REASONS
-
     figures = Figures()
     paths = sorted(path for path in folder.iterdir() if path.suffix not in (".npy", ".json"))
     for path in paths:
         read_alone(path, figures)
-    _run_over(paths, work, figures, set(REASONS))
+    _run_over(paths, work, figures)
     return figures
 
 
 def read_alone(path: Path, figures: Figures) -> None:
     """Read one file in a process of its own and note what it cost."""
-    from ffseg.io.images import REASONS
-
     figures.files += 1
     done = subprocess.run([sys.executable, "-c", READ_ONE, str(path)], capture_output=True, timeout=60, check=False)
     if done.returncode != 0:
@@ -81,7 +80,7 @@ def read_alone(path: Path, figures: Figures) -> None:
         figures.largest_bomb_mb = max(figures.largest_bomb_mb, (grown, path.name))
 
 
-def _run_over(paths: list[Path], work: Path, figures: Figures, known: set[str]) -> None:
+def _run_over(paths: list[Path], work: Path, figures: Figures) -> None:
     """One run over all files, each in a folder of its own because many differ in their suffix only."""
     source, out = work / "files", work / "out"
     for place in (source, out):
@@ -94,12 +93,13 @@ def _run_over(paths: list[Path], work: Path, figures: Figures, known: set[str]) 
     if ended.code not in (0, 3) or "Traceback" in ended.stderr:
         figures.wrong.append(f"the run ended with {ended.code}: {ended.stderr[-300:]}")
         return
-    rows = harness.rows(out)
+    rows = table(out / "timings.csv")
     if len(rows) != len(paths):
         figures.wrong.append(f"{len(rows)} rows for {len(paths)} files")
     reasons = {row["image"]: row["error"].split(":")[0] for row in rows if row["status"] == "failed"}
-    allowed = known | {"segmentation"}
-    figures.wrong += [f"{name}: {reason}" for name, reason in reasons.items() if reason not in allowed]
+    figures.wrong += [
+        f"{name}: {reason}" for name, reason in reasons.items() if reason not in (*REASONS, "segmentation")
+    ]
 
 
 def main(work: harness.Work, folder: Path | None = None) -> Figures:

@@ -1,6 +1,5 @@
 """What the campaigns share: small image folders, the command as a process, and a figure for each promise."""
 
-import csv
 import functools
 import os
 import signal
@@ -140,12 +139,6 @@ def outputs(out: Path) -> dict[str, bytes]:
                 stored = ((member.name, archive.extractfile(member)) for member in archive)
                 found |= {name: file.read() for name, file in stored if file}
     return found
-
-
-def rows(out: Path) -> list[dict[str, str]]:
-    """Rows of the table of a run."""
-    with (out / "timings.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def temporaries(out: Path) -> list[str]:

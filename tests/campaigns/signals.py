@@ -17,6 +17,8 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from batches import table
+
 from tests.campaigns import harness
 
 CODES = {signal.SIGINT: 130, signal.SIGTERM: 143}
@@ -89,7 +91,7 @@ def _death(process: subprocess.Popen[bytes], out: Path, images: int, rng: random
         process.wait()
         return
     code = process.wait(timeout=300)
-    rows = harness.rows(out)
+    rows = table(out / "timings.csv")
     failed = [row for row in rows if row["status"] == "failed"]
     figures.deaths += 1
     figures.images_lost += len(failed)

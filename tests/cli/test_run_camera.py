@@ -12,20 +12,14 @@ import cv2
 import numpy as np
 import pytest
 from commands import Command
-from rendered import render_pair
+from rendered import render_pair, write_pair
 
-from ffseg.rendering.pairs import CAMERA_YAML, poses_csv
+from ffseg.rendering.pairs import CAMERA_YAML
 
 
 @pytest.fixture
 def views(tmp_path: Path) -> Path:
-    folder = tmp_path / "views"
-    folder.mkdir()
-    pair = render_pair(4)
-    for name, view in (("1.png", pair.previous), ("2.png", pair.current)):
-        cv2.imwrite(str(folder / name), view.image)
-    (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
-    (tmp_path / "poses.csv").write_text(poses_csv(pair.poses, ("1.png", "2.png")))
+    write_pair(tmp_path)
     return tmp_path
 
 

@@ -16,9 +16,7 @@ import yaml
 from bad_images import READS_GIF
 from commands import Command
 from PIL import Image
-from rendered import render_pair
-
-from ffseg.rendering.pairs import CAMERA_YAML, poses_csv
+from rendered import write_pair
 
 START = ("--set", "init.radius=12")
 
@@ -158,12 +156,7 @@ def test_films_begin_at_the_start_and_end_with_the_result(
 
 
 def test_views_are_filmed_and_exported_too(ffseg_command: Command, tmp_path: Path) -> None:
-    pair = render_pair(4)
-    (tmp_path / "views").mkdir()
-    for name, view in (("1.png", pair.previous), ("2.png", pair.current)):
-        cv2.imwrite(str(tmp_path / "views" / name), view.image)
-    (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
-    (tmp_path / "poses.csv").write_text(poses_csv(pair.poses, ("1.png", "2.png")))
+    write_pair(tmp_path)
     camera = ("--camera", tmp_path / "camera.yaml", "--poses", tmp_path / "poses.csv")
     out = tmp_path / "out"
     result = ffseg_command("run", tmp_path / "views", "--out", out, *camera, "--export", "geojson", "--animate")

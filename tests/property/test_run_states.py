@@ -1,7 +1,5 @@
 """Any sequence of runs, changes, damage and kills: what is in the output folder is what its tables say, and is right."""
 
-import csv
-import io
 import json
 import os
 import shutil
@@ -13,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from batches import make_images, run_batch
+from batches import TIMES, make_images, run_batch, table
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
@@ -27,7 +25,6 @@ from ffseg.parameters import Parameters, load_params
 NAMES = ("a.png", "b.png", "s/d.png", "s/c.jpg")
 INPROCESS = "inprocess"
 EVERYTHING = Products(True, ("coco", "geojson"))
-TIMES = ("decode_ms", "edges_ms", "evolve_ms", "write_ms", "total_ms")
 
 names = st.sampled_from(NAMES)
 parts = st.sampled_from([None, None, *NAMES])
@@ -178,8 +175,8 @@ class Runs(RuleBasedStateMachine):
         shutil.rmtree(fresh, ignore_errors=True)
         options = {"truth": str(self.truth)}
         run_batch(self.images, fresh, params=self.params(), products=EVERYTHING, executor=INPROCESS, **options)
-        expected = {row["image"]: row for row in rows_of(fresh)}
-        rows = rows_of(self.out)
+        expected = {row["image"]: row for row in table(fresh / "timings.csv")}
+        rows = table(self.out / "timings.csv")
         assert [row["image"] for row in rows] == [name for name in expected if name in {row["image"] for row in rows}]
         assert {printable(name) for name in self.inputs(part)} <= {row["image"] for row in rows}
         run = json.loads((self.out / "run.json").read_text())
@@ -229,10 +226,6 @@ def check_outputs(
 
 def coco_of(name: str) -> str:
     return f"coco/{os.path.splitext(name)[0]}.json"
-
-
-def rows_of(out: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO((out / "timings.csv").read_text(encoding="utf-8"), newline="")))
 
 
 def cells(row: dict[str, str]) -> dict[str, str]:

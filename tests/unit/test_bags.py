@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from commands import Command
+from rendered import write_views
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -96,20 +97,14 @@ def a_drive(path: Path, kind: str) -> Path:
 def test_a_bag_runs_as_its_images_and_poses_do(
     ffseg_command: Command, tmp_path: Path, kind: str, name: str, poses: str
 ) -> None:
-    bag, views = a_drive(tmp_path / name, kind), tmp_path / "views"
-    views.mkdir()
-    rows = ["image,x,y,theta"]
-    for number, (view, pose) in enumerate(zip(sight().views, sight().poses, strict=True)):
-        cv2.imwrite(str(views / f"camera_image_{number:06d}.png"), view.image)
-        rows.append(f"camera_image_{number:06d}.png,{pose[0]!r},{pose[1]!r},{pose[2]!r}")
-    (tmp_path / "poses.csv").write_text("\n".join(rows) + "\n")
-    (tmp_path / "camera.yaml").write_text(DRIVE_CAMERA)
+    bag, names = a_drive(tmp_path / name, kind), [f"camera_image_{number:06d}.png" for number in range(COUNT)]
+    write_views(tmp_path, sight().views, sight().poses, names, DRIVE_CAMERA)
     options = ("--camera", tmp_path / "camera.yaml", "--map")
     asked = ("run", "--bag", bag, "--topic", "/camera/image", *options, *(("--poses", poses) if poses else ()))
     done = ffseg_command(*asked, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     posed = ("--poses", tmp_path / "poses.csv") if poses else ()
-    assert ffseg_command("run", views, *options, *posed, "--out", tmp_path / "files").returncode == 0
+    assert ffseg_command("run", tmp_path / "views", *options, *posed, "--out", tmp_path / "files").returncode == 0
     for path in (tmp_path / "files").rglob("*.p[gn]*"):
         assert (tmp_path / "out" / path.relative_to(tmp_path / "files")).read_bytes() == path.read_bytes(), path
     again = json.loads(ffseg_command(*asked, "--out", tmp_path / "out", "--json").stdout)

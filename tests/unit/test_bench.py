@@ -258,11 +258,6 @@ def test_a_folder_without_images_is_refused(tmp_path: Path) -> None:
         quick("scenes", folder=tmp_path / "absent")
 
 
-def test_an_unknown_suite_is_refused_before_anything_runs() -> None:
-    with pytest.raises(UsageError, match="no suite 'pathces'; did you mean 'patches'"):
-        quick("patches", "pathces")
-
-
 def test_bare_pipeline_writes_a_mask_for_each_image(tmp_path: Path) -> None:
     scene, folder, out = drawing.draw(2, 160, 120), tmp_path / "images", tmp_path / "out"
     folder.mkdir()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rendered import render_pair
+from rendered import render_pair, write_pair
 
 from ffseg.batch.views import Views, load_views, neighbours
 from ffseg.batch.workers.frames import (
@@ -18,7 +18,6 @@ from ffseg.batch.workers.frames import (
 from ffseg.io.images import Limits
 from ffseg.io.masks import encode_png
 from ffseg.parameters import load_params
-from ffseg.rendering.pairs import CAMERA_YAML, poses_csv
 from ffseg.scene import Scene
 
 
@@ -27,19 +26,13 @@ def test_neighbours_follow_within_their_folder() -> None:
     assert neighbours(names) == {"a/2.png": "a/1.png", "b/2.png": "b/1.png", "a/3.png": "a/2.png"}
 
 
-def files(folder: Path) -> tuple[str, str]:
-    pair = render_pair(4)
-    (folder / "camera.yaml").write_text(CAMERA_YAML)
-    (folder / "poses.csv").write_text(poses_csv(pair.poses, ("0.png", "1.png")))
-    return str(folder / "camera.yaml"), str(folder / "poses.csv")
-
-
 def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
-    camera, poses = files(tmp_path)
-    views: Views = pickle.loads(pickle.dumps(load_views(camera, poses, None, ["0.png", "1.png"])))
+    write_pair(tmp_path)
+    camera, poses = str(tmp_path / "camera.yaml"), str(tmp_path / "poses.csv")
+    views: Views = pickle.loads(pickle.dumps(load_views(camera, poses, None, ["1.png", "2.png"])))
     pair = render_pair(4)
     previous = encode_png(pair.previous.image, [])
-    frame = Before(views, "1.png", [previous], Limits()).frame(Scene(pair.current.image, load_params()))
+    frame = Before(views, "2.png", [previous], Limits()).frame(Scene(pair.current.image, load_params()))
     rows = obstacle_rows(frame)
     assert {row["verdict"] for row in rows} == {"obstacle", "false_obstacle"}
     assert all(
@@ -57,6 +50,6 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     assert len(drawn) == len(frame.fit.inliers) + frame.fit.count + 2 * len(frame.samples)
     places = [line.points.mean(axis=0) for line in drawn if len(line.points) == 4]
     assert np.array(places) == pytest.approx(frame.fit.tracks.current)
-    first = Before(views, "0.png", [], Limits()).frame(Scene(pair.previous.image, load_params()))
+    first = Before(views, "1.png", [], Limits()).frame(Scene(pair.previous.image, load_params()))
     assert {row["verdict"] for row in obstacle_rows(first)} == {"untested"}
     assert {row["max_altitude_m"] for row in obstacle_rows(first)} == {""}

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 from commands import Command
-from rendered import drive
+from rendered import drive, write_views
 
 import ffseg
 from ffseg.batch.outputs.table import MAP_FILES
@@ -24,13 +24,10 @@ COUNT = 4
 
 def write(folder: Path, lacking: int | None = None) -> None:
     """Images, camera and poses, of which one may lack."""
-    (folder / "views").mkdir()
-    lines = ["image,x,y,theta"]
-    for number, (view, pose) in enumerate(zip(drive().views, drive().poses, strict=True)):
-        cv2.imwrite(str(folder / "views" / f"{number}.png"), view.image)
-        lines += [f"{number}.png,{pose[0]!r},{pose[1]!r},{pose[2]!r}"] if number != lacking else []
-    (folder / "poses.csv").write_text("\n".join(lines) + "\n")
-    (folder / "camera.yaml").write_text(CAMERA_YAML + "footprint: 0.15\n")
+    names = [f"{number}.png" for number in range(COUNT)]
+    write_views(folder, drive().views, drive().poses, names, CAMERA_YAML + "footprint: 0.15\n")
+    lines = (folder / "poses.csv").read_text().splitlines(keepends=True)
+    (folder / "poses.csv").write_text("".join(line for line in lines if not line.startswith(f"{lacking}.png")))
 
 
 def asked(folder: Path, out: str, *options: object) -> tuple[object, ...]:

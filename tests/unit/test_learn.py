@@ -10,7 +10,6 @@ import pytest
 from commands import Command
 
 from ffseg.cli.commands.learn import sentences
-from ffseg.errors import UsageError
 from ffseg.evidence.forest import load_model
 from ffseg.evidence.source import told
 from ffseg.learning import learn as learning
@@ -101,13 +100,6 @@ def test_a_name_without_the_suffix_is_refused_first(folder: Path, ffseg_command:
     done = ffseg_command("learn", str(folder / "in"), "--truth", str(folder / "truth"), "--out", str(folder / "a.bin"))
     assert done.returncode == 2
     assert ".ffmodel" in done.stderr
-
-
-def test_a_mask_of_one_side_names_its_image(folder: Path) -> None:
-    cv2.imwrite(str(folder / "truth" / "1.png"), np.zeros(SHAPE, np.uint8))
-    params = load_params()
-    with pytest.raises(UsageError, match=r"1\.png: the mask knows no pixel inside"):
-        learned(gather([str(folder / "in")], str(folder / "truth"), params), params, lambda _: None)
 
 
 def test_the_verdict_comes_first_and_no_figure_has_two_meanings() -> None:

@@ -190,14 +190,6 @@ def test_output_that_cannot_be_written_fails_its_image_alone_and_names_the_path(
     assert not list((tmp_path / "out").rglob("*.tmp"))
 
 
-def test_temporaries_of_a_killed_run_are_removed(images: Path, tmp_path: Path) -> None:
-    run_batch(images, tmp_path / "out")
-    left = tmp_path / "out" / "masks" / "s0" / ".ffseg-1-1.tmp"
-    left.write_bytes(b"half")
-    run_batch(images, tmp_path / "out")
-    assert not left.exists()
-
-
 def test_truth_adds_the_overlap_and_a_truth_of_other_size_fails_its_image(images: Path, tmp_path: Path) -> None:
     pytest.importorskip("ffseg.metrics")
     run_batch(images, tmp_path / "first")
