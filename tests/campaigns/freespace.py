@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -110,12 +111,7 @@ def enclosed_marks(pair: RenderedPair) -> list[int]:
 
 def ring(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The mask grown by ``RING`` pixels."""
-    grown = mask.copy()
-    for axis in (0, 1):
-        for step in range(1, RING + 1):
-            grown |= np.roll(mask, step, axis) | np.roll(mask, -step, axis)
-        mask = grown.copy()
-    return grown
+    return cv2.dilate(mask.astype(np.uint8), np.ones((2 * RING + 1,) * 2, np.uint8)) > 0
 
 
 def is_alike(pair: RenderedPair) -> bool:

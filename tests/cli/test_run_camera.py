@@ -1,7 +1,5 @@
 """``ffseg run --camera``: pairs, tables, overlays, what is refused, and what is done again."""
 
-import csv
-import io
 import os
 import shutil
 import subprocess
@@ -11,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from batches import table
 from commands import Command
 from rendered import render_pair, write_pair
 
@@ -21,10 +20,6 @@ from ffseg.rendering.pairs import CAMERA_YAML
 def views(tmp_path: Path) -> Path:
     write_pair(tmp_path)
     return tmp_path
-
-
-def rows(path: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8-sig"))))
 
 
 def run(ffseg_command: Command, folder: Path, *more: str | Path, out: str = "out") -> subprocess.CompletedProcess[str]:
@@ -38,7 +33,7 @@ def with_camera(folder: Path) -> tuple[str | Path, ...]:
 def test_the_snake_takes_the_altitudes_of_the_pair(ffseg_command: Command, views: Path) -> None:
     snake = ("--set", "method=snake")
     assert run(ffseg_command, views, *with_camera(views), *snake).returncode == 0
-    notes = [row["note"] for row in rows(views / "out" / "timings.csv")]
+    notes = [row["note"] for row in table(views / "out" / "timings.csv")]
     assert "first image" in notes[0]
     assert "points let the snake pass" in notes[1]
     (views / "views" / "1.png").unlink()
@@ -63,17 +58,17 @@ def test_a_start_that_was_moved_is_told(ffseg_command: Command, views: Path) -> 
 def test_a_sequence_writes_verdicts_and_merged_masks(ffseg_command: Command, views: Path) -> None:
     result = run(ffseg_command, views, *with_camera(views), "--overlay")
     assert result.returncode == 0, result.stderr
-    table = rows(views / "out" / "obstacles.csv")
-    assert list(table[0]) == [
+    found = table(views / "out" / "obstacles.csv")
+    assert list(found[0]) == [
         "image", "component", "area_px", "centroid_x", "centroid_y", "matched_points", "max_altitude_m", "verdict",
         "against", "ground_x_m", "ground_y_m", "track",
     ]  # fmt: skip
-    assert {row["verdict"] for row in table if row["image"] == "1.png"} == {"untested"}
-    assert {row["verdict"] for row in table if row["image"] == "2.png"} == {"obstacle", "false_obstacle"}
+    assert {row["verdict"] for row in found if row["image"] == "1.png"} == {"untested"}
+    assert {row["verdict"] for row in found if row["image"] == "2.png"} == {"obstacle", "false_obstacle"}
     mask = cv2.imread(str(views / "out" / "masks" / "2.png"), cv2.IMREAD_GRAYSCALE) == 255
     truth = render_pair(4).current.truth
     assert (mask & truth).sum() / (mask | truth).sum() > 0.985
-    timings = rows(views / "out" / "timings.csv")
+    timings = table(views / "out" / "timings.csv")
     assert "first image" in timings[0]["note"]
     assert "refined on the ground" in timings[1]["note"]
     assert float(timings[1]["obstacles_ms"]) > 0
@@ -88,9 +83,9 @@ def test_pairs_name_the_previous_image(ffseg_command: Command, views: Path) -> N
     (views / "pairs.csv").write_text("previous,current\n2.png,1.png\n")
     result = run(ffseg_command, views, *with_camera(views), "--pairs", views / "pairs.csv")
     assert result.returncode == 0, result.stderr
-    table = rows(views / "out" / "obstacles.csv")
-    assert {row["verdict"] for row in table if row["image"] == "2.png"} == {"untested"}
-    assert "false_obstacle" in {row["verdict"] for row in table if row["image"] == "1.png"}
+    found = table(views / "out" / "obstacles.csv")
+    assert {row["verdict"] for row in found if row["image"] == "2.png"} == {"untested"}
+    assert "false_obstacle" in {row["verdict"] for row in found if row["image"] == "1.png"}
 
 
 def test_the_same_bytes_for_one_and_two_workers(ffseg_command: Command, views: Path) -> None:
@@ -142,7 +137,7 @@ def test_an_image_without_a_pose_is_named_and_its_pair_goes_without(ffseg_comman
     (views / "some.csv").write_text("".join(kept))
     result = run(ffseg_command, views, "--camera", views / "camera.yaml", "--poses", views / "some.csv")
     assert result.returncode == 0
-    notes = [row["note"] for row in rows(views / "out" / "timings.csv")]
+    notes = [row["note"] for row in table(views / "out" / "timings.csv")]
     assert any(note.startswith(f"no pose of {named[1]}; ") for note in notes)
 
 
@@ -150,7 +145,7 @@ def test_another_size_or_a_broken_predecessor_costs_no_other_image(ffseg_command
     cv2.imwrite(str(views / "views" / "0.png"), np.full((60, 80), 90, np.uint8))
     result = run(ffseg_command, views, "--camera", views / "camera.yaml")
     assert result.returncode == 3
-    timings = {row["image"]: row for row in rows(views / "out" / "timings.csv")}
+    timings = {row["image"]: row for row in table(views / "out" / "timings.csv")}
     assert "80x60, the camera file says 800x600" in timings["0.png"]["error"]
     assert timings["0.png"]["error"].startswith("calibration: ")
     assert timings["1.png"]["status"] == "ok"
@@ -163,7 +158,7 @@ def test_a_run_in_which_nothing_could_be_tested_says_why_and_how_much(ffseg_comm
         shutil.copyfile(views / "views" / "2.png", views / "views" / name)
     done = run(ffseg_command, views, "--camera", views / "camera.yaml")
     assert done.returncode == 0
-    found = rows(views / "out" / "obstacles.csv")
+    found = table(views / "out" / "obstacles.csv")
     assert {row["verdict"] for row in found} == {"untested"}
     said = done.stderr.splitlines()
     assert f"ffseg: nothing was tested: {len(found)} enclosed components of 3 images stay untested" in said
@@ -187,8 +182,8 @@ def test_wrong_units_are_named_on_stderr(ffseg_command: Command, views: Path) ->
     said = [line for line in result.stderr.splitlines() if "theta looks like degrees" in line]
     assert [line.partition(": no motion: ")[0] for line in said] == ["ffseg: 2.png", "ffseg:   1 image"]
     assert "ffseg: 1.png: first image" in result.stderr
-    assert {row["verdict"] for row in rows(views / "out" / "obstacles.csv")} == {"untested"}
-    assert [row["pair"] for row in rows(views / "out" / "timings.csv")] == ["first", "untested"]
+    assert {row["verdict"] for row in table(views / "out" / "obstacles.csv")} == {"untested"}
+    assert [row["pair"] for row in table(views / "out" / "timings.csv")] == ["first", "untested"]
 
 
 def test_pairs_that_could_not_be_tested_are_counted(ffseg_command: Command, views: Path) -> None:

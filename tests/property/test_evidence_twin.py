@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ffseg.native import _core
+from tests.stumps import stump
 
 sides = st.tuples(st.integers(1, 9), st.integers(1, 11))
 images = st.one_of(
@@ -211,14 +212,7 @@ def test_forest_is_that_of_the_twin(arrays: dict[str, np.ndarray], shape: tuple[
         assert found[y, x] == np.float32(naive.forest(arrays, planes[:, y, x]))
 
 
-STUMP = {
-    "feature": np.array([1], np.int32),
-    "threshold": np.array([0.5], np.float32),
-    "left": np.array([-1], np.int32),
-    "right": np.array([-2], np.int32),
-    "root": np.array([0], np.int32),
-    "value": np.array([-1, 1], np.float32),
-}
+STUMP = stump("b", 0.5, 1.0, ("a", "b")).arrays
 
 
 @pytest.mark.parametrize(

@@ -85,14 +85,6 @@ def test_weak_slopes_are_kept(sigma: float) -> None:
     assert np.sqrt(np.mean((gradient - exact) ** 2)) < 0.5
 
 
-@pytest.mark.parametrize("grey", [0, 1, 100, 255])
-@pytest.mark.parametrize("sigma", [0.3, 1.5, 20.0])
-def test_a_plain_surface_has_no_gradient(grey: int, sigma: float) -> None:
-    gradient, ridges = native(np.full((40, 50), grey, np.uint8), sigma)
-    assert not gradient.any()
-    assert not ridges.any()
-
-
 @given(images, st.integers(0, 2000), st.integers(0, 3000))
 @settings(max_examples=60, deadline=None)
 def test_canny_is_that_of_the_twin(image: np.ndarray, low: int, above: int) -> None:

@@ -286,15 +286,6 @@ def test_any_mask_gives_valid_polygons(mask: Mask) -> None:
     assert (len(image.regions), sum(len(region.holes) for region in image.regions)) == (regions - 1, holes - 2)
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_evolutions_give_valid_polygons(seed: int) -> None:
-    noise = np.random.default_rng(seed).integers(0, 256, (25, 40, 3), np.uint8)
-    image = cv2.resize(noise, (240, 150), interpolation=cv2.INTER_CUBIC)
-    result = segment(image, load_params(None, {"edges.source": "gradient", "contour.degree": 1 + seed % 6}))
-    assert result.mask.any()
-    judged(AnnotatedImage("a", 240, 150, polygons(result.mask, result.contours)), result.mask)
-
-
 PHOTOGRAPHS = sorted((data_folder() / "seeded_objects" / "images").glob("*.jpg"))
 
 

@@ -13,6 +13,7 @@ from ffseg.image.raster import rasterize
 from ffseg.native import _core
 from tests.crossings import self_intersections
 from tests.evolutions import SHAPE, Edges, contours, evolution, region
+from tests.naive_pairs import grown
 
 
 def ring(radius: float, center: tuple[float, float] = (90.0, 70.0), shape: tuple[int, int] = SHAPE) -> Edges:
@@ -22,16 +23,6 @@ def ring(radius: float, center: tuple[float, float] = (90.0, 70.0), shape: tuple
         a = 2 * pi * i / int(16 * radius)
         edges[round(center[1] + radius * sin(a)), round(center[0] + radius * cos(a))] = 255
     return edges
-
-
-def dilated(mask: NDArray[np.bool_], by: int) -> NDArray[np.bool_]:
-    """The mask grown by a square of so many pixels to every side."""
-    grown = mask.copy()
-    for _ in range(by):
-        padded = np.pad(grown, 1)
-        rows = padded[:-2] | padded[1:-1] | padded[2:]
-        grown = rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]
-    return grown
 
 
 def distances(
@@ -133,13 +124,6 @@ def test_two_circles_that_overlap_become_one(degree: int, gap: float) -> None:
     assert outline.signed_area == pytest.approx(union.sum(), rel=0.05)
 
 
-def test_two_circles_that_do_not_meet_stay_two() -> None:
-    made = evolution([FreeForm.circle((60, 70), 20, 12, 3), FreeForm.circle((110, 70), 20, 12, 3)], balloon=0.3)
-    made.advance(3)
-    assert len(contours(made)) == 2
-    assert made.counts()["flips"] == made.counts()["merges"] == 0
-
-
 def horseshoe(gap: float) -> FreeForm:
     """A ring that is not closed, on the right: its two ends stand `gap` apart."""
     half = gap / 2 / 35
@@ -213,7 +197,7 @@ def test_split_keeps_the_curve_and_ends_below_the_threshold(seed: int) -> None:
     assert made.counts()["splits"] >= after.num_patches - start.num_patches
     before, now = rasterize((start,), SHAPE), region(made)
     assert (before & ~now).sum() < 0.01 * before.sum()
-    assert (now & ~dilated(before, 3)).sum() < 0.01 * before.sum()  # it has grown by 1.2 px
+    assert (now & ~grown(before, 3)).sum() < 0.01 * before.sum()  # it has grown by 1.2 px
     calm = evolution([start], refine=True, topology=False, split_threshold=200.0, balloon=0.3)
     calm.advance(1)
     assert calm.counts()["splits"] == 0
@@ -418,7 +402,7 @@ def test_a_front_in_small_steps_stays_off_the_pixels_beside_edges(balloon: float
     found = region(made)
     assert made.stop_reason == "converged"
     assert found[30:111, 40:101].all()
-    assert not (found & dilated(edges > 0, 1)).any()
+    assert not (found & grown(edges > 0, 1)).any()
 
 
 @pytest.mark.parametrize("degree", [3, 4])

@@ -52,6 +52,12 @@ def tars(out: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in out.glob("*.tar")}
 
 
+def straight(images: Path, out: Path) -> dict[str, bytes]:
+    """The tar files of a run that nothing interrupts."""
+    run_batch(images, out, products=PACKED, executor=INPROCESS)
+    return tars(out)
+
+
 def unpacked(out: Path, into: Path) -> Path:
     """The output folder as another program unpacks it."""
     shutil.copytree(out, into, ignore=shutil.ignore_patterns("*.tar", ".ffseg"))
@@ -80,9 +86,8 @@ def test_unpacked_they_are_what_a_run_without_writes(jobs: int, images: Path, tm
 
 
 def test_the_bytes_do_not_depend_on_how_the_work_was_shared_out(images: Path, tmp_path: Path) -> None:
-    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
+    expected = straight(images, tmp_path / "one")
     run_batch(images, tmp_path / "two", products=PACKED, num_workers=2)
-    expected = tars(tmp_path / "one")
     assert tars(tmp_path / "two") == expected
     for count in (1, 2, 3):
         out = tmp_path / f"in {count}"
@@ -107,8 +112,7 @@ def test_a_second_run_does_what_is_missing_or_stale(images: Path, tmp_path: Path
     make_images(images, ["later.png"])
     changed = run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert (changed.done, changed.unchanged) == (2, 12)
-    run_batch(images, tmp_path / "fresh", products=PACKED, executor=INPROCESS)
-    assert tars(out) == tars(tmp_path / "fresh")
+    assert tars(out) == straight(images, tmp_path / "fresh")
 
 
 @pytest.mark.parametrize("damage", ["changed", "cut"])
@@ -186,8 +190,7 @@ def test_a_killed_run_goes_on(
         subprocess.run(["tar", "-tf", path], check=True, capture_output=True)
     rest = run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert rest.done == redone
-    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
-    assert tars(out) == tars(tmp_path / "one")
+    assert tars(out) == straight(images, tmp_path / "one")
     assert packs(out) == []
 
 
@@ -203,8 +206,7 @@ def test_a_tail_that_was_not_finished_is_nobodys(images: Path, tmp_path: Path) -
     assert run_batch(images, out, products=PACKED, executor=INPROCESS).done == 13 - 5 + 1, (
         "the one that was cut is done again"
     )
-    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
-    assert tars(out) == tars(tmp_path / "one")
+    assert tars(out) == straight(images, tmp_path / "one")
 
 
 def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path) -> None:
@@ -246,8 +248,7 @@ def test_an_output_that_is_lost_is_named_by_the_merge(images: Path, tmp_path: Pa
     assert all("is not what was written; run its shard again" in problem for problem in problems)
     run_shard(images, out, "1/2")
     assert merge_shards(str(out)).problems == []
-    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
-    assert tars(out) == tars(tmp_path / "one")
+    assert tars(out) == straight(images, tmp_path / "one")
 
 
 def test_files_and_members_are_not_mixed(images: Path, tmp_path: Path) -> None:
@@ -339,8 +340,7 @@ def test_a_disk_that_is_full_at_the_end_costs_nothing_that_was_done(
     assert len(packs(out)) == 1
     again = run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert (again.done, again.unchanged, again.problems) == (0, 13, [])
-    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
-    assert tars(out) == tars(tmp_path / "one")
+    assert tars(out) == straight(images, tmp_path / "one")
 
 
 def test_a_run_that_is_stopped_has_its_outputs_still(images: Path, tmp_path: Path) -> None:
@@ -351,8 +351,7 @@ def test_a_run_that_is_stopped_has_its_outputs_still(images: Path, tmp_path: Pat
     assert run_batch(images, out, products=PACKED, executor=INPROCESS, observer=Silent(last=14)).signal == 15
     again = run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert (again.done, again.unchanged) == (0, 13)
-    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
-    assert tars(out) == tars(tmp_path / "one")
+    assert tars(out) == straight(images, tmp_path / "one")
 
 
 def test_a_report_shows_what_is_packed(images: Path, tmp_path: Path) -> None:

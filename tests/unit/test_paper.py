@@ -304,12 +304,6 @@ def test_the_evolution_stops_when_almost_nothing_moves() -> None:
     assert moved * 100 <= samples
 
 
-def test_iterations_are_limited() -> None:
-    evolution = core([circle((60, 45), 10, 6, 3)], max_iterations=3)
-    assert not evolution.advance(10)
-    assert (evolution.stop_reason, evolution.counts()["iterations"]) == ("max_iterations", 3)
-
-
 def test_options_and_contours_out_of_range_are_refused() -> None:
     ring = circle((60, 45), 10, 6, 3)
     for name, value in (("balloon", np.inf), ("sigma", 0.0), ("exponent", 0.5), ("max_iterations", -1)):

@@ -1,4 +1,4 @@
-"""Rasterising by the pixel-centre rule: analytic cases and ties, the naive twin, shapely and the exact curve."""
+"""Rasterising by the pixel-centre rule: analytic cases and ties, the naive twin and the exact curve."""
 
 import math
 from fractions import Fraction
@@ -77,8 +77,6 @@ def test_refuses_a_tolerance_too_small(bad: float) -> None:
 
 
 def test_native_border_refuses_bad_offsets_and_values() -> None:
-    from ffseg.native import _core
-
     mask = np.zeros((4, 4), np.uint8)
 
     def call(points: list[list[float]], offsets: list[int], degrees: list[int]) -> None:
@@ -154,19 +152,6 @@ def test_curves_differ_from_the_exact_region_only_within_the_tolerance(
     curve = shapely.LineString([*vertices, vertices[0]])
     centres = shapely.points(np.stack([columns, rows], axis=-1).astype(float))
     assert (shapely.distance(curve, centres) <= 0.05 + 2e-3).all()
-
-
-@given(st.integers(3, 40), st.integers(0, 2**32 - 1))
-def test_star_polygons_agree_with_shapely_at_pixel_centres(count: int, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    angle = np.sort(rng.uniform(0, 2 * np.pi, count))
-    points = (20, 15) + rng.uniform(2, 18, count)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    polygon = shapely.Polygon(points)
-    if not polygon.is_valid or shapely.LinearRing(points).is_ccw is False:
-        return
-    y, x = np.indices((30, 40))
-    expected = shapely.contains_xy(polygon, x.ravel(), y.ravel()).reshape(30, 40)
-    np.testing.assert_array_equal(rasterize([FreeForm.polygon(points)], (30, 40)), expected)
 
 
 @given(own.troubled_contour(scaled=False), own.troubled_contour(scaled=False))
