@@ -64,23 +64,6 @@ def test_gate_held_exits_with_0(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (("--suite", "pathces"), "there is no suite 'pathces'"),
-        (("--baseline", "absent.json"), "absent.json cannot be read"),
-        (("--images", "absent", "--suite", "scenes"), "--images: there is no folder absent"),
-    ],
-)
-def test_usage_errors_exit_with_2(
-    ffseg_command: Command, tmp_path: Path, arguments: tuple[str, ...], sentence: str
-) -> None:
-    done = ffseg_command("bench", "--quick", "--out", tmp_path / "out", *arguments, cwd=tmp_path)
-    assert done.returncode == 2
-    assert sentence in done.stderr
-    assert done.stdout == ""
-
-
-@pytest.mark.parametrize(
     "text", ["[" * 100_000, '{"format": 1, "quick": true, "figures": [{"key": "a", "steady": 1' + "0" * 400 + "}]}"]
 )
 def test_a_baseline_that_no_parser_takes_is_refused(text: str, ffseg_command: Command, tmp_path: Path) -> None:

@@ -23,6 +23,25 @@ USAGE = {
     ),
     "a start beyond all images": (["--set", "init.radius=1e6"], "is not a number above 0 and up to 100000"),
     "a device for a mask": (["--set", "domain.mask=/dev/zero"], "domain.mask: /dev/zero is not a file"),
+    "no such key": (["--set", "contour.degre=2"], "did you mean 'contour.degree'?"),
+    "a degree of nine": (["--set", "contour.degree=9"], "contour.degree: 9 is not an integer from 1 to 6"),
+    "no such truth": (["--truth", "nowhere"], "nowhere"),
+    "no such configuration": (["--config", "nowhere.yaml"], "nowhere.yaml"),
+    "no such export": (["--export", "coco,voc"], "--export: there is no 'voc'; choose from coco, labelme, geojson"),
+    "no such package": (["--pack", "zip"], "there is no 'zip'; choose tar"),
+    "no such film": (["--film-out", "gif"], "--film-out gif: choose from mask, overlay, cutout"),
+    "films of a part": (
+        ["--film-out", "mask", "--shard", "1/2"],
+        "--film-out and --shard do not go together; merge the",
+    ),
+    "names without a list": (["-0"], "-0"),
+    "chunks of no cluster": (["--chunk", "60"], "--chunk"),
+    "the usual chunks of no cluster": (["--chunk", "500", "--executor", "inprocess"], "--chunk"),
+    "a map of no camera": (["--map"], "--map needs --camera"),
+    "poses of no camera": (["--poses", "poses.csv"], "--camera"),
+    "a bag without a topic": (["--bag", "a.bag"], "--bag and --topic go together"),
+    "a box without a width": (["--box", "25,35,0,71"], "--box 25,35,0,71: write X,Y,W,H"),
+    "a point that is none": (["--not", "133;50"], "--not 133;50: write X,Y"),
 }
 
 
@@ -65,6 +84,7 @@ def test_an_empty_value_is_refused(
 
 TRUTH = SAMPLES / "truth"
 LONG = "n" * 300
+SCORED = ["compare", SAMPLES, "--out", "out", "--truth", TRUTH]
 WRONG = {
     "a file for a folder": (["run", SAMPLES, "--out", "file"], "'--out': file is a file; name a folder"),
     "below a file": (["run", SAMPLES, "--out", "file/out"], "(Not a directory); name another folder"),
@@ -74,10 +94,26 @@ WRONG = {
         ["run", "-", "--out", "out"],
         "write --list - for names and 'ffseg segment - OUT' for an image",
     ),
+    "no such image": (["run", "nowhere.png", "--out", "out"], "no file or folder nowhere.png"),
+    "no such name": (["run", "*.nothing", "--out", "out"], "matches no file"),
+    "nothing": (["run", "--out", "out"], "there is no input"),
     "no number": (["run", SAMPLES, "--out", "out", "--jobs", "many"], "'many' is not a valid integer"),
     "no number in a gate": (["bench", "--out", "out", "--budget", "long"], "'long' is not a valid number"),
     "one number for a place": (["segment", "file", "a.png", "--not", "120"], "--not 120: write X,Y or X,Y,R in pixels"),
     "a class without masks": (["run", SAMPLES, "--out", "out", "--truth-label", "3"], "add --truth DIR"),
+    "no such method": (["compare", SAMPLES, "--out", "out", "--methods", "x"], "there is no 'x'"),
+    "no such peer's key": (["compare", SAMPLES, "--out", "out", "--set", "snake.tensoin=1"], "unknown key"),
+    "no truth to compare with": (["compare", SAMPLES, "--out", "out", "--truth", "none"], "no folder"),
+    "a gate without masks": (["compare", SAMPLES, "--out", "out", "--min-iou", "0.9"], "needs truth"),
+    "a gate without a number": ([*SCORED, "--min-iou", "freeform=high"], "not a number"),
+    "a gate of no method": ([*SCORED, "--min-iou", "cv_edges=0.9"], "not compared"),
+    "no such suite": (["bench", "--out", "there", "--suite", "pathces"], "there is no suite 'pathces'"),
+    "no such baseline": (["bench", "--out", "out", "--baseline", "absent.json"], "absent.json cannot be read"),
+    "no images to measure": (
+        ["bench", "--out", "there", "--images", "no", "--suite", "scenes"],
+        "--images: there is no folder no",
+    ),
+    "a model of another name": (["learn", SAMPLES, "--truth", TRUTH, "--out", "a.bin"], ".ffmodel"),
     "a model in no folder": (
         ["learn", SAMPLES, "--truth", TRUTH, "--out", "no/m.ffmodel"],
         "--out: there is no folder no;",
@@ -106,6 +142,7 @@ WRONG = {
     "a long name for a run": (["run", SAMPLES, "--out", LONG], "(File name too long); name another folder"),
     "a long name for samples": (["samples", LONG, "--pairs", "0"], "(File name too long); name another folder"),
     "a long name for a report": (["report", LONG], "holds neither timings.csv nor compare.csv"),
+    "a folder of something else": (["report", "."], "holds neither timings.csv nor compare.csv"),
     "a long name for a baseline": (
         ["bench", "--out", "out", "--baseline", LONG],
         "cannot be read (File name too long)",

@@ -36,23 +36,6 @@ def test_a_missed_gate_is_exit_4(tmp_path: Path, ffseg_command: Command) -> None
     assert (tmp_path / "out" / "compare.csv").exists()
 
 
-def test_usage_errors_are_exit_2_and_write_nothing(tmp_path: Path, ffseg_command: Command) -> None:
-    write_case(tmp_path)
-    cases = {
-        "there is no 'x'": ("--methods", "x"),
-        "needs truth": ("--min-iou", "0.9"),
-        "not a number": ("--truth", tmp_path / "truth", "--min-iou", "freeform=high"),
-        "not compared": ("--truth", tmp_path / "truth", "--min-iou", "cv_edges=0.9"),
-        "no folder": ("--truth", tmp_path / "none"),
-        "unknown key": ("--set", "snake.tensoin=1"),
-    }
-    for sentence, arguments in cases.items():
-        done = ffseg_command("compare", tmp_path / "disc.png", "--out", tmp_path / "out", *arguments)
-        assert done.returncode == 2, (sentence, done.stderr)
-        assert sentence in done.stderr
-        assert not (tmp_path / "out").exists()
-
-
 def test_the_terminal_gets_a_summary_of_each_method(tmp_path: Path, ffseg_command: Command) -> None:
     samples = Path(__file__).resolve().parents[2] / "samples"
     methods = ("--methods", "freeform,cv_edges")

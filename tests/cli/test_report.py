@@ -1,6 +1,5 @@
 """``ffseg report`` as a command, and its page in a headless Chromium."""
 
-import os
 import re
 import shutil
 from collections.abc import Iterator
@@ -86,13 +85,6 @@ def test_a_pattern_over_folders_names_the_images_of_one_without_folders(ffseg_co
     done = ffseg_command("report", "out", "--images", "moved/**/*.png", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert runs.data_of(tmp_path / "out" / "report.html")["images"][0]["pictures"]["image"] == "../moved/toy.png"
-
-
-def test_command_refuses_a_folder_of_something_else(ffseg_command: Command, tmp_path: Path) -> None:
-    done = ffseg_command("report", tmp_path)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "holds neither timings.csv nor compare.csv" in done.stderr
-    assert os.listdir(tmp_path) == []
 
 
 def test_page_shows_every_image_failures_first(tab: chromium.Chromium) -> None:

@@ -125,9 +125,6 @@ def test_bad_files_are_refused_before_the_first_image(ffseg_command: Command, vi
         assert result.returncode == 2
         assert said in result.stderr
         assert not (views / "out").exists()
-    result = run(ffseg_command, views, "--poses", views / "poses.csv")
-    assert result.returncode == 2
-    assert "--camera" in result.stderr
 
 
 def test_an_image_without_a_pose_is_named_and_its_pair_goes_without(ffseg_command: Command, views: Path) -> None:

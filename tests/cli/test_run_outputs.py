@@ -127,13 +127,6 @@ def test_exports_hold_the_mask_and_find_their_image(ffseg_command: Command, imag
     assert [annotation["image_id"] for annotation in merged["annotations"]] == [1, 2]
 
 
-def test_unknown_export_is_refused_before_anything(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
-    result = ffseg_command("run", images, "--out", tmp_path / "out", "--export", "coco,voc")
-    assert result.returncode == 2
-    assert "--export: there is no 'voc'; choose from coco, labelme, geojson" in result.stderr
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize("method", ["freeform", "snake", "levelset"])
 def test_films_begin_at_the_start_and_end_with_the_result(
     method: str, ffseg_command: Command, images: Path, tmp_path: Path
@@ -251,13 +244,3 @@ def test_the_summary_says_the_mean_iou_and_what_was_stopped(
     document = json.loads(ffseg_command(*given, "--json").stdout)
     assert document["mean_iou"] == pytest.approx(np.mean(overlaps), abs=1e-12)
     assert document["max_iterations"] == 2
-
-
-@pytest.mark.parametrize("words", [("-0",), ("--chunk", "60"), ("--chunk", "500", "--executor", "inprocess")])
-def test_options_that_would_mean_nothing_are_refused(
-    words: tuple[str, ...], tmp_path: Path, ffseg_command: Command
-) -> None:
-    done = ffseg_command("run", "samples", "--out", tmp_path / "out", *words)
-    assert done.returncode == 2
-    assert words[0] in done.stderr
-    assert not (tmp_path / "out").exists()

@@ -70,30 +70,6 @@ def test_dry_run_prints_the_plan_and_writes_nothing(blobs: Path, tmp_path: Path)
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["nowhere.png", "--out", "o"], "no file or folder nowhere.png"),
-        (["*.nothing", "--out", "o"], "matches no file"),
-        (["in", "--out", "o", "--set", "contour.degre=2"], "contour.degree"),
-        (["in", "--out", "o", "--set", "contour.degree=9"], "9"),
-        (["in", "--out", "o", "--set", "domain.mask=nowhere.png"], "nowhere.png"),
-        (["in", "--out", "o", "--truth", "nowhere"], "nowhere"),
-        (["in", "--out", "o", "--config", "nowhere.yaml"], "nowhere.yaml"),
-        (["in/i0.png", "in/../in/./i0.png", "in", "--out", "in/i0.png/o"], "i0.png"),
-    ],
-)
-def test_what_cannot_work_exits_2_before_the_first_image(
-    arguments: list[str], words: str, blobs: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(blobs.parent)
-    ended = harness.run("run", *arguments)
-    assert ended.code == 2
-    assert words in ended.stderr
-    assert "Traceback" not in ended.stderr
-    assert not Path("o/masks").exists()
-
-
 def test_r1_every_bad_file_is_a_row_with_a_known_reason(tmp_path: Path) -> None:
     source, out = tmp_path / "in", tmp_path / "out"
     cases = bad_images.all_cases()

@@ -174,8 +174,6 @@ def test_what_is_not_there_is_named(tmp_path: Path, ffseg_command: Command, monk
     assert done.returncode == 2
     assert "has no topic /image" in done.stderr
     assert "it has /camera/image" in done.stderr
-    half = ffseg_command("run", "--bag", bag, "--out", tmp_path / "out")
-    assert (half.returncode, "--bag and --topic go together" in half.stderr) == (2, True)
     (tmp_path / "no.bag").write_bytes(b"no bag")
     with pytest.raises(UsageError, match="cannot be read as a bag"):
         bags.stamps(f"{tmp_path / 'no.bag'}::/i")

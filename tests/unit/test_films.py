@@ -269,17 +269,3 @@ def test_no_film_is_made_where_no_frame_was(tmp_path: Path) -> None:
     summary = run_batch(tmp_path / "film.mp4", tmp_path / "out", executor=INPROCESS, products=products)
     assert (summary.failed, summary.problems) == (1, [])
     assert not list((tmp_path / "out").glob("*.mp4"))
-
-
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (["--film-out", "gif"], "--film-out gif: choose from mask, overlay, cutout"),
-        (["--film-out", "mask", "--shard", "1/2"], "--film-out and --shard do not go together; merge the shards"),
-    ],
-)
-def test_films_that_cannot_be_made_are_refused(
-    film: Path, tmp_path: Path, options: list[str], sentence: str, ffseg_command: Command
-) -> None:
-    done = ffseg_command("run", film, "--out", tmp_path / "out", *options)
-    assert (done.returncode, sentence in done.stderr) == (2, True)

@@ -96,12 +96,6 @@ def test_without_starts_the_model_finds_them(folder: Path) -> None:
     assert sentences(unmeasured, "m.ffmodel")[0].endswith("was not measured: that takes longer, and no --quick")
 
 
-def test_a_name_without_the_suffix_is_refused_first(folder: Path, ffseg_command: Command) -> None:
-    done = ffseg_command("learn", str(folder / "in"), "--truth", str(folder / "truth"), "--out", str(folder / "a.bin"))
-    assert done.returncode == 2
-    assert ".ffmodel" in done.stderr
-
-
 def test_the_verdict_comes_first_and_no_figure_has_two_meanings() -> None:
     one = sentences(Figures(1, float("nan"), float("nan"), float("nan"), float("nan"), helps=True), "a.ffmodel")
     assert one[0] == "a.ffmodel, learned from 1 mask, was not measured: that takes a second mask"

@@ -103,9 +103,6 @@ def test_commands_take_not(ffseg_command: Command, tmp_path: Path) -> None:
     done = ffseg_command("run", tmp_path / "rooms.png", "--out", tmp_path / "out", *given)
     assert done.returncode == 0, done.stderr
     assert np.array_equal(cv2.imread(str(tmp_path / "out/masks/rooms.png"), cv2.IMREAD_GRAYSCALE), mask)
-    wrong = ffseg_command("run", tmp_path / "rooms.png", "--out", tmp_path / "no", "--not", "133;50")
-    assert wrong.returncode == 2
-    assert "--not 133;50: write X,Y" in wrong.stderr
 
 
 def test_a_run_reads_the_background_mask(ffseg_command: Command, tmp_path: Path) -> None:
