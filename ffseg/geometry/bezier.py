@@ -222,13 +222,10 @@ def as_cubics(patch: Points, tolerance: float) -> Points:
     return np.stack([points[:-1], points[:-1] + thirds[:-1], points[1:] - thirds[1:], points[1:]], axis=1)
 
 
-def _bernstein_exact(degree: int, i: int, t: Fraction) -> Fraction:
-    return comb(degree, i) * t**i * (1 - t) ** (degree - i)
-
-
 def _bernstein_table(degree: int) -> Table:
     columns = range(degree + 1)
-    return [[_bernstein_exact(degree, j, Fraction(i, degree)) for j in columns] for i in columns]
+    whole = degree**degree
+    return [[Fraction(comb(degree, j) * i**j * (degree - i) ** (degree - j), whole) for j in columns] for i in columns]
 
 
 def _inverse(table: Table) -> Table:

@@ -108,10 +108,16 @@ class Journal:
         self._path, self._descriptor = os.path.join(folder, JOURNAL), _ABSENT
         self._unwritten: dict[str, Record] = {}
         refuse_special(self._path)
-        self._replace(header, last_lines(folder))
+        self.rewrite(header, last_lines(folder))
 
-    def _replace(self, header: Mapping[str, Any], lines: Iterable[tuple[str, bytes]]) -> None:
-        """Put lines about images of these names in the place of all there are."""
+    def rewrite(self, header: Mapping[str, Any], lines: Iterable[tuple[str, bytes]]) -> None:
+        """Put lines about images of these names in the place of all there are.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written; the journal is then as it was.
+        """
         places = dict[str, int]()
         with atomic_stream(self._path) as file:
             end = file.write(json_line({"format": FORMAT, **header}))
@@ -174,16 +180,6 @@ class Journal:
         """Drop what is known of an image in memory: it is about to be done again."""
         self._places.pop(name, None)
         self._unwritten.pop(name, None)
-
-    def rewrite(self, header: Mapping[str, Any], records: Iterable[Record]) -> None:
-        """Put records in the place of all there are.
-
-        Raises
-        ------
-        OutputError
-            If the file cannot be written; the journal is then as it was.
-        """
-        self._replace(header, ((record.name, record_line(record)) for record in records))
 
     def close(self) -> None:
         """Flush the file to the disk and close it."""

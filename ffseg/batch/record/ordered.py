@@ -29,7 +29,7 @@ from ffseg.batch.tar.members import (
     padding,
 )
 from ffseg.batch.tar.writer import PackWriter, head_size, unwritable
-from ffseg.batch.values import Record, parsed_record
+from ffseg.batch.values import Record, parsed_record, record_line
 from ffseg.io.files import AT_ONCE, read_at, remove_files, require_replaceable, sync_folders
 
 _MOST_OPEN = 64
@@ -222,7 +222,8 @@ def put_in_order(
     packs = in_order(out, records())
     if packs is None:
         with OrderedPacks(out) as ordered:
-            journal.rewrite(header, ordered.moved(records()))
+            moved = ordered.moved(records())
+            journal.rewrite(header, ((record.name, record_line(record)) for record in moved))
         packs = ordered.packs
     published = publish(out, packs)
     remove_files(packs_of(state_folder(out)))

@@ -145,7 +145,7 @@ class Tables:
 
     def write(self, run: Mapping[str, Any], tell: Callable[[str], None]) -> list[str]:
         """Write every table and ``run.json``; `tell` hears of each that cannot be written. Gives their names."""
-        tables = {**self.pieces(run), RUN: iter([json_bytes(run)])}
+        tables = {**self.pieces(run), RUN: iter([f"{json.dumps(run, indent=2, default=str)}\n".encode()])}
         names = [*tables, *((PARQUET,) if self.parquet else ())]
         if self.parquet:
             self._write_parquet(tell)
@@ -195,11 +195,6 @@ def _earlier(record: Record) -> list[str]:
     """Paths of the images before an image, the nearest first."""
     roles = (f"earlier {number}" for number in range(len(record.files)))
     return [record.files[role][0] for role in roles if role in record.files]
-
-
-def json_bytes(value: Mapping[str, Any]) -> bytes:
-    """A value as a JSON file."""
-    return (json.dumps(value, indent=2, default=str) + "\n").encode("utf-8")
 
 
 def remove_old(folder: str, before: Sequence[str], now: Sequence[str]) -> None:

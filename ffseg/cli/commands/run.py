@@ -201,7 +201,8 @@ def run(  # noqa: PLR0913 - the options of the command
     workers = 1 if steady or flicker else jobs or cores()
     with contextlib.ExitStack() as cleanup:
         early = _early_workers(inputs or (), workers) if PROCESSES == "processes" and not dry_run else []
-        cleanup.callback(_end, early)
+        for process in early:  # also those that the run takes over and ends
+            cleanup.callback(process.end)
         from ffseg.batch.executors.base import Options
         from ffseg.batch.plan.jobs import make_plan
         from ffseg.batch.runner import Run
@@ -343,12 +344,6 @@ def _preview(plan: Plan, setup: Setup, *, overwrite: bool, as_json: bool) -> int
     from ffseg.cli.reporting import show_plan
 
     return 0 if show_plan(preview(plan, setup, overwrite=overwrite), plan, as_json=as_json) else console.FAILED_IMAGES
-
-
-def _end(processes: Sequence[Process]) -> None:
-    """End workers, also those that a run has taken over and ended."""
-    for process in processes:
-        process.end()
 
 
 def _early_workers(inputs: Sequence[str], jobs: int) -> list[Process]:

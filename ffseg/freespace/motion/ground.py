@@ -219,7 +219,8 @@ def _fitted(
         if np.abs(step).max() < STILL:
             break
     agree = tracks.owner[inliers]
-    if not _enough(agree, motion.origin) or inliers.sum() < LEAST_SHARE * len(inliers):
+    few = len(agree) < MIN_INLIERS or _things(agree) < _needed(motion.origin)
+    if few or inliers.sum() < LEAST_SHARE * len(inliers):  # one thing alone would carry the ground with it
         return None
     if np.any(np.abs(total[3:]) > MOST_NOD):
         return None
@@ -228,11 +229,6 @@ def _fitted(
     fixed = _moved(camera, motion, total - offset, covariance, int(inliers.sum()))
     residual = tracks.previous - predictions(*fixed, tracks.current, np.zeros((1, PARAMETERS)))[0]
     return GroundFit(*fixed, total, tracks, inliers, residual, slopes, levers, white, hold)
-
-
-def _enough(owners: NDArray[np.intp], origin: Origin) -> bool:
-    """Enough points of enough things: one thing alone would carry the ground with it."""
-    return len(owners) >= MIN_INLIERS and _things(owners) >= _needed(origin)
 
 
 def _things(owners: NDArray[np.intp]) -> int:
