@@ -132,7 +132,7 @@ EDGE_SOURCES: dict[str, str] = {
     "prior": "ffseg.evidence.prior:prior_edges",
     "model": "ffseg.evidence.source:model_edges",
     "evidence": "ffseg.evidence.source:map_edges",
-    "hints": "ffseg.evidence.hints:hint_edges",
+    "hints": "ffseg.evidence.clicks:hint_edges",
     "box": "ffseg.evidence.box:box_edges",
 }
 """Evidence sources by the name they have in ``edges.source``: ``source(scene) -> EdgeMap`` (`ffseg.Scene`)."""

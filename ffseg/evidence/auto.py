@@ -35,9 +35,9 @@ def auto(scene: Scene) -> EdgeMap:
     if found is not None and not _holds_clicks_outside(found, scene):
         return replace(edges, trial=found)
     if scene.has_hints:
-        from ffseg.evidence.hints import with_hints  # these load forests, which clear edges do not need
+        from ffseg.evidence.clicks import with_clicks  # these load forests, which clear edges do not need
 
-        return with_hints(scene, edges)
+        return with_clicks(scene, edges)
     from ffseg.evidence.prior import with_prior
 
     return with_prior(scene, edges)

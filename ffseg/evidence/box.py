@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
+from ffseg.evidence.clicks import with_clicks
 from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, exposed, features, way
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.hints import with_hints
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.prior import CERTAIN, SEEN, SMOOTHING
 from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, every, surroundings, voted
@@ -89,7 +89,7 @@ def box_edges(scene: Scene) -> EdgeMap:
     if scene.domain is not None:
         odds[scene.domain == 0] = -CERTAIN
     if scene.clicked_outside or scene.params.init.circles:
-        return with_hints(scene, own, odds)
+        return with_clicks(scene, own, odds)
     return odds_edges(odds, scene.params.region.probability, own, "box")
 
 

@@ -9,7 +9,7 @@ package; ``python -m ffseg.learning.grow`` makes it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence import prior
-from ffseg.evidence.features import BARRIER, STEP, Features, broadened, enlarged, reduced_mean, reduced_region, way
+from ffseg.evidence.features import BARRIER, STEP, Features, broadened, reduced_region, way
 from ffseg.evidence.forest import Compiled, shipped
-from ffseg.evidence.gradient import gradient
-from ffseg.evidence.maps import blurred, log_odds, odds_edges
+from ffseg.evidence.maps import blurred
 from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
 from ffseg.evidence.surroundings import STRIDE, colours_of, likelier, likeness, steepest, with_own_colours
-from ffseg.image.edges import EdgeMap
-from ffseg.image.opencv_peers import grown
-from ffseg.image.parts import Parts, holding, scattered
+from ffseg.image.parts import Parts, scattered
 from ffseg.native import _core
-from ffseg.scene import Scene
-from ffseg.starts.boxes import in_boxes
-from ffseg.starts.rivals import seeds
 
 Plane = NDArray[np.float32]
 Region = NDArray[np.bool_]
@@ -52,10 +46,6 @@ SHOWS, CLICK = 0.75, 0.01
 """Part of the widest click's radius from which on a click shows what it lies on, and radius of a usual click in parts of the
 image's longer side, if the widest is wider. Narrower ones mend a rim and lie on its edge: they hold what they cover, no more.
 On 55 drawings .60, .75 and .90 do alike; on 55 others clicks lose half as much as if all were to show something."""
-
-SAY = 0.3
-"""Share of what clicks show in the log odds beside what a model or a map says, away from what they change: each errs elsewhere.
-Of 0, .3, .5, .6 and 1 the one with which clicks do least harm on 36 drawings of six kinds, and reach most."""
 
 TOLD = (
     "prior",
@@ -99,78 +89,6 @@ class View:
         return bool(np.abs(differs[(inside | outside) > 0]).max() < EVEN)
 
 
-def hint_edges(scene: Scene) -> EdgeMap:
-    """Edges where what was clicked ends: the source ``hints``."""
-    return with_hints(scene, gradient(scene))
-
-
-def with_hints(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMap:
-    """Edges where the evidence falls to ``region.probability``; the image's own where clicks on both sides show the same.
-
-    Parameters
-    ----------
-    said : ndarray of float32, shape (H, W), optional
-        Log odds that a model, a map of the image or boxes tell without clicks, in place of the prior's: clicks correct them.
-
-    Raises
-    ------
-    SegmentationError
-        If a click outside lies in the start region or beyond the image.
-    """
-    level = log_odds(scene.params.region.probability)
-    if scene.boxes and said is not None:
-        scene = _begun(scene, said - np.float32(level))
-    inside, limits = scene.start_region(), scene.disc if scene.domain is None else scene.domain
-    outside = seeds(scene.params.init.background, inside, scene.background)
-    if limits is not None:
-        inside &= limits > 0
-    odds, kept = hints(scene.image, inside, outside, said) if inside.any() else said, None
-    if said is not None and odds is not None:
-        odds, kept = corrected(said, odds, inside, outside, level)
-    if odds is None:
-        return own
-    edges = odds_edges(odds, scene.params.region.probability, own, "hints")
-    if edges is own:
-        return own
-    edges = replace(edges, kept=kept)
-    if not outside.any():
-        return edges
-    within = ~outside if limits is None else ~outside & (limits > 0)
-    return replace(edges, domain=np.where(within, np.uint8(255), np.uint8(0)))
-
-
-def _begun(scene: Scene, odds: Plane) -> Scene:
-    """The scene with starts in what its boxes hold, but for what is known to lie outside: their middles say nothing."""
-    outside = seeds(scene.params.init.background, np.zeros(scene.shape, np.bool_), scene.background)
-    return in_boxes(scene, np.where(outside, np.float32(-CERTAIN), odds))
-
-
-def corrected(said: Plane, odds: Plane, inside: Region, outside: Region, level: float) -> tuple[Plane, Region]:
-    """What was said without clicks, corrected by what they show.
-
-    Parameters
-    ----------
-    said, odds : ndarray of float32, shape (H, W)
-        Log odds without clicks, and with them.
-    inside, outside : ndarray of bool, shape (H, W)
-        Pixels known to lie there.
-    level : float
-        Log odds at which the region ends.
-
-    Returns
-    -------
-    ndarray of float32, shape (H, W)
-        Those with clicks where they add or take what hangs together with one on that side; between both elsewhere (`SAY`).
-    ndarray of bool, shape (H, W)
-        What stays of the parts of the region before that hold clicks inside.
-    """
-    both = said + np.float32(SAY) * (odds - said)
-    before, after = both > level, odds > level
-    added, taken = holding(after & ~before | inside, inside), holding(before & ~after | outside, outside)
-    found = np.where(added | taken, odds, both)
-    return found, holding(before, inside) & (found > level)
-
-
 def hints(image: NDArray[np.uint8], inside: Region, outside: Region, said: Plane | None = None) -> Plane | None:
     """Evidence of what clicks mean.
 
@@ -180,26 +98,20 @@ def hints(image: NDArray[np.uint8], inside: Region, outside: Region, said: Plane
         Grey or BGR.
     inside, outside : ndarray of bool, shape (H, W)
         Pixels known to lie there, at least one inside, none in both.
-    said : ndarray of float32, shape (H, W), optional
+    said : ndarray of float32, shape (h, w), optional
         Log odds that a model or a map of the image tells without clicks, in place of the prior's.
 
     Returns
     -------
-    ndarray of float32, shape (H, W), or None
-        Logarithm of the odds of belonging to what is meant, at most ``CERTAIN`` either way; None where both sides show the same
-        and nothing is said.
+    ndarray of float32, shape (h, w), or None
+        Logarithm of the odds of belonging to what is meant, at most ``CERTAIN`` either way, at every `STRIDE`-th pixel of the
+        reduced image; of one click, what is told without it. None where both sides show the same.
     """
     (shown, count), (beyond, _) = showing(inside, outside)
-    if count > 1 or beyond.any():
-        whole = _seen(look(image, shown, beyond), said)
-    else:
-        whole = prior.prior(image, shown) if said is None else said
-    if whole is None:
-        return None
-    whole = whole.copy() if whole is said else whole
-    whole[grown(inside, HELD)] = CERTAIN
-    whole[outside], whole[inside] = -CERTAIN, CERTAIN
-    return whole
+    if count == 1 and not beyond.any():
+        return prior.reduced(image, shown)[0] - np.float32(prior.CAUTION) if said is None else said
+    view = look(image, shown, beyond)
+    return None if view.is_even() else _odds(view, said)
 
 
 def showing(inside: Region, outside: Region) -> tuple[tuple[Region, int], tuple[Region, int]]:
@@ -218,11 +130,6 @@ def _at_least(
     for window, found in side:
         kept[window] = found.at_least(area)
     return kept, sum(len(found.touching(kept[window])) for window, found in side)
-
-
-def _seen(view: View, said: Plane | None) -> Plane | None:
-    """Log odds of what both sides show; where that is the same, what was said without them."""
-    return said if view.is_even() else enlarged(_odds(view, said), view.seen.factor, view.seen.shape, STRIDE)
 
 
 def _odds(view: View, said: Plane | None) -> Plane:
@@ -250,15 +157,12 @@ def thin(region: NDArray[Any]) -> NDArray[Any]:
 
 
 def all_planes(view: View, asked: Compiled, said: Plane | None = None) -> Plane:
-    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel; of the prior, `asked` is the model.
-
-    What is `said` in its place are log odds for each pixel of the image.
-    """
+    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel; of the prior, `asked` is the model."""
     seen = view.seen
     planes = np.empty((len(TAKEN), *thin(seen.inside).shape), np.float32)
     own, told = planes[: len(prior.TAKEN)], planes[len(prior.TAKEN) :]
     own[:] = prior.all_planes(seen)
-    say = asked[0].inside.log_odds(own, asked[1]) if said is None else thin(reduced_mean(said, seen.factor))
+    say = asked[0].inside.log_odds(own, asked[1]) if said is None else said
     told[0] = np.clip(say, -CERTAIN, CERTAIN)
     from_inside = {name: own[prior.TAKEN.index(name)] for name in ("way", "barrier@1.5")}
     for to, plane in zip(told[1:], _told(view, told[0], from_inside["way"], from_inside["barrier@1.5"]), strict=True):

@@ -69,12 +69,18 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.flo
     ndarray of float32, shape (H, W)
         Logarithm of the odds of belonging to what the start lies on, at most ``CERTAIN`` either way.
     """
+    odds, seen = reduced(image, starts)
+    whole = enlarged(odds, seen.factor, seen.shape, STRIDE)
+    whole[starts] = CERTAIN
+    return whole
+
+
+def reduced(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> tuple[NDArray[np.float32], Features]:
+    """That evidence at every `STRIDE`-th pixel of the reduced image, and what was looked at."""
     asked, native = model()
     seen = look(image, starts, asked.size)
     smooth = voted(np.clip(asked.inside.log_odds(all_planes(seen), native), -CERTAIN, CERTAIN), seen)
-    whole = enlarged(blurred(smooth, SMOOTHING / STRIDE), seen.factor, seen.shape, STRIDE)
-    whole[starts] = CERTAIN
-    return whole
+    return blurred(smooth, SMOOTHING / STRIDE), seen
 
 
 def look(image: NDArray[np.uint8], starts: NDArray[np.bool_], size: int, least: float = LEAST_START) -> Features:

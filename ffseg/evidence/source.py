@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import ImageReadError, ParameterError, SegmentationError
+from ffseg.evidence.clicks import with_clicks
 from ffseg.evidence.features import Features, features, reduced_mean, reduction
 from ffseg.evidence.forest import Compiled, Model, load_model
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.hints import with_hints
 from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, strength_edges
 from ffseg.evidence.prior import prior
 from ffseg.image.edges import EdgeMap
@@ -101,7 +101,7 @@ def _edges(scene: Scene, values: NDArray[np.float32], own: EdgeMap, source: str)
     if scene.params.edges.evidence == "edges":
         return strength_edges(values, own)
     if scene.has_hints:
-        return with_hints(scene, own, certain_odds(values))
+        return with_clicks(scene, own, certain_odds(values))
     return evidence_edges(at_level(values, scene.params.region.probability), own, source)
 
 

@@ -69,7 +69,6 @@ def seeds(points: Iterable[Seed], start: Mask, background: Plane | None = None) 
     """
     shape = start.shape
     found = np.zeros(shape, np.bool_)
-    y, x = np.ogrid[: shape[0], : shape[1]]
     for column, row, *rest in points:
         if not (-0.5 <= column <= shape[1] - 0.5 and -0.5 <= row <= shape[0] - 0.5):
             raise SegmentationError(
@@ -77,7 +76,7 @@ def seeds(points: Iterable[Seed], start: Mask, background: Plane | None = None) 
             )
         if start[min(round(row), shape[0] - 1), min(round(column), shape[1] - 1)]:
             raise SegmentationError(IN_START)
-        found |= np.hypot(x - column, y - row) <= (rest[0] if rest else POINT_RADIUS)
+        add_disc(found, column, row, rest[0] if rest else POINT_RADIUS)
     if background is not None:
         if background.shape != shape:
             raise SegmentationError(
@@ -89,6 +88,14 @@ def seeds(points: Iterable[Seed], start: Mask, background: Plane | None = None) 
         found |= background > 0
     found &= ~start
     return found
+
+
+def add_disc(mask: Mask, x: float, y: float, radius: float) -> None:
+    """Add the pixels of a disc to a mask."""
+    top, bottom, left, right = (max(int(at), 0) for at in (y - radius, y + radius + 1, x - radius, x + radius + 1))
+    window = mask[top:bottom, left:right]
+    rows, columns = np.ogrid[top : top + window.shape[0], left : left + window.shape[1]]
+    window |= np.hypot(columns - x, rows - y) <= radius
 
 
 def _arrivals(speed: NDArray[np.float64], seed: Mask, domain: Plane | None) -> NDArray[np.float64]:

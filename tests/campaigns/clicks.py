@@ -13,6 +13,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from multiprocessing import get_context
 from pathlib import Path
 from statistics import mean, median
 from time import process_time
@@ -154,7 +155,8 @@ def main(
     jobs: int = 1, out: Path | None = None,
 ) -> None:  # fmt: skip
     """Print the table; without the photographs, that of drawings."""
-    with ProcessPoolExecutor(jobs) as pool:
+    # not by fork: threads of OpenCV, which drawing has begun, end with it and leave their locks closed
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
         rows = list(pool.map(Task.asked, tasks(data, drawn, first, sealed, drawn_only)))
     if out:
         with out.open("w", encoding="utf-8", newline="") as file:

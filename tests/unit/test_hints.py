@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 import ffseg
-from ffseg.evidence.hints import corrected
+from ffseg.evidence import clicks as evidence
+from ffseg.evidence.clicks import Asked, Click, Told, corrected
 from ffseg.learning.drawn.clicks import Clicks, covered
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import INSIDE, iou
@@ -127,18 +128,84 @@ def test_a_click_outside_corrects_what_a_map_says_and_leaves_the_rest() -> None:
     assert (found.source, iou(found.mask, truth) > 0.95) == ("hints", True)
 
 
-def test_what_is_told_without_clicks_and_with_them_share_what_no_click_changes() -> None:
-    said, shown = np.full((5, 9), np.float32(0.5)), np.full((5, 9), np.float32(2))
-    shown[:, 5:] = -2
-    inside, outside = np.zeros((2, 5, 9), np.bool_)
-    inside[2, 1] = True
-    odds, kept = corrected(said, shown, inside, outside, 0.0)
-    assert (odds[:, :5] > 0).all()
-    assert (odds[:, 5:] < 0).all()  # hardly inside without clicks, surely outside with them
-    assert (odds[:, 5:] > shown[:, 5:]).all()
-    assert (kept == (odds > 0)).all()
-    outside[2, 6] = True
-    assert (corrected(said, shown, inside, outside, 0.0)[0][2, 6] == -2).all()
+def told(said: NDArray[np.float32], circles: list[Click], points: list[Click] = []) -> Told:  # noqa: B006 - never changed
+    """What clicks tell of a speckled image of one colour, of which something is said; a disc near its left end is known."""
+    image = np.random.default_rng(3).integers(100, 140, (*said.shape, 3), np.uint8)
+    y, x = np.ogrid[: said.shape[0], : said.shape[1]]
+    inside = np.hypot(x - 20, y - 60) <= 6
+    found = corrected(Asked(image, inside, np.zeros_like(inside), said, 0.0, None), circles, points)
+    assert found is not None
+    return found
+
+
+def shows(monkeypatch: pytest.MonkeyPatch, *odds: float) -> list[int]:
+    """Let the forest show such log odds everywhere, one after another; how often it was asked."""
+    asked: list[int] = []
+
+    def shown(image: NDArray[np.uint8], *_known: object) -> NDArray[np.float32]:
+        asked.append(len(asked))
+        return np.full((-(-image.shape[0] // 2), -(-image.shape[1] // 2)), np.float32(odds[len(asked) - 1]))
+
+    monkeypatch.setattr(evidence, "hints", shown)
+    return asked
+
+
+def test_a_click_counts_near_where_it_lies_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = np.where(np.arange(240) < 40, np.float32(3), np.float32(-3))[None].repeat(120, axis=0)
+    shows(monkeypatch, 5.0)
+    odds = told(said, [Click(60.0, 60.0, 4.0, True)]).odds  # 20 px from where the region ends
+    assert (odds[30, :68] > 0).all()
+    assert (odds[30, 76:] == -3).all()
+
+
+def test_what_clicks_turned_stays_though_later_ones_show_something_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = np.where(np.arange(240) < 40, np.float32(3), np.float32(-3))[None].repeat(120, axis=0)
+    shows(monkeypatch, 5.0, -5.0)
+    odds = told(said, [Click(60.0, 60.0, 4.0, True), Click(200.0, 60.0, 4.0, True)]).odds
+    assert (odds[30, :68] > 0).all()
+
+
+def test_of_circles_and_points_the_one_deeper_in_what_is_wrong_counts_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = np.where(np.arange(240) < 120, np.float32(3), np.float32(-3))[None].repeat(120, axis=0)
+    known: list[tuple[bool, bool]] = []
+
+    def shown(_image: object, inside: NDArray[np.bool_], outside: NDArray[np.bool_], said: object) -> object:
+        known.append((bool(inside[60, 130]), bool(outside[60, 60])))
+        return said
+
+    monkeypatch.setattr(evidence, "hints", shown)
+    told(said, [Click(130.0, 60.0, 4.0, True)], [Click(60.0, 60.0, 4.0, False)])  # 10 px wrong, and 60
+    told(said, [Click(200.0, 60.0, 4.0, True), Click(130.0, 60.0, 4.0, True)], [Click(60.0, 60.0, 4.0, False)])
+    assert known == [(False, True), (True, True), (False, False), (False, True), (True, True)]
+
+
+def test_a_part_that_a_click_outside_cuts_off_stays_if_it_is_as_deep_as_that_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = np.full((120, 240), np.float32(-3))
+    said[40:80] = 3
+    said[:, 220:] = -3
+    shown = np.full((60, 120), np.float32(3))
+    shown[:, 40:60], shown[:, 100:104] = -3, -3
+    monkeypatch.setattr(evidence, "hints", lambda *_known: shown)
+    found = told(said, [], [Click(100.0, 60.0, 4.0, False), Click(204.0, 60.0, 1.0, False)])
+    stays = found.stays
+    assert stays[30, 80]  # 39 px high, as deep as the click outside lay
+    assert not stays[30, 106]  # 12 px wide, and cut off by the second
+
+
+def test_one_click_more_asks_the_forest_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = np.where(np.arange(240) < 42, np.float32(3), np.float32(-3))[None].repeat(120, axis=0)
+    asked = shows(monkeypatch, 5.0, 4.0, 3.0)
+    clicks = [Click(x, 60.0, 4.0, True) for x in (60.0, 120.0, 180.0)]
+    for number in (1, 2, 3, 3):
+        told(said, clicks[:number])
+    assert len(asked) == 3
+
+
+def test_a_map_that_takes_the_first_start_for_outside_does_not_count() -> None:
+    image, truth = halves()
+    wrong = np.where(truth == INSIDE, np.float32(0.1), np.float32(0.9))
+    asked = {"init.circles": [[40, 80, 12]], "init.background": [[200, 80, 12]]}
+    assert iou(ffseg.segment(image, asked, evidence=wrong).mask, truth) > 0.9
 
 
 def test_no_contour_grows_from_a_click_that_mends_a_rim() -> None:

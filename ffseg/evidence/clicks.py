@@ -1,0 +1,297 @@
+"""The source ``hints``: what several clicks tell, one after another, each a correction of what was told before it.
+
+The first start tells what the prior says of it; a model, a map or boxes may have told in its place. What a later click and all
+before it show (`ffseg.evidence.hints`) then counts on the side of that click, where it hangs together with it, and near
+it (`REACH`): so a click mends what it was made for, and little else. Circles and points outside have an order each; of the two
+that come next the one deeper in what is wrong is first, as one clicks.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from hashlib import blake2b
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ffseg.evidence import prior
+from ffseg.evidence.features import enlarged, reduced_mean, reduced_shape, reduction
+from ffseg.evidence.gradient import gradient
+from ffseg.evidence.hints import HELD, hints, thin
+from ffseg.evidence.maps import log_odds, odds_edges
+from ffseg.evidence.prior import CERTAIN
+from ffseg.evidence.surroundings import STRIDE
+from ffseg.image.edges import EdgeMap
+from ffseg.image.free import distances
+from ffseg.image.opencv_peers import grown
+from ffseg.image.parts import holding
+from ffseg.image.raster import rasterize
+from ffseg.scene import Scene
+from ffseg.starts.boxes import in_boxes
+from ffseg.starts.rivals import POINT_RADIUS, add_disc, seeds
+
+Plane = NDArray[np.float32]
+Region = NDArray[np.bool_]
+
+REACH = 4.0
+"""Radius round a click within which it counts, in parts of its distance to where its side was told before it."""
+
+SAY = 0.3
+"""Share of what the first click outside shows, the first to tell of both sides, in the log odds away from where it counts."""
+
+HALF = 0.5
+
+REMEMBERED = 32
+"""States that are not found again when one more click is made: of one image and the one before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Click:
+    """A disc that lies inside or outside, pixels."""
+
+    x: float
+    y: float
+    radius: float
+    inside: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Asked:
+    """What clicks are made in.
+
+    Attributes
+    ----------
+    image : ndarray of uint8, shape (H, W) or (H, W, 3)
+        Grey or BGR.
+    inside, outside : ndarray of bool, shape (H, W)
+        Pixels known to lie there before the clicks, at least one inside.
+    said : ndarray of float32, shape (H, W), or None
+        Log odds that a model, a map of the image or boxes tell; None stands for the prior's.
+    level : float
+        Log odds at which the region ends.
+    within : ndarray of bool, shape (H, W), or None
+        Pixels of the domain; None means all.
+    """
+
+    image: NDArray[np.uint8]
+    inside: Region
+    outside: Region
+    said: Plane | None
+    level: float
+    within: Region | None
+
+    @property
+    def factor(self) -> int:
+        """Pixels a side of the image that became one of the reduced image."""
+        return reduction(self.image.shape, prior.model()[0].size)
+
+    def reduced(self, plane: Plane) -> Plane:
+        """A plane of the image at every `STRIDE`-th pixel of the reduced one, shape (h, w)."""
+        return thin(reduced_mean(plane, self.factor))
+
+    def region(self, pixels: Region) -> Region:
+        """Where at least half of such a pixel's block lies in a region, or, if that is nowhere, any of it."""
+        shares = self.reduced(pixels.astype(np.float32))
+        return shares >= HALF if (shares >= HALF).any() else shares > 0
+
+    def enlarged(self, plane: Plane | Region) -> Plane:
+        """Such a plane at the size of the image."""
+        return enlarged(plane.astype(np.float32), self.factor, self.inside.shape, STRIDE)
+
+    def disc(self, click: Click, radius: float) -> Region:
+        """The disc round a click in such a plane, whose pixels `radius` counts; the one in its middle always belongs to it."""
+        height, width = reduced_shape(reduced_shape(self.inside.shape, self.factor), STRIDE)
+        row, column = (((at + 0.5) / self.factor - 0.5) / STRIDE for at in (click.y, click.x))
+        y, x = np.ogrid[:height, :width]
+        found: Region = np.hypot(y - row, x - column) <= radius
+        found[min(max(round(row), 0), height - 1), min(max(round(column), 0), width - 1)] = True
+        return found
+
+    def known(self, clicks: Sequence[Click]) -> tuple[Region, Region]:
+        """Pixels known to lie inside and outside after some clicks; what both claim lies inside."""
+        inside, outside = self.inside.copy(), self.outside.copy()
+        for click in clicks:
+            add_disc(inside if click.inside else outside, click.x, click.y, click.radius)
+        if self.within is not None:
+            inside &= self.within
+        return inside, outside & ~inside
+
+    def digest(self) -> bytes:
+        """Equal for what is equal."""
+        parts = (self.image, self.inside, self.outside, self.said, self.within)
+        found = blake2b(repr((self.image.shape, self.level, [part is None for part in parts])).encode(), digest_size=16)
+        for part in parts:
+            if part is not None:
+                found.update(np.ascontiguousarray(part).data)
+        return found.digest()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """What is told after some clicks, at every `STRIDE`-th pixel of the reduced image.
+
+    Attributes
+    ----------
+    odds : ndarray of float32, shape (h, w)
+        Log odds of belonging to what is meant.
+    counted : ndarray of bool, shape (h, w)
+        Where a click has counted.
+    stays : ndarray of bool, shape (h, w)
+        The region: parts that hold a click inside, and those that clicks outside have cut off.
+    """
+
+    odds: Plane
+    counted: Region
+    stays: Region
+
+
+def hint_edges(scene: Scene) -> EdgeMap:
+    """Edges where what was clicked ends: the source ``hints``."""
+    return with_clicks(scene, gradient(scene))
+
+
+def with_clicks(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMap:
+    """Edges where the evidence falls to ``region.probability``; the image's own where clicks on both sides show the same.
+
+    Parameters
+    ----------
+    said : ndarray of float32, shape (H, W), optional
+        Log odds that a model, a map of the image or boxes tell without clicks, in place of the prior's: clicks correct them.
+        Without boxes, they do not count where the first start lies in none of the region that they tell.
+
+    Raises
+    ------
+    SegmentationError
+        If a click outside lies in the start region or beyond the image.
+    """
+    params, limits = scene.params, scene.disc if scene.domain is None else scene.domain
+    level, points = log_odds(params.region.probability), params.init.background
+    if scene.boxes and said is not None:
+        scene = _begun(scene, said - np.float32(level))
+    inside = scene.start_region()
+    outside = seeds(points, inside, scene.background)
+    within = None if limits is None else limits > 0
+    if within is not None:
+        inside &= within
+    first, circles = _first(scene, inside)
+    if said is not None and not scene.boxes and first.any() and said[first].max() <= level:
+        said = None
+    odds, kept = said, None
+    if first.any():
+        asked = Asked(scene.image, first, seeds((), inside, scene.background), said, level, within)
+        told = corrected(
+            asked, circles, [Click(x, y, rest[0] if rest else POINT_RADIUS, False) for x, y, *rest in points]
+        )
+        if told is not None:
+            odds, kept = _at_full_size(asked, told)
+            odds[grown(inside, HELD)] = CERTAIN
+            odds[outside], odds[inside] = -CERTAIN, CERTAIN
+    if odds is None:
+        return own
+    edges = odds_edges(odds, params.region.probability, own, "hints")
+    if edges is own:
+        return own
+    edges = replace(edges, kept=kept)
+    if not outside.any():
+        return edges
+    free = ~outside if within is None else ~outside & within
+    return replace(edges, domain=np.where(free, np.uint8(255), np.uint8(0)))
+
+
+def _begun(scene: Scene, odds: Plane) -> Scene:
+    """The scene with starts in what its boxes hold, but for what is known to lie outside: their middles say nothing."""
+    outside = seeds(scene.params.init.background, np.zeros(scene.shape, np.bool_), scene.background)
+    return in_boxes(scene, np.where(outside, np.float32(-CERTAIN), odds))
+
+
+def _first(scene: Scene, inside: Region) -> tuple[Region, list[Click]]:
+    """What is known to lie inside at first, and the circles that follow: of circles alone the first begins."""
+    circles = () if scene.start_mask is not None else scene.params.init.circles
+    begun = rasterize(scene.starts[len(circles) :], scene.shape) & inside
+    for start, _ in zip(scene.starts, circles, strict=False):
+        if begun.any():
+            break
+        begun, circles = rasterize([start], scene.shape) & inside, circles[1:]
+    return begun, [Click(*circle, True) for circle in circles]
+
+
+def corrected(asked: Asked, circles: Sequence[Click], points: Sequence[Click]) -> Told | None:
+    """What is told after all clicks, of which each side has an order; None where both sides show the same and nothing is said."""
+    digest, done, lines = asked.digest(), tuple[Click, ...](), [list(circles), list(points)]
+    told = _remembered((digest,), partial(_begin, asked))
+    while told is not None and any(lines):
+        region = told.odds > asked.level
+        depth = [_depth(asked, line[0], region) if line else -1.0 for line in lines]
+        side = int(depth[1] > depth[0])
+        done = (*done, lines[side].pop(0))
+        told = _remembered((digest, *done), partial(_after, asked, told, done, depth[side]))
+    return told
+
+
+_known: OrderedDict[tuple[bytes | Click, ...], Told | None] = OrderedDict()
+
+
+def _remembered(key: tuple[bytes | Click, ...], make: Callable[[], Told | None]) -> Told | None:
+    found = _known[key] if key in _known else make()
+    _known[key] = found
+    _known.move_to_end(key)
+    if len(_known) > REMEMBERED:
+        _known.popitem(last=False)
+    return found
+
+
+def _begin(asked: Asked) -> Told | None:
+    """What is told before any click."""
+    said = None if asked.said is None else asked.reduced(asked.said)
+    odds = hints(asked.image, asked.inside, asked.outside) if said is None else said
+    if odds is None:
+        return None
+    inside, nowhere = asked.region(asked.inside), np.zeros(odds.shape, np.bool_)
+    told = Told(odds, nowhere, holding(odds > asked.level, inside))
+    if said is None or not asked.outside.any():
+        return told
+    shown = hints(asked.image, asked.inside, asked.outside, said)
+    return told if shown is None else _turned(asked, told, shown, asked.region(asked.outside), ~nowhere, False, SAY)
+
+
+def _after(asked: Asked, before: Told, done: Sequence[Click], depth: float) -> Told | None:
+    """What is told after the last click, which lies so many pixels deep in what was told wrong before."""
+    click, first = done[-1], asked.outside.any() or any(not one.inside for one in done[:-1])
+    inside, outside = asked.known(done)
+    shown = hints(asked.image, inside, outside, None if asked.said is None else asked.reduced(asked.said))
+    if shown is None:
+        return None if asked.said is None else before
+    disc, near = asked.disc(click, click.radius / (asked.factor * STRIDE)), asked.disc(click, REACH * depth)
+    share = 0.0 if click.inside or first else SAY
+    told = _turned(asked, before, shown, disc, near, click.inside, share)
+    if click.inside:
+        region = told.odds > asked.level
+        return replace(told, stays=told.stays | holding(region | disc, disc))
+    return replace(told, stays=holding(told.stays, asked.region(inside) | (distances(told.stays) >= depth)))
+
+
+def _turned(asked: Asked, before: Told, shown: Plane, disc: Region, near: Region, inside: bool, share: float) -> Told:
+    """What is told with what clicks show: where that turns pixels near a disc to its side, and a share of it elsewhere."""
+    mixed = before.odds + np.float32(share) * (shown - before.odds)
+    now, then = shown > asked.level, mixed > asked.level
+    turned = holding((now & ~then if inside else then & ~now) & near | disc, disc)
+    odds = np.where(turned, shown, mixed)
+    return Told(odds, before.counted | turned, before.stays & (odds > asked.level))
+
+
+def _depth(asked: Asked, click: Click, region: Region) -> float:
+    """Pixels from a click to where its side is told; 0 where it lies there."""
+    wrong = distances(~region if click.inside else region)
+    return float(wrong[asked.disc(click, 0.0)].max())
+
+
+def _at_full_size(asked: Asked, told: Told) -> tuple[Plane, Region]:
+    """Log odds and what stays of the region, at the size of the image; where no click counted, details of what was said."""
+    odds = asked.enlarged(told.odds)
+    if asked.said is not None:
+        rest = asked.said + asked.enlarged(told.odds - asked.reduced(asked.said))
+        odds = np.where(asked.enlarged(told.counted) > HALF, odds, rest)
+    return odds, (asked.enlarged(told.stays) >= HALF) & (odds > asked.level)
