@@ -17,10 +17,10 @@ from hashlib import blake2b
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence import prior
+from ffseg.evidence import hints, prior
 from ffseg.evidence.features import enlarged, reduced_mean, reduced_shape, reduction
 from ffseg.evidence.gradient import gradient
-from ffseg.evidence.hints import HELD, hints, thin
+from ffseg.evidence.hints import HELD, thin
 from ffseg.evidence.maps import log_odds, odds_edges
 from ffseg.evidence.prior import CERTAIN
 from ffseg.evidence.surroundings import STRIDE
@@ -38,9 +38,6 @@ Region = NDArray[np.bool_]
 
 REACH = 4.0
 """Radius round a click within which it counts, in parts of its distance to where its side was told before it."""
-
-SAY = 0.3
-"""Share of what the first click outside shows, the first to tell of both sides, in the log odds away from where it counts."""
 
 HALF = 0.5
 
@@ -101,14 +98,27 @@ class Asked:
         """Such a plane at the size of the image."""
         return enlarged(plane.astype(np.float32), self.factor, self.inside.shape, STRIDE)
 
-    def disc(self, click: Click, radius: float) -> Region:
-        """The disc round a click in such a plane, whose pixels `radius` counts; the one in its middle always belongs to it."""
+    def disc(self, click: Click) -> Region:
+        """The disc of a click in such a plane; the pixel in its middle always belongs to it."""
         height, width = reduced_shape(reduced_shape(self.inside.shape, self.factor), STRIDE)
         row, column = (((at + 0.5) / self.factor - 0.5) / STRIDE for at in (click.y, click.x))
         y, x = np.ogrid[:height, :width]
-        found: Region = np.hypot(y - row, x - column) <= radius
+        found: Region = np.hypot(y - row, x - column) <= click.radius / (self.factor * STRIDE)
         found[min(max(round(row), 0), height - 1), min(max(round(column), 0), width - 1)] = True
         return found
+
+    def click(self, before: Told, disc: Region, inside: bool, shows_both: bool) -> hints.Click:
+        """A click on such a disc, beside what was told before it."""
+        return hints.Click(disc, inside, before.odds, self.depth(before, disc, inside), shows_both)
+
+    def near(self, click: hints.Click) -> Region:
+        """Where a click counts."""
+        return distances(~click.disc) <= REACH * click.depth
+
+    def depth(self, before: Told, disc: Region, inside: bool) -> float:
+        """Pixels of such a plane from the middle of a disc to where its side is told; 0 where it lies there."""
+        region = before.odds > self.level
+        return float(distances(~region if inside else region)[disc].max())
 
     def known(self, clicks: Sequence[Click]) -> tuple[Region, Region]:
         """Pixels known to lie inside and outside after some clicks; what both claim lies inside."""
@@ -221,13 +231,11 @@ def _first(scene: Scene, inside: Region) -> tuple[Region, list[Click]]:
 def corrected(asked: Asked, circles: Sequence[Click], points: Sequence[Click]) -> Told | None:
     """What is told after all clicks, of which each side has an order; None where both sides show the same and nothing is said."""
     digest, done, lines = asked.digest(), tuple[Click, ...](), [list(circles), list(points)]
-    told = _remembered((digest,), partial(_begin, asked))
+    told = _remembered((digest,), partial(_begun_with, asked))
     while told is not None and any(lines):
-        region = told.odds > asked.level
-        depth = [_depth(asked, line[0], region) if line else -1.0 for line in lines]
-        side = int(depth[1] > depth[0])
-        done = (*done, lines[side].pop(0))
-        told = _remembered((digest, *done), partial(_after, asked, told, done, depth[side]))
+        depth = [asked.depth(told, asked.disc(line[0]), line[0].inside) if line else -1.0 for line in lines]
+        done = (*done, lines[depth[1] > depth[0]].pop(0))
+        told = _remembered((digest, *done), partial(_after, asked, told, done))
     return told
 
 
@@ -235,57 +243,62 @@ _known: OrderedDict[tuple[bytes | Click, ...], Told | None] = OrderedDict()
 
 
 def _remembered(key: tuple[bytes | Click, ...], make: Callable[[], Told | None]) -> Told | None:
-    found = _known[key] if key in _known else make()
+    try:
+        found = _known.pop(key)
+    except KeyError:
+        found = make()
     _known[key] = found
-    _known.move_to_end(key)
     if len(_known) > REMEMBERED:
         _known.popitem(last=False)
     return found
 
 
-def _begin(asked: Asked) -> Told | None:
-    """What is told before any click."""
-    said = None if asked.said is None else asked.reduced(asked.said)
-    odds = hints(asked.image, asked.inside, asked.outside) if said is None else said
-    if odds is None:
-        return None
-    inside, nowhere = asked.region(asked.inside), np.zeros(odds.shape, np.bool_)
-    told = Told(odds, nowhere, holding(odds > asked.level, inside))
-    if said is None or not asked.outside.any():
+def _begun_with(asked: Asked) -> Told | None:
+    """What is told before any click but a mask of what lies outside."""
+    said = asked.said
+    odds = (
+        asked.reduced(said)
+        if said is not None
+        else prior.reduced(asked.image, asked.inside)[0] - np.float32(prior.CAUTION)
+    )
+    told = begun(asked, odds)
+    if not asked.outside.any():
         return told
-    shown = hints(asked.image, asked.inside, asked.outside, said)
-    return told if shown is None else _turned(asked, told, shown, asked.region(asked.outside), ~nowhere, False, SAY)
+    return _shown(asked, told, asked.inside, asked.outside, asked.click(told, asked.region(asked.outside), False, True))
 
 
-def _after(asked: Asked, before: Told, done: Sequence[Click], depth: float) -> Told | None:
-    """What is told after the last click, which lies so many pixels deep in what was told wrong before."""
-    click, first = done[-1], asked.outside.any() or any(not one.inside for one in done[:-1])
-    inside, outside = asked.known(done)
-    shown = hints(asked.image, inside, outside, None if asked.said is None else asked.reduced(asked.said))
+def begun(asked: Asked, odds: Plane) -> Told:
+    """What is told before any click, of these log odds."""
+    return Told(odds, np.zeros(odds.shape, np.bool_), holding(odds > asked.level, asked.region(asked.inside)))
+
+
+def _after(asked: Asked, before: Told, done: Sequence[Click]) -> Told | None:
+    """What is told after the last of some clicks."""
+    last, first = done[-1], not asked.outside.any() and all(one.inside for one in done[:-1])
+    click = asked.click(before, asked.disc(last), last.inside, first and not last.inside)
+    return _shown(asked, before, *asked.known(done), click)
+
+
+def _shown(asked: Asked, before: Told, inside: Region, outside: Region, click: hints.Click) -> Told | None:
+    said = None if asked.said is None else asked.reduced(asked.said)
+    shown = hints.hints(asked.image, inside, outside, click, said)
     if shown is None:
         return None if asked.said is None else before
-    disc, near = asked.disc(click, click.radius / (asked.factor * STRIDE)), asked.disc(click, REACH * depth)
-    share = 0.0 if click.inside or first else SAY
-    told = _turned(asked, before, shown, disc, near, click.inside, share)
+    return turned(asked, before, *shown, inside, click)
+
+
+def turned(asked: Asked, before: Told, near: Plane, elsewhere: Plane, inside: Region, click: hints.Click) -> Told:
+    """What is told after a click: what it shows where that turns pixels near it to its side, and what is left elsewhere."""
+    disc, now, then = click.disc, near > asked.level, elsewhere > asked.level
+    counted = holding((now & ~then if click.inside else then & ~now) & asked.near(click) | disc, disc)
+    odds = np.where(counted, near, elsewhere)
+    region = odds > asked.level
+    stays = before.stays & region
     if click.inside:
-        region = told.odds > asked.level
-        return replace(told, stays=told.stays | holding(region | disc, disc))
-    return replace(told, stays=holding(told.stays, asked.region(inside) | (distances(told.stays) >= depth)))
-
-
-def _turned(asked: Asked, before: Told, shown: Plane, disc: Region, near: Region, inside: bool, share: float) -> Told:
-    """What is told with what clicks show: where that turns pixels near a disc to its side, and a share of it elsewhere."""
-    mixed = before.odds + np.float32(share) * (shown - before.odds)
-    now, then = shown > asked.level, mixed > asked.level
-    turned = holding((now & ~then if inside else then & ~now) & near | disc, disc)
-    odds = np.where(turned, shown, mixed)
-    return Told(odds, before.counted | turned, before.stays & (odds > asked.level))
-
-
-def _depth(asked: Asked, click: Click, region: Region) -> float:
-    """Pixels from a click to where its side is told; 0 where it lies there."""
-    wrong = distances(~region if click.inside else region)
-    return float(wrong[asked.disc(click, 0.0)].max())
+        stays |= holding(region | disc, disc)
+    else:
+        stays = holding(stays, asked.region(inside) | (distances(stays) >= click.depth))
+    return Told(odds, before.counted | counted, stays)
 
 
 def _at_full_size(asked: Asked, told: Told) -> tuple[Plane, Region]:

@@ -1,9 +1,10 @@
-"""The source ``hints``: what a forest learned from drawings says of what several clicks mean.
+"""What a forest learned from drawings says of the last of several clicks (`ffseg.evidence.clicks`).
 
 What is known to lie inside (start regions) and outside (``init.background``) teaches the colours and ways of both sides of this
 image: the forest sees what the prior sees from the inside, the prior's own say, and the same ways and colours seen from the
-outside. Where a model or a map tells of the image, the forest takes what that says for the prior's say. It is part of the
-package; ``python -m ffseg.learning.grow`` makes it.
+outside. Of the last click it sees what was told before it, how deep that was wrong there, and the ways from it: it has learned to
+mend what simulated users click. Where a model or a map tells of the image, it takes what that says for the prior's
+say. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from ffseg.evidence.features import BARRIER, STEP, Features, broadened, reduced_
 from ffseg.evidence.forest import Compiled, shipped
 from ffseg.evidence.maps import blurred
 from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
-from ffseg.evidence.surroundings import STRIDE, colours_of, likelier, likeness, steepest, with_own_colours
+from ffseg.evidence.surroundings import STRIDE, colours_of, likelier, likeness, steepest, voted
+from ffseg.image.free import distances
 from ffseg.image.parts import Parts, scattered
 from ffseg.native import _core
 
@@ -47,6 +49,11 @@ SHOWS, CLICK = 0.75, 0.01
 image's longer side, if the widest is wider. Narrower ones mend a rim and lie on its edge: they hold what they cover, no more.
 On 55 drawings .60, .75 and .90 do alike; on 55 others clicks lose half as much as if all were to show something."""
 
+SAY, AGAIN = 0.3, 1.0
+"""Share of what the first click outside shows, the first to tell of both sides, in the log odds away from where it counts, and
+part of the log odds of colours, learned from what it shows, that is added to that: two plain halves part so from a click in each.
+With a share of .5 drawings gain a hundredth, and models on roads lose more."""
+
 TOLD = (
     "prior",
     *(f"outside_{name}" for name in BARRIER),
@@ -61,7 +68,45 @@ TOLD = (
     "near_outside",
     "nearer",
 )
-TAKEN = (*prior.TAKEN, *TOLD)
+CORRECTED = (
+    "before",
+    "side",
+    *(f"click_{name}" for name in BARRIER),
+    "click_way",
+    "click_likeness",
+    "click_distance",
+    "click_depth",
+    "click_or_inside",
+    "click_or_outside",
+)
+"""Planes that tell of the last click: what was told before it, its side, what stands on ways from it, and how deep it lies."""
+
+TAKEN = (*prior.TAKEN, *TOLD, *CORRECTED)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Click:
+    """The last click and what was told before it, at every `STRIDE`-th pixel of the reduced image.
+
+    Attributes
+    ----------
+    disc : ndarray of bool, shape (h, w)
+        What it holds.
+    inside : bool
+        Whether that lies inside.
+    before : ndarray of float32, shape (h, w)
+        Log odds before it.
+    depth : float
+        Pixels from the click to where its side was told before it.
+    shows_both : bool
+        Whether it is the first outside, and so the first to tell of both sides.
+    """
+
+    disc: Region
+    inside: bool
+    before: Plane
+    depth: float
+    shows_both: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,29 +134,48 @@ class View:
         return bool(np.abs(differs[(inside | outside) > 0]).max() < EVEN)
 
 
-def hints(image: NDArray[np.uint8], inside: Region, outside: Region, said: Plane | None = None) -> Plane | None:
-    """Evidence of what clicks mean.
+def hints(
+    image: NDArray[np.uint8], inside: Region, outside: Region, click: Click, said: Plane | None = None
+) -> tuple[Plane, Plane] | None:
+    """Evidence of what clicks mean, where the last one corrects what was told before it.
 
     Parameters
     ----------
     image : ndarray of uint8, shape (H, W) or (H, W, 3)
         Grey or BGR.
     inside, outside : ndarray of bool, shape (H, W)
-        Pixels known to lie there, at least one inside, none in both.
+        Pixels known to lie there, that click's among them; at least one inside, none in both.
     said : ndarray of float32, shape (h, w), optional
         Log odds that a model or a map of the image tells without clicks, in place of the prior's.
 
     Returns
     -------
-    ndarray of float32, shape (h, w), or None
+    near, elsewhere : ndarray of float32, shape (h, w)
         Logarithm of the odds of belonging to what is meant, at most ``CERTAIN`` either way, at every `STRIDE`-th pixel of the
-        reduced image; of one click, what is told without it. None where both sides show the same.
+        reduced image: where the click counts, and in other places. What was told before where no click but one shows anything.
+        None in their place where both sides show the same.
     """
     (shown, count), (beyond, _) = showing(inside, outside)
     if count == 1 and not beyond.any():
-        return prior.reduced(image, shown)[0] - np.float32(prior.CAUTION) if said is None else said
+        return click.before, click.before
     view = look(image, shown, beyond)
-    return None if view.is_even() else _odds(view, said)
+    if view.is_even():
+        return None
+    model, native = shipped(MODEL, TAKEN)
+    odds = np.clip(model.inside.log_odds(all_planes(view, prior.model(), click, said), native), -CERTAIN, CERTAIN)
+    return shared(odds, view, click)
+
+
+def shared(odds: Plane, view: View, click: Click) -> tuple[Plane, Plane]:
+    """What log odds that a click shows tell near it and elsewhere, after what is known is set and neighbours have voted."""
+    odds = np.where(thin(view.outside) > 0, np.float32(-CERTAIN), odds)
+    odds[thin(view.seen.inside) > 0] = CERTAIN
+    near = blurred(voted(odds, view.seen), SMOOTHING / STRIDE)
+    if not click.shows_both:
+        return near, click.before
+    odds += np.float32(AGAIN) * likelier(colours_of(view.seen), voted(odds, view.seen) > 0)
+    again = blurred(voted(odds, view.seen), SMOOTHING / STRIDE)
+    return near, click.before + np.float32(SAY) * (again - click.before)
 
 
 def showing(inside: Region, outside: Region) -> tuple[tuple[Region, int], tuple[Region, int]]:
@@ -132,15 +196,6 @@ def _at_least(
     return kept, sum(len(found.touching(kept[window])) for window, found in side)
 
 
-def _odds(view: View, said: Plane | None) -> Plane:
-    """Log odds of every `STRIDE`-th pixel; colours of what was found at first are asked again."""
-    model, native = shipped(MODEL, TAKEN)
-    seen = view.seen
-    odds = np.clip(model.inside.log_odds(all_planes(view, prior.model(), said), native), -CERTAIN, CERTAIN)
-    odds[thin(view.outside) > 0], odds[thin(seen.inside) > 0] = -CERTAIN, CERTAIN
-    return blurred(with_own_colours(odds, seen), SMOOTHING / STRIDE)
-
-
 def look(image: NDArray[np.uint8], inside: Region, outside: Region) -> View:
     """The image, seen from what is known of it."""
     seen = prior.look(image, inside, prior.model()[0].size)
@@ -156,16 +211,18 @@ def thin(region: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(region[::STRIDE, ::STRIDE])
 
 
-def all_planes(view: View, asked: Compiled, said: Plane | None = None) -> Plane:
+def all_planes(view: View, asked: Compiled, click: Click, said: Plane | None = None) -> Plane:
     """The planes that the forest takes, in its order, of every `STRIDE`-th pixel; of the prior, `asked` is the model."""
-    seen = view.seen
+    seen, count = view.seen, len(prior.TAKEN)
     planes = np.empty((len(TAKEN), *thin(seen.inside).shape), np.float32)
-    own, told = planes[: len(prior.TAKEN)], planes[len(prior.TAKEN) :]
-    own[:] = prior.all_planes(seen)
-    say = asked[0].inside.log_odds(own, asked[1]) if said is None else said
-    told[0] = np.clip(say, -CERTAIN, CERTAIN)
-    from_inside = {name: own[prior.TAKEN.index(name)] for name in ("way", "barrier@1.5")}
-    for to, plane in zip(told[1:], _told(view, told[0], from_inside["way"], from_inside["barrier@1.5"]), strict=True):
+    planes[:count] = prior.all_planes(seen)
+    planes[count] = np.clip(
+        asked[0].inside.log_odds(planes[:count], asked[1]) if said is None else said, -CERTAIN, CERTAIN
+    )
+    own_way, own_barrier = (planes[prior.TAKEN.index(name)] for name in ("way", "barrier@1.5"))
+    told = _told(view, planes[count], own_way, own_barrier)
+    outside_way = told[TOLD.index("outside_way") - 1]
+    for to, plane in zip(planes[count + 1 :], (*told, *_corrected(view, click, own_way, outside_way)), strict=True):
         to[:] = plane
     return planes
 
@@ -196,6 +253,28 @@ def _told(view: View, odds: Plane, own_way: Plane, own_barrier: Plane) -> list[P
         near,
         far,
         np.log((near + NEAREST) / (far + NEAREST)),
+    ]
+
+
+def _corrected(view: View, click: Click, inside_way: Plane, outside_way: Plane) -> list[Plane | float]:
+    """What was told before the last click, and what stands on ways from it, beside those from all that is known."""
+    other = thin(view.outside if click.inside else view.seen.inside)
+    disc = np.where(other > 0, np.uint8(0), broadened(click.disc.view(np.uint8), LEAST_START / STRIDE))
+    disc = disc if disc.any() else click.disc.view(np.uint8)
+    slope = steepest(view.seen["slope@1.5"])
+    barrier, length = np.zeros((len(BARRIER), *disc.shape), np.float32), np.zeros_like(slope)
+    _core.evidence_barrier(slope, disc, STEP, barrier)
+    way(slope, disc, length)
+    return [
+        click.before,
+        1.0 if click.inside else -1.0,
+        *barrier,
+        length,
+        blurred(likeness(colours_of(view.seen), disc), 1.0 / STRIDE),
+        distances(~click.disc) / np.float32(max(click.depth, 1.0)),
+        click.depth / np.sqrt(disc.size),
+        np.log((length + 1) / (inside_way + 1)),
+        np.log((length + 1) / (outside_way + 1)),
     ]
 
 

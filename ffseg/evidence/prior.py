@@ -75,9 +75,11 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.flo
     return whole
 
 
-def reduced(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> tuple[NDArray[np.float32], Features]:
-    """That evidence at every `STRIDE`-th pixel of the reduced image, and what was looked at."""
-    asked, native = model()
+def reduced(
+    image: NDArray[np.uint8], starts: NDArray[np.bool_], by: Compiled | None = None
+) -> tuple[NDArray[np.float32], Features]:
+    """That evidence at every `STRIDE`-th pixel of the reduced image, as another forest may tell it, and what was looked at."""
+    asked, native = by or model()
     seen = look(image, starts, asked.size)
     smooth = voted(np.clip(asked.inside.log_odds(all_planes(seen), native), -CERTAIN, CERTAIN), seen)
     return blurred(smooth, SMOOTHING / STRIDE), seen

@@ -21,10 +21,6 @@ a pixel's own odds, the difference of L, a, b that ends a neighbour's say, and s
 
 FINEST, COLOURS = (tuple(f"{name}@{scale:g}" for name in ("light", "red", "blue")) for scale in (SCALES[0], WAY_SCALE))
 
-AGAIN = 0.6
-"""Part of the log odds of colours, learned from what was found at first, that is added to it: of 0.3, 0.6 and 1 the best on
-drawings that are not judged on."""
-
 FRAME = 0.03
 """Width of the border whose colours are compared, in parts of the root of the image's area."""
 
@@ -114,12 +110,6 @@ def voted(odds: Plane, seen: Features) -> Plane:
     every(seen, FINEST, lab)
     _core.evidence_diffuse(np.ascontiguousarray(odds), lab, KEPT, CONTRAST, STEPS, found)
     return found
-
-
-def with_own_colours(odds: Plane, seen: Features) -> Plane:
-    """Log odds of every ``STRIDE``-th pixel each way, to which the colours of what they find are added; neighbours vote."""
-    again = likelier(colours_of(seen), voted(odds, seen) > 0)
-    return voted(odds + np.float32(AGAIN) * again, seen)
 
 
 def _ways(slopes: dict[str, Plane], start: NDArray[np.uint8]) -> list[Plane]:

@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence import base, box, hints, prior
-from ffseg.evidence.features import NAMES, PLACE, WORKING_SIZE, enlarged, exposed, features
+from ffseg.evidence.clicks import HALF, Asked, Click, begun, turned
+from ffseg.evidence.features import NAMES, PLACE, WORKING_SIZE, exposed, features
 from ffseg.evidence.forest import Compiled, Model, from_bytes, to_bytes
 from ffseg.evidence.surroundings import STRIDE
 from ffseg.image.raster import window_of
@@ -56,14 +57,16 @@ WIDE, LOOSE = 0.8, (-0.02, 0.1)
 """Part of a picture up to which a box is learned from, and by how much a loose box is larger on each side than the one round
 the truth, in parts of the mean of its sides."""
 
-HINTED = 10
-"""Looks at each kind with clicks; each gives a dozen of what one start gives."""
+HINTED = 40
+"""Looks at each kind with clicks; each gives half a dozen of what one start gives. A hundred grow no better forest."""
 
 OTHERS = 50_000
 """Number of the first picture with clicks: what the prior says of those that it has learned from is too good."""
 
-CLICKS, CLICKED, CLICK_SIZES = (3, 8), 150, (0.005, 0.02)
+CLICKS, CLICKED, CLICK_SIZES = (3, 9), 150, (0.005, 0.02)
 """Least number of clicks in a picture and one more than the most; pixels taken after each; radii in parts of its longer side."""
+
+NOT_KNOWN = np.int8(-1)
 
 BASE_SEES = tuple(name for name in NAMES if name not in PLACE[:4])
 
@@ -149,21 +152,32 @@ def told(kind: str, count: int, asked: bytes) -> list[Samples]:
 
 
 def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Samples]:
-    """Some known pixels after each click of a simulated user but the first, who sees what the prior and colours say."""
-    clicks, found = Clicks((seen.start,)), list[Samples]()
+    """Some known pixels near each click of a simulated user but the first, where it may correct what was told before it.
+
+    What clicks show is guessed, as the forest that is to tell it grows from this.
+    """
+    shape, clicks, found = seen.truth.shape, Clicks((seen.start,)), list[Samples]()
+    asked = Asked(seen.image, clicks.regions(shape)[0], np.zeros(shape, np.bool_), None, 0.0, None)
+    told = begun(asked, prior.reduced(seen.image, asked.inside, ask)[0] - np.float32(prior.CAUTION))
     for _ in range(int(rng.integers(*CLICKS))):
-        inside, outside = clicks.regions(seen.truth.shape)
-        view = hints.look(seen.image, inside, outside)
-        planes = hints.all_planes(view, ask)
-        if found or len(clicks.inside) + len(clicks.outside) > 1:
-            known = known_pixels(seen.truth, view.seen.factor)[::STRIDE, ::STRIDE]
-            found.append(picked(planes, known, rng, CLICKED))
-        likelier, nearer = (planes[hints.TAKEN.index(name)] for name in ("likelier", "inside_or_outside"))
-        guess = (
-            planes[hints.TAKEN.index("prior")] + rng.uniform() * likelier - rng.uniform(0, 2) * nearer + rng.normal()
+        inside, outside = clicks.regions(shape)
+        mask = (asked.enlarged(told.odds) > 0) & (asked.enlarged(told.stays) >= HALF) & ~outside | inside
+        before, clicks = clicks, clicks.next(mask, seen.truth, float(rng.uniform(*CLICK_SIZES)) * max(shape))
+        if clicks == before:
+            break
+        within = len(clicks.inside) > len(before.inside)
+        one = Click(*(clicks.inside if within else clicks.outside)[-1], within)
+        last = asked.click(told, asked.disc(one), within, not within and len(clicks.outside) == 1)
+        inside, outside = clicks.regions(shape)
+        view = hints.look(seen.image, inside, outside & ~inside)
+        planes = hints.all_planes(view, ask, last)
+        known, near = known_pixels(seen.truth, view.seen.factor)[::STRIDE, ::STRIDE], asked.near(last)
+        found += [picked(planes, np.where(near, known, NOT_KNOWN), rng, CLICKED)]
+        say, likelier, nearer = (planes[hints.TAKEN.index(name)] for name in ("prior", "likelier", "inside_or_outside"))
+        guess = np.clip(
+            say + rng.uniform() * likelier - rng.uniform(0, 2) * nearer + rng.normal(), -prior.CERTAIN, prior.CERTAIN
         )
-        mask = (enlarged(guess, view.seen.factor, view.seen.shape, STRIDE) > 0) & ~outside | inside
-        clicks = clicks.next(mask, seen.truth, float(rng.uniform(*CLICK_SIZES)) * max(mask.shape))
+        told = turned(asked, told, *hints.shared(guess.astype(np.float32), view, last), inside, last)
     return found
 
 

@@ -44,7 +44,7 @@ RULES = (
     Rule("no edge at the border", "image/boundary.py", {"MARGIN": 0}, (*_PRIOR, *_JUDGE, "edges")),
     Rule("what has met no edge does not count", "evidence/auto.py", {"MET": 0.0}, _PRIOR),
     Rule("what looks nearly alike is left out", "evidence/prior.py", {"CAUTION": 0.0}, _PRIOR),
-    Rule("the first click outside has a share elsewhere", "evidence/clicks.py", {"SAY": 0.0}, ("hints",)),
+    Rule("the first click outside has a share elsewhere", "evidence/hints.py", {"SAY": 0.0}, ("hints",)),
     Rule("a click counts near where it lies", "evidence/clicks.py", {"REACH": inf}, ("hints",)),
     Rule("a start lies on one side", "starts/sides.py", {"LEAST_KEPT": inf}, _SIDES),
     Rule("spare room round a start", "starts/moved.py", {"SPARE": 0.0}, (*_SIDES, *_DISC)),

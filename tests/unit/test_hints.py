@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 import ffseg
-from ffseg.evidence import clicks as evidence
+from ffseg.evidence import hints
 from ffseg.evidence.clicks import Asked, Click, Told, corrected
 from ffseg.learning.drawn.clicks import Clicks, covered
 from ffseg.learning.drawn.sights import Sight, sights
@@ -142,11 +142,11 @@ def shows(monkeypatch: pytest.MonkeyPatch, *odds: float) -> list[int]:
     """Let the forest show such log odds everywhere, one after another; how often it was asked."""
     asked: list[int] = []
 
-    def shown(image: NDArray[np.uint8], *_known: object) -> NDArray[np.float32]:
+    def shown(_image: object, _inside: object, _outside: object, click: hints.Click, _said: object) -> object:
         asked.append(len(asked))
-        return np.full((-(-image.shape[0] // 2), -(-image.shape[1] // 2)), np.float32(odds[len(asked) - 1]))
+        return np.full_like(click.before, odds[len(asked) - 1]), click.before
 
-    monkeypatch.setattr(evidence, "hints", shown)
+    monkeypatch.setattr("ffseg.evidence.hints.hints", shown)
     return asked
 
 
@@ -155,7 +155,7 @@ def test_a_click_counts_near_where_it_lies_only(monkeypatch: pytest.MonkeyPatch)
     shows(monkeypatch, 5.0)
     odds = told(said, [Click(60.0, 60.0, 4.0, True)]).odds  # 20 px from where the region ends
     assert (odds[30, :68] > 0).all()
-    assert (odds[30, 76:] == -3).all()
+    assert (odds[30, 90:] == -3).all()
 
 
 def test_what_clicks_turned_stays_though_later_ones_show_something_else(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -169,23 +169,27 @@ def test_of_circles_and_points_the_one_deeper_in_what_is_wrong_counts_first(monk
     said = np.where(np.arange(240) < 120, np.float32(3), np.float32(-3))[None].repeat(120, axis=0)
     known: list[tuple[bool, bool]] = []
 
-    def shown(_image: object, inside: NDArray[np.bool_], outside: NDArray[np.bool_], said: object) -> object:
+    def shown(
+        _image: object, inside: NDArray[np.bool_], outside: NDArray[np.bool_], click: hints.Click, _said: object
+    ) -> object:
         known.append((bool(inside[60, 130]), bool(outside[60, 60])))
-        return said
+        return click.before, click.before
 
-    monkeypatch.setattr(evidence, "hints", shown)
+    monkeypatch.setattr("ffseg.evidence.hints.hints", shown)
     told(said, [Click(130.0, 60.0, 4.0, True)], [Click(60.0, 60.0, 4.0, False)])  # 10 px wrong, and 60
     told(said, [Click(200.0, 60.0, 4.0, True), Click(130.0, 60.0, 4.0, True)], [Click(60.0, 60.0, 4.0, False)])
     assert known == [(False, True), (True, True), (False, False), (False, True), (True, True)]
 
 
-def test_a_part_that_a_click_outside_cuts_off_stays_if_it_is_as_deep_as_that_was(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_part_that_a_click_outside_cuts_off_stays_if_it_is_as_deep_as_that_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     said = np.full((120, 240), np.float32(-3))
     said[40:80] = 3
     said[:, 220:] = -3
     shown = np.full((60, 120), np.float32(3))
     shown[:, 40:60], shown[:, 100:104] = -3, -3
-    monkeypatch.setattr(evidence, "hints", lambda *_known: shown)
+    monkeypatch.setattr("ffseg.evidence.hints.hints", lambda *given: (shown, given[3].before))
     found = told(said, [], [Click(100.0, 60.0, 4.0, False), Click(204.0, 60.0, 1.0, False)])
     stays = found.stays
     assert stays[30, 80]  # 39 px high, as deep as the click outside lay
