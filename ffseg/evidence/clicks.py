@@ -90,8 +90,10 @@ class Asked:
         return thin(reduced_mean(plane, self.factor))
 
     def region(self, pixels: Region) -> Region:
-        """Where at least half of such a pixel's block lies in a region, or, if that is nowhere, any of it."""
+        """Where at least half of such a pixel lies in a region; if that is nowhere, any of it, or of its neighbours."""
         shares = self.reduced(pixels.astype(np.float32))
+        if not shares.any():
+            shares = reduced_mean(pixels.astype(np.float32), self.factor * STRIDE)
         return shares >= HALF if (shares >= HALF).any() else shares > 0
 
     def enlarged(self, plane: Plane | Region) -> Plane:

@@ -196,6 +196,17 @@ def test_a_part_that_a_click_outside_cuts_off_stays_if_it_is_as_deep_as_that_was
     assert not stays[30, 106]  # 12 px wide, and cut off by the second
 
 
+def test_a_mask_of_what_lies_outside_may_be_a_single_pixel() -> None:
+    image, _ = halves()
+    outside = np.zeros(image.shape[:2], np.uint8)
+    outside[81, 201] = 1  # neither row nor column is one of those that are looked at
+    found = ffseg.segment(
+        image, {"init.center": [40, 80], "init.radius": 12, "edges.source": "hints"}, background=outside
+    )
+    assert found.mask[80, 40]
+    assert not found.mask[81, 201]
+
+
 def test_one_click_more_asks_the_forest_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
     said = np.where(np.arange(240) < 42, np.float32(3), np.float32(-3))[None].repeat(120, axis=0)
     asked = shows(monkeypatch, 5.0, 4.0, 3.0)
