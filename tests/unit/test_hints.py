@@ -1,5 +1,6 @@
 """What clicks say of an image: where they lie holds, and what they show of both sides teaches the evidence."""
 
+from collections import OrderedDict
 from statistics import mean
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 import ffseg
+from ffseg.evidence import clicks as evidence
 from ffseg.evidence import hints
 from ffseg.evidence.clicks import Asked, Click, Told, corrected
 from ffseg.learning.drawn.clicks import Clicks, covered
@@ -17,6 +19,12 @@ from ffseg.result import Segmentation
 
 UNSEEN = 300_000
 """Number of the first picture: the forest has learned from others."""
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a test tells a forest to show is no answer to another's click."""
+    monkeypatch.setattr(evidence, "_known", OrderedDict())
 
 
 def segmented(seen: Sight, clicks: Clicks) -> Segmentation:
