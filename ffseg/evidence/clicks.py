@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from hashlib import blake2b
 
 import numpy as np
@@ -55,7 +55,7 @@ class Click:
     inside: bool
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Asked:
     """What clicks are made in.
 
@@ -89,6 +89,11 @@ class Asked:
         """A plane of the image at every `STRIDE`-th pixel of the reduced one, shape (h, w)."""
         return thin(reduced_mean(plane, self.factor))
 
+    @cached_property
+    def reduced_say(self) -> Plane | None:
+        """What was said, in such a plane."""
+        return None if self.said is None else self.reduced(self.said)
+
     def region(self, pixels: Region) -> Region:
         """Where at least half of such a pixel lies in a region; if that is nowhere, any of it, or of its neighbours."""
         shares = self.reduced(pixels.astype(np.float32))
@@ -109,18 +114,15 @@ class Asked:
         found[min(max(round(row), 0), height - 1), min(max(round(column), 0), width - 1)] = True
         return found
 
-    def click(self, before: Told, disc: Region, inside: bool, shows_both: bool) -> hints.Click:
+    def correction(self, before: Told, disc: Region, inside: bool, first_outside: bool) -> hints.Correction:
         """A click on such a disc, beside what was told before it."""
-        return hints.Click(disc, inside, before.odds, self.depth(before, disc, inside), shows_both)
+        region = before.odds > self.level
+        depth = float(distances(~region if inside else region)[disc].max())
+        return hints.Correction(disc, inside, before.odds, depth, first_outside and not inside)
 
-    def near(self, click: hints.Click) -> Region:
+    def near(self, click: hints.Correction) -> Region:
         """Where a click counts."""
         return distances(~click.disc) <= REACH * click.depth
-
-    def depth(self, before: Told, disc: Region, inside: bool) -> float:
-        """Pixels of such a plane from the middle of a disc to where its side is told; 0 where it lies there."""
-        region = before.odds > self.level
-        return float(distances(~region if inside else region)[disc].max())
 
     def known(self, clicks: Sequence[Click]) -> tuple[Region, Region]:
         """Pixels known to lie inside and outside after some clicks; what both claim lies inside."""
@@ -182,7 +184,7 @@ def with_clicks(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMa
     params, limits = scene.params, scene.disc if scene.domain is None else scene.domain
     level, points = log_odds(params.region.probability), params.init.background
     if scene.boxes and said is not None:
-        scene = _begun(scene, said - np.float32(level))
+        scene = _in_boxes(scene, said - np.float32(level))
     inside = scene.start_region()
     outside = seeds(points, inside, scene.background)
     within = None if limits is None else limits > 0
@@ -193,7 +195,8 @@ def with_clicks(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMa
         said = None
     odds, kept = said, None
     if first.any():
-        asked = Asked(scene.image, first, seeds((), inside, scene.background), said, level, within)
+        beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
+        asked = Asked(scene.image, first, beyond, said, level, within)
         told = corrected(
             asked, circles, [Click(x, y, rest[0] if rest else POINT_RADIUS, False) for x, y, *rest in points]
         )
@@ -213,7 +216,7 @@ def with_clicks(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMa
     return replace(edges, domain=np.where(free, np.uint8(255), np.uint8(0)))
 
 
-def _begun(scene: Scene, odds: Plane) -> Scene:
+def _in_boxes(scene: Scene, odds: Plane) -> Scene:
     """The scene with starts in what its boxes hold, but for what is known to lie outside: their middles say nothing."""
     outside = seeds(scene.params.init.background, np.zeros(scene.shape, np.bool_), scene.background)
     return in_boxes(scene, np.where(outside, np.float32(-CERTAIN), odds))
@@ -234,10 +237,14 @@ def corrected(asked: Asked, circles: Sequence[Click], points: Sequence[Click]) -
     """What is told after all clicks, of which each side has an order; None where both sides show the same and nothing is said."""
     digest, done, lines = asked.digest(), tuple[Click, ...](), [list(circles), list(points)]
     told = _remembered((digest,), partial(_begun_with, asked))
+    first_outside = not asked.outside.any()
     while told is not None and any(lines):
-        depth = [asked.depth(told, asked.disc(line[0]), line[0].inside) if line else -1.0 for line in lines]
-        done = (*done, lines[depth[1] > depth[0]].pop(0))
-        told = _remembered((digest, *done), partial(_after, asked, told, done))
+        left = [line for line in lines if line]
+        next_ones = [asked.correction(told, asked.disc(line[0]), line[0].inside, first_outside) for line in left]
+        at = max(range(len(left)), key=lambda side: next_ones[side].depth)
+        done = (*done, left[at].pop(0))
+        first_outside &= done[-1].inside
+        told = _remembered((digest, *done), partial(_after, asked, told, done, next_ones[at]))
     return told
 
 
@@ -257,16 +264,13 @@ def _remembered(key: tuple[bytes | Click, ...], make: Callable[[], Told | None])
 
 def _begun_with(asked: Asked) -> Told | None:
     """What is told before any click but a mask of what lies outside."""
-    said = asked.said
-    odds = (
-        asked.reduced(said)
-        if said is not None
-        else prior.reduced(asked.image, asked.inside)[0] - np.float32(prior.CAUTION)
-    )
+    odds = asked.reduced_say
+    if odds is None:
+        odds = prior.reduced(asked.image, asked.inside)[0] - np.float32(prior.CAUTION)
     told = begun(asked, odds)
     if not asked.outside.any():
         return told
-    return _shown(asked, told, asked.inside, asked.outside, asked.click(told, asked.region(asked.outside), False, True))
+    return _after(asked, told, (), asked.correction(told, asked.region(asked.outside), False, True))
 
 
 def begun(asked: Asked, odds: Plane) -> Told:
@@ -274,22 +278,16 @@ def begun(asked: Asked, odds: Plane) -> Told:
     return Told(odds, np.zeros(odds.shape, np.bool_), holding(odds > asked.level, asked.region(asked.inside)))
 
 
-def _after(asked: Asked, before: Told, done: Sequence[Click]) -> Told | None:
-    """What is told after the last of some clicks."""
-    last, first = done[-1], not asked.outside.any() and all(one.inside for one in done[:-1])
-    click = asked.click(before, asked.disc(last), last.inside, first and not last.inside)
-    return _shown(asked, before, *asked.known(done), click)
-
-
-def _shown(asked: Asked, before: Told, inside: Region, outside: Region, click: hints.Click) -> Told | None:
-    said = None if asked.said is None else asked.reduced(asked.said)
-    shown = hints.hints(asked.image, inside, outside, click, said)
+def _after(asked: Asked, before: Told, done: Sequence[Click], click: hints.Correction) -> Told | None:
+    """What is told after some clicks, of the last of which this is the correction."""
+    inside, outside = asked.known(done)
+    shown = hints.hints(asked.image, inside, outside, click, asked.reduced_say)
     if shown is None:
         return None if asked.said is None else before
     return turned(asked, before, *shown, inside, click)
 
 
-def turned(asked: Asked, before: Told, near: Plane, elsewhere: Plane, inside: Region, click: hints.Click) -> Told:
+def turned(asked: Asked, before: Told, near: Plane, elsewhere: Plane, inside: Region, click: hints.Correction) -> Told:
     """What is told after a click: what it shows where that turns pixels near it to its side, and what is left elsewhere."""
     disc, now, then = click.disc, near > asked.level, elsewhere > asked.level
     counted = holding((now & ~then if click.inside else then & ~now) & asked.near(click) | disc, disc)
@@ -306,7 +304,7 @@ def turned(asked: Asked, before: Told, near: Plane, elsewhere: Plane, inside: Re
 def _at_full_size(asked: Asked, told: Told) -> tuple[Plane, Region]:
     """Log odds and what stays of the region, at the size of the image; where no click counted, details of what was said."""
     odds = asked.enlarged(told.odds)
-    if asked.said is not None:
-        rest = asked.said + asked.enlarged(told.odds - asked.reduced(asked.said))
+    if asked.said is not None and asked.reduced_say is not None:
+        rest = asked.said + asked.enlarged(told.odds - asked.reduced_say)
         odds = np.where(asked.enlarged(told.counted) > HALF, odds, rest)
     return odds, (asked.enlarged(told.stays) >= HALF) & (odds > asked.level)

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence import prior
-from ffseg.evidence.features import BARRIER, STEP, Features, broadened, reduced_region, way
+from ffseg.evidence.features import BARRIER, Features, broadened, reduced_region, way
 from ffseg.evidence.forest import Compiled, shipped
 from ffseg.evidence.maps import blurred
 from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
-from ffseg.evidence.surroundings import STRIDE, colours_of, likelier, likeness, steepest, voted
+from ffseg.evidence.surroundings import STRIDE, barriers, colours_of, likelier, likeness, steepest, voted
 from ffseg.image.free import distances
 from ffseg.image.parts import Parts, scattered
 from ffseg.native import _core
@@ -85,7 +85,7 @@ TAKEN = (*prior.TAKEN, *TOLD, *CORRECTED)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Click:
+class Correction:
     """The last click and what was told before it, at every `STRIDE`-th pixel of the reduced image.
 
     Attributes
@@ -135,7 +135,7 @@ class View:
 
 
 def hints(
-    image: NDArray[np.uint8], inside: Region, outside: Region, click: Click, said: Plane | None = None
+    image: NDArray[np.uint8], inside: Region, outside: Region, click: Correction, said: Plane | None = None
 ) -> tuple[Plane, Plane] | None:
     """Evidence of what clicks mean, where the last one corrects what was told before it.
 
@@ -166,7 +166,7 @@ def hints(
     return shared(odds, view, click)
 
 
-def shared(odds: Plane, view: View, click: Click) -> tuple[Plane, Plane]:
+def shared(odds: Plane, view: View, click: Correction) -> tuple[Plane, Plane]:
     """What log odds that a click shows tell near it and elsewhere, after what is known is set and neighbours have voted."""
     odds = np.where(thin(view.outside) > 0, np.float32(-CERTAIN), odds)
     odds[thin(view.seen.inside) > 0] = CERTAIN
@@ -211,7 +211,7 @@ def thin(region: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(region[::STRIDE, ::STRIDE])
 
 
-def all_planes(view: View, asked: Compiled, click: Click, said: Plane | None = None) -> Plane:
+def all_planes(view: View, asked: Compiled, click: Correction, said: Plane | None = None) -> Plane:
     """The planes that the forest takes, in its order, of every `STRIDE`-th pixel; of the prior, `asked` is the model."""
     seen, count = view.seen, len(prior.TAKEN)
     planes = np.empty((len(TAKEN), *thin(seen.inside).shape), np.float32)
@@ -220,24 +220,24 @@ def all_planes(view: View, asked: Compiled, click: Click, said: Plane | None = N
         asked[0].inside.log_odds(planes[:count], asked[1]) if said is None else said, -CERTAIN, CERTAIN
     )
     own_way, own_barrier = (planes[prior.TAKEN.index(name)] for name in ("way", "barrier@1.5"))
-    told = _told(view, planes[count], own_way, own_barrier)
+    slope, colours = steepest(seen["slope@1.5"]), colours_of(seen)
+    told = _told(view, slope, colours, planes[count], own_way, own_barrier)
     outside_way = told[TOLD.index("outside_way") - 1]
-    for to, plane in zip(planes[count + 1 :], (*told, *_corrected(view, click, own_way, outside_way)), strict=True):
+    corrected = _corrected(view, click, slope, colours, own_way, outside_way)
+    for to, plane in zip(planes[count + 1 :], (*told, *corrected), strict=True):
         to[:] = plane
     return planes
 
 
-def _told(view: View, odds: Plane, own_way: Plane, own_barrier: Plane) -> list[Plane]:
+def _told(view: View, slope: Plane, colours: Plane, odds: Plane, own_way: Plane, own_barrier: Plane) -> list[Plane]:
     """What stands on ways from outside, how much likelier a colour is inside, and which side is nearer."""
-    seen, inside, outside = view.seen, _halved(view.seen.inside), _halved(view.outside)
+    inside, outside = _halved(view.seen.inside), _halved(view.outside)
     barrier, length = np.zeros((len(BARRIER), *odds.shape), np.float32), np.zeros_like(odds)
-    colours = colours_of(seen)
     alike, other = likeness(colours, inside), np.zeros_like(odds)
     near, far = _distance(inside), np.full_like(odds, FAR)
     guess = odds > 0
     if outside.any():
-        slope = steepest(seen["slope@1.5"])
-        _core.evidence_barrier(slope, outside, STEP, barrier)
+        barrier = barriers(slope, outside)
         way(slope, outside, length)
         other, far = likeness(colours, outside), _distance(outside)
         guess &= own_way < length
@@ -256,21 +256,21 @@ def _told(view: View, odds: Plane, own_way: Plane, own_barrier: Plane) -> list[P
     ]
 
 
-def _corrected(view: View, click: Click, inside_way: Plane, outside_way: Plane) -> list[Plane | float]:
+def _corrected(
+    view: View, click: Correction, slope: Plane, colours: Plane, inside_way: Plane, outside_way: Plane
+) -> list[Plane | float]:
     """What was told before the last click, and what stands on ways from it, beside those from all that is known."""
     other = thin(view.outside if click.inside else view.seen.inside)
     disc = np.where(other > 0, np.uint8(0), broadened(click.disc.view(np.uint8), LEAST_START / STRIDE))
     disc = disc if disc.any() else click.disc.view(np.uint8)
-    slope = steepest(view.seen["slope@1.5"])
-    barrier, length = np.zeros((len(BARRIER), *disc.shape), np.float32), np.zeros_like(slope)
-    _core.evidence_barrier(slope, disc, STEP, barrier)
+    length = np.empty_like(slope)
     way(slope, disc, length)
     return [
         click.before,
         1.0 if click.inside else -1.0,
-        *barrier,
+        *barriers(slope, disc),
         length,
-        blurred(likeness(colours_of(view.seen), disc), 1.0 / STRIDE),
+        blurred(likeness(colours, disc), 1.0 / STRIDE),
         distances(~click.disc) / np.float32(max(click.depth, 1.0)),
         click.depth / np.sqrt(disc.size),
         np.log((length + 1) / (inside_way + 1)),

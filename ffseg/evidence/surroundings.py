@@ -115,14 +115,14 @@ def voted(odds: Plane, seen: Features) -> Plane:
 def _ways(slopes: dict[str, Plane], start: NDArray[np.uint8]) -> list[Plane]:
     """What stands on ways from the start and from the frame of the image, and through passages only."""
     slope = slopes["1.5"]
-    planes = [plane for scale in WAYS[1:] for plane in _barrier(slopes[f"{scale:g}"], start)]
+    planes = [plane for scale in WAYS[1:] for plane in barriers(slopes[f"{scale:g}"], start)]
     length = np.empty_like(slope)
     way(slope, start, length)
-    own, frame = planes[0], _barrier(slope, _frame(slope.shape, 1))[:2]
+    own, frame = planes[0], barriers(slope, _frame(slope.shape, 1))[:2]
     usual = np.log(np.median(frame[0][start > 0]) + 1)
     planes += [length, frame[1], np.log((own + 1) / (frame[0] + 1)), np.full_like(slope, usual)]
     for passage in PASSAGES:
-        planes += list(_barrier(widened(slope, passage), start)[1:])
+        planes += list(barriers(widened(slope, passage), start)[1:])
     return planes
 
 
@@ -164,7 +164,8 @@ def _frame(shape: tuple[int, int], width: int) -> NDArray[np.uint8]:
     return frame
 
 
-def _barrier(heights: Plane, start: NDArray[np.uint8]) -> Plane:
+def barriers(heights: Plane, start: NDArray[np.uint8]) -> Plane:
+    """What stands on ways from a start, a plane for each of ``BARRIER``."""
     planes = np.empty((len(BARRIER), *heights.shape), np.float32)
     _core.evidence_barrier(np.ascontiguousarray(heights), start, STEP, planes)
     return planes

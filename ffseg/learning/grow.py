@@ -157,17 +157,17 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Sam
     What clicks show is guessed, as the forest that is to tell it grows from this.
     """
     shape, clicks, found = seen.truth.shape, Clicks((seen.start,)), list[Samples]()
-    asked = Asked(seen.image, clicks.regions(shape)[0], np.zeros(shape, np.bool_), None, 0.0, None)
+    inside, outside = clicks.regions(shape)
+    asked = Asked(seen.image, inside, outside, None, 0.0, None)
     told = begun(asked, prior.reduced(seen.image, asked.inside, ask)[0] - np.float32(prior.CAUTION))
     for _ in range(int(rng.integers(*CLICKS))):
-        inside, outside = clicks.regions(shape)
         mask = (asked.enlarged(told.odds) > 0) & (asked.enlarged(told.stays) >= HALF) & ~outside | inside
         before, clicks = clicks, clicks.next(mask, seen.truth, float(rng.uniform(*CLICK_SIZES)) * max(shape))
         if clicks == before:
             break
         within = len(clicks.inside) > len(before.inside)
         one = Click(*(clicks.inside if within else clicks.outside)[-1], within)
-        last = asked.click(told, asked.disc(one), within, not within and len(clicks.outside) == 1)
+        last = asked.correction(told, asked.disc(one), within, len(clicks.outside) == 1)
         inside, outside = clicks.regions(shape)
         view = hints.look(seen.image, inside, outside & ~inside)
         planes = hints.all_planes(view, ask, last)

@@ -150,7 +150,7 @@ def shows(monkeypatch: pytest.MonkeyPatch, *odds: float) -> list[int]:
     """Let the forest show such log odds everywhere, one after another; how often it was asked."""
     asked: list[int] = []
 
-    def shown(_image: object, _inside: object, _outside: object, click: hints.Click, _said: object) -> object:
+    def shown(_image: object, _inside: object, _outside: object, click: hints.Correction, _said: object) -> object:
         asked.append(len(asked))
         return np.full_like(click.before, odds[len(asked) - 1]), click.before
 
@@ -178,7 +178,7 @@ def test_of_circles_and_points_the_one_deeper_in_what_is_wrong_counts_first(monk
     known: list[tuple[bool, bool]] = []
 
     def shown(
-        _image: object, inside: NDArray[np.bool_], outside: NDArray[np.bool_], click: hints.Click, _said: object
+        _image: object, inside: NDArray[np.bool_], outside: NDArray[np.bool_], click: hints.Correction, _said: object
     ) -> object:
         known.append((bool(inside[60, 130]), bool(outside[60, 60])))
         return click.before, click.before
