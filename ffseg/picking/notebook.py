@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import tempfile
 from collections.abc import Sequence
@@ -45,6 +46,7 @@ class Picking:
     def __init__(self, session: Session) -> None:
         self._session, self._server = session, Server(session, framed=True)
         self._server.begin()
+        atexit.register(self.close)
         self.address, self.out = self._server.address, session.out
 
     def _repr_html_(self) -> str:
@@ -74,7 +76,8 @@ class Picking:
         return {name: decode_mask(read_bytes(project.mask_path(name), MOST_BYTES)) for name in names}
 
     def close(self) -> None:
-        """End the server; what was picked stays in `out`."""
+        """End the server, as the end of the program does; what was picked stays in `out`."""
+        atexit.unregister(self.close)
         self._server.shutdown()
         self._server.server_close()
         self._session.close()

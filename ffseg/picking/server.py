@@ -6,7 +6,8 @@ import hmac
 import json
 import secrets
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
@@ -49,6 +50,7 @@ class Server(ThreadingHTTPServer):
     def __init__(self, session: Session, port: int = 0, *, framed: bool = False) -> None:
         super().__init__((HOST, port), Handler)
         self.session, self.token = session, secrets.token_urlsafe(24)
+        self._idle, self._working, self._ended = threading.Condition(), 0, False
         self.port = int(self.server_address[1])
         self.hosts = {f"{name}:{self.port}" for name in (HOST, "localhost")}
         self.policy = _POLICY + ("http://localhost:* http://127.0.0.1:*" if framed else "'none'")
@@ -60,6 +62,36 @@ class Server(ThreadingHTTPServer):
     def begin(self) -> None:
         """Serve from a thread until `shutdown`."""
         threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True).start()
+
+    def server_close(self) -> None:
+        """Close; the answers that are being found are waited for, and none is begun any more.
+
+        A thread in the native core or in OpenCV while the interpreter ends would end the process with an abort.
+        """
+        super().server_close()
+        with self._idle:
+            self._ended = True
+            self._idle.wait_for(lambda: not self._working)
+
+    @contextmanager
+    def working(self) -> Iterator[None]:
+        """Keep the server from being closed while an answer is found.
+
+        Raises
+        ------
+        ConnectionResetError
+            If it is closed.
+        """
+        with self._idle:
+            if self._ended:
+                raise ConnectionResetError
+            self._working += 1
+        try:
+            yield
+        finally:
+            with self._idle:
+                self._working -= 1
+                self._idle.notify_all()
 
 
 @cache
@@ -128,7 +160,9 @@ class Handler(BaseHTTPRequestHandler):
             index = int(path[6:])
             if not 0 <= index < len(self.server.session.sources):
                 raise IndexError(index)
-            self._send(200, self.server.session.scene(index).picture(), "image/jpeg", keep=True)
+            with self.server.working():
+                picture = self.server.session.scene(index).picture()
+            self._send(200, picture, "image/jpeg", keep=True)
         else:
             self._send(404, b"there is no such page\n", "text/plain")
 
@@ -142,7 +176,8 @@ class Handler(BaseHTTPRequestHandler):
         if not isinstance(asked, dict):
             raise TypeError("no object")
         begin = perf_counter()
-        answer = self._asked(path, asked)
+        with self.server.working():
+            answer = self._asked(path, asked)
         self._json(200, answer | {"server_ms": round((perf_counter() - begin) * 1e3, 2)})
 
     def _asked(self, path: str, asked: dict[str, Any]) -> dict[str, Any]:

@@ -4,6 +4,8 @@ import json
 import os
 import socket
 import struct
+import subprocess
+import sys
 import threading
 import time
 from itertools import pairwise
@@ -28,6 +30,7 @@ from ffseg.picking import scene as scenes
 from ffseg.picking.learner import Background
 from ffseg.picking.picks import Journal, Picked, Stroke, painted
 from ffseg.picking.scene import Scene
+from ffseg.picking.server import Server
 from ffseg.picking.session import Session, StaleError
 from tests.discs import overlap
 
@@ -494,6 +497,54 @@ def test_a_notebook_gets_the_page_in_a_frame_and_what_was_picked(tmp_path: Path)
         assert list(again.masks()) == ["0.png"]
     with pytest.raises(ffseg.SegmentationError, match="the image is None"):
         ffseg.pick([None], out=tmp_path / "out")
+
+
+ENDS = """
+import http.client, json, threading, time
+import numpy as np
+import ffseg
+
+picking = ffseg.pick([np.random.default_rng(0).integers(0, 255, (1500, 2000, 3), np.uint8)], out="out")
+host, _, path = picking.address.removeprefix("http://").partition("/")
+
+def ask(start):
+    for x in range(start, 2000):
+        connection = http.client.HTTPConnection(host)
+        starts = {"starts": [[x, 400, 20]], "nots": [], "boxes": [], "strokes": []}
+        connection.request("POST", f"/{path}find", json.dumps({"picked": starts}), {"Content-Type": "application/json"})
+        connection.getresponse().read()
+
+for start in (300, 500, 700):
+    threading.Thread(target=ask, args=(start,), daemon=True).start()
+time.sleep(1.5)
+"""
+
+
+def test_a_program_that_ends_while_the_page_works_ends_well(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", ENDS], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (
+        done.returncode,
+        [line for line in done.stderr.splitlines() if "terminate" in line or "nanobind" in line],
+    ) == (0, [])
+
+
+def test_a_server_closes_when_the_last_answer_is_found_and_begins_no_other(tmp_path: Path, monkeypatch) -> None:
+    begun, go, closed = threading.Event(), threading.Event(), threading.Event()
+    monkeypatch.setattr(Session, "about", lambda _: {"answer": (begun.set(), go.wait(20))})
+    with session(draw(tmp_path / "in", ["a.png"]), tmp_path / "out") as own:
+        server = Server(own)
+        server.begin()
+        asking = threading.Thread(target=ask, args=(server, "about", {}))
+        asking.start()
+        assert begun.wait(20)
+        server.shutdown()
+        closing = threading.Thread(target=lambda: (server.server_close(), closed.set()))
+        closing.start()
+        assert not closed.wait(0.2)
+        go.set()
+        assert closed.wait(20)
+        with pytest.raises(ConnectionResetError), server.working():
+            pass
 
 
 def test_labels_of_an_image_that_cannot_be_read_keep_no_other_from_being_taken(tmp_path: Path, monkeypatch) -> None:
