@@ -186,7 +186,7 @@ def _outlines(seen: _Seen) -> Mask:
     """Edges that stay: long ones that are sure somewhere, their gaps closed."""
     stay = parts(seen.stays >= MAY_STAY, corners=True)
     labels = stay.labels
-    sure = np.bincount(labels[(seen.stays >= STAYS) & (seen.strength >= CLEAR)], minlength=len(stay.areas))
+    sure = np.bincount(labels[(seen.stays >= STAYS) & (seen.strength >= CLEAR)], minlength=stay.number)
     kept = (sure >= LEAST_SURE * stay.areas) & (stay.boxes()[:, 2:].max(axis=1) >= LEAST_LENGTH * max(labels.shape))
     kept[0] = False
     half = LONGEST_GAP // 2

@@ -18,15 +18,22 @@ class Parts:
     ----------
     labels : ndarray of int32, shape (H, W)
         Number of the part that a pixel belongs to.
-    areas : ndarray of intp, shape (N + 1,)
-        Pixels of each; none for 0.
+    number : int
+        N + 1.
     neighbours : int
         Of a pixel: 4 over its sides, 8 over corners too.
     """
 
     labels: NDArray[np.int32]
-    areas: NDArray[np.intp]
+    number: int
     neighbours: int
+
+    @property
+    def areas(self) -> NDArray[np.intp]:
+        """Pixels of each, none for 0, shape (N + 1,); counted when asked for, as half of the callers do not ask."""
+        found = np.bincount(self.labels.ravel(), minlength=self.number)
+        found[0] = 0
+        return found
 
     def touching(self, mask: NDArray[np.bool_]) -> NDArray[np.int32]:
         """Numbers of those with a pixel in a mask."""
@@ -47,17 +54,15 @@ def parts(mask: NDArray[np.bool_] | NDArray[np.uint8], *, corners: bool = False)
     """The parts of a mask, whose pixels hang together over their sides, or over corners too."""
     neighbours = 8 if corners else 4
     number, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=neighbours)
-    areas = np.bincount(labels.ravel(), minlength=number)
-    areas[0] = 0
-    return Parts(np.asarray(labels, np.int32), areas, neighbours)
+    return Parts(np.asarray(labels, np.int32), number, neighbours)
 
 
 def holding(mask: NDArray[np.bool_], places: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Pixels of the parts of a mask that have one of the places in them."""
     found = parts(mask)
-    kept = np.zeros(len(found.areas), np.bool_)
+    kept = np.zeros(found.number, np.bool_)
     kept[found.touching(places)] = True
-    return np.asarray(kept[found.labels], np.bool_)
+    return kept.take(found.labels)
 
 
 def scattered(mask: NDArray[np.bool_]) -> Iterator[tuple[tuple[slice, slice], Parts]]:

@@ -75,8 +75,8 @@ def _kept(mask: Mask, params: Region) -> Mask:
         chosen[np.argsort(-regions.areas, kind="stable")[params.largest :]] = False
     kept: Mask = chosen[regions.labels]
     holes = parts(~np.pad(kept, 1), corners=True)
-    small = (holes.areas > 0) & (holes.areas < params.fill_holes)
-    small[holes.labels[0, 0]] = False  # not the outside
+    small = holes.areas < params.fill_holes
+    small[[0, holes.labels[0, 0]]] = False  # not the outside
     return np.asarray(kept | small[holes.labels][1:-1, 1:-1], np.bool_)
 
 

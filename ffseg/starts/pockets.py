@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.image.parts import Parts, parts
+from ffseg.image.parts import Parts, holding, parts
 
 NARROW = 4.0
 """px; through places nearer to walls than this a contour may not come."""
@@ -38,14 +38,10 @@ def starts_beyond(walls: NDArray[np.uint8], starts: NDArray[np.bool_], most: flo
     tuple of (x, y, radius)
         The deepest first.
     """
-    free = np.where(walls > 0, np.uint8(0), np.uint8(1))
-    ground = parts(free)
-    reached = np.zeros(len(ground.areas), np.uint8)
-    reached[ground.touching(starts)] = 1
-    depth = depths(reached[ground.labels])
+    depth = depths(holding(walls == 0, starts).view(np.uint8))
     deep = parts(depth >= NARROW, corners=True)
-    chosen = np.setdiff1d(np.flatnonzero(deep.areas >= LEAST_PIXELS), deep.touching(starts))
-    return discs(depth, deep, chosen, most)
+    others = np.setdiff1d(np.arange(1, deep.number), deep.touching(starts))
+    return discs(depth, deep, others[deep.areas[others] >= LEAST_PIXELS] if len(others) else (), most)
 
 
 def depths(region: NDArray[np.uint8]) -> NDArray[np.float32]:
