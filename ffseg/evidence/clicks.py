@@ -109,8 +109,8 @@ class Asked:
         """The disc of a click in such a plane; the pixel in its middle always belongs to it."""
         height, width = reduced_shape(reduced_shape(self.inside.shape, self.factor), STRIDE)
         row, column = (((at + 0.5) / self.factor - 0.5) / STRIDE for at in (click.y, click.x))
-        y, x = np.ogrid[:height, :width]
-        found: Region = np.hypot(y - row, x - column) <= click.radius / (self.factor * STRIDE)
+        found = np.zeros((height, width), np.bool_)
+        add_disc(found, column, row, click.radius / (self.factor * STRIDE))
         found[min(max(round(row), 0), height - 1), min(max(round(column), 0), width - 1)] = True
         return found
 
@@ -133,6 +133,7 @@ class Asked:
             inside &= self.within
         return inside, outside & ~inside
 
+    @cached_property
     def digest(self) -> bytes:
         """Equal for what is equal."""
         parts = (self.image, self.inside, self.outside, self.said, self.within)
@@ -235,7 +236,7 @@ def _first(scene: Scene, inside: Region) -> tuple[Region, list[Click]]:
 
 def corrected(asked: Asked, circles: Sequence[Click], points: Sequence[Click]) -> Told | None:
     """What is told after all clicks, of which each side has an order; None where both sides show the same and nothing is said."""
-    digest, done, lines = asked.digest(), tuple[Click, ...](), [list(circles), list(points)]
+    digest, done, lines = asked.digest, tuple[Click, ...](), [list(circles), list(points)]
     told = _remembered((digest,), partial(_begun_with, asked))
     first_outside = not asked.outside.any()
     while told is not None and any(lines):
@@ -262,11 +263,23 @@ def _remembered(key: tuple[bytes | Click, ...], make: Callable[[], Told | None])
     return found
 
 
+_viewed: dict[bytes, tuple[Region, prior.View]] = {}
+
+
+def _view(asked: Asked, inside: Region) -> prior.View:
+    """What the prior looks at from a region; the last is kept, as a click outside changes nothing of it."""
+    last = _viewed.get(asked.digest)
+    if last is None or not np.array_equal(last[0], inside):
+        _viewed.clear()
+        _viewed[asked.digest] = last = inside, prior.view(asked.image, inside)
+    return last[1]
+
+
 def _begun_with(asked: Asked) -> Told | None:
     """What is told before any click but a mask of what lies outside."""
     odds = asked.reduced_say
     if odds is None:
-        odds = prior.reduced(asked.image, asked.inside)[0] - np.float32(prior.CAUTION)
+        odds = _view(asked, asked.inside).odds - np.float32(prior.CAUTION)
     told = begun(asked, odds)
     if not asked.outside.any():
         return told
@@ -281,7 +294,7 @@ def begun(asked: Asked, odds: Plane) -> Told:
 def _after(asked: Asked, before: Told, done: Sequence[Click], click: hints.Correction) -> Told | None:
     """What is told after some clicks, of the last of which this is the correction."""
     inside, outside = asked.known(done)
-    shown = hints.hints(asked.image, inside, outside, click, asked.reduced_say)
+    shown = hints.hints(partial(_view, asked), inside, outside, click, asked.reduced_say)
     if shown is None:
         return None if asked.said is None else before
     return turned(asked, before, *shown, inside, click)

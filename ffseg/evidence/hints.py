@@ -9,7 +9,7 @@ say. It is part of the package; ``python -m ffseg.learning.grow`` makes it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ffseg.evidence import prior
 from ffseg.evidence.features import BARRIER, Features, broadened, reduced_region, way
-from ffseg.evidence.forest import Compiled, shipped
+from ffseg.evidence.forest import shipped
 from ffseg.evidence.maps import blurred
 from ffseg.evidence.prior import CERTAIN, LEAST_START, SMOOTHING
 from ffseg.evidence.surroundings import STRIDE, barriers, colours_of, likelier, likeness, steepest, voted
@@ -115,14 +115,19 @@ class View:
 
     Attributes
     ----------
-    seen : Features
-        Seen from what is known to lie inside.
+    own : prior.View
+        What the prior looks at, from what is known to lie inside.
     outside : ndarray of uint8, shape (h, w)
         1 where it is known to lie outside.
     """
 
-    seen: Features
+    own: prior.View
     outside: NDArray[np.uint8]
+
+    @property
+    def seen(self) -> Features:
+        """Features from there."""
+        return self.own.seen
 
     def is_even(self) -> bool:
         """Whether clicks outside show just the colours that those inside show, as in pictures of flat ink."""
@@ -135,14 +140,14 @@ class View:
 
 
 def hints(
-    image: NDArray[np.uint8], inside: Region, outside: Region, click: Correction, said: Plane | None = None
+    see: Callable[[Region], prior.View], inside: Region, outside: Region, click: Correction, said: Plane | None = None
 ) -> tuple[Plane, Plane] | None:
     """Evidence of what clicks mean, where the last one corrects what was told before it.
 
     Parameters
     ----------
-    image : ndarray of uint8, shape (H, W) or (H, W, 3)
-        Grey or BGR.
+    see : callable
+        Gives what the prior looks at in the image from a region, shape (H, W).
     inside, outside : ndarray of bool, shape (H, W)
         Pixels known to lie there, that click's among them; at least one inside, none in both.
     said : ndarray of float32, shape (h, w), optional
@@ -158,11 +163,11 @@ def hints(
     (shown, count), (beyond, _) = showing(inside, outside)
     if count == 1 and not beyond.any():
         return click.before, click.before
-    view = look(image, shown, beyond)
+    view = look(see(shown), beyond)
     if view.is_even():
         return None
     model, native = shipped(MODEL, TAKEN)
-    odds = np.clip(model.inside.log_odds(all_planes(view, prior.model(), click, said), native), -CERTAIN, CERTAIN)
+    odds = np.clip(model.inside.log_odds(all_planes(view, click, said), native), -CERTAIN, CERTAIN)
     return shared(odds, view, click)
 
 
@@ -196,14 +201,14 @@ def _at_least(
     return kept, sum(len(found.touching(kept[window])) for window, found in side)
 
 
-def look(image: NDArray[np.uint8], inside: Region, outside: Region) -> View:
-    """The image, seen from what is known of it."""
-    seen = prior.look(image, inside, prior.model()[0].size)
+def look(own: prior.View, outside: Region) -> View:
+    """The image, seen from what is known to lie inside, and from what is known to lie outside, shape (H, W)."""
+    inside = own.seen.inside
     beyond = (
-        broadened(reduced_region(outside, seen.factor), LEAST_START) if outside.any() else np.zeros_like(seen.inside)
+        broadened(reduced_region(outside, own.seen.factor), LEAST_START) if outside.any() else np.zeros_like(inside)
     )
-    beyond[seen.inside > 0] = 0
-    return View(seen, beyond)
+    beyond[inside > 0] = 0
+    return View(own, beyond)
 
 
 def thin(region: NDArray[Any]) -> NDArray[Any]:
@@ -211,14 +216,12 @@ def thin(region: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(region[::STRIDE, ::STRIDE])
 
 
-def all_planes(view: View, asked: Compiled, click: Correction, said: Plane | None = None) -> Plane:
-    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel; of the prior, `asked` is the model."""
+def all_planes(view: View, click: Correction, said: Plane | None = None) -> Plane:
+    """The planes that the forest takes, in its order, of every `STRIDE`-th pixel."""
     seen, count = view.seen, len(prior.TAKEN)
     planes = np.empty((len(TAKEN), *thin(seen.inside).shape), np.float32)
-    planes[:count] = prior.all_planes(seen)
-    planes[count] = np.clip(
-        asked[0].inside.log_odds(planes[:count], asked[1]) if said is None else said, -CERTAIN, CERTAIN
-    )
+    planes[:count] = view.own.planes
+    planes[count] = view.own.said if said is None else np.clip(said, -CERTAIN, CERTAIN)
     own_way, own_barrier = (planes[prior.TAKEN.index(name)] for name in ("way", "barrier@1.5"))
     slope, colours = steepest(seen["slope@1.5"]), colours_of(seen)
     told = _told(view, slope, colours, planes[count], own_way, own_barrier)

@@ -7,6 +7,8 @@ makes it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +56,42 @@ def model() -> Compiled:
     return shipped(MODEL, TAKEN)
 
 
+@dataclass(frozen=True, eq=False)
+class View:
+    """What the forest looks at, from a start.
+
+    Attributes
+    ----------
+    seen : Features
+    asked : tuple of Model and native forest
+    """
+
+    seen: Features
+    asked: Compiled
+
+    @cached_property
+    def planes(self) -> NDArray[np.float32]:
+        """What the forest takes (`all_planes`), shape (len(TAKEN), h, w)."""
+        return all_planes(self.seen)
+
+    @cached_property
+    def said(self) -> NDArray[np.float32]:
+        """Its log odds before neighbours vote, shape (h, w), at most ``CERTAIN`` either way."""
+        forest, native = self.asked
+        return np.clip(forest.inside.log_odds(self.planes, native), -CERTAIN, CERTAIN)
+
+    @property
+    def odds(self) -> NDArray[np.float32]:
+        """Its evidence at every `STRIDE`-th pixel of the reduced image, shape (h, w)."""
+        return blurred(voted(self.said, self.seen), SMOOTHING / STRIDE)
+
+
+def view(image: NDArray[np.uint8], starts: NDArray[np.bool_], by: Compiled | None = None) -> View:
+    """What the forest that ships, or another one, looks at."""
+    asked = by or model()
+    return View(look(image, starts, asked[0].size), asked)
+
+
 def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Evidence of what belongs to the start.
 
@@ -69,20 +107,10 @@ def prior(image: NDArray[np.uint8], starts: NDArray[np.bool_]) -> NDArray[np.flo
     ndarray of float32, shape (H, W)
         Logarithm of the odds of belonging to what the start lies on, at most ``CERTAIN`` either way.
     """
-    odds, seen = reduced(image, starts)
-    whole = enlarged(odds, seen.factor, seen.shape, STRIDE)
+    found = view(image, starts)
+    whole = enlarged(found.odds, found.seen.factor, found.seen.shape, STRIDE)
     whole[starts] = CERTAIN
     return whole
-
-
-def reduced(
-    image: NDArray[np.uint8], starts: NDArray[np.bool_], by: Compiled | None = None
-) -> tuple[NDArray[np.float32], Features]:
-    """That evidence at every `STRIDE`-th pixel of the reduced image, as another forest may tell it, and what was looked at."""
-    asked, native = by or model()
-    seen = look(image, starts, asked.size)
-    smooth = voted(np.clip(asked.inside.log_odds(all_planes(seen), native), -CERTAIN, CERTAIN), seen)
-    return blurred(smooth, SMOOTHING / STRIDE), seen
 
 
 def look(image: NDArray[np.uint8], starts: NDArray[np.bool_], size: int, least: float = LEAST_START) -> Features:

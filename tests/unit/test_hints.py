@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import ffseg
 from ffseg.evidence import clicks as evidence
-from ffseg.evidence import hints
+from ffseg.evidence import hints, prior
 from ffseg.evidence.clicks import Asked, Click, Told, corrected
 from ffseg.learning.drawn.clicks import Clicks, covered
 from ffseg.learning.drawn.sights import Sight, sights
@@ -25,6 +25,7 @@ UNSEEN = 300_000
 def _nothing_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a test tells a forest to show is no answer to another's click."""
     monkeypatch.setattr(evidence, "_known", OrderedDict())
+    monkeypatch.setattr(evidence, "_viewed", {})
 
 
 def segmented(seen: Sight, clicks: Clicks) -> Segmentation:
@@ -202,6 +203,26 @@ def test_a_part_that_a_click_outside_cuts_off_stays_if_it_is_as_deep_as_that_was
     stays = found.stays
     assert stays[30, 80]  # 39 px high, as deep as the click outside lay
     assert not stays[30, 106]  # 12 px wide, and cut off by the second
+
+
+def test_only_clicks_inside_are_looked_from_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    image, _ = halves()
+    first = np.zeros(image.shape[:2], np.bool_)
+    first[76:85, 36:45] = True
+    looked: list[int] = []
+
+    def look(*given: object) -> object:
+        looked.append(1)
+        return seen(*given)
+
+    seen = prior.look
+    monkeypatch.setattr(prior, "look", look)
+    asked = Asked(image, first, np.zeros_like(first), None, 0.0, None)
+    outside = [Click(200.0, 80.0, 6.0, False), Click(210.0, 40.0, 6.0, False)]
+    assert corrected(asked, [], outside) is not None
+    assert len(looked) == 1
+    assert corrected(asked, [Click(60.0, 40.0, 6.0, True)], outside) is not None
+    assert len(looked) == 2
 
 
 def test_a_mask_of_what_lies_outside_may_be_a_single_pixel() -> None:
