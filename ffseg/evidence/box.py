@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.evidence.clicks import with_clicks
-from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, exposed, features, way
+from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, features, way
 from ffseg.evidence.forest import shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.prior import CERTAIN, SEEN, SMOOTHING
 from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, every, surroundings, voted
 from ffseg.image.edges import EdgeMap
+from ffseg.image.evening import exposed
 from ffseg.image.opencv_peers import cut
 from ffseg.image.raster import window_of
 from ffseg.image.resized import resized

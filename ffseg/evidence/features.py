@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -65,14 +64,6 @@ PLAIN = (*_names(COLOUR, WAYS), *(f"{name}@{WAYS[0]:g}" for name in BARRIER), "l
 
 KNOWN = (*NAMES, *OPEN)
 """Names of all planes in their order."""
-
-
-MIDDLE, MOST_GAIN, EVERY = 100.0, 4.0, 4
-"""Grey level that the mean of an image is brought to, the most it is multiplied or divided by, and which pixels count."""
-
-DARKEST, HAZE = 0.01, (0.4, 0.6)
-"""The darkest hundredth of the levels lies near zero; where it lies above so much of the mean, a part of it or all of it is
-haze or stray light over the whole picture, and is taken off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -213,7 +204,7 @@ def reduced_mean(plane: NDArray[np.float32], factor: int) -> NDArray[np.float32]
     """Means over blocks of ``factor`` x ``factor`` pixels; those at the far borders may be smaller."""
     counts = [np.minimum(np.arange(size, 0, -factor), factor) for size in plane.shape]
     sums = _sums_of_rows(_sums_of_rows(plane, factor).T, factor).T
-    return (sums / (counts[0][:, None] * counts[1])).astype(np.float32, order="C")
+    return np.ascontiguousarray(sums / (counts[0][:, None] * counts[1]), np.float32)
 
 
 def _sums_of_rows(plane: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
@@ -267,15 +258,3 @@ def _place(inside: NDArray[np.uint8], out: NDArray[np.float32]) -> None:
 def _middle(counts: NDArray[np.int64]) -> np.float64:
     """The mean place of what is counted at each."""
     return np.float64(counts @ np.arange(len(counts))) / np.float64(counts.sum())
-
-
-def exposed(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The image without haze and with its mean level brought to `MIDDLE`, as another exposure would have given it."""
-    counts = np.bincount(image[::EVERY, ::EVERY].ravel(), minlength=256)
-    darkest = float(np.searchsorted(np.cumsum(counts), DARKEST * counts.sum()))
-    mean = max(float(counts @ np.arange(256)) / float(counts.sum()), 1.0)
-    veil = darkest * min(max((darkest / mean - HAZE[0]) / (HAZE[1] - HAZE[0]), 0.0), 1.0)
-    gain = min(max(MIDDLE / max(mean - veil, 1.0), 1 / MOST_GAIN), MOST_GAIN)
-    return np.asarray(
-        cv2.LUT(image, np.clip(np.rint((np.arange(256) - veil) * gain), 0, 255).astype(np.uint8)), np.uint8
-    )

@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import ImageReadError, ParameterError
-from ffseg.evidence.features import KNOWN, NAMES, WORKING_SIZE, Features, enlarged, exposed, features
+from ffseg.evidence.features import KNOWN, NAMES, WORKING_SIZE, Features, enlarged, features
 from ffseg.evidence.openings import OPEN
 from ffseg.evidence.surroundings import STRIDE, every, voted
+from ffseg.image.evening import exposed
 from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 

@@ -14,12 +14,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence.features import BARRIER, PLACE, PLAIN, STEP, Features, enlarged, exposed, features, reduced_region
+from ffseg.evidence.features import BARRIER, PLACE, PLAIN, STEP, Features, enlarged, features, reduced_region
 from ffseg.evidence.forest import Compiled, shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, thinned, voted
 from ffseg.image.edges import EdgeMap
+from ffseg.image.evening import exposed
 from ffseg.native import _core
 from ffseg.scene import Scene
 

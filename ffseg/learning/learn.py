@@ -13,10 +13,11 @@ from ffseg import __version__
 from ffseg.batch.plan.sources import Source
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
-from ffseg.evidence.features import KNOWN, exposed, features
+from ffseg.evidence.features import KNOWN, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_start, told
+from ffseg.image.evening import exposed
 from ffseg.io.tables import counted, without_nan
 from ffseg.learning.gather import Gathered, Labelled, known_share, start_region
 from ffseg.learning.training import (

@@ -19,13 +19,13 @@ from ffseg.evidence.features import (
     TEXTURE,
     WORKING_SIZE,
     Features,
-    exposed,
     features,
     reduced_mean,
 )
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.openings import OPEN
 from ffseg.evidence.prior import prior
+from ffseg.image.evening import exposed
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 
 STARTS = 5

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from ffseg.api import segment
 from ffseg.contour import run
 from ffseg.evidence import auto
-from ffseg.evidence.features import MIDDLE, exposed
 from ffseg.evidence.prior import CERTAIN, LEAST_START, TAKEN, all_planes, look, prior
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image import boundary
 from ffseg.image.boundary import Boundary
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
+from ffseg.image.evening import MIDDLE, exposed
 from ffseg.judge import HOPE, expected_overlap, sobered
 from ffseg.learning.drawn.sights import sights
 from ffseg.metrics import iou
