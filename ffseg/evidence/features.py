@@ -59,8 +59,8 @@ NAMES = (
 )
 """Names of the planes in their order, unless less or more is asked for."""
 
-PLAIN = (*_names(COLOUR, WAYS), *(f"{name}@{WAYS[0]:g}" for name in BARRIER), "likeness", *PLACE)
-"""Names of those that do not tell of shapes, nor of the coarsest scale, nor of ways at any but the finest."""
+PLAIN = (*_names(COLOUR, WAYS), *(f"{name}@{WAYS[0]:g}" for name in BARRIER), "likeness", "distance")
+"""Names of those that do not tell of shapes or directions, nor of the coarsest scale, nor of ways at any but the finest."""
 
 KNOWN = (*NAMES, *OPEN)
 """Names of all planes in their order."""
@@ -150,8 +150,7 @@ def features(
     if not plain:
         way(found[f"slope@{WAY_SCALE:g}"], inside, found["way"])
     _likeness(found)
-    place = names.index("x")
-    _place(inside, planes[place : place + len(PLACE)])
+    _place(found)
     if names == KNOWN:
         open_ground(image, inside, factor, planes[-len(OPEN) :])
     return found
@@ -243,16 +242,17 @@ def _likeness(found: Features) -> None:
     _core.evidence_blur(ratio, 1.0, found["likeness"])
 
 
-def _place(inside: NDArray[np.uint8], out: NDArray[np.float32]) -> None:
-    height, width = inside.shape
+def _place(found: Features) -> None:
+    height, width = found.inside.shape
     x, y = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
     across, along = (
-        ((places - _middle(inside.sum(axis=axis, dtype=np.int64))) / width).astype(np.float32)
+        ((places - _middle(found.inside.sum(axis=axis, dtype=np.int64))) / width).astype(np.float32)
         for axis, places in enumerate((x, y))
     )
-    out[0], out[1] = (x + 0.5) / width, ((y + 0.5) / height)[:, None]
-    out[2], out[3] = across, along[:, None]
-    out[4] = np.sqrt((across * across) + (along * along)[:, None])
+    found["distance"][:] = np.sqrt((across * across) + (along * along)[:, None])
+    if found.names != PLAIN:
+        found["x"][:], found["y"][:] = (x + 0.5) / width, ((y + 0.5) / height)[:, None]
+        found["across"][:], found["along"][:] = across, along[:, None]
 
 
 def _middle(counts: NDArray[np.int64]) -> np.float64:

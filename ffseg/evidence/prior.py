@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.evidence.features import BARRIER, PLACE, PLAIN, STEP, Features, enlarged, features, reduced_region
+from ffseg.evidence.features import BARRIER, PLAIN, STEP, Features, enlarged, features, reduced_region
 from ffseg.evidence.forest import Compiled, shipped
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
@@ -26,7 +26,7 @@ from ffseg.scene import Scene
 
 MODEL = Path(__file__).with_name("prior.ffmodel")
 
-SEEN = tuple(name for name in PLAIN if name not in PLACE[:4] and not name.startswith("slope"))
+SEEN = tuple(name for name in PLAIN if not name.startswith("slope"))
 """Features the forest sees: all but the place in the image and the direction from the start (the distance it sees), and but
 gradients as they are, which only tell where they stand on a way."""
 
