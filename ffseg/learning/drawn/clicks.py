@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ffseg.metrics import IGNORED, INSIDE
 from ffseg.parameters import Circle
+from ffseg.starts.rivals import add_disc
 
 Mask = NDArray[np.bool_]
 
@@ -44,8 +45,7 @@ class Clicks:
 
 def covered(circles: tuple[Circle, ...], shape: tuple[int, ...]) -> Mask:
     """Pixels of circles."""
-    rows, columns = np.ogrid[: shape[0], : shape[1]]
     found = np.zeros(shape[:2], np.bool_)
-    for x, y, radius in circles:
-        found |= (rows - y) ** 2 + (columns - x) ** 2 <= radius**2
+    for circle in circles:
+        add_disc(found, *circle)
     return found
