@@ -54,6 +54,10 @@ def contour(scene: Scene) -> Found:
 
         scene = in_boxes(scene, scene.edges.odds)
     scene = kept(bounded(scene))
+    if scene.boxes and scene.domain is not None and not scene.domain.any():
+        raise SegmentationError(
+            "no pixel of the image lies in the domain and in a box; move the box, or change the domain"
+        )
     scene = replace(scene, starts=(*scene.starts, *parts(scene)))
     begin = perf_counter()
     free, messages, across = on_one_side(scene)

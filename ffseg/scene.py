@@ -194,7 +194,8 @@ class Scene:
     @property
     def has_hints(self) -> bool:
         """Whether more is told than one start, which teaches what this image shows (the source ``hints``)."""
-        return len(self.starts) > 1 or self.clicked_outside
+        corrects = bool(self.boxes and self.params.init.circles)
+        return len(self.starts) > 1 or self.clicked_outside or corrects
 
     def start_region(self) -> NDArray[np.bool_]:
         """Pixels whose centre lies in a start contour, shape (H, W)."""

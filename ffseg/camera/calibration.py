@@ -45,7 +45,9 @@ class CameraFile(Section):
     cy: float = declared(0.0, _PIXEL, "principal point, px")
     skew: float = declared(0.0, _PIXEL, "K[0, 1], px")
     distortion: tuple[float, ...] = declared((0.0,) * 4, _FOUR, "k1, k2, p1, p2; fisheye: k1 to k4")
-    K: tuple[tuple[float, ...], ...] = declared((), Many(_THREE, 3), "camera matrix instead of fx, fy, cx, cy, skew")
+    K: tuple[tuple[float, ...], ...] = declared(
+        (), Many(_THREE, 3, distinct=False), "camera matrix instead of fx, fy, cx, cy, skew"
+    )
     D: tuple[float, ...] = declared((0.0,) * 4, _FOUR, "another name of distortion")
     mount_height: float = declared(1.0, Number(0, 1000, above=True), "metres above the ground")
     up: tuple[float, ...] = declared((0.0, 0.0, -1.0), _THREE, "unit vector to the sky")

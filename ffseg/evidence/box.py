@@ -23,7 +23,7 @@ from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.prior import CERTAIN, SEEN, SMOOTHING
 from ffseg.evidence.surroundings import COLOURS, STRIDE, SURROUNDINGS, every, surroundings, voted
 from ffseg.image.edges import EdgeMap
-from ffseg.image.evening import exposed
+from ffseg.image.exposure import exposed
 from ffseg.image.opencv_peers import cut
 from ffseg.image.raster import window_of
 from ffseg.image.resized import resized

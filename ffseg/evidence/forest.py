@@ -24,7 +24,7 @@ from ffseg.errors import ImageReadError, ParameterError
 from ffseg.evidence.features import KNOWN, NAMES, WORKING_SIZE, Features, enlarged, features
 from ffseg.evidence.openings import OPEN
 from ffseg.evidence.surroundings import STRIDE, every, voted
-from ffseg.image.evening import exposed
+from ffseg.image.exposure import exposed
 from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 

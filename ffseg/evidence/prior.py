@@ -20,7 +20,7 @@ from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import blurred, odds_edges
 from ffseg.evidence.surroundings import STRIDE, SURROUNDINGS, every, surroundings, thinned, voted
 from ffseg.image.edges import EdgeMap
-from ffseg.image.evening import exposed
+from ffseg.image.exposure import exposed
 from ffseg.native import _core
 from ffseg.scene import Scene
 

@@ -24,7 +24,7 @@ from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 from ffseg.parameters import Network, Parameters
 from ffseg.scene import Scene
-from ffseg.starts.initial import circle_start
+from ffseg.starts.initial import circle_start, middle
 from ffseg.starts.pockets import depths, discs
 from ffseg.starts.rivals import seeds
 
@@ -53,8 +53,16 @@ def model_edges(scene: Scene) -> EdgeMap:
     if path.endswith(NETWORK_SUFFIX):
         probability = _network_map(scene, path)
     else:
-        probability = told(ready(path)[0], scene.image, scene.start_region(), ready(path)[1])
+        probability = told(ready(path)[0], scene.image, _before_clicks(scene), ready(path)[1])
     return _edges(scene, probability, own, "model")
+
+
+def _before_clicks(scene: Scene) -> NDArray[np.bool_]:
+    """The start region; circles beside boxes are clicks that correct what is told of the middles of these."""
+    if not (scene.boxes and scene.params.init.circles):
+        return scene.start_region()
+    middles = [circle_start(middle(box, scene.shape), scene.params) for box in scene.boxes]
+    return rasterize(middles, scene.shape)
 
 
 def told(

@@ -1,4 +1,4 @@
-"""Grey levels evened out, and bright streaks taken out, before the gradient; one exposure for all that is learned."""
+"""Grey levels evened out, and bright streaks taken out, before the gradient."""
 
 from __future__ import annotations
 
@@ -18,14 +18,6 @@ GREY_SHARE = 0.35
 
 GREY_SLACK = 4
 """...and a few grey levels of noise."""
-
-
-MIDDLE, MOST_GAIN, EVERY = 100.0, 4.0, 4
-"""Grey level that the mean of an image is brought to, the most it is multiplied or divided by, and which pixels count."""
-
-DARKEST, HAZE = 0.01, (0.4, 0.6)
-"""The darkest hundredth of the levels lies near zero; where it lies above so much of the mean, a part of it or all of it is
-haze or stray light over the whole picture, and is taken off."""
 
 
 def evened(image: Image, params: Edges) -> Image:
@@ -76,14 +68,3 @@ def _table(curve: NDArray[np.float64]) -> NDArray[np.uint8]:
 
 _LEVELS = np.arange(256, dtype=np.float64)
 _TABLES = {"root": _table(np.sqrt(_LEVELS)), "log": _table(np.log(_LEVELS + LOG_OFFSET))}
-
-
-def exposed(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The image without haze and with its mean level brought to `MIDDLE`, as another exposure would have given it."""
-    counts = np.bincount(image[::EVERY, ::EVERY].ravel(), minlength=256)
-    darkest = float(np.searchsorted(np.cumsum(counts), DARKEST * counts.sum()))
-    mean = max(float(counts @ np.arange(256)) / float(counts.sum()), 1.0)
-    veil = darkest * min(max((darkest / mean - HAZE[0]) / (HAZE[1] - HAZE[0]), 0.0), 1.0)
-    gain = min(max(MIDDLE / max(mean - veil, 1.0), 1 / MOST_GAIN), MOST_GAIN)
-    levels = np.clip(np.rint((np.arange(256) - veil) * gain), 0, 255).astype(np.uint8)
-    return np.asarray(cv2.LUT(image, levels), np.uint8)

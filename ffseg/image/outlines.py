@@ -28,10 +28,11 @@ def outlines(mask: NDArray[np.uint8]) -> list[NDArray[np.float64]]:
     """
     scaled = cv2.resize((mask != 0).astype(np.uint8), None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
     found, hierarchy = cv2.findContours(scaled, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    simple = [cv2.approxPolyDP(contour, 2 * OUTLINE_TOLERANCE, closed=True) for contour in found]
+    thin = all(len(one) < 3 for one in simple)  # a mask of lines: simplified, nothing would be left
     polygons = []
-    for index, contour in enumerate(found):
-        polygon = cv2.approxPolyDP(contour, 2 * OUTLINE_TOLERANCE, closed=True)[:, 0, :].astype(np.float64)
-        polygon = (polygon - 0.5) / 2
+    for index, contour in enumerate(found if thin else simple):
+        polygon = (contour[:, 0, :].astype(np.float64) - 0.5) / 2
         if len(polygon) < 3:
             continue
         area = ring_area(polygon)

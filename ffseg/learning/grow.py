@@ -24,7 +24,7 @@ from ffseg.evidence.clicks import HALF, Asked, Click, begun, turned
 from ffseg.evidence.features import NAMES, PLACE, WORKING_SIZE, features
 from ffseg.evidence.forest import Compiled, Model, from_bytes, to_bytes
 from ffseg.evidence.surroundings import STRIDE
-from ffseg.image.evening import exposed
+from ffseg.image.exposure import exposed
 from ffseg.image.raster import window_of
 from ffseg.io.files import write_bytes_atomic
 from ffseg.io.images import single_thread

@@ -17,7 +17,7 @@ from ffseg.evidence.features import KNOWN, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_start, told
-from ffseg.image.evening import exposed
+from ffseg.image.exposure import exposed
 from ffseg.io.tables import counted, without_nan
 from ffseg.learning.gather import Gathered, Labelled, known_share, start_region
 from ffseg.learning.training import (

@@ -25,7 +25,7 @@ from ffseg.evidence.features import (
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.openings import OPEN
 from ffseg.evidence.prior import prior
-from ffseg.image.evening import exposed
+from ffseg.image.exposure import exposed
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
 
 STARTS = 5

@@ -139,6 +139,6 @@ def pick(
         folder = os.path.join(target, "images")
         make_folder(folder)
         for number, image in enumerate(arrays):
-            write_bytes_atomic(os.path.join(folder, f"{number}.png"), encode_png(image, []))
-        inputs.append(folder)
+            inputs.append(os.path.join(folder, f"{number}.png"))
+            write_bytes_atomic(inputs[-1], encode_png(image, []))
     return Picking(Session(inputs, target, chosen, labels))

@@ -71,12 +71,12 @@ class Picked:
     @property
     def start(self) -> Start | None:
         """As a starts file has it; None where nothing would stand in it."""
-        first, *others = [Start(*circle) for circle in self.starts] or [Start()]
+        first, *others = [Start(*circle) for circle in dict.fromkeys(self.starts)] or [Start()]
         start = replace(
             first,
             others=tuple(others),
-            background=self.nots,
-            boxes=self.boxes,
+            background=tuple(dict.fromkeys(self.nots)),
+            boxes=tuple(dict.fromkeys(self.boxes)),
             probability=self.probability,
             clearance=self.clearance,
         )

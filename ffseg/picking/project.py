@@ -168,7 +168,7 @@ class Project:
 
     def arguments(self) -> list[str]:
         """Arguments of the ``ffseg run`` that does all images, wherever it is called."""
-        named = any(track.now.start is not None for track in self.journal.tracks.values())
+        named = any(self.journal.track(source.name).now.start is not None for source in self.sources)
         out, settings, table = (os.path.abspath(self.path(name)) for name in (RUN, SETTINGS, STARTS))
         starts = ["--starts", table] if named else []
         return ["run", *self.inputs, "--out", out, "--config", settings, *starts, "--overwrite"]

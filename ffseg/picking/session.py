@@ -8,7 +8,7 @@ import re
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,11 +24,12 @@ from ffseg.io.files import make_folder, printable, write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.io.labels import Labels
 from ffseg.io.masks import named_masks
+from ffseg.io.starts import check_starts
 from ffseg.io.tables import counted
 from ffseg.parameters import Parameters
 from ffseg.picking.learner import LEAST_MASKS, Background, figures_said, last_line
 from ffseg.picking.picks import Picked
-from ffseg.picking.project import MODEL, RUN, Project, size_of
+from ffseg.picking.project import MODEL, RUN, STARTS, Project, size_of
 from ffseg.picking.scene import Found, Scene
 
 MOST_OPEN = 3
@@ -82,18 +83,25 @@ class Session:
             raise UsageError("no image can be opened; check the folder")
         self._masks = named_masks(params)
         self._domains = find_domains(self.sources, params.domain.masks) if params.domain.masks else {}
+        check_starts(params, os.path.join(out, STARTS))
         make_folder(out)
-        self._levels = params.input.range
-        self._lock = OutputLock(out)
-        self._lock.__enter__()
-        self.labels = tuple(labels) or ("",)
+        self._levels, self.labels = params.input.range, tuple(labels) or ("",)
+        with ExitStack() as held:
+            held.enter_context(OutputLock(out))
+            self._begin(params, labels, review, held)
+            self._held = held.pop_all()
+
+    def _begin(self, params: Parameters, labels: Sequence[str], review: str, held: ExitStack) -> None:
+        """Read what was picked before, and write what follows from it."""
+        out = self.out
         if labels:
             write_bytes_atomic(os.path.join(out, CLASSES), "".join(f"{one}\n" for one in labels).encode())
         folders = [os.path.join(out, label) if label else out for label in self.labels]
-        self.projects = [
-            Project(folder, self.sources, self.inputs, params, review=review, label=label)
-            for folder, label in zip(folders, self.labels, strict=True)
-        ]
+        self.projects: list[Project] = []
+        for folder, label in zip(folders, self.labels, strict=True):
+            project = Project(folder, self.sources, self.inputs, params, review=review, label=label)
+            held.callback(project.journal.close)
+            self.projects.append(project)
         self._scenes: OrderedDict[int, Scene] = OrderedDict()
         self._opening, self._changing = threading.Lock(), threading.RLock()
         self._work = [_Work(project, self) for project in self.projects]
@@ -113,7 +121,7 @@ class Session:
         """End what runs in the background and let the folder go."""
         for work in self._work:
             work.stop()
-        self._lock.__exit__(None, None, None)
+        self._held.close()
 
     def take(self, labels: Labels) -> tuple[int, list[str]]:
         """Take regions drawn elsewhere as masks of images in which nothing was picked.

@@ -229,17 +229,18 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Many:
-    """A list of at most `most` values of one kind."""
+    """A list of at most `most` values of one kind; of equal ones the first counts, if they are to be distinct."""
 
     part: Kind
     most: int
+    distinct: bool = True
 
     def check(self, node: Node, key: str, problems: Problems) -> object:
         items = node.value
         if not isinstance(items, tuple) or len(items) > self.most:
             return _reject(self, node, key, problems)
         values = tuple(self.part.check(item, f"{key}[{index}]", problems) for index, item in enumerate(items))
-        return BAD if BAD in values else values
+        return BAD if BAD in values else tuple(dict.fromkeys(values)) if self.distinct else values
 
     def allowed(self) -> str:
         return f"a list of at most {self.most} x {self.part.allowed()}"

@@ -54,9 +54,9 @@ def start_contours(
             )
     for box in boxes:
         _check_box(box, shape)
-    if params.contour.balloon < 0:
-        return (*(circle_start(circle, params) for circle in circles), *(_box(box, params) for box in boxes))
-    circles = circles or tuple(_middle(box, shape) for box in boxes)
+    if params.contour.balloon < 0 and boxes:  # circles in them are clicks
+        return tuple(_box(box, params) for box in boxes)
+    circles = circles or tuple(middle(box, shape) for box in boxes)
     return tuple(circle_start(circle, params) for circle in circles)
 
 
@@ -78,7 +78,7 @@ def _check_box(box: Box, shape: tuple[int, int]) -> None:
         raise SegmentationError(f"{what} holds no pixel's centre; make it larger")
 
 
-def _middle(box: Box, shape: tuple[int, int]) -> Circle:
+def middle(box: Box, shape: tuple[int, int]) -> Circle:
     """A circle in the middle of what the image has of a box."""
     rows, columns = window_of(box, shape)
     least = min(part.stop - part.start for part in (rows, columns))

@@ -43,7 +43,7 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     """
     if scene.fixed or scene.params.contour.balloon < 0 or scene.start_mask is not None:
         return scene, (), False
-    beyond = {at for at, start in enumerate(scene.starts) if _leaves_domain(start, scene)}
+    beyond = {at for at, start in enumerate(scene.starts) if not _domain_in(start, scene).all()}
     crossed = [at for at, start in enumerate(scene.starts) if _holds_edge(start, scene)]
     if not (crossed or beyond):
         return scene, (), False
@@ -51,20 +51,28 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     crossed = sorted(beyond.union(at for at in crossed if _num_sides(scene.starts[at], sides) > 1))
     if not crossed:
         return scene, (), False
-    starts, told, across = list(scene.starts), [], False
+    apart = {at for at in beyond if not _domain_in(scene.starts[at], scene).any()}
+    others = len(apart) < len(scene.starts)
+    starts: list[FreeForm | None] = list(scene.starts)
+    told, across = [], False
     free = free_pixels(scene.edges.edges, scene.domain, scene.params.contour.clearance)
     for at in crossed:
         what, most = ("the domain's limit", FARTHEST) if at in beyond else ("an edge", 1)
         old, new = _moved(scene.starts[at], free, sides, widest=scene.disc is not None)
         before, after = (one.enlarged(scene.factor) for one in (old, new))
-        if new.radius < LEAST_KEPT * old.radius or hypot(new.x - old.x, new.y - old.y) > most * old.radius:
+        if new.radius >= LEAST_KEPT * old.radius and hypot(new.x - old.x, new.y - old.y) <= most * old.radius:
+            starts[at] = circle_start((new.x, new.y, new.radius), scene.params)
+            told.append(f"the start at {before} lay across {what} and was moved to {after}")
+        elif at in apart and others:
+            starts[at] = None
+            told.append(f"the start at {before} lies outside the domain and was left out")
+        else:
             across = True
-            told.append(f"the start at {before} lies across {what}; the region holds both sides of it")
-            continue
-        starts[at] = circle_start((new.x, new.y, new.radius), scene.params)
-        told.append(f"the start at {before} lay across {what} and was moved to {after}")
+            where = "outside the domain" if at in apart else f"across {what}; the region holds both sides of it"
+            told.append(f"the start at {before} lies {where}")
     kept = all(start is old for start, old in zip(starts, scene.starts, strict=True))
-    return (scene if kept else replace(scene, starts=tuple(starts))), tuple(told), across
+    left = tuple(start for start in starts if start is not None)
+    return (scene if kept else replace(scene, starts=left)), tuple(told), across
 
 
 def _window(start: Circle, reach: float) -> tuple[tuple[slice, slice], tuple[int, int]]:
@@ -104,12 +112,11 @@ def _holds_edge(start: FreeForm, scene: Scene) -> bool:
     return bool(scene.edges.edges[rows, columns].any())
 
 
-def _leaves_domain(start: FreeForm, scene: Scene) -> bool:
-    """Whether a start holds a pixel outside the domain."""
-    if scene.domain is None:
-        return False
-    own = filled(start, scene.domain.shape)
-    return bool((scene.domain[own.window()][own.mask] == 0).any())
+def _domain_in(start: FreeForm, scene: Scene) -> NDArray[np.bool_]:
+    """Of each pixel of a start whether it lies in the domain."""
+    own = filled(start, scene.shape)
+    inside = own.mask if scene.domain is None else scene.domain[own.window()] > 0
+    return np.asarray(inside[own.mask], np.bool_)
 
 
 def _num_sides(start: FreeForm, sides: NDArray[np.int32]) -> int:

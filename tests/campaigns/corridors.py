@@ -67,12 +67,16 @@ def iou_off_border(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
     return float(np.sum(mask & truth & judged) / max(1, np.sum((mask | truth) & judged)))
 
 
-def passage(seed: int) -> Case:
-    """Judge one drawn passage."""
+def plan_of(seed: int) -> tuple[labyrinths.Plan, float, dict[str, float]]:
+    """Plan, width and settings of a drawn passage."""
     rng = np.random.default_rng([seed, 1])
     width = float(np.round(np.exp(rng.uniform(np.log(6), np.log(40))), 1))
-    settings = settings_of(rng)
-    plan = labyrinths.plan(seed, width)
+    return labyrinths.plan(seed, width), width, settings_of(rng)
+
+
+def passage(seed: int) -> Case:
+    """Judge one drawn passage."""
+    plan, width, settings = plan_of(seed)
     scene = plan.drawn(width)
     result = segmented(scene, settings)
     iou, faults = iou_off_border(result.mask, scene.truth), []

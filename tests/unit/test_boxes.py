@@ -180,6 +180,25 @@ def test_clicks_correct_what_a_box_holds() -> None:
     assert box_alone < first < second
 
 
+@pytest.mark.parametrize("more", [{"init.background": [[3, 3]]}, {"init.circles": [[60, 60, 4]]}])
+def test_clicks_beside_a_box_that_closes_in_leave_its_object(more: dict[str, object]) -> None:
+    image = np.full((120, 160), 60, np.uint8)
+    cv2.circle(image, (60, 60), 25, 200, -1)
+    found = ffseg.segment(image, {"init.boxes": [[25, 25, 95, 95]], "contour.balloon": -8, **more})
+    assert found.mask[60, 60]
+    assert not found.mask[30, 30]
+
+
+def test_a_box_outside_the_domain_is_refused_by_every_method(tmp_path: Path) -> None:
+    domain = np.zeros((120, 160), np.uint8)
+    domain[:, 120:] = 255
+    cv2.imwrite(str(tmp_path / "domain.png"), domain)
+    own = {"init.boxes": [[10, 10, 60, 60]], "domain.mask": str(tmp_path / "domain.png")}
+    for method in ("freeform", "snake", "levelset"):
+        with pytest.raises(ffseg.SegmentationError, match="in the domain and in a box"):
+            ffseg.segment(np.full((120, 160), 90, np.uint8), {**own, "method": method})
+
+
 def test_a_click_outside_in_the_middle_of_a_box_leaves_a_ring() -> None:
     """It was refused: the start of a box that nothing is known of lies there."""
     image = np.full((140, 140, 3), 190, np.uint8)

@@ -7,7 +7,7 @@ from ffseg.evidence.base import base, enough_of, joined, odds_of
 from ffseg.evidence.features import KNOWN, NAMES, features
 from ffseg.evidence.forest import MAGIC, Model, from_bytes, to_bytes
 from ffseg.evidence.openings import OPEN
-from ffseg.image.evening import exposed
+from ffseg.image.exposure import exposed
 from ffseg.learning.training import TAUGHT, Samples, _taught_by_others, beginning, grow, learn, samples
 from ffseg.metrics import iou
 from tests.stumps import stump

@@ -185,5 +185,13 @@ def test_lock_is_held_by_one_process_and_dies_with_it(tmp_path: Path) -> None:
     holder.kill()
     holder.wait()
     holder.stdout.close()
+    with OutputLock(str(tmp_path)) as mine:
+        with pytest.raises(UsageError, match="another ffseg run"), OutputLock(str(tmp_path)):
+            pass  # not in one process either, and asking does not give it up
+        busy = subprocess.Popen(
+            [sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        assert b"another ffseg run" in busy.communicate(timeout=60)[1]
+    mine.__exit__()
     with OutputLock(str(tmp_path)):
         pass

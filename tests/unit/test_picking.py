@@ -493,10 +493,23 @@ def test_a_notebook_gets_the_page_in_a_frame_and_what_was_picked(tmp_path: Path)
         assert [name for name, one in opened.starts().items() if one["starts"] == ((*LEFT, 6),)] == ["0.png", "1.png"]
         assert list(opened.masks()) == ["0.png"]
         assert overlap(opened.masks()["0.png"], disc(LEFT)) > 0.95
+    opened.close()
     with ffseg.pick(tmp_path / "out" / "images", out=tmp_path / "out") as again:
         assert list(again.masks()) == ["0.png"]
+        with pytest.raises(UsageError, match="another ffseg run"):
+            ffseg.pick(tmp_path / "out" / "images", out=tmp_path / "out")
+    with ffseg.pick([image], out=tmp_path / "out") as fewer:
+        assert len(fewer._session.sources) == 1
     with pytest.raises(ffseg.SegmentationError, match="the image is None"):
         ffseg.pick([None], out=tmp_path / "out")
+    with pytest.raises(ffseg.ParameterError, match=r"init\.circles is set too"):
+        ffseg.pick([image], {"init.circles": [[40, 40, 5]]}, out=tmp_path / "out")
+    journal, kept = tmp_path / "out" / "picks.jsonl", (tmp_path / "out" / "picks.jsonl").read_bytes()
+    journal.write_bytes(b"{}\n")
+    with pytest.raises(OutputError, match="is no step"):
+        ffseg.pick([image], out=tmp_path / "out")
+    journal.write_bytes(kept)
+    ffseg.pick([image], out=tmp_path / "out").close()
 
 
 ENDS = """

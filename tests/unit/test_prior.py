@@ -14,7 +14,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image import boundary
 from ffseg.image.boundary import Boundary
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
-from ffseg.image.evening import MIDDLE, exposed
+from ffseg.image.exposure import MIDDLE, exposed
 from ffseg.judge import HOPE, expected_overlap, sobered
 from ffseg.learning.drawn.sights import sights
 from ffseg.metrics import iou

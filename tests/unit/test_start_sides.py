@@ -67,6 +67,17 @@ def test_one_of_several_starts_is_moved() -> None:
     assert len(found.messages) == 1
 
 
+def test_one_of_several_starts_that_lies_outside_the_domain_is_left_out(tmp_path: Path) -> None:
+    image, domain = np.full((120, 240), 90, np.uint8), np.zeros((120, 240), np.uint8)
+    domain[:, 120:] = 255
+    cv2.imwrite(str(tmp_path / "domain.png"), domain)
+    found = ffseg.segment(
+        image, {"init.circles": [[180, 60, 5], [40, 60, 5]], "domain.mask": str(tmp_path / "domain.png")}
+    )
+    assert not found.mask[:, :120].any()
+    assert any("lies outside the domain and was left out" in one for one in found.messages)
+
+
 def test_a_mark_within_the_start_is_no_boundary() -> None:
     image, truth = disc()
     cv2.circle(image, (110, 100), 4, 60, -1)

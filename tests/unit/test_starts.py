@@ -11,12 +11,15 @@ from batches import run_plan, table
 from hypothesis import given
 from hypothesis import strategies as st
 
+import ffseg
 from ffseg.batch.plan.jobs import make_plan, with_starts
 from ffseg.batch.record.ledger import Summary
 from ffseg.batch.workers.messages import Setup
 from ffseg.compare.run import compare, plan_comparison
 from ffseg.compare.values import Comparison
 from ffseg.errors import FfsegError, ParameterError
+from ffseg.geometry.orientation import ring_area
+from ffseg.image.outlines import outlines
 from ffseg.io.starts import Start, check_starts, finds_starts, load_starts, starts_table
 from ffseg.methods.peers import PEERS
 from ffseg.parameters import Parameters, load_params
@@ -280,3 +283,24 @@ def test_a_model_finds_the_starts_of_images_without_a_row(tmp_path: Path) -> Non
 def test_a_name_that_looks_like_a_formula_is_found_as_tables_write_it(tmp_path: Path) -> None:
     names = {"=a.png": Start(1, 2), "-b,c.png": Start(3, 4), "\udcff.png": Start(5, 6)}
     assert load_starts(write(tmp_path, starts_table(names)), names) == names
+
+
+def test_of_equal_starts_one_counts() -> None:
+    image = np.full((120, 160), 60, np.uint8)
+    cv2.circle(image, (80, 60), 40, 200, -1)
+    once, twice = (ffseg.segment(image, {"init.circles": [[80, 60, 6]] * times}) for times in (1, 2))
+    assert np.array_equal(once.mask, twice.mask)
+
+
+def test_a_start_mask_of_a_line_is_a_start() -> None:
+    mask = np.zeros((40, 40), np.uint8)
+    mask[5:30, 12] = 1
+    assert abs(sum(ring_area(one) for one in outlines(mask)) - 25) < 13  # half a pixel round the centres
+
+
+def test_an_image_with_a_box_only_has_no_start_in_its_row(tmp_path: Path) -> None:
+    two_discs(tmp_path / "in", "a.png")
+    given = "image,kind,x,y,radius,right,bottom,value\na,box,5,15,,55,65,\n"
+    run_from(tmp_path / "in", given, tmp_path / "out", load_params())
+    (row,) = table(tmp_path / "out" / "timings.csv")
+    assert (row["start_x"], row["start_radius"]) == ("", "")

@@ -34,7 +34,7 @@ class OutputLock:
     Raises
     ------
     UsageError
-        If another process holds it.
+        If another process holds it, or this one already does.
     OutputError
         If the lock file cannot be made.
     """
@@ -46,10 +46,22 @@ class OutputLock:
     def __enter__(self) -> OutputLock:
         make_folder(self._folder)
         self._descriptor = _locked(self._out, os.path.join(self._folder, "lock"))
+        _held.add(_identity(os.fstat(self._descriptor)))
         return self
 
     def __exit__(self, *_: object) -> None:
-        os.close(self._descriptor)  # gives the lock up as well
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            _held.discard(_identity(os.fstat(descriptor)))
+            os.close(descriptor)  # gives the lock up as well
+
+
+_held: set[tuple[int, int, int]] = set()
+"""Locks of this process, which the operating system keeps from others only; closing any descriptor of one gives it up."""
+
+
+def _identity(file: os.stat_result) -> tuple[int, int, int]:
+    return os.getpid(), file.st_dev, file.st_ino
 
 
 def refuse_locked(out: str, folder: str) -> None:
@@ -61,7 +73,10 @@ def refuse_locked(out: str, folder: str) -> None:
 
 def _locked(out: str, path: str) -> int:
     refuse_special(path)
+    busy = f"another ffseg run is writing to {printable(out)}; wait for it or choose another folder"
     try:
+        if os.path.exists(path) and _identity(os.stat(path)) in _held:
+            raise UsageError(busy)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | OWN, 0o666)
     except OSError as error:
         raise unwritten(path, error) from error
@@ -70,7 +85,6 @@ def _locked(out: str, path: str) -> int:
     except OSError as error:
         os.close(descriptor)
         if error.errno in (errno.EACCES, errno.EAGAIN):
-            busy = f"another ffseg run is writing to {printable(out)}; wait for it or choose another folder"
             raise UsageError(busy) from error
         raise OutputError(f"{printable(path)} cannot be locked ({os.strerror(error.errno or 0)})") from error
     return descriptor

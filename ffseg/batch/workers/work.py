@@ -197,7 +197,8 @@ def _start_cells(params: Parameters, job: Job) -> dict[str, Any]:
     """The image's own start circle, as it was asked for."""
     if job.start is None:
         return {}
-    return {"start_x": job.start.x, "start_y": job.start.y, "start_radius": params.init.radius}
+    radius = None if params.init.radius == "auto" else params.init.radius
+    return {"start_x": job.start.x, "start_y": job.start.y, "start_radius": radius}
 
 
 _COUNTS = ("initial_points", "final_points", "patches", "iterations", "splits", "flips")
