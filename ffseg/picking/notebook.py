@@ -23,7 +23,7 @@ from ffseg.picking.session import Session
 HEIGHT = 720
 """Pixels of the frame in a notebook."""
 
-Images = str | os.PathLike[str] | Sequence[str | os.PathLike[str] | Pixels]
+Images = str | os.PathLike[str] | Pixels | Sequence[str | os.PathLike[str] | Pixels]
 
 
 class Picking:
@@ -101,7 +101,7 @@ def pick(
 
     Parameters
     ----------
-    images : str, path or sequence of them, or of ndarray, shape (H, W) or (H, W, 3)
+    images : str, path or ndarray, shape (H, W) or (H, W, 3), or sequence of them
         Files and folders, or images as `ffseg.segment` takes them; arrays are called ``0.png``, ``1.png``, ...
     params : Parameters, str, path or mapping, optional
         As of `ffseg.segment`.
@@ -131,7 +131,7 @@ def pick(
     ({}, True)
     """
     target = os.fspath(out) if out is not None else tempfile.mkdtemp(prefix="ffseg-pick-")
-    given = [images] if isinstance(images, str | os.PathLike) else list(images)
+    given = [images] if isinstance(images, str | os.PathLike | np.ndarray) else list(images)
     inputs = [os.fspath(one) for one in given if isinstance(one, str | os.PathLike)]
     chosen = parameter_set(params)
     arrays = [taken_image(one, rgb, chosen.input.range) for one in given if not isinstance(one, str | os.PathLike)]

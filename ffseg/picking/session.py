@@ -237,6 +237,8 @@ class Session:
         UsageError
             If what is accepted has no region, or what is picked cannot be read.
         """
+        if do not in ("pick", "undo", "redo"):
+            raise KeyError(do)
         project, name = self.projects[label], self.sources[index].name
         picked = Picked.read(document) if do == "pick" else None
         with self._changing:

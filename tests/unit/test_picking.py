@@ -306,6 +306,7 @@ def test_questions_that_are_none_are_refused_and_name_no_file(server) -> None:
         assert ask(server, "image", body)[0] == 400, body
     assert ask(server, "find", {})[0] == 400
     assert ask(server, "nothing", {})[0] == 400
+    assert ask(server, "change", {"version": 0, "do": "redoo"})[0] == 400
     assert ask(server, "find", {"picked": {"starts": [[1, 2]]}}) == (
         400,
         {"error": "what was picked cannot be read (a row needs 3 numbers); load the page again"},
@@ -498,7 +499,7 @@ def test_a_notebook_gets_the_page_in_a_frame_and_what_was_picked(tmp_path: Path)
         assert list(again.masks()) == ["0.png"]
         with pytest.raises(UsageError, match="another ffseg run"):
             ffseg.pick(tmp_path / "out" / "images", out=tmp_path / "out")
-    with ffseg.pick([image], out=tmp_path / "out") as fewer:
+    with ffseg.pick(image, out=tmp_path / "out") as fewer:
         assert len(fewer._session.sources) == 1
     with pytest.raises(ffseg.SegmentationError, match="the image is None"):
         ffseg.pick([None], out=tmp_path / "out")
