@@ -14,8 +14,8 @@ STEPS: dict[str, tuple[str, ...]] = {
     "evidence: the image's own edges": ("image/edges.py", "native/edges"),
     "evidence: auto": ("evidence/auto.py", "image/boundary.py"),
     "evidence: the prior": (
-        "evidence/prior.py", "evidence/features.py", "evidence/surroundings.py", "evidence/openings.py",
-        "evidence/maps.py", "image/exposure.py",
+        "evidence/prior.py", "evidence/features.py", "evidence/surroundings.py", "evidence/maps.py",
+        "image/exposure.py",
     ),
     "starts: further parts": ("starts/pockets.py", "starts/islands.py"),
     "contour": ("methods/freeform.py", "native/freeform"),

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from math import log
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap
 from ffseg.native import _core
+
+Level = TypeVar("Level", np.uint8, np.float32)
 
 LEVEL = 0.5
 """Probability at which the region ends; another one asked for becomes this (`at_level`)."""
@@ -145,3 +148,16 @@ def blurred(plane: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
     out = np.empty_like(plane)
     _core.evidence_blur(np.ascontiguousarray(plane), sigma, out)
     return out
+
+
+def widened(region: NDArray[Level], width: int) -> NDArray[Level]:
+    """The largest value in the square of that odd width round each pixel."""
+    found = region
+    for axis in (0, 1):
+        before = found if axis == 0 else found.T
+        grown = before.copy()
+        for step in range(1, width // 2 + 1):
+            np.maximum(grown[step:], before[:-step], out=grown[step:])
+            np.maximum(grown[:-step], before[step:], out=grown[:-step])
+        found = grown if axis == 0 else grown.T
+    return np.ascontiguousarray(found)

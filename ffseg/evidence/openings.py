@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.evidence.maps import widened
 from ffseg.image.edges import edge_map
 from ffseg.native import _core
 from ffseg.parameters import Edges
-
-Level = TypeVar("Level", np.uint8, np.float32)
 
 PASSAGES = (1, 3, 5, 9)
 """Widths in reduced pixels; a narrower passage between edges is shut."""
@@ -55,16 +52,3 @@ def _reduced_any(edges: NDArray[np.uint8], factor: int) -> NDArray[np.uint8]:
     rows, columns = (np.arange(0, length, factor) for length in edges.shape)
     found: NDArray[np.uint8] = np.maximum.reduceat(np.maximum.reduceat(edges, rows, axis=0), columns, axis=1)
     return np.minimum(found, np.uint8(1))
-
-
-def widened(region: NDArray[Level], width: int) -> NDArray[Level]:
-    """The largest value in the square of that odd width round each pixel."""
-    found = region
-    for axis in (0, 1):
-        before = found if axis == 0 else found.T
-        grown = before.copy()
-        for step in range(1, width // 2 + 1):
-            np.maximum(grown[step:], before[:-step], out=grown[step:])
-            np.maximum(grown[:-step], before[step:], out=grown[:-step])
-        found = grown if axis == 0 else grown.T
-    return np.ascontiguousarray(found)

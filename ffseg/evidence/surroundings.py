@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.evidence.features import BARRIER, SCALES, STEP, WAY_SCALE, WAYS, Features, reduced_region, reduced_shape, way
-from ffseg.evidence.maps import blurred
-from ffseg.evidence.openings import widened
+from ffseg.evidence.maps import blurred, widened
 from ffseg.native import _core
 
 Plane = NDArray[np.float32]

@@ -5,7 +5,8 @@ import pytest
 
 from ffseg.evidence.features import KNOWN, NAMES, PLAIN, features
 from ffseg.evidence.forest import Model, from_bytes, to_bytes
-from ffseg.evidence.openings import OPEN, PASSAGES, open_ground, widened
+from ffseg.evidence.maps import widened
+from ffseg.evidence.openings import OPEN, PASSAGES, open_ground
 from tests.stumps import stump
 
 SHAPE = (60, 100)
