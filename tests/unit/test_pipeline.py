@@ -18,7 +18,7 @@ from tests.scenes import START, START_RADIUS, scene
 
 ROOT = Path(__file__).resolve().parents[2]
 MOST_FILES = 40
-"""A drawn image enters 25 files of the package, a photograph 35: reading them all is still an afternoon."""
+"""A drawn image enters 25 files of the package, a photograph 40: reading them all is still an afternoon."""
 
 
 def floors() -> list[list[str]]:
