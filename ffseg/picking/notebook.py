@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.errors import UsageError
 from ffseg.image.checked import Pixels, taken_image
-from ffseg.io.files import make_folder, read_bytes, write_bytes_atomic
+from ffseg.io.files import make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.io.masks import decode_mask, encode_png
 from ffseg.parameters import ParametersLike, parameter_set
 from ffseg.picking.project import MOST_BYTES
@@ -120,7 +121,7 @@ def pick(
     Raises
     ------
     UsageError
-        If there is no image, or another session holds the folder.
+        If there is no image, another session holds the folder, or it holds what was picked in other arrays.
     SegmentationError
         If an array is no image.
 
@@ -139,6 +140,11 @@ def pick(
         folder = os.path.join(target, "images")
         make_folder(folder)
         for number, image in enumerate(arrays):
-            inputs.append(os.path.join(folder, f"{number}.png"))
-            write_bytes_atomic(inputs[-1], encode_png(image, []))
+            path, data = os.path.join(folder, f"{number}.png"), encode_png(image, [])
+            if os.path.exists(path) and read_bytes(path, MOST_BYTES) != data:
+                raise UsageError(
+                    f"{printable(path)} is another array, in which was picked; name another folder with out"
+                )
+            write_bytes_atomic(path, data)
+            inputs.append(path)
     return Picking(Session(inputs, target, chosen, labels))

@@ -503,6 +503,8 @@ def test_a_notebook_gets_the_page_in_a_frame_and_what_was_picked(tmp_path: Path)
         assert len(fewer._session.sources) == 1
     with pytest.raises(ffseg.SegmentationError, match="the image is None"):
         ffseg.pick([None], out=tmp_path / "out")
+    with pytest.raises(UsageError, match="is another array"):
+        ffseg.pick(255 - image, out=tmp_path / "out")
     with pytest.raises(ffseg.ParameterError, match=r"init\.circles is set too"):
         ffseg.pick([image], {"init.circles": [[40, 40, 5]]}, out=tmp_path / "out")
     journal, kept = tmp_path / "out" / "picks.jsonl", (tmp_path / "out" / "picks.jsonl").read_bytes()
