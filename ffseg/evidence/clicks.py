@@ -31,7 +31,7 @@ from ffseg.image.parts import holding
 from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
 from ffseg.starts.boxes import in_boxes
-from ffseg.starts.initial import circle_start, middle
+from ffseg.starts.initial import circle_start, middles
 from ffseg.starts.rivals import POINT_RADIUS, add_disc, seeds
 
 Plane = NDArray[np.float32]
@@ -222,8 +222,8 @@ def _in_boxes(scene: Scene, odds: Plane) -> Scene:
     """The scene with starts in what its boxes hold, but for what is known to lie outside: their middles say nothing."""
     outside = seeds(scene.params.init.background, np.zeros(scene.shape, np.bool_), scene.background)
     contour = replace(scene.params.contour, balloon=abs(scene.params.contour.balloon))
-    circles = scene.params.init.circles or [middle(box, scene.shape) for box in scene.boxes]
-    starts = tuple(circle_start(circle, scene.params) for circle in circles)  # what closes in has the boxes themselves
+    circles = tuple(circle_start(circle, scene.params) for circle in scene.params.init.circles)
+    starts = circles or middles(scene.params, scene.shape)  # what closes in has the boxes themselves
     growing = replace(scene, starts=starts, params=replace(scene.params, contour=contour))
     return in_boxes(growing, np.where(outside, np.float32(-CERTAIN), odds))
 

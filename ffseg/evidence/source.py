@@ -24,7 +24,7 @@ from ffseg.io.files import printable, read_bytes
 from ffseg.native import _core
 from ffseg.parameters import Network, Parameters
 from ffseg.scene import Scene
-from ffseg.starts.initial import circle_start, middle
+from ffseg.starts.initial import circle_start, middles
 from ffseg.starts.pockets import depths, discs
 from ffseg.starts.rivals import seeds
 
@@ -61,8 +61,7 @@ def _before_clicks(scene: Scene) -> NDArray[np.bool_]:
     """The start region; circles beside boxes are clicks that correct what is told of the middles of these."""
     if not (scene.boxes and scene.params.init.circles):
         return scene.start_region()
-    middles = [circle_start(middle(box, scene.shape), scene.params) for box in scene.boxes]
-    return rasterize(middles, scene.shape)
+    return rasterize(middles(scene.params, scene.shape), scene.shape)
 
 
 def told(

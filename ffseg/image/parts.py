@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Parts:
     """The parts of a mask, numbered from 1 in the order of their first pixels; 0 is what lies outside.
 
@@ -28,7 +29,7 @@ class Parts:
     number: int
     neighbours: int
 
-    @property
+    @cached_property
     def areas(self) -> NDArray[np.intp]:
         """Pixels of each, none for 0, shape (N + 1,); counted when asked for, as half of the callers do not ask."""
         found = np.bincount(self.labels.ravel(), minlength=self.number)

@@ -160,7 +160,8 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Sam
     shape, clicks, found = seen.truth.shape, Clicks((seen.start,)), list[Samples]()
     inside, outside = clicks.regions(shape)
     asked = Asked(seen.image, inside, outside, None, 0.0, None)
-    told = begun(asked, prior.view(seen.image, asked.inside, ask).odds - np.float32(prior.CAUTION))
+    own = prior.view(seen.image, asked.inside, ask)
+    told = begun(asked, own.odds - np.float32(prior.CAUTION))
     for _ in range(int(rng.integers(*CLICKS))):
         mask = (asked.enlarged(told.odds) > 0) & (asked.enlarged(told.stays) >= HALF) & ~outside | inside
         before, clicks = clicks, clicks.next(mask, seen.truth, float(rng.uniform(*CLICK_SIZES)) * max(shape))
@@ -170,7 +171,8 @@ def for_clicks(seen: Sight, ask: Compiled, rng: np.random.Generator) -> list[Sam
         one = Click(*(clicks.inside if within else clicks.outside)[-1], within)
         last = asked.correction(told, asked.disc(one), within, len(clicks.outside) == 1)
         inside, outside = clicks.regions(shape)
-        view = hints.look(prior.view(seen.image, inside, ask), outside & ~inside)
+        own = prior.view(seen.image, inside, ask) if within else own
+        view = hints.look(own, outside & ~inside)
         planes = hints.all_planes(view, last)
         known, near = known_pixels(seen.truth, view.seen.factor)[::STRIDE, ::STRIDE], asked.near(last)
         found += [picked(planes, np.where(near, known, NOT_KNOWN), rng, CLICKED)]

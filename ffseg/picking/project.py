@@ -16,7 +16,7 @@ from ffseg.image.polygons import polygons
 from ffseg.io.exports import AnnotatedImage, json_text, labelme_document
 from ffseg.io.files import SKIP_FILE, make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.io.masks import decode_mask, encode_mask
-from ffseg.io.starts import starts_table
+from ffseg.io.starts import Start, starts_table
 from ffseg.parameter_text import non_defaults, yaml_lines, yaml_value
 from ffseg.parameters import Parameters
 from ffseg.picking.picks import Journal, Picked, Track
@@ -146,12 +146,15 @@ class Project:
 
     def write_starts(self) -> None:
         """Write the starts file, the settings and the command anew."""
-        ours = {one.name for one in self.sources}
-        found = {name: track.now.start for name, track in self.journal.tracks.items() if name in ours}
-        starts = {name: start for name, start in found.items() if start is not None}
-        write_bytes_atomic(self.path(STARTS), starts_table(starts))
+        write_bytes_atomic(self.path(STARTS), starts_table(self._starts()))
         write_bytes_atomic(self.path(SETTINGS), self._settings().encode())
         write_bytes_atomic(self.path(COMMAND), f"#!/bin/sh\n{self.command()}\n".encode(errors="surrogateescape"))
+
+    def _starts(self) -> dict[str, Start]:
+        """What was picked in these images, by their names."""
+        ours = {one.name for one in self.sources}
+        found = {name: track.now.start for name, track in self.journal.tracks.items() if name in ours}
+        return {name: start for name, start in found.items() if start is not None}
 
     def outdated(self) -> list[str]:
         """Accepted images whose mask a crash or an error has kept from being written, or from being removed; told once."""
@@ -168,9 +171,8 @@ class Project:
 
     def arguments(self) -> list[str]:
         """Arguments of the ``ffseg run`` that does all images, wherever it is called."""
-        named = any(self.journal.track(source.name).now.start is not None for source in self.sources)
         out, settings, table = (os.path.abspath(self.path(name)) for name in (RUN, SETTINGS, STARTS))
-        starts = ["--starts", table] if named else []
+        starts = ["--starts", table] if self._starts() else []
         return ["run", *self.inputs, "--out", out, "--config", settings, *starts, "--overwrite"]
 
     def learning(self, out: str) -> list[str]:

@@ -240,7 +240,9 @@ class Many:
         if not isinstance(items, tuple) or len(items) > self.most:
             return _reject(self, node, key, problems)
         values = tuple(self.part.check(item, f"{key}[{index}]", problems) for index, item in enumerate(items))
-        return BAD if BAD in values else tuple(dict.fromkeys(values)) if self.distinct else values
+        if BAD in values:
+            return BAD
+        return tuple(dict.fromkeys(values)) if self.distinct else values
 
     def allowed(self) -> str:
         return f"a list of at most {self.most} x {self.part.allowed()}"

@@ -39,8 +39,7 @@ def in_boxes(scene: Scene, odds: NDArray[np.float32] | None) -> Scene:
         rows, columns = window = window_of(box, scene.shape)
         region = inside[window].astype(np.uint8)
         told = parts(region)
-        areas = told.areas
-        large = np.flatnonzero(areas >= max(LEAST_PART * areas.max(), 1))
+        large = np.flatnonzero(told.areas >= max(LEAST_PART * told.areas.max(), 1))
         found = discs(depths(region), told, large, np.inf)
         circles += [(x + columns.start, y + rows.start, radius) for x, y, radius in (found[:1] if alone else found)]
     return replace(scene, starts=(*given, *(circle_start(one, params) for one in circles))) if circles else scene

@@ -56,8 +56,7 @@ def start_contours(
         _check_box(box, shape)
     if params.contour.balloon < 0 and boxes:  # circles in them are clicks
         return tuple(_box(box, params) for box in boxes)
-    circles = circles or tuple(middle(box, shape) for box in boxes)
-    return tuple(circle_start(circle, params) for circle in circles)
+    return tuple(circle_start(circle, params) for circle in circles) or middles(params, shape)
 
 
 def within(boxes: tuple[Box, ...], shape: tuple[int, int]) -> NDArray[np.uint8]:
@@ -78,7 +77,12 @@ def _check_box(box: Box, shape: tuple[int, int]) -> None:
         raise SegmentationError(f"{what} holds no pixel's centre; make it larger")
 
 
-def middle(box: Box, shape: tuple[int, int]) -> Circle:
+def middles(params: Parameters, shape: tuple[int, int]) -> tuple[FreeForm, ...]:
+    """Start circles in the middles of the boxes."""
+    return tuple(circle_start(_middle(box, shape), params) for box in params.init.boxes)
+
+
+def _middle(box: Box, shape: tuple[int, int]) -> Circle:
     """A circle in the middle of what the image has of a box."""
     rows, columns = window_of(box, shape)
     least = min(part.stop - part.start for part in (rows, columns))

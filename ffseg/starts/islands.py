@@ -39,8 +39,9 @@ def islands(odds: NDArray[np.float32], starts: NDArray[np.bool_], most: float) -
     """
     levels, begun = np.ascontiguousarray(odds[::STRIDE, ::STRIDE]), starts[::STRIDE, ::STRIDE]
     told = parts(levels > 0)
-    known, areas = told.touching(begun), told.areas
-    large = np.setdiff1d(np.flatnonzero(areas >= max(LEAST_SHARE * float(areas[known].sum()), 1)), known)
+    known = told.touching(begun)
+    least_area = max(LEAST_SHARE * float(told.areas[known].sum()), 1)
+    large = np.setdiff1d(np.flatnonzero(told.areas >= least_area), known)
     if not len(large):
         return ()
     around = np.isin(told.labels, known) & ~begun

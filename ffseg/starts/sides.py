@@ -43,7 +43,8 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     """
     if scene.fixed or scene.params.contour.balloon < 0 or scene.start_mask is not None:
         return scene, (), False
-    beyond = {at for at, start in enumerate(scene.starts) if not _domain_in(start, scene).all()}
+    within = {} if scene.domain is None else {at: _within(one, scene.domain) for at, one in enumerate(scene.starts)}
+    beyond = {at for at, pixels in within.items() if not pixels.all()}
     crossed = [at for at, start in enumerate(scene.starts) if _holds_edge(start, scene)]
     if not (crossed or beyond):
         return scene, (), False
@@ -51,7 +52,7 @@ def on_one_side(scene: Scene) -> tuple[Scene, tuple[str, ...], bool]:
     crossed = sorted(beyond.union(at for at in crossed if _num_sides(scene.starts[at], sides) > 1))
     if not crossed:
         return scene, (), False
-    apart = {at for at in beyond if not _domain_in(scene.starts[at], scene).any()}
+    apart = {at for at in beyond if not within[at].any()}
     others = len(apart) < len(scene.starts)
     starts: list[FreeForm | None] = list(scene.starts)
     told, across = [], False
@@ -112,11 +113,10 @@ def _holds_edge(start: FreeForm, scene: Scene) -> bool:
     return bool(scene.edges.edges[rows, columns].any())
 
 
-def _domain_in(start: FreeForm, scene: Scene) -> NDArray[np.bool_]:
+def _within(start: FreeForm, domain: NDArray[np.uint8]) -> NDArray[np.bool_]:
     """Of each pixel of a start whether it lies in the domain."""
-    own = filled(start, scene.shape)
-    inside = own.mask if scene.domain is None else scene.domain[own.window()] > 0
-    return np.asarray(inside[own.mask], np.bool_)
+    own = filled(start, domain.shape)
+    return domain[own.window()][own.mask] > 0
 
 
 def _num_sides(start: FreeForm, sides: NDArray[np.int32]) -> int:

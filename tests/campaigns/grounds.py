@@ -4,12 +4,11 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 import ffseg
-from ffseg.geometry.freeform import FreeForm
 from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import iou
-from tests import evolutions, labyrinths, stress
+from tests import labyrinths, stress
 from tests.campaigns import corridors
-from tests.property.test_filled_once import texture
+from tests.property.test_filled_once import front, texture
 
 NARROW, PASSAGES = (6.5, 7.0, 8.0, 10.0), (*range(100), 404, 412, 7222, 8833)
 """Widths of labyrinths, px, and seeds of drawn passages."""
@@ -49,8 +48,7 @@ def _random(seed: int, settings: Settings) -> float:
 
 
 def _texture(seed: int) -> float:
-    start = [FreeForm.circle((150.0, 150.0), 10.0, 13, 3)]
-    made = evolutions.evolution(start, texture(seed, 300), refine=True, balloon=8.0, max_iterations=5000)
+    made = front(texture(seed, 300), (150.0, 150.0), 10.0)
     made.advance(5001)
     return float(made.stop_reason == "converged")
 

@@ -66,10 +66,15 @@ def looks(made: _core.Evolution, shape: tuple[int, int]) -> Iterator[NDArray[np.
         yield covered_twice(evolutions.contours(made), shape)
 
 
+def front(edges: Edges, center: tuple[float, float], radius: float) -> _core.Evolution:
+    """A front that is to grow from a circle."""
+    start = [FreeForm.circle(center, radius, 13, 3)]
+    return evolutions.evolution(start, edges, refine=True, balloon=8.0, max_iterations=5000)
+
+
 def largest_sheet(edges: Edges, center: tuple[float, float], radius: float) -> int:
     """Most pixels covered twice at two looks running, or at the end."""
-    start = [FreeForm.circle(center, radius, 13, 3)]
-    made = evolutions.evolution(start, edges, refine=True, balloon=8.0, max_iterations=5000)
+    made = front(edges, center, radius)
     shape, most, before = edges.shape, 0, np.zeros(edges.shape, np.bool_)
     for now in looks(made, shape):
         most, before = max(most, int((now & before).sum())), now
