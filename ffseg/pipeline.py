@@ -23,7 +23,7 @@ from ffseg.native import _core
 from ffseg.plugins import EDGE_SOURCES, find, method
 from ffseg.result import Segmentation, Timings
 from ffseg.scene import Scene, check_sides
-from ffseg.starts.initial import start_contours, within
+from ffseg.starts.initial import check_background, start_contours, within
 
 
 def segment(scene: Scene) -> Segmentation:
@@ -95,6 +95,7 @@ def with_method(scene: Scene) -> Scene:
 def with_starts(scene: Scene) -> Scene:
     """The scene with its start contours: those asked for, or the disc a model is surest of."""
     params = scene.params
+    check_background(scene.shape, params, scene.background)
     if params.edges.model is not None and scene.start_mask is None and scene.center is None:
         from ffseg.evidence.source import with_model_start
 

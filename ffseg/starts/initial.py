@@ -115,17 +115,34 @@ def _check_inside(point: tuple[float, float], shape: tuple[int, int], what: str)
         raise SegmentationError(f"{what} has its centre outside the image of {width} x {height} pixels; move it inside")
 
 
+def _check_size(mask: NDArray[np.uint8], shape: tuple[int, int], what: str, parameter: str) -> None:
+    if mask.shape != shape:
+        (rows, columns), (height, width) = mask.shape, shape
+        raise SegmentationError(
+            f"the {what} mask has {columns} x {rows} pixels, the image {width} x {height}; {parameter} must have the image's size"
+        )
+
+
+def check_background(shape: tuple[int, int], params: Parameters, background: NDArray[np.uint8] | None) -> None:
+    """Refuse points outside the region that lie outside the image, and a mask of them of another size.
+
+    Raises
+    ------
+    SegmentationError
+    """
+    for x, y, *_ in params.init.background:
+        _check_inside((x, y), shape, f"the background seed at ({x:g}, {y:g})")
+    if background is not None:
+        _check_size(background, shape, "background", "init.background_mask")
+
+
 def _box(box: Box, params: Parameters) -> FreeForm:
     x0, y0, x1, y1 = box
     return _along(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), params)
 
 
 def _from_mask(mask: NDArray[np.uint8], shape: tuple[int, int], params: Parameters) -> tuple[FreeForm, ...]:
-    if mask.shape != shape:
-        raise SegmentationError(
-            f"the start mask has {mask.shape[1]} x {mask.shape[0]} pixels, the image {shape[1]} x {shape[0]}; "
-            "init.mask must have the image's size"
-        )
+    _check_size(mask, shape, "start", "init.mask")
     contours = tuple(_along(polygon, params) for polygon in outlines(mask))
     if not contours:
         raise SegmentationError("the start mask has no pixel set; init.mask must be nonzero inside the start region")

@@ -65,24 +65,15 @@ def seeds(points: Iterable[Seed], start: Mask, background: Plane | None = None) 
     Raises
     ------
     SegmentationError
-        If the middle of one lies in the start region or outside the image, or the mask overlaps the start or has another size.
+        If the middle of one lies in the start region, or the mask overlaps it.
     """
     shape = start.shape
     found = np.zeros(shape, np.bool_)
     for column, row, *rest in points:
-        if not (-0.5 <= column <= shape[1] - 0.5 and -0.5 <= row <= shape[0] - 0.5):
-            raise SegmentationError(
-                f"the background seed at ({column:g}, {row:g}) lies outside the image of {shape[1]} x {shape[0]} pixels"
-            )
         if start[min(round(row), shape[0] - 1), min(round(column), shape[1] - 1)]:
             raise SegmentationError(IN_START)
         add_disc(found, column, row, rest[0] if rest else POINT_RADIUS)
     if background is not None:
-        if background.shape != shape:
-            raise SegmentationError(
-                f"the background mask has {background.shape[1]} x {background.shape[0]} pixels, the image {shape[1]} x "
-                f"{shape[0]}; init.background_mask must have the image's size"
-            )
         if (start & (background > 0)).any():
             raise SegmentationError(IN_START)
         found |= background > 0
