@@ -151,7 +151,7 @@ def model_start(
     if not sure.any():
         return None
     told = parts(sure)
-    ((x, y, depth),) = discs(depths(sure.astype(np.uint8)), told, [int(told.areas.argmax())], np.inf)
+    ((x, y, depth),) = discs(depths(sure.astype(np.uint8)), told, np.array([told.areas.argmax()]), np.inf)
     return (x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5, min(most, max(depth, WHOLE_START) * factor)
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ffseg.image.free import distances
 from ffseg.image.keypoints import grey_image
-from ffseg.image.parts import parts
+from ffseg.image.parts import holding
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -86,6 +86,6 @@ def _depth(region: Mask) -> NDArray[np.float32]:
 
 def _holes(region: Mask) -> Mask:
     """Pixels outside that do not reach the border of the image."""
-    labels = parts(~region, corners=True).labels
-    rim = np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))
-    return np.asarray(~region & ~np.isin(labels, rim))
+    rim = np.zeros_like(region)
+    rim[[0, -1]] = rim[:, [0, -1]] = True
+    return ~region & ~holding(~region, rim, corners=True)

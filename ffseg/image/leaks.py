@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion
 from ffseg.image.keypoints import Array, Grey, Mask, plane_pixels
-from ffseg.image.parts import parts
+from ffseg.image.parts import holding
 from ffseg.image.planes import CLEAR, pixel_noise
 
 STEP = 4
@@ -72,9 +72,8 @@ def leaked(camera: Camera, motion: Motion, current: Grey, previous: Grey, free: 
     *deviations, known = told
     ground, *upright = (_mean(one, known, WINDOW) for one in deviations)
     likely = _opened((ground > LIKELY) & inside, 5)
-    joined = parts(likely, corners=True)
-    sure = joined.touching((ground > SURE) & (np.min(upright, axis=0) < BETTER * ground))
-    found = np.isin(joined.labels, sure) & (_mean(deviations[0], known, NARROW) > LIKELY)
+    sure = (ground > SURE) & (np.min(upright, axis=0) < BETTER * ground)
+    found = holding(likely, sure, corners=True) & (_mean(deviations[0], known, NARROW) > LIKELY)
     size = free.shape[::-1]
     whole = cv2.resize(_opened(found, 3).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
     climbed: Mask = np.asarray(whole, np.bool_) & free

@@ -184,10 +184,10 @@ def _beside_crests(x: Plane, y: Plane) -> Mask:
 
 def _outlines(seen: _Seen) -> Mask:
     """Edges that stay: long ones that are sure somewhere, their gaps closed."""
-    stay = parts(seen.stays >= MAY_STAY, corners=True)
-    labels = stay.labels
-    sure = np.bincount(labels[(seen.stays >= STAYS) & (seen.strength >= CLEAR)], minlength=stay.number)
-    kept = (sure >= LEAST_SURE * stay.areas) & (stay.boxes()[:, 2:].max(axis=1) >= LEAST_LENGTH * max(labels.shape))
+    number, labels, found, _ = cv2.connectedComponentsWithStats((seen.stays >= MAY_STAY).astype(np.uint8))
+    sure = np.bincount(labels[(seen.stays >= STAYS) & (seen.strength >= CLEAR)], minlength=number)
+    long = found[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) >= LEAST_LENGTH * max(labels.shape)
+    kept = (sure >= LEAST_SURE * found[:, cv2.CC_STAT_AREA]) & long
     kept[0] = False
     half = LONGEST_GAP // 2
     padded = np.pad(kept[labels].astype(np.uint8), half, mode="edge")  # an outline ends at the image's border

@@ -21,13 +21,10 @@ class Parts:
         Number of the part that a pixel belongs to.
     number : int
         N + 1.
-    neighbours : int
-        Of a pixel: 4 over its sides, 8 over corners too.
     """
 
     labels: NDArray[np.int32]
     number: int
-    neighbours: int
 
     @cached_property
     def areas(self) -> NDArray[np.intp]:
@@ -41,29 +38,32 @@ class Parts:
         found = np.unique(self.labels[mask])
         return found[found > 0]
 
+    def pixels_of(self, numbers: NDArray[np.integer]) -> NDArray[np.bool_]:
+        """Pixels of some of them."""
+        chosen = np.zeros(self.number, np.bool_)
+        chosen[numbers] = True
+        return chosen.take(self.labels)
+
     def at_least(self, area: float) -> NDArray[np.bool_]:
         """Pixels of those that have so many."""
-        return np.asarray((self.areas >= max(area, 1))[self.labels], np.bool_)
-
-    def boxes(self) -> NDArray[np.int32]:
-        """Column, row, width and height of the box round each, shape (N + 1, 4); looked for only now, as few ask."""
-        inside = (self.labels > 0).astype(np.uint8)
-        return np.asarray(cv2.connectedComponentsWithStats(inside, connectivity=self.neighbours)[2][:, :4], np.int32)
+        return self.pixels_of(np.flatnonzero(self.areas >= max(area, 1)))
 
 
 def parts(mask: NDArray[np.bool_] | NDArray[np.uint8], *, corners: bool = False) -> Parts:
     """The parts of a mask, whose pixels hang together over their sides, or over corners too."""
-    neighbours = 8 if corners else 4
-    number, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=neighbours)
-    return Parts(np.asarray(labels, np.int32), number, neighbours)
+    number, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8 if corners else 4)
+    return Parts(np.asarray(labels, np.int32), number)
 
 
-def holding(mask: NDArray[np.bool_], places: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def holding(mask: NDArray[np.bool_], places: NDArray[np.bool_], *, corners: bool = False) -> NDArray[np.bool_]:
     """Pixels of the parts of a mask that have one of the places in them."""
-    found = parts(mask)
-    kept = np.zeros(found.number, np.bool_)
-    kept[found.touching(places)] = True
-    return kept.take(found.labels)
+    found, width = mask.astype(np.uint8), mask.shape[1]
+    at = np.flatnonzero(places & mask)
+    begun = at[(np.diff(at, prepend=-2) > 1) | (at % width == 0)]  # what lies in a row without a gap hangs together
+    for row, column in zip(*np.divmod(begun, width), strict=True):
+        if found[row, column] == 1:
+            cv2.floodFill(found, None, (int(column), int(row)), 2, flags=8 if corners else 4)
+    return np.asarray(found == 2)
 
 
 def scattered(mask: NDArray[np.bool_]) -> Iterator[tuple[tuple[slice, slice], Parts]]:

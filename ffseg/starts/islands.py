@@ -44,10 +44,12 @@ def islands(odds: NDArray[np.float32], starts: NDArray[np.bool_], most: float) -
     large = np.setdiff1d(np.flatnonzero(told.areas >= least_area), known)
     if not len(large):
         return ()
-    around = np.isin(told.labels, known) & ~begun
+    around = told.pixels_of(known) & ~begun
     if not around.any():
         return ()
     least = max(LEAST_ODDS, SURE * float(np.median(levels[around])))
-    sure = [part for part in large if float(np.median(levels[told.labels == part])) >= least]
+    sure = large[[float(np.median(levels[told.labels == part])) >= least for part in large]]
+    if not len(sure):
+        return ()
     small = discs(depths((levels > 0).astype(np.uint8)), told, sure, most / STRIDE)
     return tuple((STRIDE * x, STRIDE * y, STRIDE * radius) for x, y, radius in small)

@@ -23,7 +23,7 @@ def kept(scene: Scene) -> Scene:
         stays = stays & (scene.domain > 0)
     told = together(stays)
     large = np.setdiff1d(np.flatnonzero(told.areas >= LEAST_PIXELS), told.touching(scene.start_region()))
-    found = discs(depths(stays.view(np.uint8)), told, large.tolist(), params.init.radius_in(scene.shape))
+    found = discs(depths(stays.view(np.uint8)), told, large, params.init.radius_in(scene.shape))
     return replace(scene, starts=(*scene.starts, *(circle_start(circle, params) for circle in found)))
 
 
@@ -51,8 +51,7 @@ def parts(scene: Scene) -> tuple[FreeForm, ...]:
     if scene.domain is not None:
         odds = np.where(scene.domain > 0, odds, np.float32(-1))
         starts &= scene.domain > 0
-    walls = np.where((scene.edges.edges == 0) & (odds > -1), np.uint8(0), np.uint8(255))
-    circles = list(starts_beyond(walls, starts, most))
+    circles = list(starts_beyond((scene.edges.edges == 0) & (odds > -1), starts, most))
     if params.region.islands and scene.edges.source == "prior":  # which parts a model means, its start says
         circles += islands(odds, starts, most)
     return tuple(circle_start(circle, params) for circle in circles)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +20,13 @@ START_SHARE = 0.6
 Circle = tuple[float, float, float]
 
 
-def starts_beyond(walls: NDArray[np.uint8], starts: NDArray[np.bool_], most: float) -> tuple[Circle, ...]:
+def starts_beyond(free: NDArray[np.bool_], starts: NDArray[np.bool_], most: float) -> tuple[Circle, ...]:
     """Discs in the parts that hang together with the starts, but only through narrow places.
 
     Parameters
     ----------
-    walls : ndarray of uint8, shape (H, W)
-        Nonzero where nothing passes.
+    free : ndarray of bool, shape (H, W)
+        False where nothing passes.
     starts : ndarray of bool, shape (H, W)
     most : float
         px; the largest radius of a disc.
@@ -38,10 +36,19 @@ def starts_beyond(walls: NDArray[np.uint8], starts: NDArray[np.bool_], most: flo
     tuple of (x, y, radius)
         The deepest first.
     """
-    depth = depths(holding(walls == 0, starts).view(np.uint8))
-    deep = parts(depth >= NARROW, corners=True)
-    others = np.setdiff1d(np.arange(1, deep.number), deep.touching(starts))
-    return discs(depth, deep, others[deep.areas[others] >= LEAST_PIXELS] if len(others) else (), most)
+    region = holding(free, starts).view(np.uint8)
+    left, top, width, height = cv2.boundingRect(region)
+    window = np.s_[top : top + height, left : left + width]
+    if not width:
+        return ()
+    depth = depths(region[window])
+    deep = depth >= NARROW
+    beyond = deep & ~holding(deep, starts[window], corners=True)
+    if np.count_nonzero(beyond) < LEAST_PIXELS:
+        return ()
+    told = parts(beyond, corners=True)
+    found = discs(depth, told, np.flatnonzero(told.areas >= LEAST_PIXELS), most)
+    return tuple((left + x, top + y, radius) for x, y, radius in found)
 
 
 def depths(region: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -51,24 +58,25 @@ def depths(region: NDArray[np.uint8]) -> NDArray[np.float32]:
     return depth
 
 
-def discs(depth: NDArray[np.float32], told: Parts, chosen: Iterable[int], most: float) -> tuple[Circle, ...]:
+def discs(depth: NDArray[np.float32], told: Parts, chosen: NDArray[np.integer], most: float) -> tuple[Circle, ...]:
     """A disc round the deepest pixel of each part chosen, the largest first.
 
     Parameters
     ----------
     depth : ndarray of float32, shape (H, W)
     told : Parts
-    chosen : iterable of int
+    chosen : ndarray of int
         Their numbers.
     most : float
         px; the largest radius of a disc.
     """
-    chosen, found = list(chosen), []
-    boxes = told.boxes() if chosen else ()
-    for part in chosen:
-        x, y, width, height = boxes[part].tolist()
-        window = np.s_[y : y + height, x : x + width]
-        inside = np.where(told.labels[window] == part, depth[window], 0)
-        row, column = np.unravel_index(int(inside.argmax()), inside.shape)
-        found.append((float(x + column), float(y + row), min(most, START_SHARE * float(inside.max()))))
+    inside = np.flatnonzero(told.pixels_of(chosen))
+    part, deep = told.labels.take(inside), depth.take(inside)
+    deepest = np.zeros(told.number, np.float32)
+    np.maximum.at(deepest, part, deep)
+    there = np.flatnonzero(deep == deepest[part])
+    first = there[np.unique(part[there], return_index=True)[1]]
+    rows, columns = np.divmod(inside[first], depth.shape[1])
+    radii = np.minimum(most, START_SHARE * deep[first].astype(np.float64))
+    found = zip(columns.astype(float).tolist(), rows.astype(float).tolist(), radii.tolist(), strict=True)
     return tuple(sorted(found, key=lambda one: -one[2]))

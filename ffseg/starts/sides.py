@@ -126,6 +126,8 @@ def _num_sides(start: FreeForm, sides: NDArray[np.int32]) -> int:
     passed = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     steps = np.arange(0.0, passed[-1], 0.5)
     x, y = (np.rint(np.interp(steps, passed, points[:, axis])).astype(np.intp) + 1 for axis in (0, 1))
+    left, top = (max(int(at.min()) - 2, 0) for at in (x, y))
+    sides, x, y = sides[top : max(int(y.max()), 0) + 1, left : max(int(x.max()), 0) + 1], x - left, y - top
     around = np.pad(sides, 2)
     inside = (x >= 0) & (y >= 0) & (x < sides.shape[1] + 2) & (y < sides.shape[0] + 2)
     offsets = np.mgrid[0:3, 0:3].reshape(2, 9, 1)

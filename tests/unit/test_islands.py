@@ -80,9 +80,9 @@ def test_parts_behind_narrow_places_get_a_start() -> None:
     walls[29:32, 48:52] = 0  # three pixels wide
     starts = np.zeros((60, 100), bool)
     starts[28:33, 20:25] = True
-    ((x, y, radius),) = starts_beyond(walls, starts, 10.0)
+    ((x, y, radius),) = starts_beyond(walls == 0, starts, 10.0)
     assert 60 < x < 90
     assert 20 < y < 40
     assert radius == 10.0
     walls[29:32, 48:52] = 255
-    assert starts_beyond(walls, starts, 10.0) == ()
+    assert starts_beyond(walls == 0, starts, 10.0) == ()

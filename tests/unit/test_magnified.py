@@ -97,7 +97,9 @@ def test_sentences_tell_places_in_the_picture_that_was_given() -> None:
     image = (image + rng.integers(0, 6, image.shape)).astype(np.uint8)
     found = ffseg.segment(larger(image, 2), {"init.center": [290, 200], "init.radius": 24})
     assert any("the start at (290, 200), radius 24 lay across an edge" in text for text in found.messages)
-    with pytest.raises(SegmentationError, match=r"background seed at \(700, 9\) has its centre outside the image of 600 x 400"):
+    with pytest.raises(
+        SegmentationError, match=r"background seed at \(700, 9\) has its centre outside the image of 600 x 400"
+    ):
         ffseg.segment(larger(image, 2), {"init.background": [[700, 9]]})
     with pytest.raises(SegmentationError, match="background mask has 300 x 200 pixels, the image 600 x 400"):
         ffseg.segment(larger(image, 2), background=np.zeros((200, 300), np.uint8))

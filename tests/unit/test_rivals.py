@@ -82,7 +82,9 @@ def test_the_domain_still_holds() -> None:
 
 
 def test_seeds_that_cannot_be() -> None:
-    with pytest.raises(SegmentationError, match=r"background seed at \(500, 50\) has its centre outside the image of 164 x 100"):
+    with pytest.raises(
+        SegmentationError, match=r"background seed at \(500, 50\) has its centre outside the image of 164 x 100"
+    ):
         ffseg.segment(rooms(), {**START, "init.background": [[500, 50]]})
     with pytest.raises(SegmentationError, match="lies in the start region"):
         ffseg.segment(rooms(), {**START, "init.background": [[31, 51]]})

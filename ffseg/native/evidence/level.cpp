@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "common/lanes.hpp"
 
@@ -84,15 +85,22 @@ public:
 
     Plane from(const std::vector<std::uint8_t>& crossing) const {
         Plane found(size_.count(), kFar);
-        std::size_t i = 0;
-        for (int y = 0; y < size_.height; ++y) {
-            for (int x = 0; x < size_.width; ++x, ++i) {
-                if (crossing[i] != 0) found[i] = beside(y, x);
-            }
+        std::vector<std::uint8_t> near(static_cast<std::size_t>(size_.height));  // rows that the level may reach
+        const int reach = static_cast<int>(std::ceil(reach_));
+        auto at = crossing.begin();
+        while ((at = std::find(at, crossing.end(), 1)) != crossing.end()) {
+            const auto i = static_cast<int>(at++ - crossing.begin()), y = i / size_.width;
+            found[static_cast<std::size_t>(i)] = beside(y, i % size_.width);
+            if (near[static_cast<std::size_t>(std::min(y + reach, size_.height - 1))] != 0) continue;
+            std::fill(near.begin() + std::max(y - reach, 0), near.begin() + std::min(y + reach + 1, size_.height), 1);
         }
         Plane spare(static_cast<std::size_t>(size_.width));
-        for (int y = 0; y < size_.height; ++y) sweep(found, y, -1, spare);
-        for (int y = size_.height - 1; y >= 0; --y) sweep(found, y, 1, spare);
+        for (int y = 0; y < size_.height; ++y) {
+            if (near[static_cast<std::size_t>(y)] != 0) sweep(found, y, -1, spare);
+        }
+        for (int y = size_.height - 1; y >= 0; --y) {
+            if (near[static_cast<std::size_t>(y)] != 0) sweep(found, y, 1, spare);
+        }
         return found;
     }
 
@@ -114,10 +122,12 @@ private:
             reach_across(row + static_cast<std::ptrdiff_t>(side) * width, width, row);
         }
         int known = 0;  // distances along the row that are taken into account
+        float *from = row, *to = spare.data();
         for (int apart = 1; static_cast<float>(known) < reach_ && known < width; known += apart, apart *= 2) {
-            reach_along(row, width, apart, spare.data());
-            std::copy(spare.begin(), spare.end(), row);
+            reach_along(from, width, apart, to);
+            std::swap(from, to);
         }
+        if (from != row) std::copy_n(from, width, row);
     }
 
     const float* above_;
