@@ -132,11 +132,8 @@ def _check_extras(image: NDArray[np.uint8], edges: object, center: object, altit
     """Refuse an edge map of another image, a centre that is no point, interest points that are none."""
     if edges is not None and not isinstance(edges, EdgeMap):
         raise SegmentationError(f"edges is of type {type(edges).__name__}; give an EdgeMap, as of ffseg.edge_map")
-    if isinstance(edges, EdgeMap) and edges.gradient.shape != image.shape[:2]:
-        (rows, columns), (height, width) = edges.gradient.shape, image.shape[:2]
-        raise SegmentationError(
-            f"the edge map has {columns} x {rows} pixels, the image {width} x {height}; give the map of this image"
-        )
+    if isinstance(edges, EdgeMap):
+        edges.check_shape((image.shape[0], image.shape[1]))
     if center is not None and _numbers(center).shape != (2,):
         raise SegmentationError(f"center is {reprlib.repr(center)}; give (x, y) in pixels")
     if altitudes is None:

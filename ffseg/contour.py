@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ffseg.errors import SegmentationError
+from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.boundary import Boundary
 from ffseg.plugins import method as chosen
 from ffseg.scene import BlockedStartError, Outcome, Scene
@@ -94,6 +94,23 @@ def bounded(scene: Scene) -> Scene:
 
 
 def run(scene: Scene) -> Outcome:
-    """What the method of a scene finds in it, as it stands."""
-    found: Outcome = (scene.method or chosen(scene.params.method)).loaded()(scene)
-    return found
+    """What the method of a scene finds in it, as it stands.
+
+    Raises
+    ------
+    ParameterError
+        If it gives no `Outcome`, or a mask that is none of this image.
+    """
+    method = scene.method or chosen(scene.params.method)
+    found, told = method.loaded()(scene), f"method: {method.name} returned"
+    if not isinstance(found, Outcome):
+        raise ParameterError(f"{told} {type(found).__name__}; it must return an ffseg.Outcome")
+    mask: object = found.mask
+    if mask is None:
+        return found
+    if not isinstance(mask, np.ndarray) or mask.dtype not in (np.bool_, np.uint8) or mask.shape != scene.shape:
+        what = f"{mask.dtype} of shape {mask.shape}" if isinstance(mask, np.ndarray) else type(mask).__name__
+        raise ParameterError(
+            f"{told} a mask of {what}; it must be of bool or uint8 and of the image's shape {scene.shape}"
+        )
+    return found if mask.dtype == np.bool_ else replace(found, mask=mask > 0)

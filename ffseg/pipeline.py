@@ -127,6 +127,8 @@ def with_evidence(scene: Scene) -> Scene:
     ------
     ParameterError
         If there is no such source, or it gives no edge map.
+    SegmentationError
+        If the map has another size than the image.
     """
     if scene.edges_given:
         return scene
@@ -134,6 +136,7 @@ def with_evidence(scene: Scene) -> Scene:
     edges = find("evidence", name)(scene)
     if not isinstance(edges, EdgeMap):
         raise ParameterError(f"edges.source: {name} returned {type(edges).__name__}; it must return an ffseg.EdgeMap")
+    edges.check_shape(scene.shape)
     return replace(scene, edges=edges)
 
 

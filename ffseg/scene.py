@@ -67,8 +67,8 @@ class Outcome:
     ----------
     contours : tuple of FreeForm, or None
         Outer ones with positive signed area, holes negative.
-    mask : ndarray of bool, shape (H, W), or None
-        Needed when there are no contours.
+    mask : ndarray of bool or uint8, shape (H, W), or None
+        Nonzero inside; needed when there are no contours.
     stats : Stats
 
     Examples

@@ -409,3 +409,30 @@ def test_a_side_that_no_method_takes_is_said_in_a_sentence(method: str, side: in
         ffseg.SegmentationError, match=f"the image has {sizes} pixels, .* takes at most {most} a side; "
     ):
         ffseg.segment(image, start, method=method)
+
+
+@pytest.mark.parametrize(
+    ("own", "sentence"),
+    [
+        (lambda scene: None, "returned NoneType; it must return an ffseg.Outcome"),
+        (
+            lambda scene: ffseg.Outcome(mask=np.ones(scene.shape)),
+            r"a mask of float64 of shape \(90, 120\); it must be of",
+        ),
+        (lambda scene: ffseg.Outcome(mask=np.ones((9, 9), bool)), r"a mask of bool of shape \(9, 9\); it must be of"),
+        (lambda scene: ffseg.Outcome(mask="all"), "a mask of str; it must be of bool or uint8"),
+    ],
+)
+def test_what_is_no_outcome_is_refused(own: typing.Callable[[ffseg.Scene], ffseg.Outcome], sentence: str) -> None:
+    with pytest.raises(ffseg.ParameterError, match=sentence):
+        ffseg.segment(DISC, method=own)
+
+
+def test_a_mask_of_bytes_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    bright = np.where(DISC > 100, np.uint8(255), np.uint8(0))
+    found = ffseg.segment(DISC, method=lambda scene: ffseg.Outcome(mask=bright)).mask
+    assert found.dtype == np.bool_
+    assert np.array_equal(found, bright > 0)
+    monkeypatch.setattr("ffseg.evidence.gradient.gradient", lambda scene: ffseg.edge_map(DISC[:-5], scene.params.edges))
+    with pytest.raises(ffseg.SegmentationError, match="the edge map has 120 x 85 pixels, the image 120 x 90"):
+        ffseg.segment(DISC, {"edges.source": "gradient"})
