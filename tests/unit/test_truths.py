@@ -56,6 +56,11 @@ def test_a_class_number_is_inside_when_it_is_named(number: int, dtype: type, tmp
     assert caught.value.reason == "truth"
 
 
+def test_a_truth_in_which_nothing_counts_is_none(tmp_path: Path) -> None:
+    with pytest.raises(ImageReadError, match=r"truth\.png has no pixel that counts: all are 128"):
+        read_truth(stored(tmp_path, np.full((12, 16), 128, np.uint8)), (12, 16))
+
+
 def test_soft_edges_are_told_from_class_numbers(tmp_path: Path) -> None:
     soft = np.linspace(0, 255, 192).astype(np.uint8).reshape(12, 16)  # a brush that fades
     with pytest.raises(ImageReadError, match=r"holds 192 levels, as a soft brush or JPEG leaves .* hard brush"):

@@ -121,8 +121,8 @@ def read_truth(
     Raises
     ------
     ImageReadError
-        With the reason ``truth``, naming the file: it cannot be read, has another size, or numbers whose meaning is
-        not known.
+        With the reason ``truth``, naming the file: it cannot be read, has another size, no pixel that counts, or
+        numbers whose meaning is not known.
     """
     name, limits = printable(told(path)), limits or Limits()
     try:
@@ -137,9 +137,14 @@ def read_truth(
         sizes = f"{labels.shape[1]}x{labels.shape[0]}, the image {shape[1]}x{shape[0]}"
         raise ImageReadError("truth", f"the true mask {name} has {sizes} pixels; it must have the image's size")
     try:
-        return _levels(labels, lossy=name.lower().endswith(_LOSSY)) if label is None else _chosen(labels, label)
+        levels = _levels(labels, lossy=name.lower().endswith(_LOSSY)) if label is None else _chosen(labels, label)
     except ValueError as error:
         raise ImageReadError("truth", f"the true mask {name} {error}") from None
+    if (levels == IGNORED).all():
+        raise ImageReadError(
+            "truth", f"the true mask {name} has no pixel that counts: all are {IGNORED}; mark what is known"
+        )
+    return levels
 
 
 def _levels(labels: Labels, *, lossy: bool) -> NDArray[np.uint8]:
