@@ -115,16 +115,14 @@ class Snake:
         return a + (64.0 / length) * (b - a) if length > 64.0 else b
 
     def inside(self, a: Points, b: Points) -> Points:
-        """The last of the places 0.5 px apart on the way that lies in the domain."""
-        if self.domain[self.pixel(b)]:
-            return b
+        """The last of the places 0.5 px apart on the way up to which all lie in the domain."""
         length, last, done = float(np.hypot(*(b - a))), a, 0.5
         while done < length:
             p = a + (done / length) * (b - a)
             if not self.domain[self.pixel(p)]:
-                break
+                return last
             last, done = p, done + 0.5
-        return last
+        return b if self.domain[self.pixel(b)] else last
 
     def sweep(self, a: Points, b: Points, c: Points, d: Points) -> None:
         """Mark homogeneous pixels between the stretches ab and cd."""

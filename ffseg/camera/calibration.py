@@ -23,6 +23,7 @@ MAX_SIDE = 65_500
 LENS_KEYS = ("fx", "fy", "cx", "cy")
 MOUNTING = ("mount_height", "robot_radius", "rim_radius", "footprint", "mirrored", "forward")
 
+_NO_XI = "model fisheye has none; leave it out, or name model omnidir"
 _FOCAL = Number(0, 1e6, above=True)
 _PIXEL = Number(-1e6, 1e6)
 _COEFFICIENT = Number(-1e6, 1e6)
@@ -182,6 +183,8 @@ def _inline(root: Node, values: dict[str, Any], problems: Problems) -> Camera | 
     for key in needed:
         if key not in values:
             _missing(root, key, problems, model)
+    if model == "fisheye" and "xi" in values:
+        problems.add(_place(root, "xi"), f"xi: {_NO_XI}")
     for key, other in (("D", "distortion"), *(("K", name) for name in (*LENS_KEYS, "skew"))):
         if key in values and other in values:
             problems.add(_place(root, other), f"{other}: given beside {key}; keep one")
@@ -223,6 +226,8 @@ def _opencv(values: opencv_files.Values | None, model: str | None, problems: Pro
         )
     if model in ("unified", "omnidir") and values.xi is None:
         problems.add(values.name, f"xi: missing; model {model} needs it")
+    if model == "fisheye" and values.xi is not None:
+        problems.add(values.name, f"xi: {_NO_XI}")
     if len(values.distortion) != 4:
         problems.add(values.name, f"distortion: {len(values.distortion)} coefficients; omnidir and fisheye have 4")
     affine = affine_of(values.matrix, values.name, "camera_matrix", problems)

@@ -47,7 +47,7 @@ def taken_image(
     if isinstance(image, np.ndarray) and image.size:
         if levels != "auto" and image.dtype.kind in "iuf" and image.dtype != np.uint8 and np.isfinite(image).all():
             image = scaled(image, levels)
-        elif image.dtype == np.uint16:
+        elif image.dtype.kind == "u" and image.dtype.itemsize == 2:
             image = (image >> 8).astype(np.uint8)
         elif image.dtype.kind == "f" and image.min() >= 0 and image.max() <= 1:
             image = np.rint(image * image.dtype.type(255)).astype(np.uint8)
@@ -116,16 +116,15 @@ def _remedy(image: NDArray[Any]) -> str:
 def _other_pixels(image: NDArray[Any]) -> str:
     if image.dtype == np.bool_:
         return "for bool give image.astype(np.uint8) * 255"
-    if image.dtype == np.uint16:
-        return "for uint16 give (image >> 8).astype(np.uint8)"
     if image.dtype.kind == "f" and not np.isfinite(image).all():
         return f"this one of {image.dtype} holds NaN or infinite values; say first what they are: np.nan_to_num(image)"
     if image.dtype.kind not in "fiu":
         return f"this one is of {image.dtype}, which no pixel is"
-    if image.dtype.kind == "f":
-        low, high = float(image.min()), float(image.max())
-        if low >= 0 and high <= 1:
-            return f"for {image.dtype} from 0 to 1 give (image * 255).round().astype(np.uint8)"
-        values = f"{image.dtype} with values from {low:g} to {high:g}"
-        return f"floats are taken from 0 to 1; for {values} give image.clip(0, 255).astype(np.uint8)"
-    return f"for {image.dtype} give image.clip(0, 255).astype(np.uint8)"
+    low, high = image.min().item(), image.max().item()
+    if image.dtype.kind == "f" and low >= 0 and high <= 1:
+        return f"for {image.dtype} from 0 to 1 give (image * 255).round().astype(np.uint8)"
+    values = f"for {image.dtype} with values from {low:g} to {high:g}"
+    if low >= 0 and high <= 255:
+        return f"{values} give image.round().astype(np.uint8)"
+    ends = f"({low:g}, {high:g})"
+    return f"{values}, black and white, give np.interp(image, {ends}, (0, 255)).round().astype(np.uint8)"

@@ -23,6 +23,7 @@ from ffseg.image.checked import taken_image
 from ffseg.io.exports import geojson_document
 from ffseg.io.images import decode_image
 from ffseg.io.saving import annotated
+from ffseg.metrics import iou
 from ffseg.schema.kinds import Integer, Number
 from ffseg.schema.sections import leaves
 from tests.masks import read_mask
@@ -66,8 +67,8 @@ WRONG = {
     "a path": (Path("a.png"), "ffseg.segment(ffseg.read_image('a.png'))"),
     "pillow": (Image.fromarray(COLOUR), "np.asarray(image.convert('RGB'))"),
     "list": (DISC.tolist(), "give a NumPy array"),
-    "floats": (DISC.astype(float), "image.clip(0, 255).astype(np.uint8)"),
-    "colour floats": (COLOUR.astype(float), "image.clip(0, 255).astype(np.uint8)"),
+    "floats": (DISC.astype(float), "image.round().astype(np.uint8)"),
+    "colour floats": (COLOUR.astype(float), "image.round().astype(np.uint8)"),
     "bool": (DISC > 99, "image.astype(np.uint8) * 255"),
     "channels first": (COLOUR.transpose(2, 0, 1), "image.transpose(1, 2, 0)"),
     "float, channels first": (COLOUR.transpose(2, 0, 1) / 255, "image.transpose(1, 2, 0)"),
@@ -91,6 +92,20 @@ def test_what_is_no_image_is_told_in_one_sentence_how_to_become_one(image: objec
     assert "\n" not in str(caught.value)
     if "colours" in str(caught.value) or isinstance(image, Image.Image):
         assert "rgb=True" in str(caught.value)
+
+
+@pytest.mark.parametrize("image", [DISC / 127.5 - 1, DISC.astype(np.int32) * 257, DISC.astype(float), DISC / 1e6 - 3])
+def test_the_remedy_for_other_numbers_keeps_what_they_show(image: npt.NDArray[np.number]) -> None:
+    with pytest.raises(ffseg.SegmentationError) as caught:
+        ffseg.segment(image, SMALL)  # type: ignore[arg-type]
+    remedy = str(caught.value).split("give ")[1]
+    mask = ffseg.segment(eval(remedy, {"np": np, "image": image}), SMALL).mask  # noqa: S307 - what the sentence says
+    assert iou(mask, np.where(DISC > 99, np.uint8(255), np.uint8(0))) > 0.98
+
+
+def test_16_bits_may_lie_in_either_order() -> None:
+    deep = DISC.astype(np.uint16) << 8
+    assert np.array_equal(ffseg.segment(deep.astype(">u2"), SMALL).mask, ffseg.segment(deep, SMALL).mask)
 
 
 @pytest.mark.parametrize("name", ["colour floats", "alpha"])
@@ -148,7 +163,7 @@ def test_a_domain_bounds_the_contour_on_a_given_edge_map_too(method: str) -> Non
 
 
 NO_EDGES = {
-    "floats": ((DISC / 2.0, EDGES), "floats are taken from 0 to 1; for float64 with values from 20 to 105 give"),
+    "floats": ((DISC / 2.0, EDGES), "for float64 with values from 20 to 105 give image.round"),
     "none": ((None, EDGES), "the image is None"),
     "a row": ((DISC[0], EDGES), "this one has shape"),
     "all parameters": ((DISC, ffseg.load_params()), "give the edges of a parameter set: params.edges"),

@@ -113,6 +113,7 @@ BAD = {
     "no model": (GOOD.replace("model: unified\n", ""), "model: missing"),
     "unknown model": (GOOD.replace("unified", "spherical"), "'spherical' is not 'unified'"),
     "unknown key": (GOOD + "mount_heigth: 1\n", "mount_heigth: unknown key"),
+    "xi of a fisheye": (GOOD.replace("unified", "fisheye"), "xi: model fisheye has none; leave it out, or name"),
     "missing xi": (GOOD.replace("xi: 0.95\n", ""), "xi: missing"),
     "missing width": (GOOD.replace("width: 800\n", ""), "width: missing"),
     "negative focal": (GOOD.replace("fx: 280.0", "fx: -1"), "fx: -1 is not"),

@@ -93,6 +93,13 @@ def test_it_stays_in_domain_and_image() -> None:
     assert mask[domain > 0].mean() > 0.95  # a snake rounds the corners
 
 
+def test_it_does_not_step_over_a_wall_of_the_domain() -> None:
+    domain = np.full(SHAPE, 255, np.uint8)
+    domain[:, 130:134] = 0  # half as wide as a step
+    contours, _ = evolved(edges_of(np.full(SHAPE, 90, np.uint8), domain), (START,), Parameters())
+    assert not rasterize(contours, SHAPE)[:, 130:].any()
+
+
 def altitude_case() -> tuple[EdgeMap, NDArray[np.bool_]]:
     """A painted ring on the ground inside a disc, and the disc as truth."""
     image = disc_image(70)

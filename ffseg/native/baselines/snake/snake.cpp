@@ -188,15 +188,15 @@ Vec2 Snake::gradient(Vec2 p, double& level) const {
 Vec2 Snake::move(Vec2 from, Vec2 to) const {
     const double wanted = norm(to - from);
     to = field_.clamp(wanted > kMostMove ? from + (kMostMove / wanted) * (to - from) : to);
-    if (!field_.barred(to)) return to;
+    if (field_.domain == nullptr) return to;
     const double length = norm(to - from);
     Vec2 last = from;
     for (double done = kFine; done < length; done += kFine) {
         const Vec2 p = from + (done / length) * (to - from);
-        if (field_.barred(p)) break;
+        if (field_.barred(p)) return last;
         last = p;
     }
-    return last;
+    return field_.barred(to) ? last : to;
 }
 
 // Marks the homogeneous pixels a stretch ab has moved over on its way to cd.
