@@ -140,8 +140,7 @@ class FreeForm:
     @classmethod
     def box(cls, x0: float, y0: float, x1: float, y1: float) -> FreeForm:
         """Axis-parallel rectangle of degree 1 between two opposite corners, positive area."""
-        left, right = min(x0, x1), max(x0, x1)
-        top, bottom = min(y0, y1), max(y0, y1)
+        (left, right), (top, bottom) = np.sort([x0, x1]), np.sort([y0, y1])  # which keeps what is not a number
         return cls.polygon([(left, top), (right, top), (right, bottom), (left, bottom)])
 
     @property

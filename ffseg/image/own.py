@@ -80,7 +80,7 @@ def own_image(images: Iterable[Pixels], *, rgb: bool = False) -> Mask:
     Parameters
     ----------
     images : iterable of ndarray of uint8, uint16 or float, shape (H, W) or (H, W, 3)
-        As `segment` takes them: at least `LEAST_IMAGES` of one size, from a camera that has moved between them. About 24
+        As `segment` takes them: at least five of one size, from a camera that has moved between them. About 24
         are enough.
     rgb : bool
         Their channels are red, green, blue.

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import os
 import re
+import reprlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -26,7 +27,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.errors import ImageReadError
+from ffseg.errors import ImageReadError, ParameterError
 from ffseg.image.checked import scaled
 from ffseg.io.files import printable, read_bytes
 from ffseg.io.validation.base import Header, damaged
@@ -95,6 +96,8 @@ def read_image(
     ------
     ImageReadError
         With one of ``REASONS``; the message names the file and the remedy.
+    ParameterError
+        If black is not below white, or either is no number.
 
     Examples
     --------
@@ -103,6 +106,12 @@ def read_image(
     ((600, 800), dtype('uint8'))
     """
     limits = limits or Limits()
+    if levels is not None and levels != "auto":
+        ends = np.asarray(levels)
+        if ends.dtype.kind not in "iuf" or ends.shape != (2,) or not -np.inf < ends[0] < ends[1] < np.inf:
+            raise ParameterError(
+                f'levels: {reprlib.repr(levels)} is not "auto", None or (black, white), black below white'
+            )
     try:
         return decode_image(read_bytes(path, limits.max_bytes), limits, levels)
     except ImageReadError as error:

@@ -64,6 +64,12 @@ def test_evaluate_broadcasts_over_stacks() -> None:
 UNIT_SQUARE = FreeForm.box(0, 0, 1, 1)
 
 
+def test_a_box_of_what_is_no_number_is_refused() -> None:
+    for at in np.ndindex(4):
+        with pytest.raises(ValueError, match="every coordinate must be finite"):
+            FreeForm.box(*np.where(np.arange(4) == at, np.nan, np.arange(4.0)))
+
+
 def test_box_has_positive_area_and_reversal_changes_the_sign() -> None:
     assert UNIT_SQUARE.signed_area == 1.0
     assert UNIT_SQUARE.reversed().signed_area == -1.0

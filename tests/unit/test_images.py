@@ -19,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from ffseg.errors import ImageReadError
+from ffseg.errors import ImageReadError, ParameterError
 from ffseg.io.images import REASONS, Limits, decode_image, inspect, read_image, read_picture
 from ffseg.io.validation.headers import looks_like
 
@@ -380,3 +380,11 @@ def test_a_range_that_a_tiff_states_is_taken() -> None:
 )
 def test_what_is_no_image_is_named(data: bytes, what: str) -> None:
     assert what in looks_like(data)
+
+
+@pytest.mark.parametrize("levels", [(5, 1), (5, 5), (0, np.nan), "x", (0, 1, 2), ("a", "b")])
+def test_black_lies_below_white(levels: object) -> None:
+    with pytest.raises(
+        ParameterError, match=r"levels: .* is not \"auto\", None or \(black, white\), black below white"
+    ):
+        read_image("any.png", levels=levels)
