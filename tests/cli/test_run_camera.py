@@ -112,7 +112,7 @@ def test_a_second_run_does_only_what_its_inputs_changed(ffseg_command: Command, 
     (views / "camera.yaml").write_text(CAMERA_YAML.replace("mount_height: 0.9", "mount_height: 1.1"))
     refused = run(ffseg_command, views, *command)
     assert refused.returncode == 2
-    assert "the file of camera has changed" in refused.stderr
+    assert "the camera file or --footprint has changed" in refused.stderr
 
 
 def test_bad_files_are_refused_before_the_first_image(ffseg_command: Command, views: Path) -> None:

@@ -92,4 +92,8 @@ def _changed_files(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     before = old.get("files")
     before = before if isinstance(before, dict) else {}
     names = sorted({*before, *new["files"]})
-    return [f"the file of {key} has changed" for key in names if before.get(key, "") != new["files"].get(key, "")]
+    changed = [key for key in names if before.get(key, "") != new["files"].get(key, "")]
+    return [
+        "the camera file or --footprint has changed" if key == "camera" else f"the file of {key} has changed"
+        for key in changed
+    ]
