@@ -31,9 +31,9 @@ MARGIN = 3
 SAMPLE = 4
 """Every fourth pixel each way shows how plain a region is."""
 
-EVERY, ENOUGH, DOUBTED = 64, 20, 0.5
+EVERY, ENOUGH, DOUBTED = 48, 20, 0.5
 """A contour on the way is looked at every so many iterations, once it has met edges at so many joints, and given up when more
-than this share of them are faint. It only saves time: of 780 drawings, 329 of which come out clear, none changes a byte."""
+than this share of them are faint. It only saves time: of 924 drawings and 400 scenes, 436 of which come out clear, none changes."""
 
 
 class FaintError(Exception):
