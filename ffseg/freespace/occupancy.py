@@ -70,7 +70,8 @@ class Station:
     Attributes
     ----------
     x, y, theta : float
-        Metres and radians, of the levelled camera frame; as in a poses file.
+        Metres, and the direction of the image's x axis, radians counterclockwise from the map's. Under a mirror, as in a
+        poses file; without one y and theta have the other sign.
     sigma_m, sigma_rad : float
         Standard deviations, against the frame of the poses; without poses against the first frame.
     estimated : bool
@@ -166,7 +167,7 @@ class OccupancyMap:
         self.cell, self.reach = cell, reach
         self._told = np.zeros((2, 0, 0), np.float32)  # sums of log odds, and of the readings they are of
         self._corner = np.zeros(2, np.int64)  # cell number of the first column and row
-        self._stations: dict[str, Station | None] = {}
+        self._stations: dict[str, Station | None] = {}  # as the poses have it, y not turned over yet
         self._last: Station | None = None
         self._lens: Camera | None = None
         self._errors = np.zeros(3)  # squared differences between poses and ground, metres and radians, and their number
@@ -189,7 +190,10 @@ class OccupancyMap:
     @property
     def stations(self) -> tuple[Station | None, ...]:
         """One for each frame; None where neither a pose nor the ground told where it was, and nothing was added."""
-        return tuple(self._stations.values())
+        return tuple(
+            one if one is None or self._flip > 0 else replace(one, y=0.0 - one.y, theta=0.0 - one.theta)
+            for one in self._stations.values()
+        )
 
     @property
     def drift(self) -> tuple[float, float]:
@@ -350,7 +354,7 @@ class OccupancyMap:
             "map.png": self.picture(ways),
             "trajectory.csv": csv_table(
                 ["frame", "x", "y", "theta", "sigma_m", "sigma_rad", "origin"],
-                [[name, *_cells(one)] for name, one in self._stations.items()],
+                [[name, *_cells(one)] for name, one in zip(self._stations, self.stations, strict=True)],
             ),
         }
 
@@ -360,7 +364,7 @@ class OccupancyMap:
         grey = np.rint(255.0 * (1.0 - self.probability[low[1] : high[1], low[0] : high[0]][::-1])).astype(np.uint8)
         zoom = max(1, min(ZOOM, WIDEST // max(grey.shape)))
         large = grey.repeat(zoom, axis=0).repeat(zoom, axis=1)
-        way = np.array([[one.x, self._flip * one.y] for one in self.stations if one is not None]).reshape(-1, 2)
+        way = np.array([[one.x, one.y] for one in self.stations if one is not None]).reshape(-1, 2)
         drawn: list[tuple[Array, Kind]] = [(edge.points, "false") for edge in (ways.edges if ways else ())]
         drawn += [(way, "differs")] if len(way) else []
         lines = []

@@ -236,6 +236,23 @@ def test_a_reader_of_the_format_puts_points_where_they_are(tmp_path: Path) -> No
     assert len(lines) == 1 + len(frames)
 
 
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_a_station_is_where_the_map_has_its_frame(tmp_path: Path, mirrored: bool) -> None:
+    """Free ground only along the image's x axis: its cells lie round the way from the station in the direction theta."""
+    camera, grid = replace(CAMERA, mirrored=mirrored), OccupancyMap(cell=0.02)
+    x, y = np.moveaxis(CAMERA.ground(), -1, 0)
+    mask = (x > 0.5) & (x < 1.5) & (np.abs(y) < 0.3)
+    assert grid.fuse("0", Sighting(mask, camera), planar_pose(camera, 2.0, 1.0, 0.7))
+    station, side = grid.stations[0], 1.0 if mirrored else -1.0
+    assert (station.x, station.y, station.theta) == pytest.approx((2.0, side, 0.7 * side))
+    middle = centres(grid)[grid.probability < 0.25].mean(axis=0)
+    ahead = [station.x + np.cos(station.theta), station.y + np.sin(station.theta)]
+    np.testing.assert_allclose(middle, ahead, atol=0.01)
+    grid.save(tmp_path)
+    row = (tmp_path / "trajectory.csv").read_text().splitlines()[1]
+    assert row.startswith(f"0,2.0,{side},{0.7 * side},")
+
+
 def test_the_grid_does_not_grow_on_ground_it_has() -> None:
     drive, frames = driven()
     grid = OccupancyMap()
