@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from ffseg.freespace.motion.ground import Doubt as Doubt
     from ffseg.freespace.motion.ground import GroundFit as GroundFit
     from ffseg.freespace.occupancy import OccupancyMap as OccupancyMap
-    from ffseg.freespace.occupancy import Station as Station
     from ffseg.freespace.outline import Ground as Ground
     from ffseg.freespace.outline import Scan as Scan
     from ffseg.freespace.sequence import Frame as Frame
     from ffseg.freespace.sequence import Sequence as Sequence
+    from ffseg.freespace.sightings import Station as Station
     from ffseg.freespace.skeleton import Edge as Edge
     from ffseg.freespace.skeleton import Node as Node
     from ffseg.freespace.skeleton import Skeleton as Skeleton
@@ -92,7 +92,8 @@ _NAMES = {
     "ffseg.camera": "Camera load_camera Pose planar_pose load_poses Motion",
     "ffseg.freespace.sequence": "Sequence Frame",
     "ffseg.freespace.outline": "Ground Scan",
-    "ffseg.freespace.occupancy": "OccupancyMap Station",
+    "ffseg.freespace.occupancy": "OccupancyMap",
+    "ffseg.freespace.sightings": "Station",
     "ffseg.freespace.skeleton": "Skeleton Node Edge",
     "ffseg.freespace.structural": "ComponentVerdict",
     "ffseg.io.images": "read_image Limits",

@@ -17,7 +17,8 @@ from ffseg.batch.values import Record
 from ffseg.batch.views import Views
 from ffseg.errors import ImageReadError
 from ffseg.freespace.leans import Lean
-from ffseg.freespace.occupancy import OccupancyMap, Sighting
+from ffseg.freespace.occupancy import OccupancyMap
+from ffseg.freespace.sightings import Sighting
 from ffseg.freespace.skeleton import Skeleton
 from ffseg.freespace.window import Link
 from ffseg.io.files import make_folder, printable, write_all_atomic

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +13,11 @@ from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose
 from ffseg.camera.projections import Array
 from ffseg.errors import CalibrationError
-from ffseg.freespace.leans import Lean, Leans, lean_of
+from ffseg.freespace.leans import Leans
 from ffseg.freespace.sequence import Frame
+from ffseg.freespace.sightings import Sighting, Station, Window, read_cells, sighting_of
 from ffseg.freespace.skeleton import Skeleton, skeleton_of
-from ffseg.freespace.window import WINDOW, Link
-from ffseg.image.resized import NOWHERE, Values, laid_out, of_shares, read_at
+from ffseg.freespace.window import WINDOW
 from ffseg.io.files import make_folder, write_all_atomic
 from ffseg.io.overlays import Kind, Polyline, encode_overlay
 from ffseg.io.tables import csv_table
@@ -27,17 +26,8 @@ OCCUPIED, FREE = 0.65, 0.25
 """Probabilities above which a cell is occupied and below which it is free, map_server's own defaults."""
 UNKNOWN_LEVEL, FREE_LEVEL, OCCUPIED_LEVEL = 128, 254, 0
 """Grey levels of map.pgm. map_saver's own 205 for unknown stands for 0.196 and would be read as free below 0.25."""
-BAND = 0.1
-"""Metres behind an outline that are told occupied: what stands there has a front, and nothing is known of its depth."""
 BLOCK = 64
 """Cells by which the grid grows, so that a robot that drives on does not copy it at every frame."""
-ERRS_FREE, ERRS_OCCUPIED = 0.005, 0.015
-"""Readings well inside and well behind an outline that err for reasons which no noise of pixels explains. On rendered drives
-three cells in ten thousand inside one are not free, but nothing moves there, and one in thirty behind it is free, but in
-frames alike."""
-SHARP = 1.7
-"""Log odds that the ground at a place is free, over those of the mask read there between its pixels: what a straight edge at
-any angle and place comes to (1.64 to 1.76 for every reading; tests/unit/test_occupancy.py)."""
 ALIKE = 0.3
 """Correlation between the errors of two frames' readings of a cell: they share the bias of the outline and much of the pose.
 So n of them are worth n / (1 + (n - 1) ALIKE) that err alone (Clemen and Winkler 1985, Limits for the precision and value of
@@ -46,89 +36,11 @@ REMEMBERED = 30.0
 """Frames that a cell is told by at most: with more, older ones fade, and what has moved away is forgotten."""
 ODOMETRY = 0.02, float(np.deg2rad(0.5))
 """Standard deviations of a step whose motion says none: relative to its length, and radians."""
-TABLE, BEYOND = 0.05, 1.4
-"""Metres between the places on the ground whose pixels are kept (linear between them, a millimetre is lost), and how
-many times the reach they cover: a camera that leans sees farther on one side."""
-STILL = 0.2
-"""Part of a cell that a pose may be off by, at the frame's reach, and moves nothing that a map shows: what cells are said to be
-comes true as often as with a twentieth, and most frames are read at one place instead of four."""
 STEADY = 0.25
 """Part of a cell by which one standard deviation of the camera's lean may move the ground where a frame is still believed. On 12
 rendered drives that nod .85 and more of the cells said .9 free are so, and .5 to .7 of them with a third."""
-CORNERS = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
-"""Four places round a pose, in standard deviations of x, y and turn, with the pose's own mean and covariance."""
-HALF = 127
-"""Grey level above which a mask read between its pixels is rather free than not."""
 ZOOM, WIDEST, MARGIN = 4, 2400, 8
 """Pixels of a cell in the picture, fewer where one of its sides would be longer than that many; cells round what is known."""
-
-
-@dataclass(frozen=True, slots=True)
-class Station:
-    """Where the camera was at a frame, on the map.
-
-    Attributes
-    ----------
-    x, y, theta : float
-        Metres, and the direction of the image's x axis, radians counterclockwise from the map's. Under a mirror, as in a
-        poses file; without one y and theta have the other sign.
-    sigma_m, sigma_rad : float
-        Standard deviations, against the frame of the poses; without poses against the first frame.
-    estimated : bool
-        Whether it was read off the ground.
-
-    Examples
-    --------
-    >>> ffseg.Station(x=1.0, y=2.0, theta=0.5).estimated
-    False
-    """
-
-    x: float
-    y: float
-    theta: float
-    sigma_m: float = 0.0
-    sigma_rad: float = 0.0
-    estimated: bool = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sighting:
-    """What a map takes of a frame.
-
-    Attributes
-    ----------
-    mask : ndarray of bool, shape (H, W)
-        Free space.
-    camera : Camera
-        As it is mounted.
-    links : tuple of Link
-        How the ground moved since earlier frames, the nearest first, by the names that the map knows them by.
-    sigmas : tuple of float
-        Standard deviations of that motion, metres and radians; 0 where it says none.
-    lean : Lean or None
-        How it leaned; None where the ground does not show it.
-    """
-
-    mask: NDArray[np.bool_]
-    camera: Camera
-    links: tuple[Link, ...] = ()
-    sigmas: tuple[float, float] = (0.0, 0.0)
-    lean: Lean | None = None
-
-
-def sighting_of(frame: Frame) -> Sighting:
-    """What a map takes of a frame.
-
-    Raises
-    ------
-    CalibrationError
-        When the frame is of no camera.
-    """
-    if frame.lens is None:
-        raise CalibrationError("the frame is of no camera; segment with ffseg.Sequence(camera, ...)")
-    motion = frame.motion
-    sigmas = (0.0, 0.0) if motion is None else (motion.translation_sigma, motion.rotation_sigma)
-    return Sighting(frame.mask, frame.lens, frame.links, sigmas, lean_of(frame.lens, frame.camera, motion))
 
 
 class OccupancyMap:
@@ -289,8 +201,8 @@ class OccupancyMap:
         lean, sigma = self._leans.of(name)
         height, moves = seen.camera.mounting(), STEADY * self.cell / max(sigma, 1e-9)
         near = min(self.reach, float(np.sqrt(max(height * (moves - height), 0.0))))
-        cells = _Window(station, (low + 0.5) * step, step, count, near, _levelled(seen.camera, lean))
-        told, chance = _read(seen, self._lens, cells, self.reach)
+        cells = Window(station, (low + 0.5) * step, step, count, near, _levelled(seen.camera, lean))
+        told, chance = read_cells(seen, self._lens, cells, self.reach)
         column, row = (low - self._corner).tolist()
         window = self._told[:, row : row + count, column : column + count]
         new = told.astype(np.float32)
@@ -395,12 +307,6 @@ def _moved(before: Station, planar: tuple[float, float, float], sigmas: tuple[fl
     )  # fmt: skip
 
 
-def _levelled(camera: Camera, lean: Array) -> Array:
-    """The rotation that levels a camera whose up leans toward x and y of the frame that is levelled as it is mounted."""
-    x, y = lean.tolist()
-    return replace(camera, up=np.array([x, y, -np.sqrt(1.0 - x * x - y * y)]) @ camera.level()).level()
-
-
 def _cells(one: Station | None) -> Sequence[str | float]:
     if one is None:
         return ["", "", "", "", "", "lost"]
@@ -408,91 +314,7 @@ def _cells(one: Station | None) -> Sequence[str | float]:
     return [*numbers, "ground" if one.estimated else "pose"]
 
 
-def _read(seen: Sighting, lens: Camera, window: _Window, reach: float) -> tuple[NDArray[np.bool_], Values]:
-    """Which cells of a window, shape (count, count), a frame tells something of, and how likely they are free.
-
-    Parameters
-    ----------
-    lens : Camera
-        The same camera as it is mounted.
-
-    Notes
-    -----
-    A frame tells of a cell that its pixel shows, or that of the ground just before it; given that, the cell is free as far
-    as its own pixel is; between pixels, as much as the mask's rounding leaves open. So the top or the side of a box hides
-    what lies behind and beside it, and says nothing of it. Of the poses that it may have been taken from, those that show
-    neither say nothing, and most must say something.
-    """
-    table, shown, station = _ground_pixels(lens, reach), lens.domain(), window.station
-    inside = 255 * (seen.mask >= shown).view(np.uint8)  # where the view ends is no outline
-    pixels = [window.laid(table, lens)]
-    told = window.within() & (read_at(shown.view(np.uint8), *pixels[0][:2], nearest=True) > 0)
-    if station.sigma_m + reach * station.sigma_rad >= STILL * window.step[0]:
-        around = CORNERS * [station.sigma_m, station.sigma_m, station.sigma_rad]
-        beside = [
-            replace(station, x=station.x + x, y=station.y + y, theta=station.theta + turn) for x, y, turn in around
-        ]
-        pixels = [replace(window, station=one).laid(table, lens) for one in beside]
-    (free, often), chances = np.zeros((2, *told.shape), np.float32), _chances()
-    for one in pixels:
-        own = read_at(inside, *one[:2])
-        most = np.maximum(own, read_at(inside, *one[2:]))
-        often += most > HALF
-        free += np.where(most > HALF, of_shares(own, most, chances), np.float32(0.5))
-    return told & (2 * often > len(pixels)), free / np.float32(len(pixels))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Window:
-    """A square of cells round a station: the middle of the first, and the step to the next along x and y; metres.
-
-    Also up to where the station tells of them, and the rotation that levels the camera.
-    """
-
-    station: Station
-    first: Array
-    step: Array
-    count: int
-    reach: float
-    level: Array
-
-    def within(self) -> NDArray[np.bool_]:
-        """Cells that lie near enough."""
-        x, y = (self.first - [self.station.x, self.station.y] + np.arange(self.count)[:, None] * self.step).T
-        near: NDArray[np.bool_] = x**2 + (y**2)[:, None] < self.reach**2
-        return near
-
-    def laid(self, table: Values, lens: Camera) -> tuple[Values, ...]:
-        """The table's values at the cells, as the camera sees them that leans."""
-        c, s = np.cos(self.station.theta), np.sin(self.station.theta)
-        x, y = self.first - [self.station.x, self.station.y]
-        cells = np.array([[self.step[0], 0.0, x], [0.0, self.step[1], y], [0.0, 0.0, lens.mounting()]])
-        rays = lens.level() @ self.level.T @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ cells
-        middle = len(table) // 2
-        places = np.array(
-            [[lens.mounting(), 0.0, middle * TABLE], [0.0, lens.mounting(), middle * TABLE], [0.0, 0.0, TABLE]]
-        )
-        return laid_out(table, places @ rays, self.count)
-
-
-@lru_cache(maxsize=1)
-def _chances() -> Values:
-    """That ground is free where so many 255ths of its mask are, shape (256,)."""
-    part = np.linspace(0.0, 1.0, 256) ** SHARP
-    sharp = part / (part + part[::-1])
-    return (ERRS_OCCUPIED + (1.0 - ERRS_OCCUPIED - ERRS_FREE) * sharp).astype(np.float32)
-
-
-@lru_cache(maxsize=2)
-def _ground_pixels(camera: Camera, reach: float) -> Values:
-    """Pixels that show places of the ground `TABLE` apart, the camera in the middle, and those `BAND` nearer to it.
-
-    Shape (n, n, 4): rows along y of the levelled frame, columns along x; far away where nothing is shown.
-    """
-    along = TABLE * np.arange(-(side := int(np.ceil(BEYOND * reach / TABLE))), side + 1)
-    x, y = np.meshgrid(along, along)
-    nearer = np.maximum(1.0 - BAND / np.maximum(np.hypot(x, y), 1e-9), 0.0)
-    places = [np.stack([share * x, share * y, np.full_like(x, camera.mounting())], axis=-1) for share in (1.0, nearer)]
-    shown, before = (camera.project(place @ camera.level()) for place in places)
-    pixels = np.concatenate([shown, before], axis=-1)
-    return np.where(np.isfinite(pixels), pixels, NOWHERE).astype(np.float32)
+def _levelled(camera: Camera, lean: Array) -> Array:
+    """The rotation that levels a camera whose up leans toward x and y of the frame that is levelled as it is mounted."""
+    x, y = lean.tolist()
+    return replace(camera, up=np.array([x, y, -np.sqrt(1.0 - x * x - y * y)]) @ camera.level()).level()

@@ -16,8 +16,9 @@ import ffseg
 from ffseg.camera.motion import planar_pose
 from ffseg.errors import CalibrationError
 from ffseg.freespace.leans import Lean
-from ffseg.freespace.occupancy import ALIKE, SHARP, OccupancyMap, Sighting
+from ffseg.freespace.occupancy import ALIKE, OccupancyMap
 from ffseg.freespace.sequence import Frame
+from ffseg.freespace.sightings import SHARP, Sighting
 from ffseg.freespace.window import Link
 from ffseg.rendering.pairs import RenderedSequence, sample_camera
 
