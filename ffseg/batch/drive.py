@@ -15,7 +15,7 @@ from ffseg.batch.record.tables import in_time
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.values import Record
 from ffseg.batch.views import Views
-from ffseg.errors import ImageReadError
+from ffseg.errors import CalibrationError, ImageReadError
 from ffseg.freespace.leans import Lean
 from ffseg.freespace.occupancy import OccupancyMap
 from ffseg.freespace.sightings import Sighting
@@ -70,9 +70,13 @@ class Drive:
             return
         if pose is None and views.poses and not any(self.grid.stations):
             self._lose(name, "it has no pose, nor has a frame before it")
-        elif not self.grid.fuse(name, seen, pose):
-            why = "it moved since frames that are not in the map" if seen.links else record.row.get("note", "")
-            self.lost[name] = f"it has no pose; {why}"
+            return
+        try:
+            if not self.grid.fuse(name, seen, pose):
+                why = "it moved since frames that are not in the map" if seen.links else record.row.get("note", "")
+                self.lost[name] = f"it has no pose; {why}"
+        except CalibrationError as error:
+            self.lost[name] = str(error)
 
     def _lose(self, name: str, reason: str) -> None:
         self.grid.miss(name)

@@ -22,8 +22,8 @@ class Pose:
     """Where the camera is: ``world = rotation @ camera + position``, from the camera's frame to the world's.
 
     The camera's frame is x right and y down in the image, z along the optical axis toward the ground side. The world's is
-    any fixed frame in metres, the same for all poses of a sequence; only differences between poses count.
-    `planar_pose` makes a pose of x, y and a heading.
+    any fixed frame in metres, the same for all poses of a sequence; only differences between poses count, but for a map,
+    which needs one whose z axis is vertical, up or down. `planar_pose` makes a pose of x, y and a heading.
 
     Attributes
     ----------
@@ -220,6 +220,14 @@ def planar_pose(camera: Camera, x: float, y: float, theta: float, sigmas: tuple[
         if not isinstance(value, float | int | np.floating | np.integer) or not np.isfinite(value):
             raise CalibrationError(f"{name} is {value!r}; give a finite number, in metres or radians")
     return Pose(_turn(theta) @ camera.level(), np.array([x, y, 0.0]), sigmas, theta)
+
+
+def planar_place(camera: Camera, pose: Pose) -> tuple[float, float, float]:
+    """(x, y, theta) of a pose as `planar_pose` takes them; of a world whose z axis points up with y and z turned over."""
+    turn = pose.rotation @ camera.level().T
+    side = -1.0 if turn[2, 2] < 0.0 else 1.0
+    theta = np.arctan2(side * turn[1, 0] - turn[0, 1], turn[0, 0] + side * turn[1, 1])
+    return float(pose.position[0]), float(side * pose.position[1]), float(theta)
 
 
 def relative_motion(previous: Pose, current: Pose) -> Motion:

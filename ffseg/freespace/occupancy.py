@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Pose
+from ffseg.camera.motion import Pose, planar_place
 from ffseg.camera.projections import Array
 from ffseg.errors import CalibrationError
 from ffseg.freespace.leans import Leans
@@ -39,6 +39,9 @@ ODOMETRY = 0.02, float(np.deg2rad(0.5))
 STEADY = 0.25
 """Part of a cell by which one standard deviation of the camera's lean may move the ground where a frame is still believed. On 12
 rendered drives that nod .85 and more of the cells said .9 free are so, and .5 to .7 of them with a third."""
+UPRIGHT = float(np.cos(np.deg2rad(15.0)))
+"""Least cosine between the z axis of the poses' world and the camera's up or down: ramps rise by up to 9 degrees, and nods
+of 4.5 are believed."""
 ZOOM, WIDEST, MARGIN = 4, 2400, 8
 """Pixels of a cell in the picture, fewer where one of its sides would be longer than that many; cells round what is known."""
 
@@ -47,7 +50,8 @@ class OccupancyMap:
     """A grid on the ground, fed with the frames of a `Sequence`.
 
     The map's frame is that of the poses; without poses the first frame's. Its x axis is theirs, and its y axis lies to
-    the left of it as seen from above: theirs under a mirror, turned over without one.
+    the left of it as seen from above. That is theirs under a mirror, as in a poses file, and without one where their
+    world's z axis points up; else it is theirs turned over.
 
     Parameters
     ----------
@@ -84,6 +88,7 @@ class OccupancyMap:
         self._lens: Camera | None = None
         self._errors = np.zeros(3)  # squared differences between poses and ground, metres and radians, and their number
         self._flip = 1.0
+        self._down = 0.0  # 1 where the z axis of the poses' world points down, -1 where up
         self._leans = Leans()
         self._begun: list[tuple[str, Sighting, Station]] = []  # as long as no nod was seen
 
@@ -129,7 +134,8 @@ class OccupancyMap:
         Raises
         ------
         CalibrationError
-            When the frame is of no camera.
+            When the frame is of no camera, or the z axis of the pose's world is not vertical, or the other way than before;
+            the frame is then one without a station.
         """
         return self.fuse(str(len(self._stations)), sighting_of(frame), pose)
 
@@ -143,6 +149,7 @@ class OccupancyMap:
         seen : Sighting
         pose : Pose, optional
         """
+        self.miss(name)
         station = self._stations[name] = self._placed(seen, pose)
         if station is not None:
             self._last, self._flip = station, 1.0 if seen.camera.mirrored else -1.0
@@ -171,12 +178,20 @@ class OccupancyMap:
         led = None if before is None else _moved(before[0], before[1].planar, seen.sigmas)
         if pose is None:
             return led if self._last is not None else Station(0.0, 0.0, 0.0, estimated=True)
-        turn = pose.rotation @ seen.camera.level().T
-        theta = float(np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1]))
-        given = Station(float(pose.position[0]), float(pose.position[1]), theta, *(pose.sigmas or (0.0, 0.0)))
+        self._check_upright(pose.rotation @ seen.camera.up)
+        given = Station(*planar_place(seen.camera, pose), *(pose.sigmas or (0.0, 0.0)))
         if led is None or not seen.sigmas[0]:
             return given
         return self._between(given, led, seen.sigmas, stated=pose.sigmas is not None)
+
+    def _check_upright(self, up: Array) -> None:
+        down = self._down or (-1.0 if up[2] > 0.0 else 1.0)
+        if -down * up[2] < UPRIGHT:
+            raise CalibrationError(
+                f"the camera's up is ({up[0]:.2f}, {up[1]:.2f}, {up[2]:.2f}) in the world of its pose; a map needs a world "
+                "whose z axis is vertical, up or down for all poses: turn the poses into such a one"
+            )
+        self._down = down
 
     def _between(self, given: Station, led: Station, step: tuple[float, float], *, stated: bool) -> Station:
         """A pose and what the ground says, weighted by their variances; of a pose that states none, as they have differed.

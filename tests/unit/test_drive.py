@@ -148,6 +148,46 @@ def test_a_drive_over_ground_that_encloses_nothing_is_mapped_without_poses(
     assert [row["pair"] for row in table] == ["first", "empty", "empty", "empty"]
 
 
+def write_tum(folder: Path, rotations: list[tuple[float, ...]]) -> Path:
+    lines = [
+        f"{number} {x!r} {y!r} 0.9 {' '.join(map(repr, rotation))}\n"
+        for number, ((x, y, _), rotation) in enumerate(zip(drive().poses[:COUNT], rotations, strict=True))
+    ]
+    (folder / "poses.txt").write_text("".join(lines))
+    return folder / "poses.txt"
+
+
+def test_a_trajectory_whose_z_points_up_is_that_of_the_map(ffseg_command: Command, tmp_path: Path) -> None:
+    """The mirror is taken away by turning the images over; the ground is the same as seen from above."""
+    write(tmp_path)
+    assert ffseg_command(*asked(tmp_path, "mirrored", "--poses", tmp_path / "poses.csv")).returncode == 0
+    for path in sorted((tmp_path / "views").iterdir()):
+        cv2.imwrite(str(path), cv2.imread(str(path))[::-1])
+    (tmp_path / "camera.yaml").write_text((tmp_path / "camera.yaml").read_text() + "mirrored: false\n")
+    turns = [0.5 * theta for _, _, theta in drive().poses[:COUNT]]
+    poses = write_tum(tmp_path, [(float(np.cos(turn)), float(np.sin(turn)), 0.0, 0.0) for turn in turns])
+    assert ffseg_command(*asked(tmp_path, "up", "--poses", poses)).returncode == 0
+    rows = list(csv.DictReader((tmp_path / "up" / "map" / "trajectory.csv").read_text().splitlines()))
+    told = np.array([[float(row[key]) for key in ("x", "y", "theta")] for row in rows])
+    off = told - np.array(drive().poses[:COUNT])
+    assert np.abs(off[:, :2]).max() < 0.001
+    assert np.abs(np.sin(off[:, 2])).max() < 0.001
+    assert (np.cos(off[:, 2]) > 0).all()
+    ours, theirs = (cv2.imread(str(tmp_path / out / "map" / "map.pgm"), -1) for out in ("up", "mirrored"))
+    assert ((ours == 254) & (theirs == 254)).sum() > 0.97 * ((ours == 254) | (theirs == 254)).sum() > 1000
+
+
+def test_frames_whose_poses_no_map_can_have_are_named(ffseg_command: Command, tmp_path: Path) -> None:
+    write(tmp_path)
+    poses = write_tum(tmp_path, [(0.5**0.5, 0.0, 0.0, 0.5**0.5)] * COUNT)
+    done = ffseg_command(*asked(tmp_path, "out", "--poses", poses))
+    assert done.returncode == 0
+    for number in range(COUNT):
+        assert f"not in the map: {number}.png: the camera's up is (0.00, 1.00, " in done.stderr
+    assert not any((tmp_path / "out" / name).exists() for name in MAP_FILES)
+    assert len((tmp_path / "out" / "timings.csv").read_text().splitlines()) == 1 + COUNT
+
+
 def test_a_map_of_somebody_else_is_not_replaced(ffseg_command: Command, tmp_path: Path) -> None:
     write(tmp_path)
     (tmp_path / "out" / "map").mkdir(parents=True)

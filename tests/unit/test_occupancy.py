@@ -13,7 +13,7 @@ import yaml
 from worlds import footprint, free_ground
 
 import ffseg
-from ffseg.camera.motion import planar_pose
+from ffseg.camera.motion import planar_pose, rotation_matrices
 from ffseg.errors import CalibrationError
 from ffseg.freespace.leans import Lean
 from ffseg.freespace.occupancy import ALIKE, OccupancyMap
@@ -252,6 +252,46 @@ def test_a_station_is_where_the_map_has_its_frame(tmp_path: Path, mirrored: bool
     grid.save(tmp_path)
     row = (tmp_path / "trajectory.csv").read_text().splitlines()[1]
     assert row.startswith(f"0,2.0,{side},{0.7 * side},")
+
+
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_a_world_whose_z_points_up_makes_the_same_map(mirrored: bool) -> None:
+    """The same places told in a world that is turned about its x axis, with a camera that is mounted askew and nods: y of the map
+    is that of the poses without a mirror, and theirs turned over under one."""
+    leaning = np.array([0.1, -0.2, -np.sqrt(0.95)])
+    camera = replace(CAMERA, mirrored=mirrored, up=leaning)
+    mask = (np.hypot(*np.moveaxis(camera.ground() - [0.4, 0.2], -1, 0)) < 1.2) & camera.domain()
+    maps = []
+    for world in (np.eye(3), np.diag([1.0, -1.0, -1.0])):
+        grid = OccupancyMap()
+        for number, theta in enumerate((0.0, 0.4, 2.9, -2.0)):
+            pose = planar_pose(camera, 0.3 * number, 0.2 * number, theta)
+            nod = rotation_matrices(np.array([[0.02 * number, -0.01, 0.0]]))[0]
+            told = ffseg.Pose(world @ nod @ pose.rotation, world @ pose.position)
+            assert grid.fuse(str(number), Sighting(mask, camera), told)
+            assert (grid.stations[-1].x, grid.stations[-1].y) == pytest.approx(
+                (told.position[0], told.position[1] * (1.0 if mirrored == (world[2, 2] > 0) else -1.0))
+            )
+        maps.append(grid)
+    np.testing.assert_allclose(
+        [one.theta for one in maps[0].stations], [one.theta for one in maps[1].stations], atol=1e-12
+    )
+    assert np.array_equal(maps[0].levels(), maps[1].levels())
+    assert maps[0].origin == maps[1].origin
+
+
+def test_poses_of_a_world_that_does_not_stand_upright_are_refused() -> None:
+    """Such as that of a camera that looked ahead, whose y axis points down; or one that turns over on the way."""
+    sight, pose = Sighting(CAMERA.domain(), CAMERA), planar_pose(CAMERA, 0.0, 0.0, 0.0)
+    grid = OccupancyMap()
+    assert grid.fuse("0", sight, pose)
+    for turn in ([0.5 * np.pi, 0.0, 0.0], [0.0, 0.3, 0.0], [np.pi, 0.0, 0.0]):
+        other = rotation_matrices(np.array([turn]))[0]
+        with pytest.raises(CalibrationError, match="z axis is vertical"):
+            grid.fuse(f"{turn}", sight, ffseg.Pose(other @ pose.rotation, other @ pose.position))
+    assert grid.stations[1:] == (None, None, None)
+    nod = rotation_matrices(np.array([[0.2, 0.0, 0.0]]))[0]
+    assert grid.fuse("4", sight, ffseg.Pose(nod @ pose.rotation, pose.position))
 
 
 def test_the_grid_does_not_grow_on_ground_it_has() -> None:

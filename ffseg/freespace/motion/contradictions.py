@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Motion, Pose, planar_pose, relative_motion
+from ffseg.camera.motion import Motion, Pose, planar_place, planar_pose, relative_motion
 from ffseg.freespace.motion.ground import GroundFit
 
 TALLEST, LONGEST = 8.0, 25.0
@@ -86,7 +86,7 @@ def _differs(given: Motion, other: Motion, camera: Camera, other_camera: Camera)
 
 def _readings(camera: Camera, poses: tuple[Pose, Pose]) -> Iterator[tuple[str, Motion, Camera]]:
     """Other readings of the poses: what is said of each, its motion and its camera."""
-    flat = [_planar(camera, pose) for pose in poses]
+    flat = [planar_place(camera, pose) for pose in poses]
     degrees = [(x, y, np.deg2rad(theta)) for x, y, theta in _unwrapped(poses, flat)]
     readings = {
         "theta looks like degrees; give radians": degrees,
@@ -110,12 +110,6 @@ def _said(poses: tuple[Pose, Pose], what: str) -> str:
     bare = relative_motion(*poses)
     turn = np.rad2deg(np.arccos(np.clip(0.5 * (np.trace(bare.rotation) - 1.0), -1.0, 1.0)))
     return f"the ground does not move by {bare.baseline:.3g} m and {turn:.1f} degrees as the poses say: {what}"
-
-
-def _planar(camera: Camera, pose: Pose) -> tuple[float, float, float]:
-    turn = pose.rotation @ camera.level().T
-    x, y, _ = pose.position
-    return float(x), float(y), float(np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1]))
 
 
 def _unwrapped(poses: tuple[Pose, Pose], flat: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
