@@ -188,6 +188,18 @@ def test_frames_whose_poses_no_map_can_have_are_named(ffseg_command: Command, tm
     assert len((tmp_path / "out" / "timings.csv").read_text().splitlines()) == 1 + COUNT
 
 
+def test_a_pose_far_away_costs_its_frame_only(ffseg_command: Command, tmp_path: Path) -> None:
+    write(tmp_path)
+    lines = (tmp_path / "poses.csv").read_text().splitlines()
+    (tmp_path / "poses.csv").write_text("\n".join([*lines[:2], "1.png,1e5,-1e5,0", *lines[3:], ""]))
+    done = ffseg_command(*asked(tmp_path, "out", "--poses", tmp_path / "poses.csv"))
+    assert done.returncode == 0
+    assert "not in the map: 1.png: the frame lies 14142" in done.stderr
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["map"]["fused"] == COUNT - 1
+    rows = list(csv.DictReader((tmp_path / "out" / "map" / "trajectory.csv").read_text().splitlines()))
+    assert [row["origin"] for row in rows] == ["pose", "lost", "pose", "pose"]
+
+
 def test_a_map_of_somebody_else_is_not_replaced(ffseg_command: Command, tmp_path: Path) -> None:
     write(tmp_path)
     (tmp_path / "out" / "map").mkdir(parents=True)

@@ -294,6 +294,20 @@ def test_poses_of_a_world_that_does_not_stand_upright_are_refused() -> None:
     assert grid.fuse("4", sight, ffseg.Pose(nod @ pose.rotation, pose.position))
 
 
+def test_a_map_ends_where_no_memory_would_hold_it() -> None:
+    """Of cells of 1 m it is 5792 x 5792 of them; what is refused leaves it as it was, and the drive goes on."""
+    sight, grid = Sighting(CAMERA.domain(), CAMERA), OccupancyMap(cell=1.0)
+    assert grid.fuse("0", sight, planar_pose(CAMERA, 0.0, 0.0, 0.0))
+    assert grid.fuse("1", sight, planar_pose(CAMERA, 5700.0, 5700.0, 0.0))
+    size = grid.probability.shape
+    for place in ((0.0, -200.0), (1e300, 1.0)):
+        with pytest.raises(CalibrationError, match="more than 33554432 cells of 1 m"):
+            grid.fuse(str(place), sight, planar_pose(CAMERA, *place, 0.0))
+    assert grid.probability.shape == size
+    assert grid.fuse("4", sight, planar_pose(CAMERA, 20.0, 1.0, 0.0))
+    assert [one is not None for one in grid.stations] == [True, True, False, False, True]
+
+
 def test_the_grid_does_not_grow_on_ground_it_has() -> None:
     drive, frames = driven()
     grid = OccupancyMap()
@@ -316,5 +330,7 @@ def test_a_frame_that_cannot_be_placed_is_left_out() -> None:
     assert grid.stations[1] is None
     with pytest.raises(CalibrationError, match="metres above 0"):
         OccupancyMap(cell=0.0)
+    with pytest.raises(CalibrationError, match="make them larger"):
+        OccupancyMap(cell=1e-4)
     with pytest.raises(CalibrationError, match="of no camera"):
         grid.add(replace(frames[1], lens=None))
