@@ -14,6 +14,8 @@ from ffseg.camera.model import Camera
 from ffseg.camera.projections import Array
 from ffseg.errors import CalibrationError
 
+ROTATION_SLACK = 1e-2
+"""How far a rotation times its transpose may be from the identity: four decimals make 1e-4."""
 Origin = Literal["poses", "poses, refined on the ground", "ground points"]
 
 
@@ -183,6 +185,37 @@ def require_camera(camera: object) -> None:
         raise CalibrationError(f"the camera is of type {type(camera).__name__}; give what ffseg.load_camera returns")
 
 
+def require_pose(pose: object) -> None:
+    """Refuse what is no pose.
+
+    Raises
+    ------
+    CalibrationError
+        Saying what is wrong with it.
+    """
+    if not isinstance(pose, Pose):
+        raise CalibrationError(f"the pose is of type {type(pose).__name__}; give what ffseg.planar_pose returns")
+    for name, value, shape in (("rotation", pose.rotation, (3, 3)), ("position", pose.position, (3,))):
+        if not _is_finite(value, shape):
+            raise CalibrationError(f"the pose's {name} is no array of shape {shape} of finite numbers")
+    off = np.abs(pose.rotation @ pose.rotation.T - np.eye(3)).max()
+    if off > ROTATION_SLACK or np.linalg.det(pose.rotation) < 0.0:
+        raise CalibrationError(
+            "the pose's rotation is none; its rows must be of length 1 and at right angles, its determinant 1"
+        )
+    _check_sigmas(pose.sigmas)
+
+
+def _check_sigmas(sigmas: tuple[float, float] | None) -> None:
+    if sigmas is not None and not (_is_finite(np.array(sigmas), (2,)) and min(sigmas) >= 0.0):
+        raise CalibrationError(f"the pose's sigmas are {sigmas!r}; give metres and radians from 0, or None if unknown")
+
+
+def _is_finite(value: object, shape: tuple[int, ...]) -> bool:
+    real = isinstance(value, np.ndarray) and value.shape == shape and value.dtype.kind in "fiu"
+    return real and bool(np.isfinite(value).all())
+
+
 def planar_pose(camera: Camera, x: float, y: float, theta: float, sigmas: tuple[float, float] | None = None) -> Pose:
     """Pose of a camera that moves over level ground, as in a row of a poses file.
 
@@ -207,7 +240,7 @@ def planar_pose(camera: Camera, x: float, y: float, theta: float, sigmas: tuple[
     Raises
     ------
     CalibrationError
-        When the camera is none, or a number is not finite.
+        When the camera is none, a number is not finite, or a deviation is below 0.
 
     Examples
     --------
@@ -219,6 +252,7 @@ def planar_pose(camera: Camera, x: float, y: float, theta: float, sigmas: tuple[
     for name, value in (("x", x), ("y", y), ("theta", theta)):
         if not isinstance(value, float | int | np.floating | np.integer) or not np.isfinite(value):
             raise CalibrationError(f"{name} is {value!r}; give a finite number, in metres or radians")
+    _check_sigmas(sigmas)
     return Pose(_turn(theta) @ camera.level(), np.array([x, y, 0.0]), sigmas, theta)
 
 

@@ -117,6 +117,7 @@ def _csv_poses(text: str, name: str, camera: Camera, problems: Problems) -> dict
         sigmas = (values[3], values[4]) if len(values) > 3 else None
         if sigmas and min(sigmas) <= 0.0:
             problems.add(f"{name}:{line}", "sigma_xy and sigma_theta must be above 0; leave the columns out if unknown")
+            continue
         poses[image] = planar_pose(camera, values[0], values[1], values[2], sigmas)
     return poses
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Pose, planar_place
+from ffseg.camera.motion import Pose, planar_place, require_pose
 from ffseg.camera.projections import Array
 from ffseg.errors import CalibrationError
 from ffseg.freespace.leans import Leans
@@ -138,8 +138,8 @@ class OccupancyMap:
         Raises
         ------
         CalibrationError
-            When the frame is of no camera; or, and the frame is then one without a station, when the z axis of the pose's
-            world is not vertical, or the other way than before, or the map would hold more than 2**25 cells.
+            When the frame is none or of no camera, or the pose is none. When the z axis of the pose's world is not vertical,
+            or the other way than before, or the map would hold more than 2**25 cells: the frame has no station then.
         """
         return self.fuse(str(len(self._stations)), sighting_of(frame), pose)
 
@@ -153,6 +153,8 @@ class OccupancyMap:
         seen : Sighting
         pose : Pose, optional
         """
+        if pose is not None:
+            require_pose(pose)
         self.miss(name)
         self._flip = 1.0 if seen.camera.mirrored else -1.0
         station = self._placed(seen, pose)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ffseg.camera.footprint import footprint_of
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Motion, Pose, planar_parameters, relative_motion, require_camera
+from ffseg.camera.motion import Motion, Pose, planar_parameters, relative_motion, require_camera, require_pose
 from ffseg.errors import CalibrationError, ParameterError, SegmentationError
 from ffseg.freespace.altitudes import altitude_points
 from ffseg.freespace.leans import SLACK, lean_of
@@ -410,8 +410,8 @@ class Sequence:
             it all the same.
         """
         pixels = taken_image(image, self._rgb, self._params.input.range)
-        if pose is not None and not isinstance(pose, Pose):
-            raise CalibrationError(f"the pose is of type {type(pose).__name__}; give what ffseg.planar_pose returns")
+        if pose is not None:
+            require_pose(pose)
         self._camera.check_size(pixels.shape[1], pixels.shape[0], "the image")
         name, self._count = str(self._count), self._count + 1
         window = list(self._earlier)

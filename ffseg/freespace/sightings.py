@@ -96,8 +96,10 @@ def sighting_of(frame: Frame) -> Sighting:
     Raises
     ------
     CalibrationError
-        When the frame is of no camera.
+        When it is none, or of no camera.
     """
+    if not isinstance(frame, Frame):
+        raise CalibrationError(f"the frame is of type {type(frame).__name__}; give what ffseg.Sequence.feed returns")
     if frame.lens is None:
         raise CalibrationError("the frame is of no camera; segment with ffseg.Sequence(camera, ...)")
     motion = frame.motion

@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -308,6 +308,40 @@ def test_a_map_ends_where_no_memory_would_hold_it() -> None:
     assert [one is not None for one in grid.stations] == [True, True, False, False, True]
 
 
+RIGHT = planar_pose(CAMERA, 0.0, 0.0, 0.3)
+NO_POSES = (
+    ("is of type tuple", (0.0, 0.0, 0.0)),
+    *(
+        ("position is no array", replace(RIGHT, position=one))
+        for one in (np.array([np.nan, 0.0, 0.0]), np.zeros(2), [0.0, 0.0, 0.0])
+    ),
+    ("rotation is no array", replace(RIGHT, rotation=np.eye(2))),
+    *(
+        ("rotation is none; ", replace(RIGHT, rotation=one))
+        for one in (2.0 * RIGHT.rotation, np.zeros((3, 3)), np.diag([1.0, 1.0, -1.0]))
+    ),
+    *(("sigmas are", replace(RIGHT, sigmas=one)) for one in ((-1.0, -1.0), (np.nan, 0.0), (1.0, 1.0, 1.0))),
+)
+
+
+@pytest.mark.parametrize(("said", "pose"), NO_POSES)
+def test_what_is_no_pose_is_refused(said: str, pose: ffseg.Pose) -> None:
+    grid, sequence = OccupancyMap(), ffseg.Sequence(CAMERA)
+    image = np.full((CAMERA.height, CAMERA.width), 128, np.uint8)
+    for take in (partial(grid.fuse, "0", Sighting(CAMERA.domain(), CAMERA)), partial(sequence.feed, image)):
+        with pytest.raises(CalibrationError, match=said):
+            take(pose)
+    assert grid.stations == ()
+    assert "first image" in sequence.feed(image, RIGHT).note, "the sequence stays as it was"
+
+
+@pytest.mark.parametrize("sigmas", [(-1.0, 0.1), (np.nan, 0.1), (np.inf, 0.1), (1.0, 1.0, 1.0)])
+def test_deviations_that_are_none_make_no_pose(sigmas: tuple[float, ...]) -> None:
+    with pytest.raises(CalibrationError, match="sigmas are"):
+        planar_pose(CAMERA, 0.0, 0.0, 0.0, sigmas)
+    assert planar_pose(CAMERA, 0.0, 0.0, 0.0, (0.0, 0.0)).sigmas == (0.0, 0.0)
+
+
 def test_the_grid_does_not_grow_on_ground_it_has() -> None:
     drive, frames = driven()
     grid = OccupancyMap()
@@ -334,3 +368,5 @@ def test_a_frame_that_cannot_be_placed_is_left_out() -> None:
         OccupancyMap(cell=1e-4)
     with pytest.raises(CalibrationError, match="of no camera"):
         grid.add(replace(frames[1], lens=None))
+    with pytest.raises(CalibrationError, match="of type NoneType"):
+        grid.add(None)
