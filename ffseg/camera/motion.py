@@ -212,8 +212,9 @@ def _check_sigmas(sigmas: tuple[float, float] | None) -> None:
 
 
 def _is_finite(value: object, shape: tuple[int, ...]) -> bool:
-    real = isinstance(value, np.ndarray) and value.shape == shape and value.dtype.kind in "fiu"
-    return real and bool(np.isfinite(value).all())
+    if not isinstance(value, np.ndarray) or value.shape != shape or value.dtype.kind not in "fiu":
+        return False
+    return bool(np.isfinite(value).all())
 
 
 def planar_pose(camera: Camera, x: float, y: float, theta: float, sigmas: tuple[float, float] | None = None) -> Pose:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose, planar_place, require_pose
 from ffseg.camera.projections import Array
-from ffseg.errors import CalibrationError
+from ffseg.errors import CalibrationError, OutputError
 from ffseg.freespace.leans import Leans
 from ffseg.freespace.sequence import Frame
 from ffseg.freespace.sightings import Sighting, Station, Window, read_cells, sighting_of
@@ -280,10 +280,11 @@ class OccupancyMap:
         Raises
         ------
         OutputError
-            When the folder cannot be written.
+            When the folder cannot be written, or no frame has a place on the map.
         """
+        files = self.files()
         make_folder(folder)
-        write_all_atomic([(os.path.join(folder, name), data) for name, data in self.files().items()])
+        write_all_atomic([(os.path.join(folder, name), data) for name, data in files.items()])
 
     def files(self, ways: Skeleton | None = None) -> dict[str, bytes]:
         """The files that `save` writes, by name; the ways are drawn into the picture."""
@@ -306,6 +307,8 @@ class OccupancyMap:
 
     def picture(self, ways: Skeleton | None = None) -> bytes:
         """PNG file: bright where it is free, dark where occupied; the camera's way magenta, other ways blue."""
+        if not self._told.size:
+            raise OutputError("the map is empty: no frame has a place on it")
         low, high = self._bounds()
         grey = np.rint(255.0 * (1.0 - self.probability[low[1] : high[1], low[0] : high[0]][::-1])).astype(np.uint8)
         zoom = max(1, min(ZOOM, WIDEST // max(grey.shape)))

@@ -33,7 +33,7 @@ SAMPLE = 4
 
 EVERY, ENOUGH, DOUBTED = 48, 20, 0.5
 """A contour on the way is looked at every so many iterations, once it has met edges at so many joints, and given up when more
-than this share of them are faint. It only saves time: of 924 drawings and 400 scenes, 436 of which come out clear, none changes."""
+than this share of them are faint. It only saves time: of 1324 drawings and scenes, 436 of which come out clear, none changes."""
 
 
 class FaintError(Exception):

@@ -14,7 +14,7 @@ from worlds import footprint, free_ground
 
 import ffseg
 from ffseg.camera.motion import planar_pose, rotation_matrices
-from ffseg.errors import CalibrationError
+from ffseg.errors import CalibrationError, OutputError
 from ffseg.freespace.leans import Lean
 from ffseg.freespace.occupancy import ALIKE, OccupancyMap
 from ffseg.freespace.sequence import Frame
@@ -340,6 +340,14 @@ def test_deviations_that_are_none_make_no_pose(sigmas: tuple[float, ...]) -> Non
     with pytest.raises(CalibrationError, match="sigmas are"):
         planar_pose(CAMERA, 0.0, 0.0, 0.0, sigmas)
     assert planar_pose(CAMERA, 0.0, 0.0, 0.0, (0.0, 0.0)).sigmas == (0.0, 0.0)
+
+
+def test_an_empty_map_is_not_written(tmp_path: Path) -> None:
+    grid = OccupancyMap()
+    grid.miss("0")
+    with pytest.raises(OutputError, match="the map is empty: no frame has a place on it"):
+        grid.save(tmp_path / "map")
+    assert not (tmp_path / "map").exists()
 
 
 def test_the_grid_does_not_grow_on_ground_it_has() -> None:
