@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import to_pixels, to_robot
 from ffseg.camera.projections import Array
+from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.orientation import ring_area
 from ffseg.image.free import room_round
@@ -147,11 +148,18 @@ class Ground:
         count : int
             Bearings; the first is straight back.
 
+        Raises
+        ------
+        ParameterError
+            If there is none.
+
         Notes
         -----
         A ray ends where it first leaves the free space; under a robot that its camera does not show, free space begins
         somewhere ahead.
         """
+        if not isinstance(count, int | np.integer) or count < 1:
+            raise ParameterError(f"count is {count!r}; give how many bearings, 1 or more")
         bearings = -np.pi + 2.0 * np.pi * np.arange(count) / count
         ranges = _first_exits([ring for rings in self.polygons for ring in rings], count)
         points = ranges[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
@@ -181,7 +189,11 @@ def ground_of(mask: Mask, contours: Sequence[FreeForm], cameras: tuple[Camera, C
     ------
     CalibrationError
         When the camera file has no mount_height.
+    ParameterError
+        If the reach is not above 0.
     """
+    if not reach > 0:
+        raise ParameterError(f"reach is {reach!r}; give metres above 0")
     seen, camera = _within(cameras[0], reach), cameras[1]
     regions, found = polygons(mask & seen, contours, flatness=0.0), []
     outlines = [ring for region in regions for ring in region.rings]

@@ -18,7 +18,7 @@ import ffseg
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import planar_pose, robot_axes, to_pixels, to_robot
 from ffseg.camera.projections import Affine, UnifiedSphere
-from ffseg.errors import CalibrationError
+from ffseg.errors import CalibrationError, ParameterError
 from ffseg.freespace.birdseye import HALF_M, SCALE, birds_eye
 from ffseg.freespace.outline import Ground, _first_exits
 from ffseg.freespace.sequence import Frame, free_space
@@ -199,6 +199,12 @@ def test_a_frame_of_no_camera_says_so() -> None:
     _, frame = rendered()
     with pytest.raises(CalibrationError, match="of no camera"):
         replace(frame, lens=None).ground()
+    for reach in (-1.0, 0.0, np.nan):
+        with pytest.raises(ParameterError, match="reach is .*; give metres above 0"):
+            frame.ground(reach)
+    for count in (0, -1, 2.5):
+        with pytest.raises(ParameterError, match="count is .*; give how many bearings"):
+            frame.scan(count)
 
 
 def test_the_picture_from_above_has_the_front_up_and_the_left_left() -> None:

@@ -89,6 +89,8 @@ def pair_motion(
     found = _with_poses(camera, pair, poses, evidence, scenery) if poses else _without(camera, pair, evidence, scenery)
     if found.motion is None:
         return found
+    if not len(evidence.grid):
+        return PairMotion(None, "the free space shows no point of the ground at which altitudes could be told")
     parallax = threshold_parallax(camera, found.motion, evidence.grid, epsilon)
     if parallax < LEAST_PARALLAX:
         return PairMotion(
@@ -101,8 +103,6 @@ def pair_motion(
 
 def threshold_parallax(camera: Camera, motion: Motion, points: Array, epsilon: float) -> float:
     """Median distance in the previous image between ground points and a plane at `epsilon`, pixels."""
-    if not len(points):
-        return 0.0
     pixels = plane_pixels(camera, motion, points, np.array([0.0, epsilon]))
     distance = np.hypot(*(pixels[:, 1] - pixels[:, 0]).T)
     distance = distance[np.isfinite(distance)]
