@@ -323,3 +323,15 @@ def test_chunks_become_smaller_as_less_is_left(tmp_path: Path, monkeypatch: pyte
     assert summary.done == sum(sizes) == 150
     assert sizes[:3] == [17, 17, 15], "the most that is asked for, then an eighth of what is left"
     assert sizes[-2] == dask.LEAST
+
+
+def test_a_cluster_of_this_machine_is_open_to_no_other() -> None:
+    client, cluster = dask._connect(Assignment(Setup(params=load_params())))
+    try:
+        servers = [cluster.scheduler.http_server, *(worker.http_server for worker in cluster.workers.values())]
+        places = [one.getsockname()[0] for server in servers for one in server._sockets.values()]
+        assert len(places) >= 2
+        assert set(places) == {"127.0.0.1"}
+    finally:
+        client.close()
+        cluster.close(timeout=5)

@@ -31,6 +31,8 @@ LEAST = 10
 """Images of a chunk, while there are so many: a chunk on its way costs about as much as one of them."""
 AHEAD = 2
 """Chunks of each worker that are on their way at once."""
+_LOOPBACK = "127.0.0.1:0"
+"""Where pages of a cluster of this machine are: without a place of their own, Dask opens them to the network."""
 _QUIET = {
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
@@ -200,7 +202,8 @@ def _connect(start: Assignment) -> tuple[Any, Any]:
             threads_per_worker=1,
             processes=False,
             memory_limit=0,
-            dashboard_address=None,
+            dashboard_address=_LOOPBACK,
+            worker_dashboard_address=_LOOPBACK,
         )
     try:
         if address:
