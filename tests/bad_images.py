@@ -59,7 +59,6 @@ def png_file(size: tuple[int, int], depth: int, kind: int, packed: bytes, extra:
 
 
 def png_rows(image: NDArray[np.generic]) -> bytes:
-    """Deflated PNG rows without a filter."""
     return zlib.compress(b"".join(b"\0" + row.tobytes() for row in image))
 
 
@@ -379,7 +378,6 @@ def _orientations() -> list[Case]:
 
 
 def all_cases() -> list[Case]:
-    """Everything above."""
     return [*good_cases(), *not_images(), *cut_files(), *bombs(), *damaged_png(), *misleading(), *odd_cases()]
 
 

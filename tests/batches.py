@@ -56,8 +56,6 @@ def make_images(folder: Path, names: Iterable[str], levels: dict[str, int] | Non
 
 
 def images_fixture(names: Sequence[str], levels: dict[str, int] | None = None) -> Callable[[Path], Path]:
-    """A fixture of a module: a folder of such images."""
-
     @pytest.fixture
     def images(tmp_path: Path) -> Path:
         make_images(tmp_path / "in", names, levels)

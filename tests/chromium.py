@@ -184,7 +184,6 @@ class Chromium:
             raise
 
     def press(self, key: str) -> None:
-        """Type one key."""
         text = {"text": key} if len(key) == 1 else {"text": "\r"} if key == "Enter" else {}
         codes = {"Enter": 13, "Escape": 27, "ArrowLeft": 37, "ArrowRight": 39, "ArrowDown": 40}
         code = codes.get(key, ord(key[0].upper()))
@@ -198,11 +197,9 @@ class Chromium:
             self.call("Input.dispatchKeyEvent", parameters)
 
     def hover(self, x: float, y: float) -> None:
-        """Move the mouse."""
         self.call("Input.dispatchMouseEvent", {"type": "mouseMoved", "x": x, "y": y})
 
     def mouse(self, kind: str, x: float, y: float, button: str = "none", modifiers: int = 0) -> None:
-        """Send one event of the mouse: ``mousePressed``, ``mouseMoved`` or ``mouseReleased``."""
         held = {"none": 0, "left": 1, "right": 2, "middle": 4}[button] if kind != "mouseReleased" else 0
         parameters = {"type": kind, "x": x, "y": y, "button": button, "buttons": held, "modifiers": modifiers}
         self.call("Input.dispatchMouseEvent", parameters | ({} if kind == "mouseMoved" else {"clickCount": 1}))

@@ -29,12 +29,10 @@ def bright_disc(
 
 
 def edges_of(image: NDArray[np.uint8], domain: NDArray[np.uint8] | None = None) -> EdgeMap:
-    """The edge map by the defaults."""
     return edge_map(image, Parameters().edges, domain)
 
 
 def overlap(one: Mask, other: Mask) -> float:
-    """IoU."""
     return float((one & other).sum() / (one | other).sum())
 
 
@@ -43,7 +41,6 @@ LEFT, RIGHT = (30, 40), (90, 40)
 
 
 def two_discs(folder: Path, *names: str) -> None:
-    """Write images of two bright discs."""
     disc = disc_of((80, 120))
     image = np.where(disc(*LEFT, 19.99) | disc(*RIGHT, 19.99), 180, 60).astype(np.uint8)
     folder.mkdir(parents=True, exist_ok=True)
@@ -52,7 +49,6 @@ def two_discs(folder: Path, *names: str) -> None:
 
 
 def write_case(folder: Path, name: str = "disc.png") -> None:
-    """A disc image and its truth."""
     y, x = np.mgrid[:90, :120]
     inside = np.hypot(x - 60, y - 45) < 30
     for place, image in ((folder, np.where(inside, 180, 60)), (folder / "truth", np.where(inside, 255, 0))):

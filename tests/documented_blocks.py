@@ -31,7 +31,6 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    """Blocks of a page that are to be run."""
     found = _BLOCK.findall(page.read_text("utf-8"))
     return [
         Block(language, code, output or None, reason if mark else "")
@@ -41,7 +40,6 @@ def blocks(page: Path) -> list[Block]:
 
 
 def pages() -> list[Path]:
-    """Pages with something to run."""
     return [page for page in PAGES if blocks(page)]
 
 

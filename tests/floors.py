@@ -53,7 +53,6 @@ def floor_sequence(seed: int, num_views: int, texture: float, noise: float, nod:
 
 
 def _path(random: np.random.Generator, num_views: int) -> list[PlanarPose]:
-    """A curve through the origin."""
     bearing, bend = random.uniform(0, 2 * np.pi), random.uniform(-0.06, 0.06)
     headings = bearing + bend * np.arange(num_views)
     places = np.cumsum(STEP * np.stack([np.cos(headings), np.sin(headings)], axis=1), axis=0)

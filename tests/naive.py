@@ -5,6 +5,7 @@ Points are pairs of Fractions (or floats); patches are lists of points. Everythi
 
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import cache
 from math import comb, floor
 
 import numpy as np
@@ -51,6 +52,7 @@ def lagrange(degree: int, i: int) -> list[Number]:
     return basis
 
 
+@cache
 def interpolation_inverse(degree: int) -> list[list[Number]]:
     """V^-1 of Eq. 6: Lagrange polynomials rewritten in the Bernstein basis (no matrix is inverted)."""
     columns = [lagrange(degree, j) for j in range(degree + 1)]
@@ -61,7 +63,6 @@ def interpolation_inverse(degree: int) -> list[list[Number]]:
 
 
 def interpolate(samples: Patch) -> Patch:
-    """Eq. 6 in rationals."""
     rows = interpolation_inverse(len(samples) - 1)
     x = [sum((w * p[0] for w, p in zip(row, samples, strict=True)), start=Fraction(0)) for row in rows]
     y = [sum((w * p[1] for w, p in zip(row, samples, strict=True)), start=Fraction(0)) for row in rows]

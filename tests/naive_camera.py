@@ -42,7 +42,6 @@ def bilinear(image: np.ndarray, x: float, y: float) -> float:
 
 
 def patch(image: np.ndarray, center: np.ndarray, warp: np.ndarray | list[float], radius: int) -> np.ndarray:
-    """Samples of a warped square patch."""
     warp = np.asarray(warp).reshape(2, 2)
     offsets = [(dx, dy) for dy in range(-radius, radius + 1) for dx in range(-radius, radius + 1)]
     return np.array([bilinear(image, *(np.asarray(center) + warp @ offset)) for offset in offsets])
@@ -72,7 +71,6 @@ def free_ground(labels: np.ndarray, center: tuple[float, float], robot_radius: f
 
 
 def homogeneous(rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """4x4 matrix of a pose."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, position
     return matrix

@@ -40,7 +40,6 @@ def blur(plane: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def slopes(plane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sobel sums over 8."""
     wide = np.pad(plane, 1, mode="edge")
     gx, gy = np.empty(plane.shape), np.empty(plane.shape)
     kernel = np.array([[1, 0, -1], [2, 0, -2], [1, 0, -1]]) / -8
@@ -57,7 +56,6 @@ def eigenvalues(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> list[np.ndarray]
 
 
 def texture(lab: np.ndarray, sigma: float) -> np.ndarray:
-    """The ten planes of one scale."""
     smooth = [blur(plane, sigma) for plane in lab]
     (gx, gy), *colours = [slopes(plane) for plane in smooth]
     light = gx**2 + gy**2
@@ -99,7 +97,6 @@ def likelihood(lab: np.ndarray, inside: np.ndarray) -> np.ndarray:
 
 
 def steps_of(heights: np.ndarray, step: float) -> np.ndarray:
-    """The nearest whole number of steps."""
     scaled = heights.astype(np.float32) * np.float32(1 / step) + np.float32(0.5)
     return np.clip(np.floor(np.nan_to_num(scaled, nan=0.0)), 0, HIGHEST).astype(int)
 
@@ -126,7 +123,6 @@ def ways(costs: np.ndarray, inside: np.ndarray, *, diagonals: bool) -> np.ndarra
 
 
 def barrier(heights: np.ndarray, inside: np.ndarray, step: float) -> np.ndarray:
-    """The five planes of the barrier."""
     levels = steps_of(heights, step)
     low = ways(levels, inside, diagonals=False)
     within = sorted(levels[inside > 0])
@@ -140,7 +136,6 @@ def barrier(heights: np.ndarray, inside: np.ndarray, step: float) -> np.ndarray:
 
 
 def geodesic(heights: np.ndarray, inside: np.ndarray, step: float, least: int) -> np.ndarray:
-    """The length of the cheapest way."""
     return ways(steps_of(heights, step) + least, inside, diagonals=True) * step / 10
 
 

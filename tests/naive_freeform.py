@@ -3,11 +3,10 @@
 Imports nothing from ffseg. Where the print leaves something open or cannot work, a note "Reading" says what is done.
 """
 
-from functools import cache
 from itertools import pairwise
 from math import hypot
 
-from naive import bezier_point, interpolation_inverse, turn
+from naive import bezier_point, interpolate, turn
 
 Point = tuple[float, float]
 Patch = list[Point]
@@ -18,23 +17,6 @@ Place = tuple[int, int]  # of a component, and of a patch in it
 def tangent(points: Patch, t: float) -> Point:
     d = len(points) - 1
     return bezier_point([(d * (bx - ax), d * (by - ay)) for (ax, ay), (bx, by) in pairwise(points)], t)
-
-
-@cache
-def inverse_matrix(d: int) -> list[list[float]]:
-    """V^-1 of Eq. 5, its exact entries rounded once."""
-    return [[float(value) for value in row] for row in interpolation_inverse(d)]
-
-
-def interpolate(samples: Patch) -> Patch:
-    """Eq. 6: the control points of the curve through samples at t = k / d."""
-    return [
-        (
-            sum(w * x for w, (x, _) in zip(row, samples, strict=True)),
-            sum(w * y for w, (_, y) in zip(row, samples, strict=True)),
-        )
-        for row in inverse_matrix(len(samples) - 1)
-    ]
 
 
 def spread(points: Patch) -> float:

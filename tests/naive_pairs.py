@@ -1,17 +1,7 @@
 """Slow, obvious twins of interest points; imports nothing from ffseg."""
 
 import numpy as np
-
-
-def sobel(image: np.ndarray, x: int, y: int) -> tuple[int, int]:
-    """Sobel gradient of one pixel; outside the image its border is repeated."""
-
-    def at(dx: int, dy: int) -> int:
-        return int(image[min(max(y + dy, 0), image.shape[0] - 1), min(max(x + dx, 0), image.shape[1] - 1)])
-
-    across = sum(w * (at(1, d) - at(-1, d)) for d, w in ((-1, 1), (0, 2), (1, 1)))
-    down = sum(w * (at(d, 1) - at(d, -1)) for d, w in ((-1, 1), (0, 2), (1, 1)))
-    return across, down
+from naive_edges import sobel
 
 
 def grown(mask: np.ndarray, by: int) -> np.ndarray:
@@ -23,19 +13,16 @@ def grown(mask: np.ndarray, by: int) -> np.ndarray:
     return wide
 
 
-def harris(image: np.ndarray, x: int, y: int) -> float:
+def gradients(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sobel gradients of the image with its border repeated three times."""
+    return sobel(np.pad(image, 3, mode="edge")[..., None].astype(np.int64))
+
+
+def harris(gx: np.ndarray, gy: np.ndarray, x: int, y: int) -> float:
     """Response of one pixel: gradient products over 3x3 pixels."""
-    xx = xy = yy = 0
-    for dy in (-1, 0, 1):
-        for dx in (-1, 0, 1):
-            gx, gy = sobel_anywhere(image, x + dx, y + dy)
-            xx, xy, yy = xx + gx * gx, xy + gx * gy, yy + gy * gy
+    near = np.s_[y + 2 : y + 5, x + 2 : x + 5]
+    xx, xy, yy = (int((a[near] * b[near]).sum()) for a, b in ((gx, gx), (gx, gy), (gy, gy)))
     return xx * yy - xy * xy - 0.04 * (xx + yy) ** 2
-
-
-def sobel_anywhere(image: np.ndarray, x: int, y: int) -> tuple[int, int]:
-    """As `sobel`, also for pixels outside the image: of the image with its border repeated."""
-    return sobel(np.pad(image, 3, mode="edge"), x + 3, y + 3)
 
 
 def corners(image: np.ndarray, mask: np.ndarray, most: int) -> list[tuple[int, int]]:
@@ -45,7 +32,8 @@ def corners(image: np.ndarray, mask: np.ndarray, most: int) -> list[tuple[int, i
     """
     rows, columns = np.nonzero(mask)
     box = [(x, y) for y in range(rows.min(), rows.max() + 1) for x in range(columns.min(), columns.max() + 1)]
-    response = {place: harris(image, *place) for place in box}
+    gx, gy = gradients(image)
+    response = {place: harris(gx, gy, *place) for place in box}
     strongest = max(response[x, y] for x, y in box if mask[y, x])
     peaks = []
     for x, y in box:
@@ -58,6 +46,7 @@ def corners(image: np.ndarray, mask: np.ndarray, most: int) -> list[tuple[int, i
 def outline(image: np.ndarray, mask: np.ndarray) -> list[tuple[int, int]]:
     """Strongest gradient above four grey levels of every 4x4 cell of the mask's bounding box, cells row by row."""
     rows, columns = np.nonzero(mask)
+    strength = sum(part[3:-3, 3:-3] ** 2 for part in gradients(image))
     found = []
     for top in range(rows.min(), rows.max() + 1, 4):
         for left in range(columns.min(), columns.max() + 1, 4):
@@ -65,9 +54,8 @@ def outline(image: np.ndarray, mask: np.ndarray) -> list[tuple[int, int]]:
             place = None
             for y in range(top, min(top + 4, rows.max() + 1)):
                 for x in range(left, min(left + 4, columns.max() + 1)):
-                    gx, gy = sobel(image, x, y)
-                    if mask[y, x] and gx * gx + gy * gy > best:
-                        best, place = gx * gx + gy * gy, (x, y)
+                    if mask[y, x] and strength[y, x] > best:
+                        best, place = strength[y, x], (x, y)
             if place is not None:
                 found.append(place)
     return found

@@ -61,7 +61,6 @@ class Snake:
         self.points = self.refined(new)
 
     def clamp(self, p: Points) -> Points:
-        """Into the image."""
         limit = np.array(self.gradient.shape[::-1]) - 0.5 - 1e-6
         return np.minimum(np.maximum(p, -0.5 + 1e-6), limit)
 

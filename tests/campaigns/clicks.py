@@ -8,7 +8,7 @@ grown or chosen; of photographs every second one is opened, the others with ``--
 """
 
 import csv
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -50,8 +50,6 @@ COLUMNS = ("set", "image", "half", "box", "ms", "edge_map_ms", *(f"iou_{n}" for 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """A picture and its truth."""
-
     folder: str
     name: str
     half: int
@@ -71,7 +69,7 @@ class Task:
             overlaps.append(round(iou(mask, self.truth), 4))
             if overlaps[-1] >= LEVELS[-1] and number + 1 >= AFTER[-1]:
                 break
-        own = [_timed(lambda: edge_map(self.image, load_params().edges)) for _ in range(3)]
+        own = [harness.milliseconds(lambda: edge_map(self.image, load_params().edges)) for _ in range(3)]
         box = "" if self.folder not in BOXED else self._boxed()
         return [
             *(self.folder, self.name, self.half, box, round(median(spent), 1), round(min(own), 2)),
@@ -86,7 +84,6 @@ class Task:
 
 
 def found(image: Picture, clicks: Clicks, box: tuple[int, int, int, int] | None = None) -> Mask:
-    """The region with the defaults."""
     params = load_params()
     init = replace(params.init, circles=clicks.inside, background=clicks.outside)
     if box is not None:
@@ -95,14 +92,7 @@ def found(image: Picture, clicks: Clicks, box: tuple[int, int, int, int] | None 
     return ffseg.segment(image, replace(params, init=init)).mask
 
 
-def _timed(work: Callable[[], object]) -> float:
-    begin = process_time()
-    work()
-    return (process_time() - begin) * 1e3
-
-
 def tasks(data: Path, count: int, first: int, sealed: bool, drawn_only: bool) -> Iterator[Task]:
-    """All pictures, one after another."""
     for kind in KINDS if count else ():
         # every second look: two are at one picture
         for number, seen in enumerate(list(sights(kind, 2 * count, first))[::2]):

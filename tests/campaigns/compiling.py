@@ -60,12 +60,10 @@ class Build:
             raise NoCompilerError(f"{shlex.join(command)} does not build: {done.stderr.decode()[-200:]}")
 
     def core(self, work: Path) -> list[Path]:
-        """Objects of the core without its bindings."""
         sources = (path for path in CORE.rglob("*.cpp") if not path.name.startswith("bind"))
         return self.objects(work, sorted(sources), (f"-I{CORE}",))
 
     def module(self, work: Path) -> Path:
-        """The core as the Python module ``_core``."""
         import nanobind
 
         source = Path(nanobind.source_dir())
@@ -100,7 +98,6 @@ class Build:
             return list(pool.map(one, sources))
 
     def linked(self, target: Path, objects: Iterable[Path], *options: str) -> Path:
-        """The program or library of objects."""
         command = [*compiler(), *self.links, *options, *map(str, objects), "-o", str(target)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:

@@ -53,7 +53,6 @@ def settings_of(rng: np.random.Generator) -> dict[str, float]:
 
 
 def segmented(scene: labyrinths.Labyrinth, settings: dict[str, float]) -> ffseg.Segmentation:
-    """Segment a scene from its start."""
     start = {"init.center": list(scene.start), "init.radius": labyrinths.START_RADIUS}
     own = {"edges.source": "gradient"}  # else the prior could step in where the evolution fails
     return ffseg.segment(scene.image, ffseg.load_params(None, own | start | settings))
@@ -75,7 +74,6 @@ def plan_of(seed: int) -> tuple[labyrinths.Plan, float, dict[str, float]]:
 
 
 def passage(seed: int) -> Case:
-    """Judge one drawn passage."""
     plan, width, settings = plan_of(seed)
     scene = plan.drawn(width)
     result = segmented(scene, settings)

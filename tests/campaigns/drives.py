@@ -11,7 +11,6 @@ in turn.
 import itertools
 from collections.abc import Callable
 from dataclasses import replace
-from time import process_time
 
 import cv2
 import numpy as np
@@ -128,17 +127,11 @@ def costs(rounds: int = 25) -> bool:
         "scan": ground.scan,
         "fusing": lambda: next(begun).add(frame, poses[2]),
     }
-    times = np.array([[_milliseconds(step) for step in steps.values()] for _ in range(rounds)])
+    times = np.array([[harness.milliseconds(step) for step in steps.values()] for _ in range(rounds)])
     middle = np.median(times, axis=0) / np.median(times[:, 0])
     print(", ".join(f"{name} {one:.2f}" for name, one in zip(steps, middle, strict=True)))
     print(f"{middle[1:].sum():.2f} edge maps a frame")
     return bool(middle[1:].sum() <= PROMISE)
-
-
-def _milliseconds(step: Callable[[], object]) -> float:
-    begin = process_time()
-    step()
-    return (process_time() - begin) * 1e3
 
 
 def main(drives: int = 12, frames: int = 20, nod: float = 0.0, cost: bool = False) -> int:

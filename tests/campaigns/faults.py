@@ -18,7 +18,6 @@ CALLS = ("open", "write", "fsync", "rename")
 
 
 def build(work: Path) -> Path:
-    """Compile the library."""
     work.mkdir(parents=True, exist_ok=True)
     library = work / "faults.so"
     source = Path(__file__).with_name("faults.c")

@@ -49,8 +49,6 @@ MOST_SHIFTED = 0.05
 
 @dataclass
 class Tally:
-    """Counts over pairs."""
-
     boxes: int = 0
     boxes_merged: int = 0
     marks: int = 0
@@ -73,7 +71,6 @@ class Case:
     noise: float = np.nan
 
     def name(self) -> str:
-        """What the table groups by."""
         return f"texture {self.texture:g}" if self.kind == "plain" else self.kind
 
 
@@ -91,7 +88,6 @@ def cases(pairs: int, kinds: tuple[str, ...], first: int = 0) -> Iterator[Case]:
 
 
 def rendered(case: Case) -> RenderedPair:
-    """The pair of a case."""
     if case.kind == "drawn":
         return render_pair(case.seed)
     return floor_pair(case.seed, case.kind, case.texture, case.noise)
@@ -147,13 +143,11 @@ def count_things(
 
 
 def overlap(mask: NDArray[np.bool_], truth: NDArray[np.bool_], known: NDArray[np.bool_] | None = None) -> float:
-    """IoU over the pixels that are known."""
     levels = np.where(truth, np.uint8(INSIDE), np.uint8(0))
     return iou(mask, levels if known is None else np.where(known, levels, np.uint8(IGNORED)))
 
 
 def measure(pair: RenderedPair, frame: Frame, tally: Tally, name: str) -> None:
-    """Add one pair to the tally."""
     count_things(pair, enclosed_marks(pair), frame, tally, name, inner_boxes(pair) if is_alike(pair) else None)
     known = ~np.isin(pair.current.labels, (STREAK, SHADOW))
     tally.ious.append(overlap(frame.mask, pair.current.truth, known))
@@ -164,7 +158,6 @@ def measure(pair: RenderedPair, frame: Frame, tally: Tally, name: str) -> None:
 
 
 def true_poses(pair: RenderedPair) -> tuple[Pose, Pose]:
-    """Poses the pair was rendered from."""
     return planar_pose(pair.camera, *pair.poses[0]), planar_pose(pair.camera, *pair.poses[1])
 
 

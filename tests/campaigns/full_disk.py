@@ -8,10 +8,7 @@ each output is whole, and no temporary file is left. The tmpfs is mounted in a n
 
 import errno
 import os
-import resource
 import shutil
-import subprocess
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,11 +48,11 @@ def campaign(work: harness.Work, images: int = 12, *, pack: bool = False) -> Fig
         out, snapshot = _fresh(work / "out"), _fresh(work / "snapshot")
         out.mkdir()
         places = (f"{kilobytes}k", os.fspath(out), os.fspath(snapshot))
-        ended = _ended(["unshare", "-rm", "sh", "-c", _ON_TMPFS, "sh", *places, *command])
+        ended = harness.ended(["unshare", "-rm", "sh", "-c", _ON_TMPFS, "sh", *places, *command])
         _judge(ended, snapshot, reference, figures, f"disk of {kilobytes} kB")
     for limit in FILE_LIMITS:
         out = _fresh(work / "out")
-        ended = _ended(["sh", "-c", 'trap "" XFSZ; exec "$@"', "sh", "prlimit", f"--fsize={limit}", *command])
+        ended = harness.ended(["sh", "-c", 'trap "" XFSZ; exec "$@"', "sh", "prlimit", f"--fsize={limit}", *command])
         _judge(ended, out, reference, figures, f"files of {limit} bytes")
     return figures
 
@@ -63,18 +60,6 @@ def campaign(work: harness.Work, images: int = 12, *, pack: bool = False) -> Fig
 def _fresh(folder: Path) -> Path:
     shutil.rmtree(folder, ignore_errors=True)
     return folder
-
-
-def _ended(command: list[str]) -> harness.Ended:
-    begin, before = time.perf_counter(), _processor_seconds()
-    done = subprocess.run(command, capture_output=True, timeout=300, check=False)
-    seconds, processor = time.perf_counter() - begin, _processor_seconds() - before
-    return harness.Ended(done.returncode, seconds, done.stderr.decode("utf-8", "replace"), processor)
-
-
-def _processor_seconds() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def _judge(ended: harness.Ended, out: Path, reference: dict[str, bytes], figures: Figures, label: str) -> None:

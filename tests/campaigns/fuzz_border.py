@@ -46,7 +46,6 @@ class Draws:
         return float(self.rng.choice(ODD if self.once(self.spoil) else np.asarray(usual, float)))
 
     def count(self, usual: Sequence[int]) -> int:
-        """A usual integer or an odd one."""
         return int(self.rng.choice(ODD_COUNTS if self.once(self.spoil) else np.asarray(usual)))
 
     def _other(self, made: Array) -> Array:
@@ -69,11 +68,9 @@ class Draws:
         return self._other(made) if self.once(self.spoil) else made
 
     def marks(self) -> Array:
-        """A map of 0 and 255."""
         return np.where(self.plane(np.uint8, 256) > 0, 255, 0).astype(np.uint8)
 
     def domain(self) -> Array | None:
-        """A domain, or none."""
         return self.marks() if self.once(3) else None
 
     def rows(self, count: int, columns: int, reach: float = 50.0) -> Array:
@@ -126,7 +123,6 @@ def evolve(core: ModuleType, draws: Draws) -> None:
 
 
 def rasterize(core: ModuleType, draws: Draws) -> None:
-    """A mask of any contours."""
     degree = int(draws.rng.integers(1, 7))
     points, offsets = draws.contours(degree)
     degrees = np.full(len(offsets) - 1 if len(offsets) else 0, degree, np.int64)
@@ -138,7 +134,6 @@ def rasterize(core: ModuleType, draws: Draws) -> None:
 
 
 def edge_maps(core: ModuleType, draws: Draws) -> None:
-    """Gradient and Canny edges."""
     image = draws.plane(np.uint8, 256, *([int(draws.rng.integers(1, 6))] if draws.once(2) else []))
     gradient, edges = draws.plane(np.uint16, 5773), draws.plane(np.uint8, 2)
     core.gradient_and_ridges(image, draws.number([0.5, 1.5, 32]), gradient, edges)
@@ -148,7 +143,6 @@ def edge_maps(core: ModuleType, draws: Draws) -> None:
 
 
 def level_sets(core: ModuleType, draws: Draws) -> None:
-    """Fast marching, level sets and outlines."""
     inside, stop = draws.marks(), draws.count([1, 64, 65536])
     core.mask_outlines(inside)
     core.fast_march(np.abs(draws.rows(*draws.shape, 4.0)), draws.number([0, 1]), inside, draws.domain())
@@ -161,7 +155,6 @@ def level_sets(core: ModuleType, draws: Draws) -> None:
 
 
 def snakes(core: ModuleType, draws: Draws) -> None:
-    """A snake."""
     options = draws.options(
         core.SnakeOptions(),
         {
@@ -177,7 +170,6 @@ def snakes(core: ModuleType, draws: Draws) -> None:
 
 
 def pairs(core: ModuleType, draws: Draws) -> None:
-    """Patches of two images."""
     current, previous, n, k = draws.plane(np.uint8, 256), draws.plane(np.uint8, 256), draws.rng.integers(5), 2
     n, radius = int(n), draws.count([1, 2, 4, 32])
     warps = np.tile([1.0, 0.0, 0.0, 1.0], (n, k)) + 0.01 * draws.rows(n, 4 * k)
@@ -189,7 +181,6 @@ def pairs(core: ModuleType, draws: Draws) -> None:
 
 
 def interest(core: ModuleType, draws: Draws) -> None:
-    """Interest points of two components."""
     image = draws.plane(np.uint8, 256)
     windows = np.array([[0, 0, 1, 1], [0, 0, *image.shape[::-1]]], np.int64)
     if draws.once(draws.spoil):

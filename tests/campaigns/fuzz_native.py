@@ -26,15 +26,12 @@ TELLING = ("runtime error", "ERROR: ", "Assertion", "wrong result", "hang:", "le
 
 @dataclass
 class Count:
-    """Cases of one target."""
-
     cases: int = 0
     seconds: float = 0.0
     slowest: float = 0.0
     slowest_case: int = 0
 
     def add(self, cases: int, seconds: float, slowest: float, slowest_case: int) -> None:
-        """Add the cases of a process."""
         self.cases += cases
         self.seconds += seconds
         if slowest > self.slowest:
@@ -51,7 +48,6 @@ class Figures:
 
     @property
     def cases(self) -> int:
-        """Cases of all targets."""
         return sum(count.cases for count in self.targets.values())
 
     def __str__(self) -> str:
@@ -100,7 +96,6 @@ def telling(words: str) -> str:
 
 
 def border_command(work: Path, core: Path | str, *options: object) -> list[str]:
-    """What runs border cases with a core."""
     module = "tests.campaigns.fuzz_border"
     return [sys.executable, "-m", module, "--work", str(work), "--core", str(core), *map(str, options)]
 

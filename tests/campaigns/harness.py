@@ -52,17 +52,25 @@ class Ended:
 
 
 def command(*arguments: str | os.PathLike[str]) -> list[str]:
-    """The ``ffseg`` command of this interpreter."""
     return [sys.executable, "-m", "ffseg", *map(os.fspath, arguments)]
 
 
+def milliseconds(work: Callable[[], object]) -> float:
+    begin = time.process_time()
+    work()
+    return (time.process_time() - begin) * 1e3
+
+
 def run(*arguments: str | os.PathLike[str], env: Mapping[str, str] | None = None, limit: float = 300) -> Ended:
-    """Run ``ffseg`` to its end."""
-    begin = time.perf_counter()
-    done = subprocess.run(
-        command(*arguments), capture_output=True, timeout=limit, check=False, env={**os.environ, **(env or {})}
-    )
-    return Ended(done.returncode, time.perf_counter() - begin, done.stderr.decode("utf-8", "replace"))
+    return ended(command(*arguments), env, limit)
+
+
+def ended(whole: Sequence[str], env: Mapping[str, str] | None = None, limit: float = 300) -> Ended:
+    begin, before = time.perf_counter(), os.times()
+    done = subprocess.run(whole, capture_output=True, timeout=limit, check=False, env={**os.environ, **(env or {})})
+    seconds, now = time.perf_counter() - begin, os.times()
+    processor = sum(now[2:4]) - sum(before[2:4])
+    return Ended(done.returncode, seconds, done.stderr.decode("utf-8", "replace"), processor)
 
 
 def start(*arguments: str | os.PathLike[str], stderr: int | IO[bytes] = subprocess.DEVNULL) -> subprocess.Popen[bytes]:
@@ -99,7 +107,6 @@ def until_written(out: Path, images: int = 12) -> None:
 
 
 def until(true: Callable[[], bool], patience: float = 120.0) -> None:
-    """Wait for a state."""
     end = time.monotonic() + patience
     while not true():
         if time.monotonic() > end:
@@ -123,7 +130,6 @@ def draw_blobs(folder: Path, count: int, size: tuple[int, int] = (64, 48)) -> No
 
 
 def draw_film(path: Path, frames: int) -> Path:
-    """Write a film of a disc that moves."""
     from drawn_films import pictures, write_film
 
     return write_film(path, pictures(frames, (64, 48), noise=3))
@@ -179,7 +185,6 @@ def resident_mb(pids: Sequence[int]) -> float:
 
 
 def children(pid: int) -> list[int]:
-    """Direct children of a process."""
     try:
         return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
     except OSError:
@@ -209,6 +214,5 @@ PACK = ("--pack", "tar")
 
 
 def say(text: str) -> None:
-    """Print a figure."""
     sys.stdout.write(text + "\n")
     sys.stdout.flush()

@@ -14,8 +14,6 @@ from tests.campaigns import harness
 
 @dataclass
 class Figures:
-    """What the kills did."""
-
     kills: int = 0
     partial: int = 0
     orphans: int = 0

@@ -44,7 +44,6 @@ def main(
 
 
 def start_of(photograph: Photograph) -> NDArray[np.bool_]:
-    """Pixels in the start circle."""
     x, y, radius = photograph.circle
     rows, columns = np.indices(photograph.truth.shape, sparse=True)
     return np.asarray((columns - x) ** 2 + (rows - y) ** 2 <= radius**2)

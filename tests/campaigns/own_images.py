@@ -44,8 +44,6 @@ WELL = (DRIVES[0], DRIVES[2])
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One camera on its way."""
-
     kind: str
     seed: int
     drive: Drive

@@ -37,7 +37,6 @@ TICK_MS = 1e3 / os.sysconf("SC_CLK_TCK")
 
 
 def draw(path: Path, size: tuple[int, int]) -> None:
-    """A street, as large as asked."""
     image = cv2.resize(next(sights("street", 1, 5_002)).image, size, interpolation=cv2.INTER_CUBIC)
     grain = np.random.default_rng(0).normal(0, NOISE, (*image.shape[:2], 1))
     path.parent.mkdir(parents=True, exist_ok=True)

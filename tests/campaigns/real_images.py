@@ -2,11 +2,10 @@
 
 import csv
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
-from time import process_time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from ffseg.image.edges import edge_map
 from ffseg.io.images import read_image
 from ffseg.metrics import iou
 from ffseg.parameters import Edges, Parameters
+from tests.campaigns import harness
 
 SETS = ("road", "seeded_objects", "real_floors/indoor", "real_floors/omni")
 LARGEST_START, SMALL_START = 20.0, 8.0
@@ -80,19 +80,10 @@ def circle_of(row: dict[str, str]) -> tuple[float, float, float]:
 def evaluate(one: Photograph, params: Parameters) -> Outcome:
     """Segment one photograph; a failure gives an empty region."""
     placed = one.placed(params)
-    base = _timed(lambda: edge_map(one.image, Edges(canny=(4.0, 8.0))), 3)
+    base = median(harness.milliseconds(lambda: edge_map(one.image, Edges(canny=(4.0, 8.0)))) for _ in range(3))
     try:
         result = segment(one.image, placed)
-        spent = _timed(lambda: segment(one.image, placed), 1)
+        spent = harness.milliseconds(lambda: segment(one.image, placed))
     except FfsegError as error:
         return Outcome(one, 0.0, 0.0, base, 0.0, str(error))
     return Outcome(one, iou(result.mask, one.truth), float(result.score), base, spent, "; ".join(result.messages))
-
-
-def _timed(work: Callable[[], object], repeat: int) -> float:
-    spent = []
-    for _ in range(repeat):
-        begin = process_time()
-        work()
-        spent.append((process_time() - begin) * 1e3)
-    return median(spent)

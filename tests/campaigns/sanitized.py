@@ -21,7 +21,6 @@ ENVIRONMENT = {
 
 
 def environment(leaks: bool) -> dict[str, str]:
-    """Environment of a process under the sanitizers."""
     return {**os.environ, **{name: text.format(leaks=int(leaks)) for name, text in ENVIRONMENT.items()}}
 
 

@@ -92,7 +92,6 @@ def drawn(work: Path, count: int) -> dict[str, Picture]:
 
 
 def read(path: Path) -> Picture:
-    """A grey image."""
     return np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), np.uint8)
 
 
@@ -118,22 +117,18 @@ class Stranger:
     frames: list[tuple[Image.Image, int]] = field(default_factory=list)
 
     def spend(self, seconds: float) -> None:
-        """Take a hand's time."""
         self.hand_s += seconds
         time.sleep(seconds * self.pace)
 
     def until(self, script: str) -> None:
-        """Wait for the page, not for the hand."""
         begin = time.monotonic()
         self.hand.tab.until(script)
         self.waited_s += time.monotonic() - begin
 
     def name(self) -> str:
-        """The image that is shown."""
         return Path(self.hand.tab.value("document.getElementById('name').textContent")).stem
 
     def line(self) -> str:
-        """What is said of the model."""
         return str(self.hand.tab.value("document.getElementById('line').textContent"))
 
     def region(self) -> Mask:
@@ -155,7 +150,6 @@ class Stranger:
         self.frames.append((frame.resize(size, Image.Resampling.LANCZOS), ms))
 
     def look(self) -> float:
-        """IoU of what is shown."""
         mask = self.region()
         self.spend(LOOK_S)
         return iou(mask, self.truths[self.name()])
@@ -172,7 +166,6 @@ class Stranger:
         self.until(f"!document.getElementById('name').textContent.startsWith('{name}.')")
 
     def click(self, mask: Mask, truth: Picture) -> None:
-        """Click where the largest error is deepest."""
         wrong = Clicks().next(mask, truth, 1.0)
         x, y, _ = (*wrong.inside, *wrong.outside)[0]
         place = self.hand.at(x, y)
@@ -190,7 +183,6 @@ class Stranger:
         self.until("!document.getElementById('line').textContent.includes('learning from')")
 
     def run(self) -> None:
-        """Run the folder and wait for it."""
         self.region()
         self.shown(1200)
         self.hand.tab.value("document.getElementById('run').click()")
@@ -203,7 +195,6 @@ class Stranger:
         self.waited_s += time.monotonic() - begin
 
     def leaf(self, count: int) -> None:
-        """Look at some images."""
         for _ in range(count):
             self.hand.tab.press("n")
             self.region()
@@ -242,7 +233,6 @@ def at_the_page(work: Path, tab: chromium.Chromium, truths: dict[str, Picture]) 
 
 
 def write_film(frames: list[tuple[Image.Image, int]], path: Path) -> None:
-    """Write the animation."""
     (first, _), *rest = frames
     first.save(
         path,

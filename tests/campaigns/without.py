@@ -98,8 +98,6 @@ def _imports(module: ModuleType, home: str, name: str) -> bool:
 
 
 class _Failed:
-    """Names of tests that have failed."""
-
     def __init__(self) -> None:
         self.names: list[str] = []
         self.ran = 0

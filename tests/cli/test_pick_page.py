@@ -46,8 +46,6 @@ def server(folder: Path, tmp_path: Path) -> Iterator[Server]:
 
 
 class PageHand(Hand):
-    """It waits for what the page shows."""
-
     def until_marks(self, *kinds: str) -> None:
         wanted = json.dumps(" ".join(kinds))
         marks = "[...document.querySelectorAll('#marks *')].map((m) => m.getAttribute('class')).join(' ')"

@@ -43,33 +43,6 @@ def test_run_writes_what_the_contract_names(blobs: Path, tmp_path: Path) -> None
     assert found == sorted([*names, ".ffseg/journal.jsonl", "run.json", "timings.csv"])
 
 
-def test_second_run_says_unchanged_and_other_parameters_exit_2(blobs: Path, tmp_path: Path) -> None:
-    assert harness.run("run", blobs, "--out", tmp_path / "out", *SMALL).code == 0
-    again = subprocess.run(
-        harness.command("run", blobs, "--out", tmp_path / "out", *SMALL), capture_output=True, text=True, check=False
-    )
-    assert "unchanged  6" in again.stdout
-    other = harness.run("run", blobs, "--out", tmp_path / "out", *SMALL, "--set", "contour.degree=2")
-    assert other.code == 2
-    assert "contour.degree was 3, is 2" in other.stderr
-    assert (
-        harness.run("run", blobs, "--out", tmp_path / "out", *SMALL, "--set", "contour.degree=2", "--overwrite").code
-        == 0
-    )
-
-
-def test_dry_run_prints_the_plan_and_writes_nothing(blobs: Path, tmp_path: Path) -> None:
-    done = subprocess.run(
-        harness.command("run", blobs, "--out", tmp_path / "out", "--dry-run"),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0
-    assert f"{blobs}/i3.png -> masks/i3.png, contours/i3.svg" in done.stdout.splitlines()
-    assert not (tmp_path / "out").exists()
-
-
 def test_r1_every_bad_file_is_a_row_with_a_known_reason(tmp_path: Path) -> None:
     source, out = tmp_path / "in", tmp_path / "out"
     cases = bad_images.all_cases()

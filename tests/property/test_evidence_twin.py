@@ -21,7 +21,6 @@ images = st.one_of(
 
 @st.composite
 def starts(draw: st.DrawFn, shape: tuple[int, int]) -> np.ndarray:
-    """A region that is not empty."""
     inside = draw(hnp.arrays(np.uint8, shape, elements=st.sampled_from([0, 0, 0, 1])))
     inside[draw(st.integers(0, shape[0] - 1)), draw(st.integers(0, shape[1] - 1))] = 1
     return inside

@@ -67,7 +67,6 @@ def looks(made: _core.Evolution, shape: tuple[int, int]) -> Iterator[NDArray[np.
 
 
 def front(edges: Edges, center: tuple[float, float], radius: float) -> _core.Evolution:
-    """A front that is to grow from a circle."""
     start = [FreeForm.circle(center, radius, 13, 3)]
     return evolutions.evolution(start, edges, refine=True, balloon=8.0, max_iterations=5000)
 

@@ -37,7 +37,6 @@ class Room:
         self.reference = np.loadtxt(folder / "reference_points.csv", delimiter=",", skiprows=1)
 
     def halved(self) -> tuple[Camera, list[NDArray[np.uint8]]]:
-        """Camera and frames at 800x600."""
         k = self.camera.projection.affine  # type: ignore[attr-defined]
         center = ((k.cx + 0.5) / 2 - 0.5, (k.cy + 0.5) / 2 - 0.5)
         lens = UnifiedSphere(Affine(k.fx / 2, k.fy / 2, *center), self.camera.projection.xi, (0, 0, 0, 0))  # type: ignore[attr-defined]

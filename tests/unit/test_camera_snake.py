@@ -7,7 +7,6 @@ import pytest
 from rendered import render_pair, segment_view
 
 from ffseg.camera.motion import planar_pose
-from ffseg.errors import CalibrationError
 from ffseg.freespace.altitudes import ALIKE, BEHIND, NEIGHBOUR, REACH, _passable
 from ffseg.freespace.sequence import Frame, Sequence
 from ffseg.parameters import load_params
@@ -33,7 +32,6 @@ def frame(*, with_poses: bool) -> Frame:
 
 
 def shares(mask: np.ndarray) -> tuple[list[float], list[float]]:
-    """Share of each mark and of each box that is free."""
     labels = pair().current.labels
     marks = range(1, len(pair().scene.marks) + 1)
     boxes = range(FIRST_BOX, FIRST_WALL)
@@ -104,9 +102,3 @@ def test_nothing_may_stand_behind_or_beside_it() -> None:
     assert passable((50, 0, False), ground, (*at(-outside, 50), True))[0]
     assert not passable((50, 0, False), ground, (*at(180, NEIGHBOUR - 1), True))[0]
     assert passable((50, 0, False), ground, (*at(180, NEIGHBOUR + 1), True))[0]
-
-
-def test_a_previous_image_of_another_size_is_refused() -> None:
-    sequence = Sequence(pair().camera, SNAKE)
-    with pytest.raises(CalibrationError):
-        sequence.feed(np.zeros((10, 10), np.uint8))

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import Command
 
 import ffseg
 from ffseg.image.opencv_peers import near
@@ -65,14 +64,3 @@ def test_grabcut_is_told_that_four_radii_round_the_start_are_probably_inside() -
     told = near(disc, radii)
     assert told[distance < 20 * radii - 1.5].all()
     assert not told[distance > 20 * radii + 1.5].any()  # a pixel for the disc's own steps, half for the centre
-
-
-def test_true_masks_are_left_out_with_truth_only(tmp_path: Path, ffseg_command: Command) -> None:
-    said("batch.md", "(without `--truth` a mask is an image like any other)")
-    folder = tmp_path / "photos"
-    folder.mkdir()
-    for name, source in (("toy.png", "toy.png"), ("toy_truth.png", "truth/toy.png")):
-        (folder / name).write_bytes((ROOT / "samples" / source).read_bytes())
-    with_truth = ffseg_command("run", folder, "--out", tmp_path / "a", "--truth", folder, "--dry-run").stdout
-    without = ffseg_command("run", folder, "--out", tmp_path / "b", "--dry-run").stdout
-    assert (with_truth.count(" -> "), without.count(" -> ")) == (1, 2)

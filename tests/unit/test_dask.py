@@ -56,7 +56,6 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scheduler]:
 
 @pytest.fixture
 def mortal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scheduler]:
-    """One that a test may kill."""
     with started(tmp_path_factory) as found:
         yield found
 
@@ -103,7 +102,6 @@ def by_dask(address: str, chunk: int = 10) -> dict[str, object]:
 
 
 def offspring(processes: list[subprocess.Popen[bytes]]) -> list[str]:
-    """Children of processes."""
     found = []
     for path in [path for process in processes for path in Path(f"/proc/{process.pid}/task").glob("*/children")]:
         with contextlib.suppress(OSError):  # of a thread that has ended meanwhile
@@ -170,8 +168,6 @@ def test_a_run_that_is_over_leaves_no_process_on_the_machines(scheduler, tmp_pat
 
 
 class Ended:
-    """Stands for the processes of an executor."""
-
     def __init__(self) -> None:
         self.closed = threading.Event()
 

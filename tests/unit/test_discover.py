@@ -5,11 +5,10 @@ import time
 from pathlib import Path
 
 import pytest
-from batches import make_images
 
 from ffseg.batch.plan.beside import find_domains, find_evidence
 from ffseg.batch.plan.discover import discover
-from ffseg.batch.plan.jobs import make_plan, prepare_output, refuse_foreign
+from ffseg.batch.plan.jobs import make_plan, prepare_output
 from ffseg.errors import OutputError, UsageError
 
 
@@ -98,12 +97,6 @@ def test_folder_that_cannot_be_listed_is_a_failed_row(tmp_path: Path) -> None:
     assert problems["b.png"] == ""
 
 
-def test_inputs_that_share_an_output_are_refused(tmp_path: Path) -> None:
-    _touch(tmp_path, "a.png", "a.jpg")
-    with pytest.raises(UsageError, match=r"a\.jpg.*a\.png.*share"):
-        make_plan([str(tmp_path)], str(tmp_path / "out"))
-
-
 def test_output_that_is_a_folder_of_others_is_refused(tmp_path: Path) -> None:
     _touch(tmp_path, "a.jpg", "a.png/b.jpg")
     with pytest.raises(UsageError, match="also the folder"):
@@ -151,23 +144,6 @@ def test_two_files_that_could_belong_to_an_image_are_refused(tmp_path: Path) -> 
     ]  # fmt: skip
 
 
-def test_outputs_no_run_made_are_found(tmp_path: Path) -> None:
-    _touch(tmp_path / "in", "a.png")
-    plan = make_plan([str(tmp_path / "in")], str(tmp_path / "out"))
-    refuse_foreign(plan)
-    _touch(tmp_path / "out", "masks/a.png")
-    with pytest.raises(UsageError, match=r"masks/a\.png exists and no run made it"):
-        refuse_foreign(plan)
-    _touch(tmp_path / "out", ".ffseg/lock")
-    refuse_foreign(plan)
-
-
-def test_names_too_long_for_their_outputs_are_a_failed_row(tmp_path: Path) -> None:
-    _touch(tmp_path, "n" * 252 + ".gf", "n" * 251 + ".png")
-    plan = make_plan([str(path) for path in sorted(tmp_path.iterdir())], str(tmp_path / "out"))
-    assert sorted(job.source.problem[:8] for job in plan.jobs) == ["", "bad-name"]
-
-
 @pytest.mark.parametrize("blocker", ["out", "out/masks", "out/.ffseg"])
 def test_output_that_cannot_be_made_is_named(blocker: str, tmp_path: Path) -> None:
     _touch(tmp_path, "in/a.png", blocker)
@@ -196,9 +172,3 @@ def test_a_folder_of_films_alone_says_how_they_are_named(tmp_path: Path) -> None
     _touch(tmp_path, "in/a.mp4")
     with pytest.raises(UsageError, match="name a film by its file"):
         make_plan([str(tmp_path / "in")], str(tmp_path / "out"))
-
-
-def test_planning_writes_nothing(tmp_path: Path) -> None:
-    make_images(tmp_path / "in", ["a.png"])
-    make_plan([str(tmp_path / "in")], str(tmp_path / "out"))
-    assert not (tmp_path / "out").exists()

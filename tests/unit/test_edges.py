@@ -31,7 +31,6 @@ sigmas = st.one_of(st.floats(0.01, 4), st.sampled_from([1.5, 20.0, 32.0]), st.fl
 
 
 def native(image: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient and ridges."""
     gradient, ridges = np.empty(image.shape[:2], np.uint16), np.empty(image.shape[:2], np.uint8)
     _core.gradient_and_ridges(image, sigma, gradient, ridges)
     return gradient, ridges

@@ -43,12 +43,6 @@ def test_work_ends_within_an_iteration_of_the_budget(most: int) -> None:
         assert before.counts()["work"] <= most < made.counts()["work"]
 
 
-def test_without_a_budget_there_is_none() -> None:
-    made = evolutions.evolution([FreeForm.circle((90, 70), 12, 13, 3)], refine=True, budget=0)
-    made.advance(10_000)
-    assert made.stop_reason == "converged"
-
-
 def test_the_budget_is_in_proportion_to_the_domain() -> None:
     edges = ffseg.EdgeMap(np.zeros((40, 50), np.uint16), np.zeros((40, 50), np.uint8), None, (1.0, 2.0))
     scene = Scene(np.zeros((40, 50), np.uint8), ffseg.load_params(None), edges=edges)

@@ -1,6 +1,7 @@
 """Maps beside images: how they are found, read, refused, and known when a run goes on."""
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -36,10 +37,10 @@ def written(folder: Path, inside: np.ndarray, kind: str) -> Path:
             cv2.imwrite(str(folder / f"{name}.tiff"), inside.astype(np.uint16) * np.uint16(65535))
         else:
             cv2.imwrite(str(folder / f"{name}.png"), inside.astype(np.uint8) * np.uint8(255))
-    return folder
+    return Path(shutil.make_archive(str(folder), "tar", folder)) if kind == "tar" else folder
 
 
-@pytest.mark.parametrize("kind", ["png", "tiff16", "npy"])
+@pytest.mark.parametrize("kind", ["png", "tiff16", "npy", "tar"])
 def test_run_takes_maps_and_knows_when_they_change(tmp_path: Path, kind: str, ffseg_command: Command) -> None:
     inside = picture(tmp_path / "in")
     maps = written(tmp_path / "maps", inside, kind)
@@ -50,7 +51,7 @@ def test_run_takes_maps_and_knows_when_they_change(tmp_path: Path, kind: str, ff
     mask = cv2.imread(str(tmp_path / "out" / "masks" / "a.png"), cv2.IMREAD_GRAYSCALE) > 0
     assert np.count_nonzero(mask ^ inside) <= 0.03 * np.count_nonzero(inside)
     assert json.loads(ffseg_command(*command).stdout)["counts"]["unchanged"] == 2
-    written(maps, np.roll(inside, 3, axis=1), kind)
+    written(tmp_path / "maps", np.roll(inside, 3, axis=1), kind)
     again = json.loads(ffseg_command(*command).stdout)["counts"]
     assert (again["done"], again["unchanged"]) == (2, 0)
 

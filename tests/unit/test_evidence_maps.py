@@ -15,7 +15,6 @@ START = {"init.center": [400, 300], "init.radius": 40}
 
 
 def flat(truth: np.ndarray) -> np.ndarray:
-    """An image that says nothing."""
     return np.full(truth.shape, 100, np.uint8)
 
 

@@ -191,6 +191,7 @@ def test_the_command_takes_a_list_from_stdin(images: Path, tmp_path: Path, ffseg
     done = ffseg_command("run", "--list", "-", "--out", tmp_path / "out", "--dry-run", cwd=images, input=names)
     assert done.returncode == 0, done.stderr
     assert [line.split(" -> ")[0] for line in done.stdout.splitlines()] == NAMES
+    assert done.stdout.splitlines()[0] == f"{NAMES[0]} -> masks/{NAMES[0][:-4]}.png, contours/{NAMES[0][:-4]}.svg"
 
 
 @pytest.fixture
@@ -220,16 +221,6 @@ def test_images_behind_a_url_are_run_like_files(store, images: Path, tmp_path: P
     assert (summary.done, summary.unchanged, summary.failed) == (1, 1, 1)
 
 
-def test_urls_keep_the_limits_of_files(store) -> None:
-    with pytest.raises(ImageReadError) as caught:
-        read_input("memory://bucket/set/a.png", 10)
-    assert caught.value.reason == "too-many-bytes"
-    with pytest.raises(ImageReadError) as caught:
-        read_input("memory://bucket/set/none.png", 1 << 20)
-    assert caught.value.reason == "missing"
-    store.pipe("/bucket/set/empty.png", b"")
-    with pytest.raises(ImageReadError) as caught:
-        read_input("memory://bucket/set/empty.png", 1 << 20)
-    assert caught.value.reason == "empty"
+def test_addresses_of_other_kinds_are_no_inputs() -> None:
     with pytest.raises(UsageError, match="no file or folder ftp"):
         discover(["ftp://somewhere/a.png"])

@@ -49,10 +49,14 @@ def test_what_hangs_together_with_the_start_is_no_island() -> None:
     assert islands(odds, start, 12) == ()
 
 
-def test_the_contour_takes_islands_where_the_prior_decides(monkeypatch: pytest.MonkeyPatch) -> None:
-    odds, _ = apart(3)
-    monkeypatch.setattr(evidence, "prior", lambda *_: odds)
+@pytest.fixture
+def prior_decides(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evidence, "prior", lambda *_: apart(3)[0])
     monkeypatch.setattr(auto, "_trial", lambda *_: None)
+
+
+@pytest.mark.usefixtures("prior_decides")
+def test_the_contour_takes_islands_where_the_prior_decides() -> None:
     even = np.full((*SHAPE, 3), 120, np.uint8)
     given = {"init.center": [50, 60], "init.radius": 10}
     both = segment(even, load_params(None, given))
@@ -64,10 +68,8 @@ def test_the_contour_takes_islands_where_the_prior_decides(monkeypatch: pytest.M
     assert not both.mask[60, 105]
 
 
-def test_a_part_outside_the_domain_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    odds, _ = apart(3)
-    monkeypatch.setattr(evidence, "prior", lambda *_: odds)
-    monkeypatch.setattr(auto, "_trial", lambda *_: None)
+@pytest.mark.usefixtures("prior_decides")
+def test_a_part_outside_the_domain_gets_none() -> None:
     domain = np.full(SHAPE, 255, np.uint8)
     domain[:, 110:] = 0
     params = load_params(None, {"init.center": [50, 60], "init.radius": 10})

@@ -1,6 +1,5 @@
 """The journal keeps whole lines only, and the lock dies with its process."""
 
-import errno
 import json
 import os
 import re
@@ -152,19 +151,6 @@ def test_full_disk_leaves_whole_lines_and_keeps_the_record(tmp_path: Path, monke
     again = _journal(tmp_path)
     assert [again.get(name) is not None for name in NAMES] == [True, False, True]
     again.close()
-
-
-def test_failing_write_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    journal = _journal(tmp_path)
-
-    def fail(*_: object) -> int:
-        raise OSError(errno.EIO, "Input/output error")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "write", fail)
-        with pytest.raises(OutputError, match="Input/output error"):
-            journal.add(_record(NAMES[0]))
-    journal.close()
 
 
 HOLD = """

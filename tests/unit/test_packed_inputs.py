@@ -1,14 +1,13 @@
 """What is read out of tar files: images by every command, and the files that belong to them by their names."""
 
 import io
-import json
 import tarfile
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from batches import run_batch, snapshot, table
+from batches import run_batch, table
 from commands import Command
 
 from ffseg.batch.plan.beside import find_evidence, find_truths
@@ -25,14 +24,11 @@ ROWS, COLUMNS = np.mgrid[: SHAPE[0], : SHAPE[1]]
 INSIDE = (COLUMNS - 40) ** 2 + (ROWS - 30) ** 2 <= 20**2
 
 
-def written(folder: Path, levels: np.ndarray, suffix: str = ".png") -> Path:
+def written(folder: Path, levels: np.ndarray) -> Path:
     for name in NAMES:
-        path = folder / f"{name}{suffix}"
+        path = folder / f"{name}.png"
         path.parent.mkdir(parents=True, exist_ok=True)
-        if suffix == ".npy":
-            np.save(path, levels)
-        else:
-            cv2.imwrite(str(path), levels)
+        cv2.imwrite(str(path), levels)
     return folder
 
 
@@ -47,7 +43,6 @@ def packed(*folders: Path) -> Path:
 
 @pytest.fixture
 def images(tmp_path: Path) -> Path:
-    """A bright disc, twice."""
     return written(tmp_path / "in", np.where(INSIDE, 200, 40).astype(np.uint8))
 
 
@@ -81,20 +76,8 @@ def test_a_member_is_read_by_one_text(images: Path, tmp_path: Path) -> None:
 def test_methods_are_compared_on_images_in_a_tar_file(
     images: Path, truths: Path, tmp_path: Path, ffseg_command: Command
 ) -> None:
-    archive = packed(images)
-    command = (
-        "compare",
-        archive,
-        "--out",
-        tmp_path / "out",
-        "--truth",
-        truths,
-        "--methods",
-        "freeform",
-        "--min-iou",
-        "0.9",
-    )
-    done = ffseg_command(*command, "--set", "init.radius=8")
+    shown = ("--methods", "freeform", "--min-iou", "0.9", "--set", "init.radius=8")
+    done = ffseg_command("compare", packed(images), "--out", tmp_path / "out", "--truth", truths, *shown)
     assert done.returncode == 0, done.stderr + done.stdout
 
 
@@ -143,27 +126,6 @@ def test_a_true_mask_in_a_tar_file_that_cannot_be_used_is_named(images: Path, tr
     run_batch(images, tmp_path / "out", truth=str(archive), executor=INPROCESS)
     error = table(tmp_path / "out" / "timings.csv")[0]["error"]
     assert error.startswith(f"truth: the true mask {archive}/a.png cannot be used: not-an-image")
-
-
-@pytest.mark.parametrize("suffix", [".png", ".npy"])
-def test_maps_in_a_tar_file_are_those_of_its_folder(
-    images: Path, tmp_path: Path, suffix: str, ffseg_command: Command
-) -> None:
-    levels = np.where(INSIDE, 255, 0).astype(np.uint8)
-    archive = packed(written(tmp_path / "maps", levels, suffix))
-
-    def counts(maps: Path, out: str) -> dict[str, int]:
-        command = ("run", images, "--out", tmp_path / out, "--evidence", maps, "--set", "init.radius=8", "--json")
-        done = ffseg_command(*command)
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)["counts"]
-
-    counts(tmp_path / "maps", "one")
-    assert counts(archive, "out")["done"] == 2
-    assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
-    assert counts(archive, "out")["unchanged"] == 2
-    written(tmp_path / "maps", np.roll(levels, 3, axis=1), suffix)
-    assert counts(packed(tmp_path / "maps"), "out")["done"] == 2
 
 
 def test_what_is_no_tar_file_that_can_be_read_in_place_is_refused(images: Path, truths: Path, tmp_path: Path) -> None:

@@ -368,14 +368,6 @@ def test_a_report_shows_what_is_packed(images: Path, tmp_path: Path) -> None:
         assert "mask" not in member["pictures"], "a page cannot link into a tar file"
 
 
-def test_the_command(tmp_path: Path, ffseg_command: Command) -> None:
-    shutil.copytree(Path(__file__).parents[2] / "samples", tmp_path / "photos")
-    run = ("run", "photos", "--out")
-    assert ffseg_command(*run, "out", "--pack", "tar", "--report", "--overlay", cwd=tmp_path).returncode == 0
-    shown = ffseg_command(*run, "out", "--pack", "tar", "--dry-run", cwd=tmp_path)
-    assert "0 to do" in shown.stderr
-
-
 @pytest.mark.parametrize("pack", [(), ("--pack", "tar")])
 def test_an_empty_output_is_made_once(pack: tuple[str, ...], tmp_path: Path, ffseg_command: Command) -> None:
     (tmp_path / "in").mkdir()

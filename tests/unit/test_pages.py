@@ -70,7 +70,6 @@ def help_of(*command: str) -> str:
 
 
 def pages_under(*command: str) -> list[str]:
-    """Sections of the page for a command and all below it."""
     text = help_of(*command)
     title = " ".join(("ffseg", *command))
     below = re.findall(r"^  ([\w-]+)(?:  |$)", text.partition("\nCommands:\n")[2], flags=re.MULTILINE)

@@ -22,7 +22,6 @@ MOST_FILES = 40
 
 
 def floors() -> list[list[str]]:
-    """Modules of each floor, the highest first."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
     layers = next(one["layers"] for one in contracts if one["type"] == "layers")
     return [re.findall(r"ffseg\.(\w+)", layer) for layer in layers]

@@ -19,7 +19,7 @@ from ffseg.batch.plan.sources import Job, Source
 from ffseg.batch.record.tables import TIMING_COLUMNS
 from ffseg.batch.workers import work
 from ffseg.batch.workers.messages import Failed, Setup, Task
-from ffseg.errors import OutputError, UsageError, WorkerLostError
+from ffseg.errors import UsageError, WorkerLostError
 from ffseg.parameters import load_params
 
 NAMES = [f"s{index % 3}/image{index}.png" for index in range(12)]
@@ -224,12 +224,3 @@ def test_no_overlap_is_kept_of_a_truth_that_is_not_among_those_asked_for(
     assert done["counts"]["unchanged"] == len(NAMES)
     assert {name for name, overlap in told.items() if overlap is None} == {NAMES[0]}
     assert {row["image"] for row in table(tmp_path / "out" / "timings.csv") if row["iou"] == ""} == {NAMES[0]}
-
-
-def test_read_only_output_is_refused_at_once(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_: object, **__: object) -> int:
-        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
-
-    monkeypatch.setattr(os, "open", fail)
-    with pytest.raises(OutputError, match="Read-only"):
-        run_batch(images, tmp_path / "out")

@@ -148,13 +148,8 @@ def test_one_shard_leaves_the_others_alone(images: Path, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("text", ["0/2", "3/2", "1", "/", "1/0", "a/b", "1/2/3", "-1/2", "1/100001", " 1/2"])
 def test_parts_that_are_none_are_refused(text: str) -> None:
-    with pytest.raises(UsageError, match="--shard"):
+    with pytest.raises(UsageError, match="--shard.*n up to 100000;"):
         read_shard(text)
-
-
-def test_the_most_parts_there_can_be_are_said() -> None:
-    with pytest.raises(UsageError, match="n up to 100000;"):
-        read_shard("1/100000000")
 
 
 def test_every_image_belongs_to_one_shard_and_stays_there() -> None:
@@ -230,16 +225,8 @@ def test_a_table_can_be_parquet_too(images: Path, tmp_path: Path) -> None:
     assert not os.path.exists(tmp_path / "out" / "timings.parquet"), "an old table beside a new one would be stale"
 
 
-def test_the_recipe_in_the_shell(images: Path, tmp_path: Path, ffseg_command: Command) -> None:
-    shutil.copytree(Path(__file__).parents[2] / "samples", tmp_path / "photos")
-    for number in (1, 2, 3):
-        done = ffseg_command("run", "photos", "--out", "parts", "--shard", f"{number}/3", cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-    done = ffseg_command("merge", "parts", "--json", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    names = [row["image"] for row in table(tmp_path / "parts" / "timings.csv")]
-    assert json.loads(done.stdout)["counts"]["total"] == len(names) > 2
-    shutil.rmtree(tmp_path / "parts" / ".ffseg" / "shards" / "2-of-3")
+def test_the_command_names_a_shard_that_never_ran(images: Path, tmp_path: Path, ffseg_command: Command) -> None:
+    assert ffseg_command("run", images, "--out", "parts", "--shard", "1/2", cwd=tmp_path).returncode == 0
     left_out = ffseg_command("merge", "parts", cwd=tmp_path)
     assert left_out.returncode == 3
-    assert "shard 2/3 never ran" in left_out.stderr
+    assert "shard 2/2 never ran" in left_out.stderr

@@ -34,7 +34,6 @@ def hill(top: float, height: float, noise: float = 0.0) -> Callable[[float, int]
 
 
 def worse(far: float, _number: int) -> float:
-    """Every other level is worse."""
     return -abs(far)
 
 
