@@ -159,7 +159,6 @@ def _numbers(values: Any) -> NDArray[np.float64]:  # noqa: ANN401 - whatever som
 
 
 def _evidence(values: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
-    """A map of evidence as the segmenters take it."""
     if values is None:
         return None
     refuse_masked("evidence", values)

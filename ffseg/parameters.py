@@ -454,7 +454,6 @@ def presets() -> dict[str, Path]:
 
 
 def _file(source: str | os.PathLike[str], problems: Problems) -> Node:
-    """Read a file, or the preset of that name."""
     name = os.fspath(source)
     if isinstance(source, str) and not _looks_like_path(name):
         known = presets()

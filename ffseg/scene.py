@@ -90,10 +90,6 @@ NO_EDGES = EdgeMap(np.empty((0, 0), np.uint16), np.empty((0, 0), np.uint8), None
 """What is known of the edges before the evidence is asked."""
 
 
-def _no_altitudes() -> NDArray[np.float64]:
-    return np.empty((0, 4))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """All that is known of an image while it is segmented: what was given, and what the steps before have found.
@@ -157,7 +153,7 @@ class Scene:
     evidence: NDArray[np.float32] | None = None
     center: tuple[float, float] | None = None
     options: object = None
-    altitudes: NDArray[np.float64] = field(default_factory=_no_altitudes)
+    altitudes: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 4)))
     footprint: Footprint | None = None
     callback: Callable[[Progress], None] | None = None
     every: int = 10

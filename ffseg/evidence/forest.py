@@ -198,7 +198,8 @@ def to_bytes(model: Model) -> bytes:
     text = json.dumps(header, allow_nan=False).encode()
     if len(text) > MAX_HEADER:
         raise ParameterError(f"what is said about the model takes {len(text)} bytes, more than {MAX_HEADER}; say less")
-    body = b"".join(_body(forest) for forest in forests.values() if forest is not None)
+    whole = [forest for forest in forests.values() if forest is not None]
+    body = b"".join(np.asarray(one.arrays[name], kind).tobytes() for one in whole for name, kind, _ in ARRAYS)
     data = MAGIC + struct.pack("<I", len(text)) + text + body
     return data + hashlib.sha256(data).digest()
 
@@ -206,10 +207,6 @@ def to_bytes(model: Model) -> bytes:
 def _described(forest: Forest) -> dict[str, Any]:
     counts = {count: len(forest.arrays[name]) for name, _, count in ARRAYS}
     return {"features": forest.features, "bias": forest.bias, **counts}
-
-
-def _body(forest: Forest) -> bytes:
-    return b"".join(np.asarray(forest.arrays[name], kind).tobytes() for name, kind, _ in ARRAYS)
 
 
 def load_model(path: str | os.PathLike[str], known: tuple[str, ...] = KNOWN) -> Model:

@@ -120,7 +120,6 @@ def _corner_level(image: Image, step: int) -> float | None:
 
 
 def _brightest(image: Image) -> Image:
-    """The brightest channel of each pixel."""
     if image.ndim == 2:
         return image
     found = image[..., 0]

@@ -138,6 +138,5 @@ def _mean(values: NDArray[np.float32], known: NDArray[np.float32], width: int) -
 
 
 def _opened(mask: Mask, width: int) -> Mask:
-    """The mask without what is narrower."""
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width))
     return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, disc), np.bool_)

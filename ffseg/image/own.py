@@ -176,7 +176,6 @@ def _gradient(lab: Plane) -> tuple[Plane, Plane]:
 
 
 def _beside_crests(x: Plane, y: Plane) -> Mask:
-    """On a crest of that gradient or next to one."""
     x_levels, y_levels = (np.clip(256 * plane, -32768, 32767).astype(np.int16) for plane in (x, y))
     crests = cv2.Canny(x_levels, y_levels, 256 * FAINT, 256 * FAINT, L2gradient=True)
     return cv2.dilate(crests, np.ones((3, 3), np.uint8)) > 0

@@ -399,7 +399,6 @@ def grow_inside(chosen: Sequence[Samples], trees: int = TREES) -> tuple[Forest, 
 
 
 def _taught_by_others(chosen: Sequence[Samples]) -> float:
-    """Mean IoU of `_told_by_others`."""
     return mean_overlap(_told_by_others(tuple(chosen), corrected=False), [one.inside[::THIN] for one in chosen])
 
 

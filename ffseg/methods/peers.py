@@ -55,7 +55,6 @@ def geodesic(edges: EdgeMap, seeds: Mask, params: SkimageGac, callback: Callable
 
 
 def _levels(image: Image, sigma: float) -> NDArray[np.float64]:
-    """The mean of the channels, smoothed, from 0 to 1."""
     grey = image if image.ndim == 2 else image.mean(axis=2).astype(np.uint8)
     return opencv_peers.smooth(grey, sigma) / 255.0
 

@@ -143,7 +143,6 @@ class Scene:
         return self._copies[self._widest], longest / self._widest
 
     def _bounds(self, shape: tuple[int, int]) -> Bounds:
-        """The masks at the size of a copy."""
         rows, columns = (
             ((np.arange(few) + 0.5) * many / few).astype(int) for few, many in zip(shape, self.shape, strict=True)
         )
@@ -180,7 +179,6 @@ class Scene:
         )
 
     def _wrong_start(self, start: Start, params: Parameters) -> FfsegError | None:
-        """What is wrong with a start, in pixels of the image."""
         try:
             start_contours(self.shape, start.placed(params, self.shape), self._masks.start)
         except FfsegError as error:

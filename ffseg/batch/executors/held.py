@@ -92,7 +92,6 @@ def _keep(held: Held) -> None:
 
 
 def _end(meant: Callable[[Held], bool]) -> None:
-    """End all idle processes that are meant."""
     while (held := _take(meant)) is not None:
         held.executor.close()
 

@@ -17,7 +17,6 @@ from ffseg.io.files import printable
 from ffseg.io.overlays import Polyline, encode_overlay, jpeg_address
 from ffseg.io.saving import Source
 from ffseg.io.saving import encoded as saved
-from ffseg.io.svg import svg_document
 from ffseg.plugins import load
 from ffseg.result import Segmentation
 from ffseg.scene import Progress
@@ -110,8 +109,7 @@ def readable(name: str) -> str:
 
 def contours(result: Segmentation, context: Context) -> bytes:
     """The contours as an SVG file."""
-    height, width = context.image.shape[:2]
-    return svg_document(result.contours, width, height, context.name).encode("utf-8")
+    return saved(result, "svg", Source(context.name))
 
 
 def overlay(result: Segmentation, context: Context) -> bytes:
@@ -132,9 +130,7 @@ _QUALITY = 90
 
 def drawing(result: Segmentation, context: Context) -> bytes:
     """The contours over the image as an SVG file that needs no other."""
-    height, width = context.image.shape[:2]
-    behind = jpeg_address(context.image, _QUALITY)
-    return svg_document(result.contours, width, height, context.name, behind).encode("utf-8")
+    return saved(result, "svg", Source(context.name, behind=jpeg_address(context.image, _QUALITY)))
 
 
 def film(result: Segmentation, context: Context) -> bytes:

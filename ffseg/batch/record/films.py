@@ -78,7 +78,6 @@ def write_films(out: str, kinds: Sequence[str], standing: Records, tell: Callabl
 
 
 def _timed(out: str, kind: str, records: Iterable[Record]) -> Iterator[Timed]:
-    """Time and picture of each frame."""
     for number, record in enumerate(records):
         time = record.row.get("time_s")
         yield number / _RATE if time is None else float(time), _picture(out, kind, record)
@@ -102,7 +101,6 @@ def _picture(out: str, kind: str, record: Record) -> NDArray[np.uint8]:
 
 
 def _write(path: str, kind: str, frames: Iterator[Timed]) -> None:
-    """Write a film, whole or not at all."""
     import av
 
     codec, layout, options = _CODECS[kind]

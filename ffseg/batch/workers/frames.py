@@ -66,7 +66,6 @@ class Before:
         return replace(frame, note=f"{frame.note}; the image before, {said}")
 
     def _image(self, place: int, levels: Levels) -> Earlier | str:
-        """An image before, or why it is of no use."""
         camera, before = self.views.camera, self.views.chain(self.name)[place]
         try:
             image = decode_image(self.data[place], self.limits, levels)

@@ -148,7 +148,6 @@ class _Film:
 def _picture(
     image: NDArray[np.uint8], inside: NDArray[np.bool_], contours: tuple[FreeForm, ...], kind: str
 ) -> NDArray[np.uint8]:
-    """What is sent of a frame."""
     import numpy as np
 
     from ffseg.io.overlays import as_colour, draw_overlay, polylines

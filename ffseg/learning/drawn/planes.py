@@ -174,14 +174,12 @@ def specks(rng: Generator, kind: Specks) -> tuple[Array, Array]:
 
 
 def _lightness(rng: Generator, kind: Specks, ground: Array) -> Array:
-    """The colour of the things."""
     if rng.random() < kind.dark and ground.mean() > 0.25:
         return tinted(rng, ground, (0.2, 0.75), 0.15)
     return np.clip(tinted(rng, ground, (1.3, 4), 0.2) + 0.05, 0, 1.2)
 
 
 def _places(rng: Generator, on: Canvas, kind: Specks) -> list[tuple[Array, float]]:
-    """Middles and radii."""
     size = on.shape[::-1]
     scale, spread = rng.uniform(*kind.radii), rng.uniform(0.05, 0.5)
     middles = [rng.uniform([0, 0], size)]

@@ -156,7 +156,6 @@ def _surfaces(scene: Scene, rays: Array, hits: Hits) -> tuple[Array, Array]:
 
 
 def _light(scene: Scene, hits: Hits, normals: Array, *, shadows: bool) -> Array:
-    """Light that falls on each place."""
     light = scene.ambient * (1 + 0.15 * normals[:, 2] + 0.1 * normals[:, 0])
     solid = [box for box in scene.boxes if not box.inner]
     above = hits.place + normals * 1e-3

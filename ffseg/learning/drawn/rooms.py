@@ -84,7 +84,6 @@ def _wall(rng: Generator, ground: Array) -> Skin:
 
 
 def _along(rng: Generator, ground: Array, room_size: Array, aside: float) -> list[Box]:
-    """Cupboards and shelves at the walls."""
     found = []
     for _ in range(int(rng.integers(0, 10))):
         size = rng.uniform([0.2, 0.2, 0.2], [3, 0.8, 2.4])
