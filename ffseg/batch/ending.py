@@ -11,13 +11,13 @@ from typing import Any
 
 from ffseg import __version__
 from ffseg.batch.executors.base import Options
-from ffseg.batch.outputs.table import GROUND, MAP_BAG, MAP_FILES, OUTPUTS
+from ffseg.batch.outputs.table import FILM_KINDS, GROUND, MAP_BAG, MAP_FILES, OUTPUTS
 from ffseg.batch.plan.jobs import output_folders, sweep
 from ffseg.batch.record.keeper import Keeper
 from ffseg.batch.record.ledger import Ledger, Stop
 from ffseg.batch.record.ordered import StoppedError, packs_of, put_in_order
 from ffseg.batch.record.survey import Survey, survey, tidy
-from ffseg.batch.record.tables import START_COLUMNS, Tables, remove_old
+from ffseg.batch.record.tables import PARQUET, REPORT, START_COLUMNS, Tables, remove_old
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import FfsegError, OutputError
 from ffseg.io.files import printable, remove_files, sync_folders
@@ -47,13 +47,25 @@ class Ending:
         kept = [*self._packed(found), *self._fused(found)]
         tables = self._tables(found)
         written = tables.write(self._run_json(found), self.ledger.problem)
-        remove_old(tables.folder, keeper.tables_before, [*written, *kept])
+        for text in tables.partial():
+            self.ledger.note(text)
         if self.options.report:
             self._write_report()
-        elif (summary.done or summary.failed) and os.path.exists(os.path.join(tables.folder, "report.html")):
-            out = shlex.quote(printable(plan.out))
-            self.ledger.note(f"report.html shows an earlier state; write it anew with: ffseg report {out}")
+            written.append(REPORT)
+        written += self._of_before(tables.folder, written)
+        remove_old(tables.folder, keeper.tables_before, [*written, *kept])
         sync_folders([tables.folder, keeper.state, *output_folders(plan)])
+
+    def _of_before(self, folder: str, written: Sequence[str]) -> list[str]:
+        """Names of what an earlier run wrote of all images, is made only when asked for, and stays."""
+        summary, out = self.ledger.summary, shlex.quote(printable(self.keeper.plan.out))
+        endings = () if self.options.overwrite else (PARQUET, *FILM_KINDS.values())
+        before = [*(name for name in self.keeper.tables_before if name.endswith(endings)), REPORT]
+        left = [name for name in before if name not in written and os.path.exists(os.path.join(folder, name))]
+        for name in left if summary.done or summary.failed else ():
+            remedy = f"write it anew with: ffseg report {out}" if name == REPORT else "ask for it to have it made anew"
+            self.ledger.note(f"{printable(name)} shows an earlier state; {remedy}")
+        return left
 
     def _tables(self, found: Survey) -> Tables:
         plan = self.keeper.plan

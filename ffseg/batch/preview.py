@@ -6,8 +6,10 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ffseg.batch.plan.jobs import Plan, refuse_foreign
+from ffseg.batch.executors.base import Options
+from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.plan.sources import Job
+from ffseg.batch.record.foreign import refuse_foreign
 from ffseg.batch.record.header import refuse_mixing, run_header
 from ffseg.batch.record.journal import last_records, state_folder
 from ffseg.batch.record.lock import refuse_locked
@@ -32,7 +34,7 @@ class Preview:
     """Outputs that would be made."""
 
 
-def preview(plan: Plan, setup: Setup, *, overwrite: bool = False) -> Iterator[Preview]:
+def preview(plan: Plan, setup: Setup, options: Options) -> Iterator[Preview]:
     """Go through a plan as a run would.
 
     Raises
@@ -44,13 +46,13 @@ def preview(plan: Plan, setup: Setup, *, overwrite: bool = False) -> Iterator[Pr
     """
     header = run_header(setup)
     folder = state_folder(plan.out, plan.shard)
-    if not overwrite:
-        refuse_foreign(plan)
+    if not options.overwrite:
+        refuse_foreign(plan, setup, options)
     refuse_locked(plan.out, folder)
-    if not overwrite:
+    if not options.overwrite:
         refuse_mixing(plan.out, folder, header, pack=plan.products.pack)
     _refuse_unwritable(plan.out)
-    known = {} if overwrite else last_records(folder)
+    known = {} if options.overwrite else last_records(folder)
     for job in plan.jobs:
         record = known.get(job.source.name)
         yield _preview(plan, job, setup, record if record is not None and record.fits(header["settings"]) else None)

@@ -12,9 +12,10 @@ from typing import Any
 
 from ffseg.batch.ending import Ending
 from ffseg.batch.executors.base import Assignment, Do, Executor, Options, served
-from ffseg.batch.executors.chunks import left_over
-from ffseg.batch.plan.jobs import Plan, prepare_output, refuse_foreign, sweep
+from ffseg.batch.executors.chunks import left_over, remove_chunks
+from ffseg.batch.plan.jobs import Plan, prepare_output, sweep
 from ffseg.batch.plan.sources import Job
+from ffseg.batch.record.foreign import UNFINISHED, joint_files, refuse_foreign
 from ffseg.batch.record.header import refuse_mixing, run_header
 from ffseg.batch.record.journal import state_folder
 from ffseg.batch.record.keeper import Keeper, kept
@@ -24,9 +25,9 @@ from ffseg.batch.record.ordered import find_moved
 from ffseg.batch.record.survey import without_old_truth
 from ffseg.batch.record.tables import RUN
 from ffseg.batch.workers.launch import Process
-from ffseg.batch.workers.messages import Failed, Note, Ready, Reply, Setup, Task
+from ffseg.batch.workers.messages import Done, Failed, Note, Ready, Reply, Setup, Task
 from ffseg.errors import UsageError
-from ffseg.io.files import printable, remove_files
+from ffseg.io.files import printable, remove_files, write_bytes_atomic
 from ffseg.plugins import find
 
 _TOGETHER_MS = 20
@@ -68,20 +69,23 @@ class Run:
         plan, setup, options = self._plan, self._setup, self._options
         header, state = run_header(setup), state_folder(plan.out, plan.shard)
         if not options.overwrite:
-            refuse_foreign(plan)
+            refuse_foreign(plan, setup, options)
         begin = perf_counter()
         self._held.enter_context(OutputLock(plan.out, state))
         if not options.overwrite:
             refuse_mixing(plan.out, state, header, pack=plan.products.pack)
         prepare_output(plan, state)
         sweep(plan, state)
-        asked = {"camera": setup.views is not None, "parquet": options.parquet}
-        self._keeper = kept(plan, header, setup.params.method, self._ledger.problem, **asked)
+        joint = joint_files(plan, setup, options)
+        self._keeper = kept(plan, header, setup.params.method, self._ledger.problem, joint)
         self._held.enter_context(contextlib.closing(self._keeper))
-        _resume(self._keeper)
+        write_bytes_atomic(os.path.join(state, UNFINISHED), b"")
+        self._resume()
         self._work(started)
         self.summary.seconds = perf_counter() - begin
         Ending(self._keeper, self._ledger, setup, options, self._stop).write()
+        if all(self._ledger.finished) and not self.summary.problems:  # nor was a record that cannot be written
+            remove_files([os.path.join(state, UNFINISHED)])
         return self.summary
 
     def rows(self) -> Iterator[dict[str, Any]]:
@@ -106,6 +110,7 @@ class Run:
                 self._feed(executor, tasks)
             finally:
                 executor.close()
+            self._take([reply for reply in self._left_over() if not self._ledger.finished[reply.index]])
         else:
             self._map(name, chosen, tasks)
         self.summary.signal = self._stop.signal
@@ -167,14 +172,19 @@ class Run:
             for reply, record in zip(part, self._keeper.complete(part), strict=True):
                 self._ledger.count(reply, record)
 
+    def _resume(self) -> None:
+        """Take over what runs left that did not live to write it down."""
+        keeper, plan = self._keeper, self._plan
+        for reply in self._left_over():
+            keeper.adopt(reply)
+        remove_chunks(keeper.state)
+        if plan.shard:  # until it has finished, it has not
+            if plan.tars:
+                find_moved(plan.out, keeper.journal, plan)
+            remove_files([os.path.join(keeper.state, RUN)])
 
-def _resume(keeper: Keeper) -> None:
-    """Take over what runs left that did not live to write it down."""
-    plan, index = keeper.plan, {job.source.name: job.index for job in keeper.plan.jobs}
-    for name, reply in left_over(keeper.state, keeper.settings):
-        if name in index:
-            keeper.adopt(replace(reply, index=index[name]))
-    if plan.shard:  # until it has finished, it has not
-        if plan.tars:
-            find_moved(plan.out, keeper.journal, plan)
-        remove_files([os.path.join(keeper.state, RUN)])
+    def _left_over(self) -> Iterator[Done]:
+        """What workers have done and written down; what failed there may have been cut off."""
+        index = {job.source.name: job.index for job in self._plan.jobs}
+        found = left_over(self._keeper.state, self._keeper.settings)
+        return (replace(one, index=index[name]) for name, one in found if name in index and isinstance(one, Done))

@@ -165,7 +165,7 @@ def test_report_that_cannot_be_written_is_a_problem_and_not_a_loss(
     ffseg_command: Command, images: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "out" / "report.html").mkdir(parents=True)
-    result = ffseg_command("run", images, "--out", tmp_path / "out", *START, "--report")
+    result = ffseg_command("run", images, "--out", tmp_path / "out", *START, "--report", "--overwrite")
     assert result.returncode == 3
     assert "report.html" in result.stderr
     assert "Traceback" not in result.stderr

@@ -140,6 +140,9 @@ def test_a_stopped_run_goes_on_where_it_was(scheduler, tmp_path: Path) -> None:
     first = run_batch(tmp_path / "in", tmp_path / "out", observer=Silent(last=10), **by_dask(scheduler[0]))
     assert first.signal == 15
     assert 10 <= first.done < 60
+    assert first.failed == 0
+    masks = list((tmp_path / "out" / "masks").rglob("*.png"))
+    assert first.done == len(table(tmp_path / "out" / "timings.csv")) >= len(masks) - 2  # two workers may be at one
     second = run_batch(tmp_path / "in", tmp_path / "out", **by_dask(scheduler[0]))
     assert second.done + second.unchanged == 60
     assert second.unchanged >= first.done

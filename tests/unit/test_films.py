@@ -243,8 +243,14 @@ def test_outputs_come_as_films_with_the_frames_times(film: Path, tmp_path: Path)
         assert np.minimum(found, 255 - found).max() < 8  # of the layout, none of the codec
     alpha = cutouts[0][1][:, :, 3]
     assert np.abs(alpha.astype(int) - masks[0][1][:, :, 0]).mean() < 8
-    assert run_batch(film, out, executor=INPROCESS).unchanged == 11
-    assert not (out / "film_mask.mp4").exists()  # what is not asked for does not grow old
+    seen = Silent()
+    assert run_batch(film, out, executor=INPROCESS, exclude=["*_000003.mp4"], observer=seen).unchanged == 11
+    assert (played(out / "film_mask.mp4")[0][1] == masks[0][1]).all()
+    assert seen.notes == []  # it still shows what is there
+    run_batch(film, out, executor=INPROCESS, observer=seen)
+    assert seen.notes[0].startswith("film_cutout.webm shows an earlier state; ask for it to have it made anew")
+    run_batch(film, out, executor=INPROCESS, overwrite=True)
+    assert not (out / "film_mask.mp4").exists()
 
 
 def test_a_film_of_a_folder_is_called_by_it_and_never_replaces_an_input(film: Path, tmp_path: Path) -> None:
@@ -256,9 +262,10 @@ def test_a_film_of_a_folder_is_called_by_it_and_never_replaces_an_input(film: Pa
     film.rename(tmp_path / "film_mask.mp4")
     before = (tmp_path / "film_mask.mp4").read_bytes()
     twice = write_film(tmp_path / "film.mp4", pictures(2))
-    summary = run_batch(
-        [tmp_path / "film_mask.mp4", twice], tmp_path, executor=INPROCESS, products=Products(films=("mask",))
-    )
+    films, asked = [tmp_path / "film_mask.mp4", twice], {"executor": INPROCESS, "products": Products(films=("mask",))}
+    with pytest.raises(UsageError, match="no run made it"):
+        run_batch(films, tmp_path, **asked)
+    summary = run_batch(films, tmp_path, overwrite=True, **asked)
     assert any("film_mask.mp4 would replace an input" in text for text in summary.problems)
     assert (tmp_path / "film_mask.mp4").read_bytes() == before
 

@@ -113,6 +113,63 @@ def test_files_no_run_made_are_not_replaced(images: Path, tmp_path: Path) -> Non
     assert run_batch(images, tmp_path / "out", overwrite=True).done == 12
 
 
+@pytest.mark.parametrize("name", ["masks/s1/image1.png", "coco.json", "yolo.yaml", "timings.parquet"])
+def test_files_no_run_made_are_not_replaced_beside_those_one_made(name: str, images: Path, tmp_path: Path) -> None:
+    """A folder with a journal was taken for the run's own, whatever lay in it."""
+    out = tmp_path / "out"
+    run_batch(images / "s0", out)
+    (out / name).parent.mkdir(exist_ok=True)
+    (out / name).write_bytes(b"mine")
+    asked = {"products": Products(exports=("coco", "yolo")), "parquet": True}
+    with pytest.raises(UsageError, match=f"{name} exists and no run made it"):
+        run_batch(images, out, **asked)
+    assert (out / name).read_bytes() == b"mine"
+    (out / name).unlink()
+    run_batch(images, out, **asked)
+    assert run_batch(images, out, **asked).unchanged == 12
+
+
+@pytest.mark.parametrize("name", ["timings.csv", "run.json"])
+def test_tables_no_run_made_are_not_replaced(name: str, images: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / name).write_bytes(b"mine")
+    with pytest.raises(UsageError, match="no run made it"):
+        run_batch(images, tmp_path / "out")
+    assert snapshot(tmp_path / "out") == {}
+
+
+@pytest.mark.parametrize("spoil", [("{", "x"), ('"format":2', '"format":1'), ("\n", " ")])
+def test_a_journal_that_cannot_be_read_is_not_taken_for_none(
+    spoil: tuple[str, str], images: Path, tmp_path: Path
+) -> None:
+    """All was made anew in its place, even with other parameters."""
+    out = tmp_path / "out"
+    run_batch(images, out)
+    before, journal = snapshot(out), out / ".ffseg" / "journal.jsonl"
+    text = journal.read_text()
+    journal.write_text(text.replace(*spoil, 1))
+    assert journal.read_text() != text
+    with pytest.raises(UsageError, match="nothing says how the outputs were made"):
+        run_batch(images, out, params=load_params(None, {"edges.sigma": 6}))
+    journal.unlink()
+    with pytest.raises(UsageError, match="no run made it"):
+        run_batch(images, out)
+    assert snapshot(out) == before
+    assert run_batch(images, out, overwrite=True).done == 12
+
+
+def test_an_image_that_fails_half_written_leaves_nothing(images: Path, tmp_path: Path) -> None:
+    """What it left would be in the way of the next run."""
+    pipe = tmp_path / "out" / "contours" / NAMES[0].replace(".png", ".svg")
+    pipe.parent.mkdir(parents=True)
+    os.mkfifo(pipe)
+    summary = run_batch(images, tmp_path / "out", overwrite=True)
+    assert (summary.done, summary.failed) == (11, 1)
+    assert not (tmp_path / "out" / "masks" / NAMES[0]).exists()
+    pipe.unlink()
+    assert run_batch(images, tmp_path / "out").done == 1
+
+
 @pytest.mark.parametrize("workers", [1, 3])
 def test_crash_hang_memory_and_defects_cost_only_their_image(workers: int, tmp_path: Path) -> None:
     levels = {NAMES[2]: stand_in.CRASH, NAMES[3]: stand_in.HANG, NAMES[5]: stand_in.EAT,

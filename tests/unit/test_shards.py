@@ -13,7 +13,7 @@ from pathlib import Path
 import batches
 import pytest
 import stand_in
-from batches import images_fixture, make_images, run_batch, table, tree
+from batches import Silent, images_fixture, make_images, run_batch, table, tree
 from commands import Command
 from hypothesis import given
 from hypothesis import strategies as st
@@ -67,6 +67,20 @@ def test_merging_twice_and_after_more_changes_nothing_else(images: Path, tmp_pat
     before = tree(out)
     assert merge_shards(str(out)).counts["total"] == 40
     assert tree(out) == before
+
+
+def test_a_file_for_all_images_that_lacks_some_says_so(images: Path, tmp_path: Path) -> None:
+    out, seen = tmp_path / "out", Silent()
+    run_shard(images, out, "1/2")
+    run_shard(images, out, "2/2", products=Products())
+    has = len(json.loads((out / ".ffseg" / "shards" / "1-of-2" / "coco.json").read_text())["images"])
+    wanted = f"coco.json has {has} of 38 images; run the others again with --export coco"
+    assert merge_shards(str(out)).problems == [wanted]
+    assert json.loads((out / "run.json").read_text())["status"] == "incomplete"
+    run_batch(images, out, executor="inprocess", observer=seen)
+    assert wanted in seen.notes
+    run_batch(images, out, products=ALL, executor="inprocess", observer=seen)
+    assert len(seen.notes) == 1
 
 
 def test_outputs_that_are_gone_are_named_until_their_shard_has_run_again(images: Path, tmp_path: Path) -> None:
@@ -221,8 +235,10 @@ def test_a_table_can_be_parquet_too(images: Path, tmp_path: Path) -> None:
     found = parquet.read_table(tmp_path / "out" / "timings.parquet").to_pylist()
     rows = table(tmp_path / "out" / "timings.csv")
     assert [{key: "" if cell is None else str(cell) for key, cell in row.items()} for row in found] == rows
-    run_batch(images, tmp_path / "out", executor="inprocess")
-    assert not os.path.exists(tmp_path / "out" / "timings.parquet"), "an old table beside a new one would be stale"
+    seen = Silent()
+    run_batch(images, tmp_path / "out", executor="inprocess", observer=seen)
+    assert parquet.read_table(tmp_path / "out" / "timings.parquet").to_pylist() == found
+    assert seen.notes == ["timings.parquet shows an earlier state; ask for it to have it made anew"], "two failed again"
 
 
 def test_the_command_names_a_shard_that_never_ran(images: Path, tmp_path: Path, ffseg_command: Command) -> None:

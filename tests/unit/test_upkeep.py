@@ -14,6 +14,7 @@ import stand_in
 from batches import Silent, images_fixture, make_images, run_batch, run_plan, snapshot, table
 from PIL import Image
 
+from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.preview import preview
@@ -142,7 +143,7 @@ def test_a_preview_says_what_the_run_does(images: Path, tmp_path: Path) -> None:
 
     def seen(params=setup.params, overwrite: bool = False) -> list[str]:
         plan = make_plan([str(images)], str(out), products=ALL)
-        return [one.status for one in preview(plan, Setup(params=params, products=ALL), overwrite=overwrite)]
+        return [one.status for one in preview(plan, Setup(params=params, products=ALL), Options(overwrite=overwrite))]
 
     assert seen() == ["to do"] * 6
     assert not out.exists()
@@ -187,18 +188,18 @@ def test_a_preview_of_a_record_that_cannot_be_opened_says_what_the_run_will(
     with pytest.raises(OutputError, match=said):
         run_in(images, tmp_path / "out")
     with pytest.raises(OutputError, match=said):
-        list(preview(plan, Setup(params=load_params())))
+        list(preview(plan, Setup(params=load_params()), Options()))
 
 
 def test_a_preview_looks_at_the_headers_of_what_is_to_do(images: Path, tmp_path: Path) -> None:
     """It said "to do", and ended with 0, of a text file called a.png; the run ended with 3."""
     (images / "a.png").write_text("no image at all")
     plan = make_plan([str(images)], str(tmp_path / "out"))
-    found = {one.job.source.name: one for one in preview(plan, Setup(params=load_params()))}
+    found = {one.job.source.name: one for one in preview(plan, Setup(params=load_params()), Options())}
     assert {one.status for name, one in found.items() if name != "a.png"} == {"to do"}
     assert found["a.png"].status == "failed"
     assert found["a.png"].error.startswith("not-an-image: the content looks like a text file")
-    large = list(preview(plan, Setup(params=load_params(), max_pixels=100)))
+    large = list(preview(plan, Setup(params=load_params(), max_pixels=100), Options()))
     assert {one.error.partition(":")[0] for one in large} == {"not-an-image", "too-many-pixels"}
 
 
@@ -207,11 +208,24 @@ def test_pipes_in_the_place_of_tables_are_not_replaced(name: str, images: Path, 
     out = tmp_path / "out"
     out.mkdir()
     os.mkfifo(out / name)
-    summary = run_in(images, out, products=ALL)
+    with pytest.raises(UsageError, match="no run made it"):
+        run_in(images, out, products=ALL)
+    summary = run_in(images, out, products=ALL, overwrite=True)
     assert (summary.done, summary.failed, summary.problems) == (
         len(NAMES), 0, [f"{out / name} is a named pipe and is not replaced; remove it or choose another name"],
     )  # fmt: skip
     assert (out / name).is_fifo()
+
+
+def test_what_failed_and_is_gone_leaves_the_tables(images: Path, tmp_path: Path) -> None:
+    """The row of a link to nothing stayed for ever."""
+    (images / "z.png").symlink_to("nothing")
+    (images / "text.png").write_text("no image")
+    run_in(images, tmp_path / "out")
+    assert [row for row in rows(tmp_path / "out") if row not in NAMES] == ["text.png", "z.png"]
+    (images / "z.png").unlink()
+    run_in([images / NAMES[0]], tmp_path / "out")
+    assert [row for row in rows(tmp_path / "out") if row not in NAMES] == ["text.png"]
 
 
 def test_duplicate_names_are_all_named_and_suffixes_can_be_kept(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import os
 import uuid
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -82,9 +83,16 @@ def _reply(kind: str, parts: Mapping[str, Any]) -> Reply:
 
 
 def left_over(state: str, settings: str) -> Iterator[tuple[str, Reply]]:
-    """Names and replies that runs left which did not live to write them down; the files go once all are given."""
+    """Names and replies of the chunks whose files are there: that no run has lived to write down."""
+    return chain.from_iterable(replies(path, settings) for path in _files(state))
+
+
+def remove_chunks(state: str) -> None:
+    """Remove the files of all chunks."""
+    remove_files(_files(state))
+
+
+def _files(state: str) -> list[str]:
     folder = os.path.join(state, CHUNKS)
-    names = sorted(name for name in (os.listdir(folder) if os.path.isdir(folder) else ()) if name.endswith(".jsonl"))
-    for name in names:
-        yield from replies(os.path.join(folder, name), settings)
-    remove_files(os.path.join(folder, name) for name in names)
+    names = os.listdir(folder) if os.path.isdir(folder) else ()
+    return sorted(os.path.join(folder, name) for name in names if name.endswith(".jsonl"))

@@ -166,7 +166,7 @@ class Dask(Executor):
         remove_files([self._chunks.path(number)])
 
     def close(self) -> None:
-        """As `Executor.close`; what workers have written down of unfinished chunks is found by the next run."""
+        """As `Executor.close`; what workers have written down of unfinished chunks stays."""
         self._chunks.end()
         if self._cluster is not None:  # an image may take long, and nobody wants it
             interrupt()

@@ -21,7 +21,7 @@ from ffseg.batch.outputs.table import (
 from ffseg.batch.plan.beside import find_domains, find_evidence, find_truths
 from ffseg.batch.plan.discover import discover, identity
 from ffseg.batch.plan.reading import parted, place_of
-from ffseg.batch.plan.sources import STATE_FOLDER, Job, Source, film_of
+from ffseg.batch.plan.sources import Job, Source, film_of
 from ffseg.errors import OutputError, UsageError
 from ffseg.io.files import SKIP_FILE, is_temporary, make_folder, printable, remove_files, write_bytes_atomic
 from ffseg.io.starts import load_starts
@@ -247,23 +247,6 @@ def _written(plan: Plan) -> Iterator[str]:
     jobs = plan.jobs[:1] if plan.tars else plan.jobs
     outputs = (output for job in jobs for output in plan.written(job))
     return (os.path.join(plan.out, output) for output in chain(fused, outputs))
-
-
-def refuse_foreign(plan: Plan) -> None:
-    """Refuse to replace what no run has made.
-
-    Raises
-    ------
-    UsageError
-        If a planned output exists although no run has left its state in the output folder; naming it.
-    """
-    if os.path.isdir(os.path.join(plan.out, STATE_FOLDER)):
-        return
-    if not plan.tars and not any(os.path.isdir(os.path.join(plan.out, folder)) for folder in OUTPUT_FOLDERS):
-        return
-    foreign = next((path for path in _written(plan) if os.path.lexists(path)), "")
-    if foreign:
-        raise UsageError(f"{printable(foreign)} exists and no run made it; choose another folder or use --overwrite")
 
 
 def output_folders(plan: Plan) -> list[str]:

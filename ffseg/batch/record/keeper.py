@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,12 +12,11 @@ from time import perf_counter
 from typing import Any
 
 from ffseg import __version__
-from ffseg.batch.outputs.table import MAP_BAG, MAP_FILES
 from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.plan.reading import place_of
 from ffseg.batch.plan.sources import Job, order_key
 from ffseg.batch.record.journal import Journal, read_header, state_folder
-from ffseg.batch.record.tables import OBSTACLES, PARQUET, TIME_COLUMN
+from ffseg.batch.record.tables import TIME_COLUMN
 from ffseg.batch.tar.members import Member, output_digest
 from ffseg.batch.tar.writer import Store
 from ffseg.batch.values import Mark, Record
@@ -63,9 +62,9 @@ class Keeper:
         self.store.close()
         self.journal.close()
 
-    def adopt(self, reply: Reply) -> None:
+    def adopt(self, reply: Done) -> None:
         """Remember what a run had made that did not live to do so; whether it is right is found out as for any record."""
-        if isinstance(reply, Done) and not reply.unchanged:
+        if not reply.unchanged:
             before = self.journal.get(self.plan.jobs[reply.index].source.name)
             record = self._done(reply, before, 0.0)
             self._remember(record if before is None else replace(record, left=self._left(before, record)))
@@ -99,6 +98,8 @@ class Keeper:
             record = self._done(reply, before, spent)
         else:
             record = self._failure(reply, problem, before)
+            new = reply.outputs if isinstance(reply, Done) else ()  # some of them may be written
+            retire(self.plan.out, {one.path: one.digest for one in new if one.path not in record.outputs}, {})
         if before is not None:
             record = replace(record, left=self._left(before, record))
         if record != before:
@@ -192,16 +193,12 @@ class Keeper:
 
 
 def kept(
-    plan: Plan, header: Mapping[str, Any], method: str, tell: Callable[[str], None], *, camera: bool, parquet: bool
+    plan: Plan, header: Mapping[str, Any], method: str, tell: Callable[[str], None], joint: Iterable[str]
 ) -> Keeper:
-    """A keeper of a plan's outputs, which takes over the journal of an earlier run."""
+    """A keeper of a plan's outputs, and of files for all images, which takes over the journal of an earlier run."""
     state = state_folder(plan.out, plan.shard)
     before = [name for name in (read_header(state) or {}).get("tables", ()) if isinstance(name, str)]
-    merged = {kind.merged for kind in plan.products.kinds if kind.merge}
-    merged |= {*MAP_FILES, MAP_BAG} if plan.products.metric and not plan.shard else set()
-    others = {name for name, asked in ((OBSTACLES, camera), (PARQUET, parquet)) if asked}
-    tables = sorted({*before, *merged, *others, *plan.tars, *plan.films})
-    header = {**header, "tables": tables, **({"pack": True} if plan.tars else {})}
+    header = {**header, "tables": sorted({*before, *joint}), **({"pack": True} if plan.tars else {})}
     store = Store(plan.out, state, packed=bool(plan.tars))
     return Keeper(plan, Journal(state, header), header, method, tell, store, before)
 

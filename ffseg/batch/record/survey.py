@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
 from ffseg import __version__
 from ffseg.batch.plan.jobs import Plan
+from ffseg.batch.plan.reading import parted
 from ffseg.batch.record.journal import Journal
 from ffseg.batch.record.keeper import retire
 from ffseg.batch.record.tables import Records
@@ -21,7 +23,8 @@ def stale_reason(record: Record, out: str, settings: str) -> str:
         return "made with other parameters"
     if record.version != __version__:
         return f"made by ffseg {record.version}"
-    changed = still_true(record.files)
+    image = record.files.get("image", ("",))[0]
+    changed = still_true(record.files) or ("" if record.made or os.path.isfile(parted(image)[0]) else image)
     if changed:
         return f"{changed} has changed or is gone"
     outputs = record.outputs.items()

@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -36,6 +37,7 @@ OBSTACLE_COLUMNS = (
     "against", "ground_x_m", "ground_y_m", "track",
 )  # fmt: skip
 TIMINGS, RUN, OBSTACLES, PARQUET = "timings.csv", "run.json", "obstacles.csv", "timings.parquet"
+REPORT = "report.html"
 TOGETHER = 10_000
 """Rows up to which the tables are made in memory and written together, so that the disk is waited for once."""
 _NAMED = 1000
@@ -51,8 +53,10 @@ class Records(ABC):
     count: int = field(default=0, init=False)
     columns: set[str] = field(default_factory=set, init=False)
     """Of all rows together."""
-    with_outputs: set[str] = field(default_factory=set, init=False)
-    """Folders of outputs that any record has."""
+    num_made: int = field(default=0, init=False)
+    """Of images that did not fail."""
+    with_outputs: Counter[str] = field(default_factory=Counter, init=False)
+    """Folders of outputs, and how many records have any there."""
     stale: list[tuple[str, str]] = field(default_factory=list, init=False)
     """Names of images that are no longer what their record says, and why; `num_stale` counts those not named, too."""
     num_stale: int = field(default=0, init=False)
@@ -67,7 +71,8 @@ class Records(ABC):
         """Take a record into account."""
         self.count += 1
         self.columns |= record.row.keys()
-        self.with_outputs |= {path.split("/", 1)[0] for path in record.outputs}
+        self.num_made += record.made
+        self.with_outputs.update({path.split("/", 1)[0] for path in record.outputs})
         self.left += record.left
 
     def miss(self, name: str, reason: str) -> None:
@@ -117,11 +122,22 @@ class Tables:
         made = {TIMINGS: csv_lines(columns, ([row.get(column) for column in columns] for row in self.rows()))}
         if self.camera:
             made[OBSTACLES] = csv_lines(OBSTACLE_COLUMNS, self._obstacles())
-        there = self.survey.with_outputs | self.asked
-        for output in self.kinds:
-            if output.merge and output.folder in there:
-                made[output.merged] = load(output.merge)(self._contents(output), run["parameters"]["region"]["label"])
+        for output in self._merged():
+            made[output.merged] = load(output.merge)(self._contents(output), run["parameters"]["region"]["label"])
         return made
+
+    def _merged(self) -> list[Output]:
+        there = {*self.survey.with_outputs, *self.asked}
+        return [output for output in self.kinds if output.merge and output.folder in there]
+
+    def partial(self) -> list[str]:
+        """A sentence for each file for all images that lacks some: they were made without it."""
+        count, made = self.survey.with_outputs, self.survey.num_made
+        return [
+            f"{kind.merged} has {count[kind.folder]} of {made} images; run the others again with --export {kind.name}"
+            for kind in self._merged()
+            if count[kind.folder] < made
+        ]
 
     def _obstacles(self) -> Iterator[list[Any]]:
         from ffseg.freespace.tracks import numbered

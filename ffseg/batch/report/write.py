@@ -13,6 +13,7 @@ from urllib.parse import quote
 
 from ffseg import __version__
 from ffseg.batch.outputs.table import MAP_PICTURE
+from ffseg.batch.record.tables import REPORT
 from ffseg.batch.report.contours import packed_components, read_contours
 from ffseg.batch.report.folder import MAX_CELL, MAX_SVG_BYTES, OutputFolder, Row, read_folder, sources
 from ffseg.batch.report.page import page
@@ -20,7 +21,6 @@ from ffseg.batch.report.thumbnails import MAX_BYTES, thumbnail, thumbnail_of
 from ffseg.io.files import printable, write_bytes_atomic
 from ffseg.io.images import REASONS
 
-REPORT = "report.html"
 EMBEDDED_BYTES = 20_000_000
 """Of thumbnails that stand in the page, about 2000 of them, so that it can be sent alone; beyond, pictures are linked."""
 

@@ -22,7 +22,7 @@ from ffseg.batch.record.journal import FORMAT, JOURNAL, journal_lines, read_head
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.record.ordered import NAMED, OrderedPacks, is_gone, packs_of, publish, relocated
 from ffseg.batch.record.survey import stale_reason, without_old_truth
-from ffseg.batch.record.tables import RUN, Records, Tables, remove_old
+from ffseg.batch.record.tables import PARQUET, RUN, Records, Tables, remove_old
 from ffseg.batch.shards.assign import Shard, shard_of_folder
 from ffseg.batch.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.batch.workers.freshness import still_true
@@ -105,7 +105,8 @@ def merge_shards(out: str, *, parquet: bool = False) -> Merge:
         _sweep(out)
         header = there[0].header
         before = [name for name in (read_header(state) or {}).get("tables", ()) if isinstance(name, str)]
-        tables_known = sorted({*before, *(name for part in there for name in part.header.get("tables", ()))})
+        asked = {name for part in there for name in part.header.get("tables", ())}
+        tables_known = sorted({*before, *asked, *((PARQUET,) if parquet else ())})
         packs = {part.folder: packs_of(part.folder) for part in there}
         records = MergedRecords(os.path.join(state, JOURNAL))
         lines = chosen(last_lines(_all_lines(state, there), state), out, header["settings"])
@@ -169,6 +170,7 @@ def _write(merge: Merge, records: MergedRecords, parts: list[Part], before: list
     asked = {folder for part in parts for folder in part.run.get("asked", ())}
     camera = any(part.header.get("files", {}).get("camera") for part in parts)
     tables = Tables(merge.out, merge.out, records, camera, frozenset(asked), parquet)
+    merge.problems += tables.partial()
     written = tables.write(_run_json(merge, records, parts), merge.problems.append)
     remove_old(merge.out, before, written)
     if GROUND.folder in records.with_outputs:

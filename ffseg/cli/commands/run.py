@@ -22,6 +22,7 @@ from ffseg.io.films import is_film
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from ffseg.batch.executors.base import Options
     from ffseg.batch.outputs.table import Products
     from ffseg.batch.plan.jobs import Plan
     from ffseg.batch.plan.sources import Source
@@ -222,11 +223,11 @@ def run(  # noqa: PLR0913 - the options of the command
         setup = replace(setup, truth_label=truth_label, redirects=redirects, max_pixels=max_pixels)
         setup = replace(setup, memory_bytes=memory * _MEGABYTE, past="steady" if steady else "flicker" * flicker)
         plan = _ordered(plan, setup, shard)
+        how = Options(workers, timeout, overwrite, report, read_tables(table), who, dask, chunk or 500)
         if dry_run:
-            raise typer.Exit(_preview(plan, setup, overwrite=overwrite, as_json=as_json))
+            raise typer.Exit(_preview(plan, setup, how, as_json=as_json))
         progress = Progress(len(plan.jobs), bar=not quiet, verbose=verbose and not quiet, quiet=quiet)
         cleanup.callback(progress.close)
-        how = Options(workers, timeout, overwrite, report, read_tables(table), who, dask, chunk or 500)
         work = cleanup.enter_context(Run(plan, setup, how, interruption, progress))
         interruption.defer()
         summary = work.execute(early)
@@ -338,12 +339,12 @@ def _ordered(plan: Plan, setup: Setup, shard: str) -> Plan:
     return only(plan, read_shard(shard)) if shard else plan
 
 
-def _preview(plan: Plan, setup: Setup, *, overwrite: bool, as_json: bool) -> int:
+def _preview(plan: Plan, setup: Setup, options: Options, *, as_json: bool) -> int:
     """Show what a run would do; its exit code as far as that is known."""
     from ffseg.batch.preview import preview
     from ffseg.cli.reporting import show_plan
 
-    return 0 if show_plan(preview(plan, setup, overwrite=overwrite), plan, as_json=as_json) else console.FAILED_IMAGES
+    return 0 if show_plan(preview(plan, setup, options), plan, as_json=as_json) else console.FAILED_IMAGES
 
 
 def _early_workers(inputs: Sequence[str], jobs: int) -> list[Process]:
