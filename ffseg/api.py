@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ffseg import pipeline, plugins
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.image.checked import Pixels, refuse_masked, taken_image
+from ffseg.image.checked import Pixels, refuse_masked, require_size, taken_image
 from ffseg.image.edges import EdgeMap
 from ffseg.io.masks import load_mask
 from ffseg.parameters import FARTHEST, ParametersLike, parameter_set
@@ -133,7 +133,7 @@ def _check_extras(image: NDArray[np.uint8], edges: object, center: object, altit
     if edges is not None and not isinstance(edges, EdgeMap):
         raise SegmentationError(f"edges is of type {type(edges).__name__}; give an EdgeMap, as of ffseg.edge_map")
     if isinstance(edges, EdgeMap):
-        edges.check_shape((image.shape[0], image.shape[1]))
+        require_size("the edge map", edges.edges, image.shape, "give the map of this image")
     if center is not None and _numbers(center).shape != (2,):
         raise SegmentationError(f"center is {reprlib.repr(center)}; give (x, y) in pixels")
     if altitudes is None:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from ffseg.contour import Found, contour
 from ffseg.enlargement import before_enlargement, enlarged
-from ffseg.errors import ParameterError, SegmentationError
+from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import unpacked
-from ffseg.image.checked import checked_image
+from ffseg.image.checked import checked_image, require_size
 from ffseg.image.disc import valid_disc
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
@@ -74,12 +74,8 @@ def with_method(scene: Scene) -> Scene:
         If there is no such method.
     """
     check_sides(checked_image(scene.image).shape)
-    if scene.domain is not None and scene.domain.shape != scene.shape:
-        (rows, columns), (height, width) = scene.domain.shape, scene.shape
-        raise SegmentationError(
-            f"the domain has {columns} x {rows} pixels, the image {width} x {height}; "
-            "domain.mask must have the image's size"
-        )
+    if scene.domain is not None:
+        require_size("the domain", scene.domain, scene.shape, "domain.mask must have the image's size")
     row = scene.method or method(scene.params.method)
     row.loaded()
     params, options = scene.params, scene.options
@@ -136,7 +132,7 @@ def with_evidence(scene: Scene) -> Scene:
     edges = find("evidence", name)(scene)
     if not isinstance(edges, EdgeMap):
         raise ParameterError(f"edges.source: {name} returned {type(edges).__name__}; it must return an ffseg.EdgeMap")
-    edges.check_shape(scene.shape)
+    require_size("the edge map", edges.edges, scene.shape, "give the map of this image")
     return replace(scene, edges=edges)
 
 

@@ -17,6 +17,7 @@ from ffseg.evidence.forest import Compiled, Model, load_model
 from ffseg.evidence.gradient import gradient
 from ffseg.evidence.maps import LEVEL, at_level, certain_odds, evidence_edges, strength_edges
 from ffseg.evidence.prior import prior
+from ffseg.image.checked import require_size
 from ffseg.image.edges import EdgeMap
 from ffseg.image.parts import parts
 from ffseg.image.raster import rasterize
@@ -97,10 +98,7 @@ def map_edges(scene: Scene) -> EdgeMap:
     """
     if scene.evidence is None:
         raise SegmentationError("edges.source: evidence needs a map of each image; name their folder with --evidence")
-    shape = scene.image.shape[:2]
-    if scene.evidence.shape != shape:
-        sizes = f"{scene.evidence.shape[1]} x {scene.evidence.shape[0]} pixels, the image {shape[1]} x {shape[0]}"
-        raise SegmentationError(f"the map of evidence has {sizes}; it must have the image's size")
+    require_size("the map of evidence", scene.evidence, scene.shape, "it must have the image's size")
     return _edges(scene, scene.evidence, gradient(scene), "evidence")
 
 

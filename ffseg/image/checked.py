@@ -68,6 +68,19 @@ def refuse_masked(name: str, values: object) -> None:
         raise SegmentationError(f"{name} is a masked array; give {name}.filled(0){where}")
 
 
+def require_size(what: str, array: NDArray[Any], shape: tuple[int, ...], remedy: str) -> None:
+    """Refuse an array of another size than an image of this shape.
+
+    Raises
+    ------
+    SegmentationError
+        One sentence, which ends with the remedy.
+    """
+    if array.shape != shape[:2]:
+        (rows, columns), (height, width) = array.shape, shape[:2]
+        raise SegmentationError(f"{what} has {columns} x {rows} pixels, the image {width} x {height}; {remedy}")
+
+
 def checked_image(image: object) -> NDArray[np.uint8]:
     """The image as the core takes it.
 

@@ -63,19 +63,6 @@ class EdgeMap:
     kept: NDArray[np.bool_] | None = None
     trial: Any = None
 
-    def check_shape(self, shape: tuple[int, int]) -> None:
-        """Refuse an image of another size.
-
-        Raises
-        ------
-        SegmentationError
-        """
-        if self.edges.shape != shape:
-            (rows, columns), (height, width) = self.edges.shape, shape
-            raise SegmentationError(
-                f"the edge map has {columns} x {rows} pixels, the image {width} x {height}; give the map of this image"
-            )
-
     def magnitude(self) -> NDArray[np.float64]:
         """Gradient magnitude in grey levels per pixel, shape (H, W)."""
         return self.gradient / GRADIENT_SCALE

@@ -15,6 +15,7 @@ from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.sources import Source
 from ffseg.batch.workers.pictures import read_source, read_truth
 from ffseg.errors import ImageReadError, SegmentationError, UsageError
+from ffseg.image.checked import require_size
 from ffseg.image.raster import rasterize
 from ffseg.io.files import printable
 from ffseg.io.images import single_thread
@@ -121,18 +122,13 @@ def _read(
         image = read_source(source, levels=params.input.range)
         params = params if start is None else start.placed(params, image.shape)
         levels = read_truth(truth, (image.shape[0], image.shape[1]), label)
-        _require_size(masks, image.shape)
+        for key, mask in (("domain.mask", masks.domain), ("init.background_mask", masks.background)):
+            if mask is not None:
+                require_size(key, mask, image.shape, "it must have the image's size")
         begun = start_region(image.shape[:2], params, masks.start)
     except (ImageReadError, SegmentationError) as error:
         raise UsageError(f"{printable(source.name)}: {error}") from error
     return Labelled(source.name, image, levels, params, begun, masks)
-
-
-def _require_size(masks: Masks, shape: tuple[int, ...]) -> None:
-    for key, mask in (("domain.mask", masks.domain), ("init.background_mask", masks.background)):
-        if mask is not None and mask.shape != shape[:2]:
-            sizes = f"{mask.shape[1]} x {mask.shape[0]} pixels, the image {shape[1]} x {shape[0]}"
-            raise SegmentationError(f"{key} has {sizes}; it must have the image's size")
 
 
 def start_region(

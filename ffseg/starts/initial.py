@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
 from ffseg.geometry.freeform import FreeForm
+from ffseg.image.checked import require_size
 from ffseg.image.outlines import outlines
 from ffseg.image.raster import window_of
 from ffseg.parameters import LEAST_START, Box, Circle, Parameters
@@ -115,14 +116,6 @@ def _check_inside(point: tuple[float, float], shape: tuple[int, int], what: str)
         raise SegmentationError(f"{what} has its centre outside the image of {width} x {height} pixels; move it inside")
 
 
-def _check_size(mask: NDArray[np.uint8], shape: tuple[int, int], what: str, parameter: str) -> None:
-    if mask.shape != shape:
-        (rows, columns), (height, width) = mask.shape, shape
-        raise SegmentationError(
-            f"the {what} mask has {columns} x {rows} pixels, the image {width} x {height}; {parameter} must have the image's size"
-        )
-
-
 def check_background(shape: tuple[int, int], params: Parameters, background: NDArray[np.uint8] | None) -> None:
     """Refuse points outside the region that lie outside the image, and a mask of them of another size.
 
@@ -133,7 +126,7 @@ def check_background(shape: tuple[int, int], params: Parameters, background: NDA
     for x, y, *_ in params.init.background:
         _check_inside((x, y), shape, f"the background seed at ({x:g}, {y:g})")
     if background is not None:
-        _check_size(background, shape, "background", "init.background_mask")
+        require_size("the background mask", background, shape, "init.background_mask must have the image's size")
 
 
 def _box(box: Box, params: Parameters) -> FreeForm:
@@ -142,7 +135,7 @@ def _box(box: Box, params: Parameters) -> FreeForm:
 
 
 def _from_mask(mask: NDArray[np.uint8], shape: tuple[int, int], params: Parameters) -> tuple[FreeForm, ...]:
-    _check_size(mask, shape, "start", "init.mask")
+    require_size("the start mask", mask, shape, "init.mask must have the image's size")
     contours = tuple(_along(polygon, params) for polygon in outlines(mask))
     if not contours:
         raise SegmentationError("the start mask has no pixel set; init.mask must be nonzero inside the start region")
