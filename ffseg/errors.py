@@ -10,6 +10,8 @@ class FfsegError(Exception):
     ----------
     exit_code : int
         What the command line ends with.
+    reason : str
+        What stands before the colon in the cell ``error`` of an image that it costs.
 
     Examples
     --------
@@ -21,6 +23,7 @@ class FfsegError(Exception):
     """
 
     exit_code = 2
+    reason = "parameters"
 
 
 class ParameterError(FfsegError):
@@ -76,6 +79,8 @@ class SegmentationError(FfsegError):
     ffseg.errors.SegmentationError: the start circle at (-100, 5), radius 40 has its centre outside the image ...
     """
 
+    reason = "segmentation"
+
 
 class CalibrationError(FfsegError):
     """A camera, pose or pair file is wrong; the text names file and key.
@@ -86,6 +91,8 @@ class CalibrationError(FfsegError):
     Traceback (most recent call last):
     ffseg.errors.CalibrationError: pictures/none.yaml: cannot be read (No such file or directory); check the path
     """
+
+    reason = "calibration"
 
 
 class OutputError(FfsegError):

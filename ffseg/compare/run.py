@@ -20,7 +20,7 @@ from ffseg.compare.journal import Journal
 from ffseg.compare.shared import Shared, shared, was_moved
 from ffseg.compare.text import markdown
 from ffseg.compare.values import COLUMNS, Comparison, Row
-from ffseg.errors import ImageReadError, ParameterError, UsageError, is_out_of_memory
+from ffseg.errors import FfsegError, ImageReadError, ParameterError, UsageError, is_out_of_memory
 from ffseg.io.files import make_folder, printable, read_bytes, remove_files, write_all_atomic, write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.io.masks import Masks, named_masks
@@ -190,10 +190,10 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
 
 
 def _told(error: Exception) -> str:
-    """Reason and sentence of a failed image, as of a run."""
-    if isinstance(error, ImageReadError):
+    """Reason and sentence of what failed, as of a run."""
+    if isinstance(error, FfsegError):
         return f"{error.reason}: {error}"
-    return f"parameters: {error}" if isinstance(error, ParameterError) else NO_MEMORY
+    return NO_MEMORY if is_out_of_memory(error) else f"internal: {type(error).__name__}: {error}"
 
 
 _Run = tuple[Row, Segmentation | None]
@@ -209,8 +209,7 @@ def _run(scene: Scene, row: Row, peers: PeerParameters, alike: Shared | None) ->
         one = replace(scene, params=params, method=chosen, options=options)
         result = segment(one if alike is None else alike.scene(one))
     except Exception as error:  # noqa: BLE001 - a package may raise anything; the others are compared all the same
-        told = NO_MEMORY if is_out_of_memory(error) else f"{type(error).__name__}: {error}"
-        text = " ".join(told.split())[:_LONGEST_ERROR]
+        text = " ".join(_told(error).split())[:_LONGEST_ERROR]
         return replace(row, status="failed", error=text), None
     times = {key: getattr(result.timings, key) for key in _TIMES}
     if alike is not None and chosen.uses_edges:  # it would have had to make them

@@ -13,7 +13,7 @@ from ffseg import plugins
 from ffseg.compare import run as work
 from ffseg.compare.shared import common_source
 from ffseg.compare.text import markdown
-from ffseg.errors import OutputError, ParameterError, SegmentationError, UsageError
+from ffseg.errors import OutputError, ParameterError, UsageError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.io.overlays import Polyline
 from ffseg.io.panels import STRIP, TILE_WIDTH, Tile, encode_panel
@@ -143,7 +143,7 @@ def test_a_method_that_fails_leaves_the_others(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr("ffseg.methods.peers.cv_edges", broken)
     rows = work.compare(task_of(tmp_path, "cv_edges,freeform"), silent)
     assert [row.status for row in rows] == ["failed", "ok"]
-    assert rows[0].error == "RuntimeError: package broke"
+    assert rows[0].error == "internal: RuntimeError: package broke"
 
 
 def test_a_peer_that_is_not_installed_is_skipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -284,7 +284,7 @@ def test_the_error_of_a_method_is_a_row(tmp_path: Path) -> None:
     task = task_of(tmp_path, "snake", **{"init.circles": [[40, 45, 5], [80, 45, 5]]})
     (row,) = work.compare(task, silent)
     assert row.status == "failed"
-    assert row.error.startswith(SegmentationError.__name__)
+    assert row.error.startswith("segmentation: ")
     assert "2 starts" in row.error
 
 

@@ -18,7 +18,7 @@ from ffseg.batch.outputs.table import Output
 from ffseg.batch.tar.members import digest, output_bytes
 from ffseg.batch.workers.freshness import Read, kept_outputs, read_job
 from ffseg.batch.workers.messages import Done, Encoded, Failed, Reply, Setup, Task
-from ffseg.errors import CalibrationError, FfsegError, ImageReadError, SegmentationError, is_out_of_memory
+from ffseg.errors import FfsegError, ImageReadError, is_out_of_memory
 from ffseg.image.selection import counted
 from ffseg.io.images import OPENCV_VERSION, Limits, read_picture, single_thread
 from ffseg.io.masks import decode_mask, named_masks
@@ -71,14 +71,8 @@ class Workbench:
     def _reply(self, task: Task) -> Reply:
         try:
             return self._do(task)
-        except ImageReadError as error:
-            return Failed(task.job.index, error.reason, str(error))
-        except SegmentationError as error:
-            return Failed(task.job.index, "segmentation", str(error))
-        except CalibrationError as error:
-            return Failed(task.job.index, "calibration", str(error))
         except FfsegError as error:
-            return Failed(task.job.index, "parameters", str(error))
+            return Failed(task.job.index, error.reason, str(error))
         except Exception as error:  # noqa: BLE001 - a defect costs one image, and is written down
             if is_out_of_memory(error):
                 text = "more memory than a worker may use; raise --memory or scale it down"
