@@ -21,7 +21,15 @@ from ffseg.compare.shared import Shared, shared, was_moved
 from ffseg.compare.text import markdown
 from ffseg.compare.values import COLUMNS, Comparison, Row
 from ffseg.errors import FfsegError, ImageReadError, ParameterError, UsageError, is_out_of_memory
-from ffseg.io.files import make_folder, printable, read_bytes, remove_files, write_all_atomic, write_bytes_atomic
+from ffseg.io.files import (
+    SKIP_FILE,
+    make_folder,
+    printable,
+    read_bytes,
+    remove_files,
+    write_all_atomic,
+    write_bytes_atomic,
+)
 from ffseg.io.images import single_thread
 from ffseg.io.masks import Masks, named_masks
 from ffseg.io.overlays import polylines
@@ -92,7 +100,9 @@ def compare(
         If an output cannot be written.
     """
     single_thread()
-    make_folder(task.out)
+    panels = os.path.join(task.out, "panels")
+    make_folder(panels)
+    write_bytes_atomic(os.path.join(panels, SKIP_FILE), b"")  # they are no inputs of what walks the folders above
     masks = named_masks(task.params)
     rows: list[Row] = []
     old, journal = panels_of(task.out), Journal(task)

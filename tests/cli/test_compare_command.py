@@ -61,3 +61,15 @@ def test_panels_that_belong_to_no_row_are_removed(tmp_path: Path, ffseg_command:
     (folder / "sub" / "c.png").unlink()
     assert ffseg_command("compare", *command).returncode == 3
     assert sorted(path.name for path in panels.rglob("*.png")) == ["b.png", "mine.png"]
+
+
+def test_panels_inside_the_input_are_no_images(tmp_path: Path, ffseg_command: Command) -> None:
+    """The second comparison was refused, since a panel was an input that it would replace."""
+    write_case(tmp_path)
+    folder = tmp_path / "in"
+    folder.mkdir()
+    (tmp_path / "disc.png").rename(folder / "a.png")
+    command = (folder, "--out", folder / "cmp", "--methods", "cv_edges", "--set", "init.radius=8", "-q")
+    assert [ffseg_command("compare", *command).returncode for _ in range(2)] == [0, 0]
+    planned = ffseg_command("run", folder, "--out", tmp_path / "out", "--dry-run").stdout
+    assert len(planned.splitlines()) == 1
