@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import astuple, replace
 from statistics import median
 from time import perf_counter
@@ -20,7 +21,7 @@ from ffseg.compare.journal import Journal
 from ffseg.compare.shared import Shared, shared, was_moved
 from ffseg.compare.text import markdown
 from ffseg.compare.values import COLUMNS, Comparison, Row
-from ffseg.errors import FfsegError, ImageReadError, ParameterError, UsageError, is_out_of_memory
+from ffseg.errors import FfsegError, ImageReadError, OutputError, ParameterError, UsageError, is_out_of_memory
 from ffseg.io.files import (
     SKIP_FILE,
     make_folder,
@@ -107,7 +108,7 @@ def compare(
     rows: list[Row] = []
     old, journal = panels_of(task.out), Journal(task)
     begin, known = perf_counter(), 0
-    try:
+    with _tables(task, rows):
         for number, job in enumerate(task.jobs, start=1):
             key, panel = journal.key(job), os.path.join(task.out, "panels", f"{job.stem}.png")
             made = journal.rows(key) if os.path.isfile(panel) else []
@@ -119,12 +120,23 @@ def compare(
             old.discard(panel)
             if pace is not None and number > known:
                 pace(number, (perf_counter() - begin) / (number - known) * (len(task.jobs) - number))
-    finally:
-        tables = {"compare.csv": table(rows), "compare.md": markdown(task, rows).encode("utf-8")}
-        write_all_atomic([(os.path.join(task.out, name), content) for name, content in tables.items()])
     remove_files(old)  # panels of images that are not compared any more, or could not be read
     journal.end()
     return rows
+
+
+@contextmanager
+def _tables(task: Comparison, rows: Sequence[Row]) -> Iterator[None]:
+    """Write the tables of the rows that the block has added, also when it is interrupted."""
+    try:
+        try:
+            yield
+        finally:
+            tables = {"compare.csv": table(rows), "compare.md": markdown(task, rows).encode("utf-8")}
+            write_all_atomic([(os.path.join(task.out, name), content) for name, content in tables.items()])
+    except OutputError as error:
+        error.exit_code = 3  # not 2: something was run
+        raise
 
 
 def panels_of(out: str) -> set[str]:

@@ -73,3 +73,17 @@ def test_panels_inside_the_input_are_no_images(tmp_path: Path, ffseg_command: Co
     assert [ffseg_command("compare", *command).returncode for _ in range(2)] == [0, 0]
     planned = ffseg_command("run", folder, "--out", tmp_path / "out", "--dry-run").stdout
     assert len(planned.splitlines()) == 1
+
+
+def test_an_output_that_cannot_be_written_is_exit_3_once_something_was_run(
+    tmp_path: Path, ffseg_command: Command
+) -> None:
+    """It was 2, which says that nothing was run; as it still does of a folder that cannot be made."""
+    write_case(tmp_path)
+    command = (tmp_path / "disc.png", "--methods", "cv_edges", "--set", "init.radius=8", "-q", "--out")
+    (tmp_path / "out" / "panels" / "disc.png").mkdir(parents=True)
+    done = ffseg_command("compare", *command, tmp_path / "out")
+    assert done.returncode == 3
+    assert "disc.png cannot be written" in done.stderr
+    assert (tmp_path / "out" / "compare.csv").exists()
+    assert ffseg_command("compare", *command, tmp_path / "disc.png").returncode == 2
