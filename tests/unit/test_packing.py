@@ -115,7 +115,7 @@ def test_a_second_run_does_what_is_missing_or_stale(images: Path, tmp_path: Path
     assert tars(out) == straight(images, tmp_path / "fresh")
 
 
-@pytest.mark.parametrize("damage", ["changed", "cut"])
+@pytest.mark.parametrize("damage", ["changed", "header", "cut"])
 def test_damaged_tar_files_are_made_again(damage: str, images: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     run_batch(images, out, products=PACKED, executor=INPROCESS)
@@ -123,10 +123,10 @@ def test_damaged_tar_files_are_made_again(damage: str, images: Path, tmp_path: P
     with tarfile.open(path) as archive:
         place = archive.getmembers()[7].offset_data
     data = bytearray(path.read_bytes())
-    data[place + 3] ^= 1
-    path.write_bytes(data if damage == "changed" else data[: place + 3])
+    data[place - 400 if damage == "header" else place + 3] ^= 1
+    path.write_bytes(data[: place + 3] if damage == "cut" else data)
     again = run_batch(images, out, products=PACKED, executor=INPROCESS)
-    assert again.done == {"changed": 1, "cut": 6}[damage]
+    assert again.done == {"changed": 1, "header": 1, "cut": 6}[damage]
     assert tars(out) == expected
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ffseg.batch.plan.reading import parted, place_of, read_input, told
 from ffseg.batch.tar.members import Member, digest, output_digest
+from ffseg.batch.tar.writer import head, head_size
 from ffseg.batch.values import File, Mark, Record
 from ffseg.batch.workers.messages import Digests, Setup
 from ffseg.errors import ImageReadError
@@ -97,14 +98,24 @@ def kept_outputs(record: Record | None, read: Read, out: str) -> tuple[str, ...]
     if record is None or record.content != read.digests.content:
         return None
     outputs = record.outputs.items()
-    return tuple(path for path, (made, _) in outputs if output_digest(out, path, record.members.get(path)) == made)
+    return tuple(path for path, (made, _) in outputs if _standing_digest(out, path, record.members.get(path)) == made)
 
 
 def output_stands(out: str, path: str, seen: tuple[str, Mark], member: Member | None) -> bool:
     """Whether an output is what was written, as `seen` says: a file, told by its mark if that is the same, or a member."""
     if member is None:
         return unchanged(os.path.join(out, path), *seen)
-    return output_digest(out, path, member) == seen[0]
+    return _standing_digest(out, path, member) == seen[0]
+
+
+def _standing_digest(out: str, path: str, member: Member | None) -> str:
+    """As `output_digest`; empty, too, of a member whose header, by which ``tar`` finds it, is not what was written."""
+    if member is not None:
+        pack, offset, length = member
+        size = head_size(path)
+        if output_digest(out, path, (pack, offset - size, size)) != digest(head(path, length)):
+            return ""
+    return output_digest(out, path, member)
 
 
 def still_true(files: Mapping[str, File]) -> str:
