@@ -280,12 +280,12 @@ def _row_of(image: str, rows: Mapping[str, _Row], name: str, problems: Problems)
 
 
 def _cells_of(image: str) -> Iterable[str]:
-    """What a file may call an image: its name or that without the suffix, as it is or as a table shows it."""
+    """What a file may call an image: its name or that without the suffix, as it is or as a table shows it; cells are stripped."""
     plain = (image, os.path.splitext(image)[0])
     if image[:1].isalnum() and printable(image) == image:
         return dict.fromkeys(plain)  # which tables show as they are
     shown = [printable(one) for one in plain]
-    return dict.fromkeys((*plain, *shown, *map(neutral, shown)))
+    return dict.fromkeys(cell.strip() for cell in (*plain, *shown, *map(neutral, shown)))
 
 
 def _nearest(image: str, lines: Mapping[str, int]) -> str:

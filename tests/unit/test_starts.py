@@ -281,7 +281,7 @@ def test_a_model_finds_the_starts_of_images_without_a_row(tmp_path: Path) -> Non
 
 
 def test_a_name_that_looks_like_a_formula_is_found_as_tables_write_it(tmp_path: Path) -> None:
-    names = {"=a.png": Start(1, 2), "-b,c.png": Start(3, 4), "\udcff.png": Start(5, 6)}
+    names = {"=a.png": Start(1, 2), "-b,c.png": Start(3, 4), "\udcff.png": Start(5, 6), " d.png": Start(7, 8)}
     assert load_starts(write(tmp_path, starts_table(names)), names) == names
 
 
