@@ -19,14 +19,14 @@ def neutral(cell: Cell) -> str:
     r"""Text of one cell.
 
     Numbers are written as they are: floats as the shortest text that reads back equal, None and NaN as nothing. Text
-    that a spreadsheet would run as a formula, also behind blanks, is put behind an apostrophe; control characters become
-    ``\uNNNN``, so that a row is a line.
+    that a spreadsheet would run as a formula, also behind blanks, is put behind an apostrophe, also behind one of its
+    own, so that different texts stay different; control characters become ``\uNNNN``, so that a row is a line.
     """
     if cell is None:
         return ""
     if isinstance(cell, str):
         text = cell if cell.isprintable() else cell.translate(_CONTROLS)
-        return f"'{text}" if text.lstrip().startswith(_FORMULA_STARTS) else text
+        return f"'{text}" if text.lstrip("'").lstrip().startswith(_FORMULA_STARTS) else text
     if isinstance(cell, float):
         return "" if math.isnan(cell) else repr(cell)
     return str(int(cell))

@@ -16,7 +16,7 @@ from ffseg.errors import ParameterError
 from ffseg.io.images import Limits
 from ffseg.io.masks import encode_mask, load_mask
 from ffseg.io.overlays import COLOURS, Polyline, draw_overlay, encode_overlay
-from ffseg.io.tables import csv_table
+from ffseg.io.tables import csv_table, neutral
 from tests.masks import read_mask
 
 
@@ -79,6 +79,10 @@ def test_other_cells_are_left_alone(text: str) -> None:
     """A control character is written as such, so that what follows it begins no cell."""
     row = list(csv.reader(io.StringIO(csv_table(["a"], [[text]]).decode())))[1]
     assert row == [text.replace("\t", "\\u0009")]
+
+
+def test_a_formula_and_one_behind_an_apostrophe_are_two_cells() -> None:
+    assert len({neutral(text) for text in ("=a", "'=a", "''=a", "' =a", " '=a")}) == 5
 
 
 def test_numbers_keep_their_value() -> None:
