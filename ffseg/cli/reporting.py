@@ -143,7 +143,8 @@ def show_plan(previews: Iterable[Preview], plan: Plan, *, as_json: bool) -> bool
 def _planned(one: Preview, plan: Plan) -> dict[str, Any]:
     job = one.job
     return {
-        "image": job.source.told,
+        "image": printable(job.source.name),
+        "path": job.source.told,
         "status": one.status,
         "outputs": list(plan.outputs(job)),
         "truth": told(job.truth),

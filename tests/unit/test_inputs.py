@@ -80,8 +80,8 @@ def test_messages_name_the_member_and_not_the_archive_alone(
     assert f"ffseg: {archive}/a.png: not-an-image: " in done.stderr
     assert f"{archive}/b/a9.png" in done.stderr
     plan = ffseg_command("run", archive, "--out", tmp_path / "new", "--dry-run", "--json")
-    assert [row["image"] for row in json.loads(plan.stdout)["images"]] == [
-        f"{archive}/{name}" for name in sorted(NAMES, key=natural_key)
+    assert [(row["image"], row["path"]) for row in json.loads(plan.stdout)["images"]] == [
+        (name, f"{archive}/{name}") for name in sorted(NAMES, key=natural_key)
     ]
     twice = ffseg_command("run", archive, images, "--out", tmp_path / "new")
     assert f"{archive}/a.png and {images}/a.png would share the output masks/a.png" in twice.stderr
