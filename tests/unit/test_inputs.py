@@ -130,7 +130,7 @@ def test_an_archive_that_is_cut_or_damaged_is_refused(damage, images: Path, tmp_
             file.add(images / name, f"./{name}")
     archive.write_bytes(damage(bytearray(archive.read_bytes())))
     with pytest.raises(
-        UsageError, match=r"all\.tar cannot be read as a tar file \((it is cut or damaged|unexpected end)"
+        UsageError, match=r"all\.tar cannot be read as an uncompressed tar file \((it is cut or damaged|unexpected end)"
     ):
         discover([str(archive)])
 
@@ -153,7 +153,7 @@ def test_archives_that_cannot_be_read_in_place_are_refused(images: Path, tmp_pat
     with pytest.raises(UsageError, match="is compressed"):
         discover([str(packed(images, tmp_path / "all.tar.gz", mode="w:gz"))])
     (tmp_path / "text.tar").write_text("no archive" * 100)
-    with pytest.raises(UsageError, match="cannot be read as a tar file"):
+    with pytest.raises(UsageError, match="cannot be read as an uncompressed tar file"):
         discover([str(tmp_path / "text.tar")])
     archive = packed(images, tmp_path / "cut.tar")
     (source,) = [source for source in discover([str(archive)]) if source.name == "b/a9.png"]

@@ -51,7 +51,7 @@ def members(path: str, suffixes: Collection[str] = SUFFIXES) -> list[Source]:
             f"{printable(path)} has more headers for one member than can be read; pack it again"
         ) from error
     except (tarfile.TarError, OSError, ValueError) as error:
-        raise UsageError(f"{printable(path)} cannot be read as a tar file ({error})") from error
+        raise UsageError(f"{printable(path)} cannot be read as an uncompressed tar file ({error})") from error
     return found
 
 
