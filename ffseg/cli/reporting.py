@@ -67,7 +67,7 @@ class Progress:
         if told and not (self._quiet and status != "failed"):
             self._told[status] += 1
             if self._told[status] <= _MOST_TOLD:
-                self._tell(f"{printable(job.source.told)}: {told}")
+                self._tell(f"{printable(job.source.told)}: {' '.join(told.split())}")
             elif self._told[status] == _MOST_TOLD + 1:
                 self._tell(f"further {'failures' if status == 'failed' else 'notes'} are in timings.csv only")
         elif self._verbose:

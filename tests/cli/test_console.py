@@ -79,11 +79,11 @@ def test_notes_are_counted_in_the_bar_and_listed_below_it(monkeypatch: pytest.Mo
     screen = Terminal()
     monkeypatch.setattr(sys, "stderr", screen)
     progress = Progress(3, bar=True, verbose=False)
-    for status, told in (("ok", "a note"), ("failed", "truncated: x"), ("ok", "")):
+    for status, told in (("ok", "a note"), ("failed", "internal: x\ny"), ("ok", "")):
         progress.finished(cast(Any, SimpleNamespace(source=SimpleNamespace(told="a.png"))), status, told)
     assert "a.png" not in screen.getvalue()
     progress.close()
     progress.close()
     bar, below = screen.getvalue().rsplit("\r", 1)[-1].split("\n", 1)
     assert "1 failed, 1 with notes" in bar
-    assert below == "ffseg: a.png: a note\nffseg: a.png: truncated: x\n"
+    assert below == "ffseg: a.png: a note\nffseg: a.png: internal: x y\n"
