@@ -269,7 +269,14 @@ class OccupancyMap:
         ----------
         footprint : float
             Radius of the robot, metres: only what it can drive is left.
+
+        Raises
+        ------
+        CalibrationError
+            If the footprint is below 0 or not a number.
         """
+        if not footprint >= 0:
+            raise CalibrationError(f"footprint is {footprint!r}; give metres from 0 on")
         chance = self.probability
         unknown = (chance >= FREE) & (chance <= OCCUPIED)
         return skeleton_of(chance < FREE, unknown, self.cell, self.origin, footprint)

@@ -374,6 +374,9 @@ def test_a_frame_that_cannot_be_placed_is_left_out() -> None:
         OccupancyMap(cell=0.0)
     with pytest.raises(CalibrationError, match="make them larger"):
         OccupancyMap(cell=1e-4)
+    for footprint_m in (-0.1, np.nan):
+        with pytest.raises(CalibrationError, match="footprint is"):
+            grid.skeleton(footprint_m)
     with pytest.raises(CalibrationError, match="of no camera"):
         grid.add(replace(frames[1], lens=None))
     with pytest.raises(CalibrationError, match="of type NoneType"):
