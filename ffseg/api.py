@@ -55,7 +55,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
     domain : ndarray of uint8 or bool, shape (H, W), optional
         Nonzero where the contour may go; without it the file ``domain.mask`` names, else everywhere.
     start_mask : ndarray of uint8 or bool, shape (H, W), optional
-        Nonzero inside the start regions; without it the file ``init.mask`` names.
+        Nonzero inside the start regions; without it the file ``init.mask`` names. What it has in the domain counts.
     background : ndarray of uint8 or bool, shape (H, W), optional
         Nonzero at what lies outside the region; without it the file ``init.background_mask`` names.
     evidence : ndarray of float32, shape (H, W), optional

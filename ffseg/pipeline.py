@@ -24,6 +24,7 @@ from ffseg.plugins import EDGE_SOURCES, find, method
 from ffseg.result import Segmentation, Timings
 from ffseg.scene import Scene, check_sides
 from ffseg.starts.initial import check_background, start_contours, within
+from ffseg.starts.moved import as_circle
 
 
 def segment(scene: Scene) -> Segmentation:
@@ -50,6 +51,7 @@ def segment(scene: Scene) -> Segmentation:
     known = perf_counter()
     found = contour_of(scene)  # what the method finds
     contours, mask = region(found)  # curves and pixels of the same region
+    told = left_out(scene, found, mask)  # what of the starts it lacks
     contours, mask = selected(contours, mask, scene.params.region)  # which parts and holes are kept
     end = perf_counter()
     score, doubts = judged(scene, found, contours, mask)  # how sure it is, and why not
@@ -58,7 +60,7 @@ def segment(scene: Scene) -> Segmentation:
         mask = rasterize(contours, shape)
     timings = _timings(scene, found, known - begin, end - begin)
     thresholds = found.scene.edges.thresholds
-    messages = (*fallback_messages(scene), *found.messages, *(doubt.message for doubt in doubts if doubt.message))
+    messages = (*told, *fallback_messages(scene), *found.messages, *(one.message for one in doubts if one.message))
     names, source = tuple(doubt.name for doubt in doubts), decided_by(scene)
     return Segmentation(mask, contours, found.outcome.stats, timings, messages, source, score, thresholds, names)
 
@@ -96,7 +98,7 @@ def with_starts(scene: Scene) -> Scene:
         from ffseg.evidence.source import with_model_start
 
         params = with_model_start(scene.image, params, scene.background)
-    starts = start_contours(scene.shape, params, scene.start_mask, scene.center)
+    starts = start_contours(scene.shape, params, scene.start_mask, scene.center, scene.domain)
     return replace(scene, params=params, starts=starts)
 
 
@@ -191,6 +193,20 @@ def fallback_messages(scene: Scene) -> tuple[str, ...]:
         return ()
     level = f"the probability {scene.params.region.probability:g} at which the region ends"
     return (f"{who} nowhere crosses {level}: the image's own edges decide",)
+
+
+def left_out(scene: Scene, found: Found, mask: NDArray[np.bool_]) -> tuple[str, ...]:
+    """What to say of a start mask that lies in the domain for a part, and of starts that the method's region has lost."""
+    if scene.start_mask is not None:
+        inside = scene.start_mask[scene.domain > 0] > 0 if scene.domain is not None else None
+        part = inside is not None and 0 < np.count_nonzero(inside) < np.count_nonzero(scene.start_mask)
+        return ("what the start mask has outside the domain was left out",) if part else ()
+    if scene.params.contour.balloon < 0:
+        return ()
+    last = np.array(mask.shape[::-1]) - 1
+    places = [np.clip(np.rint(one.control_points.mean(axis=0)), 0, last).astype(int) for one in found.scene.starts]
+    lost = (one for one, (x, y) in zip(found.scene.starts, places, strict=True) if not mask[y, x])
+    return tuple(f"the start at {as_circle(one).enlarged(scene.factor)} is not in the region" for one in lost)
 
 
 def _timings(scene: Scene, found: Found, edges_s: float, total_s: float) -> Timings:

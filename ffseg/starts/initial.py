@@ -23,6 +23,7 @@ def start_contours(
     params: Parameters,
     start_mask: NDArray[np.uint8] | None = None,
     center: tuple[float, float] | None = None,
+    domain: NDArray[np.uint8] | None = None,
 ) -> tuple[FreeForm, ...]:
     """Start contours of a segmentation, outer ones with positive area.
 
@@ -36,6 +37,8 @@ def start_contours(
         Nonzero inside the start regions; takes the place of circles and boxes.
     center : tuple of float, optional
         What ``init.center: auto`` stands for; without it the image centre.
+    domain : ndarray of uint8, shape (H, W), optional
+        Nonzero where the contour may go: what a start mask has there counts, if it has anything there.
 
     Raises
     ------
@@ -43,7 +46,7 @@ def start_contours(
         If a start lies outside the image, or the mask has another size or is empty.
     """
     if start_mask is not None:
-        return _from_mask(start_mask, shape, params)
+        return _from_mask(start_mask, shape, params, domain)
     circles, boxes = params.init.circles, params.init.boxes
     if not circles and not boxes:
         circles = ((*_center(shape, params, center), params.init.radius_in(shape)),)
@@ -134,9 +137,12 @@ def _box(box: Box, params: Parameters) -> FreeForm:
     return _along(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), params)
 
 
-def _from_mask(mask: NDArray[np.uint8], shape: tuple[int, int], params: Parameters) -> tuple[FreeForm, ...]:
+def _from_mask(
+    mask: NDArray[np.uint8], shape: tuple[int, int], params: Parameters, domain: NDArray[np.uint8] | None
+) -> tuple[FreeForm, ...]:
     require_size("the start mask", mask, shape, "init.mask must have the image's size")
-    contours = tuple(_along(polygon, params) for polygon in outlines(mask))
+    inside = mask if domain is None else np.where(domain > 0, mask, np.uint8(0))
+    contours = tuple(_along(polygon, params) for polygon in outlines(inside if inside.any() else mask))
     if not contours:
         raise SegmentationError("the start mask has no pixel set; init.mask must be nonzero inside the start region")
     return contours

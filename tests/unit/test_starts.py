@@ -292,6 +292,28 @@ def test_of_equal_starts_one_counts() -> None:
     assert np.array_equal(once.mask, twice.mask)
 
 
+def test_a_start_that_the_region_has_lost_is_told() -> None:
+    image = np.full((160, 150), 150, np.uint8)
+    cv2.rectangle(image, (12, 12), (138, 150), 60, 2)
+    cv2.line(image, (50, 12), (50, 150), 60, 2)
+    found = ffseg.segment(image, {"init.circles": [[30, 100, 4], [138, 80, 0.5]]})
+    assert not found.mask[80, 138]
+    assert found.messages == ("the start at (138, 80), radius 0.5 is not in the region",)
+
+
+def test_what_a_start_mask_has_outside_the_domain_is_left_out() -> None:
+    """It stood in the region, with the score of what was found in the domain."""
+    image, domain, start = (np.full((120, 200), level, np.uint8) for level in (150, 0, 0))
+    image[10:110, 10:90], domain[:, :100] = 90, 255
+    start[50:70, 40:60] = start[50:70, 150:170] = 255
+    found = ffseg.segment(image, start_mask=start, domain=domain)
+    alone = ffseg.segment(image, start_mask=np.where(domain > 0, start, 0).astype(np.uint8), domain=domain)
+    assert found.messages == ("what the start mask has outside the domain was left out",)
+    assert alone.messages == ()
+    np.testing.assert_array_equal(found.mask, alone.mask)
+    assert not found.mask[domain == 0].any()
+
+
 def test_a_start_mask_of_a_line_is_a_start() -> None:
     mask = np.zeros((40, 40), np.uint8)
     mask[5:30, 12] = 1
