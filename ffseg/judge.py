@@ -104,7 +104,7 @@ def _doubts(
     found: Found, contours: tuple[FreeForm, ...], mask: NDArray[np.bool_], domain: NDArray[np.uint8] | None
 ) -> Iterator[Doubt]:
     where = "image" if domain is None else "domain"
-    area, room = np.count_nonzero(mask), mask.size if domain is None else np.count_nonzero(domain)
+    area, room = int(np.count_nonzero(mask)), mask.size if domain is None else int(np.count_nonzero(domain))
     if area == 0:
         yield Doubt("empty", 0.0, "the region is empty")
         return

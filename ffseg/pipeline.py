@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from time import perf_counter
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +15,7 @@ from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import unpacked
 from ffseg.image.checked import checked_image, require_size
+from ffseg.image.components import filled
 from ffseg.image.disc import valid_disc
 from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
@@ -25,6 +27,9 @@ from ffseg.result import Segmentation, Timings
 from ffseg.scene import Scene, check_sides
 from ffseg.starts.initial import check_background, start_contours, within
 from ffseg.starts.moved import as_circle
+
+SETTLED = 2
+"""Pixels by which a contour that settles on edges may pass the limit of the domain."""
 
 
 def segment(scene: Scene) -> Segmentation:
@@ -162,10 +167,16 @@ def region(found: Found) -> tuple[tuple[FreeForm, ...], NDArray[np.bool_]]:
     outcome, scene = found.outcome, found.scene
     if outcome.contours is not None:
         mask = outcome.mask if outcome.mask is not None else rasterize(outcome.contours, scene.shape)
-        return outcome.contours, mask
-    if outcome.mask is None:
+        if scene.params.contour.balloon > 0 or scene.domain is None:
+            return outcome.contours, mask
+        near = cv2.dilate(scene.domain, np.ones((2 * SETTLED + 1, 2 * SETTLED + 1), np.uint8))
+        if not mask[near == 0].any():  # what closes in begins outside the domain where it is asked to
+            return outcome.contours, mask
+    elif outcome.mask is None:
         return (), np.zeros(scene.shape, np.bool_)
-    inside = outcome.mask if scene.domain is None else outcome.mask & (scene.domain > 0)
+    else:
+        mask = outcome.mask
+    inside = mask if scene.domain is None else mask & (scene.domain > 0)
     return outlines_of(inside), inside
 
 
@@ -197,16 +208,22 @@ def fallback_messages(scene: Scene) -> tuple[str, ...]:
 
 def left_out(scene: Scene, found: Found, mask: NDArray[np.bool_]) -> tuple[str, ...]:
     """What to say of a start mask that lies in the domain for a part, and of starts that the method's region has lost."""
-    if scene.start_mask is not None:
-        inside = scene.start_mask[scene.domain > 0] > 0 if scene.domain is not None else None
-        part = inside is not None and 0 < np.count_nonzero(inside) < np.count_nonzero(scene.start_mask)
-        return ("what the start mask has outside the domain was left out",) if part else ()
-    if scene.params.contour.balloon < 0:
-        return ()
-    last = np.array(mask.shape[::-1]) - 1
-    places = [np.clip(np.rint(one.control_points.mean(axis=0)), 0, last).astype(int) for one in found.scene.starts]
-    lost = (one for one, (x, y) in zip(found.scene.starts, places, strict=True) if not mask[y, x])
-    return tuple(f"the start at {as_circle(one).enlarged(scene.factor)} is not in the region" for one in lost)
+    told: list[str] = []
+    if scene.start_mask is not None and scene.domain is not None:
+        inside = scene.domain[scene.start_mask > 0] > 0
+        if inside.any() and not inside.all():
+            told.append("what the start mask has outside the domain was left out")
+    if scene.params.contour.balloon > 0:
+        lost = (one for one in found.scene.starts if one.signed_area > 0 and not _shares(one, mask))
+        told += (f"the start at {as_circle(one).enlarged(scene.factor)} is not in the region" for one in lost)
+    return tuple(told)
+
+
+def _shares(start: FreeForm, mask: NDArray[np.bool_]) -> bool:
+    """Whether a mask has a pixel of a start, or the one nearest to its middle."""
+    x, y = np.clip(np.rint(start.control_points.mean(axis=0)), 0, np.array(mask.shape[::-1]) - 1).astype(int).tolist()
+    own = filled(start, mask.shape)
+    return bool(mask[y, x] or mask[own.window()][own.mask].any())
 
 
 def _timings(scene: Scene, found: Found, edges_s: float, total_s: float) -> Timings:

@@ -199,9 +199,7 @@ def with_clicks(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMa
     if first.any():
         beyond = np.zeros_like(inside) if scene.background is None else scene.background > 0
         asked = Asked(scene.image, first, beyond, said, level, within)
-        told = corrected(
-            asked, circles, [Click(x, y, rest[0] if rest else POINT_RADIUS, False) for x, y, *rest in points]
-        )
+        told = corrected(asked, circles, [Click(x, y, max([POINT_RADIUS, *rest]), False) for x, y, *rest in points])
         if told is not None:
             odds, kept = _at_full_size(asked, told)
             odds[grown(inside, HELD)] = CERTAIN

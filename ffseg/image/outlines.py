@@ -29,14 +29,12 @@ def outlines(mask: NDArray[np.uint8]) -> list[NDArray[np.float64]]:
     scaled = cv2.resize((mask != 0).astype(np.uint8), None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
     found, hierarchy = cv2.findContours(scaled, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     simple = [cv2.approxPolyDP(contour, 2 * OUTLINE_TOLERANCE, closed=True) for contour in found]
-    thin = all(len(one) < 3 for one in simple)  # a mask of lines: simplified, nothing would be left
     polygons = []
-    for index, contour in enumerate(found if thin else simple):
-        polygon = (contour[:, 0, :].astype(np.float64) - 0.5) / 2
-        if len(polygon) < 3:
-            continue
-        area = ring_area(polygon)
+    for index, contour in enumerate(simple):
         is_hole = hierarchy[0][index][3] >= 0
+        thin = len(contour) < 3 and not is_hole  # of one pixel's width: simplified, nothing would be left
+        polygon = ((found[index] if thin else contour)[:, 0, :].astype(np.float64) - 0.5) / 2
+        area = ring_area(polygon)
         if area != 0:
             polygons.append(polygon if (area > 0) != is_hole else polygon[::-1])
     return polygons

@@ -49,6 +49,11 @@ def selected(contours: Sequence[FreeForm], mask: Mask, params: Region) -> tuple[
     kept = _kept(mask, params)
     held = {id(one) for group in group_regions(contours) if _shown(group.outer, kept) for one in group.contours}
     left = tuple(one for one in contours if id(one) in held and _shown(one, kept))
+    if params.fill_holes:
+        height, width = mask.shape
+        frame = FreeForm(np.array([[-1, -1], [-1, height], [width, height], [width, -1]], np.float64), 1)
+        twice = rasterize((*left, frame), mask.shape)  # what two contours enclose: islands in a hole that is filled
+        left = tuple(one for one in left if one.signed_area < 0 or _shown(one, ~twice))
     if (rasterize(left, mask.shape) != kept).any():
         rings = (ring for polygon in polygons(kept, left) for ring in polygon.rings)
         left = tuple(FreeForm(ring, 1) for ring in rings)

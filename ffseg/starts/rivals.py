@@ -19,7 +19,7 @@ Mask = NDArray[np.bool_]
 IN_START = "a background seed lies in the start region; move init.background or the start"
 
 POINT_RADIUS = 2.0
-"""Pixels: a point stands for a disc of this radius, as its own pixel may be noise."""
+"""Pixels: a point stands for a disc of this radius, as its own pixel may be noise, and so does a smaller circle."""
 
 SLOPE = 4.0
 """Grey levels per pixel that halve a front's speed. On photographs of things 3 to 12 do alike, thresholds from noise worse."""
@@ -72,7 +72,7 @@ def seeds(points: Iterable[Seed], start: Mask, background: Plane | None = None) 
     for column, row, *rest in points:
         if start[min(round(row), shape[0] - 1), min(round(column), shape[1] - 1)]:
             raise SegmentationError(IN_START)
-        add_disc(found, column, row, rest[0] if rest else POINT_RADIUS)
+        add_disc(found, column, row, max([POINT_RADIUS, *rest]))
     if background is not None:
         if (start & (background > 0)).any():
             raise SegmentationError(IN_START)

@@ -244,3 +244,15 @@ def test_commands_take_a_box(ffseg_command: Command, tmp_path: Path) -> None:
     run = ("run", tmp_path / "discs.png", "--out", tmp_path / "out")
     assert ffseg_command(*run, "--box", "25,35,71,71").returncode == 0
     assert np.array_equal(cv2.imread(str(tmp_path / "out/masks/discs.png"), cv2.IMREAD_GRAYSCALE), mask)
+
+
+@pytest.mark.parametrize("method", ["freeform", "paper", "snake"])
+def test_what_closes_in_keeps_to_the_domain(method: str) -> None:
+    """It begins outside where the box does; that stood in the region."""
+    image, domain = np.full((200, 300), 150, np.uint8), np.full((200, 300), 255, np.uint8)
+    cv2.circle(image, (150, 100), 55, 90, -1)
+    domain[60:70] = 0
+    params = {"init.boxes": [[2, 2, 297, 197]], "contour.balloon": -8.0, "edges.source": "gradient", "method": method}
+    found = ffseg.segment(image, params, domain=domain)
+    assert found.mask[120, 150]
+    assert not found.mask[domain == 0].any()

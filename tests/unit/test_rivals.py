@@ -45,6 +45,17 @@ def test_a_point_will_do_and_the_meeting_is_half_way() -> None:
     assert abs(np.nonzero(found.mask[30])[0].max() - 98) < 2
 
 
+@pytest.mark.parametrize("radius", [0.1, 0.5, 1.0])
+def test_a_circle_smaller_than_a_point_is_one(radius: float) -> None:
+    """It lay in the region, up to 30 px deep: it was narrower than what holds a contour."""
+    room = np.full((120, 150), 150, np.uint8)
+    cv2.rectangle(room, (10, 10), (139, 109), 60, 3)
+    start = {"init.center": [40, 60], "init.radius": 12}
+    point, small = (ffseg.segment(room, {**start, "init.background": [[100, 60, *r]]}) for r in ([], [radius]))
+    np.testing.assert_array_equal(point.mask, small.mask)
+    assert not small.mask[60, 100]
+
+
 def test_without_rivals_nothing_changes() -> None:
     image = rooms()
     edges = edge_map(image, ffseg.load_params().edges)

@@ -83,6 +83,15 @@ def test_contours_are_those_of_what_is_kept(values: dict[str, int], count: tuple
     np.testing.assert_array_equal(rasterize(contours, SHAPE), mask)
 
 
+def test_an_island_in_a_hole_that_is_filled_has_no_contour() -> None:
+    """It stood beside the region that held it: two paths of one region."""
+    outer, hole, island = (FreeForm.circle((50.0, 50.0), radius, 8, 3) for radius in (40.0, 20.0, 12.0))
+    ring = (outer, hole.reversed(), island)
+    mask = rasterize(ring, (100, 100))
+    assert selected(ring, mask, region(fill_holes=2000))[0] == ring[:1]
+    assert selected(ring, mask, region(fill_holes=20))[0] == ring
+
+
 masks = arrays(np.bool_, st.tuples(st.integers(1, 14), st.integers(1, 14)))
 
 

@@ -318,6 +318,8 @@ def test_a_start_mask_of_a_line_is_a_start() -> None:
     mask = np.zeros((40, 40), np.uint8)
     mask[5:30, 12] = 1
     assert abs(sum(ring_area(one) for one in outlines(mask)) - 25) < 13  # half a pixel round the centres
+    mask[10:20, 25:35], mask[35, 3] = 1, 1  # beside thicker parts, too
+    assert len(outlines(mask)) == 3
 
 
 def test_an_image_with_a_box_only_has_no_start_in_its_row(tmp_path: Path) -> None:
