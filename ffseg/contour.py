@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import compress
 from time import perf_counter
 
 import numpy as np
@@ -11,6 +12,7 @@ from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.boundary import Boundary
 from ffseg.plugins import method as chosen
 from ffseg.scene import BlockedStartError, Outcome, Scene
+from ffseg.starts.moved import as_circle
 from ffseg.starts.parts import kept, parts
 from ffseg.starts.sides import on_one_side
 
@@ -61,6 +63,7 @@ def contour(scene: Scene) -> Found:
     scene = replace(scene, starts=(*scene.starts, *parts(scene)))
     begin = perf_counter()
     free, messages, across = on_one_side(scene)
+    free = outermost(free)
     try:
         outcome = run(free)
     except BlockedStartError as blocked:
@@ -72,6 +75,16 @@ def contour(scene: Scene) -> Found:
         except BlockedStartError as still:
             raise SegmentationError(f"{told}, where it cannot move either; {still}") from still
     return Found(free, outcome, messages, (perf_counter() - begin) * 1e3, across)
+
+
+def outermost(scene: Scene) -> Scene:
+    """The scene without start circles that lie in others, to the pixel: two contours would cover one region and never rest."""
+    if len(scene.starts) < 2 or scene.start_mask is not None or scene.params.contour.balloon < 0:
+        return scene
+    x, y, radii = np.array([(one.x, one.y, one.radius) for one in map(as_circle, scene.starts)]).T
+    beyond = np.hypot(x[:, None] - x, y[:, None] - y) + radii - radii[:, None]
+    within = (beyond < 1) & (radii < radii[:, None])
+    return replace(scene, starts=tuple(compress(scene.starts, ~within.any(axis=0))))
 
 
 def bounded(scene: Scene) -> Scene:

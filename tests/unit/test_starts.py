@@ -292,6 +292,15 @@ def test_of_equal_starts_one_counts() -> None:
     assert np.array_equal(once.mask, twice.mask)
 
 
+def test_a_start_in_another_makes_no_contour_of_its_own() -> None:
+    """Two contours covered one region, each across the other all over, until the work was spent."""
+    image = np.full((112, 78), 150, np.uint8)
+    image[28:37, 19:26] = 80
+    found = ffseg.segment(image, {"init.circles": [[26, 29, 2], [31, 42, 20], [57, 93, 12]]})
+    assert found.stats.stop_reason == "converged"
+    assert abs(sum(one.signed_area for one in found.contours) / np.count_nonzero(found.mask) - 1) < 0.01
+
+
 def test_a_start_that_the_region_has_lost_is_told() -> None:
     image = np.full((160, 150), 150, np.uint8)
     cv2.rectangle(image, (12, 12), (138, 150), 60, 2)
