@@ -31,7 +31,8 @@ class Scores:
     boundary_max : float
         Pixels; the largest of these distances (Hausdorff). NaN when one is empty.
     boundary_f : float
-        Harmonic mean of the shares of either boundary within `BOUNDARY_TOLERANCE` of the other.
+        Harmonic mean of the shares of either boundary within `BOUNDARY_TOLERANCE` of the other; where neither has any,
+        1 for equal regions and 0 for others.
     """
 
     iou: float
@@ -66,7 +67,8 @@ def scores(mask: Mask, truth: NDArray[np.uint8]) -> Scores:
     counted, inside = truth != IGNORED, truth == INSIDE
     found, wanted = boundary(mask, counted), boundary(inside, counted)
     mean, most, f = _boundary_scores(found, wanted)
-    return Scores(iou(mask, truth), mean, most, f)
+    overlap = iou(mask, truth)
+    return Scores(overlap, mean, most, f if len(found) or len(wanted) else float(overlap == 1))
 
 
 def iou(mask: Mask, truth: NDArray[np.uint8]) -> float:
@@ -88,7 +90,7 @@ def boundary(mask: Mask, counted: Mask) -> NDArray[np.float64]:
 
 def _boundary_scores(found: NDArray[np.float64], wanted: NDArray[np.float64]) -> tuple[float, float, float]:
     if not len(found) or not len(wanted):
-        return float("nan"), float("nan"), 1.0 if len(found) == len(wanted) else 0.0
+        return float("nan"), float("nan"), 0.0
     out, back = _core.nearest_distances(found, wanted), _core.nearest_distances(wanted, found)
     precision = float((out <= BOUNDARY_TOLERANCE).mean())
     recall = float((back <= BOUNDARY_TOLERANCE).mean())

@@ -42,6 +42,11 @@ def test_a_grown_box_lies_a_pixel_off() -> None:
     assert found.boundary_f == 1.0
 
 
+def test_an_empty_region_is_not_like_a_full_one() -> None:
+    empty, full = np.zeros((4, 5), bool), np.full((4, 5), 255, np.uint8)
+    assert (metrics.scores(empty, full).boundary_f, metrics.scores(~empty, full).boundary_f) == (0.0, 1.0)
+
+
 def test_boundary_f_counts_what_is_within_two_pixels() -> None:
     truth = box(10, 10, 30, 25)
     found = metrics.scores(truth | box(40, 30, 44, 34), truth_of(truth))

@@ -81,6 +81,17 @@ def test_methods_are_compared_on_images_in_a_tar_file(
     assert done.returncode == 0, done.stderr + done.stdout
 
 
+def test_what_a_folder_would_leave_out_is_left_out_of_its_tar_file(images: Path, tmp_path: Path) -> None:
+    """Outputs of earlier runs, folders that are to be skipped and hidden ones were images of it."""
+    written(images / "truth", np.zeros(SHAPE, np.uint8))
+    (images / "truth" / ".ffseg-skip").touch()
+    written(images / ".hidden", np.zeros(SHAPE, np.uint8))
+    run_batch(images, images / "out", executor=INPROCESS)
+    names = [source.name for source in discover([str(images)])]
+    assert names == ["a.png", "sub/b.png"]
+    assert [source.name for source in discover([str(packed(images))])] == names
+
+
 def test_learning_takes_images_in_a_tar_file(images: Path, truths: Path) -> None:
     from ffseg.learning.gather import gather
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import posixpath
 import tarfile
 from collections.abc import Collection, Mapping
+from itertools import accumulate
 from typing import Any
 
-from ffseg.batch.plan.sources import SUFFIXES, Source
+from ffseg.batch.outputs.table import OUTPUT_FOLDERS
+from ffseg.batch.plan.sources import STATE_FOLDER, SUFFIXES, Source
 from ffseg.errors import UsageError
-from ffseg.io.files import printable
+from ffseg.io.files import SKIP_FILE, printable
 
 _PACKED = (".tar.gz", ".tgz", ".tar.bz2", ".tbz", ".tar.xz", ".txz", ".tar.zst")
 _MOST_MEMBERS = 100_000_000
@@ -81,8 +83,21 @@ def _images(path: str, archive: tarfile.TarFile, suffixes: Collection[str]) -> l
         elif member.isreg() and not member.issparse():
             links.pop(name, None)
             files[name] = (member.offset_data, member.size)
-    images = (name for name in (*files, *links) if _is_image(name, suffixes))
+    inside = [*files, *links]
+    skipped = {posixpath.dirname(name) for name in inside if posixpath.basename(name) == SKIP_FILE} - {""}
+    made = {name[:at] for name in inside if (at := f"/{name}".find(f"/{STATE_FOLDER}/")) >= 0}
+    images = (name for name in inside if _is_image(name, suffixes) and not _is_left_out(name, skipped, made))
     return [_source(path, name, files, links) for name in images]
+
+
+def _is_left_out(name: str, skipped: Collection[str], made: Collection[str]) -> bool:
+    """Whether it would not be found in a folder: below a hidden one, one that is skipped, or one of a run's outputs."""
+    for above in accumulate(name.split("/")[:-1], lambda path, folder: f"{path}/{folder}"):
+        folder = posixpath.basename(above)
+        outputs = folder in OUTPUT_FOLDERS and above[: -len(folder)] in made
+        if outputs or folder.startswith(".") or above in skipped:
+            return True
+    return False
 
 
 def _is_image(name: str, suffixes: Collection[str]) -> bool:
