@@ -102,7 +102,7 @@ class Ground:
         Of each region its outer ring, counterclockwise, then its holes, clockwise; not closed by their first points.
     camera : Camera
     reach : float
-        Metres: nothing farther away is told.
+        Metres: no pixel farther away is told; outlines lie half a pixel beyond.
     seen : ndarray of bool, shape (H, W)
         Pixels within reach that can show ground at all.
     lean_sigma : float

@@ -116,7 +116,7 @@ class Frame:
         Parameters
         ----------
         reach : float
-            Metres; nothing farther away is told.
+            Metres; no pixel farther away is told.
 
         Raises
         ------
