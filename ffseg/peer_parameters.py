@@ -141,6 +141,7 @@ def load_peer_parameters(path: str | os.PathLike[str] | None = None) -> PeerPara
     if path is None:
         return PeerParameters()
     problems = Problems()
-    values = collect(PeerParameters, strict_yaml.read(os.fspath(Path(path)), problems), problems)
+    found = strict_yaml.read(os.fspath(Path(path)), problems)
+    values = collect(PeerParameters, found, problems, "; configs/peers.yaml lists every key")
     problems.raise_as(ParameterError)
     return build(PeerParameters, values)

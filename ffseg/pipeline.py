@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from time import perf_counter
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +17,7 @@ from ffseg.image.checked import checked_image, require_size
 from ffseg.image.components import filled
 from ffseg.image.disc import valid_disc
 from ffseg.image.edges import EdgeMap
+from ffseg.image.free import distances
 from ffseg.image.raster import rasterize
 from ffseg.image.selection import selected
 from ffseg.judge import judged
@@ -169,8 +169,7 @@ def region(found: Found) -> tuple[tuple[FreeForm, ...], NDArray[np.bool_]]:
         mask = outcome.mask if outcome.mask is not None else rasterize(outcome.contours, scene.shape)
         if scene.params.contour.balloon > 0 or scene.domain is None:
             return outcome.contours, mask
-        near = cv2.dilate(scene.domain, np.ones((2 * SETTLED + 1, 2 * SETTLED + 1), np.uint8))
-        if not mask[near == 0].any():  # what closes in begins outside the domain where it is asked to
+        if not mask[distances(scene.domain == 0) > SETTLED].any():  # what closes in may begin outside the domain
             return outcome.contours, mask
     elif outcome.mask is None:
         return (), np.zeros(scene.shape, np.bool_)

@@ -39,7 +39,8 @@ class Circle:
         return Circle(x, y, factor * self.radius)
 
     def __str__(self) -> str:
-        return f"({self.x:.4g}, {self.y:.4g}), radius {self.radius:.4g}"
+        x, y = (round(place, 6) + 0.0 for place in (self.x, self.y))  # neither a rounding of nothing nor -0
+        return f"({x:.4g}, {y:.4g}), radius {self.radius:.4g}"
 
 
 def moved(scene: Scene, remedy: str) -> tuple[Scene, str]:

@@ -63,8 +63,9 @@ def test_no_call_goes_back_up_to_a_higher_floor(image: np.ndarray) -> None:
 
 def inside(frame: FrameType | None) -> str:
     """File of the package that a frame runs in; empty elsewhere."""
-    _, mark, name = (frame.f_code.co_filename if frame else "").rpartition("/ffseg/")
-    return name if mark and name.endswith(".py") and name != "__init__.py" else ""
+    path = frame.f_code.co_filename if frame else ""
+    name = path.removeprefix(f"{Path(ffseg.__file__).parent}/")
+    return name if name != path and name.endswith(".py") and name != "__init__.py" else ""
 
 
 def test_the_twelve_files_of_the_page_are_there() -> None:
