@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 from ffseg.batch.workers.pictures import read_truth
 from ffseg.bench.drawing import LONG, draw
 from ffseg.bench.measure import Fact, Group, Order, Skipped, Task, timed
-from ffseg.errors import UsageError
+from ffseg.errors import ImageReadError, UsageError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.edges import edge_map
 from ffseg.image.keypoints import grey_image
@@ -117,18 +119,32 @@ def _segmented(suite: str, picture: Picture, method_name: str, case: str, x: flo
         "segment": lambda: segment(Scene(image, params, row)),
     }
     result = segment(Scene(image, params, row))
-    stats, holes = result.stats, sum(contour.signed_area < 0 for contour in result.contours)
+    stats = result.stats
     facts: dict[str, Fact] = {
         "size": f"{shape[1]}x{shape[0]}",
         "iterations": stats.iterations,
         "patches": stats.patches,
     }
-    facts |= {"flips": stats.flips, "holes": holes, "stopped": stats.stop_reason}
+    facts |= {"flips": stats.flips, "holes": result.num_holes, "stopped": stats.stop_reason}
     if picture.truth is not None:
         facts["iou"] = _score(result.mask, picture)
     return Group(
         suite, case, grey_image(image), [Task(case, name, timed(work), x) for name, work in works.items()], facts
     )
+
+
+def check(order: Order) -> None:
+    """Read the images once, before anything is measured.
+
+    Raises
+    ------
+    UsageError
+        As `listed`, or if an image or its truth cannot be used.
+    """
+    try:
+        deque(_pictures(order), maxlen=0)
+    except ImageReadError as error:
+        raise UsageError(f"--images: {error}") from error
 
 
 def _pictures(order: Order) -> Iterator[Picture]:
@@ -166,7 +182,7 @@ def listed(folder: Path) -> list[Path]:
     Raises
     ------
     UsageError
-        If there is no such folder, or it holds no image.
+        If there is no such folder, it holds no image, or figures of two images would have one key.
     """
     if not os.path.isdir(folder):
         raise UsageError(f"--images: there is no folder {printable(folder)}; check the name")
@@ -174,6 +190,10 @@ def listed(folder: Path) -> list[Path]:
     paths = [path for path in paths if not path.stem.endswith("_truth")]
     if not paths:
         raise UsageError(f"--images: {printable(folder)} holds no image; give a folder of images")
+    for one, other in pairwise(sorted(paths, key=lambda path: path.stem)):
+        if one.stem == other.stem:
+            names = f"{printable(one.name)} and {printable(other.name)}"
+            raise UsageError(f"--images: figures of {names} would have the same keys; rename one")
     return paths
 
 

@@ -19,7 +19,7 @@ from ffseg import __version__
 from ffseg.bench import images, processes
 from ffseg.bench.gate import Baseline, Slower, confirmed, slower
 from ffseg.bench.measure import Compared, Fact, Figure, Group, Order, Skipped, compared, measure
-from ffseg.errors import UsageError
+from ffseg.errors import FfsegError, UsageError
 from ffseg.io.images import OPENCV_VERSION
 from ffseg.schema.kinds import nearest_word
 
@@ -65,23 +65,29 @@ def run_bench(
     Raises
     ------
     UsageError
-        If a suite or the folder of images does not exist, or the baseline and this run have no figure in common.
+        If a suite does not exist, the images cannot be used, or the baseline and this run have no figure in common.
+    FfsegError
+        If a suite fails or `keep` does; with exit code 3 once something was measured.
     """
     unknown = next((name for name in order.suites if name not in SUITES), None)
     if unknown is not None:
         near = nearest_word(unknown, tuple(SUITES)) or f"; choose from {', '.join(SUITES)}"
         raise UsageError(f"--suite: there is no suite '{unknown}'{near}")
     if order.images is not None:
-        images.listed(order.images)
+        images.check(order)
     outcome = Outcome(order.quick, datetime.now(UTC).isoformat(timespec="seconds"), _machine(), _versions())
-    with tempfile.TemporaryDirectory(prefix="ffseg-bench-") as folder:
-        for name in dict.fromkeys(order.suites or SUITES):
-            work = Path(folder) / name  # of its own: suites make folders and files of the same names
-            work.mkdir()
-            for part in SUITES[name](order, work):
-                _take(part, outcome, order, note, baseline)
-            if keep is not None:
-                keep(outcome)
+    try:
+        with tempfile.TemporaryDirectory(prefix="ffseg-bench-") as folder:
+            for name in dict.fromkeys(order.suites or SUITES):
+                work = Path(folder) / name  # of its own: suites make folders and files of the same names
+                work.mkdir()
+                for part in SUITES[name](order, work):
+                    _take(part, outcome, order, note, baseline)
+                if keep is not None:
+                    keep(outcome)
+    except FfsegError as error:
+        error.exit_code = 3 if outcome.figures else error.exit_code  # 2 says that nothing was run
+        raise
     if baseline is not None:
         if not any(figure.key in baseline.steady for figure in outcome.figures):
             raise UsageError("--baseline: it has no figure of this run; make it with the same suites and images")

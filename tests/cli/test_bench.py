@@ -91,8 +91,9 @@ def test_a_suite_that_fails_leaves_what_was_measured_before(tmp_path: Path, monk
         raise FfsegError("no such luck")
 
     monkeypatch.setitem(session.SUITES, "startup", broken)
-    with pytest.raises(FfsegError, match="luck"):
+    with pytest.raises(FfsegError, match="luck") as failed:
         bench(tmp_path / "out", ["patches", "startup"], quick=True)
+    assert failed.value.exit_code == 3  # not 2: something was measured
     document = json.loads((tmp_path / "out" / "bench.json").read_text("utf-8"))
     assert {figure["suite"] for figure in document["figures"]} == {"patches"}
     assert (tmp_path / "out" / "bench.md").read_text("utf-8").count("iteration") > 0

@@ -258,6 +258,30 @@ def test_a_folder_without_images_is_refused(tmp_path: Path) -> None:
         quick("scenes", folder=tmp_path / "absent")
 
 
+def test_images_whose_figures_would_have_one_key_are_refused(tmp_path: Path) -> None:
+    """The gate compared the figures of one with those of the other."""
+    for name in ("a.png", "a.jpg", "b.png"):
+        cv2.imwrite(str(tmp_path / name), drawing.draw(2, 80, 60).image)
+    with pytest.raises(UsageError, match=r"figures of a\.\w+ and a\.\w+ would have the same keys"):
+        quick("scenes", folder=tmp_path)
+
+
+def test_a_bad_image_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
+    """It ended the suite it came up in, after the suites before it, with the exit code of what was not run."""
+    cv2.imwrite(str(tmp_path / "a.png"), drawing.draw(2, 80, 60).image)
+    (tmp_path / "b.png").write_text("no image")
+    measured: list[str] = []
+    with pytest.raises(UsageError, match=r"--images: .*b\.png"):
+        run_bench(Order(("method", "scenes"), quick=True, images=tmp_path), measured.append)
+    assert measured == []
+
+
+def test_holes_are_those_of_the_mask() -> None:
+    """The snake's contour closes round islands to slits: none is an inner contour."""
+    _, group = images.method(Order(methods=("snake",)), Path())
+    assert (group.name, group.facts["holes"]) == ("complex by snake", 10)
+
+
 def test_bare_pipeline_writes_a_mask_for_each_image(tmp_path: Path) -> None:
     scene, folder, out = drawing.draw(2, 160, 120), tmp_path / "images", tmp_path / "out"
     folder.mkdir()

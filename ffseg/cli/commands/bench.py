@@ -49,7 +49,7 @@ def bench(  # noqa: PLR0913 - the options of the command
     """Measure speed and memory: medians, ratios to a fixed kernel K, exponents.
 
     Writes bench.json, bench.csv and bench.md after every suite, so that one that fails loses nothing measured before it.
-    Exit code 4: a figure missed the baseline.
+    Exit code: 2 nothing was measured; 3 a suite failed, or a table could not be written; 4 a figure missed the baseline.
     """
     from ffseg.bench.gate import read_baseline
     from ffseg.bench.measure import Order
