@@ -31,8 +31,6 @@ COMMANDS = {
     "merge": "ffseg.cli.commands.merge",
 }
 """Module of each subcommand; it holds a function of the command's name, or a Typer ``app`` with commands of its own."""
-_BY_PARTS = ("bench", "domain", "samples")
-"""Commands that write as they go, and do it all again when they are run again."""
 
 
 class LazyGroup(Group):
@@ -53,12 +51,11 @@ class LazyGroup(Group):
         return with_words(command)
 
     def invoke(self, ctx: Any) -> Any:  # noqa: ANN401 - Typer's signature
-        """Run the subcommand; Typer ends an interrupt without a word, so it is said here, with what is kept."""
+        """Run the subcommand; Typer ends an interrupt without a word, so it is said here."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            kept = "what was done is kept" if ctx.invoked_subcommand in _BY_PARTS else "no file is half written"
-            console.message(f"ffseg: interrupted; {kept}; run it again")
+            console.message("ffseg: interrupted; no file is half written; run it again")
             raise
 
 
