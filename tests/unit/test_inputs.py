@@ -84,7 +84,7 @@ def test_messages_name_the_member_and_not_the_archive_alone(
         (name, f"{archive}/{name}") for name in sorted(NAMES, key=natural_key)
     ]
     twice = ffseg_command("run", archive, images, "--out", tmp_path / "new")
-    assert f"{archive}/a.png and {images}/a.png would share the output masks/a.png" in twice.stderr
+    assert f"{archive}/a.png and {images}/a.png would share the output name a; rename all but one" in twice.stderr
 
 
 def test_members_stay_inside_the_output_folder(images: Path, tmp_path: Path) -> None:

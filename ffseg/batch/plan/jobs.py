@@ -201,7 +201,7 @@ def _refuse_collisions(plan: Plan) -> None:
         taken = next((stem + suffix for suffix in (".png", ".svg") if stem + suffix in folders), None)
         if taken:
             raise UsageError(
-                f"the output masks/{printable(taken)} of {printable(job.source.told)} is also the folder "
+                f"the output {printable(taken)} of {printable(job.source.told)} is also the folder "
                 "of other outputs; rename the image or the folder"
             )
 
@@ -209,11 +209,10 @@ def _refuse_collisions(plan: Plan) -> None:
 def _shared(jobs: Sequence[Job]) -> str:
     """Sentence about images that would share an output."""
     *others, last = (printable(job.source.told) for job in jobs)
+    remedy = "rename all but one, or use several output folders"
     if len({job.source.name for job in jobs}) == len(jobs):
-        remedy = "use --keep-suffix of 'ffseg run', rename all but one, or run them into several output folders"
-    else:
-        remedy = "rename all but one, or run them into several output folders"
-    return f"{', '.join(others)} and {last} would share the output masks/{printable(jobs[0].stem)}.png; {remedy}"
+        remedy += "; 'ffseg run' also has --keep-suffix"
+    return f"{', '.join(others)} and {last} would share the output name {printable(jobs[0].stem)}; {remedy}"
 
 
 def _parents(stem: str) -> Iterable[str]:
