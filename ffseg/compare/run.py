@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.plan.jobs import make_plan, with_domains, with_evidence, with_starts
-from ffseg.batch.plan.sources import Job
+from ffseg.batch.plan.sources import STATE_FOLDER, Job
+from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.workers.pictures import read_evidence, read_source, read_truth
-from ffseg.compare.journal import Journal
+from ffseg.compare.journal import PAGE, TABLE, Journal, panel_of, refuse_foreign
 from ffseg.compare.shared import Shared, shared, was_moved
 from ffseg.compare.text import markdown
 from ffseg.compare.values import COLUMNS, Comparison, Row
@@ -26,7 +25,6 @@ from ffseg.io.files import (
     SKIP_FILE,
     make_folder,
     printable,
-    read_bytes,
     remove_files,
     write_all_atomic,
     write_bytes_atomic,
@@ -35,7 +33,7 @@ from ffseg.io.images import single_thread
 from ffseg.io.masks import Masks, named_masks
 from ffseg.io.overlays import polylines
 from ffseg.io.panels import Tile, encode_panel
-from ffseg.io.tables import csv_table, names_meant_by
+from ffseg.io.tables import csv_table
 from ffseg.methods.peers import configured
 from ffseg.metrics import scores
 from ffseg.peer_parameters import PeerParameters
@@ -46,8 +44,6 @@ from ffseg.scene import Scene
 
 NO_MEMORY = "out-of-memory: there is not enough memory for it; scale it down"
 _LONGEST_ERROR = 300
-_MOST_TABLE = 1 << 28
-"""Bytes of an earlier table that is looked at."""
 
 
 def plan_comparison(
@@ -58,7 +54,7 @@ def plan_comparison(
     Raises
     ------
     UsageError
-        If an input is missing, two share a name, or a panel would replace an input.
+        If an input is missing, two share a name, or an output would replace an input or what no comparison made.
     ParameterError
         If the starts file is wrong, or has no row for an image.
     """
@@ -67,10 +63,11 @@ def plan_comparison(
     plan = with_domains(plan, domains) if domains else plan
     jobs = (with_evidence(plan, evidence) if evidence else plan).jobs
     taken = {os.path.realpath(path) for job in jobs for path in (job.source.path, job.truth) if path}
-    for job in jobs:
-        panel = os.path.join(out, "panels", f"{job.stem}.png")
+    panels = [panel_of(out, job.source.name) for job in jobs if not job.source.problem]
+    for panel in panels:
         if os.path.realpath(panel) in taken:
             raise UsageError(f"the output {printable(panel)} would replace an input image; choose another folder")
+    refuse_foreign(out, panels)
     return jobs
 
 
@@ -97,30 +94,35 @@ def compare(
     ------
     ParameterError
         If a mask file that the parameters name cannot be read.
+    UsageError
+        If another comparison is writing into the folder.
     OutputError
         If an output cannot be written.
     """
     single_thread()
     panels = os.path.join(task.out, "panels")
-    make_folder(panels)
-    write_bytes_atomic(os.path.join(panels, SKIP_FILE), b"")  # they are no inputs of what walks the folders above
+    with OutputLock(task.out, os.path.join(panels, STATE_FOLDER)):
+        write_bytes_atomic(os.path.join(panels, SKIP_FILE), b"")  # they are no inputs of what walks the folders above
+        return _compare(task, tell, pace)
+
+
+def _compare(task: Comparison, tell: Callable[[Row], None], pace: Callable[[int, float], None] | None) -> list[Row]:
     masks = named_masks(task.params)
     rows: list[Row] = []
-    old, journal = panels_of(task.out), Journal(task)
-    begin, known = perf_counter(), 0
+    journal, begin, known = Journal(task), perf_counter(), 0
     with _tables(task, rows):
         for number, job in enumerate(task.jobs, start=1):
-            key, panel = journal.key(job), os.path.join(task.out, "panels", f"{job.stem}.png")
+            key, panel = journal.key(job), panel_of(task.out, job.source.name)
             made = journal.rows(key) if os.path.isfile(panel) else []
             known += bool(made)
             if not made:
                 made, panel = _compare_image(task, job, masks, tell)
                 journal.add(key, made)
             rows += made
-            old.discard(panel)
+            journal.panels.discard(panel)
             if pace is not None and number > known:
                 pace(number, (perf_counter() - begin) / (number - known) * (len(task.jobs) - number))
-    remove_files(old)  # panels of images that are not compared any more, or could not be read
+    remove_files(journal.panels)  # panels of images that are not compared any more, or could not be read
     journal.end()
     return rows
 
@@ -132,24 +134,11 @@ def _tables(task: Comparison, rows: Sequence[Row]) -> Iterator[None]:
         try:
             yield
         finally:
-            tables = {"compare.csv": table(rows), "compare.md": markdown(task, rows).encode("utf-8")}
+            tables = {TABLE: table(rows), PAGE: markdown(task, rows).encode("utf-8")}
             write_all_atomic([(os.path.join(task.out, name), content) for name, content in tables.items()])
     except OutputError as error:
         error.exit_code = 3  # not 2: something was run
         raise
-
-
-def panels_of(out: str) -> set[str]:
-    """Paths that the panels of the comparison in a folder have; none where ``compare.csv`` is not one of ours."""
-    try:
-        text = read_bytes(os.path.join(out, "compare.csv"), _MOST_TABLE).decode("utf-8")
-        head, *rows = list(csv.reader(io.StringIO(text, newline="")))
-    except (ImageReadError, ValueError, csv.Error):
-        return set()
-    if tuple(head) != COLUMNS[: len(head)]:
-        return set()
-    stems = {os.path.splitext(name)[0] for row in rows if row for name in names_meant_by(row[0])}
-    return {os.path.join(out, "panels", f"{stem}.png") for stem in stems}
 
 
 def table(rows: Iterable[Row]) -> bytes:
@@ -205,7 +194,7 @@ def _compare_image(task: Comparison, job: Job, masks: Masks, tell: Callable[[Row
         tell(row)
         rows.append(row)
         tiles.append(_tile(row, result))
-    panel = os.path.join(task.out, "panels", f"{job.stem}.png")
+    panel = panel_of(task.out, job.source.name)
     make_folder(os.path.dirname(panel))
     write_bytes_atomic(panel, encode_panel(image, tiles))
     return rows, panel

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import pytest
 from commands import Command
 
 from tests.discs import write_case
@@ -80,10 +81,26 @@ def test_an_output_that_cannot_be_written_is_exit_3_once_something_was_run(
 ) -> None:
     """It was 2, which says that nothing was run; as it still does of a folder that cannot be made."""
     write_case(tmp_path)
-    command = (tmp_path / "disc.png", "--methods", "cv_edges", "--set", "init.radius=8", "-q", "--out")
-    (tmp_path / "out" / "panels" / "disc.png").mkdir(parents=True)
+    write_case(tmp_path / "in" / "sub")
+    command = (tmp_path / "in", "--methods", "cv_edges", "--set", "init.radius=8", "-q", "--out")
+    (tmp_path / "out" / "panels").mkdir(parents=True)
+    (tmp_path / "out" / "panels" / "sub").write_text("in the way")
     done = ffseg_command("compare", *command, tmp_path / "out")
     assert done.returncode == 3
-    assert "disc.png cannot be written" in done.stderr
+    assert "panels/sub cannot be made" in done.stderr
     assert (tmp_path / "out" / "compare.csv").exists()
     assert ffseg_command("compare", *command, tmp_path / "disc.png").returncode == 2
+
+
+@pytest.mark.parametrize("name", ["compare.csv", "compare.md", "compare.jsonl", "panels/disc.png"])
+def test_what_no_comparison_made_is_not_replaced(name: str, tmp_path: Path, ffseg_command: Command) -> None:
+    """It was replaced, and a compare.jsonl removed, without a word."""
+    write_case(tmp_path)
+    path = tmp_path / "out" / name
+    path.parent.mkdir(parents=True)
+    path.write_text("image\nmine\n")
+    done = ffseg_command("compare", tmp_path / "disc.png", "--out", tmp_path / "out", "--methods", "cv_edges")
+    assert done.returncode == 2
+    assert f"{path} exists and no comparison made it; choose another folder" in done.stderr
+    assert path.read_text() == "image\nmine\n"
+    assert [file for file in (tmp_path / "out").rglob("*") if file.is_file()] == [path]

@@ -107,6 +107,8 @@ def test_an_interrupted_comparison_goes_on(tmp_path: Path) -> None:
         work.compare(task, tell)
     first = (tmp_path / "out" / "compare.csv").read_text().splitlines()
     assert [line.split(",")[0] for line in first[1:]] == ["a.png", "a.png"]
+    with (tmp_path / "out" / "compare.jsonl").open("a") as journal:  # lines of another shape are not known
+        journal.write('{"image":"x"}\n{"image":"x","rows":[3]}\n')
     paces: list[int] = []
     rows = work.compare(task, seen.append, lambda done, seconds: paces.append(done))
     assert [row.image for row in seen[3:]] == ["b.png"] * 2 + ["c.png"] * 2
@@ -118,6 +120,41 @@ def test_an_interrupted_comparison_goes_on(tmp_path: Path) -> None:
     (tmp_path / "out" / "compare.jsonl").mkdir()
     with pytest.raises(OutputError, match="cannot be written"):
         work.compare(task, seen.append)
+
+
+def test_a_comparison_that_was_killed_leaves_no_panels(tmp_path: Path) -> None:
+    """Those that stood in its journal only stayed for ever; one that was being written is nobody else's."""
+    for name in ("a.png", "b.png"):
+        write_case(tmp_path, name)
+    task, panels = task_of(tmp_path, "cv_edges"), tmp_path / "out" / "panels"
+
+    def tell(row: work.Row) -> None:
+        if row.image == "b.png":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        work.compare(task, tell)
+    (tmp_path / "out" / "compare.csv").unlink()
+    (tmp_path / "out" / "compare.md").unlink()
+    (panels / "b.png").write_bytes(b"written, not yet in the journal")
+    assert task_of(tmp_path, "cv_edges").jobs == task.jobs
+    for name in ("a.png", "b.png"):
+        (tmp_path / name).unlink()
+    write_case(tmp_path, "c.png")
+    work.compare(task_of(tmp_path, "freeform"), silent)
+    assert [path.name for path in panels.glob("*.png")] == ["c.png"]
+
+
+def test_one_comparison_at_a_time_in_a_folder(tmp_path: Path) -> None:
+    """Both ended well, and one had lost its table."""
+    write_case(tmp_path)
+    task = task_of(tmp_path, "cv_edges")
+
+    def another(_: work.Row) -> None:
+        work.compare(task, silent)
+
+    with pytest.raises(UsageError, match="another ffseg run is writing to"):
+        work.compare(task, another)
 
 
 def test_the_median_of_the_times_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
