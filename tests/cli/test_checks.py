@@ -134,6 +134,7 @@ WRONG = {
         ["tune", SAMPLES, "--truth", TRUTH, "--out", "a.yaml", "--budget", "nan"],
         "nan is not a number",
     ),
+    "nan megabytes to embed": (["report", "there", "--embed", "nan"], "nan is not a number"),
     "a class in no mask": (
         ["tune", SAMPLES, "--truth", TRUTH, "--out", "a.yaml", "--truth-label", "7"],
         "--truth-label 7 is in none",

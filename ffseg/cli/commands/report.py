@@ -11,6 +11,7 @@ import typer
 
 from ffseg.cli import console
 from ffseg.cli.checks import folder as named
+from ffseg.cli.checks import number
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
 
@@ -22,7 +23,8 @@ def report(
         typer.Option(metavar="INPUT", help="Where the input images are, if moved; may be repeated."),
     ] = None,
     embed: Annotated[
-        float, typer.Option(metavar="MB", min=0, max=1000, show_default=True, help="Thumbnails in the page.")
+        float,
+        typer.Option(metavar="MB", min=0, max=1000, callback=number, show_default=True, help="Thumbnails in the page."),
     ] = 20.0,
 ) -> None:
     """Write DIR/report.html: one page with every image, its contours, numbers and failures.
