@@ -30,7 +30,7 @@ class Group(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401 - Typer's signature
         """Find the command, or say which name is near."""
         name, known = args[0] if args else "", self.list_commands(ctx)
-        if name not in known and not name.startswith("-"):
+        if name not in known and not name.startswith("-") and not ctx.resilient_parsing:
             from ffseg.schema.kinds import nearest_word
 
             near = nearest_word(name, tuple(known)) or f"; choose one of {', '.join(known)}"

@@ -89,6 +89,8 @@ COMPLETED = {
     "ffseg run --export coco,": ["coco,labelme", "coco,geojson", "coco,yolo", "coco,svg", "coco,cutout"],
     "ffseg bench --suite pa": ["patches"],
     "ffseg segment --as ge": ["geojson"],
+    "ffseg nosuch con": ["config"],  # which wrote a traceback
+    "ffseg config nosuch sch": ["schema"],
 }
 
 
@@ -99,7 +101,8 @@ def test_the_shell_completes(
     count = len(words.split()) - (not words.endswith(" "))
     for name, value in (("_FFSEG_COMPLETE", "complete_bash"), ("COMP_WORDS", words), ("COMP_CWORD", str(count))):
         monkeypatch.setenv(name, value)
-    assert ffseg_command().stdout.split() == expected
+    done = ffseg_command()
+    assert (done.stdout.split(), done.stderr) == (expected, "")
 
 
 def test_words_of_a_key_are_completed() -> None:
