@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.camera.footprint import Footprint
-from ffseg.errors import SegmentationError
+from ffseg.errors import ParameterError, SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.regions import oriented
 from ffseg.image.edges import EdgeMap
@@ -71,6 +71,11 @@ class Outcome:
         Nonzero inside; needed when there are no contours.
     stats : Stats
 
+    Raises
+    ------
+    ParameterError
+        If the contours are none.
+
     Examples
     --------
     >>> bright = np.zeros((60, 80), bool)
@@ -84,6 +89,12 @@ class Outcome:
     contours: tuple[FreeForm, ...] | None = None
     stats: Stats = Stats()
     mask: NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        found: object = self.contours
+        if found is None or (isinstance(found, Sequence) and all(isinstance(one, FreeForm) for one in found)):
+            return
+        raise ParameterError("the contours of an ffseg.Outcome are no tuple of ffseg.FreeForm; give those, or a mask")
 
 
 NO_EDGES = EdgeMap(np.empty((0, 0), np.uint16), np.empty((0, 0), np.uint8), None, (0.0, 0.0))

@@ -245,8 +245,19 @@ class FreeForm:
         return FreeForm.trusted(np.ascontiguousarray(np.roll(self.control_points[::-1], 1, axis=0)), self.degree)
 
     def affine(self, matrix: ArrayLike, offset: ArrayLike = (0.0, 0.0)) -> FreeForm:
-        """Image under ``p -> matrix @ p + offset``; a matrix of negative determinant also changes the area's sign."""
-        return FreeForm(self.control_points @ np.asarray(matrix, dtype=np.float64).T + np.asarray(offset), self.degree)
+        """Image under ``p -> matrix @ p + offset``; a matrix of negative determinant also changes the area's sign.
+
+        Raises
+        ------
+        ValueError
+            When the matrix is not of shape (2, 2), the offset not of shape (2,), or a number not finite.
+        """
+        turned, by = np.asarray(matrix, dtype=np.float64), np.asarray(offset, dtype=np.float64)
+        if turned.shape != (2, 2) or by.shape != (2,):
+            raise ValueError(
+                f"matrix and offset have shapes {turned.shape} and {by.shape}: a map needs (2, 2) and (2,)"
+            )
+        return FreeForm(self.control_points @ turned.T + by, self.degree)
 
     def elevated(self, degree: int | None = None) -> FreeForm:
         """The same curve with patches of a higher degree (by default one more).

@@ -68,7 +68,15 @@ class EdgeMap:
         return self.gradient / GRADIENT_SCALE
 
     def diffusion(self, exponent: float) -> NDArray[np.float64]:
-        """Speed ``F_diff = 1 / (1 + |grad|**exponent)`` of Eq. 8, shape (H, W), in (0, 1]."""
+        """Speed ``F_diff = 1 / (1 + |grad|**exponent)`` of Eq. 8, shape (H, W), in (0, 1].
+
+        Raises
+        ------
+        SegmentationError
+            When the exponent is not above 0.
+        """
+        if not exponent > 0:
+            raise SegmentationError(f"exponent is {exponent}: an edge slows down with one above 0")
         speed: NDArray[np.float64] = 1.0 / (1.0 + self.magnitude() ** exponent)
         return speed
 

@@ -436,6 +436,8 @@ def test_a_side_that_no_method_takes_is_said_in_a_sentence(method: str, side: in
         ),
         (lambda scene: ffseg.Outcome(mask=np.ones((9, 9), bool)), r"a mask of bool of shape \(9, 9\); it must be of"),
         (lambda scene: ffseg.Outcome(mask="all"), "a mask of str; it must be of bool or uint8"),
+        (lambda scene: ffseg.Outcome((1, 2)), "no tuple of ffseg.FreeForm"),
+        (lambda scene: ffseg.Outcome(scene.starts[0]), "no tuple of ffseg.FreeForm"),
     ],
 )
 def test_what_is_no_outcome_is_refused(own: typing.Callable[[ffseg.Scene], ffseg.Outcome], sentence: str) -> None:

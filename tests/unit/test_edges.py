@@ -216,3 +216,10 @@ def test_what_does_not_fit_is_refused() -> None:
         _core.gradients_at(points, plane, None, 0)
     with pytest.raises(ValueError, match="differ in size"):
         _core.gradients_at(points, plane, np.ones((2, 2), np.uint8), 3)
+
+
+@pytest.mark.parametrize("exponent", [-1, 0, math.nan])
+def test_an_exponent_with_which_edges_slow_nothing_down_is_refused(exponent: float) -> None:
+    edges = edge_map(np.zeros((4, 4), np.uint8), Edges())
+    with pytest.raises(ffseg.SegmentationError, match="exponent is"):
+        edges.diffusion(exponent)

@@ -86,6 +86,15 @@ def test_area_far_away_keeps_its_digits() -> None:
     assert far.signed_area == pytest.approx(snapped.signed_area, rel=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("matrix", "offset"), [([[1, 2]], (0, 0)), ([1, 2], (0, 0)), (np.eye(2), 3), (np.eye(2), [[1, 1]])]
+)
+def test_a_map_of_another_shape_is_refused(matrix: list, offset: list) -> None:
+    """Of one row a curve on a line was made."""
+    with pytest.raises(ValueError, match=r"a map needs \(2, 2\) and \(2,\)"):
+        UNIT_SQUARE.affine(matrix, offset)
+
+
 @pytest.mark.parametrize("degree", range(1, 7))
 def test_circle_meets_the_circle_at_every_sample(degree: int) -> None:
     circle = FreeForm.circle((400, 300), 40, 13, degree)
