@@ -125,7 +125,9 @@ def section(name: str, item: object) -> str:
     assert item.__doc__, f"ffseg.{name} has no docstring"
     parts = [f"## ffseg.{name}\n\n{block(name, item)}"]
     if inspect.isclass(item) and not issubclass(item, Exception):
-        for member, value in vars(item).items():
+        own = [base for base in reversed(item.__mro__) if base.__module__.startswith("ffseg.")]
+        members = {key: value for base in own for key, value in vars(base).items()}
+        for member, value in members.items():
             shown = value.__func__ if isinstance(value, classmethod) else value
             if not member.startswith("_") and (inspect.isfunction(shown) or isinstance(shown, property)):
                 parts.append(f"### ffseg.{name}.{member}\n\n{block(member, shown)}")
