@@ -89,16 +89,23 @@ def _is_row(value: object) -> TypeGuard[tuple[float, ...]]:
 
 
 def to_html(
-    tuned: Tuned, labelled: Sequence[Labelled], masks: Sequence[tuple[NDArray[np.bool_], NDArray[np.bool_]]]
+    tuned: Tuned,
+    labelled: Sequence[Labelled],
+    masks: Sequence[tuple[NDArray[np.bool_], NDArray[np.bool_]]],
+    written: str,
 ) -> str:
-    """A page that needs no other file: what was measured, and each image before and after."""
-    lines = "".join(f"<p>{html.escape(line)}</p>" for line in (*told(tuned), *untried(tuned)))
+    """A page that needs no other file: what was measured, what was `written`, and each image before and after."""
+    said = [*told(tuned), *untried(tuned)]
+    if tuned.best != tuned.setting:
+        best = ", ".join(f"{key} {_text(value)}" for key, value in tuned.best.items())
+        said.append(f"after: with the setting of the highest mean, which is not taken: {best}")
+    lines = "".join(f"<p>{html.escape(line)}</p>" for line in said)
     rows = []
     for one, pair, before, after in list(zip(labelled, masks, tuned.before, tuned.after, strict=True))[:MOST_SHOWN]:
         name = html.escape(printable(one.name))
         pictures = "".join(f'<img alt="{name}" src="{_picture(one, mask)}">' for mask in pair)
         rows.append(f"<section><h2>{name}</h2><p>IoU {before:.3f} before, {after:.3f} after</p>{pictures}</section>")
-    return _PAGE.format(setting=html.escape(to_yaml(tuned)), lines=lines, rows="\n".join(rows))
+    return _PAGE.format(setting=html.escape(written), lines=lines, rows="\n".join(rows))
 
 
 _PAGE = """<!doctype html>

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from time import process_time
@@ -100,7 +101,17 @@ def test_where_nothing_is_better_the_parameters_are_kept(tmp_path: Path) -> None
     path.write_text(to_yaml(found))
     assert load_params(str(path)) == load_params()
     masks = before_and_after(labelled, found)
-    assert to_html(found, labelled, masks).count("<section>") == 4
+    page = to_html(found, labelled, masks, "what was written")
+    assert page.count("<section>") == 4
+    assert "<pre>what was written</pre>" in page
+
+
+def test_the_page_names_the_setting_it_shows_where_none_is_taken() -> None:
+    found = Tuned({}, {"edges.sigma": 2.0}, (0.5,), (0.9,), (0.5,), (), 3, 1.0)
+    plane = np.zeros((2, 2), np.uint8)
+    shown = [Labelled("a.png", plane, plane, load_params(), None)], [(plane > 0, plane > 0)], ""
+    assert "which is not taken: edges.sigma 2.0</p>" in to_html(found, *shown)
+    assert "not taken" not in to_html(replace(found, setting=found.best), *shown)
 
 
 def test_settings_are_spread_and_differ() -> None:

@@ -36,8 +36,8 @@ def tune(  # noqa: PLR0913 - the options of the command
 ) -> None:
     """Look for settings that agree with a few masks, and keep those at hand where none is better.
 
-    Writes a YAML file of all keys that differ from the defaults, with what was measured on images left out. Exit code:
-    0 done; 2 nothing was written.
+    Writes a YAML file of the setting it takes and of all else that differs from the defaults, with what was measured on
+    images left out. Exit code: 0 done; 2 nothing was written.
     """
     if out.suffix not in (".yaml", ".yml"):
         raise UsageError(f"--out {out}: the settings are a YAML file; name it .yaml")
@@ -62,10 +62,11 @@ def tune(  # noqa: PLR0913 - the options of the command
     warn_of_starts(found.labelled)
     warn_of_seen(found.labelled)
     tuned = search(found.labelled, budget, progress(quiet=quiet))
-    files = [(os.fspath(out), to_yaml(tuned, params).encode())]
+    text = to_yaml(tuned, params)
+    files = [(os.fspath(out), text.encode())]
     if page is not None:
         masks = before_and_after(found.labelled, tuned)
-        files.append((os.fspath(page), to_html(tuned, found.labelled, masks).encode()))
+        files.append((os.fspath(page), to_html(tuned, found.labelled, masks, text).encode()))
     write_all_atomic(files)
     if as_json:
         console.data(json.dumps({"out": os.fspath(out), **asdict(tuned)}, indent=2))
