@@ -67,8 +67,8 @@ class Figures:
         Mean and standard deviation of the IoU over the images left out; NaN where that was not measured, as from one mask.
     without, without_spread : float
         The same without the model, on the same images.
-    helps : bool
-        Whether the mean of the differences is above zero by more than its noise.
+    helps : bool or None
+        Whether the mean of the differences is above zero by more than its noise; None where that was not measured.
     curve : tuple of (int, float)
         Number of masks and mean IoU of the contours on others, of small forests used as models are.
     more : int
@@ -92,7 +92,7 @@ class Figures:
     spread: float
     without: float
     without_spread: float
-    helps: bool
+    helps: bool | None
     curve: tuple[tuple[int, float], ...] = ()
     more: int = 0
     following: str = ""
@@ -141,7 +141,7 @@ def _samples(one: Labelled, params: Parameters) -> Samples:
 
 def _unmeasured(count: int) -> Figures:
     none = float("nan")
-    return Figures(count, none, none, none, none, helps=True)
+    return Figures(count, none, none, none, none, helps=None)
 
 
 def _figures(labelled: Sequence[Labelled], chosen: Sequence[Samples], tell: Tell) -> Figures:

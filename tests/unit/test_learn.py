@@ -93,12 +93,14 @@ def test_without_starts_the_model_finds_them(folder: Path) -> None:
     quick, unmeasured = learned(gathered, params, lambda _: None, measured=False)
     assert all(np.array_equal(values, quick.inside.arrays[name]) for name, values in model.inside.arrays.items())
     assert unmeasured.following == figures.following
+    assert unmeasured.helps is None
     assert sentences(unmeasured, "m.ffmodel")[0].endswith("was not measured: that takes longer, and no --quick")
 
 
 def test_the_verdict_comes_first_and_no_figure_has_two_meanings() -> None:
-    one = sentences(Figures(1, float("nan"), float("nan"), float("nan"), float("nan"), helps=True), "a.ffmodel")
+    one = sentences(Figures(1, float("nan"), float("nan"), float("nan"), float("nan"), helps=None), "a.ffmodel")
     assert one[0] == "a.ffmodel, learned from 1 mask, was not measured: that takes a second mask"
+    assert not any("do without" in line for line in one)
     curve, base = ((1, 0.7), (2, 0.755), (3, 0.763)), Beginning(True, 0.81, 0.64, None)
     worse = sentences(
         Figures(4, 0.155, 0.1, 0.61, 0.1, False, curve, 3, "b.png", base, Asked(True, 0.7, 0.6, None)), "a.ffmodel"

@@ -113,7 +113,7 @@ def advice(figures: Figures) -> list[str]:
         else "more masks of this kind will hardly raise it"
     )
     lines = []
-    if not figures.helps:
+    if figures.helps is False:
         lines = [f"do without it{'' if figures.curve and not figures.more else ', or draw more masks'}"]
     if figures.curve:
         lines.append(rises)
