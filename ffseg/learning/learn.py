@@ -18,6 +18,7 @@ from ffseg.evidence.forest import Model
 from ffseg.evidence.prior import prior
 from ffseg.evidence.source import model_start, told
 from ffseg.image.exposure import exposed
+from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
 from ffseg.learning.gather import Gathered, Labelled, known_share, start_region
 from ffseg.learning.training import (
@@ -82,7 +83,7 @@ class Figures:
     known : float
         Part of the pixels of which the masks know something.
     searched : bool
-        Whether the starts of images are looked for; without a model they are grown from the middle then.
+        Whether the starts of some images are looked for; without a model they are grown from the middle then.
     order : tuple of str
         Images without a mask, those the model is least sure of first; `following` is the first.
     """
@@ -113,7 +114,7 @@ def learned(gathered: Gathered, params: Parameters, tell: Tell, *, measured: boo
     """
     chosen = []
     for one in gathered.labelled:
-        tell(f"looking at {one.name}")
+        tell(f"looking at {printable(one.name)}")
         chosen.append(_samples(one, params))
     model = learn(chosen)
     tell(f"grown from {counted(len(chosen), 'mask')}")
@@ -136,7 +137,7 @@ def _samples(one: Labelled, params: Parameters) -> Samples:
     try:
         return samples(Example(one.image, one.truth, one.start, params.init.radius_in(one.image.shape)))
     except UsageError as error:
-        raise UsageError(f"{one.name}: {error}") from error
+        raise UsageError(f"{printable(one.name)}: {error}") from error
 
 
 def _unmeasured(count: int) -> Figures:
@@ -165,8 +166,8 @@ def _figures(labelled: Sequence[Labelled], chosen: Sequence[Samples], tell: Tell
 
 
 def _overlap(one: Labelled, model: Model | None) -> float:
-    """IoU of the contour on an image, with what a model says or without."""
-    params, start = one.params, one.start
+    """IoU of the contour on an image, with what a model says or without any, also of the parameters."""
+    params, start = replace(one.params, edges=replace(one.params.edges, model=None)), one.start
     if start is None and model is not None:
         circle = model_start(one.image, model, params.init.radius_in(one.image.shape))
         params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
@@ -233,7 +234,7 @@ def _order(gathered: Gathered, model: Model, params: Parameters, tell: Tell) -> 
     doubts = {one.name: _doubt(one, gathered, model, params) for one in gathered.others[:MOST_LOOKED_AT]}
     order = tuple(sorted((name for name, doubt in doubts.items() if doubt >= 0), key=doubts.__getitem__, reverse=True))
     if order:
-        tell(f"least sure of {order[0]}")
+        tell(f"least sure of {printable(order[0])}")
     return order
 
 

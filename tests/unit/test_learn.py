@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,7 @@ import pytest
 from commands import Command
 
 from ffseg.cli.commands.learn import sentences
-from ffseg.evidence.forest import load_model
+from ffseg.evidence.forest import load_model, to_bytes
 from ffseg.evidence.source import told
 from ffseg.learning import learn as learning
 from ffseg.learning.gather import gather
@@ -95,6 +96,24 @@ def test_without_starts_the_model_finds_them(folder: Path) -> None:
     assert unmeasured.following == figures.following
     assert unmeasured.helps is None
     assert sentences(unmeasured, "m.ffmodel")[0].endswith("was not measured: that takes longer, and no --quick")
+
+
+def test_without_the_model_is_without_that_of_the_parameters_too(folder: Path) -> None:
+    """Names forge no lines, either."""
+    for name in ("in/1.png", "truth/1.png", "in/3.png", "in/4.png"):
+        (folder / name).rename(folder / name.replace(".", "\n."))
+    (folder / "starts.csv").unlink()
+    params, said = load_params(None, {"init.center": [60, 40], "init.radius": 5}), []
+    plain = gather([str(folder / "in")], str(folder / "truth"), params)
+    model, figures = learned(plain, params, said.append, measured=False)
+    assert "looking at 1\\u000a.png" in said
+    assert not any("\n" in line for line in (*said, *sentences(figures, "m.ffmodel")))
+    (folder / "m.ffmodel").write_bytes(to_bytes(model))
+    params = replace(params, edges=replace(params.edges, model=str(folder / "m.ffmodel")))
+    named = gather([str(folder / "in")], str(folder / "truth"), params)
+    without = [learning._overlap(one, None) for one in plain.labelled]
+    assert [learning._contoured(one, one.params, None) for one in named.labelled] != without
+    assert [learning._overlap(one, None) for one in named.labelled] == without
 
 
 def test_the_verdict_comes_first_and_no_figure_has_two_meanings() -> None:

@@ -94,7 +94,8 @@ def test_scribbles_say_what_the_figures_count(folder: Path) -> None:
 
 def test_without_a_start_the_figure_to_beat_says_where_it_grew_from() -> None:
     lines = sentences(Figures(3, 0.9, 0.1, 0.0, 0.0, helps=True, searched=True), "a.ffmodel")
-    assert any("without it the contour grows from the middle" in line for line in lines)
+    said = "where no start is named the model finds its own; without it the contour grows from the middle"  # some are
+    assert any(line.startswith(said) for line in lines)
     assert "middle" not in " ".join(sentences(Figures(3, 0.9, 0.1, 0.0, 0.0, helps=True), "a.ffmodel"))
 
 

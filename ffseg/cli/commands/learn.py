@@ -15,6 +15,7 @@ from ffseg.cli import console, options
 from ffseg.cli.checks import output_file, ready_params
 from ffseg.cli.commands.telling import progress, warn_of_starts
 from ffseg.errors import UsageError
+from ffseg.io.files import printable
 from ffseg.io.tables import counted, without_nan
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def sentences(figures: Figures, out: str) -> list[str]:
     lines = [verdict(figures, out), *few_known(figures.known)]
     if figures.searched and figures.masks > 1:
         lines.append(
-            "no start is named: the model finds its own, without it the contour grows from the middle of the images"
+            "where no start is named the model finds its own; without it the contour grows from the middle of the image"
         )
     if figures.base is not None:
         lines.append(begun(figures.base))
@@ -119,7 +120,7 @@ def advice(figures: Figures) -> list[str]:
         lines.append(rises)
     if figures.following:
         sought = figures.more or figures.masks < 2 or not figures.curve
-        lines.append(f"{'most useful to draw next' if sought else 'least sure of'}: {figures.following}")
+        lines.append(f"{'most useful to draw next' if sought else 'least sure of'}: {printable(figures.following)}")
     return lines
 
 
