@@ -45,8 +45,8 @@ def learn(  # noqa: PLR0913 - the options of the command
     """Learn from a few masks what is inside, for --set edges.model=FILE of the other commands.
 
     Each image that has a mask is learned from; masks may be scribbles on 128. Measures the model on images left out,
-    says what more masks would bring, and names the image to draw a mask of next. Needs ffseg[learn]. Exit code: 0
-    done; 2 nothing was written.
+    says what more masks would bring, and names the image to draw a mask of next, of the first 200 without one. Needs
+    ffseg[learn]. Exit code: 0 done; 2 nothing was written.
     """
     if out.suffix != SUFFIX:
         raise UsageError(f"--out {out}: a model is a {SUFFIX} file; name it so")
