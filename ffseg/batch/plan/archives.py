@@ -95,7 +95,7 @@ def _is_left_out(name: str, skipped: Collection[str], made: Collection[str]) -> 
     for above in accumulate(name.split("/")[:-1], lambda path, folder: f"{path}/{folder}"):
         folder = posixpath.basename(above)
         outputs = folder in OUTPUT_FOLDERS and above[: -len(folder)] in made
-        if outputs or folder.startswith(".") or above in skipped:
+        if outputs or (folder.startswith(".") and folder != "..") or above in skipped:
             return True
     return False
 
