@@ -220,9 +220,12 @@ def left_out(scene: Scene, found: Found, mask: NDArray[np.bool_]) -> tuple[str, 
 
 def _shares(start: FreeForm, mask: NDArray[np.bool_]) -> bool:
     """Whether a mask has a pixel of a start, or the one nearest to its middle."""
-    x, y = np.clip(np.rint(start.control_points.mean(axis=0)), 0, np.array(mask.shape[::-1]) - 1).astype(int).tolist()
+    middle = start.control_points.mean(axis=0).tolist()
+    column, row = (min(max(round(at), 0), size - 1) for at, size in zip(middle, mask.shape[::-1], strict=True))
+    if mask[row, column]:  # mostly it has, and that is known at once
+        return True
     own = filled(start, mask.shape)
-    return bool(mask[y, x] or mask[own.window()][own.mask].any())
+    return bool(mask[own.window()][own.mask].any())
 
 
 def _timings(scene: Scene, found: Found, edges_s: float, total_s: float) -> Timings:
