@@ -14,12 +14,11 @@ from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import unpacked
 from ffseg.image.checked import checked_image, require_size
-from ffseg.image.components import filled
 from ffseg.image.disc import valid_disc
 from ffseg.image.edges import EdgeMap
 from ffseg.image.free import distances
 from ffseg.image.raster import rasterize
-from ffseg.image.selection import selected
+from ffseg.image.selection import is_shown, selected
 from ffseg.judge import judged
 from ffseg.native import _core
 from ffseg.plugins import EDGE_SOURCES, find, method
@@ -163,20 +162,24 @@ def contour_of(scene: Scene) -> Found:
 
 
 def region(found: Found) -> tuple[tuple[FreeForm, ...], NDArray[np.bool_]]:
-    """Contours and mask; of a method that returns a mask only, cut to the domain, the outlines are traced."""
+    """Contours and mask; of a mask alone, and of what closes in from outside the domain, cut to it, outlines are traced."""
     outcome, scene = found.outcome, found.scene
+    mask = outcome.mask
     if outcome.contours is not None:
-        mask = outcome.mask if outcome.mask is not None else rasterize(outcome.contours, scene.shape)
-        if scene.params.contour.balloon > 0 or scene.domain is None:
+        mask = rasterize(outcome.contours, scene.shape) if mask is None else mask
+        if not _begins_outside(scene, mask):
             return outcome.contours, mask
-        if not mask[distances(scene.domain == 0) > SETTLED].any():  # what closes in may begin outside the domain
-            return outcome.contours, mask
-    elif outcome.mask is None:
+    if mask is None:
         return (), np.zeros(scene.shape, np.bool_)
-    else:
-        mask = outcome.mask
     inside = mask if scene.domain is None else mask & (scene.domain > 0)
     return outlines_of(inside), inside
+
+
+def _begins_outside(scene: Scene, mask: NDArray[np.bool_]) -> bool:
+    """Whether what closes in has something outside the domain, where it may begin and not move."""
+    if scene.params.contour.balloon > 0 or scene.domain is None:
+        return False
+    return bool(mask[distances(scene.domain == 0) > SETTLED].any())
 
 
 def outlines_of(mask: NDArray[np.bool_]) -> tuple[FreeForm, ...]:
@@ -213,19 +216,17 @@ def left_out(scene: Scene, found: Found, mask: NDArray[np.bool_]) -> tuple[str, 
         if inside.any() and not inside.all():
             told.append("what the start mask has outside the domain was left out")
     if scene.params.contour.balloon > 0:
-        lost = (one for one in found.scene.starts if one.signed_area > 0 and not _shares(one, mask))
+        starts = (one for one in found.scene.starts if one.signed_area > 0)
+        lost = (one for one in starts if not (_has_middle(one, mask) or is_shown(one, mask)))
         told += (f"the start at {as_circle(one).enlarged(scene.factor)} is not in the region" for one in lost)
     return tuple(told)
 
 
-def _shares(start: FreeForm, mask: NDArray[np.bool_]) -> bool:
-    """Whether a mask has a pixel of a start, or the one nearest to its middle."""
+def _has_middle(start: FreeForm, mask: NDArray[np.bool_]) -> bool:
+    """Whether a mask has the pixel nearest to the middle of a start: mostly it does, and that is known at once."""
     middle = start.control_points.mean(axis=0).tolist()
     column, row = (min(max(round(at), 0), size - 1) for at, size in zip(middle, mask.shape[::-1], strict=True))
-    if mask[row, column]:  # mostly it has, and that is known at once
-        return True
-    own = filled(start, mask.shape)
-    return bool(mask[own.window()][own.mask].any())
+    return bool(mask[row, column])
 
 
 def _timings(scene: Scene, found: Found, edges_s: float, total_s: float) -> Timings:

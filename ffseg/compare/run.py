@@ -21,14 +21,7 @@ from ffseg.compare.shared import Shared, shared, was_moved
 from ffseg.compare.text import markdown
 from ffseg.compare.values import COLUMNS, Comparison, Row
 from ffseg.errors import FfsegError, ImageReadError, OutputError, ParameterError, UsageError, is_out_of_memory
-from ffseg.io.files import (
-    SKIP_FILE,
-    make_folder,
-    printable,
-    remove_files,
-    write_all_atomic,
-    write_bytes_atomic,
-)
+from ffseg.io.files import SKIP_FILE, make_folder, printable, remove_files, write_all_atomic, write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.io.masks import Masks, named_masks
 from ffseg.io.overlays import polylines

@@ -44,16 +44,16 @@ def selected(contours: Sequence[FreeForm], mask: Mask, params: Region) -> tuple[
     if not (params.largest or params.min_area or params.fill_holes):
         steps = _core.steps_along_axes(*packed(contours))  # no curve exceeds its control polygon
         # By Steinhaus, a contour whose area exceeds its length encloses a pixel centre.
-        shown = (abs(one.signed_area) > most or _shown(one, mask) for one, most in zip(contours, steps, strict=True))
+        shown = (abs(one.signed_area) > most or is_shown(one, mask) for one, most in zip(contours, steps, strict=True))
         return tuple(compress(contours, shown)), mask
     kept = _kept(mask, params)
-    held = {id(one) for group in group_regions(contours) if _shown(group.outer, kept) for one in group.contours}
-    left = tuple(one for one in contours if id(one) in held and _shown(one, kept))
+    held = {id(one) for group in group_regions(contours) if is_shown(group.outer, kept) for one in group.contours}
+    left = tuple(one for one in contours if id(one) in held and is_shown(one, kept))
     if params.fill_holes:
         height, width = mask.shape
         frame = FreeForm(np.array([[-1, -1], [-1, height], [width, height], [width, -1]], np.float64), 1)
         twice = rasterize((*left, frame), mask.shape)  # what two contours enclose: islands in a hole that is filled
-        left = tuple(one for one in left if one.signed_area < 0 or _shown(one, ~twice))
+        left = tuple(one for one in left if one.signed_area < 0 or is_shown(one, ~twice))
     if (rasterize(left, mask.shape) != kept).any():
         rings = (ring for polygon in polygons(kept, left) for ring in polygon.rings)
         left = tuple(FreeForm(ring, 1) for ring in rings)
@@ -85,7 +85,8 @@ def _kept(mask: Mask, params: Region) -> Mask:
     return np.asarray(kept | small[holes.labels][1:-1, 1:-1], np.bool_)
 
 
-def _shown(contour: FreeForm, mask: Mask) -> bool:
+def is_shown(contour: FreeForm, mask: Mask) -> bool:
+    """Whether a mask has a pixel of what an outer contour encloses, or lacks one of what a hole does."""
     own = filled(contour, mask.shape)
     inside = mask[own.window()][own.mask]
     return bool(inside.any()) if contour.signed_area > 0 else not inside.all()

@@ -10,8 +10,7 @@ from typing import Any
 from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import MAP_BAG, MAP_FILES
 from ffseg.batch.plan.jobs import Plan
-from ffseg.batch.plan.sources import STATE_FOLDER
-from ffseg.batch.record.journal import JOURNAL, journal_lines, read_header, state_folder
+from ffseg.batch.record.journal import JOURNAL, journal_lines, read_header, shard_names, state_folder, tables_of
 from ffseg.batch.record.tables import OBSTACLES, PARQUET, REPORT, RUN, TIMINGS
 from ffseg.batch.values import parsed_line, parsed_record
 from ffseg.batch.workers.messages import Setup
@@ -55,23 +54,17 @@ def _made(out: str) -> set[str] | None:
     """What runs have written by the journals of an output folder, relative to it; None where that cannot be told."""
     made: set[str] = set()
     whole = True
-    for folder in _state_folders(out):
+    for folder in (state_folder(out, name) for name in ("", *shard_names(out))):
         header = _header(folder)
         if header is not None:
             whole = whole and not os.path.exists(os.path.join(folder, UNFINISHED))
-            made |= {*_EVERY_RUN, *filter(lambda name: isinstance(name, str), header.get("tables", ()))}
+            made |= {*_EVERY_RUN, *tables_of(header)}
         for line in journal_lines(folder):
             record = parsed_record(line)
             if record is not None:
                 made.update(record.outputs, record.left)
             whole = whole and (record is not None or "gone" in (parsed_line(line) or ()))
     return made if whole else None
-
-
-def _state_folders(out: str) -> list[str]:
-    shards = os.path.join(out, STATE_FOLDER, "shards")
-    names = os.listdir(shards) if os.path.isdir(shards) else ()
-    return [state_folder(out), *(state_folder(out, name) for name in names)]
 
 
 def _header(folder: str) -> Mapping[str, Any] | None:

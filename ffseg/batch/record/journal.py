@@ -18,12 +18,25 @@ from ffseg.io.files import OWN, atomic_stream, printable, read_at, unwritten
 FORMAT = 2
 """Version of the lines; a journal of another one is not read."""
 JOURNAL = "journal.jsonl"
+SHARDS = "shards"
+"""Folder below that of a run's state, with one for each shard."""
 _ABSENT = -1
 
 
 def state_folder(out: str, shard: str = "") -> str:
     """Folder of a run's state, or of one shard's."""
-    return os.path.join(out, STATE_FOLDER, "shards", shard) if shard else os.path.join(out, STATE_FOLDER)
+    return os.path.join(out, STATE_FOLDER, SHARDS, shard) if shard else os.path.join(out, STATE_FOLDER)
+
+
+def shard_names(out: str) -> list[str]:
+    """Names of the folders of shards, whatever they are."""
+    root = os.path.join(state_folder(out), SHARDS)
+    return os.listdir(root) if os.path.isdir(root) else []
+
+
+def tables_of(header: Mapping[str, Any] | None) -> list[str]:
+    """Files for all images that the header of a journal names; none without a header."""
+    return [name for name in (header or {}).get("tables", ()) if isinstance(name, str)]
 
 
 def read_header(folder: str) -> dict[str, Any] | None:

@@ -15,7 +15,7 @@ from ffseg import __version__
 from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.plan.reading import place_of
 from ffseg.batch.plan.sources import Job, order_key
-from ffseg.batch.record.journal import Journal, read_header, state_folder
+from ffseg.batch.record.journal import Journal, read_header, state_folder, tables_of
 from ffseg.batch.record.tables import TIME_COLUMN
 from ffseg.batch.tar.members import Member, output_digest
 from ffseg.batch.tar.writer import Store
@@ -197,7 +197,7 @@ def kept(
 ) -> Keeper:
     """A keeper of a plan's outputs, and of files for all images, which takes over the journal of an earlier run."""
     state = state_folder(plan.out, plan.shard)
-    before = [name for name in (read_header(state) or {}).get("tables", ()) if isinstance(name, str)]
+    before = tables_of(read_header(state))
     header = {**header, "tables": sorted({*before, *joint}), **({"pack": True} if plan.tars else {})}
     store = Store(plan.out, state, packed=bool(plan.tars))
     return Keeper(plan, Journal(state, header), header, method, tell, store, before)

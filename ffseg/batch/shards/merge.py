@@ -18,7 +18,16 @@ from ffseg import __version__
 from ffseg.batch.outputs.table import GROUND
 from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.header import changes
-from ffseg.batch.record.journal import FORMAT, JOURNAL, journal_lines, read_header
+from ffseg.batch.record.journal import (
+    FORMAT,
+    JOURNAL,
+    SHARDS,
+    journal_lines,
+    read_header,
+    shard_names,
+    state_folder,
+    tables_of,
+)
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.record.ordered import NAMED, OrderedPacks, is_gone, packs_of, publish, relocated
 from ffseg.batch.record.survey import stale_reason, without_old_truth
@@ -29,7 +38,6 @@ from ffseg.batch.workers.freshness import still_true
 from ffseg.errors import ImageReadError, OutputError, UsageError
 from ffseg.io.files import atomic_stream, is_temporary, printable, read_bytes, remove_files, temporary_path
 
-SHARDS = "shards"
 _MOST_RUN = 1 << 30
 """Bytes of a ``run.json``: it names every image that is no longer as it was."""
 
@@ -104,8 +112,8 @@ def merge_shards(out: str, *, parquet: bool = False) -> Merge:
         merge.problems += _different_inputs(there)
         _sweep(out)
         header = there[0].header
-        before = [name for name in (read_header(state) or {}).get("tables", ()) if isinstance(name, str)]
-        asked = {name for part in there for name in part.header.get("tables", ())}
+        before = tables_of(read_header(state))
+        asked = {name for part in there for name in tables_of(part.header)}
         tables_known = sorted({*before, *asked, *((PARQUET,) if parquet else ())})
         packs = {part.folder: packs_of(part.folder) for part in there}
         records = MergedRecords(os.path.join(state, JOURNAL))
@@ -188,9 +196,7 @@ def find_parts(out: str) -> list[Part]:
     UsageError
         If there is none, or there are shards of different numbers.
     """
-    root = os.path.join(out, STATE_FOLDER, SHARDS)
-    names = os.listdir(root) if os.path.isdir(root) else []
-    found = [shard for shard in map(shard_of_folder, names) if shard is not None]
+    found = [shard for shard in map(shard_of_folder, shard_names(out)) if shard is not None]
     counts = sorted({shard.count for shard in found})
     if not counts:
         raise UsageError(f"{printable(out)} holds no shards; make them with: ffseg run ... --out DIR --shard 1/8")
@@ -201,7 +207,7 @@ def find_parts(out: str) -> list[Part]:
             "that are not to be merged"
         )
     shards = (Shard(number, counts[0]) for number in range(1, counts[0] + 1))
-    return [_part(os.path.join(root, shard.name), shard) for shard in shards]
+    return [_part(state_folder(out, shard.name), shard) for shard in shards]
 
 
 def _part(folder: str, shard: Shard) -> Part:

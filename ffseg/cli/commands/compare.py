@@ -59,8 +59,8 @@ def compare(  # noqa: PLR0913 - the options of the command
     """Compare methods on the same images: times, agreement with truth, panels side by side.
 
     Writes compare.csv, compare.md and panels/; interrupted, it goes on when it is run again. Exit code: 0 done; 2 nothing was
-    run; 3 a method failed on an image, or an output could not be
-    written; 4 a gate was missed. Peers that are not installed are named and skipped.
+    run; 3 a method failed on an image, or an output could not be written; 4 a gate was missed. Peers that are not
+    installed are named and skipped.
     """
     from ffseg.cli.interruption import Interruption
     from ffseg.cli.reporting import DISAGREE, disagree
