@@ -233,6 +233,16 @@ def test_no_component_is_left_in_open_ground(degree: int) -> None:
     assert areas(made, degree)[0] > 0.97 * SHAPE[0] * SHAPE[1]
 
 
+@pytest.mark.parametrize("degree", [1, 2, 3])
+@pytest.mark.parametrize("radius", [6, 9, 12, 15, 18])
+def test_a_hole_that_its_front_passes_in_one_step_is_gone(radius: int, degree: int) -> None:
+    """Each sample reaches the other side at once: what comes out there has its old orientation, and crosses nothing."""
+    outer, inner = (FreeForm.circle((SHAPE[1] / 2, SHAPE[0] / 2), r, 8, degree) for r in (radius + 4, radius))
+    made = refined([outer, inner.reversed()])
+    made.advance(300)
+    assert (made.stop_reason, len(contours(made, degree))) == ("converged", 1)
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_a_single_front_never_covers_ground_twice(seed: int) -> None:
     """One start: after every iteration there is one outer component, and no two contours cross."""

@@ -4,6 +4,7 @@
 
 #include "common/along.hpp"
 #include "freeform/guard.hpp"
+#include "freeform/topology/components.hpp"
 
 namespace ffseg::freeform {
 
@@ -53,6 +54,18 @@ FFSEG_INLINE bool folded(const Contour<D>& contour, int i) {
         if (dot(after, before) < 0) return true;
     }
     return false;
+}
+
+// Has a hole that holds no edge passed through itself: does every stretch of it point backwards after the move? What is
+// left on the other side crosses nothing and would come back for ever.
+template <int D>
+bool passed_itself(const Contour<D>& contour, int i) {
+    int at = i;
+    do {
+        if (!folded(contour, at)) return false;
+        at = contour[at].next;
+    } while (at != i);
+    return topology::component_area(contour, i) < 0 && !topology::encloses_solid(contour, i);
 }
 
 // Replaces the patch by its chord, unless the chord meets an edge or an edge lies between it and the curve.
@@ -143,13 +156,18 @@ void reduce_degree(Contour<D>& contour, int i) {
     contour.refresh(i);
 }
 
-// Prunes a patch that has become short or has run over itself, else lays the latter on its chord. True if it is gone.
+// Prunes a patch that has become short or has run over itself, else lays the latter on its chord; drops a hole that has
+// passed through itself. True if it is gone.
 template <int D>
 FFSEG_INLINE bool prune_short(Contour<D>& contour, int i, double size) {
     const Patch<D>& patch = contour[i];
     const double shortest = patch.near_edges ? D * kPruneSpacing : kPruneRatio * contour.options.split_threshold;
     if (size < shortest && prune(contour, i)) return true;
     if (!folded(contour, i)) return false;
+    if (contour.options.topology && passed_itself(contour, i)) {
+        topology::drop(contour, i);
+        return true;
+    }
     const Vec2 chord = contour.end(i) - patch.m[0];
     if (norm(chord) < 0.3 * size && prune(contour, i)) return true;
     straighten(contour, i);
