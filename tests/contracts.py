@@ -33,7 +33,7 @@ MADE_BELOW = "<!-- the lists below are made from the code by pytest --update-gol
 class Everything:
     """Records with each column that a run may have."""
 
-    columns: frozenset[str] = frozenset({"iou", "start_x", tables.TIME_COLUMN})
+    columns: frozenset[str] = frozenset({"iou", "start_x", tables.TIME_COLUMN, *tables.PAST_COLUMNS})
 
 
 def timings() -> tuple[str, ...]:
@@ -92,7 +92,7 @@ def lists(folder: Path) -> list[tuple[str, Sequence[str]]]:
         ("`obstacles.csv`", tables.OBSTACLE_COLUMNS),
         ("`compare.csv`", values.COLUMNS),
         ("`bench.csv`", report.COLUMNS),
-        ("`run.json`", list(written)),
+        ("`run.json`", [*written, "map"]),  # of a drive, with --map
         ("`run --json`", [*(key for key in done if "[]" not in key), "images[].COLUMN"]),
         ("`run --dry-run --json`", planned),
         ("`merge --json`", merged),

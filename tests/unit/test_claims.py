@@ -64,3 +64,14 @@ def test_grabcut_is_told_that_four_radii_round_the_start_are_probably_inside() -
     told = near(disc, radii)
     assert told[distance < 20 * radii - 1.5].all()
     assert not told[distance > 20 * radii + 1.5].any()  # a pixel for the disc's own steps, half for the centre
+
+
+@pytest.mark.parametrize("name", ["simple", "complex"])
+def test_table_1_is_what_the_methods_give(name: str) -> None:
+    table = said("method.md", rf"\| {name} \|(.*?)(?:\| complex \||Its 240 iterations)")
+    rows = re.findall(r"(\d+) \| (\d+) \| (\d+) \| [\d.]+ \| [\d.]+ \| (\d+)", table)
+    image = ffseg.read_image(ROOT / "samples" / f"{name}.png")
+    for row, method in zip(rows, ("snake", "levelset", "freeform", "paper"), strict=True):
+        result = ffseg.segment(image, {"method": method, "edges.source": "gradient"})
+        found = (result.stats.initial_points, result.stats.final_points, result.stats.iterations, result.num_holes)
+        assert tuple(map(int, row)) == found, method
