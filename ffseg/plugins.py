@@ -284,7 +284,7 @@ def load(home: str) -> Any:  # noqa: ANN401 - the caller knows the signature
         sys.path.insert(0, here)
     try:
         found = attrgetter(name)(import_module(module))  # which waits while another thread imports it
-    except Exception as error:  # of somebody's module: whatever it raises
+    except (Exception, SystemExit) as error:  # of somebody's module: whatever it raises
         kind = "" if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: "
         remedy = (
             "" if module.startswith("ffseg.") else "; check the name, and that its file is in this folder or installed"

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import get_args
 
 from ffseg.batch.cameras import Found
-from ffseg.batch.outputs.table import MAP_FILES, OUTPUTS
+from ffseg.batch.outputs.table import MAP_FILES, OBSTACLES, OUTPUTS, PARQUET, RUN, TIMINGS
 from ffseg.batch.record import tables
 from ffseg.bench import report
 from ffseg.bench.session import Outcome
@@ -43,7 +43,7 @@ def timings() -> tuple[str, ...]:
 def together() -> list[str]:
     """Files that a run writes once."""
     merged = [one.merged for one in OUTPUTS if one.merged]
-    return [tables.TIMINGS, tables.PARQUET, tables.OBSTACLES, tables.RUN, *merged]
+    return [TIMINGS, PARQUET, OBSTACLES, RUN, *merged]
 
 
 def stops() -> list[str]:

@@ -11,13 +11,13 @@ from typing import Any
 
 from ffseg import __version__
 from ffseg.batch.executors.base import Options
-from ffseg.batch.outputs.table import FILM_KINDS, GROUND, MAP_BAG, MAP_FILES, OUTPUTS
+from ffseg.batch.outputs.table import FILM_KINDS, GROUND, MAP_BAG, MAP_FILES, OUTPUTS, PARQUET, REPORT
 from ffseg.batch.plan.jobs import output_folders, sweep
 from ffseg.batch.record.keeper import Keeper
 from ffseg.batch.record.ledger import Ledger, Stop
 from ffseg.batch.record.ordered import StoppedError, packs_of, put_in_order
 from ffseg.batch.record.survey import Survey, survey, tidy
-from ffseg.batch.record.tables import PARQUET, REPORT, START_COLUMNS, Tables, remove_old
+from ffseg.batch.record.tables import START_COLUMNS, Tables, remove_old
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import FfsegError, OutputError
 from ffseg.io.files import printable, remove_files, sync_folders

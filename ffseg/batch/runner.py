@@ -13,6 +13,7 @@ from typing import Any
 from ffseg.batch.ending import Ending
 from ffseg.batch.executors.base import Assignment, Do, Executor, Options, served
 from ffseg.batch.executors.chunks import left_over, remove_chunks
+from ffseg.batch.outputs.table import RUN
 from ffseg.batch.plan.jobs import Plan, prepare_output, sweep
 from ffseg.batch.plan.sources import Job
 from ffseg.batch.record.foreign import UNFINISHED, joint_files, refuse_foreign
@@ -23,7 +24,6 @@ from ffseg.batch.record.ledger import Ledger, Observer, Stop, Summary
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.record.ordered import find_moved
 from ffseg.batch.record.survey import without_old_truth
-from ffseg.batch.record.tables import RUN
 from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Done, Failed, Note, Ready, Reply, Setup, Task
 from ffseg.errors import UsageError

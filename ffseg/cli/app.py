@@ -6,6 +6,7 @@ import os
 import sys
 from importlib import import_module
 from importlib.util import find_spec
+from traceback import walk_tb
 from typing import Annotated, Any
 
 import typer
@@ -84,10 +85,18 @@ def main() -> None:
     except KeyboardInterrupt:
         console.message("ffseg: interrupted")
         sys.exit(130)
-    except Exception as error:  # noqa: BLE001 - the last resort of the program
+    except (Exception, SystemExit) as error:  # the last resort of the program
+        if isinstance(error, SystemExit) and _is_ours(error):
+            raise
         told = " ".join(str(error).split())[:200]
         console.error(f"unexpected {type(error).__name__}: {told}; the traceback is in {_traceback_file()}")
         sys.exit(1)
+
+
+def _is_ours(error: SystemExit) -> bool:
+    """Whether the command line ended the program, and no method, output or executor of somebody's, which may not."""
+    frames = [frame.f_globals.get("__name__", "") for frame, _ in walk_tb(error.__traceback__)]
+    return frames[-1].partition(".")[0] in ("ffseg", "click", "typer")
 
 
 def _require_folder() -> None:

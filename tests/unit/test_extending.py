@@ -24,6 +24,15 @@ mask.folder = 'masks'
 def none(do, tasks): return []
 def text(result, context): return 'text'
 def silent(do, tasks): list(tasks)
+def number(result, context): ...
+number.suffix = 3
+def over(contents, label): raise ValueError('no more')
+def leaves(scene): raise SystemExit
+from ffseg.batch.outputs.table import Output
+away, table, gone, bad = (
+    Output('odd', 'odd', '.json', 'areas:encode', 'odd:' + merge, name)
+    for merge, name in (('over', '../odd.txt'), ('over', 'timings.csv'), ('nothing', 'odd.txt'), ('over', 'odd.txt'))
+)
 """
 OWN = ("--set", "method=bright:run", "--set", "edges.source=red:edges", "--export", "areas:encode")
 
@@ -101,6 +110,11 @@ def test_a_method_of_ones_own_is_measured(folder: Path) -> None:
         ("compare", "--config theirs.yaml", "theirs.yaml: method: bright:run imports code that the file names"),
         ("run", "--export odd:up", "odd:up has folder '../up'"),
         ("run", "--export odd:mask", "which is ffseg's own"),
+        ("run", "--export odd:number", "suffix 3; give one plain name, and one that begins with a dot"),
+        ("run", "--export odd:away", "odd:away puts all images into '../odd.txt'; give a plain name"),
+        ("run", "--export odd:table", "'timings.csv'; give a plain name of a file that is not ffseg's own"),
+        ("run", "--export odd:gone", "--export: odd:gone: 'odd:nothing' cannot be loaded: "),
+        ("run", "--set method=ends:run", "method: 'ends:run' cannot be loaded: SystemExit: 0"),
         ("run", "--export cooc", "--export: there is no 'cooc'; did you mean 'coco'?"),
         ("run", "--executor os:system", "--executor: os:system cannot be called as system(do, tasks): "),
         ("run --dry-run", "--set method=os:getpid", "method: os:getpid cannot be called as getpid(scene): "),
@@ -115,6 +129,7 @@ def test_a_wrong_name_is_refused_before_the_first_image(
 ) -> None:
     (folder / "wrong.py").write_text("edges = undefined\n")
     (folder / "theirs.yaml").write_text("method: bright:run\n")
+    (folder / "ends.py").write_text("raise SystemExit(0)\n")
     (folder / "odd.py").write_text(ODD)
     where = ("photos/a.png", "out.png") if command == "segment" else ("photos", "--out", "out")
     done = ffseg_process(*command.split(), *where, *options.split(), cwd=folder)
@@ -136,6 +151,23 @@ def test_what_a_plug_in_does_wrong_costs_the_images(
     done = ffseg_process("run", "photos", "--out", "out", *options.split(), cwd=folder)
     assert done.returncode == 3
     assert sentence in (folder / "out" / "timings.csv").read_text()
+
+
+def test_a_merge_that_fails_costs_its_file_alone(folder: Path, ffseg_process: Command) -> None:
+    (folder / "odd.py").write_text(ODD)
+    done = ffseg_process("run", "photos", "--out", "out", "--export", "odd:bad", cwd=folder)
+    assert done.returncode == 3
+    assert "odd.txt cannot be written: odd:over of --export odd failed (ValueError: no more)" in done.stderr
+    assert statuses(folder / "out") == ["a.png ok freeform", "b.png ok freeform"]
+    assert not (folder / "out" / "odd.txt").exists()
+
+
+@pytest.mark.parametrize("command", ["segment photos/a.png a.png", "run photos --out out --executor inprocess"])
+def test_a_method_that_ends_the_program_is_told(command: str, folder: Path, ffseg_process: Command) -> None:
+    (folder / "odd.py").write_text(ODD)
+    done = ffseg_process(*command.split(), "--set", "method=odd:leaves", cwd=folder)
+    assert done.returncode == 1
+    assert "unexpected SystemExit" in done.stderr
 
 
 def test_an_executor_that_gives_nothing_is_told(folder: Path, ffseg_process: Command) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from ffseg.errors import ParameterError, UsageError
-from ffseg.plugins import EXPORTS, find, home_of
+from ffseg.plugins import EXPORTS, find, home_of, load
 
 _HERE = "ffseg.batch.outputs"
 PACKS = "packs"
@@ -74,6 +74,9 @@ MAP_BAG = "map/drive.mcap"
 MAP_PICTURE = MAP_FILES[2]
 OUTPUT_FOLDERS = (*dict.fromkeys(output.folder for output in OUTPUTS), "panels", "map")
 """Folders below an output folder whose images are no inputs; ``panels`` is written by ``compare``."""
+TIMINGS, RUN, OBSTACLES, PARQUET = "timings.csv", "run.json", "obstacles.csv", "timings.parquet"
+REPORT = "report.html"
+_JOINT = {TIMINGS, RUN, OBSTACLES, PARQUET, REPORT, *(output.merged for output in OUTPUTS)}
 
 
 @cache
@@ -94,16 +97,32 @@ def output_named(name: str) -> Output:
             raise ParameterError(f"--export: {name} is no function; name one as docs/extending.md shows")
         folder = getattr(found, "folder", name.partition(":")[0].rpartition(".")[2])
         found = Output(name, folder, getattr(found, "suffix", ".bin"), home_of("outputs", name))
-    if name not in EXPORTS and not (_NAME.fullmatch(found.folder) and _SUFFIX.fullmatch(found.suffix)):
-        wrong = f"folder {found.folder!r} and suffix {found.suffix!r}"
-        raise ParameterError(f"--export: {name} has {wrong}; give one plain name, and one that begins with a dot")
-    if name not in EXPORTS and found.folder in OUTPUT_FOLDERS:
-        raise ParameterError(f"--export: {name} has the folder {found.folder!r}, which is ffseg's own; give another")
+    if name not in EXPORTS:
+        _check_names(name, found)
     return found
 
 
-_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
-_SUFFIX = re.compile(r"\.[A-Za-z0-9_.-]{1,20}")
+def _check_names(name: str, found: Output) -> None:
+    """Refuse a row of somebody's whose names lead elsewhere or are ffseg's own, or whose `merge` is nothing."""
+    plain = _is_name(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}", found.folder)
+    if not (plain and _is_name(r"\.[A-Za-z0-9_.-]{1,20}", found.suffix)):
+        wrong = f"folder {found.folder!r} and suffix {found.suffix!r}"
+        raise ParameterError(f"--export: {name} has {wrong}; give one plain name, and one that begins with a dot")
+    if found.folder in OUTPUT_FOLDERS:
+        raise ParameterError(f"--export: {name} has the folder {found.folder!r}, which is ffseg's own; give another")
+    if not found.merge:
+        return
+    if not _is_name(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}(?<!\.tar)", found.merged) or found.merged in _JOINT:
+        what = f"puts all images into {found.merged!r}"
+        raise ParameterError(f"--export: {name} {what}; give a plain name of a file that is not ffseg's own")
+    try:
+        load(found.merge)
+    except ValueError as error:
+        raise ParameterError(f"--export: {name}: {error}") from error
+
+
+def _is_name(form: str, text: object) -> bool:
+    return isinstance(text, str) and re.fullmatch(form, text) is not None
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,9 @@ from itertools import chain
 from typing import Any
 
 from ffseg.batch.executors.base import Options
-from ffseg.batch.outputs.table import MAP_BAG, MAP_FILES
+from ffseg.batch.outputs.table import MAP_BAG, MAP_FILES, OBSTACLES, PARQUET, REPORT, RUN, TIMINGS
 from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.record.journal import JOURNAL, journal_lines, read_header, shard_names, state_folder, tables_of
-from ffseg.batch.record.tables import OBSTACLES, PARQUET, REPORT, RUN, TIMINGS
 from ffseg.batch.values import parsed_line, parsed_record
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import UsageError

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ffseg.batch.outputs.table import MAP_BAG, MAP_FILES, OUTPUTS, Output
+from ffseg.batch.outputs.table import MAP_BAG, MAP_FILES, OBSTACLES, OUTPUTS, PARQUET, RUN, TIMINGS, Output
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.values import Record
 from ffseg.errors import ImageReadError, OutputError
@@ -36,8 +36,6 @@ OBSTACLE_COLUMNS = (
     "image", "component", "area_px", "centroid_x", "centroid_y", "matched_points", "max_altitude_m", "verdict",
     "against", "ground_x_m", "ground_y_m", "track",
 )  # fmt: skip
-TIMINGS, RUN, OBSTACLES, PARQUET = "timings.csv", "run.json", "obstacles.csv", "timings.parquet"
-REPORT = "report.html"
 TOGETHER = 10_000
 """Rows up to which the tables are made in memory and written together, so that the disk is waited for once."""
 _NAMED = 1000
@@ -117,13 +115,14 @@ class Tables:
             yield {"image": printable(record.name), **record.row}
 
     def pieces(self, run: Mapping[str, Any]) -> dict[str, Pieces]:
-        """Every table by name, as pieces of its bytes, of a run of which ``run.json`` will say so much."""
+        """Every table and ``run.json``, which says so much of the run, by name, as pieces of bytes."""
         columns = self.columns()
         made = {TIMINGS: csv_lines(columns, ([row.get(column) for column in columns] for row in self.rows()))}
         if self.camera:
             made[OBSTACLES] = csv_lines(OBSTACLE_COLUMNS, self._obstacles())
         for output in self._merged():
-            made[output.merged] = load(output.merge)(self._contents(output), run["parameters"]["region"]["label"])
+            made[output.merged] = _merged_by(output, self._contents(output), run["parameters"]["region"]["label"])
+        made[RUN] = iter([f"{json.dumps(run, indent=2, default=str)}\n".encode()])
         return made
 
     def _merged(self) -> list[Output]:
@@ -161,7 +160,7 @@ class Tables:
 
     def write(self, run: Mapping[str, Any], tell: Callable[[str], None]) -> list[str]:
         """Write every table and ``run.json``; `tell` hears of each that cannot be written. Gives their names."""
-        tables = {**self.pieces(run), RUN: iter([f"{json.dumps(run, indent=2, default=str)}\n".encode()])}
+        tables = self.pieces(run)
         names = [*tables, *((PARQUET,) if self.parquet else ())]
         if self.parquet:
             self._write_parquet(tell)
@@ -172,11 +171,10 @@ class Tables:
         if self.survey.count > TOGETHER:
             self._write_each(tables.items(), tell)
             return names
-        whole = [(os.path.join(self.folder, name), b"".join(pieces)) for name, pieces in tables.items()]
         try:
-            write_all_atomic(whole)
+            write_all_atomic([(os.path.join(self.folder, name), b"".join(pieces)) for name, pieces in tables.items()])
         except OutputError:
-            self._write_each([(os.path.basename(path), [data]) for path, data in whole], tell)
+            self._write_each(self.pieces(run).items(), tell)
         return names
 
     def _write_parquet(self, tell: Callable[[str], None]) -> None:
@@ -194,6 +192,22 @@ class Tables:
                     file.writelines(pieces)
             except OutputError as error:
                 tell(str(error))
+
+
+def _merged_by(output: Output, contents: Callable[[], Iterable[bytes]], label: str) -> Pieces:
+    """Pieces of a file of all images.
+
+    Raises
+    ------
+    OutputError
+        Whatever the function does wrong, which may be somebody's.
+    """
+    try:
+        for piece in load(output.merge)(contents, label):
+            yield memoryview(piece).tobytes()
+    except Exception as error:
+        what = f"{output.merge} of --export {output.name} failed ({type(error).__name__}: {error})"
+        raise OutputError(f"{output.merged} cannot be written: {what}; mend it and run again") from error
 
 
 def in_time(records: Iterable[Record]) -> list[str]:

@@ -12,8 +12,7 @@ from typing import Any
 from urllib.parse import quote
 
 from ffseg import __version__
-from ffseg.batch.outputs.table import MAP_PICTURE
-from ffseg.batch.record.tables import REPORT
+from ffseg.batch.outputs.table import MAP_PICTURE, REPORT
 from ffseg.batch.report.contours import packed_components, read_contours
 from ffseg.batch.report.folder import MAX_CELL, MAX_SVG_BYTES, OutputFolder, Row, read_folder, sources
 from ffseg.batch.report.page import page

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ffseg import __version__
-from ffseg.batch.outputs.table import GROUND
+from ffseg.batch.outputs.table import GROUND, PARQUET, RUN
 from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.header import changes
 from ffseg.batch.record.journal import (
@@ -31,7 +31,7 @@ from ffseg.batch.record.journal import (
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.record.ordered import NAMED, OrderedPacks, is_gone, packs_of, publish, relocated
 from ffseg.batch.record.survey import stale_reason, without_old_truth
-from ffseg.batch.record.tables import PARQUET, RUN, Records, Tables, remove_old
+from ffseg.batch.record.tables import Records, Tables, remove_old
 from ffseg.batch.shards.assign import Shard, shard_of_folder
 from ffseg.batch.values import Record, json_line, parsed_line, parsed_record, record_line
 from ffseg.batch.workers.freshness import still_true
