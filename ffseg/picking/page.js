@@ -116,14 +116,18 @@ const pick = (change) => {
 const load = async (place, said = "") => {
   const before = index;
   index = place;
+  letGo();
+  if (place !== before) { // what is done before it is open is meant for none
+    image = null;
+    $("name").textContent = "";
+    view.region(null);
+    forget();
+    view.show("", 1, 1);
+  }
   try {
     const found = await post("image");
     if (place !== index) return;
-    if (place !== before) {
-      view.region(null);
-      forget();
-      view.show(found.problem ? "" : `image/${place}`, found.width, found.height);
-    }
+    if (place !== before) view.show(found.problem ? "" : `image/${place}`, found.width, found.height);
     adopt(found);
     notify(said || found.problem, Boolean(found.problem));
   } catch (error) {
@@ -237,11 +241,15 @@ const hover = (point, begin) => {
   if (tool !== "pick" || !hovering || !view.holds(point) || near(point)) return forget();
   ask({ what: { ...current(), starts: [...current().starts, circle(point)] }, quick: true, id: "preview", begin });
 };
-stage.addEventListener("pointerup", () => {
+const letGo = () => {
   const done = drag;
   drag = null;
   view.box(null);
   view.stroke(null);
+  return done;
+};
+stage.addEventListener("pointerup", () => {
+  const done = letGo();
   if (!done || !image) return;
   const { kind, point, mark } = done;
   const add = (key, row) => void pick((now) => ({ [key]: [...now[key], row] }));
@@ -253,9 +261,7 @@ stage.addEventListener("pointerup", () => {
   else if (kind === "not") add("nots", circle(point));
 });
 stage.addEventListener("pointercancel", () => {
-  drag = null;
-  view.box(null);
-  view.stroke(null);
+  letGo();
   whole(picked);
 });
 stage.addEventListener("pointerleave", () => forget());
@@ -306,7 +312,7 @@ document.addEventListener("keydown", (event) => {
   if (event.key === " ") { space = true; stage.classList.add("moving"); event.preventDefault(); return; }
   if (/^[1-9]$/.test(event.key)) return choose(Number(event.key) - 1);
   const act = keys[event.key] ?? keys[event.key.toLowerCase()];
-  if (!act || event.repeat && "as".includes(event.key)) return;
+  if (!act || event.repeat && /^(a|s|enter)$/i.test(event.key)) return;
   if (event.key === "Enter" && event.target.matches("button")) return;
   event.preventDefault();
   void act();

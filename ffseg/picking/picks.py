@@ -191,8 +191,13 @@ class Track:
     accepted: bool = False
     size: int | None = None
 
+    def after(self, do: str, picked: Picked | None = None) -> Picked | None:
+        """What a step leads to: ``pick``, ``undo`` or ``redo``; None where there is nothing to be undone or redone."""
+        steps = {"undo": self.past, "redo": self.future}.get(do, [picked])
+        return steps[-1] if steps else None
+
     def step(self, do: str, picked: Picked | None = None) -> bool:
-        """Take a step: ``pick``, ``undo`` or ``redo``; False where there is nothing to be undone or redone."""
+        """Take a step; False where there is nothing to be undone or redone."""
         if do == "pick" and picked is not None:
             self.past.append(self.now)
             self.now, self.future = picked, []
@@ -269,7 +274,7 @@ class Journal:
             If it cannot be written; the step is not taken then.
         """
         track = self.track(image)
-        if (do == "undo" and not track.past) or (do == "redo" and not track.future):
+        if track.after(do, picked) is None:
             return False
         entry = {"image": image, "do": do, "size": size} | ({} if picked is None else {"picked": asdict(picked)})
         line = json.dumps(entry, separators=(",", ":")).encode("ascii") + b"\n"

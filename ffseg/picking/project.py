@@ -96,8 +96,11 @@ class Project:
 
     def base(self, name: str) -> NDArray[np.bool_] | None:
         """What another program or a run has found in an image; None where there is no mask of it."""
-        folders = [self.path(IMPORTED), *([os.path.join(self.review, MASKS)] if self.review else [])]
-        for path in (self.mask_path(name, folder) for folder in folders):
+        return self.mask(name, self.path(IMPORTED), *([os.path.join(self.review, MASKS)] if self.review else []))
+
+    def mask(self, name: str, *folders: str) -> NDArray[np.bool_] | None:
+        """The mask of an image in the first of these folders that has one, or of an accepted one; None where there is none."""
+        for path in (self.mask_path(name, folder) for folder in folders or (self.path(MASKS),)):
             with contextlib.suppress(ImageReadError):
                 return decode_mask(read_bytes(path, MOST_BYTES))
         return None

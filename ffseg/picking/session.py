@@ -15,6 +15,7 @@ from typing import Any
 
 from ffseg.batch.plan.beside import find_domains
 from ffseg.batch.plan.jobs import make_plan
+from ffseg.batch.plan.reading import place_of
 from ffseg.batch.plan.sources import Source
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.report.folder import read_folder
@@ -31,6 +32,7 @@ from ffseg.picking.learner import LEAST_MASKS, Background, figures_said, last_li
 from ffseg.picking.picks import Picked
 from ffseg.picking.project import MODEL, RUN, STARTS, Project, size_of
 from ffseg.picking.scene import Found, Scene
+from ffseg.pipeline import outlines_of
 
 MOST_OPEN = 3
 """Images that are held decoded: the one that is picked in, the one before and the one after."""
@@ -76,7 +78,7 @@ class Session:
                 )
         if len(set(labels)) < len(labels):
             raise UsageError("--labels: a class is named twice; name each once")
-        self.inputs, self.out = [os.path.abspath(one) if os.path.exists(one) else one for one in inputs], out
+        self.inputs, self.out = [place_of(one) for one in inputs], out
         planned = make_plan(inputs, os.path.join(out, RUN))
         self.sources: list[Source] = [job.source for job in planned.jobs if not job.source.problem]
         if not self.sources:
@@ -217,8 +219,13 @@ class Session:
         }
 
     def find(self, label: int, index: int, document: object, *, quick: bool) -> dict[str, Any]:
-        """The region of what is picked, for the page to draw; nothing is kept."""
-        return self._found(self.projects[label], index, Picked.read(document), quick=quick).document()
+        """The region of what is picked, for the page to draw; nothing is kept. Of what is accepted the mask that was written."""
+        project, picked = self.projects[label], Picked.read(document)
+        if picked.status == "accepted" and picked == project.track(index).now:
+            mask = project.mask(self.sources[index].name)
+            if mask is not None and mask.shape == self.scene(index).shape:
+                return Found(mask, outlines_of(mask), source="mask").document()
+        return self._found(project, index, picked, quick=quick).document()
 
     def _found(self, project: Project, index: int, picked: Picked, *, quick: bool = False) -> Found:
         scene = self.scene(index)
@@ -245,8 +252,9 @@ class Session:
             track = project.track(index)
             if track.version != version:
                 raise StaleError
-            if picked is not None and picked.status == "accepted":
-                mask = self._found(project, index, picked).mask
+            after = track.after(do, picked)
+            if after is not None and after.status == "accepted":
+                mask = self._found(project, index, after).mask
                 if not mask.any() or mask.all():
                     raise UsageError("a mask needs pixels inside and outside; pick a region first, or skip the image")
             if project.journal.add(name, do, picked, size_of(self.sources[index].path)):

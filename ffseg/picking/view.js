@@ -16,9 +16,11 @@ export class View {
 
   show(source, width, height) {
     this.size = [width, height];
-    if (source) $("picture").src = source;
-    else $("picture").removeAttribute("src");
-    $("picture").style.visibility = source ? "" : "hidden";
+    const picture = $("picture");
+    picture.style.visibility = "hidden"; // until it is there: the one before would be taken for it
+    picture.onload = () => { picture.style.visibility = ""; };
+    if (source) picture.src = source;
+    else picture.removeAttribute("src");
     $("layers").style.width = `${width}px`;
     $("layers").style.height = `${height}px`;
     $("drawing").setAttribute("viewBox", `0 0 ${width} ${height}`);

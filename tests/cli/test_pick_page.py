@@ -171,6 +171,50 @@ def test_the_contour_follows_the_hand_and_zoom_does_not_move_what_is_meant(hand:
     assert state(server, 1)["starts"][0][:2] == pytest.approx(LEFT, abs=0.2)
 
 
+OPENING_WAITS = """(() => {
+    const fetched = window.fetch;
+    window.open_ = new Promise((go) => { window.letOpen = go; });
+    window.fetch = async (what, ...rest) => {
+        if (what === "image") await window.open_;
+        return fetched(what, ...rest);
+    };
+})()"""
+
+
+def test_what_is_begun_in_one_image_is_not_kept_in_the_next(hand: PageHand, server: Server) -> None:
+    hand.tab.press("b")
+    at = [hand.at(*place) for place in ((20, 20), (40, 30))]
+    hand.tab.mouse("mousePressed", *at[0], "left")
+    hand.tab.mouse("mouseMoved", *at[1], "left")
+    hand.tab.press("n")
+    hand.until_image("a.png")
+    hand.tab.mouse("mouseReleased", *at[1], "left")
+    hand.tab.press("b")
+    hand.tab.value(OPENING_WAITS)
+    hand.tab.press("n")
+    hand.until_image("")
+    hand.tab.click(*at[0])
+    hand.tab.press("a")
+    hand.tab.value("window.letOpen()")
+    hand.until_image("b.png")
+    hand.click(*LEFT)
+    hand.until_marks("start")
+    wait_for(lambda: len(state(server, 2)["starts"]) == 1)
+    assert [len(state(server, index)["strokes"]) for index in range(3)] == [0, 0, 0]
+    assert [len(state(server, index)["starts"]) for index in range(2)] == [0, 0]
+    assert server.session.statuses(0) == {}
+
+
+@pytest.mark.parametrize("key", ["Enter", "A", "s"])
+def test_a_key_that_is_held_accepts_no_image_unseen(key: str, hand: PageHand, server: Server) -> None:
+    event = f"new KeyboardEvent('keydown', {{key: {key!r}, repeat: true, bubbles: true}})"
+    hand.click(*LEFT)
+    hand.until_marks("start")
+    hand.tab.value(f"document.body.dispatchEvent({event})")
+    hand.tab.until("window.underWay === 0")
+    assert server.session.statuses(0) == {}
+
+
 PEN = """(() => {
     const region = document.getElementById("region"), layers = document.getElementById("layers");
     const scale = layers.getBoundingClientRect().width / parseFloat(layers.style.width);

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import socket
 import struct
 import subprocess
@@ -131,10 +132,10 @@ def test_the_command_of_the_folder_works_wherever_it_is_called(
 ) -> None:
     draw(tmp_path / "in", ["a.png"])
     monkeypatch.chdir(tmp_path)
-    with session(Path("in"), Path("out")) as own:
+    with Session(["in/*.png"], "out", load_params()) as own:
         own.change(0, 0, 0, "pick", picked(LEFT))
     monkeypatch.chdir(tmp_path / "in")
-    line = (tmp_path / "out" / "run.sh").read_text().splitlines()[1].split()
+    line = shlex.split((tmp_path / "out" / "run.sh").read_text().splitlines()[1])
     done = ffseg_command(*line[1:])
     assert done.returncode == 0, done.stderr
     assert overlap(mask_of(tmp_path / "out" / "run" / "masks" / "a.png"), disc(LEFT)) > 0.95
@@ -450,6 +451,20 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(
         assert own.projects[0].params.edges.model is None
         work._learned(2, "", "ffseg: error: ffseg learn needs LightGBM; install ffseg[learn]\n")
         assert own.news(0, 0)["lines"][1] == "nothing was learned: ffseg learn needs LightGBM; install ffseg[learn]"
+
+
+def test_an_accepted_image_shows_the_mask_that_was_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever a later model would find; and nothing is accepted again that has no region any more."""
+    found = Scene.find
+    with session(draw(tmp_path / "in", ["a.png"]), tmp_path / "out") as own:
+        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        kept = own.find(0, 0, own.image(0, 0)["picked"], quick=False)
+        monkeypatch.setattr(Scene, "find", lambda self, picked, *rest, **how: found(self, Picked(), *rest, **how))
+        assert own.find(0, 0, own.image(0, 0)["picked"], quick=False)["path"] == kept["path"] != ""
+        own.change(0, 0, 1, "undo")
+        with pytest.raises(UsageError, match="a mask needs pixels"):
+            own.change(0, 0, 2, "redo")
+        assert own.statuses(0) == {}
 
 
 def test_a_command_behind_is_ended_by_a_newer_one() -> None:
