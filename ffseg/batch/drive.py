@@ -140,4 +140,8 @@ def _sighting(record: Record, out: str, views: Views) -> Sighting:
     )
     sigma_m, sigma_rad = map(float, stood["sigmas"])
     lean = None if stood["lean"] is None else Lean(*map(float, stood["lean"]))
-    return Sighting(decode_mask(mask), views.camera, links, (sigma_m, sigma_rad), lean)
+    inside, domain = views.camera.domain(), None
+    if "left_out" in stood:
+        outside = np.repeat(np.arange(len(stood["left_out"])) % 2 == 1, stood["left_out"])
+        domain = inside & ~outside.reshape(inside.shape[::-1]).T
+    return Sighting(decode_mask(mask), views.camera, links, (sigma_m, sigma_rad), lean, domain)

@@ -16,14 +16,14 @@ from ffseg.camera.projections import Array
 from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.orientation import ring_area
-from ffseg.image.free import room_round
+from ffseg.image.free import deeper
 from ffseg.image.polygons import polygons
 from ffseg.image.resized import read_at
 
 REACH = 6.0
 """Metres: beyond it a pixel of a mirror over a robot shows a quarter of a metre, and its outline tells nothing."""
 RIM_PX = 2.5
-"""An outline so near to where the camera's view ends is that end, and no obstacle."""
+"""An outline so near to where the camera's view or the domain ends is that end, and no obstacle."""
 OUTLINE_SIGMA = 0.08
 """Pixels: standard deviation of an outline across itself. On rendered walls and boxes 68 % are within .055, 95 % within .15."""
 DECIMALS = 4
@@ -45,7 +45,7 @@ class Scan:
     std : ndarray of float64, shape (n,)
         Standard deviation, metres: what `OUTLINE_SIGMA` pixels come to on the ground, and the lean of a camera that leans.
     ends : tuple of str
-        ``obstacle``; ``rim`` where the camera's view or its reach ends; ``unknown`` where nothing was seen.
+        ``obstacle``; ``rim`` where the camera's view, the domain or the reach ends; ``unknown`` where nothing was seen.
     reach : float
         Metres.
 
@@ -104,7 +104,7 @@ class Ground:
     reach : float
         Metres: no pixel farther away is told; outlines lie half a pixel beyond.
     seen : ndarray of bool, shape (H, W)
-        Pixels within reach that can show ground at all.
+        Pixels of the scene within reach that can show ground at all.
     lean_sigma : float
         Standard deviation of the camera's lean where it leans, radians.
 
@@ -164,7 +164,7 @@ class Ground:
         ranges = _first_exits([ring for rings in self.polygons for ring in rings], count)
         points = ranges[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
         pixels = to_pixels(self.camera, points)
-        at_rim = read_at(_away_from_rim(self.camera, self.reach), *pixels.T.astype(np.float32), nearest=True) == 0
+        at_rim = read_at(deeper(self.seen, RIM_PX), *pixels.T.astype(np.float32), nearest=True) == 0
         ends = np.where(np.isnan(ranges), "unknown", np.where(at_rim, "rim", "obstacle"))
         told: tuple[End, ...] = tuple(ends.tolist())
         height = self.camera.mounting()
@@ -172,7 +172,13 @@ class Ground:
         return Scan(bearings, ranges, np.hypot(_range_sigma(self.camera, pixels), tilted), told, self.reach)
 
 
-def ground_of(mask: Mask, contours: Sequence[FreeForm], cameras: tuple[Camera, Camera], reach: float = REACH) -> Ground:
+def ground_of(
+    mask: Mask,
+    contours: Sequence[FreeForm],
+    cameras: tuple[Camera, Camera],
+    reach: float = REACH,
+    domain: Mask | None = None,
+) -> Ground:
     """Lay free space on the ground.
 
     Parameters
@@ -184,6 +190,8 @@ def ground_of(mask: Mask, contours: Sequence[FreeForm], cameras: tuple[Camera, C
         As calibrated, and as it stood at this image.
     reach : float
         Metres.
+    domain : ndarray of bool, shape (H, W), optional
+        Where the free space could be at all; what is left out of it is no obstacle.
 
     Raises
     ------
@@ -195,6 +203,8 @@ def ground_of(mask: Mask, contours: Sequence[FreeForm], cameras: tuple[Camera, C
     if not reach > 0:
         raise ParameterError(f"reach is {reach!r}; give metres above 0")
     seen, camera = _within(cameras[0], reach), cameras[1]
+    if domain is not None:
+        seen = seen & (domain | mask)
     regions, found = polygons(mask & seen, contours, flatness=0.0), []
     outlines = [ring for region in regions for ring in region.rings]
     ends = np.cumsum([len(ring) for ring in outlines])
@@ -213,13 +223,6 @@ def _within(camera: Camera, reach: float) -> Mask:
         near: Mask = camera.domain() & (np.sum(camera.ground() ** 2, axis=-1) < reach * reach)
     near.setflags(write=False)
     return near
-
-
-@lru_cache(maxsize=2)
-def _away_from_rim(camera: Camera, reach: float) -> NDArray[np.uint8]:
-    """Pixels within reach that are farther than `RIM_PX` from what shows no ground within it; beyond the image nothing does."""
-    away: NDArray[np.uint8] = (room_round(_within(camera, reach)) > RIM_PX).view(np.uint8)
-    return away
 
 
 def _first_exits(rings: Sequence[Array], count: int) -> Array:

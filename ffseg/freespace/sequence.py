@@ -29,6 +29,7 @@ from ffseg.freespace.window import NO_SAMPLES, NOTHING_ENCLOSED, WINDOW, Earlier
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.components import Component, contour_components, merged
+from ffseg.image.free import without_slivers
 from ffseg.image.keypoints import Grey, grey_image
 from ffseg.image.leaks import leaked
 from ffseg.io.masks import named_masks
@@ -81,6 +82,9 @@ class Frame:
         x, y of samples of the components' outlines; 1: speaks for the ground, -1: against it, 0: says nothing.
     lens : Camera or None
         The camera as calibrated.
+    domain : ndarray of bool, shape (H, W), or None
+        Where it is known what is free: in the camera's view and the scene's domain, less slivers beside what that leaves
+        out. None: all of the view.
 
     References
     ----------
@@ -109,6 +113,7 @@ class Frame:
     contradicted: bool = False
     samples: NDArray[np.float64] = field(default_factory=lambda: NO_SAMPLES)
     lens: Camera | None = None
+    domain: NDArray[np.bool_] | None = None
 
     def ground(self, reach: float = REACH) -> Ground:
         """The free space in metres: polygons with holes in the robot's frame.
@@ -126,7 +131,8 @@ class Frame:
         camera = self.standing()
         lean = None if camera is self.lens else lean_of(self.lens, self.camera, self.motion)
         sigma = 0.0 if lean is None else SLACK * lean.sigma
-        return replace(ground_of(self.mask, self.contours, (self.lens or camera, camera), reach), lean_sigma=sigma)
+        found = ground_of(self.mask, self.contours, (self.lens or camera, camera), reach, self.domain)
+        return replace(found, lean_sigma=sigma)
 
     def scan(self, count: int = 360, reach: float = REACH) -> Scan:
         """Where the free space ends on so many bearings all round, as a laser scanner would say it.
@@ -220,7 +226,14 @@ def segment_frame(scene: Scene, earlier: Iterable[Earlier], camera: Camera, *, m
     SegmentationError
         As `ffseg.segment`.
     """
-    views, scene = itertools.tee(earlier, 1)[0], view_scene(scene, camera)  # a copy of it begins again
+    bounded, scene = scene.domain is not None, view_scene(scene, camera)
+    frame = _frame(scene, itertools.tee(earlier, 1)[0], camera, mapped=mapped)  # a copy of these views begins again
+    if not bounded or scene.domain is None:
+        return frame
+    return replace(frame, domain=without_slivers(scene.domain > 0, camera.domain(), frame.mask))
+
+
+def _frame(scene: Scene, views: Iterator[Earlier], camera: Camera, *, mapped: bool) -> Frame:
     if (scene.method or row_of(scene.params.method)).altitudes:
         before = next(views, None)
         if before is not None:

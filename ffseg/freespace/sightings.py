@@ -81,6 +81,8 @@ class Sighting:
         Standard deviations of that motion, metres and radians; 0 where it says none.
     lean : Lean or None
         How it leaned; None where the ground does not show it.
+    domain : ndarray of bool, shape (H, W), or None
+        Where the free space could be; None: wherever the camera shows ground.
     """
 
     mask: NDArray[np.bool_]
@@ -88,6 +90,7 @@ class Sighting:
     links: tuple[Link, ...] = ()
     sigmas: tuple[float, float] = (0.0, 0.0)
     lean: Lean | None = None
+    domain: NDArray[np.bool_] | None = None
 
 
 def sighting_of(frame: Frame) -> Sighting:
@@ -104,7 +107,8 @@ def sighting_of(frame: Frame) -> Sighting:
         raise CalibrationError("the frame is of no camera; segment with ffseg.Sequence(camera, ...)")
     motion = frame.motion
     sigmas = (0.0, 0.0) if motion is None else (motion.translation_sigma, motion.rotation_sigma)
-    return Sighting(frame.mask, frame.lens, frame.links, sigmas, lean_of(frame.lens, frame.camera, motion))
+    lean = lean_of(frame.lens, frame.camera, motion)
+    return Sighting(frame.mask, frame.lens, frame.links, sigmas, lean, frame.domain)
 
 
 def read_cells(seen: Sighting, lens: Camera, window: Window, reach: float) -> tuple[NDArray[np.bool_], Values]:
@@ -122,8 +126,9 @@ def read_cells(seen: Sighting, lens: Camera, window: Window, reach: float) -> tu
     what lies behind and beside it, and says nothing of it. Of the poses that it may have been taken from, those that show
     neither say nothing, and most must say something.
     """
-    table, shown, station = _ground_pixels(lens, reach), lens.domain(), window.station
-    inside = 255 * (seen.mask >= shown).view(np.uint8)  # where the view ends is no outline
+    table, station = _ground_pixels(lens, reach), window.station
+    shown = lens.domain() if seen.domain is None else seen.domain | seen.mask
+    inside = 255 * (seen.mask >= shown).view(np.uint8)  # where the view or the domain ends is no outline
     pixels = [window.laid(table, lens)]
     told = window.within() & (read_at(shown.view(np.uint8), *pixels[0][:2], nearest=True) > 0)
     if station.sigma_m + reach * station.sigma_rad >= STILL * window.step[0]:

@@ -15,6 +15,7 @@ from rendered import drive, write_views
 
 import ffseg
 from ffseg.batch.outputs.table import MAP_FILES
+from ffseg.parameters import ParametersLike
 from ffseg.rendering.pairs import CAMERA_YAML
 from ffseg.rendering.raycast import render
 from ffseg.samples.drive import DRIVE_CAMERA, drive_camera, drive_poses, drive_scene
@@ -38,12 +39,12 @@ def fused(folder: Path) -> dict[str, bytes]:
     return {name: (folder / name).read_bytes() for name in MAP_FILES}
 
 
-def expected(folder: Path, *, posed: bool) -> dict[str, bytes]:
+def expected(folder: Path, *, posed: bool, params: ParametersLike = None) -> dict[str, bytes]:
     """The files of the map that the same frames make one after the other, without files between."""
     camera = ffseg.load_camera(folder / "camera.yaml")
     names = [f"{number}.png" for number in range(COUNT)]
     poses = ffseg.load_poses(folder / "poses.csv", names, camera) if posed else {}
-    sequence, grid = ffseg.Sequence(camera, mapped=True), ffseg.OccupancyMap()
+    sequence, grid = ffseg.Sequence(camera, params, mapped=True), ffseg.OccupancyMap()
     for name in names:
         image = ffseg.read_image(folder / "views" / name)
         assert grid.add(sequence.feed(image, poses.get(name)), poses.get(name))
@@ -95,6 +96,21 @@ def test_the_map_is_the_same_however_the_run_came_to_its_end(ffseg_command: Comm
     assert fused(tmp_path / "parts") == whole
     assert ffseg_command("run", tmp_path / "views", "--out", tmp_path / "whole", "--overwrite").returncode == 0
     assert not any((tmp_path / "whole" / name).exists() for name in MAP_FILES), "no frame has a ground any more"
+
+
+def test_a_run_remembers_what_its_domain_left_out(ffseg_command: Command, tmp_path: Path) -> None:
+    write(tmp_path)
+    camera, image = ffseg.load_camera(tmp_path / "camera.yaml"), ffseg.read_image(tmp_path / "views" / "0.png")
+    domain = np.full(image.shape[:2], 255, np.uint8)
+    domain[camera.height // 2 : camera.height // 2 + 20, : camera.width // 2] = 0
+    cv2.imwrite(str(tmp_path / "domain.png"), domain)
+    mask = tmp_path / "domain.png"
+    options = ("--poses", tmp_path / "poses.csv", "--set", f"domain.mask={mask}")
+    assert ffseg_command(*asked(tmp_path, "out", *options)).returncode == 0
+    wanted = expected(tmp_path, posed=True, params={"domain": {"mask": str(mask)}})
+    assert fused(tmp_path / "out")["map/map.pgm"] == wanted["map/map.pgm"]
+    stood = json.loads((tmp_path / "out" / "ground" / "0.geojson").read_text())["camera"]
+    assert sum(stood["left_out"]) == domain.size
 
 
 def test_frames_that_are_not_in_the_map_are_named(ffseg_command: Command, tmp_path: Path) -> None:

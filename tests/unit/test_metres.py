@@ -21,9 +21,10 @@ from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.errors import CalibrationError, ParameterError
 from ffseg.freespace.birdseye import HALF_M, SCALE, birds_eye
 from ffseg.freespace.outline import Ground, _first_exits
-from ffseg.freespace.sequence import Frame, free_space
+from ffseg.freespace.sequence import Frame, free_space, segment_frame
 from ffseg.freespace.window import Earlier
 from ffseg.rendering.pairs import CAMERA_YAML, RenderedPair, sample_camera
+from ffseg.scene import Scene
 
 PARAMS = ffseg.load_params()
 
@@ -193,6 +194,21 @@ def test_what_a_perspective_camera_does_not_show_is_unknown() -> None:
     document = scan.document()
     assert document["ranges"] == [None] * 360
     assert document["free"][180] == pytest.approx(6.0, abs=0.1)
+
+
+@pytest.mark.parametrize("bearing", [-120.0, 10.0, 55.0])
+def test_what_a_domain_leaves_out_is_no_obstacle(bearing: float) -> None:
+    """A mast of the robot: its rays end where nothing is known to stand; those beside it end where they do without it."""
+    image, camera = rendered()[0].current.image, rendered()[0].camera
+    x, y = np.meshgrid(np.arange(camera.width) - camera.center[0], np.arange(camera.height) - camera.center[1])
+    beside = np.abs((np.rad2deg(np.arctan2(y, x)) - bearing + 180) % 360 - 180)
+    domain = np.where(beside < 6, np.uint8(0), np.uint8(255))
+    plain, masked = (segment_frame(Scene(image, PARAMS, domain=one), (), camera).scan() for one in (None, domain))
+    degrees = np.abs((np.rad2deg(masked.bearings) - bearing + 180) % 360 - 180)
+    assert {masked.ends[at] for at in np.flatnonzero(degrees < 6)} <= {"rim", "unknown"}
+    far = np.flatnonzero(degrees > 9)
+    assert [masked.ends[at] for at in far] == [plain.ends[at] for at in far]
+    assert np.median(np.abs(masked.ranges - plain.ranges)[far]) < 0.01
 
 
 def test_a_frame_of_no_camera_says_so() -> None:

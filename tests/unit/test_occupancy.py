@@ -119,6 +119,19 @@ def test_what_stands_before_the_ground_says_nothing_of_it() -> None:
     assert beyond[beyond != 0.5].max() < 0.05
 
 
+def test_what_a_domain_leaves_out_is_unknown() -> None:
+    """Free ground all round but in a sector: the band before its border is a wall, or nothing where the domain ends there."""
+    x, y = np.moveaxis(CAMERA.ground(), -1, 0)
+    mask, walls = (np.hypot(x, y) < 1.5) & (np.abs(np.arctan2(y, x)) > 0.2), []
+    domain = CAMERA.domain() & ((np.abs(np.arctan2(y, x)) > 0.2) | (np.hypot(x, y) > 1.5))
+    for one in (None, domain):
+        grid = OccupancyMap(cell=0.02)
+        assert grid.fuse("0", Sighting(mask, CAMERA, domain=one), planar_pose(CAMERA, 0.0, 0.0, 0.0))
+        walls.append(int(((grid.probability > 0.65) & (np.hypot(*np.moveaxis(centres(grid), -1, 0)) < 1.3)).sum()))
+    assert walls[0] >= 10
+    assert walls[1] == 0
+
+
 def test_a_mask_read_between_its_pixels_is_as_sharp_as_its_edges() -> None:
     """Straight edges at any angle and place, drawn by the rule of pixel centres and read linearly between four of them."""
     random = np.random.default_rng(5)
