@@ -53,6 +53,7 @@ def _reduced(scene: Scene, factor: int, image: NDArray[np.uint8]) -> Scene:
         start_mask=start_mask,
         background=background,
         center=None if scene.center is None else _point(scene.center, factor),
+        robot=scene.robot / factor,
         callback=callback and (lambda now: callback(replace(now, contours=enlarged(now.contours, factor)))),
     )
 

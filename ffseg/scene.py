@@ -132,6 +132,8 @@ class Scene:
         From 0 to 1: probability of inside, or edge strength, as ``edges.evidence`` says.
     center : tuple of float, or None
         What ``init.center: auto`` stands for, where it is not the image centre.
+    robot : float
+        Radius of the disc round `center` in which a camera sees its own robot, pixels; 0: none.
     options : object, optional
         The method's own section of parameters, where it has one outside `params` (peers have).
     altitudes : ndarray of float64, shape (K, 4)
@@ -163,6 +165,7 @@ class Scene:
     background: Plane | None = None
     evidence: NDArray[np.float32] | None = None
     center: tuple[float, float] | None = None
+    robot: float = 0.0
     options: object = None
     altitudes: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 4)))
     footprint: Footprint | None = None
@@ -180,7 +183,7 @@ class Scene:
 
     @property
     def fixed(self) -> bool:
-        """Whether the starts stand where they must, as round a camera that sees itself: they are not moved off edges."""
+        """Whether the starts stand where they must, as round a camera: not moved off edges, nor into its robot's disc."""
         return self.center is not None and self.params.init.center == "auto"
 
     @property

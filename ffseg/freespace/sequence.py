@@ -204,7 +204,9 @@ def view_scene(scene: Scene, camera: Camera) -> Scene:
     params = omnidirectional_parameters(scene.params, camera)
     own = camera.robot_radius + START_MARGIN if camera.robot_radius else 0.0
     footprint = footprint_of(camera, camera.footprint, own) if camera.footprint > 0 else None
-    return replace(scene, params=params, domain=bound, center=camera.center, footprint=footprint)
+    return replace(
+        scene, params=params, domain=bound, center=camera.center, robot=camera.robot_radius, footprint=footprint
+    )
 
 
 def segment_frame(scene: Scene, earlier: Iterable[Earlier], camera: Camera, *, mapped: bool = False) -> Frame:

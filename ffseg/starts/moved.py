@@ -19,6 +19,8 @@ from ffseg.starts.initial import circle_start
 SPARE = 1.0
 """Pixels between the start and what is not free, so that rounding puts no sample on it."""
 
+OUTSIDE = "outside the domain"
+
 SIZE_WEIGHT = 1.05
 """Pixels a start moves to keep a pixel of its radius: a little over one, so that it leaves a straight edge whole."""
 
@@ -56,7 +58,8 @@ def moved(scene: Scene, remedy: str) -> tuple[Scene, str]:
     Raises
     ------
     SegmentationError
-        If there is none.
+        If there is none, or the start stands round a camera's own robot and lies in the domain: ground elsewhere is not
+        what the robot stands on.
 
     Notes
     -----
@@ -64,7 +67,13 @@ def moved(scene: Scene, remedy: str) -> tuple[Scene, str]:
     on the same side of all edges as most of the start where there is any.
     """
     free = free_pixels(scene.edges.edges, scene.domain, scene.params.contour.clearance)
-    room, cause = room_round(free) - SPARE, _cause(scene)
+    cause = _cause(scene)
+    if scene.fixed and scene.center is not None and scene.robot > 0:
+        if cause != OUTSIDE:
+            stays = f"cannot move from round the robot's disc, of radius {scene.robot * scene.factor:g}"
+            raise SegmentationError(f"the start contour lies {cause} at every sample and {stays}; {remedy}")
+        free &= ~rasterize([circle_start((*scene.center, scene.robot), scene.params)], free.shape)
+    room = room_round(free) - SPARE
     if float(room.max(initial=0.0)) < LEAST_START:
         raise SegmentationError(f"the start contour lies {cause} at every sample, and there is no free place; {remedy}")
     open_ground = free_pixels(scene.edges.edges, scene.domain)
@@ -113,7 +122,7 @@ def _cause(scene: Scene) -> str:
     columns, rows = points[inside].T
     within = np.ones(len(rows), np.bool_) if scene.domain is None else scene.domain[rows, columns] > 0
     if not within.any():
-        return "outside the domain"
+        return OUTSIDE
     clearance = scene.params.contour.clearance
     if clearance > 0 and free[rows, columns].any():
         return f"nearer to an edge than half of contour.clearance ({clearance:g})"

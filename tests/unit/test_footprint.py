@@ -100,6 +100,17 @@ def test_a_footprint_that_fits_nowhere_says_so() -> None:
         segment_view(image, camera, PARAMS)
 
 
+def test_a_start_round_the_robots_disc_is_not_moved_into_it() -> None:
+    """The disc of 20 px is empty, and walls stand round it: nothing is free there, nor is what lies behind them."""
+    camera = replace(sample_camera(), robot_radius=20.0)
+    x, y = np.meshgrid(np.arange(camera.width) - camera.center[0], np.arange(camera.height) - camera.center[1])
+    image = np.where(np.abs(np.hypot(x, y) - 40.0) < 5.0, np.uint8(30), np.uint8(120))
+    with pytest.raises(
+        SegmentationError, match="every sample and cannot move from round the robot's disc, of radius 20; "
+    ):
+        segment_view(image, camera, ffseg.load_params("omni-indoor"))
+
+
 def test_the_camera_file_says_it_and_the_option_overrules(tmp_path: Path) -> None:
     (tmp_path / "camera.yaml").write_text(CAMERA_YAML + "footprint: 0.2\nmirrored: false\nforward: -90\n")
     camera = ffseg.load_camera(tmp_path / "camera.yaml")
