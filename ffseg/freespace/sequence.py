@@ -179,6 +179,24 @@ def omnidirectional_parameters(params: Parameters, camera: Camera) -> Parameters
     return replace(params, init=replace(params.init, radius=least))
 
 
+def _check_view(camera: Camera, scene: Scene) -> None:
+    """Refuse a camera file by which the image shows no ground, or none but the robot, or a start has its centre outside."""
+    (x, y), last, init = camera.center, (camera.width - 1, camera.height - 1), scene.params.init
+    placed = init.center != "auto" or init.circles or init.boxes or scene.start_mask is not None
+    if not placed and not (-0.5 <= x <= last[0] + 0.5 and -0.5 <= y <= last[1] + 0.5):
+        size = f"the image of {camera.width} x {camera.height} pixels"
+        raise CalibrationError(f"the camera file has the centre at ({x:g}, {y:g}), outside {size}: correct it there")
+    if not camera.domain().any():
+        raise CalibrationError(
+            "by the camera file no pixel of the image shows ground: correct 'up', or 'rim_radius', there"
+        )
+    if np.hypot(max(x, last[0] - x), max(y, last[1] - y)) <= camera.robot_radius:
+        raise CalibrationError(
+            f"the robot's disc of the camera file, of radius {camera.robot_radius:g}, covers the whole image: "
+            "correct 'robot_radius' there"
+        )
+
+
 def view_scene(scene: Scene, camera: Camera) -> Scene:
     """The scene of an omnidirectional image: inside the camera's rim, from round the robot.
 
@@ -190,11 +208,12 @@ def view_scene(scene: Scene, camera: Camera) -> Scene:
     Raises
     ------
     CalibrationError
-        When the image has another size than the calibration.
+        When the image has another size than the calibration, or shows no ground by it.
     SegmentationError
-        When the domain has.
+        When the domain has another size.
     """
     camera.check_size(scene.image.shape[1], scene.image.shape[0], "the image")
+    _check_view(camera, scene)
     inside, domain = camera.domain(), scene.domain
     if domain is not None and domain.shape != inside.shape:
         raise SegmentationError(

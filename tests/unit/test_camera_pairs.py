@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import naive_camera
@@ -276,6 +277,19 @@ def test_an_image_of_another_size_is_refused_by_both_sizes() -> None:
     sequence = Sequence(pair(1).camera, load_params())
     with pytest.raises(CalibrationError, match="640x480, the camera file says 800x600"):
         sequence.feed(np.zeros((480, 640), np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"up": np.array([0.0, 0.0, 1.0])}, "no pixel of the image shows ground: correct 'up'"),
+        ({"center": (4200.0, 288.7)}, r"centre at \(4200, 288.7\), outside the image of 800 x 600 pixels"),
+        ({"robot_radius": 1000.0, "rim_radius": None}, "radius 1000, covers the whole image: correct 'robot_radius'"),
+    ],
+)
+def test_a_camera_that_shows_no_ground_is_told_by_its_file(wrong: dict[str, Any], told: str) -> None:
+    with pytest.raises(CalibrationError, match=told):
+        Sequence(replace(pair(1).camera, **wrong)).feed(pair(1).current.image)
 
 
 def test_unrelated_grounds_have_no_motion() -> None:
