@@ -57,12 +57,13 @@ def load_poses(path: str | os.PathLike[str], images: Sequence[str], camera: Came
     require_camera(camera)
     name, problems = os.fspath(path), Problems()
     text = read_table(name, CalibrationError)
-    head = text.lstrip("\ufeff \t\r\n").partition("\n")[0]
+    head = text.lstrip("\ufeff \t\r\n").partition("\n")[0].rstrip()
     if [cell.strip() for cell in head.split(",")] in (POSE_HEADER, SIGMA_HEADER):
         poses = _csv_poses(text, name, camera, problems)
-    elif "," in head:
+    elif "," in head or ";" in head.partition("#")[0]:
+        apart = "" if "," in head else ", apart by commas"
         raise CalibrationError(
-            f"{name}:1: the header must be image,x,y,theta[,sigma_xy,sigma_theta], it is {head[:60]!r}"
+            f"{name}:1: the header must be image,x,y,theta[,sigma_xy,sigma_theta]{apart}, it is {head[:60]!r}"
         )
     else:
         poses = _tum_poses(text, name, images, problems)

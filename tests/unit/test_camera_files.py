@@ -203,6 +203,7 @@ def test_tum_trajectory_in_image_order(tmp_path: Path, camera: Camera) -> None:
 
 BAD_POSES = {
     "header": ("img,x,y,theta\na,0,0,0\n", "header must be image,x,y,theta"),
+    "semicolons": ("image;x;y;theta\r\na;0;0;0\n", ":1: the header .* apart by commas, it is 'image;x;y;theta'"),
     "columns": ("image,x,y,theta\na,0,0\n", ":2: 3 columns"),
     "word": ("image,x,y,theta\na,0,zero,0\n", ":2: y: 'zero' is not"),
     "nan": ("image,x,y,theta\na,nan,0,0\n", ":2: x: 'nan' is not"),
