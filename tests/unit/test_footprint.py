@@ -79,16 +79,18 @@ def test_a_perspective_camera_over_a_plane(gap: float, passes: bool) -> None:
 
 
 def test_bays_that_half_the_robot_cannot_enter_are_closed() -> None:
-    """As squares of a box that have the floor's grey; a bay wider than the robot stays open."""
+    """As squares of a box that have the floor's grey; a bay wider than the robot stays open, and a dead end wider than half of it."""
     camera = replace(sample_camera(), footprint=RADIUS)
     x, y = np.moveaxis(camera.ground(), -1, 0)
     with np.errstate(invalid="ignore"):
         block = (x > 1.0) & (x < 1.6) & (np.abs(y) < 0.8)
         narrow = block & (np.abs(y - 0.5) < 0.05) & (x < 1.4)
         wide = block & (np.abs(y + 0.3) < 0.2) & (x < 1.4)
-    mask = segment_view(painted(camera, block & ~narrow & ~wide), camera, PARAMS).mask
+        between = block & (np.abs(y - 0.2) < 0.11) & (x < 1.4)
+    mask = segment_view(painted(camera, block & ~narrow & ~wide & ~between), camera, PARAMS).mask
     assert mask[narrow & (x > 1.1)].mean() < 0.05
     assert mask[wide & (x < 1.35)].mean() > 0.95
+    assert mask[between & (x < 1.35)].mean() > 0.95
 
 
 def test_a_footprint_that_fits_nowhere_says_so() -> None:
