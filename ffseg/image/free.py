@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ffseg.image.parts import parts
 
 SLIVER = 5
-"""Most pixels by which an outline stays away from a domain's corners: of 1375 rays that end at drawn masts all but one."""
+"""Most pixels by which an outline stays away from a domain's corners: all of 1343 rays that end at drawn masts in a room."""
 
 _EXACT = np.float32(1024)
 """Pixels up to which the square of a distance that is off by its last bits rounds to the right whole number: below 2^21."""

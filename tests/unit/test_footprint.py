@@ -79,7 +79,7 @@ def test_a_perspective_camera_over_a_plane(gap: float, passes: bool) -> None:
 
 
 def test_bays_that_half_the_robot_cannot_enter_are_closed() -> None:
-    """As squares of a box that have the floor's grey; a bay wider than the robot stays open, and a dead end wider than half of it."""
+    """As squares of a box that have the floor's grey; a bay wider than half of it stays open, and one wider than the robot."""
     camera = replace(sample_camera(), footprint=RADIUS)
     x, y = np.moveaxis(camera.ground(), -1, 0)
     with np.errstate(invalid="ignore"):
