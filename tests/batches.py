@@ -73,7 +73,7 @@ def run_batch(
     **options: object,
 ) -> Summary:
     """Run the stand-in over a folder; options are those of `Options`, `make_plan` and `Setup` by name."""
-    plan_keys = ("products", "truth", "exclude", "keep_suffix")
+    plan_keys = ("products", "truth", "exclude", "keep_suffix", "film")
     plan_options = {key: options.pop(key) for key in plan_keys if key in options}
     setup_options = {key: options.pop(key) for key in ("memory_bytes", "truth_label") if key in options}
     inputs = folder if isinstance(folder, list) else [folder]

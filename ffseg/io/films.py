@@ -197,7 +197,8 @@ def _film_contents(path: str) -> Contents:
         index / head.rate if stamp is None else (stamp - (stamps[0] or 0)) * head.clock
         for index, stamp in enumerate(stamps)
     ]
-    missing = head.frames > len(times) or head.seconds > times[-1] + last * head.clock + _LATE / head.rate
+    end = ((stamps[-1] or 0) + last) * head.clock  # counted, as the head does, from 0, whenever the first is shown
+    missing = head.frames > len(times) or head.seconds > max(end, times[-1]) + _LATE / head.rate
     problem = f"truncated: the film ends after {len(times)} frames, before its head says; {_COPY}" if missing else ""
     return Contents(tuple(round(time, 6) for time in times), problem)
 
@@ -226,20 +227,32 @@ def _film_frames(path: str, max_bytes: int) -> Iterator[Numbered]:
 
 
 def _pnm(frame: Any, max_bytes: int) -> bytes:  # noqa: ANN401 - of PyAV
-    """A frame upright, as the film's own note of rotation says."""
+    """A frame upright, as the film's own note of turns and mirrors says."""
     _require_room(frame, 3, max_bytes)
     if frame.is_corrupt:
         raise ImageReadError("damaged", f"the frame is incomplete; {_COPY}")
     grey = frame.format.name.startswith("gray")
     pixels = frame.to_ndarray(format="gray" if grey else "rgb24")
-    turns = round(frame.rotation / 90) % 4
-    if turns:
-        import numpy as np
-
-        pixels = np.rot90(pixels, turns)
+    upright = _upright(frame)
+    if upright is not None:
+        pixels = upright(pixels).copy()
     height, width = pixels.shape[:2]
     data: bytes = pixels.tobytes()
     return b"P%d\n%d %d\n255\n" % (5 if grey else 6, width, height) + data
+
+
+def _upright(frame: Any) -> Callable[[Any], Any] | None:  # noqa: ANN401 - of PyAV
+    """Turns pixels as the display matrix of a frame says: x' = a x + c y, y' = b x + d y, by quarters and mirrored."""
+    found = frame.side_data.get("DISPLAYMATRIX")
+    if found is None:
+        return None
+    import numpy as np
+
+    a, b, _, c, d = np.frombuffer(bytes(found), "<i4")[:5].tolist()
+    lies = abs(b) > abs(a)
+    across, down = (c, b) if lies else (a, d)
+    steps = slice(None, None, -1 if down < 0 else 1), slice(None, None, -1 if across < 0 else 1)
+    return lambda pixels: (pixels.swapaxes(0, 1) if lies else pixels)[steps]
 
 
 def _require_room(frame: Any, channels: int, max_bytes: int) -> None:  # noqa: ANN401 - of PyAV or Pillow

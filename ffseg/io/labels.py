@@ -67,6 +67,10 @@ class Labels:
         known = set(self._pairs(names).values())
         return [key for key in self.regions if key not in known]
 
+    def classes(self) -> set[str]:
+        """Labels of all regions."""
+        return {label for labelled in self.regions.values() for label in labelled}
+
     def _pairs(self, names: Sequence[str]) -> dict[str, str]:
         """What the file calls the images of these names, where image and entry are nearest to each other alone."""
         images, entries = _by_ends(names), _by_ends(self.regions)
@@ -210,18 +214,22 @@ def _ellipse(x: float, y: float, wide: float, high: float) -> Paint:
     return polygon(np.stack([x + wide * np.cos(turns), y + high * np.sin(turns)], axis=1))
 
 
+def _nothing(_mask: Mask) -> None:
+    """Paint what a point or a line encloses."""
+
+
 def _labelme(shape: Mapping[str, Any]) -> Paint:
     points, kind = shape["points"], shape.get("shape_type", "polygon")
     if kind == "polygon":
         return polygon(points)
+    if kind not in ("rectangle", "circle", "mask"):
+        return _nothing
     (x0, y0), (x1, y1) = points
     if kind == "rectangle":
         return _rectangle(x0, y0, x1, y1)
     if kind == "circle":
         radius = float(np.hypot(x1 - x0, y1 - y0))
         return _ellipse(x0, y0, radius, radius)
-    if kind != "mask":
-        raise ValueError(f"a {kind} encloses nothing")
     part, left, top = decode_mask(base64.b64decode(shape["mask"])), round(x0), round(y0)
 
     def paint(mask: Mask) -> None:
@@ -283,4 +291,4 @@ def _via(shape: Mapping[str, Any]) -> Paint:
         return _ellipse(shape["cx"], shape["cy"], shape["r"], shape["r"])
     if kind == "ellipse":
         return _ellipse(shape["cx"], shape["cy"], shape["rx"], shape["ry"])
-    raise ValueError(f"a {kind} encloses nothing")
+    return _nothing

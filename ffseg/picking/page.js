@@ -309,7 +309,7 @@ const keys = {
 };
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]") || event.target.matches("input")) return;
-  if (event.key === " ") { space = true; stage.classList.add("moving"); event.preventDefault(); return; }
+  if (event.key === " " && !event.target.matches("button")) { space = true; stage.classList.add("moving"); event.preventDefault(); return; }
   if (/^[1-9]$/.test(event.key)) return choose(Number(event.key) - 1);
   const act = keys[event.key] ?? keys[event.key.toLowerCase()];
   if (!act || event.repeat && /^(a|s|enter)$/i.test(event.key)) return;

@@ -105,11 +105,19 @@ class Project:
                 return decode_mask(read_bytes(path, MOST_BYTES))
         return None
 
-    def take(self, source: Source, mask: NDArray[np.bool_]) -> None:
-        """Take a mask that was drawn elsewhere as that of an image in which nothing was picked, and accept it."""
-        path = self.mask_path(source.name, self.path(IMPORTED))
+    def _keep_base(self, name: str) -> None:
+        """Keep what an accepted mask began with: another run, or none, may be reviewed next."""
+        path, base = self.mask_path(name, self.path(IMPORTED)), self.base(name)
+        if base is not None and not os.path.exists(path):
+            self._write_base(path, base)
+
+    def _write_base(self, path: str, mask: NDArray[np.bool_]) -> None:
         make_folder(os.path.dirname(path))
         write_bytes_atomic(path, encode_mask(mask))
+
+    def take(self, source: Source, mask: NDArray[np.bool_]) -> None:
+        """Take a mask that was drawn elsewhere as that of an image in which nothing was picked, and accept it."""
+        self._write_base(self.mask_path(source.name, self.path(IMPORTED)), mask)
         self.journal.add(source.name, "pick", Picked(status="accepted"), size_of(source.path))
 
     def count(self, status: str) -> int:
@@ -126,6 +134,8 @@ class Project:
         """
         paths = (self.mask_path(source.name), f"{self.mask_path(source.name, self.path(LABELS))[:-4]}.json")
         if found is not None:
+            if found.source == "run":
+                self._keep_base(source.name)
             for path, data in zip(
                 paths, (encode_mask(found.mask), self._labelme(source, found, paths[1])), strict=True
             ):

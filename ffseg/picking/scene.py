@@ -161,7 +161,9 @@ class Scene:
         if base is not None and not grows:
             levels = base.view(np.uint8) * np.uint8(255)
             mask = base if factor == 1 else _reduced(levels, max(shape))[:, :, 0] > 127
-            return Found(mask, outlines_of(mask), factor, source="run")
+            unheard = picked.nots or picked.probability is not None or picked.clearance is not None
+            said = "on a region that was there, points outside and levels count once there is a start inside; use the brush"
+            return Found(mask, outlines_of(mask), factor, said if unheard else "", source="run")
         empty = Found(np.zeros(shape, np.bool_), (), factor)
         if not grows and params.edges.model is None:
             return empty

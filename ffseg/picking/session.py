@@ -105,6 +105,7 @@ class Session:
             held.callback(project.journal.close)
             self.projects.append(project)
         self._scenes: OrderedDict[int, Scene] = OrderedDict()
+        self._stamps: dict[int, tuple[int, int] | None] = {}
         self._opening, self._changing = threading.Lock(), threading.RLock()
         self._work = [_Work(project, self) for project in self.projects]
         for work in self._work:
@@ -171,9 +172,10 @@ class Session:
         ImageReadError
             If it cannot be read.
         """
+        source = self.sources[index]
         with self._opening:
             if index not in self._scenes:
-                source = self.sources[index]
+                self._stamps[index] = _stamp(source.path)
                 masks = self._masks.within(self._domains.get(source.name, ""))
                 self._scenes[index] = Scene(read_source(source, levels=self._levels), masks)
                 while len(self._scenes) > MOST_OPEN:
@@ -199,7 +201,10 @@ class Session:
         return {index: status for index, status in found.items() if status != "open"}
 
     def image(self, label: int, index: int) -> dict[str, Any]:
-        """What is picked in an image, and what the page shows of it; of one that cannot be read, why."""
+        """What is picked in an image, read anew where its file changed, and what the page shows; else why it cannot be."""
+        if self._stamps.get(index) != _stamp(self.sources[index].path):
+            with self._opening:
+                self._scenes.pop(index, None)
         track, problem = self.projects[label].track(index), ""
         try:
             height, width = self.scene(index).shape
@@ -248,6 +253,8 @@ class Session:
             raise KeyError(do)
         project, name = self.projects[label], self.sources[index].name
         picked = Picked.read(document) if do == "pick" else None
+        if self._stamps.get(index) not in (None, _stamp(self.sources[index].path)):
+            raise UsageError("the image's file was replaced or removed since it was opened; reload the page to see it")
         with self._changing:
             track = project.track(index)
             if track.version != version:
@@ -313,6 +320,14 @@ class Session:
         self._work[label].run()
 
 
+def _stamp(path: str) -> tuple[int, int] | None:
+    """What tells a file from another under its name; None of an address, or where it has gone."""
+    with suppress(OSError):
+        status = os.stat(path)
+        return status.st_size, status.st_mtime_ns
+    return None
+
+
 def _replaced(source: Source, project: Project) -> bool:
     before, now = project.journal.track(source.name).size, size_of(source.path)
     if before is not None and now is not None and before != now:
@@ -362,6 +377,8 @@ class _Work:
         if count < LEAST_MASKS:
             self.line = f"{LEAST_MASKS - count} more accepted and a model is learned from them"
             self._learning.stop()
+            if self.project.model:
+                self._use(learned=False)
             return
         if self._learning.running and self._spared:
             return
@@ -384,18 +401,25 @@ class _Work:
             self.line = f"nothing was learned: {last_line(err)}"
             return
         self.line, self.order, of_use = figures_said(out)
-        new, model = self.project.path("learning.ffmodel"), self.project.path(MODEL)
-        os.replace(new, model)
+        self._use(learned=of_use)
         if not of_use:
-            os.unlink(model)
             self.line += "; it is not used"
-        self._session.forget()
-        self.generation += 1
-        self.project.write_starts()
         if self.project.count("accepted") != self._count:
             self.learn(again=True)
         elif not self._measuring:
             self._start(measuring=True)
+
+    def _use(self, *, learned: bool) -> None:
+        """Use what was learned from now on, or no model."""
+        paths = self.project.path("learning.ffmodel"), self.project.path(MODEL)
+        if learned:
+            os.replace(*paths)
+        for path in () if learned else paths:
+            with suppress(FileNotFoundError):
+                os.unlink(path)
+        self._session.forget()
+        self.generation += 1
+        self.project.write_starts()
 
     def run(self) -> None:
         """Do the folder, anew where it was done before."""

@@ -1,6 +1,8 @@
 """Films as inputs: every frame is an image with its time, whatever the container, and damage costs what it damaged."""
 
 import importlib.util
+import struct
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -205,6 +207,37 @@ def test_a_phone_held_upright_gives_upright_frames(tmp_path: Path) -> None:
                 film.mux(packet)
     first = read_source(discover([str(tmp_path / "turned.mp4")])[0])
     assert first.shape[:2] == (80, 60)
+
+
+def test_a_mirrored_film_is_mirrored(tmp_path: Path) -> None:
+    """Its note is no turn: x' = -x, y' = y."""
+    film = write_film(tmp_path / "a.mp4", [frame[:, :40] for frame in pictures(3)])
+    plain, data = read_source(discover([str(film)])[0]), bytearray(film.read_bytes())
+    at = data.index(b"tkhd") + 44  # of version 0
+    data[at : at + 36] = struct.pack(">9i", -(1 << 16), 0, 0, 0, 1 << 16, 0, 40 << 16, 0, 1 << 30)
+    (tmp_path / "b.mp4").write_bytes(data)
+    assert np.array_equal(read_source(discover([str(tmp_path / "b.mp4")])[0]), plain[:, ::-1])
+
+
+def test_a_film_that_starts_late_is_whole(tmp_path: Path) -> None:
+    frames = pictures(6)
+    with av.open(str(tmp_path / "late.mkv"), "w") as film:
+        track = film.add_stream("libx264", rate=25)
+        track.width, track.height, track.pix_fmt = 80, 60, "yuv420p"
+        for number, pixels in enumerate(frames):
+            frame = av.VideoFrame.from_ndarray(pixels, format="rgb24")
+            frame.pts, frame.time_base = 25 + number, Fraction(1, 25)
+            film.mux(track.encode(frame))
+        film.mux(track.encode())
+    found = discover([str(tmp_path / "late.mkv")])
+    assert (len(found), [one.problem for one in found if one.problem]) == (6, [])
+
+
+def test_frames_of_one_time_make_a_film(tmp_path: Path) -> None:
+    first, *others = (Image.fromarray(pixels) for pixels in pictures(4))
+    first.save(tmp_path / "a.gif", save_all=True, append_images=others, duration=[50, 0, 100, 50])
+    run_batch(tmp_path / "a.gif", tmp_path / "out", executor=INPROCESS, products=Products(films=("mask",)), film=True)
+    assert len(played(tmp_path / "out" / "a_mask.mp4")) == 4
 
 
 def test_the_command_takes_films_beside_images(film: Path, tmp_path: Path, ffseg_command: Command) -> None:

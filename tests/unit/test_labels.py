@@ -70,6 +70,15 @@ def test_regions_of_images_that_share_a_name_stay_apart(tmp_path: Path) -> None:
     assert one.without(names) == ["a.png"]
 
 
+@pytest.mark.parametrize("kind", ["point", "line", "linestrip"])
+def test_what_encloses_nothing_keeps_no_region_from_being_read(kind: str, tmp_path: Path) -> None:
+    document = labelme("a.png", 3)
+    document["shapes"].append({"label": "r", "shape_type": kind, "points": [[1, 1]] * (1 if kind == "point" else 2)})
+    found = read_labels(write(tmp_path, document))
+    assert np.array_equal(found.mask("a.png", "r", SHAPE), box(3, 2, 7, 8))
+    assert [*found.odd] == ["a.png"]
+
+
 @pytest.mark.parametrize("size", [(30, 41), (31, 40), (40, 30)])
 def test_regions_of_another_size_are_refused(size: tuple[int, int], tmp_path: Path) -> None:
     one = read_labels(write(tmp_path, labelme("a.png", 3, imageHeight=size[0], imageWidth=size[1])))
@@ -147,7 +156,6 @@ def test_shapes_of_every_program_are_painted_where_they_stand(tmp_path: Path) ->
 BAD = [
     [], 3, {"shapes": [{}], "imagePath": "a"}, {"annotations": [{"image_id": 1}], "images": []}, {"a": 1},
     {"a": {"regions": [1]}},
-    {"imagePath": "a", "shapes": [{"label": "x", "shape_type": "line", "points": [[1, 1], [2, 2]]}]},
     {"imagePath": "a", "shapes": [{"label": "x", "points": [[1, 1], [2, 2]]}]},
 ]  # fmt: skip
 

@@ -18,7 +18,7 @@ import pytest
 from commands import Command
 from hypothesis import given
 from hypothesis import strategies as st
-from pick_page import LEFT, OPEN, RIGHT, ask, disc, draw, mask_of, picked, served, session
+from pick_page import LEFT, OPEN, RIGHT, SIZE, ask, disc, draw, mask_of, picked, served, session
 
 import ffseg
 from ffseg.errors import OutputError, UsageError
@@ -224,6 +224,41 @@ def test_masks_of_a_run_stand_until_something_is_picked(tmp_path: Path, ffseg_co
         own.change(0, 1, 0, "pick", picked(LEFT, status="accepted"))
     assert (out / "masks" / "a.png").read_bytes() == (tmp_path / "run" / "masks" / "a.png").read_bytes()
     assert overlap(mask_of(out / "masks" / "b.png"), disc(LEFT)) > 0.95
+
+
+def test_a_reviewed_mask_stays_when_the_run_is_gone(tmp_path: Path, ffseg_command: Command) -> None:
+    folder, out = draw(tmp_path / "in", ["a.png"]), tmp_path / "out"
+    ffseg_command("run", str(folder), "--out", str(tmp_path / "run"), "--set", "init.center=[45, 60]")
+    with session(folder, out, review=str(tmp_path / "run")) as own:
+        assert "use the brush" in own.find(0, 0, OPEN | {"nots": [[45, 60, 4]]}, quick=False)["said"]
+        own.change(0, 0, 0, "pick", OPEN | {"status": "accepted"})
+    kept = mask_of(out / "masks" / "a.png")
+    assert kept.any()
+    with session(folder, out) as own:
+        own.change(0, 0, 1, "pick", OPEN | {"status": "skipped"})
+        own.change(0, 0, 2, "undo")
+    assert np.array_equal(mask_of(out / "masks" / "a.png"), kept)
+
+
+def test_an_image_that_is_replaced_while_it_is_open_is_read_anew(tmp_path: Path) -> None:
+    folder = draw(tmp_path / "in", ["a.png"])
+    with session(folder, tmp_path / "out") as own:
+        assert own.image(0, 0)["height"] == SIZE[0]
+        (folder / "a.png").write_bytes(encode_mask(disc(LEFT)[:100]))
+        with pytest.raises(UsageError, match="since it was opened"):
+            own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        assert own.image(0, 0)["height"] == 100
+        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+    assert mask_of(tmp_path / "out" / "masks" / "a.png").shape[0] == 100
+
+
+def test_a_model_goes_with_the_masks_it_is_of(tmp_path: Path) -> None:
+    folder, out = draw(tmp_path / "in", ["a.png"]), tmp_path / "out"
+    with session(folder, out):
+        (out / "model.ffmodel").write_bytes(b"of masks that have gone")
+    with session(folder, out) as own:
+        assert own.projects[0].params.edges.model is None
+    assert not (out / "model.ffmodel").exists()
 
 
 def test_images_that_would_share_a_mask_are_refused_before_anything_is_picked(tmp_path: Path) -> None:

@@ -104,7 +104,7 @@ def _write(path: str, kind: str, frames: Iterator[Timed]) -> None:
     import av
 
     codec, layout, options = _CODECS[kind]
-    size = (0, 0)
+    size, shown = (0, 0), -1
     with replacement(path) as temporary:
         try:
             with av.open(temporary, "w", format=FILM_KINDS[kind], container_options={"fflags": "+bitexact"}) as film:
@@ -118,7 +118,8 @@ def _write(path: str, kind: str, frames: Iterator[Timed]) -> None:
                             f"{printable(path)}: frames of several sizes make no film; run them one film at a time"
                         )
                     frame = av.VideoFrame.from_ndarray(pixels, format="bgra" if pixels.shape[2] == 4 else "bgr24")
-                    frame.pts, frame.time_base = round(time * _CLOCK), Fraction(1, _CLOCK)
+                    shown = max(shown + 1, round(time * _CLOCK))  # in a GIF two frames may have one time
+                    frame.pts, frame.time_base = shown, Fraction(1, _CLOCK)
                     film.mux(track.encode(frame))
                 film.mux(track.encode())
         except av.FFmpegError as error:

@@ -71,6 +71,9 @@ def pick(  # noqa: PLR0913 - the options of the command
             console.message(f"ffseg: {counted(taken, 'mask')} taken from {printable(os.fspath(labels_from or ''))}")
             if odd:
                 console.message(f"ffseg: a region holds no pixel, or all of them, in {named([*map(printable, odd)])}")
+            unknown = sorted(drawn.classes() - set(chosen)) if chosen else []
+            if unknown:
+                console.message(f"ffseg: left out, as no class of --labels: {named([*map(printable, unknown)])}")
             others = drawn.without([source.name for source in session.sources])
             if others:
                 console.message(
