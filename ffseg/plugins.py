@@ -262,12 +262,17 @@ def methods_named(text: str) -> tuple[str, ...]:
     ------
     ParameterError
         If there is none of a name, or it cannot be loaded.
+    SegmentationError
+        If no package of them is installed.
     """
     groups = {"all": (*SEGMENTERS, *PEERS), "peers": tuple(PEERS)}
     parts = [part.strip() for part in text.split(",")]
     names = tuple(dict.fromkeys(name for part in parts for name in groups.get(part, (part,))))
     for name in names:
         check("methods", name)
+    rows = [method(name) for name in names]
+    if not any(row.installed for row in rows):
+        rows[0].loaded()
     return names
 
 

@@ -90,7 +90,9 @@ def peers(order: Order, _: Path) -> Iterator[Group | Skipped]:
             if PEERS[name].installed:
                 yield _beside(picture, name)
             else:
-                yield Skipped("peers", f"{picture.name}, {name}", f"{PEERS[name].package} is not installed")
+                yield Skipped(
+                    "peers", f"{picture.name}, {name}", f"{PEERS[name].package} is not installed; add ffseg[peers]"
+                )
 
 
 def _beside(picture: Picture, name: str) -> Group:

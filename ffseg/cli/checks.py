@@ -24,6 +24,10 @@ def folder(text: str) -> Path:
     """Read the name of a folder: not of a file, nor ``-``; of ``--out=~/x`` the shell leaves the tilde to us."""
     if text == "-":
         raise typer.BadParameter("- is no folder; write ./- if it is called so")
+    if "://" in text:
+        raise typer.BadParameter(
+            f"{text} is an address; outputs go into a folder of this machine: copy them there then"
+        )
     path = Path(text).expanduser() if text == "~" or text.startswith("~/") else Path(text)
     if os.path.exists(path) and not os.path.isdir(path):  # Path's own raise where a name is too long or not to be seen
         raise typer.BadParameter(f"{text} is a file; name a folder")

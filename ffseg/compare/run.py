@@ -207,7 +207,9 @@ def _run(scene: Scene, row: Row, peers: PeerParameters, alike: Shared | None) ->
     """Run a method once: its row without scores, and its result if it has one."""
     chosen = row_of(row.method)
     if not chosen.installed:
-        return replace(row, status="skipped", error=f"the package {chosen.package} is not installed"), None
+        return replace(
+            row, status="skipped", error=f"the package {chosen.package} is not installed; add ffseg[peers]"
+        ), None
     try:
         params, options = configured(scene.params, row.method, peers)
         one = replace(scene, params=params, method=chosen, options=options)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -247,14 +248,19 @@ def grow(
     return replace(both, arrays=both.arrays | {"value": both.arrays["value"] / 2})
 
 
+def require_lightgbm() -> None:
+    """Refuse to learn without LightGBM."""
+    if find_spec("lightgbm") is None:
+        raise UsageError("learning needs the package lightgbm; install it, or ffseg[learn]")
+
+
 def _boosted(
     chosen: Sequence[Samples], names: tuple[str, ...], trees: int, rate: float, begin: Sequence[Odds] | None = None
 ) -> list[dict[str, Any]]:
     """LightGBM's trees; `names` begin as ``TAUGHT`` does, or are converted with themselves."""
-    try:
-        import lightgbm
-    except ImportError as error:
-        raise UsageError("learning needs the package lightgbm; install ffseg[learn]") from error
+    require_lightgbm()
+    import lightgbm
+
     columns = [KNOWN.index(name) for name in names]
     rows = np.concatenate([one.rows[:, columns] for one in chosen])
     labels = np.concatenate([one.inside for one in chosen])

@@ -90,6 +90,7 @@ WRONG = {
     "below a file": (["run", SAMPLES, "--out", "file/out"], "(Not a directory); name another folder"),
     "a file for samples": (["samples", "file"], "file is a file; name a folder"),
     "stdout for a folder": (["run", SAMPLES, "--out", "-"], "- is no folder; write ./- if it is called so"),
+    "address for a folder": (["run", SAMPLES, "--out", "s3://a/b"], "s3://a/b is an address; outputs go into a folder"),
     "stdin for images": (
         ["run", "-", "--out", "out"],
         "write --list - for names and 'ffseg segment - OUT' for an image",

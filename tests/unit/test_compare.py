@@ -13,7 +13,7 @@ from ffseg import plugins
 from ffseg.compare import run as work
 from ffseg.compare.shared import common_source
 from ffseg.compare.text import markdown
-from ffseg.errors import OutputError, ParameterError, UsageError
+from ffseg.errors import OutputError, ParameterError, SegmentationError, UsageError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.io.overlays import Polyline
 from ffseg.io.panels import STRIP, TILE_WIDTH, Tile, encode_panel
@@ -188,9 +188,11 @@ def test_a_peer_that_is_not_installed_is_skipped(tmp_path: Path, monkeypatch: py
     peer = plugins.PEERS["skfmm"]
     monkeypatch.setitem(plugins.METHODS, "skfmm", replace(peer, module="no_such_module"))
     rows = work.compare(task_of(tmp_path, "skfmm,freeform"), silent)
-    assert (rows[0].status, rows[0].error) == ("skipped", "the package scikit-fmm is not installed")
+    assert (rows[0].status, rows[0].error) == ("skipped", "the package scikit-fmm is not installed; add ffseg[peers]")
     assert work.missed_gates(rows, {"": 0.9}) == []
     assert len(work.missed_gates(rows, {"skfmm": 0.9})) == 1
+    with pytest.raises(SegmentationError, match=r"needs the package scikit-fmm; install it, or ffseg\[peers\]"):
+        plugins.methods_named("skfmm")
 
 
 def test_an_unreadable_image_fails_every_method(tmp_path: Path) -> None:
