@@ -32,7 +32,8 @@ def taken_image(
     Parameters
     ----------
     image : ndarray of uint8, uint16 or float, shape (H, W) or (H, W, 3)
-        16 bits are cut to the upper 8, as for files; floats go from 0 to 1. Both as `skimage.img_as_ubyte` does.
+        16 bits are cut to the upper 8, floats go from 0 to 1, both as `skimage.img_as_ubyte` does; which bits a file uses
+        (``input.range: auto``) is not asked of an array.
     rgb : bool
         The channels are red, green, blue.
     levels : tuple of float or "auto"

@@ -100,7 +100,9 @@ def _y4m_form(stream: BinaryIO) -> Form:
         raise UsageError(f"stdin: Y4M with colours {printable(colours)}; send 8 bits: ffmpeg -pix_fmt yuv420p")
     sides = [by_kind.get(side, "") for side in "WH"]
     if not all(side.isdecimal() and len(side) < 6 for side in sides):
-        raise UsageError("stdin: the Y4M header has no size; write it anew with ffmpeg -f yuv4mpegpipe")
+        raise UsageError(
+            "stdin: the Y4M header has no size of up to five digits; write it anew with ffmpeg -f yuv4mpegpipe"
+        )
     kept = tuple(tag for tag in tags if tag[0] not in "WHCX")
     return Form(int(sides[0]), int(sides[1]), "mono" if colours == "mono" else "420", kept)
 
@@ -121,6 +123,8 @@ def frames(stream: BinaryIO, form: Form) -> Iterator[Array]:
             if not line.startswith(_FRAME):
                 raise ImageReadError("damaged", f"stdin: no frame begins where frame {number} should; send it again")
         data = stream.read(form.num_bytes)
+        if form.is_raw and number == 0 and data.startswith(_MAGIC):
+            raise ImageReadError("damaged", "stdin holds Y4M, which says its size itself; leave --raw out")
         if not data and form.is_raw:
             return
         if len(data) < form.num_bytes:

@@ -95,7 +95,7 @@ def pick(
     params: ParametersLike = None,
     *,
     out: str | os.PathLike[str] | None = None,
-    labels: Sequence[str] = (),
+    labels: str | Sequence[str] = (),
     rgb: bool = False,
 ) -> Picking:
     """Open a page to pick regions in images with clicks, boxes and a brush.
@@ -108,7 +108,7 @@ def pick(
         As of `ffseg.segment`.
     out : path, optional
         Folder that everything is saved in, and gone on from; without it a temporary one.
-    labels : sequence of str
+    labels : str or sequence of str
         Names of classes, each picked by itself.
     rgb : bool
         The channels of arrays are red, green, blue.
@@ -147,4 +147,4 @@ def pick(
                 )
             write_bytes_atomic(path, data)
             inputs.append(path)
-    return Picking(Session(inputs, target, chosen, labels))
+    return Picking(Session(inputs, target, chosen, [labels] if isinstance(labels, str) else labels))

@@ -256,7 +256,7 @@ class Journal:
             track.step(entry["do"], picked)
             track.size = entry.get("size")
             self.last = entry["image"]
-        except (ValueError, KeyError, TypeError, UsageError) as error:
+        except (ValueError, KeyError, TypeError, RecursionError, UsageError) as error:
             raise OutputError(
                 f"{printable(self._path)}:{number} is no step of ffseg pick ({error}); restore it"
             ) from error

@@ -87,6 +87,7 @@ def test_pictures_come_back_in_colour() -> None:
         (b"YUV4MPEG2 W81 H60\n", [], 2, "81x60 is odd"),
         (b"YUV4MPEG2 W80 H60\nWRONG\n", [], 3, "no frame begins where frame 0 should"),
         (b"YUV4MPEG2 W99999 H99999\n", [], 2, "send another size"),
+        (y4m(FRAMES, "420jpeg"), ["--raw", "80x60:bgr24"], 3, "stdin holds Y4M, which says its size itself"),
         (RAW[:-7], ["--raw", "80x60:bgr24"], 3, "stdin ends inside frame 3"),
         (RAW, ["--raw", "80x60"], 2, "--raw 80x60: write WIDTHxHEIGHT:LAYOUT"),
         (RAW, ["--raw", "80x60:bgr24", "--camera", "c.yaml"], 2, "frames of a pipe take no --camera"),

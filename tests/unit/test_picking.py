@@ -87,9 +87,10 @@ def test_a_journal_gives_back_every_step_and_drops_a_torn_line(tmp_path: Path) -
     again.add("c.png", "pick", one)
     again.close()
     assert Journal(path).track("c.png").now == one
-    Path(path).write_bytes(b'{"image":"b.png"}\n')
-    with pytest.raises(OutputError, match=r"picks\.jsonl:1 is no step of ffseg pick"):
-        Journal(path)
+    for line in (b'{"image":"b.png"}\n', b"[" * 100_000 + b"\n"):
+        Path(path).write_bytes(line)
+        with pytest.raises(OutputError, match=r"picks\.jsonl:1 is no step of ffseg pick"):
+            Journal(path)
 
 
 def test_a_step_that_cannot_be_written_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -551,6 +552,8 @@ def test_a_notebook_gets_the_page_in_a_frame_and_what_was_picked(tmp_path: Path)
             ffseg.pick(tmp_path / "out" / "images", out=tmp_path / "out")
     with ffseg.pick(image, out=tmp_path / "out") as fewer:
         assert len(fewer._session.sources) == 1
+    with ffseg.pick(image, out=tmp_path / "named", labels="road") as named:
+        assert named._session.labels == ("road",)
     with pytest.raises(ffseg.SegmentationError, match="the image is None"):
         ffseg.pick([None], out=tmp_path / "out")
     with pytest.raises(UsageError, match="is another array"):
