@@ -21,6 +21,7 @@ from ffseg.freespace.occupancy import OccupancyMap
 from ffseg.freespace.sightings import Sighting
 from ffseg.freespace.skeleton import Skeleton
 from ffseg.freespace.window import Link
+from ffseg.io.exports import from_run_lengths
 from ffseg.io.files import make_folder, printable, write_all_atomic
 from ffseg.io.masks import decode_mask
 
@@ -142,6 +143,5 @@ def _sighting(record: Record, out: str, views: Views) -> Sighting:
     lean = None if stood["lean"] is None else Lean(*map(float, stood["lean"]))
     inside, domain = views.camera.domain(), None
     if "left_out" in stood:
-        outside = np.repeat(np.arange(len(stood["left_out"])) % 2 == 1, stood["left_out"])
-        domain = inside & ~outside.reshape(inside.shape[::-1]).T
+        domain = inside & ~from_run_lengths(stood["left_out"], inside.shape)
     return Sighting(decode_mask(mask), views.camera, links, (sigma_m, sigma_rad), lean, domain)

@@ -245,6 +245,17 @@ def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
     return bounds
 
 
+def from_run_lengths(lengths: Sequence[int], shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """The mask of these run lengths.
+
+    Raises
+    ------
+    ValueError
+        If they are of another size.
+    """
+    return np.repeat(np.arange(len(lengths)) % 2 == 1, lengths).reshape(shape, order="F")
+
+
 def _coco_annotation(number: int, region: Polygon, image: AnnotatedImage) -> Document:
     (x, y), (height, width) = region.origin, region.mask.shape
     return {

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ffseg.errors import FfsegError, ImageReadError, UsageError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.image.raster import rasterize
+from ffseg.io.exports import from_run_lengths
 from ffseg.io.files import printable, read_bytes
 from ffseg.io.masks import decode_mask
 
@@ -246,7 +247,7 @@ def _coco(annotation: Mapping[str, Any]) -> Paint:
         lengths = _unpacked(counts) if isinstance(counts, str) else [int(one) for one in counts]
         if sum(lengths) != height * width:
             raise ValueError(f"run lengths of {sum(lengths)} pixels in an image of {height * width}")
-        values = np.repeat(np.arange(len(lengths)) % 2 == 1, lengths).reshape((height, width), order="F")
+        values = from_run_lengths(lengths, (height, width))
 
         def paint(mask: Mask) -> None:
             if mask.shape != values.shape:
