@@ -63,6 +63,11 @@ class Server(ThreadingHTTPServer):
         """Serve from a thread until `shutdown`."""
         threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True).start()
 
+    @property
+    def busy(self) -> bool:
+        """Whether an answer is being found."""
+        return self._working > 0
+
     def server_close(self) -> None:
         """Close; the answers that are being found are waited for, and none is begun any more.
 

@@ -607,11 +607,13 @@ def test_a_server_closes_when_the_last_answer_is_found_and_begins_no_other(tmp_p
         asking.start()
         assert begun.wait(20)
         server.shutdown()
+        assert server.busy
         closing = threading.Thread(target=lambda: (server.server_close(), closed.set()))
         closing.start()
         assert not closed.wait(0.2)
         go.set()
         assert closed.wait(20)
+        assert not server.busy
         with pytest.raises(ConnectionResetError), server.working():
             pass
 

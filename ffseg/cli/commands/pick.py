@@ -112,4 +112,6 @@ def _serve(session: Session, port: int, browser: bool) -> None:
         while not ended.wait(0.5):
             pass
         server.shutdown()
+        if server.busy:
+            console.message("ffseg: ends as soon as a region that is being found is there")
     console.message(f"ffseg: all of it is in {printable(session.out)}; the same command goes on from there")
