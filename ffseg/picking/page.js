@@ -113,21 +113,22 @@ const pick = (change) => {
   forget();
   return kept;
 };
+const shut = () => { // what is done before the next is open is meant for none
+  image = null;
+  $("name").textContent = "";
+  view.region(null);
+  forget();
+  view.show("", 1, 1);
+};
 const load = async (place, said = "") => {
-  const before = index;
-  index = place;
   letGo();
-  if (place !== before) { // what is done before it is open is meant for none
-    image = null;
-    $("name").textContent = "";
-    view.region(null);
-    forget();
-    view.show("", 1, 1);
-  }
+  if (place !== index) shut();
+  const anew = !image;
+  index = place;
   try {
     const found = await post("image");
     if (place !== index) return;
-    if (place !== before) view.show(found.problem ? "" : `image/${place}`, found.width, found.height);
+    if (anew) view.show(found.problem ? "" : `image/${place}`, found.width, found.height);
     adopt(found);
     notify(said || found.problem, Boolean(found.problem));
   } catch (error) {
@@ -287,6 +288,7 @@ const choose = (kind) => {
   if (!(kind in about.labels) || kind === label) return;
   void saving.then(async () => {
     label = kind;
+    shut();
     ({ statuses } = await post("statuses"));
     classes();
     model = -1;

@@ -205,6 +205,29 @@ def test_what_is_begun_in_one_image_is_not_kept_in_the_next(hand: PageHand, serv
     assert server.session.statuses(0) == {}
 
 
+def test_what_is_done_while_a_class_opens_is_meant_for_none(
+    browser: chromium.Chromium, folder: Path, tmp_path: Path
+) -> None:
+    with served(folder, tmp_path / "classes", labels=["left", "right"]) as server:
+        hand = PageHand(browser, server.address)
+        hand.click(*LEFT)
+        hand.until_marks("start")
+        wait_for(lambda: len(state(server, 0)["starts"]) == 1)
+        hand.tab.value(OPENING_WAITS)
+        at = hand.at(*RIGHT)
+        hand.tab.press("2")
+        hand.until_image("")
+        hand.tab.click(*at)
+        hand.tab.press("a")
+        hand.tab.value("window.letOpen()")
+        hand.tab.until("document.getElementById('name').textContent")
+        hand.click(*RIGHT)
+        hand.until_marks("start")
+        wait_for(lambda: len(server.session.image(1, 0)["picked"]["starts"]) == 1)
+        assert server.session.image(1, 0)["picked"]["starts"][0][:2] == pytest.approx(RIGHT, abs=0.2)
+        assert server.session.statuses(1) == {}
+
+
 @pytest.mark.parametrize("key", ["Enter", "A", "s"])
 def test_a_key_that_is_held_accepts_no_image_unseen(key: str, hand: PageHand, server: Server) -> None:
     event = f"new KeyboardEvent('keydown', {{key: {key!r}, repeat: true, bubbles: true}})"
