@@ -243,6 +243,18 @@ def test_a_hole_that_its_front_passes_in_one_step_is_gone(radius: int, degree: i
     assert (made.stop_reason, len(contours(made, degree))) == ("converged", 1)
 
 
+@pytest.mark.parametrize("degree", [5, 6])
+def test_a_twisted_loop_loses_no_obstacle_that_it_holds(degree: int) -> None:
+    """Round a spot of 3 x 3 px the front of a ring closes to two lobes as large, of one hole and of none."""
+    image = np.full((116, 93), 150, np.uint8)
+    image[59:62, 46:49] = 20
+    distance = np.hypot(*(axis - at for axis, at in zip(np.mgrid[:116, :93], (22, 24), strict=True)))
+    ring = ((distance > 15.5) & (distance < 20.5)).astype(np.uint8)
+    result = ffseg.segment(image, {"contour.degree": degree, "edges.source": "gradient"}, start_mask=ring)
+    assert result.num_holes == 1
+    assert not result.mask[60, 47]
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_a_single_front_never_covers_ground_twice(seed: int) -> None:
     """One start: after every iteration there is one outer component, and no two contours cross."""

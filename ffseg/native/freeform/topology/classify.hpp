@@ -79,12 +79,13 @@ void classify(Contour<D>& contour, int i, int j, int inner, bool simple) {
 }
 
 // Drops a loop of two or three patches, too few to cross itself, that has turned inside out without a flip: it would
-// fill once more what lies round the hole that it was.
+// fill once more what lies round the hole that it was. Not round an edge: of a loop twisted into two lobes one may be a
+// hole that is left.
 template <int D>
 void drop_turned(Contour<D>& contour, int i) {
     const int third = contour[contour[i].next].next;
     if (!contour[i].alive || (third != i && third != contour[i].prev)) return;
-    if (component_area(contour, i) > 0 && is_nested(contour, i)) drop(contour, i);
+    if (component_area(contour, i) > 0 && is_nested(contour, i) && !encloses_solid(contour, i)) drop(contour, i);
 }
 
 }  // namespace ffseg::topology
