@@ -148,7 +148,8 @@ def _planar(place: Any, turn: Any) -> Planar:  # noqa: ANN401 - of rosbags
 
 
 def _encoded(message: Any, max_bytes: int) -> bytes:  # noqa: ANN401 - of rosbags
-    """An image's message as the bytes of an image file: those it holds, or PNM."""
+    """An image's message as the bytes of an image file: those it holds, or PNM, or PNG of 16 bits."""
+    import cv2
     import numpy as np
 
     if hasattr(message, "format"):
@@ -167,13 +168,13 @@ def _encoded(message: Any, max_bytes: int) -> bytes:  # noqa: ANN401 - of rosbag
     rows: NDArray[Any] = np.asarray(message.data, np.uint8)[: height * message.step].reshape(height, message.step)[
         :, :size
     ]
-    if deep:
-        rows = np.ascontiguousarray(rows).view(">u2" if message.is_bigendian else "<u2").astype(">u2")
-    elif channels > 1:
+    if deep:  # PNM of 16 bits is none that is read
+        pixels = np.ascontiguousarray(rows).view(">u2" if message.is_bigendian else "<u2")
+        return cv2.imencode(".png", pixels.astype(np.uint16))[1].tobytes()
+    if channels > 1:
         rows = rows.reshape(height, width, channels)[..., :3]
         rows = rows if message.encoding.startswith("rgb") else rows[..., ::-1]
-    most = 65535 if deep else 255
-    return b"P%d\n%d %d\n%d\n" % (6 if channels > 1 else 5, width, height, most) + rows.tobytes()
+    return b"P%d\n%d %d\n255\n" % (6 if channels > 1 else 5, width, height) + rows.tobytes()
 
 
 @contextmanager
