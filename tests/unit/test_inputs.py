@@ -201,6 +201,8 @@ def store(images: Path):
     for name in NAMES:
         system.pipe(f"/bucket/set/{name}", (images / name).read_bytes())
     system.pipe("/bucket/set/notes.txt", b"text")
+    for hidden in (".a.png", ".b/a.png", "d/masks/a.png", "d/.ffseg/runs.jsonl", "e/.ffseg-skip", "e/a.png"):
+        system.pipe(f"/bucket/set/{hidden}", (images / "a.png").read_bytes())
     yield system
     system.rm("/bucket", recursive=True)
 

@@ -83,11 +83,14 @@ def _images(path: str, archive: tarfile.TarFile, suffixes: Collection[str]) -> l
         elif member.isreg() and not member.issparse():
             links.pop(name, None)
             files[name] = (member.offset_data, member.size)
-    inside = [*files, *links]
-    skipped = {posixpath.dirname(name) for name in inside if posixpath.basename(name) == SKIP_FILE} - {""}
-    made = {name[:at] for name in inside if (at := f"/{name}".find(f"/{STATE_FOLDER}/")) >= 0}
-    images = (name for name in inside if _is_image(name, suffixes) and not _is_left_out(name, skipped, made))
-    return [_source(path, name, files, links) for name in images]
+    return [_source(path, name, files, links) for name in images_among([*files, *links], suffixes)]
+
+
+def images_among(names: Collection[str], suffixes: Collection[str]) -> list[str]:
+    """Of the names of all files of a tree, with ``/``, those of images that would be found in a folder of them."""
+    skipped = {posixpath.dirname(name) for name in names if posixpath.basename(name) == SKIP_FILE} - {""}
+    made = {name[:at] for name in names if (at := f"/{name}".find(f"/{STATE_FOLDER}/")) >= 0}
+    return [name for name in names if _is_image(name, suffixes) and not _is_left_out(name, skipped, made)]
 
 
 def _is_left_out(name: str, skipped: Collection[str], made: Collection[str]) -> bool:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ffseg.batch.outputs.table import OUTPUT_FOLDERS
-from ffseg.batch.plan.archives import is_archive, members
+from ffseg.batch.plan.archives import images_among, is_archive, members
 from ffseg.batch.plan.remote import file_system, is_remote, remote_name
 from ffseg.batch.plan.sources import READ_SUFFIXES, STATE_FOLDER, SUFFIXES, Source, natural_key
 from ffseg.errors import ImageReadError, UsageError
@@ -137,12 +137,9 @@ def _remote_sources(url: str) -> list[Source]:
             base, paths = path.rstrip("/"), system.find(path)
     except Exception as error:  # every store raises its own kinds
         raise UsageError(f"{printable(url)} cannot be listed ({type(error).__name__}: {error})"[:500]) from error
-    named = [(one[len(base) :].lstrip("/"), one) for one in paths]
-    images = [(name, one) for name, one in named if os.path.splitext(name)[1].lower() in SUFFIXES]
-    return [
-        Source(system.unstrip_protocol(one), name)
-        for name, one in sorted(images, key=lambda pair: natural_key(pair[0]))
-    ]
+    named = {one[len(base) :].lstrip("/"): one for one in paths}
+    images = sorted(images_among(named, SUFFIXES), key=natural_key)
+    return [Source(system.unstrip_protocol(named[name]), name) for name in images]
 
 
 def _expand_pattern(pattern: str, skipped: Counter[str]) -> list[Source]:
