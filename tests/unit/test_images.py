@@ -321,6 +321,11 @@ def test_heic_pictures_are_read_and_cut_ones_refused(shape: tuple[int, int]) -> 
         with pytest.raises(ImageReadError) as caught:
             decode_image(data[:length])
         assert caught.value.reason in REASONS
+    for part in (slice(-len(data) // 3, None), slice(-len(data) // 2, -len(data) // 4)):  # a tail, a hole
+        holed = bytearray(data)
+        holed[part] = bytes(len(holed[part]))
+        with pytest.raises(ImageReadError, match="in a row are zeros"):
+            decode_image(bytes(holed))
     rng = np.random.default_rng(3)
     for place, value in zip(rng.integers(0, len(data), 60), rng.integers(0, 256, 60), strict=True):
         changed = bytearray(data)

@@ -20,7 +20,8 @@ from ffseg.io.validation.streams import frame_size, jpeg2000_stream
 MAX_BOXES = 1000
 """Boxes of one level; a still picture has about ten."""
 ZEROS = 64
-"""Zeros at the end of AVIF data that no encoder writes: its range coder ends with a one."""
+"""Zeros that no encoder writes: at the end of AVIF data, as its range coder ends with a one; anywhere in those of HEVC, which
+puts a 3 behind two (emulation prevention)."""
 
 
 def _boxes(data: bytes, at: int, end: int) -> Iterator[tuple[bytes, int, int]]:
@@ -145,6 +146,9 @@ def heic(data: bytes) -> Header:
         size = (width // max(per_width, 1), height // max(per_height, 1))
     if any(at + length > len(data) for at, length in meta.places.values()):
         raise truncated("the HEIC pixels lie beyond the end of the file")
+    coded = (place for item, place in meta.places.items() if meta.kinds.get(item) == b"hvc1")
+    if any(data.find(bytes(ZEROS), at, at + length) >= 0 for at, length in coded):
+        raise damaged(f"{ZEROS} bytes of the HEIC pixels in a row are zeros (an interrupted copy?)")
     return Header("HEIC", *size)
 
 
