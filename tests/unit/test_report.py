@@ -240,6 +240,13 @@ def test_no_output_folder(tmp_path: Path) -> None:
         write_report(tmp_path)
 
 
+@pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "\x00\x01"])
+def test_a_table_of_nothing_is_named(content: str, tmp_path: Path) -> None:
+    (tmp_path / "timings.csv").write_text(content)
+    with pytest.raises(UsageError, match=r"timings\.csv is no table of images"):
+        write_report(tmp_path)
+
+
 def test_open_tags_are_looked_through_once() -> None:
     assert read_contours("<path " * 200_000) == ()  # 40 times longer for each that looked for its own end
 

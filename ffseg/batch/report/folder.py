@@ -173,6 +173,8 @@ def _rows(path: Path) -> Iterator[Row]:
     try:
         rows = csv.reader(io.StringIO(_text(path), newline=""))
         head = [name[:MAX_CELL] for name in next(rows, [])[:MAX_COLUMNS]]
+        if "image" not in head:
+            raise UsageError(f"{printable(path)} is no table of images; run again into this folder")
         for cells in rows:
             if cells:
                 pairs = zip(head, cells, strict=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -58,7 +59,7 @@ def domain(
         console.data(json.dumps({"out": os.fspath(out), "masks": [asdict(one) for one in found]}, indent=2))
     elif written:
         use = "it with --set domain.mask" if single else "them with --set domain.masks"
-        console.data("\n".join([*map(_sentence, written), f"use {use}={out}"]))
+        console.data("\n".join([*map(_sentence, written), f"use {use}={shlex.quote(os.fspath(out))}"]))
     if not written:
         raise typer.Exit(2)
     if any(one.problems for one in found):
