@@ -36,6 +36,10 @@ USAGE = {
     ),
     "names without a list": (["-0"], "-0"),
     "chunks of no cluster": (["--chunk", "60"], "--chunk"),
+    "a cluster of another executor": (
+        ["--executor", "inprocess", "--dask", "tcp://a:1"],
+        "--dask is of the executor dask",
+    ),
     "the usual chunks of no cluster": (["--chunk", "500", "--executor", "inprocess"], "--chunk"),
     "a map of no camera": (["--map"], "--map needs --camera"),
     "poses of no camera": (["--poses", "poses.csv"], "--camera"),

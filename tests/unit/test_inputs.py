@@ -213,6 +213,10 @@ def test_images_behind_a_url_are_run_like_files(store, images: Path, tmp_path: P
     assert [job.source.name for job in plan.jobs] == ["a.png", "b/a9.png", "b/a10.png"]
     assert [source.name for source in discover(["memory://bucket/set/b/*.png"])] == ["a9.png", "a10.png"]
     assert [source.name for source in discover(["memory://bucket/set/a.png"])] == ["a.png"]
+    run_batch(
+        ["memory://bucket/set/a.png"], tmp_path / "three", executor=INPROCESS, products=Products(exports=("labelme",))
+    )
+    assert '"memory://bucket/set/a.png"' in (tmp_path / "three" / "labelme" / "a.json").read_text()
     again = partial(run_plan, plan, Setup(params=load_params(), segmenter=stand_in.NAME), executor=INPROCESS)
     assert again().done == 3
     assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")

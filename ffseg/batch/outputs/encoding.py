@@ -120,7 +120,8 @@ def overlay(result: Segmentation, context: Context) -> bytes:
 def labelme(result: Segmentation, context: Context) -> bytes:
     """LabelMe document of the image, which names it by the path from where the document is stored."""
     folder = os.path.realpath(os.path.dirname(context.target))  # LabelMe opens it from there, without following links
-    name = os.path.relpath(os.path.realpath(context.path), folder).replace(os.sep, "/")
+    there = context.path if "://" in context.path else os.path.relpath(os.path.realpath(context.path), folder)
+    name = there.replace(os.sep, "/")
     return saved(result, "labelme", Source(readable(name), label=context.label))
 
 

@@ -256,6 +256,8 @@ def _executor(name: str, scheduler: str, asked: Mapping[str, Any]) -> str:
     from ffseg.plugins import check
 
     check("executors", name)
+    if scheduler and name not in (PROCESSES, "dask"):
+        raise UsageError(f"--dask is of the executor dask, not of {name}; leave one of them out")
     who = "dask" if scheduler else name
     _require_together({**asked, "dask": who == "dask"})
     return who
