@@ -163,7 +163,7 @@ class Stranger:
             best, count = iou(self.region(), self.truths[name]), count + 1
         self.clicks.append(count)
         self.hand.tab.press("a" if best >= GOOD - 0.1 else "s")
-        self.until(f"!document.getElementById('name').textContent.startsWith('{name}.')")
+        self.until(f"(shown => shown && !shown.startsWith('{name}.'))(document.getElementById('name').textContent)")
 
     def click(self, mask: Mask, truth: Picture) -> None:
         wrong = Clicks().next(mask, truth, 1.0)
