@@ -205,6 +205,12 @@ def test_what_is_begun_in_one_image_is_not_kept_in_the_next(hand: PageHand, serv
     assert server.session.statuses(0) == {}
 
 
+def test_a_blank_presses_the_button_that_has_the_focus(hand: PageHand) -> None:
+    hand.tab.value("document.getElementById('brush').focus()")
+    hand.tab.press(" ")
+    hand.tab.until("document.getElementById('brush').getAttribute('aria-pressed') === 'true'")
+
+
 def test_what_is_done_while_a_class_opens_is_meant_for_none(
     browser: chromium.Chromium, folder: Path, tmp_path: Path
 ) -> None:

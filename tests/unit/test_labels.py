@@ -42,6 +42,7 @@ def test_what_is_exported_comes_back_pixel_for_pixel(document, tmp_path: Path) -
     for label in ("road", ""):
         assert np.array_equal(labels.mask("sub/a.png", label, SHAPE), mask)
     assert labels.mask("sub/a.png", "kerb", SHAPE) is None
+    assert labels.classes() == {"road"}
     assert labels.mask("b.png", "", SHAPE) is None
     other = read_labels(path).named(["other/a.png"])
     assert np.array_equal(other.mask("other/a.png", "", SHAPE), mask), "the only image of that name"
