@@ -267,8 +267,11 @@ def _pictures(path: str) -> Iterator[Any]:
 
     try:
         with Image.open(path, formats=("GIF", "WEBP", "PNG", "TIFF")) as picture:
-            yield from ImageSequence.Iterator(picture)
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+            for frame in ImageSequence.Iterator(picture):
+                if frame.format != "TIFF":
+                    frame.load()  # WebP tells how long a frame is shown when it decodes it
+                yield frame
+    except (OSError, SyntaxError, ValueError, TypeError, Image.DecompressionBombError) as error:
         raise ImageReadError("damaged", f"a frame of it cannot be read ({error}); write the file again") from error
 
 
@@ -277,7 +280,6 @@ def _times(path: str) -> Iterator[float | None]:
     for picture in _pictures(path):
         yield None if picture.format == "TIFF" else round(passed / 1e3, 6)
         if picture.format != "TIFF":
-            picture.load()  # WebP tells how long a frame is shown when it decodes it
             passed += float(picture.info.get("duration", 0))
 
 

@@ -210,9 +210,11 @@ def _rectangle(left: float, top: float, right: float, bottom: float) -> Paint:
     return polygon([[left, top], [right, top], [right, bottom], [left, bottom]])
 
 
-def _ellipse(x: float, y: float, wide: float, high: float) -> Paint:
+def _ellipse(x: float, y: float, wide: float, high: float, turned: float = 0.0) -> Paint:
     turns = np.arange(CIRCLE_CORNERS) * (2 * np.pi / CIRCLE_CORNERS)
-    return polygon(np.stack([x + wide * np.cos(turns), y + high * np.sin(turns)], axis=1))
+    across, down = wide * np.cos(turns), high * np.sin(turns)
+    cosine, sine = np.cos(turned), np.sin(turned)
+    return polygon(np.stack([x + cosine * across - sine * down, y + sine * across + cosine * down], axis=1))
 
 
 def _nothing(_mask: Mask) -> None:
@@ -291,5 +293,5 @@ def _via(shape: Mapping[str, Any]) -> Paint:
     if kind == "circle":
         return _ellipse(shape["cx"], shape["cy"], shape["r"], shape["r"])
     if kind == "ellipse":
-        return _ellipse(shape["cx"], shape["cy"], shape["rx"], shape["ry"])
+        return _ellipse(shape["cx"], shape["cy"], shape["rx"], shape["ry"], float(shape.get("theta", 0)))
     return _nothing

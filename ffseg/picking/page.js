@@ -102,7 +102,7 @@ const step = (change, does = "pick") => {
       adopt(image);
       notify(found.message, true);
     } else adopt(found);
-    if (next.status !== "accepted") whole(current());
+    whole(current());
     return !(found instanceof Error);
   });
   return saving;

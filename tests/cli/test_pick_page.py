@@ -205,6 +205,19 @@ def test_what_is_begun_in_one_image_is_not_kept_in_the_next(hand: PageHand, serv
     assert server.session.statuses(0) == {}
 
 
+def test_an_accepted_image_is_drawn_as_it_is_changed(hand: PageHand) -> None:
+    hand.click(*LEFT)
+    hand.until_area(45, 55)
+    hand.tab.press("a")
+    hand.until_image("a.png")
+    hand.tab.press("p")
+    hand.until_status("accepted")
+    hand.click(*RIGHT)
+    hand.until_area(110, 125)
+    hand.tab.press("z")
+    hand.until_area(45, 55)
+
+
 def test_a_blank_presses_the_button_that_has_the_focus(hand: PageHand) -> None:
     hand.tab.value("document.getElementById('brush').focus()")
     hand.tab.press(" ")

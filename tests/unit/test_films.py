@@ -233,6 +233,14 @@ def test_a_film_that_starts_late_is_whole(tmp_path: Path) -> None:
     assert (len(found), [one.problem for one in found if one.problem]) == (6, [])
 
 
+def test_a_cut_animation_costs_itself_alone(tmp_path: Path) -> None:
+    cut(write_animation(tmp_path / "a.gif", pictures(6, noise=30)), 0.6)
+    (tmp_path / "a.gif").unlink()
+    done = run_batch(tmp_path / "cut.gif", tmp_path / "out", executor=INPROCESS, film=True)
+    assert done.failed >= 1
+    assert "damaged" in (tmp_path / "out" / "timings.csv").read_text()
+
+
 def test_frames_of_one_time_make_a_film(tmp_path: Path) -> None:
     first, *others = (Image.fromarray(pixels) for pixels in pictures(4))
     first.save(tmp_path / "a.gif", save_all=True, append_images=others, duration=[50, 0, 100, 50])

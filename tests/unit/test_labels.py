@@ -71,6 +71,14 @@ def test_regions_of_images_that_share_a_name_stay_apart(tmp_path: Path) -> None:
     assert one.without(names) == ["a.png"]
 
 
+def test_an_ellipse_is_turned_as_it_says(tmp_path: Path) -> None:
+    shape = {"name": "ellipse", "cx": 20, "cy": 15, "rx": 12, "ry": 4, "theta": np.pi / 2}
+    entry = {"filename": "a.png", "regions": [{"shape_attributes": shape, "region_attributes": {"k": "r"}}]}
+    mask = read_labels(write(tmp_path, {"a": entry})).mask("a.png", "r", SHAPE)
+    rows, columns = np.nonzero(mask)
+    assert (np.ptp(rows), np.ptp(columns)) == (23, 7)
+
+
 @pytest.mark.parametrize("kind", ["point", "line", "linestrip"])
 def test_what_encloses_nothing_keeps_no_region_from_being_read(kind: str, tmp_path: Path) -> None:
     document = labelme("a.png", 3)
