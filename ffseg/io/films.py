@@ -232,27 +232,23 @@ def _pnm(frame: Any, max_bytes: int) -> bytes:  # noqa: ANN401 - of PyAV
     if frame.is_corrupt:
         raise ImageReadError("damaged", f"the frame is incomplete; {_COPY}")
     grey = frame.format.name.startswith("gray")
-    pixels = frame.to_ndarray(format="gray" if grey else "rgb24")
-    upright = _upright(frame)
-    if upright is not None:
-        pixels = upright(pixels).copy()
+    pixels = _upright(frame, frame.to_ndarray(format="gray" if grey else "rgb24"))
     height, width = pixels.shape[:2]
     data: bytes = pixels.tobytes()
     return b"P%d\n%d %d\n255\n" % (5 if grey else 6, width, height) + data
 
 
-def _upright(frame: Any) -> Callable[[Any], Any] | None:  # noqa: ANN401 - of PyAV
-    """Turns pixels as the display matrix of a frame says: x' = a x + c y, y' = b x + d y, by quarters and mirrored."""
+def _upright(frame: Any, pixels: Any) -> Any:  # noqa: ANN401 - of PyAV and NumPy
+    """Pixels turned as the display matrix of their frame says: x' = a x + c y, y' = b x + d y, by quarters and mirrored."""
     found = frame.side_data.get("DISPLAYMATRIX")
     if found is None:
-        return None
+        return pixels
     import numpy as np
 
     a, b, _, c, d = np.frombuffer(bytes(found), "<i4")[:5].tolist()
-    lies = abs(b) > abs(a)
-    across, down = (c, b) if lies else (a, d)
-    steps = slice(None, None, -1 if down < 0 else 1), slice(None, None, -1 if across < 0 else 1)
-    return lambda pixels: (pixels.swapaxes(0, 1) if lies else pixels)[steps]
+    if abs(b) > abs(a):  # it lies
+        pixels, a, d = pixels.swapaxes(0, 1), c, b
+    return pixels[:: -1 if d < 0 else 1, :: -1 if a < 0 else 1]
 
 
 def _require_room(frame: Any, channels: int, max_bytes: int) -> None:  # noqa: ANN401 - of PyAV or Pillow
@@ -279,8 +275,7 @@ def _times(path: str) -> Iterator[float | None]:
     passed = 0.0
     for picture in _pictures(path):
         yield None if picture.format == "TIFF" else round(passed / 1e3, 6)
-        if picture.format != "TIFF":
-            passed += float(picture.info.get("duration", 0))
+        passed += float(picture.info.get("duration", 0))
 
 
 def _pages(path: str, max_bytes: int) -> Iterator[Numbered]:

@@ -93,7 +93,7 @@ const step = (change, does = "pick") => {
   notify("");
   if (change) pending.push(change);
   saving = saving.then(async () => {
-    const next = { ...picked, ...change?.(picked) }, there = place === index && image;
+    const before = picked.status, next = { ...picked, ...change?.(picked) }, there = place === index && image;
     const found = there && await post("change", { version: image.version, do: does, picked: next }).catch((error) => error);
     if (change) pending.splice(pending.indexOf(change), 1);
     if (!there) return false;
@@ -102,7 +102,7 @@ const step = (change, does = "pick") => {
       adopt(image);
       notify(found.message, true);
     } else adopt(found);
-    whole(current());
+    if (before === "accepted" || picked.status !== "accepted") whole(current()); // what is accepted is drawn already
     return !(found instanceof Error);
   });
   return saving;

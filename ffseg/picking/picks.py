@@ -198,17 +198,16 @@ class Track:
 
     def step(self, do: str, picked: Picked | None = None) -> bool:
         """Take a step; False where there is nothing to be undone or redone."""
-        if do == "pick" and picked is not None:
-            self.past.append(self.now)
-            self.now, self.future = picked, []
-        elif do == "undo" and self.past:
-            self.future.append(self.now)
-            self.now = self.past.pop()
-        elif do == "redo" and self.future:
-            self.past.append(self.now)
-            self.now = self.future.pop()
-        else:
+        after = self.after(do, picked)
+        if after is None:
             return False
+        if do == "undo":
+            self.past.pop()
+            self.future.append(self.now)
+        else:
+            self.past.append(self.now)
+            self.future = self.future[:-1] if do == "redo" else []
+        self.now = after
         self.version += 1
         self.accepted |= self.now.status == "accepted"
         return True

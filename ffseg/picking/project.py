@@ -107,8 +107,9 @@ class Project:
 
     def _keep_base(self, name: str) -> None:
         """Keep what an accepted mask began with: another run, or none, may be reviewed next."""
-        path, base = self.mask_path(name, self.path(IMPORTED)), self.base(name)
-        if base is not None and not os.path.exists(path):
+        path = self.mask_path(name, self.path(IMPORTED))
+        base = None if os.path.exists(path) else self.base(name)
+        if base is not None:
             self._write_base(path, base)
 
     def _write_base(self, path: str, mask: NDArray[np.bool_]) -> None:

@@ -19,6 +19,8 @@ from ffseg.batch.plan.reading import place_of
 from ffseg.batch.plan.sources import Source
 from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.report.folder import read_folder
+from ffseg.batch.values import Mark
+from ffseg.batch.workers.freshness import mark_of
 from ffseg.batch.workers.pictures import read_source
 from ffseg.errors import FfsegError, ImageReadError, UsageError
 from ffseg.io.files import make_folder, printable, write_bytes_atomic
@@ -105,7 +107,7 @@ class Session:
             held.callback(project.journal.close)
             self.projects.append(project)
         self._scenes: OrderedDict[int, Scene] = OrderedDict()
-        self._stamps: dict[int, tuple[int, int] | None] = {}
+        self._marks: dict[int, Mark] = {}
         self._opening, self._changing = threading.Lock(), threading.RLock()
         self._work = [_Work(project, self) for project in self.projects]
         for work in self._work:
@@ -175,7 +177,7 @@ class Session:
         source = self.sources[index]
         with self._opening:
             if index not in self._scenes:
-                self._stamps[index] = _stamp(source.path)
+                self._marks[index] = mark_of(source.path)
                 masks = self._masks.within(self._domains.get(source.name, ""))
                 self._scenes[index] = Scene(read_source(source, levels=self._levels), masks)
                 while len(self._scenes) > MOST_OPEN:
@@ -202,7 +204,7 @@ class Session:
 
     def image(self, label: int, index: int) -> dict[str, Any]:
         """What is picked in an image, read anew where its file changed, and what the page shows; else why it cannot be."""
-        if self._stamps.get(index) != _stamp(self.sources[index].path):
+        if self._marks.get(index) != mark_of(self.sources[index].path):
             with self._opening:
                 self._scenes.pop(index, None)
         track, problem = self.projects[label].track(index), ""
@@ -253,7 +255,7 @@ class Session:
             raise KeyError(do)
         project, name = self.projects[label], self.sources[index].name
         picked = Picked.read(document) if do == "pick" else None
-        if self._stamps.get(index) not in (None, _stamp(self.sources[index].path)):
+        if self._marks.get(index) not in (None, mark_of(self.sources[index].path)):
             raise UsageError("the image's file was replaced or removed since it was opened; reload the page to see it")
         with self._changing:
             track = project.track(index)
@@ -318,14 +320,6 @@ class Session:
     def run(self, label: int) -> None:
         """Do the whole folder in the background."""
         self._work[label].run()
-
-
-def _stamp(path: str) -> tuple[int, int] | None:
-    """What tells a file from another under its name; None of an address, or where it has gone."""
-    with suppress(OSError):
-        status = os.stat(path)
-        return status.st_size, status.st_mtime_ns
-    return None
 
 
 def _replaced(source: Source, project: Project) -> bool:
