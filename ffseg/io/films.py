@@ -142,15 +142,19 @@ def _opened(path: str) -> Any:  # noqa: ANN401 - container and picture track of 
 
 
 def _packets(path: str) -> Iterator[tuple[Any, Any]]:
-    """Track and packets of the frames that are shown, and in the end an empty packet, which drains the decoder."""
+    """Track and packets, also of frames that others are decoded from; in the end an empty one, which drains the decoder."""
     import av
 
     container, track = _opened(path)
     with container, suppress(av.FFmpegError):  # what cannot be read any more is missing at the end
         for packet in container.demux(track):
-            hidden = track.codec_context.name.startswith("vp8") and packet.size and not bytes(packet)[0] & 0x10
-            if packet.size == 0 or not (packet.is_discard or hidden):
-                yield track, packet
+            yield track, packet
+
+
+def _is_shown(track: Any, packet: Any) -> bool:  # noqa: ANN401 - of PyAV
+    """Whether the frame of a packet is one of the film's: not before its cut, nor one that VP8 keeps to itself."""
+    hidden = track.codec_context.name.startswith("vp8") and not bytes(packet)[0] & 0x10
+    return not (packet.is_discard or hidden)
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,32 +177,46 @@ def _described(track: Any) -> _Track:  # noqa: ANN401 - of PyAV
     return _Track(float(track.time_base), rate, int(track.frames), said, has_times)
 
 
-def _stamps(path: str) -> tuple[_Track | None, list[int | None], int]:
-    """The head, the time of each packet in the order in which frames are shown, and how long the last is shown, in ticks."""
+@dataclass(frozen=True, slots=True)
+class _Stamps:
+    """Times of a film's packets."""
+
+    shown: list[int | None]
+    """Of each frame that is shown, in ticks, in the order in which they are."""
+    last: int
+    """Ticks for which the last is shown."""
+    left_out: int
+    """Packets of frames that are not shown."""
+
+
+def _stamps(path: str) -> tuple[_Track | None, _Stamps]:
     head: _Track | None = None
     stamps: dict[int | None, int] = {}
-    count = 0
+    count = left_out = 0
     for track, packet in _packets(path):
         head = head or _described(track)
-        if packet.size:
+        if packet.size and _is_shown(track, packet):
             count += 1
             stamps[packet.pts] = packet.duration or 0
+        else:
+            left_out += packet.size > 0
     if None in stamps or len(stamps) < count or head is None or not head.has_times:
-        return head, [None] * count, 0
+        return head, _Stamps([None] * count, 0, left_out)
     shown = sorted(stamp for stamp in stamps if stamp is not None)
-    return head, [*shown], stamps[shown[-1]] if shown else 0
+    return head, _Stamps([*shown], stamps[shown[-1]] if shown else 0, left_out)
 
 
 def _film_contents(path: str) -> Contents:
-    head, stamps, last = _stamps(path)
-    if head is None or not stamps:
+    head, stamps = _stamps(path)
+    if head is None or not stamps.shown:
         raise ImageReadError("truncated", f"the film has no frame left; {_COPY}")
+    first, final = stamps.shown[0] or 0, stamps.shown[-1] or 0
     times = [
-        index / head.rate if stamp is None else (stamp - (stamps[0] or 0)) * head.clock
-        for index, stamp in enumerate(stamps)
+        index / head.rate if stamp is None else (stamp - first) * head.clock
+        for index, stamp in enumerate(stamps.shown)
     ]
-    end = ((stamps[-1] or 0) + last) * head.clock  # counted, as the head does, from 0, whenever the first is shown
-    missing = head.frames > len(times) or head.seconds > max(end, times[-1]) + _LATE / head.rate
+    end = (final + stamps.last) * head.clock  # counted, as the head does, from 0, whenever the first is shown
+    missing = head.frames > len(times) + stamps.left_out or head.seconds > max(end, times[-1]) + _LATE / head.rate
     problem = f"truncated: the film ends after {len(times)} frames, before its head says; {_COPY}" if missing else ""
     return Contents(tuple(round(time, 6) for time in times), problem)
 
@@ -216,7 +234,7 @@ def _film_frames(path: str, max_bytes: int) -> Iterator[Numbered]:
     import av
 
     stamps = _stamps(path)[1]
-    places = {stamp: number for number, stamp in enumerate(stamps) if stamp is not None}
+    places = {stamp: number for number, stamp in enumerate(stamps.shown) if stamp is not None}
     count = 0
     for _track, packet in _packets(path):
         with suppress(av.FFmpegError):  # this frame is missing, and said to be when it is asked for

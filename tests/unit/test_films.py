@@ -233,6 +233,23 @@ def test_a_film_that_starts_late_is_whole(tmp_path: Path) -> None:
     assert (len(found), [one.problem for one in found if one.problem]) == (6, [])
 
 
+@pytest.mark.parametrize("codec", ["libx264", "mpeg4"])
+def test_a_film_cut_without_coding_it_anew_has_the_frames_that_players_show(tmp_path: Path, codec: str) -> None:
+    """Those before the cut, which only the edit list leaves out, are what the first ones are decoded from."""
+    whole = write_film(tmp_path / "whole.mp4", pictures(30, noise=8), codec, options={"g": "30"})
+    with av.open(str(whole)) as source, av.open(str(tmp_path / "part.mp4"), "w") as film:
+        track = film.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(video=0):
+            if packet.dts is not None:
+                late = round(0.4 / packet.time_base)
+                packet.pts, packet.dts, packet.stream = packet.pts - late, packet.dts - late, track
+                film.mux(packet)
+    found = discover([str(tmp_path / "part.mp4")])
+    assert ([one.problem for one in found], found[0].time) == ([""] * 20, 0)
+    for source, (_time, pixels) in zip(found, played(tmp_path / "part.mp4"), strict=True):
+        assert np.array_equal(read_source(source), pixels[:, :, ::-1])
+
+
 def test_a_cut_animation_costs_itself_alone(tmp_path: Path) -> None:
     cut(write_animation(tmp_path / "a.gif", pictures(6, noise=30)), 0.6)
     (tmp_path / "a.gif").unlink()
