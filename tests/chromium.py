@@ -200,7 +200,7 @@ class Chromium:
         self.call("Input.dispatchMouseEvent", {"type": "mouseMoved", "x": x, "y": y})
 
     def mouse(self, kind: str, x: float, y: float, button: str = "none", modifiers: int = 0) -> None:
-        held = {"none": 0, "left": 1, "right": 2, "middle": 4}[button] if kind != "mouseReleased" else 0
+        held = {"none": 0, "left": 1, "right": 2, "middle": 4, "forward": 16}[button] if kind != "mouseReleased" else 0
         parameters = {"type": kind, "x": x, "y": y, "button": button, "buttons": held, "modifiers": modifiers}
         self.call("Input.dispatchMouseEvent", parameters | ({} if kind == "mouseMoved" else {"clickCount": 1}))
 

@@ -212,8 +212,7 @@ def _film_contents(path: str) -> Contents:
         raise ImageReadError("truncated", f"the film has no frame left; {_COPY}")
     first, final = stamps.shown[0] or 0, stamps.shown[-1] or 0
     times = [
-        index / head.rate if stamp is None else (stamp - first) * head.clock
-        for index, stamp in enumerate(stamps.shown)
+        index / head.rate if stamp is None else (stamp - first) * head.clock for index, stamp in enumerate(stamps.shown)
     ]
     end = (final + stamps.last) * head.clock  # counted, as the head does, from 0, whenever the first is shown
     missing = head.frames > len(times) + stamps.left_out or head.seconds > max(end, times[-1]) + _LATE / head.rate

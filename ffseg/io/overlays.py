@@ -128,9 +128,12 @@ _LOSSLESS = 101
 """From 101 on OpenCV's WebP keeps every pixel."""
 
 
-def encode_jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
-    """JPEG file of a grey or BGR image, of a quality from 0 to 100."""
-    return encode_picture(np.ascontiguousarray(image), ".jpg", [cv2.IMWRITE_JPEG_QUALITY, quality])
+def encode_jpeg(image: NDArray[np.uint8], quality: int, *, sharp: bool = False) -> bytes:
+    """JPEG file of a grey or BGR image, of a quality from 0 to 100; where it is to be sharp, with a colour for each pixel."""
+    how = [cv2.IMWRITE_JPEG_QUALITY, quality]
+    if sharp:
+        how += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
+    return encode_picture(np.ascontiguousarray(image), ".jpg", how)
 
 
 def jpeg_address(image: NDArray[np.uint8], quality: int) -> str:

@@ -1,4 +1,4 @@
-"""``ffseg learn`` and ``ffseg run`` as processes of their own, behind what is picked and never in its way."""
+"""What runs behind what is picked and never in its way: ``ffseg learn`` and ``ffseg run``, as processes of their own."""
 
 from __future__ import annotations
 
@@ -8,6 +8,12 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+from ffseg.errors import ImageReadError
+from ffseg.io.files import read_bytes, write_bytes_atomic
+from ffseg.io.tables import counted
+from ffseg.picking.project import LEARNED, MODEL, MOST_BYTES, RUN, Project
 
 LEAST_MASKS = 2
 """A model is learned from so many: the figures of one say nothing."""
@@ -92,3 +98,133 @@ def last_line(text: str) -> str:
     """What a command said last."""
     lines = [line for line in text.strip().splitlines() if line.strip()]
     return lines[-1].removeprefix("ffseg: error: ") if lines else ""
+
+
+class Work:
+    """What runs behind one class: learning after each mask, and the run of the folder.
+
+    A model is used as soon as it is grown, and measured on images left out afterwards; one that is found worse than
+    none is taken away again.
+
+    Parameters
+    ----------
+    project : Project
+    forget : callable
+        Called when regions are to be found anew: the model or the run is another one.
+
+    Attributes
+    ----------
+    line, ran : str
+        What came of learning and of the run, to be shown.
+    order : list of str
+        Images, those the model is least sure of first.
+    generation : int
+        Counts the models and runs.
+    """
+
+    def __init__(self, project: Project, forget: Callable[[], None]) -> None:
+        self.project = project
+        self.line, self.ran, self.order, self.generation = "", "", list[str](), 0
+        self._forget, self._spared, self._measuring = forget, False, False
+        self._of: list[object] = []  # what is being learned from
+        self._learning, self._running = Background(self._learned), Background(self._ran)
+
+    @property
+    def runs(self) -> bool:
+        """Whether the folder is being done."""
+        return self._running.running
+
+    def learn(self, *, again: bool = False) -> None:
+        """Learn from the masks there are; a newer mask ends what is at work, but of two in a row the second is spared."""
+        count = self.project.count("accepted")
+        if count < LEAST_MASKS:
+            self.line = f"{LEAST_MASKS - count} more accepted and a model is learned from them"
+            self._learning.stop()
+            if self.project.model:
+                self._use(learned=False)
+            return
+        if self._learning.running and self._spared:
+            return
+        if not again and self._known():
+            return
+        self._spared = self._learning.running and not self._measuring
+        self.line = f"learning from {count} masks"
+        self._of = self.project.learned_from()
+        self._start(measuring=False)
+
+    def _known(self) -> bool:
+        """Take up what an earlier session has learned from these masks; whether there is any."""
+        self._of = self.project.learned_from()
+        try:
+            kept = json.loads(read_bytes(self.project.path(LEARNED), MOST_BYTES))
+            if kept["of"] != self._of:
+                return False
+            figures = str(kept["figures"])
+            of_use, measured = self._say(figures)
+        except (ImageReadError, ValueError, KeyError, TypeError):  # none, or not to be read: learned anew
+            return False
+        if of_use and not self.project.model:
+            return False
+        if not measured:
+            self._start(measuring=True)
+        return True
+
+    def _say(self, figures: str) -> tuple[bool, bool]:
+        self.line, self.order, of_use = figures_said(figures)
+        self.line += "" if of_use else "; it is not used"
+        return of_use, json.loads(figures)["iou"] is not None
+
+    def _start(self, *, measuring: bool) -> None:
+        self._measuring = measuring
+        arguments = self.project.learning(self.project.path("learning.ffmodel"))
+        self._learning.start([*arguments, *([] if measuring else ["--quick"])])
+
+    def _learned(self, code: int, out: str, err: str) -> None:
+        self._spared = False
+        if code:
+            self.line = f"nothing was learned: {last_line(err)}"
+            return
+        of_use, _measured = self._say(out)
+        self._use(learned=of_use)
+        kept = json.dumps({"of": self._of, "figures": out})
+        write_bytes_atomic(self.project.path(LEARNED), kept.encode("ascii"))
+        if self.project.learned_from() != self._of:
+            self.learn(again=True)
+        elif not self._measuring:
+            self._start(measuring=True)
+
+    def _use(self, *, learned: bool) -> None:
+        """Use what was learned from now on, or no model."""
+        paths = self.project.path("learning.ffmodel"), self.project.path(MODEL)
+        if learned:
+            os.replace(*paths)
+        for path in () if learned else paths:
+            with suppress(FileNotFoundError):
+                os.unlink(path)
+        self._forget()
+        self.generation += 1
+        self.project.write_starts()
+
+    def run(self) -> None:
+        """Do the folder, anew where it was done before."""
+        if self.runs:
+            return
+        self.project.write_starts()
+        self.ran = f"running {counted(len(self.project.sources), 'image')}"
+        self._running.start([*self.project.arguments(), "--json", "--quiet"])
+
+    def _ran(self, code: int, out: str, err: str) -> None:
+        if code not in (0, 3):
+            self.ran = f"the run has failed: {last_line(err)}"
+            return
+        counts = json.loads(out)["counts"]
+        failed = f", {counts['failed']} failed" if counts["failed"] else ""
+        self.ran = f"the folder is done: {counted(counts['done'], 'image')}{failed}"
+        self.project.review = self.project.path(RUN)
+        self._forget()
+        self.generation += 1
+
+    def stop(self) -> None:
+        """End what is at work."""
+        self._learning.stop()
+        self._running.stop()

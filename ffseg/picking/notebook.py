@@ -17,7 +17,7 @@ from ffseg.image.checked import Pixels, taken_image
 from ffseg.io.files import make_folder, printable, read_bytes, write_bytes_atomic
 from ffseg.io.masks import decode_mask, encode_png
 from ffseg.parameters import ParametersLike, parameter_set
-from ffseg.picking.project import MOST_BYTES
+from ffseg.picking.project import MOST_BYTES, Project
 from ffseg.picking.server import Server
 from ffseg.picking.session import Session
 
@@ -53,6 +53,12 @@ class Picking:
     def _repr_html_(self) -> str:
         return f'<iframe src="{self.address}" width="100%" height="{HEIGHT}" style="border:0"></iframe>'
 
+    def _project(self, label: int) -> Project:
+        projects = self._session.projects
+        if not 0 <= label < len(projects):
+            raise UsageError(f"label: {label} is the place of no class; there are {len(projects)}, from 0")
+        return projects[label]
+
     def starts(self, label: int = 0) -> dict[str, dict[str, Any]]:
         """What was picked so far, by the name of the image.
 
@@ -67,12 +73,12 @@ class Picking:
             Of each image ``starts`` and ``nots`` (x, y, radius), ``boxes`` (left, top, right, bottom), all in pixels,
             ``strokes``, ``probability``, ``clearance`` and ``status``.
         """
-        tracks = self._session.projects[label].journal.tracks
+        tracks = self._project(label).journal.tracks
         return {name: asdict(track.now) for name, track in tracks.items() if track.version}
 
     def masks(self, label: int = 0) -> dict[str, NDArray[np.bool_]]:
         """Masks of the accepted images, each of shape (H, W), by the name of the image."""
-        project = self._session.projects[label]
+        project = self._project(label)
         names = project.journal.names(lambda track: track.now.status == "accepted")
         return {name: decode_mask(read_bytes(project.mask_path(name), MOST_BYTES)) for name in names}
 
@@ -132,6 +138,10 @@ def pick(
     ({}, True)
     """
     target = os.fspath(out) if out is not None else tempfile.mkdtemp(prefix="ffseg-pick-")
+    if not isinstance(images, str | os.PathLike | np.ndarray | Sequence):
+        raise UsageError(
+            f"images is of type {type(images).__name__}; give a folder, a file, an array, or a list of them"
+        )
     given = [images] if isinstance(images, str | os.PathLike | np.ndarray) else list(images)
     inputs = [os.fspath(one) for one in given if isinstance(one, str | os.PathLike)]
     chosen = parameter_set(params)

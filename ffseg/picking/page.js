@@ -128,7 +128,7 @@ const load = async (place, said = "") => {
   try {
     const found = await post("image");
     if (place !== index) return;
-    if (anew) view.show(found.problem ? "" : `image/${place}`, found.width, found.height);
+    if (anew) view.show(found.picture, found.width, found.height);
     adopt(found);
     notify(said || found.problem, Boolean(found.problem));
   } catch (error) {
@@ -149,23 +149,30 @@ const go = async (place) => {
 const next = async () => {
   await saving;
   const { image: place } = await post("following");
-  if (place < 0) say("all images are accepted or skipped");
+  if (place < 0) say(statuses[index] ? "all images are accepted or skipped" : "all other images are accepted or skipped");
   else await go(place);
   void prepare();
 };
 const prepare = async () => { // the next picture is fetched while this one is picked in
-  const { image: place } = await post("following");
-  if (place >= 0) new Image().src = `image/${place}`;
+  const { image: place, picture } = await post("following");
+  if (place >= 0) new Image().src = picture;
 };
 const previous = async () => {
   await saving;
   const place = history.pop() ?? index - 1;
   if (place >= 0 && place < about.images.length) await load(place);
 };
+let settling = false; // until the next image is open, a second key is meant for this one too
 const settle = async (status) => {
-  if (!image || !(await step(() => ({ status })))) return;
-  await news();
-  await next();
+  if (!image || settling) return;
+  settling = true;
+  try {
+    if (!(await step(() => ({ status })))) return;
+    await news();
+    await next();
+  } finally {
+    settling = false;
+  }
 };
 
 // --- news of the server: other tabs, the model, the run ----------------------------------------------------------------
@@ -207,7 +214,7 @@ const levelled = (event) => { // up is larger
 };
 
 stage.addEventListener("pointerdown", (event) => {
-  if (!image || image.problem || drag) return;
+  if (!image || image.problem || drag || event.button > 2) return;
   stage.setPointerCapture(event.pointerId);
   const point = view.at(event), not = event.button === 2 || event.altKey;
   if (event.button === 1 || space) drag = { kind: "move" };

@@ -267,6 +267,8 @@ class Journal:
     def add(self, image: str, do: str, picked: Picked | None = None, size: int | None = None) -> bool:
         """Take a step and keep it, with the bytes of the image's file; False where there is none to take.
 
+        `take_back` gives back what was before the last one.
+
         Raises
         ------
         OutputError
@@ -285,8 +287,15 @@ class Journal:
         except OSError as error:
             os.ftruncate(self._descriptor, before)
             raise unwritten(self._path, error) from error
+        self._before = before, image, replace(track, past=[*track.past], future=[*track.future])
         track.size = size
         return track.step(do, picked)
+
+    def take_back(self) -> None:
+        """Take back the last step that was added: what follows from it cannot be written."""
+        size, image, track = self._before
+        os.ftruncate(self._descriptor, size)
+        self.tracks[image] = track
 
     def names(self, wanted: Callable[[Track], bool]) -> list[str]:
         """Images whose steps are so."""

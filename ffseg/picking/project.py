@@ -10,11 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.batch.outputs.encoding import path_from
 from ffseg.batch.plan.sources import Source
-from ffseg.errors import ImageReadError
+from ffseg.errors import ImageReadError, UsageError
 from ffseg.image.polygons import polygons
 from ffseg.io.exports import AnnotatedImage, json_text, labelme_document
-from ffseg.io.files import SKIP_FILE, make_folder, printable, read_bytes, write_bytes_atomic
+from ffseg.io.files import SKIP_FILE, make_folder, printable, read_bytes, write_all_atomic, write_bytes_atomic
 from ffseg.io.masks import decode_mask, encode_mask
 from ffseg.io.starts import Start, starts_table
 from ffseg.parameter_text import non_defaults, yaml_lines, yaml_value
@@ -23,6 +24,7 @@ from ffseg.picking.picks import Journal, Picked, Track
 from ffseg.picking.scene import Found
 
 JOURNAL, STARTS, SETTINGS, MODEL, COMMAND = "picks.jsonl", "starts.csv", "pick.yaml", "model.ffmodel", "run.sh"
+LEARNED = "learned.json"
 MASKS, LABELS, IMPORTED, RUN = "masks", "labels", "imported", "run"
 MOST_BYTES = 1 << 28
 
@@ -49,6 +51,8 @@ class Project:
     ------
     OutputError
         If a file in it cannot be read or written.
+    UsageError
+        If it holds masks that were not picked.
     """
 
     def __init__(
@@ -64,9 +68,24 @@ class Project:
         self.folder, self.sources, self.inputs, self.label = folder, sources, inputs, label
         self._params, self.review = params, review
         make_folder(os.path.join(folder, MASKS))
-        write_bytes_atomic(os.path.join(folder, SKIP_FILE), b"outputs of ffseg pick\n")
         self.journal = Journal(self.path(JOURNAL))
+        try:
+            self._require_own()
+        except UsageError:
+            self.journal.close()
+            raise
+        write_bytes_atomic(os.path.join(folder, SKIP_FILE), b"outputs of ffseg pick\n")
         self._outdated = [name for name in self.journal.names(lambda track: track.accepted) if not self._stands(name)]
+
+    def _require_own(self) -> None:
+        """Refuse masks that were not picked: they would be learned from and replaced."""
+        for source in self.sources:
+            found = next((path for path in self._written(source.name) if os.path.lexists(path)), None)
+            if found is not None and not self.journal.track(source.name).accepted:
+                raise UsageError(
+                    f"{printable(found)} was not picked here, and would be replaced; name another folder with --out DIR "
+                    "(and this one with --review, to go on from its masks)"
+                )
 
     def path(self, name: str) -> str:
         """A file of this folder."""
@@ -126,43 +145,48 @@ class Project:
         return len(self.journal.names(lambda track: track.now.status == status))
 
     def keep(self, source: Source, found: Found | None) -> None:
-        """Bring the files up to what the journal says; `found` is the region of an accepted image.
+        """Bring the files up to what the journal says, all or none; `found` is the region of an accepted image.
 
         Raises
         ------
         OutputError
             If one cannot be written.
         """
-        paths = (self.mask_path(source.name), f"{self.mask_path(source.name, self.path(LABELS))[:-4]}.json")
+        mask, labels = self._written(source.name)
+        files = []
         if found is not None:
             if found.source == "run":
                 self._keep_base(source.name)
-            for path, data in zip(
-                paths, (encode_mask(found.mask), self._labelme(source, found, paths[1])), strict=True
-            ):
+            files = [(mask, encode_mask(found.mask)), (labels, self._labelme(source, found, labels))]
+            for path, _ in files:
                 make_folder(os.path.dirname(path))
-                write_bytes_atomic(path, data)
-        elif self.journal.track(source.name).accepted:  # this command's own, of an image that is accepted no longer
-            self.drop(source.name)
-        self.write_starts()
+        write_all_atomic([*files, *self._following()])
+        if found is None and self.journal.track(source.name).accepted:  # its own, of an image accepted no longer
+            for path in (mask, labels):
+                with contextlib.suppress(FileNotFoundError):
+                    os.unlink(path)
 
-    def drop(self, name: str) -> None:
-        """Remove what is written of an image: it is of an earlier step."""
-        for path in (self.mask_path(name), f"{self.mask_path(name, self.path(LABELS))[:-4]}.json"):
-            with contextlib.suppress(FileNotFoundError):
-                os.unlink(path)
+    def _written(self, name: str) -> tuple[str, str]:
+        """The mask of an accepted image and its file for LabelMe."""
+        return self.mask_path(name), f"{self.mask_path(name, self.path(LABELS))[:-4]}.json"
 
     def _labelme(self, source: Source, found: Found, path: str) -> bytes:
         height, width = found.mask.shape
-        name = printable(os.path.relpath(source.path, os.path.dirname(path)))
-        image = AnnotatedImage(name, width, height, polygons(found.mask, found.contours), self.label or "region")
+        image = AnnotatedImage(
+            path_from(path, source.path), width, height, polygons(found.mask, found.contours), self.label or "region"
+        )
         return json_text(labelme_document(image)).encode("ascii")
 
     def write_starts(self) -> None:
         """Write the starts file, the settings and the command anew."""
-        write_bytes_atomic(self.path(STARTS), starts_table(self._starts()))
-        write_bytes_atomic(self.path(SETTINGS), self._settings().encode())
-        write_bytes_atomic(self.path(COMMAND), f"#!/bin/sh\n{self.command()}\n".encode(errors="surrogateescape"))
+        write_all_atomic(self._following())
+
+    def _following(self) -> list[tuple[str, bytes]]:
+        return [
+            (self.path(STARTS), starts_table(self._starts())),
+            (self.path(SETTINGS), self._settings().encode()),
+            (self.path(COMMAND), f"#!/bin/sh\n{self.command()}\n".encode(errors="surrogateescape")),
+        ]
 
     def _starts(self) -> dict[str, Start]:
         """What was picked in these images, by their names."""
@@ -194,6 +218,11 @@ class Project:
         own = [f"{key}={yaml_value(value)}" for key, value in non_defaults(self._params).items()]
         settings = [word for one in own for word in ("--set", one)]
         return ["learn", *self.inputs, "--truth", self.path(MASKS), "--out", out, *settings, "--json", "--quiet"]
+
+    def learned_from(self) -> list[object]:
+        """All that a model follows from, as JSON gives it back: arguments, and each accepted image with its steps so far."""
+        accepted = sorted(self.journal.names(lambda track: track.now.status == "accepted"))
+        return [self.learning(""), [[name, self.journal.track(name).version] for name in accepted]]
 
     def command(self) -> str:
         """The ``ffseg run`` of all images as a line for a shell."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from threading import Lock
 from time import perf_counter
 
 import numpy as np
@@ -88,6 +89,7 @@ class Scene:
         self._copies: dict[int, NDArray[np.uint8]] = {}
         self._picture = b""
         self._last: tuple[Picked, Parameters, Found] | None = None
+        self._finding = Lock()  # in the whole image: who asks for what is being found waits for it
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -96,7 +98,7 @@ class Scene:
 
     def picture(self) -> bytes:
         """JPEG of the whole image."""
-        self._picture = self._picture or encode_jpeg(self.image, QUALITY)
+        self._picture = self._picture or encode_jpeg(self.image, QUALITY, sharp=True)
         return self._picture
 
     def find(self, picked: Picked, params: Parameters, base: Mask | None, *, quick: bool = False) -> Found:
@@ -112,10 +114,18 @@ class Scene:
         quick : bool
             On a reduced copy that is small enough to follow the hand.
         """
+        if quick:
+            return self._asked(picked, params, base, quick=True)
         key = replace(picked, status="open")
-        last = self._last
-        if not quick and last is not None and last[:2] == (key, params) and last[2].source != "run":
-            return last[2]
+        with self._finding:
+            last = self._last
+            if last is not None and last[:2] == (key, params) and last[2].source != "run":
+                return last[2]
+            found = self._asked(picked, params, base, quick=False)
+            self._last = (key, params, found)
+        return found
+
+    def _asked(self, picked: Picked, params: Parameters, base: Mask | None, *, quick: bool) -> Found:
         begin = perf_counter()
         image, factor = self._copy() if quick else (self.image, 1.0)
         found = self._grown(image, factor, picked, params, base)
@@ -125,10 +135,7 @@ class Scene:
         ms = (perf_counter() - begin) * 1e3
         if quick and ms > PATIENCE_MS:
             self._widest = max(NARROWEST, self._widest // 2)
-        found = replace(found, ms=ms)
-        if not quick:
-            self._last = (key, params, found)
-        return found
+        return replace(found, ms=ms)
 
     def forget(self) -> None:
         """Drop what was found: the model is another one."""

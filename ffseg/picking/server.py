@@ -166,8 +166,8 @@ class Handler(BaseHTTPRequestHandler):
             if not 0 <= index < len(self.server.session.sources):
                 raise IndexError(index)
             with self.server.working():
-                picture = self.server.session.scene(index).picture()
-            self._send(200, picture, "image/jpeg", keep=True)
+                picture, current = self.server.session.picture(index, urlsplit(self.path).query)
+            self._send(200, picture, "image/jpeg", keep=current)
         else:
             self._send(404, b"there is no such page\n", "text/plain")
 
@@ -202,7 +202,8 @@ class Handler(BaseHTTPRequestHandler):
             case "statuses":
                 return {"statuses": session.statuses(label)}
             case "following":
-                return {"image": session.following(label, index)}
+                place = session.following(label, index)
+                return {"image": place, "picture": session.picture_address(place) if place >= 0 else ""}
             case "news":
                 return session.news(label, index)
             case "run":

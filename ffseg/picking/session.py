@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import threading
@@ -22,19 +21,20 @@ from ffseg.batch.report.folder import read_folder
 from ffseg.batch.values import Mark
 from ffseg.batch.workers.freshness import mark_of
 from ffseg.batch.workers.pictures import read_source
-from ffseg.errors import FfsegError, ImageReadError, UsageError
+from ffseg.errors import FfsegError, ImageReadError, ParameterError, UsageError
 from ffseg.io.files import make_folder, printable, write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.io.labels import Labels
 from ffseg.io.masks import named_masks
 from ffseg.io.starts import check_starts
-from ffseg.io.tables import counted
-from ffseg.parameters import Parameters
-from ffseg.picking.learner import LEAST_MASKS, Background, figures_said, last_line
+from ffseg.parameter_text import non_defaults, yaml_value
+from ffseg.parameters import Parameters, load_params
+from ffseg.picking.learner import Work
 from ffseg.picking.picks import Picked
-from ffseg.picking.project import MODEL, RUN, STARTS, Project, size_of
+from ffseg.picking.project import RUN, STARTS, Project, size_of
 from ffseg.picking.scene import Found, Scene
 from ffseg.pipeline import outlines_of
+from ffseg.schema.kinds import names_code
 
 MOST_OPEN = 3
 """Images that are held decoded: the one that is picked in, the one before and the one after."""
@@ -88,12 +88,20 @@ class Session:
         self._masks = named_masks(params)
         self._domains = find_domains(self.sources, params.domain.masks) if params.domain.masks else {}
         check_starts(params, os.path.join(out, STARTS))
+        self._require_apart()
         make_folder(out)
         self._levels, self.labels = params.input.range, tuple(labels) or ("",)
         with ExitStack() as held:
             held.enter_context(OutputLock(out))
             self._begin(params, labels, review, held)
             self._held = held.pop_all()
+
+    def _require_apart(self) -> None:
+        """Refuse the images' folder: what is picked is marked as none, which would hide them from other commands."""
+        folders = {os.path.realpath(one) for one in self.inputs}
+        folders |= {os.path.dirname(os.path.realpath(one.path)) for one in self.sources}
+        if os.path.realpath(self.out) in folders:
+            raise UsageError(f"{printable(self.out)} holds the images themselves; name a folder beside them with --out")
 
     def _begin(self, params: Parameters, labels: Sequence[str], review: str, held: ExitStack) -> None:
         """Read what was picked before, and write what follows from it."""
@@ -109,7 +117,7 @@ class Session:
         self._scenes: OrderedDict[int, Scene] = OrderedDict()
         self._marks: dict[int, Mark] = {}
         self._opening, self._changing = threading.Lock(), threading.RLock()
-        self._work = [_Work(project, self) for project in self.projects]
+        self._work = [Work(project, self.forget) for project in self.projects]
         for work in self._work:
             for name in work.project.outdated():
                 self._keep(work.project, name)
@@ -185,6 +193,15 @@ class Session:
             self._scenes.move_to_end(index)
             return self._scenes[index]
 
+    def picture(self, index: int, mark: str) -> tuple[bytes, bool]:
+        """JPEG of an image, and whether it is of the file that this mark is of."""
+        picture = self.scene(index).picture()
+        return picture, mark == _told(self._marks[index])
+
+    def picture_address(self, index: int) -> str:
+        """Of the image's picture on the page: another one for another file."""
+        return f"image/{index}?{_told(mark_of(self.sources[index].path))}"
+
     def forget(self) -> None:
         """Find regions anew: a model is another one."""
         with self._opening:
@@ -218,6 +235,7 @@ class Session:
             "undo": len(track.past),
             "redo": len(track.future),
             "problem": problem,
+            "picture": "" if problem else self.picture_address(index),
             "width": width,
             "height": height,
             "radius": start_radius((height, width)),
@@ -267,7 +285,11 @@ class Session:
                 if not mask.any() or mask.all():
                     raise UsageError("a mask needs pixels inside and outside; pick a region first, or skip the image")
             if project.journal.add(name, do, picked, size_of(self.sources[index].path)):
-                changed = self._keep(project, name)
+                try:
+                    changed = self._keep(project, name)
+                except FfsegError:
+                    project.journal.take_back()
+                    raise
                 if changed:
                     self._work[label].learn(again=True)
         return self.image(label, index)
@@ -279,16 +301,11 @@ class Session:
         if index < 0:
             return False
         accepted = track.now.status == "accepted"
-        try:
-            project.keep(self.sources[index], self._found(project, index, track.now) if accepted else None)
-        except FfsegError:
-            with suppress(OSError):
-                project.drop(name)  # made anew when the folder is opened next
-            raise
+        project.keep(self.sources[index], self._found(project, index, track.now) if accepted else None)
         return track.accepted
 
     def following(self, label: int, index: int) -> int:
-        """The open image to show after another; -1 where there is none.
+        """The open image to show after another; -1 where there is no other.
 
         After one that is open the next in line: those the model is least sure of, then the folder's order. After one
         that is not, the first that is doubted, else the next in the folder.
@@ -322,6 +339,10 @@ class Session:
         self._work[label].run()
 
 
+def _told(mark: Mark) -> str:
+    return "-".join(map(str, mark))
+
+
 def _replaced(source: Source, project: Project) -> bool:
     before, now = project.journal.track(source.name).size, size_of(source.path)
     if before is not None and now is not None and before != now:
@@ -342,99 +363,30 @@ def inputs_of(folder: str | os.PathLike[str]) -> list[str]:
     return list(read_folder(Path(folder)).inputs)
 
 
+def settings_of(folder: str | os.PathLike[str]) -> list[str]:
+    """What a run was made with, as its ``run.json`` says: texts ``KEY=VALUE``; none where there is no such file.
+
+    Raises
+    ------
+    ParameterError
+        If they are no parameters, or import code: the folder may be somebody else's.
+    """
+    path = Path(folder) / "run.json"
+    said = read_folder(Path(folder)).run.get("parameters") if path.is_file() else None
+    if not isinstance(said, dict):
+        return []
+    try:
+        params = load_params(None, said)
+    except ParameterError as error:
+        raise ParameterError(f"{printable(path)}: {error}; give the parameters with --config FILE") from error
+    code = [name for name in (params.method, params.edges.source) if names_code(name)]
+    if code:
+        raise ParameterError(
+            f"{printable(path)}: {code[0]} imports code; if you trust it, give the parameters with --config FILE"
+        )
+    return [f"{key}={yaml_value(value)}" for key, value in non_defaults(params).items()]
+
+
 def start_radius(shape: tuple[int, int]) -> float:
     """Pixels: the radius of a click's circle, a hundredth of the longer side."""
     return max(2.0, round(max(shape) / 100, 1))
-
-
-class _Work:
-    """What runs behind one class: learning after each mask, and the run of the folder.
-
-    A model is used as soon as it is grown, and measured on images left out afterwards; one that is found worse than
-    none is taken away again.
-    """
-
-    def __init__(self, project: Project, session: Session) -> None:
-        self.project = project
-        self.line, self.ran, self.order, self.generation = "", "", list[str](), 0
-        self._session, self._spared, self._measuring = session, False, False
-        self._learning, self._running = Background(self._learned), Background(self._ran)
-
-    @property
-    def runs(self) -> bool:
-        """Whether the folder is being done."""
-        return self._running.running
-
-    def learn(self, *, again: bool = False) -> None:
-        """Learn from the masks there are; a newer mask ends what is at work, but of two in a row the second is spared."""
-        count = self.project.count("accepted")
-        if count < LEAST_MASKS:
-            self.line = f"{LEAST_MASKS - count} more accepted and a model is learned from them"
-            self._learning.stop()
-            if self.project.model:
-                self._use(learned=False)
-            return
-        if self._learning.running and self._spared:
-            return
-        if not again and self.project.model:
-            self.line = f"{count} masks; the model that was learned from them is used"
-            return
-        self._spared = self._learning.running and not self._measuring
-        self.line = f"learning from {count} masks"
-        self._count = count
-        self._start(measuring=False)
-
-    def _start(self, *, measuring: bool) -> None:
-        self._measuring = measuring
-        arguments = self.project.learning(self.project.path("learning.ffmodel"))
-        self._learning.start([*arguments, *([] if measuring else ["--quick"])])
-
-    def _learned(self, code: int, out: str, err: str) -> None:
-        self._spared = False
-        if code:
-            self.line = f"nothing was learned: {last_line(err)}"
-            return
-        self.line, self.order, of_use = figures_said(out)
-        self._use(learned=of_use)
-        if not of_use:
-            self.line += "; it is not used"
-        if self.project.count("accepted") != self._count:
-            self.learn(again=True)
-        elif not self._measuring:
-            self._start(measuring=True)
-
-    def _use(self, *, learned: bool) -> None:
-        """Use what was learned from now on, or no model."""
-        paths = self.project.path("learning.ffmodel"), self.project.path(MODEL)
-        if learned:
-            os.replace(*paths)
-        for path in () if learned else paths:
-            with suppress(FileNotFoundError):
-                os.unlink(path)
-        self._session.forget()
-        self.generation += 1
-        self.project.write_starts()
-
-    def run(self) -> None:
-        """Do the folder, anew where it was done before."""
-        if self.runs:
-            return
-        self.project.write_starts()
-        self.ran = f"running {counted(len(self.project.sources), 'image')}"
-        self._running.start([*self.project.arguments(), "--json", "--quiet"])
-
-    def _ran(self, code: int, out: str, err: str) -> None:
-        if code not in (0, 3):
-            self.ran = f"the run has failed: {last_line(err)}"
-            return
-        counts = json.loads(out)["counts"]
-        failed = f", {counts['failed']} failed" if counts["failed"] else ""
-        self.ran = f"the folder is done: {counted(counts['done'], 'image')}{failed}"
-        self.project.review = self.project.path(RUN)
-        self._session.forget()
-        self.generation += 1
-
-    def stop(self) -> None:
-        """End what is at work."""
-        self._learning.stop()
-        self._running.stop()

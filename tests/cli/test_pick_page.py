@@ -257,6 +257,40 @@ def test_a_key_that_is_held_accepts_no_image_unseen(key: str, hand: PageHand, se
     assert server.session.statuses(0) == {}
 
 
+def test_a_key_pressed_twice_passes_no_image_and_what_is_left_open_is_told(hand: PageHand, server: Server) -> None:
+    hand.click(*LEFT)
+    hand.until_area(45, 55)
+    event = "new KeyboardEvent('keydown', {key: 'a', bubbles: true})"
+    hand.tab.value(f"for (const _ of [1, 2]) document.body.dispatchEvent({event})")
+    hand.until_image("a.png")
+    hand.tab.until("window.underWay === 0")
+    hand.until_image("a.png")
+    assert server.session.statuses(0) == {0: "accepted"}
+    for name in ("b.png", "z.png"):
+        hand.tab.press("s")
+        hand.until_image(name)
+    hand.tab.press("n")
+    hand.tab.until("document.getElementById('said').textContent === 'all other images are accepted or skipped'")
+    hand.tab.press("s")
+    hand.tab.until("document.getElementById('said').textContent === 'all images are accepted or skipped'")
+
+
+def test_a_button_that_leads_through_pages_picks_nothing(hand: PageHand, server: Server) -> None:
+    hand.click(*LEFT, button="forward")
+    hand.click(*RIGHT)
+    hand.until_marks("start")
+    wait_for(lambda: len(state(server, 0)["starts"]) == 1)
+
+
+def test_the_keys_are_shown_from_the_first(hand: PageHand) -> None:
+    hand.tab.press("?")
+    hand.tab.value("document.getElementById('help').style.height = '200px'")
+    hand.tab.value("document.getElementById('help').close()")
+    hand.tab.press("?")
+    hand.tab.until("document.getElementById('help').open")
+    assert hand.tab.value("document.getElementById('help').scrollTop") == 0
+
+
 PEN = """(() => {
     const region = document.getElementById("region"), layers = document.getElementById("layers");
     const scale = layers.getBoundingClientRect().width / parseFloat(layers.style.width);

@@ -1,5 +1,6 @@
 """Picking without a browser: what is kept, what is written, who is answered."""
 
+import dataclasses
 import json
 import os
 import shlex
@@ -12,6 +13,7 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pick_page
 import pytest
@@ -30,9 +32,9 @@ from ffseg.picking import project
 from ffseg.picking import scene as scenes
 from ffseg.picking.learner import Background
 from ffseg.picking.picks import Journal, Picked, Stroke, painted
-from ffseg.picking.scene import Scene
+from ffseg.picking.scene import Found, Scene
 from ffseg.picking.server import Server
-from ffseg.picking.session import Session, StaleError
+from ffseg.picking.session import Session, StaleError, settings_of
 from tests.discs import overlap
 
 POINT = st.tuples(st.floats(-5, 30), st.floats(-5, 25))
@@ -183,8 +185,11 @@ def test_what_a_crash_has_left_undone_is_done_at_the_next_start(tmp_path: Path) 
         assert set(load_starts(out / "starts.csv", ["a.png", "b.png"])) == {"a.png", "b.png"}
 
 
-@pytest.mark.parametrize("how", ["killed", "full"])
-def test_no_mask_of_an_earlier_step_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+@pytest.mark.parametrize(("how", "place"), [("killed", RIGHT), ("full", LEFT)])
+def test_masks_and_steps_are_of_one_state(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str, place: tuple[int, int]
+) -> None:
+    """What a crash kept from being written is made at the next start; a step that cannot be written is not taken."""
     folder, out = draw(tmp_path / "in", ["a.png"]), tmp_path / "out"
     mask, later = out / "masks" / "a.png", picked(RIGHT, status="accepted")
     error = {"killed": KeyboardInterrupt(), "full": OutputError("full")}[how]
@@ -194,14 +199,15 @@ def test_no_mask_of_an_earlier_step_stands(tmp_path: Path, monkeypatch: pytest.M
 
     with session(folder, out) as own:
         own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
-        monkeypatch.setattr(project, "write_bytes_atomic", stopped)
+        monkeypatch.setattr(project, "write_all_atomic", stopped)
         with pytest.raises(type(error)):
             own.change(0, 0, 1, "pick", later)
-        assert mask.exists() is (how == "killed")
         monkeypatch.undo()
+        version = own.image(0, 0)["version"]
+        assert version == {"killed": 2, "full": 1}[how]
     with session(folder, out) as own:
-        assert own.image(0, 0)["version"] == 2
-    assert overlap(mask_of(mask), disc(RIGHT)) > 0.95
+        assert own.image(0, 0)["version"] == version
+    assert overlap(mask_of(mask), disc(place)) > 0.95
 
 
 def test_a_step_on_what_was_changed_elsewhere_is_refused(tmp_path: Path) -> None:
@@ -245,10 +251,14 @@ def test_an_image_that_is_replaced_while_it_is_open_is_read_anew(tmp_path: Path)
     folder = draw(tmp_path / "in", ["a.png"])
     with session(folder, tmp_path / "out") as own:
         assert own.image(0, 0)["height"] == SIZE[0]
+        before = own.image(0, 0)["picture"]
         (folder / "a.png").write_bytes(encode_mask(disc(LEFT)[:100]))
         with pytest.raises(UsageError, match="since it was opened"):
             own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        address = own.image(0, 0)["picture"]
         assert own.image(0, 0)["height"] == 100
+        assert own.picture(0, address.partition("?")[2])[1]
+        assert not own.picture(0, before.partition("?")[2])[1], "no browser keeps it for the other file"
         own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
     assert mask_of(tmp_path / "out" / "masks" / "a.png").shape[0] == 100
 
@@ -260,6 +270,39 @@ def test_a_model_goes_with_the_masks_it_is_of(tmp_path: Path) -> None:
     with session(folder, out) as own:
         assert own.projects[0].params.edges.model is None
     assert not (out / "model.ffmodel").exists()
+
+
+def test_masks_that_were_not_picked_are_neither_learned_from_nor_replaced(tmp_path: Path) -> None:
+    folder, out = draw(tmp_path / "in", ["a.png", "b.png"]), tmp_path / "out"
+    own = out / "masks" / "b.png"
+    own.parent.mkdir(parents=True)
+    own.write_bytes(b"drawn by hand")
+    with pytest.raises(UsageError, match=r"masks/b\.png was not picked here"):
+        session(folder, out)
+    own.rename(out / "b.png")
+    with session(folder, out):
+        assert (out / "b.png").read_bytes() == b"drawn by hand"
+
+
+def test_the_folder_of_the_images_is_not_marked_as_one_without(tmp_path: Path) -> None:
+    folder = draw(tmp_path / "in", ["a.png", "sub/b.png"])
+    for inputs in ([str(folder)], [str(folder / "*.png")]):
+        with pytest.raises(UsageError, match="holds the images themselves"):
+            Session(inputs, str(folder), load_params())
+    assert sorted(os.listdir(folder)) == ["a.png", "sub"]
+
+
+def test_a_review_goes_on_with_the_parameters_of_the_run(tmp_path: Path, ffseg_command: Command) -> None:
+    draw(tmp_path / "in", ["a.png"])
+    ffseg_command("run", str(tmp_path / "in"), "--out", str(tmp_path / "run"), "--set", "edges.sigma=3")
+    assert settings_of(tmp_path / "run") == ["edges.sigma=3.0"]
+    (tmp_path / "own").mkdir()
+    assert settings_of(tmp_path / "own") == []
+    told = json.loads((tmp_path / "run" / "run.json").read_text())
+    for section, values in (("method", "mine:run"), ("contour", {"degree": 99})):
+        (tmp_path / "run" / "run.json").write_text(json.dumps(told | {"parameters": {section: values}}))
+        done = ffseg_command("pick", "--review", str(tmp_path / "run"), "--no-browser")
+        assert (done.returncode, "give the parameters with --config FILE" in done.stderr) == (2, True)
 
 
 def test_images_that_would_share_a_mask_are_refused_before_anything_is_picked(tmp_path: Path) -> None:
@@ -288,6 +331,13 @@ def test_a_click_in_no_box_is_told_in_pixels_of_the_image() -> None:
         Picked(((900.0, 800.0, 9.0),), boxes=((300.0, 300.0, 700.0, 700.0),)), load_params(), None, quick=True
     )
     assert "the start circle at (900, 800) lies in no box" in found.said
+
+
+def test_the_picture_shows_the_colour_of_every_pixel() -> None:
+    image = np.full((40, 60, 3), 128, np.uint8)
+    image[:, ::2] = (40, 40, 200)
+    shown = cv2.imdecode(np.frombuffer(Scene(image).picture(), np.uint8), cv2.IMREAD_COLOR)
+    assert np.abs(shown.astype(int) - image).mean() < 8  # with a colour for four pixels 28
 
 
 def test_a_reduced_copy_tells_nearly_the_same() -> None:
@@ -485,6 +535,13 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(
         work._learned(0, json.dumps(FIGURES | {"iou": 0.5}), "")
         assert "it is not used" in own.news(0, 0)["lines"][1]
         assert own.projects[0].params.edges.model is None
+        (out / "learning.ffmodel").write_bytes(b"model")
+        work._learned(0, json.dumps(FIGURES), "")
+    with session(folder, out) as own:
+        assert own.news(0, 0)["lines"][1] == "3 masks: .88 expected on the rest; one more may raise it by about .04"
+        assert own.following(0, 0) == 2, "the order is kept"
+        assert len(started) == 2, "nothing is learned anew"
+        work = own._work[0]
         work._learned(2, "", "ffseg: error: ffseg learn needs LightGBM; install ffseg[learn]\n")
         assert own.news(0, 0)["lines"][1] == "nothing was learned: ffseg learn needs LightGBM; install ffseg[learn]"
 
@@ -501,6 +558,54 @@ def test_an_accepted_image_shows_the_mask_that_was_kept(tmp_path: Path, monkeypa
         with pytest.raises(UsageError, match="a mask needs pixels"):
             own.change(0, 0, 2, "redo")
         assert own.statuses(0) == {}
+
+
+def test_what_is_being_learned_when_the_program_is_killed_is_learned_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[list[str]] = []
+    monkeypatch.setattr(Background, "start", lambda _self, arguments: started.append(list(arguments)))
+    folder, out = draw(tmp_path / "in", ["a.png", "b.png", "c.png"]), tmp_path / "out"
+    with session(folder, out) as own:
+        for index in (0, 1):
+            own.change(0, index, 0, "pick", picked(LEFT, status="accepted"))
+        (out / "learning.ffmodel").write_bytes(b"of two masks")
+        own._work[0]._learned(0, json.dumps(FIGURES | {"iou": None}), "")
+        assert len(started) == 2, "it is measured"
+    with session(folder, out) as own:
+        assert own.news(0, 0)["lines"][1] == "learned from 3 masks, now measured on each left out"
+        assert ("--quick" in started[2], len(started)) == (False, 3)
+        (out / "model.ffmodel").unlink()
+        own.change(0, 2, 0, "pick", picked(LEFT, status="accepted"))
+    with session(folder, out) as own:
+        assert own.news(0, 0)["lines"][1] == "learning from 3 masks"
+        assert ("--quick" in started[4], len(started)) == (True, 5)
+
+
+def test_who_asks_for_a_region_that_is_being_found_waits_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    grown: list[object] = []
+    begun, go_on = threading.Event(), threading.Event()
+
+    def grow(self: Scene, image: np.ndarray, factor: float, *_of: object) -> Found:
+        grown.append(self)
+        begun.set()
+        assert go_on.wait(60)
+        return Found(disc(LEFT), (), factor)
+
+    monkeypatch.setattr(Scene, "_grown", grow)
+    scene, click = Scene(np.zeros(SIZE, np.uint8)), Picked(((*LEFT, 6),))
+    found: list[Found] = []
+    asking = [
+        threading.Thread(target=lambda one=one: found.append(scene.find(one, load_params(), None)))
+        for one in (click, dataclasses.replace(click, status="accepted"))
+    ]
+    asking[0].start()
+    assert begun.wait(60)
+    asking[1].start()
+    go_on.set()
+    for thread in asking:
+        thread.join(60)
+    assert (len(grown), found[0] is found[1]) == (1, True)
 
 
 def test_a_command_behind_is_ended_by_a_newer_one() -> None:
@@ -554,6 +659,10 @@ def test_a_notebook_gets_the_page_in_a_frame_and_what_was_picked(tmp_path: Path)
         assert len(fewer._session.sources) == 1
     with ffseg.pick(image, out=tmp_path / "named", labels="road") as named:
         assert named._session.labels == ("road",)
+        with pytest.raises(UsageError, match="label: -1 is the place of no class"):
+            named.starts(-1)
+    with pytest.raises(UsageError, match="images is of type NoneType"):
+        ffseg.pick(None)
     with pytest.raises(ffseg.SegmentationError, match="the image is None"):
         ffseg.pick([None], out=tmp_path / "out")
     with pytest.raises(UsageError, match="is another array"):

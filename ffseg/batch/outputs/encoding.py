@@ -119,10 +119,14 @@ def overlay(result: Segmentation, context: Context) -> bytes:
 
 def labelme(result: Segmentation, context: Context) -> bytes:
     """LabelMe document of the image, which names it by the path from where the document is stored."""
-    folder = os.path.realpath(os.path.dirname(context.target))  # LabelMe opens it from there, without following links
-    there = context.path if "://" in context.path else os.path.relpath(os.path.realpath(context.path), folder)
-    name = there.replace(os.sep, "/")
-    return saved(result, "labelme", Source(readable(name), label=context.label))
+    return saved(result, "labelme", Source(path_from(context.target, context.path), label=context.label))
+
+
+def path_from(document: str, image: str) -> str:
+    """Path of an image from where a document is stored, or its address, as LabelMe opens it: links are not followed."""
+    folder = os.path.realpath(os.path.dirname(document))
+    there = image if "://" in image else os.path.relpath(os.path.realpath(image), folder)
+    return readable(there.replace(os.sep, "/"))
 
 
 _QUALITY = 90

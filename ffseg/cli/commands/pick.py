@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import console
-from ffseg.cli.checks import checked_params, folder
+from ffseg.cli.checks import folder, ready_params
 from ffseg.cli.options import Config, Settings
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
@@ -47,9 +47,10 @@ def pick(  # noqa: PLR0913 - the options of the command
     Serves a page to this machine only, until Ctrl-C. Under DIR: starts.csv, masks of what was accepted, pick.yaml, a
     model learned from the masks while you pick, and run.sh, which does all images.
     """
-    params = checked_params(config, settings)
-    from ffseg.picking.session import Session, inputs_of
+    from ffseg.picking.session import Session, inputs_of, settings_of
 
+    reviewed = settings_of(review) if review is not None and config is None else []
+    params = ready_params(config, [*reviewed, *(settings or ())])
     if review is not None and not inputs:
         inputs = inputs_of(review)
     if not inputs:
