@@ -176,6 +176,8 @@ def _read(document: Any, labels: Labels, beside: str) -> None:  # noqa: ANN401 -
             labels.add(images[one["image_id"]], names.get(one.get("category_id"), ""), _coco(one))
     else:
         entries: Mapping[str, Any] = document.get("_via_img_metadata", document)
+        if not document:
+            raise ValueError("it is empty")
         for entry in entries.values():
             regions = entry["regions"]
             for region in regions.values() if isinstance(regions, dict) else regions:  # an object, of VIA 1
@@ -194,10 +196,12 @@ def _size(said: Mapping[str, Any], height: str, width: str, labels: Labels, imag
 
 
 def polygon(points: Any) -> Paint:  # noqa: ANN401 - rows of two numbers, checked here
-    """Paint the pixels whose centres lie in a polygon of which (0, 0) is the image's corner."""
+    """Paint the pixels whose centres lie in a polygon of which (0, 0) is the image's corner; in one of two points none does."""
     corners = np.asarray(points, np.float64)
-    if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
-        raise ValueError("a polygon needs three points of two numbers")
+    if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
+        raise ValueError("a polygon needs points of two numbers")
+    if len(corners) < 3:
+        return _nothing
 
     def paint(mask: Mask) -> None:
         for ring in (corners, corners[::-1]):  # one that crosses itself has parts of both directions
@@ -244,17 +248,16 @@ def _labelme(shape: Mapping[str, Any]) -> Paint:
 def _coco(annotation: Mapping[str, Any]) -> Paint:
     found = annotation.get("segmentation")
     if isinstance(found, dict):
-        height, width = found["size"]
+        height, width = (int(one) for one in found["size"])
         counts = found["counts"]
         lengths = _unpacked(counts) if isinstance(counts, str) else [int(one) for one in counts]
-        if sum(lengths) != height * width:
+        if sum(lengths) != height * width or min(lengths) < 0:
             raise ValueError(f"run lengths of {sum(lengths)} pixels in an image of {height * width}")
-        values = from_run_lengths(lengths, (height, width))
 
         def paint(mask: Mask) -> None:
-            if mask.shape != values.shape:
+            if mask.shape != (height, width):  # told before memory is taken: a file may say any
                 raise ValueError(f"run lengths of {width}x{height} pixels")
-            mask |= values
+            mask |= from_run_lengths(lengths, (height, width))
 
         return paint
     if found:
@@ -265,6 +268,8 @@ def _coco(annotation: Mapping[str, Any]) -> Paint:
                 part(mask)
 
         return paint_all
+    if "bbox" not in annotation:  # but keypoints
+        return _nothing
     x, y, width, height = annotation["bbox"]
     return _rectangle(x, y, x + width, y + height)
 

@@ -1,6 +1,6 @@
 """Frames through pipes: raw pixels, or YUV4MPEG2 (Y4M) as ``ffmpeg -f yuv4mpegpipe`` writes it, read one at a time.
 
-Y4M carries 8 bits of 4:2:0 (studio range, 16 to 235, and BT.601, as OpenCV converts them) or grey of full range.
+Y4M carries 8 bits of 4:2:0 (BT.601; studio range, 16 to 235, where its header does not say full range) or grey of full range.
 """
 
 from __future__ import annotations
@@ -40,12 +40,15 @@ class Form:
         ``bgr24``, ``rgb24`` or ``gray`` of raw pixels; of Y4M ``420`` or ``mono``.
     tags : tuple of str
         Fields of a Y4M header beside size and colours, such as the rate.
+    full : bool
+        The values of 4:2:0 go from 0 to 255, as in a JPEG file; those that are written are of studio range.
     """
 
     width: int
     height: int
     layout: str
     tags: tuple[str, ...] = ()
+    full: bool = False
 
     @property
     def is_raw(self) -> bool:
@@ -104,7 +107,8 @@ def _y4m_form(stream: BinaryIO) -> Form:
             "stdin: the Y4M header has no size of up to five digits; write it anew with ffmpeg -f yuv4mpegpipe"
         )
     kept = tuple(tag for tag in tags if tag[0] not in "WHCX")
-    return Form(int(sides[0]), int(sides[1]), "mono" if colours == "mono" else "420", kept)
+    layout = "mono" if colours == "mono" else "420"
+    return Form(int(sides[0]), int(sides[1]), layout, kept, layout == "420" and "XCOLORRANGE=FULL" in tags)
 
 
 def frames(stream: BinaryIO, form: Form) -> Iterator[Array]:
@@ -137,6 +141,11 @@ def _pixels(data: Array, form: Form) -> Array:
     height, width = form.height, form.width
     if form.layout in ("gray", "mono"):
         return data.reshape(height, width)
+    if form.full:
+        luma, chroma = data[: height * width], data[height * width :].reshape(2, height // 2, width // 2)
+        blue, red = (plane.repeat(2, axis=0).repeat(2, axis=1) for plane in chroma)
+        planes = np.stack([luma.reshape(height, width), red, blue], axis=2)
+        return np.asarray(cv2.cvtColor(planes, cv2.COLOR_YCrCb2BGR), np.uint8)
     if form.layout == "420":
         return np.asarray(cv2.cvtColor(data.reshape(height * 3 // 2, width), cv2.COLOR_YUV2BGR_I420), np.uint8)
     pixels = data.reshape(height, width, 3)

@@ -1,5 +1,6 @@
 """Frames through pipes: Y4M and raw pixels in, masks and pictures out, as between two ffmpeg."""
 
+import io
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,8 @@ from drawn_films import pictures
 from PIL import Image
 
 import ffseg
+from ffseg.io.images import Limits
+from ffseg.io.pipes import frames, read_form
 
 COMMAND = [sys.executable, "-m", "ffseg", "run", "-", "--out", "-"]
 FRAMES = pictures(4)
@@ -62,6 +65,17 @@ def test_y4m_goes_in_and_out_with_its_rate() -> None:
         assert set(np.unique(found)) == {0, 255}
         assert np.mean(found != mask) < 0.02  # colours of two pixels are stored as one
     assert b"4 frames, " in done.stderr
+
+
+def test_y4m_of_full_range_has_the_values_of_a_jpeg_file() -> None:
+    planes = [np.array([[76, 76, 0, 64], [76, 76, 192, 255]]), np.array([[85, 128]]), np.array([[255, 128]])]
+    data = b"YUV4MPEG2 W4 H2 F25:1 C420jpeg XCOLORRANGE=FULL\nFRAME\n"
+    stream = io.BytesIO(data + b"".join(plane.astype(np.uint8).tobytes() for plane in planes))
+    (found,) = frames(stream, read_form(stream, "", Limits()))
+    assert (
+        np.abs(found[:, :2].astype(int) - (0, 0, 254)).max() <= 1
+    )  # BGR; whole numbers of Y, Cb and Cr miss pure red by one
+    assert (found[:, 2:] == [[[0] * 3, [64] * 3], [[192] * 3, [255] * 3]]).all()
 
 
 def test_pictures_come_back_in_colour() -> None:
