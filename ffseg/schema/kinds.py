@@ -143,7 +143,7 @@ class Name:
         value = node.value
         if isinstance(value, str) and (value in self.choices or names_code(value) or value in self.installed()):
             return value
-        near = nearest_word(value, self.choices) if isinstance(value, str) else ""
+        near = nearest_word(value, (*self.choices, *self.installed())) if isinstance(value, str) else ""
         return _reject(self, node, key, problems, near)
 
     def allowed(self) -> str:

@@ -203,6 +203,9 @@ def test_installed_plug_ins_are_known_by_name(folder: Path, ffseg_process: Comma
     assert done.returncode == 0, done.stderr
     assert statuses(folder / "out") == ["a.png ok bright", "b.png ok bright"]
     assert (folder / "out" / "areas" / "b.json").is_file()
+    wrong = ("run", "photos", "--out", "no", "--set", "method=brigth")
+    done = ffseg_process(*wrong, cwd=folder, env={"PYTHONPATH": str(folder)})
+    assert done.stderr.rstrip().endswith("did you mean 'bright'?")
 
 
 def test_a_built_in_is_found_without_looking_further() -> None:
