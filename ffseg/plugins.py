@@ -17,8 +17,20 @@ from importlib.util import find_spec
 from operator import attrgetter
 from typing import Any
 
-from ffseg.errors import ParameterError, SegmentationError
+from ffseg.errors import ParameterError, SegmentationError, UsageError
 from ffseg.schema.kinds import nearest_word
+
+
+def require(module: str, what: str, extra: str) -> None:
+    """Refuse what needs a package that is not installed, and say which of ffseg's extras brings it.
+
+    Raises
+    ------
+    UsageError
+        If the module cannot be imported.
+    """
+    if find_spec(module) is None:
+        raise UsageError(f"{what}; install it with: pip install 'ffseg[{extra}]'")
 
 
 @dataclass(frozen=True, slots=True)

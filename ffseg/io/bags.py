@@ -14,13 +14,13 @@ from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import lru_cache
-from importlib.util import find_spec
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.io.files import printable
+from ffseg.plugins import require
 
 if TYPE_CHECKING:
     import numpy as np
@@ -181,8 +181,7 @@ def _encoded(message: Any, max_bytes: int) -> bytes:  # noqa: ANN401 - of rosbag
 def _opened(path: str, kinds: tuple[str, ...]) -> Iterator[tuple[Any, list[Any]]]:
     """Reader of a bag, and the connections of a topic that holds messages of one of these types."""
     bag, _, topic = path.partition(MARK)
-    if find_spec("rosbags") is None:
-        raise UsageError(f"{printable(bag)}: a bag needs rosbags; install it with: pip install 'ffseg[ros]'")
+    require("rosbags", f"{printable(bag)}: a bag needs rosbags", "ros")
     from rosbags.highlevel import AnyReader, AnyReaderError
     from rosbags.typesys import Stores, get_typestore
 

@@ -10,6 +10,7 @@ Containers : those of `CONTAINERS` only; a play list under another name, which w
 
 from __future__ import annotations
 
+import atexit
 import io
 import os
 import sys
@@ -17,12 +18,12 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.util import find_spec
 from threading import Lock
 from typing import Any
 
-from ffseg.errors import ImageReadError, UsageError
+from ffseg.errors import ImageReadError
 from ffseg.io.files import printable
+from ffseg.plugins import require
 
 FILMS = (".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi")
 ANIMATIONS = (".gif", ".webp", ".png", ".apng", ".tif", ".tiff")
@@ -64,8 +65,7 @@ def is_film(path: str) -> bool:
 def require_video(path: str) -> None:
     """Refuse a film or an animation whose reader is not installed."""
     module, what = ("av", "a film needs PyAV") if is_film(path) else ("PIL", "--film needs Pillow for it")
-    if find_spec(module) is None:
-        raise UsageError(f"{printable(path)}: {what}; install it with: pip install 'ffseg[video]'")
+    require(module, f"{printable(path)}: {what}", "video")
 
 
 def contents(path: str) -> Contents:
@@ -125,6 +125,9 @@ class _Reader:
 def _reader(path: str, _mark: tuple[int, int], max_bytes: int) -> _Reader:
     """The reader of a file, kept while it is the same file: a second one would begin again."""
     return _Reader(path, max_bytes)
+
+
+atexit.register(_reader.cache_clear)  # while the modules that close a film are still there
 
 
 def _opened(path: str) -> Any:  # noqa: ANN401 - container and picture track of PyAV

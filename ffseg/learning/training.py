@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -28,6 +27,10 @@ from ffseg.evidence.openings import OPEN
 from ffseg.evidence.prior import prior
 from ffseg.image.exposure import exposed
 from ffseg.metrics import IGNORED, INSIDE, OUTSIDE
+from ffseg.plugins import require
+
+LIGHTGBM = "lightgbm", "learning needs LightGBM", "learn"
+"""What grows forests, as `require` takes it."""
 
 STARTS = 5
 """Starts from which each training image is seen: its own, and others drawn inside its mask, so that the forest learns
@@ -248,17 +251,11 @@ def grow(
     return replace(both, arrays=both.arrays | {"value": both.arrays["value"] / 2})
 
 
-def require_lightgbm() -> None:
-    """Refuse to learn without LightGBM."""
-    if find_spec("lightgbm") is None:
-        raise UsageError("learning needs the package lightgbm; install it, or ffseg[learn]")
-
-
 def _boosted(
     chosen: Sequence[Samples], names: tuple[str, ...], trees: int, rate: float, begin: Sequence[Odds] | None = None
 ) -> list[dict[str, Any]]:
     """LightGBM's trees; `names` begin as ``TAUGHT`` does, or are converted with themselves."""
-    require_lightgbm()
+    require(*LIGHTGBM)
     import lightgbm
 
     columns = [KNOWN.index(name) for name in names]

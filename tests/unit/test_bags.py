@@ -180,7 +180,7 @@ def test_what_is_not_there_is_named(tmp_path: Path, ffseg_command: Command, monk
     (tmp_path / "no.bag").write_bytes(b"no bag")
     with pytest.raises(UsageError, match="cannot be read as a bag"):
         bags.stamps(f"{tmp_path / 'no.bag'}::/i")
-    monkeypatch.setattr(bags, "find_spec", lambda _: None)
+    monkeypatch.setattr("ffseg.plugins.find_spec", lambda _: None)
     with pytest.raises(UsageError, match=r"pip install 'ffseg\[ros\]'"):
         bags.stamps(f"{bag}::/camera/image")
 

@@ -183,7 +183,7 @@ def test_without_its_reader_a_film_is_refused_by_name(
     film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     animation = write_animation(tmp_path / "a.gif", pictures(3))
-    monkeypatch.setattr("ffseg.io.films.find_spec", lambda _: None)
+    monkeypatch.setattr("ffseg.plugins.find_spec", lambda _: None)
     with pytest.raises(UsageError, match=r"film.mp4: a film needs PyAV; install it with: pip install 'ffseg\[video\]'"):
         make_plan([str(film)], str(tmp_path / "out"))
     with pytest.raises(UsageError, match=r"a.gif: --film needs Pillow for it; install it with: pip install 'ffseg"):

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from importlib import import_module
-from importlib.util import find_spec
 from time import monotonic
 from typing import Any
 
@@ -24,6 +23,7 @@ from ffseg.batch.tar.writer import Store
 from ffseg.batch.workers.messages import Done, Event, Failed, Note, Ready, Reply, Setup, Task
 from ffseg.errors import OutputError, UsageError, WorkerLostError
 from ffseg.io.files import printable, remove_files
+from ffseg.plugins import require
 
 CHUNKS_EACH = 4
 """Chunks of a worker that what is left is cut into, so that all workers end at about the same time."""
@@ -76,8 +76,7 @@ class Dask(Executor):
     """
 
     def __init__(self, start: Assignment) -> None:
-        if find_spec("distributed") is None:
-            raise UsageError("--executor dask needs distributed; install it with: pip install 'ffseg[dask]'")
+        require("distributed", "--executor dask needs distributed", "dask")
         self._start = start
         self._client, self._cluster = _connect(start)
         workers = max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]), start.options.num_workers)

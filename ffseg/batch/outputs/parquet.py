@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from importlib.util import find_spec
 from itertools import islice
 from typing import Any
 
-from ffseg.errors import UsageError
 from ffseg.io.files import replacement
 
 _BATCH = 20_000
@@ -15,12 +13,6 @@ _TEXTS = frozenset({"image", "status", "error", "method", "stop_reason", "note",
 _REALS = frozenset(
     {"iou", "start_x", "start_y", "start_radius", "score", "canny_low", "canny_high", "time_s", "flicker"}
 )
-
-
-def require_parquet() -> None:
-    """See that Parquet can be written."""
-    if find_spec("pyarrow") is None:
-        raise UsageError("--table parquet needs pyarrow; install it with: pip install 'ffseg[parquet]'")
 
 
 def write_parquet(path: str, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from ffseg.errors import ImageReadError, OutputError, UsageError
 from ffseg.io.files import printable, replacement
 from ffseg.io.images import decode_image
 from ffseg.io.overlays import as_colour
+from ffseg.plugins import require
 
 if TYPE_CHECKING:
     from ffseg.batch.record.tables import Records
@@ -49,8 +49,8 @@ def read_film_kinds(text: str) -> tuple[str, ...]:
     unknown = next((name for name in kinds if name not in FILM_KINDS), "")
     if unknown:
         raise UsageError(f"--film-out {printable(unknown)}: choose from {', '.join(FILM_KINDS)}")
-    if kinds and find_spec("av") is None:
-        raise UsageError("--film-out needs PyAV; install it with: pip install 'ffseg[video]'")
+    if kinds:
+        require("av", "--film-out needs PyAV", "video")
     return kinds
 
 

@@ -56,9 +56,10 @@ def learn(  # noqa: PLR0913 - the options of the command
     from ffseg.io.files import write_bytes_atomic
     from ffseg.learning.gather import gather
     from ffseg.learning.learn import learned
-    from ffseg.learning.training import require_lightgbm
+    from ffseg.learning.training import LIGHTGBM
+    from ffseg.plugins import require
 
-    require_lightgbm()
+    require(*LIGHTGBM)
     found = gather(inputs, os.fspath(truth), params, options.starts_file(starts, params), truth_label)
     warn_of_starts([one for one in found.labelled if one.start is not None])
     model, figures = learned(found, params, progress(quiet=quiet), measured=not quick)

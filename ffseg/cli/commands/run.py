@@ -6,7 +6,6 @@ import contextlib
 import os
 import sys
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +17,7 @@ from ffseg.cli.commands.pipe import PIPE, pipe
 from ffseg.cli.interruption import Interruption
 from ffseg.errors import UsageError
 from ffseg.io.films import is_film
+from ffseg.plugins import require
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -275,9 +275,7 @@ def read_tables(text: str) -> bool:
     if not names <= {"csv", "parquet"}:
         raise UsageError(f"--table {text!r}: there is no such table; choose from csv, parquet")
     if "parquet" in names:
-        from ffseg.batch.outputs.parquet import require_parquet
-
-        require_parquet()
+        require("pyarrow", "--table parquet needs pyarrow", "parquet")
     return "parquet" in names
 
 
@@ -286,8 +284,8 @@ def _products(
 ) -> Products:
     from ffseg.batch.outputs.table import Products, read_exports, read_pack
 
-    if animate and find_spec("PIL") is None:
-        raise UsageError("--animate needs Pillow; install it with: pip install 'ffseg[film]'")
+    if animate:
+        require("PIL", "--animate needs Pillow", "film")
     films: tuple[str, ...] = ()
     if film_out:
         from ffseg.batch.record.films import read_film_kinds
