@@ -127,10 +127,10 @@ def _with_cut(odds: Plane, image: NDArray[np.uint8], view: View) -> Plane:
     height, width = (max(LEAST_SIDE, side * CUT_SIZE // SIZE) for side in view.seen.shape)
     shape = height, width
     outside = resized(view.seen.inside, shape) > 0
-    likely = (resized(found, shape) > DOUBTFUL) & ~outside
-    if not likely.any() or likely.all():
+    likely, picture = (resized(found, shape) > DOUBTFUL) & ~outside, resized(image[view.outer], shape)
+    if not likely.any() or likely.all() or not np.ptp(picture, axis=(0, 1)).any():  # of one colour: seconds for nothing
         return found
-    inside = resized(cut(resized(image[view.outer], shape), likely, outside, 1).astype(np.float32), odds.shape)
+    inside = resized(cut(picture, likely, outside, 1).astype(np.float32), odds.shape)
     both, either = (np.count_nonzero(joint(found > 0, inside > 0.5)) for joint in (np.logical_and, np.logical_or))
     return found + np.float32(CUT) * (2 * inside - 1) if both > ALIKE * either else found
 
