@@ -17,6 +17,9 @@ STEPS: dict[str, tuple[str, ...]] = {
         "evidence/prior.py", "evidence/features.py", "evidence/surroundings.py", "evidence/maps.py",
         "image/exposure.py",
     ),
+    "evidence: clicks and boxes": (
+        "evidence/clicks.py", "evidence/hints.py", "evidence/box.py", "starts/rivals.py", "starts/boxes.py",
+    ),
     "starts: further parts": ("starts/pockets.py", "starts/islands.py"),
     "contour": ("methods/freeform.py", "native/freeform"),
     "judge": ("judge.py",),
@@ -54,7 +57,8 @@ def _python(file: Path) -> Iterator[tuple[str, str, str]]:
         said = ""
         if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
             said = " ".join(str(after.value.value).split())
-        yield target, ast.unparse(node.value).strip("()"), said
+        values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
+        yield target, ", ".join(map(ast.unparse, values)), said
 
 
 def _is_number(node: ast.expr) -> bool:
