@@ -84,20 +84,24 @@ def _timed(out: str, kind: str, records: Iterable[Record]) -> Iterator[Timed]:
 
 
 def _picture(out: str, kind: str, record: Record) -> NDArray[np.uint8]:
-    """Pixels of a frame, shape (H, W, 3) in BGR order, or (H, W, 4) with alpha."""
+    """Pixels of a frame, shape (H, W) of a mask, (H, W, 3) in BGR order, or (H, W, 4) with alpha."""
     folder = "overlays/" if kind == "overlay" else "masks/"
     path = next(path for path in record.outputs if path.startswith(folder))
     made = decode_image(output_bytes(out, path, record.members.get(path)))
     if kind == "cutout":
         image = decode_image(read_input(record.files["image"][0], _MOST_BYTES))
         made = np.dstack([as_colour(image) * (made[:, :, None] > 0), made])
-    else:
-        made = as_colour(made)
-    height, width = made.shape[:2]
-    even = np.pad(
-        made, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge"
-    )  # colours of two pixels are stored as one
-    return np.ascontiguousarray(even)
+    more = [(0, side % 2) for side in made.shape[:2]]  # colours of two pixels are stored as one
+    return np.pad(made, [*more, *([(0, 0)] if made.ndim > 2 else [])], mode="edge")
+
+
+def _frame(pixels: NDArray[np.uint8]) -> Any:  # noqa: ANN401 - of PyAV
+    import av
+
+    if pixels.ndim > 2:
+        return av.VideoFrame.from_ndarray(pixels, format="bgra" if pixels.shape[2] == 4 else "bgr24")
+    colourless = np.full((len(pixels) // 2, pixels.shape[1]), 128, np.uint8)
+    return av.VideoFrame.from_ndarray(np.vstack([pixels, colourless]), format="yuv420p")  # 0 and 255 in either range
 
 
 def _write(path: str, kind: str, frames: Iterator[Timed]) -> None:
@@ -117,7 +121,7 @@ def _write(path: str, kind: str, frames: Iterator[Timed]) -> None:
                         raise OutputError(
                             f"{printable(path)}: frames of several sizes make no film; run them one film at a time"
                         )
-                    frame = av.VideoFrame.from_ndarray(pixels, format="bgra" if pixels.shape[2] == 4 else "bgr24")
+                    frame = _frame(pixels)
                     shown = max(shown + 1, round(time * _CLOCK))  # in a GIF two frames may have one time
                     frame.pts, frame.time_base = shown, Fraction(1, _CLOCK)
                     film.mux(track.encode(frame))
