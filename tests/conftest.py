@@ -151,9 +151,16 @@ def ffseg_process() -> Command:
 
 @pytest.fixture(scope="session")
 def ffseg_command() -> Command:
-    """The same in this process, and so the images of ``run``, unless it is told how: where no process is what is tested."""
+    """The same in this process, and so the images of ``run``, unless it is told how: where no process is what is tested.
 
-    def run(*arguments: str | Path, cwd: Path | None = None, input: str = "") -> subprocess.CompletedProcess[str]:  # noqa: A002
+    With a `code` it must end with that."""
+
+    def run(
+        *arguments: str | Path,
+        cwd: Path | None = None,
+        input: str = "",  # noqa: A002
+        code: int | None = None,
+    ) -> subprocess.CompletedProcess[str]:
         words = [*map(str, arguments)]
         if words[:1] == ["run"] and not {"--jobs", "--executor", "--help", "-"} & set(words):
             words += ["--executor", "inprocess"]
@@ -165,6 +172,8 @@ def ffseg_command() -> Command:
             with pytest.raises(SystemExit) as ended:
                 main()
         said = [bytes(stream.detach().getbuffer()).decode() for stream in streams[1:] if stream.flush() is None]
-        return subprocess.CompletedProcess(words, int(ended.value.code or 0), *said)
+        done = subprocess.CompletedProcess(words, int(ended.value.code or 0), *said)
+        assert code in (None, done.returncode), done.stderr + done.stdout
+        return done
 
     return run

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.image.edges import EdgeMap, edge_map
 from ffseg.parameters import Parameters
+from tests.masks import write_image
 
 Mask = NDArray[np.bool_]
 
@@ -43,14 +43,12 @@ LEFT, RIGHT = (30, 40), (90, 40)
 def two_discs(folder: Path, *names: str) -> None:
     disc = disc_of((80, 120))
     image = np.where(disc(*LEFT, 19.99) | disc(*RIGHT, 19.99), 180, 60).astype(np.uint8)
-    folder.mkdir(parents=True, exist_ok=True)
     for name in names:
-        cv2.imwrite(str(folder / name), image)
+        write_image(folder / name, image)
 
 
 def write_case(folder: Path, name: str = "disc.png") -> None:
     y, x = np.mgrid[:90, :120]
     inside = np.hypot(x - 60, y - 45) < 30
-    for place, image in ((folder, np.where(inside, 180, 60)), (folder / "truth", np.where(inside, 255, 0))):
-        place.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(str(place / name), image.astype(np.uint8))
+    write_image(folder / name, np.where(inside, 180, 60).astype(np.uint8))
+    write_image(folder / "truth" / name, inside)

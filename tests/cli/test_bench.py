@@ -1,11 +1,11 @@
 """``ffseg bench`` as a command: reports, the gate and its exit codes."""
 
-import csv
 import json
 from pathlib import Path
 from subprocess import CompletedProcess
 
 import pytest
+from batches import table
 from commands import Command
 
 QUICK = ("bench", "--quick", "--suite", "patches", "--out")
@@ -22,11 +22,9 @@ def test_report_is_written_and_shown(report: tuple[Path, CompletedProcess[str]])
     assert done.returncode == 0, done.stderr
     assert done.stdout == (folder / "bench.md").read_text("utf-8").rstrip("\n") + "\n"
     document = json.loads((folder / "bench.json").read_text("utf-8"))
-    rows = list(csv.DictReader((folder / "bench.csv").read_text("utf-8").splitlines()))
-    assert [row["case"] for row in rows] == [figure["case"] for figure in document["figures"]]
-    assert {growth["series"] for growth in document["growth"]} == {
-        f"{c} iteration" for c in ("still", "filtered", "merging")
-    }
+    assert [row["case"] for row in table(folder / "bench.csv")] == [figure["case"] for figure in document["figures"]]
+    series = {"still iteration", "filtered iteration", "merging iteration"}
+    assert {growth["series"] for growth in document["growth"]} == series
     assert document["versions"]["ffseg"]
     assert document["machine"]["cores"] >= 1
     assert all(len(figure["values"]) == len(figure["kernel_values"]) for figure in document["figures"])
@@ -46,8 +44,7 @@ def test_gate_missed_exits_with_4_and_names_what_got_slower(
     report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path
 ) -> None:
     baseline = with_steady(report[0], 0.01, tmp_path / "fast.json")
-    done = ffseg_command(*QUICK, tmp_path / "out", "--baseline", baseline, "--max-ratio", "2", "--json")
-    assert done.returncode == 4, done.stderr
+    done = ffseg_command(*QUICK, tmp_path / "out", "--baseline", baseline, "--max-ratio", "2", "--json", code=4)
     document = json.loads(done.stdout)
     assert {item["key"] for item in document["slower"]} == {figure["key"] for figure in document["figures"]}
     assert "ffseg: error: patches/still, 100/iteration: " in done.stderr
@@ -58,9 +55,7 @@ def test_gate_missed_exits_with_4_and_names_what_got_slower(
 def test_gate_held_exits_with_0(
     report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path
 ) -> None:
-    baseline = with_steady(report[0], 100, tmp_path / "slow.json")
-    done = ffseg_command(*QUICK, tmp_path / "out", "--baseline", baseline)
-    assert done.returncode == 0, done.stderr
+    ffseg_command(*QUICK, tmp_path / "out", "--baseline", with_steady(report[0], 100, tmp_path / "slow.json"), code=0)
 
 
 @pytest.mark.parametrize(
@@ -77,8 +72,7 @@ def test_a_baseline_without_a_common_figure_cannot_pass(
     report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path
 ) -> None:
     baseline = report[0] / "bench.json"
-    done = ffseg_command("bench", "--quick", "--suite", "size", "--out", tmp_path, "--baseline", baseline)
-    assert done.returncode == 2
+    done = ffseg_command("bench", "--quick", "--suite", "size", "--out", tmp_path, "--baseline", baseline, code=2)
     assert "no figure of this run" in done.stderr
 
 

@@ -6,18 +6,18 @@ from pathlib import Path
 import pytest
 from commands import Command
 
-from tests.discs import write_case
+from tests.discs import bright_disc, write_case
+from tests.masks import write_image
+
+DISC = bright_disc((90, 120), (60, 45), 30)
 
 
 def test_a_comparison_and_its_json(tmp_path: Path, ffseg_command: Command) -> None:
     write_case(tmp_path)
     out = tmp_path / "out"
-    done = ffseg_command(
-        "compare",
-        *(tmp_path / "disc.png", "--out", out, "--truth", tmp_path / "truth", "--set", "init.radius=10"),
-        *("--methods", "freeform,levelset", "--json", "--min-iou", "0.9", "--min-iou", "levelset=0.95"),
-    )
-    assert done.returncode == 0, done.stderr
+    given = ("compare", tmp_path / "disc.png", "--out", out, "--truth", tmp_path / "truth", "--set", "init.radius=10")
+    gates = ("--min-iou", "0.9", "--min-iou", "levelset=0.95")
+    done = ffseg_command(*given, "--methods", "freeform,levelset", "--json", *gates, code=0)
     document = json.loads(done.stdout)
     assert [row["method"] for row in document["rows"]] == ["freeform", "levelset"]
     assert document["missed"] == []
@@ -27,12 +27,9 @@ def test_a_comparison_and_its_json(tmp_path: Path, ffseg_command: Command) -> No
 
 def test_a_missed_gate_is_exit_4(tmp_path: Path, ffseg_command: Command) -> None:
     write_case(tmp_path)
-    done = ffseg_command(
-        "compare",
-        *(tmp_path / "disc.png", "--out", tmp_path / "out", "--truth", tmp_path / "truth", "--methods", "levelset"),
-        *("--set", "init.radius=10", "--set", "levelset.settle=0", "--min-iou", "0.99"),
-    )
-    assert done.returncode == 4
+    given = ("compare", tmp_path / "disc.png", "--out", tmp_path / "out", "--truth", tmp_path / "truth")
+    loose = ("--methods", "levelset", "--set", "init.radius=10", "--set", "levelset.settle=0")
+    done = ffseg_command(*given, *loose, "--min-iou", "0.99", code=4)
     assert "levelset has IoU" in done.stderr
     assert (tmp_path / "out" / "compare.csv").exists()
 
@@ -50,26 +47,22 @@ def test_the_terminal_gets_a_summary_of_each_method(tmp_path: Path, ffseg_comman
 
 def test_panels_that_belong_to_no_row_are_removed(tmp_path: Path, ffseg_command: Command) -> None:
     """Those of images left out, or no longer to be read, stayed beside the new table; files of others do stay."""
-    write_case(tmp_path)
     folder, panels = tmp_path / "in", tmp_path / "out" / "panels"
     for name in ("a.png", "b.png", "sub/c.png"):
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes((tmp_path / "disc.png").read_bytes())
+        write_image(folder / name, DISC)
     command = (folder, "--out", tmp_path / "out", "--methods", "cv_edges", "--set", "init.radius=8", "-q")
-    assert ffseg_command("compare", *command).returncode == 0
+    ffseg_command("compare", *command, code=0)
     (panels / "mine.png").write_bytes(b"mine")
     (folder / "a.png").write_text("no image")
     (folder / "sub" / "c.png").unlink()
-    assert ffseg_command("compare", *command).returncode == 3
+    ffseg_command("compare", *command, code=3)
     assert sorted(path.name for path in panels.rglob("*.png")) == ["b.png", "mine.png"]
 
 
 def test_panels_inside_the_input_are_no_images(tmp_path: Path, ffseg_command: Command) -> None:
     """The second comparison was refused, since a panel was an input that it would replace."""
-    write_case(tmp_path)
     folder = tmp_path / "in"
-    folder.mkdir()
-    (tmp_path / "disc.png").rename(folder / "a.png")
+    write_image(folder / "a.png", DISC)
     command = (folder, "--out", folder / "cmp", "--methods", "cv_edges", "--set", "init.radius=8", "-q")
     assert [ffseg_command("compare", *command).returncode for _ in range(2)] == [0, 0]
     planned = ffseg_command("run", folder, "--out", tmp_path / "out", "--dry-run").stdout
@@ -85,11 +78,10 @@ def test_an_output_that_cannot_be_written_is_exit_3_once_something_was_run(
     command = (tmp_path / "in", "--methods", "cv_edges", "--set", "init.radius=8", "-q", "--out")
     (tmp_path / "out" / "panels").mkdir(parents=True)
     (tmp_path / "out" / "panels" / "sub").write_text("in the way")
-    done = ffseg_command("compare", *command, tmp_path / "out")
-    assert done.returncode == 3
+    done = ffseg_command("compare", *command, tmp_path / "out", code=3)
     assert "panels/sub cannot be made" in done.stderr
     assert (tmp_path / "out" / "compare.csv").exists()
-    assert ffseg_command("compare", *command, tmp_path / "disc.png").returncode == 2
+    ffseg_command("compare", *command, tmp_path / "disc.png", code=2)
 
 
 @pytest.mark.parametrize("name", ["compare.csv", "compare.md", "compare.jsonl", "panels/disc.png"])
@@ -99,8 +91,7 @@ def test_what_no_comparison_made_is_not_replaced(name: str, tmp_path: Path, ffse
     path = tmp_path / "out" / name
     path.parent.mkdir(parents=True)
     path.write_text("image\nmine\n")
-    done = ffseg_command("compare", tmp_path / "disc.png", "--out", tmp_path / "out", "--methods", "cv_edges")
-    assert done.returncode == 2
+    done = ffseg_command("compare", tmp_path / "disc.png", "--out", tmp_path / "out", "--methods", "cv_edges", code=2)
     assert f"{path} exists and no comparison made it; choose another folder" in done.stderr
     assert path.read_text() == "image\nmine\n"
     assert [file for file in (tmp_path / "out").rglob("*") if file.is_file()] == [path]

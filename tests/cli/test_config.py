@@ -15,8 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_list_names_every_preset_with_purpose_and_file(ffseg_command: Command) -> None:
-    done = ffseg_command("config", "list")
-    assert done.returncode == 0
+    done = ffseg_command("config", "list", code=0)
     lines = done.stdout.splitlines()
     assert [line.split()[0] for line in lines] == list(presets())
     assert all(str(path) in line for line, path in zip(lines, presets().values(), strict=True))
@@ -24,8 +23,8 @@ def test_list_names_every_preset_with_purpose_and_file(ffseg_command: Command) -
 
 
 def test_show_can_be_read_back(ffseg_command: Command, tmp_path: Path) -> None:
-    done = ffseg_command("config", "show", "toy-full", "--set", "contour.degree=2", "--set", "init.mask='a: b.png'")
-    assert done.returncode == 0
+    changed = ("--set", "contour.degree=2", "--set", "init.mask='a: b.png'")
+    done = ffseg_command("config", "show", "toy-full", *changed, code=0)
     file = tmp_path / "shown.yaml"
     file.write_text(done.stdout.replace("a: b.png", str(tmp_path / "a: b.png")), encoding="utf-8")
     expected = load_params("toy-full", {"contour.degree": 2, "init.mask": str(tmp_path / "a: b.png")})
@@ -37,8 +36,7 @@ def test_check_names_good_files_and_every_problem_of_bad_ones(ffseg_command: Com
     good.write_text("region.largest: 2\n")
     bad.write_text("contour.degree: 8\ncontuor: {}\n")
     worse.write_text("[")
-    done = ffseg_command("config", "check", bad, good, worse)
-    assert done.returncode == 2
+    done = ffseg_command("config", "check", bad, good, worse, code=2)
     assert done.stdout == f"{good}: ok\n"
     lines = done.stderr.splitlines()
     assert lines[0] == f"ffseg: error: {bad}:1: contour.degree: 8 is not an integer from 1 to 6"
@@ -58,16 +56,13 @@ def test_every_preset_points_its_editor_to_the_schema() -> None:
 
 
 def test_samples_writes_the_committed_bytes(ffseg_command: Command, tmp_path: Path) -> None:
-    done = ffseg_command("samples", tmp_path / "new" / "folder")
-    assert done.returncode == 0
-    written = {
-        path.relative_to(tmp_path / "new" / "folder") for path in (tmp_path / "new").rglob("*") if path.is_file()
-    }
-    committed = {path.relative_to(ROOT / "samples") for path in (ROOT / "samples").rglob("*") if path.is_file()}
+    done = ffseg_command("samples", tmp_path / "new" / "folder", code=0)
+    written, committed = (
+        {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        for folder in (tmp_path / "new" / "folder", ROOT / "samples")
+    )
     assert written == committed
     assert len(done.stdout.splitlines()) == len(written)
-    for name in written:
-        assert (tmp_path / "new" / "folder" / name).read_bytes() == (ROOT / "samples" / name).read_bytes()
 
 
 THEN_FILE = ROOT / "tests/golden/parameters-0.1.yaml"
@@ -92,24 +87,18 @@ def test_check_says_what_to_add_to_a_file_of_0_1_for_the_results_of_then(
     assert (done.returncode, done.stdout) == (0, "old.yaml: ok\n")
     first, *lines = done.stderr.splitlines()
     assert first.startswith("old.yaml: of defaults that it leaves out some have changed")
-    assert {line.partition(":")[0] for line in lines} == {
-        "contour.split_threshold",
-        "contour.max_iterations",
-        "edges.source",
-        "domain.disc",
-        "input.range",
-    }
+    changed = {"contour.split_threshold", "contour.max_iterations", "edges.source", "domain.disc", "input.range"}
+    assert {line.partition(":")[0] for line in lines} == changed
     file.write_text(file.read_text() + "\n".join(lines) + "\n")
     kept = flat(load_params(file))
     then = parameter_changes.THEN | parameter_changes.UNSAID | {"contour.clearance": 8.0, "init.radius": 80.0}
     assert {key: kept[key] for key in then} == then
     assert not ffseg_command("config", "check", "old.yaml", cwd=tmp_path).stderr
     image = ROOT / "samples/toy.png"
-    assert ffseg_command("run", image, "--out", "out", "--config", "old.yaml", cwd=tmp_path).returncode == 0
+    ffseg_command("run", image, "--out", "out", "--config", "old.yaml", cwd=tmp_path, code=0)
     file.write_text(f"# ffseg tune {__version__}\ncontour:\n  clearance: 8\n")
-    assert not ffseg_command("config", "check", "old.yaml", cwd=tmp_path).stderr, (
-        "a file of now leaves out what it likes"
-    )
+    said = ffseg_command("config", "check", "old.yaml", cwd=tmp_path).stderr
+    assert not said, "a file of now leaves out what it likes"
 
 
 def test_check_says_nothing_of_0_1_for_presets_and_files_with_newer_keys(

@@ -1,19 +1,20 @@
 """``ffseg domain`` and ``domain.masks``: one mask of all images, one for each folder or image, and runs within them."""
 
-import csv
 import json
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from batches import table
 from commands import Command
+
+from tests.masks import read_mask, write_image
 
 BONNET = np.indices((90, 120))[0] > 70
 
 
 def images(folder: Path, count: int = 8, own: bool = True) -> None:
-    folder.mkdir(parents=True)
     for number in range(count):
         rng = np.random.default_rng(number)
         image = np.full((90, 120, 3), 120, np.uint8)
@@ -22,53 +23,43 @@ def images(folder: Path, count: int = 8, own: bool = True) -> None:
             cv2.rectangle(image, (int(x), int(y)), (int(x + w), int(y + h)), rng.integers(60, 220, 3).tolist(), -1)
         if own:
             image[BONNET] = 30
-        cv2.imwrite(str(folder / f"{number}.png"), image)
-
-
-def grey(path: Path) -> np.ndarray:
-    return cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        write_image(folder / f"{number}.png", image)
 
 
 def test_one_mask_of_all_images(ffseg_command: Command, tmp_path: Path) -> None:
     images(tmp_path / "in")
-    done = ffseg_command("domain", "in", "--out", "own.png", cwd=tmp_path)
-    assert done.returncode == 0
-    mask = grey(tmp_path / "own.png")
-    assert np.count_nonzero((mask == 0) != BONNET) <= 240  # two rows: the limit lies on the crest of the gradient
+    done = ffseg_command("domain", "in", "--out", "own.png", cwd=tmp_path, code=0)
+    beyond = ~read_mask(tmp_path / "own.png")
+    assert np.count_nonzero(beyond != BONNET) <= 240  # two rows: the limit lies on the crest of the gradient
     assert done.stdout.startswith("own.png: ")
     assert "stays in its place in 8 images" in done.stdout
     assert done.stdout.endswith("use it with --set domain.mask=own.png\n")
     settings = ("domain.mask=own.png", "init.center=[60,30]", "init.radius=10", "edges.canny=[250,255]")
-    run = ffseg_command("run", "in/3.png", "--out", "out", *(f"--set={one}" for one in settings), cwd=tmp_path)
-    assert run.returncode == 0
-    region = grey(tmp_path / "out" / "masks" / "3.png") > 0
+    ffseg_command("run", "in/3.png", "--out", "out", *(f"--set={one}" for one in settings), cwd=tmp_path, code=0)
+    region = read_mask(tmp_path / "out" / "masks" / "3.png")
     assert region.any()
-    beyond = cv2.erode((mask == 0).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    beyond = cv2.erode(beyond.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     assert not region[beyond].any()  # patches cut the corners of a domain by less than a pixel
 
 
 def test_a_mask_for_each_folder_of_images(ffseg_command: Command, tmp_path: Path) -> None:
     images(tmp_path / "in" / "left")
     images(tmp_path / "in" / "day1" / "right", own=False)
-    done = ffseg_command("domain", "in", "--out", "own", "--json", cwd=tmp_path)
-    assert done.returncode == 0
+    done = ffseg_command("domain", "in", "--out", "own", "--json", cwd=tmp_path, code=0)
     told = json.loads(done.stdout)["masks"]
-    assert {one["out"]: (one["images"], one["problems"]) for one in told} == {
-        "own/left.png": (8, []),
-        "own/day1/right.png": (8, []),
-    }
-    assert (grey(tmp_path / "own" / "left.png")[BONNET] == 0).mean() > 0.9
-    assert (grey(tmp_path / "own" / "day1" / "right.png") == 255).all()
+    assert {one["out"] for one in told} == {"own/left.png", "own/day1/right.png"}
+    assert [(one["images"], one["problems"]) for one in told] == [(8, [])] * 2
+    assert read_mask(tmp_path / "own" / "left.png")[BONNET].mean() < 0.1
+    assert read_mask(tmp_path / "own" / "day1" / "right.png").all()
     settings = ("--set", "domain.masks=own", "--set", "init.center=[60,30]", "--set", "init.radius=10")
-    assert ffseg_command("run", "in", "--out", "out", *settings, cwd=tmp_path).returncode == 0
+    ffseg_command("run", "in", "--out", "out", *settings, cwd=tmp_path, code=0)
 
 
 def test_what_goes_wrong_in_one_folder_is_named_and_the_rest_done(ffseg_command: Command, tmp_path: Path) -> None:
     images(tmp_path / "in" / "left")
     images(tmp_path / "in" / "few", 3)
     (tmp_path / "in" / "left" / "broken.png").write_bytes(b"no image")
-    done = ffseg_command("domain", "in", "--out", "own", cwd=tmp_path)
-    assert done.returncode == 3
+    done = ffseg_command("domain", "in", "--out", "own", cwd=tmp_path, code=3)
     assert "in/left/broken.png: " in done.stderr
     assert "in 8 of 9 images" in done.stdout
     assert "no mask own/few.png: 3 images are too few; take 5 or more of one camera" in done.stderr
@@ -105,8 +96,7 @@ def test_nothing_is_written_where_nothing_can_be_found(
     for path in (tmp_path / "few").iterdir():
         cv2.imwrite(str(path), cv2.imread(str(path))[:50])
     before = sorted(tmp_path.iterdir())
-    done = ffseg_command("domain", *arguments, cwd=tmp_path)
-    assert done.returncode == 2
+    done = ffseg_command("domain", *arguments, cwd=tmp_path, code=2)
     assert words in " ".join(done.stderr.split())
     assert done.stdout == ""
     assert sorted(tmp_path.iterdir()) == before
@@ -118,20 +108,18 @@ FLAT = np.full((60, 80), 90, np.uint8)
 @pytest.fixture
 def pictures(tmp_path: Path) -> Path:
     for name in ("left/a.png", "left/b.png", "right/a.png"):
-        (tmp_path / "in" / name).parent.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(str(tmp_path / "in" / name), FLAT)
+        write_image(tmp_path / "in" / name, FLAT)
     return tmp_path / "in"
 
 
 def mask(path: Path, columns: slice) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
     domain = np.zeros_like(FLAT)
     domain[:, columns] = 255
-    cv2.imwrite(str(path), domain)
+    write_image(path, domain)
 
 
 def found(folder: Path, name: str) -> np.ndarray:
-    return np.nonzero(cv2.imread(str(folder / "masks" / name), cv2.IMREAD_GRAYSCALE)[30])[0]
+    return np.flatnonzero(read_mask(folder / "masks" / name)[30])
 
 
 def test_masks_of_images_and_of_folders(ffseg_command: Command, pictures: Path, tmp_path: Path) -> None:
@@ -139,10 +127,8 @@ def test_masks_of_images_and_of_folders(ffseg_command: Command, pictures: Path, 
     mask(tmp_path / "domains" / "left" / "b.png", slice(30, 80))
     mask(tmp_path / "domains" / "right" / "a.png", slice(20, 60))
     out = tmp_path / "out"
-    arguments = ("run", pictures, "--out", out, "--set", "init.radius=6")
-    given = (*arguments, "--set", f"domain.masks={tmp_path / 'domains'}")
-    done = ffseg_command(*given)
-    assert done.returncode == 0, done.stderr
+    given = ("run", pictures, "--out", out, "--set", "init.radius=6", "--set", f"domain.masks={tmp_path / 'domains'}")
+    ffseg_command(*given, code=0)
     for name, first, last in (("left/a.png", 0, 49), ("left/b.png", 30, 79), ("right/a.png", 20, 59)):
         columns = found(out, name)
         assert abs(columns.min() - first) <= 1, name
@@ -157,26 +143,20 @@ def test_compare_takes_them(ffseg_command: Command, pictures: Path, tmp_path: Pa
     mask(tmp_path / "domains" / "left.png", slice(0, 50))
     mask(tmp_path / "domains" / "right.png", slice(0, 80))
     mask(tmp_path / "truth" / "left" / "a.png", slice(0, 50))
-    done = ffseg_command(
-        "compare", pictures, "--out", tmp_path / "out", "--methods", "freeform", "--truth", tmp_path / "truth",
-        "--set", f"domain.masks={tmp_path / 'domains'}", "--set", "init.radius=6",
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    with (tmp_path / "out" / "compare.csv").open(encoding="utf-8", newline="") as file:
-        overlaps = {row["image"]: row["iou"] for row in csv.DictReader(file)}
+    given = ("--truth", tmp_path / "truth", "--set", f"domain.masks={tmp_path / 'domains'}", "--set", "init.radius=6")
+    ffseg_command("compare", pictures, "--out", tmp_path / "out", "--methods", "freeform", *given, code=0)
+    overlaps = {row["image"]: row["iou"] for row in table(tmp_path / "out" / "compare.csv")}
     assert float(overlaps["left/a.png"]) > 0.97
 
 
 def test_what_is_missing_is_said(ffseg_command: Command, pictures: Path, tmp_path: Path) -> None:
     mask(tmp_path / "domains" / "left.png", slice(0, 50))
     run = ("run", pictures, "--out", tmp_path / "out", "--set")
-    none = ffseg_command(*run, f"domain.masks={tmp_path / 'nowhere'}")
-    assert none.returncode == 2
+    none = ffseg_command(*run, f"domain.masks={tmp_path / 'nowhere'}", code=2)
     assert "domain.masks: there is no folder" in none.stderr
-    one = ffseg_command(*run, f"domain.masks={tmp_path / 'domains'}")
-    assert one.returncode == 2
+    one = ffseg_command(*run, f"domain.masks={tmp_path / 'domains'}", code=2)
     assert "domain.masks: right/a.png has no mask of its name or of its folder's" in one.stderr
-    both = ffseg_command(*run, f"domain.masks={tmp_path}", "--set", f"domain.mask={tmp_path / 'domains' / 'left.png'}")
-    assert both.returncode == 2
+    one_of_all = ("--set", f"domain.mask={tmp_path / 'domains' / 'left.png'}")
+    both = ffseg_command(*run, f"domain.masks={tmp_path}", *one_of_all, code=2)
     assert "do not go together" in both.stderr
     assert not (tmp_path / "out").exists()

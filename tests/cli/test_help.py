@@ -32,10 +32,7 @@ def test_every_help_ends_with_its_examples(command: str, ffseg_command: Command)
 def test_the_examples_run(tmp_path: Path) -> None:
     page = documented.ROOT / "docs" / "examples"
     environment = documented.prepare(tmp_path, page, Path(sys.executable).parent)
-    for path in [
-        *(tmp_path / "own").glob("*.png"),
-        *(tmp_path / "masks").glob("*.png"),
-    ]:  # a quarter takes learning as far
+    for path in [*tmp_path.glob("own/*.png"), *tmp_path.glob("masks/*.png")]:  # a quarter takes learning as far
         cv2.imwrite(str(path), cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[::2, ::2])
     lines = [line for command, lines in EXAMPLES.items() if command not in SLOW for line in lines]
     assert lines.count(DONE) == 1
@@ -74,8 +71,7 @@ MISTYPED = {
 def test_mistyped_words_are_told_the_nearest(
     arguments: list[str], said: str, tmp_path: Path, ffseg_command: Command
 ) -> None:
-    done = ffseg_command(*arguments, cwd=tmp_path)
-    assert done.returncode == 2
+    done = ffseg_command(*arguments, cwd=tmp_path, code=2)
     assert said in " ".join(done.stderr.split())
 
 

@@ -20,7 +20,7 @@ from commands import Command
 from PIL import Image
 
 import ffseg
-from tests.masks import read_mask
+from tests.masks import read_mask, write_image
 
 TOY = Path(__file__).resolve().parents[2] / "samples" / "toy.png"
 
@@ -39,9 +39,8 @@ def test_suffixes_say_what_is_written(mask: np.ndarray, tmp_path: Path, ffseg_co
     names = ("a.png", "a.svg", "a.geojson", "a.json", "a.jpg", "a.webp")
     done = ffseg_command("segment", TOY, *names, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (0, "")
-    assert re.fullmatch(
-        rf"ffseg: {mask.sum()} px inside, 1 region, 4 holes; converged after \d+ iterations\n", done.stderr
-    )
+    said = rf"ffseg: {mask.sum()} px inside, 1 region, 4 holes; converged after \d+ iterations\n"
+    assert re.fullmatch(said, done.stderr)
     assert sorted(os.listdir(tmp_path)) == sorted(names)
     assert np.array_equal(read_mask(tmp_path / "a.png"), mask)
     assert "<title>toy.png</title>" in (tmp_path / "a.svg").read_text("utf-8")
@@ -51,18 +50,13 @@ def test_suffixes_say_what_is_written(mask: np.ndarray, tmp_path: Path, ffseg_co
 
 
 def test_a_pattern_is_said_to_be_one(tmp_path: Path, ffseg_command: Command) -> None:
-    done = ffseg_command("segment", "*.png", "a.svg", cwd=tmp_path)
-    assert done.returncode == 3
-    assert done.stderr.endswith(
-        "*.png: there is no such file, or its link points nowhere; 'ffseg run' takes patterns\n"
-    )
+    done = ffseg_command("segment", "*.png", "a.svg", cwd=tmp_path, code=3)
+    said = "*.png: there is no such file, or its link points nowhere; 'ffseg run' takes patterns\n"
+    assert done.stderr.endswith(said)
 
 
 def test_domains_by_name_are_those_of_run_and_never_passed_over(tmp_path: Path, ffseg_command: Command) -> None:
-    left = np.zeros((600, 800), np.uint8)
-    left[:, :500] = 255
-    (tmp_path / "own").mkdir()
-    cv2.imwrite(str(tmp_path / "own" / "toy.png"), left)
+    write_image(tmp_path / "own" / "toy.png", np.indices((600, 800))[1] < 500)
     own = ("--set", "domain.masks=own")
     done = ffseg_command("segment", TOY, "a.png", *own, cwd=tmp_path)
     assert ffseg_command("run", TOY, "--out", "out", *own, cwd=tmp_path).returncode == done.returncode == 0
@@ -118,8 +112,8 @@ def test_pipes(kind: str | None, mask: np.ndarray, tmp_path: Path) -> None:
 
 def test_it_finds_what_run_finds(tmp_path: Path, ffseg_command: Command) -> None:
     setting = ["--set", "contour.degree=2", "--set", "init.center=[390,300]"]
-    assert ffseg_command("run", TOY, "--out", tmp_path / "run", *setting).returncode == 0
-    assert ffseg_command("segment", TOY, tmp_path / "a.png", tmp_path / "a.svg", *setting).returncode == 0
+    ffseg_command("run", TOY, "--out", tmp_path / "run", *setting, code=0)
+    ffseg_command("segment", TOY, tmp_path / "a.png", tmp_path / "a.svg", *setting, code=0)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "run" / "masks" / "toy.png").read_bytes()
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "run" / "contours" / "toy.svg").read_bytes()
 
@@ -139,8 +133,7 @@ USAGE = {
 @pytest.mark.parametrize(("arguments", "said"), USAGE.values(), ids=USAGE)
 def test_usage_errors(arguments: list[str], said: str, tmp_path: Path, ffseg_command: Command) -> None:
     (tmp_path / "toy.png").write_bytes(TOY.read_bytes())
-    done = ffseg_command("segment", *(text.format(toy="toy.png") for text in arguments), cwd=tmp_path)
-    assert done.returncode == 2
+    done = ffseg_command("segment", *(text.format(toy="toy.png") for text in arguments), cwd=tmp_path, code=2)
     assert said in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["toy.png"]
     assert (tmp_path / "toy.png").read_bytes() == TOY.read_bytes()
@@ -157,12 +150,10 @@ def test_a_picture_is_not_replaced_unasked(
     (tmp_path / out).write_bytes((tmp_path / out).read_bytes()[:length])
     before = (tmp_path / out).read_bytes()
     done = ffseg_command("segment", TOY, out, *kind, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (
-        2,
-        f"ffseg: error: {out} is a picture that is there already; choose another name or add --overwrite\n",
-    )
+    said = f"ffseg: error: {out} is a picture that is there already; choose another name or add --overwrite\n"
+    assert (done.returncode, done.stderr) == (2, said)
     assert (tmp_path / out).read_bytes() == before
-    assert ffseg_command("segment", TOY, out, *kind, "--overwrite", cwd=tmp_path).returncode == 0
+    ffseg_command("segment", TOY, out, *kind, "--overwrite", cwd=tmp_path, code=0)
     assert (tmp_path / out).read_bytes() != before
 
 
@@ -170,7 +161,7 @@ def test_a_mask_and_what_is_no_picture_are_replaced(mask: np.ndarray, tmp_path: 
     (tmp_path / "a.svg").write_text("mine")
     (tmp_path / "a.png").write_bytes(b"no picture")
     for _ in range(2):
-        assert ffseg_command("segment", TOY, "a.png", "a.svg", cwd=tmp_path).returncode == 0
+        ffseg_command("segment", TOY, "a.png", "a.svg", cwd=tmp_path, code=0)
     assert np.array_equal(read_mask(tmp_path / "a.png"), mask)
     assert "<title>toy.png</title>" in (tmp_path / "a.svg").read_text("utf-8")
 
@@ -179,8 +170,7 @@ def test_a_mask_and_what_is_no_picture_are_replaced(mask: np.ndarray, tmp_path: 
 def test_frames_that_are_not_read_are_told(tmp_path: Path, ffseg_command: Command) -> None:
     frames = [Image.new("L", (40, 30), level) for level in (60, 200)]
     frames[0].save(tmp_path / "film.gif", save_all=True, append_images=frames[1:])
-    done = ffseg_command("segment", "film.gif", "a.png", "--set", "init.radius=5", cwd=tmp_path)
-    assert done.returncode == 0
+    done = ffseg_command("segment", "film.gif", "a.png", "--set", "init.radius=5", cwd=tmp_path, code=0)
     assert done.stderr.startswith("ffseg: only the first frame was read; the GIF file has more\n")
 
 
@@ -194,8 +184,7 @@ def test_an_image_without_memory_is_no_defect(
     if isinstance(error, cv2.error):
         error.code = cv2.Error.StsNoMem
     monkeypatch.setattr("ffseg.api.segment", starved)
-    done = ffseg_command("segment", TOY, "a.png", cwd=tmp_path)
-    assert done.returncode == 3
+    done = ffseg_command("segment", TOY, "a.png", cwd=tmp_path, code=3)
     assert done.stderr == "ffseg: error: there is not enough memory for the image; scale it down\n"
 
 
@@ -218,13 +207,8 @@ FAILED = {
 
 @pytest.mark.parametrize(("arguments", "said"), FAILED.values(), ids=FAILED)
 def test_what_fails_ends_with_3(arguments: str, said: str, tmp_path: Path) -> None:
-    done = subprocess.run(
-        ["bash", "-c", f"{sys.executable} -m ffseg {arguments}"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = ["bash", "-c", f"{sys.executable} -m ffseg {arguments}"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 3
     assert said in done.stderr
     assert list(tmp_path.iterdir()) == []

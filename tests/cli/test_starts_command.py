@@ -1,15 +1,14 @@
 """``--starts`` of ``ffseg run`` and ``ffseg compare``: exit codes, sentences, the plan shown, and what is on disk."""
 
-import csv
 import json
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
+from batches import table
 from commands import Command
 
-from tests.discs import two_discs
+from tests.discs import LEFT, RIGHT, disc_of, two_discs
+from tests.masks import read_mask, write_image
 
 
 @pytest.fixture
@@ -27,29 +26,23 @@ def starts(folder: Path, *rows: str) -> Path:
 def test_the_plan_shows_the_starts_and_the_run_takes_them(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     path, out = starts(tmp_path, "b.png,90.5,40,", "a,30,40,6"), tmp_path / "out"
     arguments = ("run", images, "--out", out, "--starts", path, "--set", "init.radius=7")
-    plan = ffseg_command(*arguments, "--dry-run")
-    assert plan.returncode == 0, plan.stderr
+    plan = ffseg_command(*arguments, "--dry-run", code=0)
     assert f"{images}/a.png (start at 30, 40, radius 6) -> masks/a.png, contours/a.svg" in plan.stdout
     assert f"{images}/b.png (start at 90.5, 40) -> masks/b.png, contours/b.svg" in plan.stdout
     document = json.loads(ffseg_command(*arguments, "--dry-run", "--json").stdout)
-    assert [image["start"] for image in document["images"]] == [
-        {"x": 30.0, "y": 40.0, "radius": 6.0},
-        {"x": 90.5, "y": 40.0, "radius": None},
-    ]
+    told = [image["start"] for image in document["images"]]
+    assert told == [{"x": 30.0, "y": 40.0, "radius": 6.0}, {"x": 90.5, "y": 40.0, "radius": None}]
     assert not out.exists()
-    done = ffseg_command(*arguments, "--json")
-    assert done.returncode == 0, done.stderr
+    done = ffseg_command(*arguments, "--json", code=0)
     assert [row["start_x"] for row in json.loads(done.stdout)["images"]] == [30.0, 90.5]
-    places = [cv2.imread(str(out / "masks" / name), 0)[40, [30, 90]].tolist() for name in ("a.png", "b.png")]
-    assert places == [[255, 0], [0, 255]]
+    places = [read_mask(out / "masks" / name)[40, [30, 90]].tolist() for name in ("a.png", "b.png")]
+    assert places == [[True, False], [False, True]]
 
 
 def test_images_without_a_row_start_as_ever_and_are_told(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     (images / "b.png").rename(images / "quite_another.png")
-    done = ffseg_command("run", images, "--out", tmp_path / "out", "--starts", starts(tmp_path, "a,30,40,6"))
-    assert done.returncode == 0, done.stderr
-    said = "1 image of 2 without a row in"
-    assert said in done.stderr
+    done = ffseg_command("run", images, "--out", tmp_path / "out", "--starts", starts(tmp_path, "a,30,40,6"), code=0)
+    assert "1 image of 2 without a row in" in done.stderr
     assert f"start as init or the model says: {images}/quite_another.png" in done.stderr
 
 
@@ -63,12 +56,10 @@ def test_what_is_wrong_exits_2_and_writes_nothing(
         "starts.csv:3: 'a' has this start already": ("a,30,40,6", "a,30,40,6", "b,1,1,1"),
     }
     for sentence, rows in cases.items():
-        done = ffseg_command(command, images, "--out", tmp_path / "out", "--starts", starts(tmp_path, *rows))
-        assert done.returncode == 2, done.stderr
+        done = ffseg_command(command, images, "--out", tmp_path / "out", "--starts", starts(tmp_path, *rows), code=2)
         assert sentence in done.stderr
         assert "Traceback" not in done.stderr
-    path = starts(tmp_path, "a,30,40,6", "b,90,40,6")
-    circles = ("--starts", path, "--set", "init.circles=[[30,40,6]]")
+    circles = ("--starts", starts(tmp_path, "a,30,40,6", "b,90,40,6"), "--set", "init.circles=[[30,40,6]]")
     done = ffseg_command(command, images, "--out", tmp_path / "out", *circles)
     assert (done.returncode, "init.circles is set too" in done.stderr) == (2, True)
     done = ffseg_command(command, images, "--out", tmp_path / "out", "--starts", tmp_path / "none.csv")
@@ -79,14 +70,11 @@ def test_what_is_wrong_exits_2_and_writes_nothing(
 def test_a_start_that_had_to_move_is_told_and_noted(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     """The start of b.png is a circle along the edge of the right disc."""
     path, out = starts(tmp_path, "a.png,30,40,6", "b.png,90,40,20"), tmp_path / "out"
-    on_edges = ("--set", "edges.source=gradient")
-    done = ffseg_command("run", images, "--out", out, "--starts", path, *on_edges)
-    assert done.returncode == 0, done.stderr
+    done = ffseg_command("run", images, "--out", out, "--starts", path, "--set", "edges.source=gradient", code=0)
     told = [line for line in done.stderr.splitlines() if "lay on an edge" in line]
     assert len(told) == 1
     assert "b.png: the start at (90, 40), radius 20 lay on an edge and was moved to (90, 40), radius 16.8" in told[0]
-    with (out / "timings.csv").open(encoding="utf-8", newline="") as file:
-        rows = {row["image"]: row for row in csv.DictReader(file)}
+    rows = {row["image"]: row for row in table(out / "timings.csv")}
     assert rows["a.png"]["note"] == ""
     assert rows["b.png"]["note"] in told[0]
     assert rows["b.png"]["status"] == "ok"
@@ -100,30 +88,20 @@ def test_several_rows_of_an_image_grow_and_merge_in_every_command(
     plan = ffseg_command(*arguments, "--dry-run")
     assert f"{images}/a.png (start at 30, 40, radius 6; 90, 40) -> masks/a.png" in plan.stdout
     told = json.loads(ffseg_command(*arguments, "--dry-run", "--json").stdout)["images"]
-    assert told[0]["start"] == {
-        "x": 30,
-        "y": 40,
-        "radius": 6,
-        "others": [{"x": 90, "y": 40, "radius": None, "others": []}],
-    }
-    assert ffseg_command(*arguments).returncode == 0
-    places = [cv2.imread(str(out / "masks" / name), 0)[40, [30, 90]].tolist() for name in ("a.png", "b.png")]
-    assert places == [[255, 255], [255, 0]]
+    others = [{"x": 90, "y": 40, "radius": None, "others": []}]
+    assert told[0]["start"] == {"x": 30, "y": 40, "radius": 6, "others": others}
+    ffseg_command(*arguments, code=0)
+    places = [read_mask(out / "masks" / name)[40, [30, 90]].tolist() for name in ("a.png", "b.png")]
+    assert places == [[True, True], [True, False]]
     assert json.loads(ffseg_command(*arguments, "--json").stdout)["counts"]["unchanged"] == 2
     starts(tmp_path, "a,30,40,6", "b,30,40,6")
-    again = json.loads(ffseg_command(*arguments, "--json").stdout)
-    assert again["counts"]["unchanged"] == 1, "one image lost a start"
+    counts = json.loads(ffseg_command(*arguments, "--json").stdout)["counts"]
+    assert counts["unchanged"] == 1, "one image lost a start"
     starts(tmp_path, "a,30,40,6", "b,30,40,6", "a,90,40,")
-    compared = ffseg_command(
-        "compare", images, "--out", tmp_path / "c", "--starts", path, "--methods", "freeform,levelset"
-    )
-    assert compared.returncode == 0, compared.stderr
-    truth = tmp_path / "truth"
-    truth.mkdir()
-    y, x = np.mgrid[:80, :120]
-    both = np.minimum(np.hypot(x - 30, y - 40), np.hypot(x - 90, y - 40)) < 20
-    cv2.imwrite(str(truth / "a.png"), both.astype(np.uint8) * np.uint8(255))
-    masked = (images, "--truth", truth, "--starts", path, "--set", "init.radius=7", "--json", "-q")
-    tuned = ffseg_command("tune", *masked, "--out", tmp_path / "mine.yaml", "--budget", "1")
-    assert tuned.returncode == 0, tuned.stderr
+    started = (images, "--starts", path)
+    ffseg_command("compare", *started, "--out", tmp_path / "c", "--methods", "freeform,levelset", code=0)
+    disc, truth = disc_of((80, 120)), tmp_path / "truth"
+    write_image(truth / "a.png", disc(*LEFT, 19.99) | disc(*RIGHT, 19.99))
+    masked = (*started, "--truth", truth, "--set", "init.radius=7", "--json", "-q")
+    tuned = ffseg_command("tune", *masked, "--out", tmp_path / "mine.yaml", "--budget", "1", code=0)
     assert json.loads(tuned.stdout)["before"][0] > 0.95, "both discs are found, from both starts"

@@ -1,11 +1,11 @@
 """Negative seeds: rivals grow from outside the region, and the contour stops where it meets them."""
 
-import csv
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from batches import table
 from commands import Command
 
 import ffseg
@@ -13,6 +13,7 @@ from ffseg.errors import ParameterError, SegmentationError
 from ffseg.image.edges import edge_map
 from ffseg.metrics import iou
 from ffseg.starts.rivals import within_rivals
+from tests.masks import read_mask, write_image
 
 
 def rooms(gap: int = 30) -> np.ndarray:
@@ -24,6 +25,7 @@ def rooms(gap: int = 30) -> np.ndarray:
 
 
 START = {"init.center": [30, 50], "init.radius": 8}
+START_OPTIONS = ("--set", "init.center=[30,50]", "--set", "init.radius=8")
 
 
 @pytest.mark.parametrize("method", ["freeform", "levelset"])
@@ -93,9 +95,8 @@ def test_the_domain_still_holds() -> None:
 
 
 def test_seeds_that_cannot_be() -> None:
-    with pytest.raises(
-        SegmentationError, match=r"background seed at \(500, 50\) has its centre outside the image of 164 x 100"
-    ):
+    said = r"background seed at \(500, 50\) has its centre outside the image of 164 x 100"
+    with pytest.raises(SegmentationError, match=said):
         ffseg.segment(rooms(), {**START, "init.background": [[500, 50]]})
     with pytest.raises(SegmentationError, match="lies in the start region"):
         ffseg.segment(rooms(), {**START, "init.background": [[31, 51]]})
@@ -106,33 +107,25 @@ def test_seeds_that_cannot_be() -> None:
 
 
 def test_commands_take_not(ffseg_command: Command, tmp_path: Path) -> None:
-    cv2.imwrite(str(tmp_path / "rooms.png"), rooms())
-    given = ("--set", "init.center=[30,50]", "--set", "init.radius=8", "--not", "133,50,8", "--not", "140,20")
-    done = ffseg_command("segment", tmp_path / "rooms.png", tmp_path / "mask.png", *given)
-    assert done.returncode == 0, done.stderr
-    mask = cv2.imread(str(tmp_path / "mask.png"), cv2.IMREAD_GRAYSCALE)
-    assert mask[50, 40] == 255
+    write_image(tmp_path / "rooms.png", rooms())
+    given = (*START_OPTIONS, "--not", "133,50,8", "--not", "140,20")
+    ffseg_command("segment", tmp_path / "rooms.png", tmp_path / "mask.png", *given, code=0)
+    mask = read_mask(tmp_path / "mask.png")
+    assert mask[50, 40]
     assert not mask[:, 90:].any()
-    done = ffseg_command("run", tmp_path / "rooms.png", "--out", tmp_path / "out", *given)
-    assert done.returncode == 0, done.stderr
-    assert np.array_equal(cv2.imread(str(tmp_path / "out/masks/rooms.png"), cv2.IMREAD_GRAYSCALE), mask)
+    ffseg_command("run", tmp_path / "rooms.png", "--out", tmp_path / "out", *given, code=0)
+    assert np.array_equal(read_mask(tmp_path / "out/masks/rooms.png"), mask)
 
 
 def test_a_run_reads_the_background_mask(ffseg_command: Command, tmp_path: Path) -> None:
-    outside = np.zeros((100, 164), np.uint8)
-    outside[20:80, 130:160] = 255
-    cv2.imwrite(str(tmp_path / "rooms.png"), rooms())
-    cv2.imwrite(str(tmp_path / "outside.png"), outside)
-    given = ("--set", "init.center=[30,50]", "--set", "init.radius=8")
+    rows, columns = np.indices((100, 164))
+    outside = (rows >= 20) & (rows < 80) & (columns >= 130) & (columns < 160)
+    write_image(tmp_path / "rooms.png", rooms())
+    write_image(tmp_path / "outside.png", outside)
     named = ("--set", f"init.background_mask={tmp_path / 'outside.png'}")
-    run = ("run", tmp_path / "rooms.png", "--out", tmp_path / "out", *given, *named)
-    assert ffseg_command(*run).returncode == 0
-    assert not cv2.imread(str(tmp_path / "out/masks/rooms.png"), cv2.IMREAD_GRAYSCALE)[:, 100:].any()
-    outside[20:80, 130:160] = 0
-    outside[20:80, 100:110] = 255
-    cv2.imwrite(str(tmp_path / "outside.png"), outside)
-    again = ffseg_command(*run)  # another mask is another parameter
-    assert again.returncode == 2
-    assert "--overwrite" in again.stderr
-    with (tmp_path / "out" / "timings.csv").open(encoding="utf-8", newline="") as file:
-        assert [row["status"] for row in csv.DictReader(file)] == ["ok"]
+    run = ("run", tmp_path / "rooms.png", "--out", tmp_path / "out", *START_OPTIONS, *named)
+    ffseg_command(*run, code=0)
+    assert not read_mask(tmp_path / "out/masks/rooms.png")[:, 100:].any()
+    write_image(tmp_path / "outside.png", np.roll(outside, -30, axis=1))
+    assert "--overwrite" in ffseg_command(*run, code=2).stderr  # another mask is another parameter
+    assert [row["status"] for row in table(tmp_path / "out" / "timings.csv")] == ["ok"]
