@@ -75,8 +75,7 @@ def test_version_is_that_of_the_package(ffseg_command: Command) -> None:
 
 @pytest.mark.parametrize("arguments", [["nothing"], ["--nothing"], ["config", "nothing"], ["samples"]])
 def test_usage_errors_end_with_2(arguments: list[str], ffseg_command: Command) -> None:
-    done = ffseg_command(*arguments)
-    assert done.returncode == 2
+    done = ffseg_command(*arguments, code=2)
     assert "Traceback" not in done.stderr
     assert "Usage:" in done.stderr + done.stdout
 
@@ -119,17 +118,22 @@ def test_an_interrupt_ends_with_130(monkeypatch: pytest.MonkeyPatch) -> None:
     assert exit_code(monkeypatch, KeyboardInterrupt()) == 130
 
 
+def interrupted(module: str, *arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run ffseg with an interrupt while a module is looked for."""
+    code = (
+        "import os, signal, sys\nfrom ffseg import __main__\n"
+        f"class Finder:\n    def find_spec(self, name, *_):\n        if name == {module!r}:\n"
+        "            os.kill(os.getpid(), signal.SIGINT)\nsys.meta_path.insert(0, Finder())\n__main__.main()"
+    )
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, capture_output=True, check=False, text=True, cwd=cwd)
+
+
 @pytest.mark.skipif(os.name == "nt", reason="no signals of this kind")
 @pytest.mark.parametrize("command", ["--help", "run"])
 def test_an_interrupt_while_modules_load_ends_without_a_traceback(command: str) -> None:
-    code = (
-        "import os, signal, sys\nfrom ffseg import __main__\nsys.argv[1:] = sys.argv[1:2]\n"
-        "class Finder:\n    def find_spec(self, name, *_):\n"
-        "        if name == 'ffseg.cli.app':\n            os.kill(os.getpid(), signal.SIGINT)\n"
-        "sys.meta_path.insert(0, Finder())\n__main__.main()"
-    )
-    done = subprocess.run([sys.executable, "-c", code, command], capture_output=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, b"", b"")
+    done = interrupted("ffseg.cli.app", command)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no signals of this kind")
@@ -148,13 +152,7 @@ def test_an_interrupt_while_modules_load_ends_without_a_traceback(command: str) 
 )
 def test_an_interrupt_at_work_says_what_is_kept(arguments: str, module: str, tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes((Path(__file__).parents[2] / "samples" / "toy.png").read_bytes())
-    code = (
-        "import os, signal, sys\nfrom ffseg import __main__\n"
-        f"class Finder:\n    def find_spec(self, name, *_):\n        if name == {module!r}:\n"
-        "            os.kill(os.getpid(), signal.SIGINT)\nsys.meta_path.insert(0, Finder())\n__main__.main()"
-    )
-    command = [sys.executable, "-c", code, *arguments.split()]
-    done = subprocess.run(command, capture_output=True, check=False, text=True, cwd=tmp_path)
+    done = interrupted(module, *arguments.split(), cwd=tmp_path)
     said = "ffseg: interrupted; no file is half written; run it again\n"
     assert (done.returncode, done.stdout, done.stderr) == (130, "", said)
 

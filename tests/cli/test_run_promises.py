@@ -13,6 +13,7 @@ import bad_images
 import numpy as np
 import pytest
 from batches import table
+from commands import Command
 from PIL import Image
 
 from tests.campaigns import bad_files, faults, full_disk, harness, killed, many, same_bytes, signals
@@ -26,19 +27,14 @@ def blobs(tmp_path: Path) -> Path:
     return tmp_path / "in"
 
 
-def test_run_writes_what_the_contract_names(blobs: Path, tmp_path: Path) -> None:
-    done = subprocess.run(
-        harness.command("run", blobs, "--out", tmp_path / "out", "--overlay", "--json", *SMALL),
-        capture_output=True,
-        check=False,
-    )
+def test_run_writes_what_the_contract_names(blobs: Path, tmp_path: Path, ffseg_process: Command) -> None:
+    out = tmp_path / "out"
+    done = ffseg_process("run", blobs, "--out", out, "--overlay", "--json", *SMALL)
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
     assert document["counts"] == {"total": 6, "done": 6, "unchanged": 0, "failed": 0, "stale": 0}
     assert [row["image"] for row in document["images"]] == [f"i{index}.png" for index in range(6)]
-    found = sorted(
-        str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*") if path.is_file()
-    )
+    found = sorted(str(path.relative_to(out)) for path in out.rglob("*.*") if path.is_file())
     names = [f"{kind}/i{i}{end}" for i in range(6) for kind, end in (*harness.KINDS, ("overlays", ".png"))]
     assert found == sorted([*names, ".ffseg/journal.jsonl", "run.json", "timings.csv"])
 
@@ -78,29 +74,20 @@ def test_r3_pipes_loops_and_odd_names_cost_only_their_row(blobs: Path, tmp_path:
     (blobs / "gone.png").symlink_to(blobs / "nowhere")
     (blobs / "zero.png").symlink_to("/dev/zero")
     image = (blobs / "i0.png").read_bytes()
-    names = [
-        "a\nb.png",
-        "\U0001f600.png",
-        "-rf.png",
-        os.fsdecode(b"\xff\xfe.png"),
-        "n" * 251 + ".png",
-        "x" * 252 + ".gf",
-    ]
-    for name in names:
+    not_utf8, longest, too_long = os.fsdecode(b"\xff\xfe.png"), "n" * 251 + ".png", "x" * 252 + ".gf"
+    for name in ("a\nb.png", "\U0001f600.png", "-rf.png", not_utf8, longest, too_long):
         (blobs / name).write_bytes(image)
-    ended = harness.run("run", blobs, blobs / names[-1], "--out", tmp_path / "out", *SMALL)
+    ended = harness.run("run", blobs, blobs / too_long, "--out", tmp_path / "out", *SMALL)
     assert ended.code == 3
     assert "\n".join(ended.stderr.splitlines()) + "\n" == ended.stderr
-    failed = {
-        row["image"]: row["error"].split(":")[0] for row in table(tmp_path / "out" / "timings.csv") if row["error"]
-    }
-    assert failed == {
+    rows = table(tmp_path / "out" / "timings.csv")
+    assert {row["image"]: row["error"].split(":")[0] for row in rows if row["error"]} == {
         "pipe.png": "not-a-file", "loop.png": "link-loop", "gone.png": "missing", "zero.png": "not-a-file",
-        names[-1]: "bad-name",
+        too_long: "bad-name",
     }  # fmt: skip
-    done = {row["image"] for row in table(tmp_path / "out" / "timings.csv") if row["status"] == "ok"}
-    assert {"a\\u000ab.png", "\U0001f600.png", "'-rf.png", "\\xff\\xfe.png", names[4]} <= done
-    assert (tmp_path / "out" / "masks" / names[3]).exists()
+    done = {row["image"] for row in rows if row["status"] == "ok"}
+    assert {"a\\u000ab.png", "\U0001f600.png", "'-rf.png", "\\xff\\xfe.png", longest} <= done
+    assert (tmp_path / "out" / "masks" / not_utf8).exists()
 
 
 def test_r4_killed_runs_resume_to_the_same_bytes(tmp_path: Path) -> None:
@@ -117,17 +104,10 @@ def test_r4_killed_runs_into_tar_files_and_of_films_resume_to_the_same_bytes(
     assert (figures.partial, figures.resumed_differ, figures.left_over, figures.orphans) == (0, 0, 0, 0)
 
 
-@pytest.mark.parametrize(
-    ("call", "number", "pack"),
-    [
-        ("open", 5, False),
-        ("write", 4, False),
-        ("fsync", 3, False),
-        ("rename", 4, False),
-        ("write", 6, True),
-        ("rename", 4, True),
-    ],
-)
+CALLS = [("open", 5, False), ("write", 4, False), ("fsync", 3, False), ("rename", 4, False)]
+
+
+@pytest.mark.parametrize(("call", "number", "pack"), [*CALLS, ("write", 6, True), ("rename", 4, True)])
 def test_r5_failing_calls_keep_earlier_outputs_and_name_the_path(
     call: str, number: int, pack: bool, tmp_path: Path
 ) -> None:
