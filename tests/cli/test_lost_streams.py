@@ -28,9 +28,8 @@ LOST = {
 
 def shell(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a pipe; its exit code is that of the first command."""
-    return subprocess.run(
-        ["bash", "-c", f"{text}; exit ${{PIPESTATUS[0]}}"], cwd=folder, capture_output=True, text=True, check=False
-    )
+    command = ["bash", "-c", f"{text}; exit ${{PIPESTATUS[0]}}"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture
@@ -81,11 +80,8 @@ def test_data_that_a_closed_stdout_loses_is_said(photos: Path) -> None:
 
 
 def test_a_closed_stdin_is_an_empty_one(photos: Path) -> None:
-    for command, sentence in (
-        ("run - --out -", "stdin holds no Y4M"),
-        ("run --list - --out out", "names no image"),
-        ("segment - out.png", "stdin is empty"),
-    ):
+    said = {"run - --out -": "holds no Y4M", "run --list - --out out": "names no image", "segment - a.png": "is empty"}
+    for command, sentence in said.items():
         assert sentence in shell(f"{FFSEG} {command} <&- | cat", photos).stderr, command
 
 
@@ -97,10 +93,8 @@ def test_frames_that_go_nowhere_fail(photos: Path) -> None:
 
 def test_a_folder_that_has_been_removed_is_said(tmp_path: Path) -> None:
     done = shell(f"mkdir gone; cd gone; rmdir ../gone; {FFSEG} run {ROOT / 'samples'} --out out", tmp_path)
-    assert (done.returncode, done.stderr) == (
-        2,
-        "ffseg: error: the folder you are in has been removed; change to another\n",
-    )
+    said = "ffseg: error: the folder you are in has been removed; change to another\n"
+    assert (done.returncode, done.stderr) == (2, said)
 
 
 def test_a_terminal_that_goes_ends_the_run_in_order(tmp_path: Path) -> None:

@@ -17,7 +17,14 @@ from ffseg.io.pipes import frames, read_form
 COMMAND = [sys.executable, "-m", "ffseg", "run", "-", "--out", "-"]
 FRAMES = pictures(4)
 HEIGHT, WIDTH = FRAMES[0].shape[:2]
-RAW = b"".join(pixels[:, :, ::-1].tobytes() for pixels in FRAMES)
+BGR = ("--raw", f"{WIDTH}x{HEIGHT}:bgr24")
+
+
+def raw(frames: list[np.ndarray]) -> bytes:
+    return b"".join(pixels[:, :, ::-1].tobytes() for pixels in frames)
+
+
+RAW = raw(FRAMES)
 
 
 def y4m(frames: list[np.ndarray], colours: str = "420jpeg") -> bytes:
@@ -29,12 +36,9 @@ def y4m(frames: list[np.ndarray], colours: str = "420jpeg") -> bytes:
         y = 16 + (65.738 * r + 129.057 * g + 25.064 * b) / 256
         u = 128 + (-37.945 * r - 74.494 * g + 112.439 * b) / 256
         v = 128 + (112.439 * r - 94.154 * g - 18.285 * b) / 256
-        planes = (
-            y,
-            u.reshape(height // 2, 2, width // 2, 2).mean((1, 3)),
-            v.reshape(height // 2, 2, width // 2, 2).mean((1, 3)),
-        )
-        data += b"FRAME\n" + b"".join(np.rint(plane).clip(0, 255).astype(np.uint8).tobytes() for plane in planes)
+        halves = (plane.reshape(height // 2, 2, width // 2, 2).mean((1, 3)) for plane in (u, v))
+        planes = (np.rint(plane).clip(0, 255).astype(np.uint8) for plane in (y, *halves))
+        data += b"FRAME\n" + b"".join(plane.tobytes() for plane in planes)
     return data
 
 
@@ -46,12 +50,15 @@ def masks(data: bytes) -> np.ndarray:
     return np.frombuffer(data, np.uint8).reshape(-1, HEIGHT, WIDTH)
 
 
+def own_mask(pixels: np.ndarray, init: dict[str, object] | None = None) -> np.ndarray:
+    return ffseg.segment(np.ascontiguousarray(pixels[:, :, ::-1]), init).mask
+
+
 def test_raw_frames_give_the_masks_of_the_images() -> None:
-    done = through(RAW, "--raw", f"{WIDTH}x{HEIGHT}:bgr24", "-q")
+    done = through(RAW, *BGR, "-q")
     assert (done.returncode, done.stderr) == (0, b"")
     for found, pixels in zip(masks(done.stdout), FRAMES, strict=True):
-        own = ffseg.segment(np.ascontiguousarray(pixels[:, :, ::-1])).mask
-        assert ((found > 0) == own).all()
+        assert ((found > 0) == own_mask(pixels)).all()
 
 
 def test_y4m_goes_in_and_out_with_its_rate() -> None:
@@ -59,7 +66,7 @@ def test_y4m_goes_in_and_out_with_its_rate() -> None:
     assert done.returncode == 0
     head, *parts = done.stdout.split(b"FRAME\n")
     assert head == b"YUV4MPEG2 W80 H60 F30000:1001 Ip A1:1 Cmono\n"
-    raw = masks(through(RAW, "--raw", f"{WIDTH}x{HEIGHT}:bgr24").stdout)
+    raw = masks(through(RAW, *BGR).stdout)
     for part, mask in zip(parts, raw, strict=True):
         found = np.frombuffer(part, np.uint8).reshape(HEIGHT, WIDTH)
         assert set(np.unique(found)) == {0, 255}
@@ -86,7 +93,7 @@ def test_pictures_come_back_in_colour() -> None:
     luma = np.frombuffer(first, np.uint8)[: WIDTH * HEIGHT].reshape(HEIGHT, WIDTH)
     assert luma[0, 0] == 16  # black outside
     assert luma[30, 40] > 100
-    drawn = through(RAW, "--raw", f"{WIDTH}x{HEIGHT}:bgr24", "--film-out", "overlay").stdout
+    drawn = through(RAW, *BGR, "--film-out", "overlay").stdout
     assert len(drawn) == len(RAW)
     assert drawn != RAW
 
@@ -114,12 +121,12 @@ def test_streams_that_cannot_be_read_are_named(data: bytes, options: list[str], 
 
 
 def test_frames_before_the_break_are_sent() -> None:
-    done = through(RAW[:-7], "--raw", f"{WIDTH}x{HEIGHT}:bgr24")
+    done = through(RAW[:-7], *BGR)
     assert len(masks(done.stdout)) == 3
 
 
 def test_a_frame_that_fails_keeps_its_place() -> None:
-    done = through(RAW, "--raw", f"{WIDTH}x{HEIGHT}:bgr24", "--set", "init.center=[500,500]")
+    done = through(RAW, *BGR, "--set", "init.center=[500,500]")
     assert done.returncode == 3
     assert not masks(done.stdout).any()
     assert len(masks(done.stdout)) == 4
@@ -127,14 +134,12 @@ def test_a_frame_that_fails_keeps_its_place() -> None:
 
 
 def test_starts_are_found_by_the_number_of_a_frame(tmp_path: Path) -> None:
-    starts = tmp_path / "starts.csv"
-    starts.write_text("image,x,y,radius\nfilm_000002.mp4,8,8,4\n1,40,30,6\n99,1,1,1\n", encoding="utf-8")
-    found = masks(through(RAW, "--raw", f"{WIDTH}x{HEIGHT}:bgr24", "--starts", str(starts)).stdout) > 0
-    for number, init in enumerate(
-        ({}, {"init.center": [40, 30], "init.radius": 6}, {"init.center": [8, 8], "init.radius": 4})
-    ):
-        own = ffseg.segment(np.ascontiguousarray(FRAMES[number][:, :, ::-1]), init).mask
-        assert (found[number] == own).all()
+    path = tmp_path / "starts.csv"
+    path.write_text("image,x,y,radius\nfilm_000002.mp4,8,8,4\n1,40,30,6\n99,1,1,1\n", encoding="utf-8")
+    found = masks(through(RAW, *BGR, "--starts", str(path)).stdout) > 0
+    starts = ({}, {"init.center": [40, 30], "init.radius": 6}, {"init.center": [8, 8], "init.radius": 4})
+    for mask, pixels, init in zip(found, FRAMES, starts, strict=False):
+        assert (mask == own_mask(pixels, init)).all()
     assert not found[2, 30, 40], "it starts on the ground, not on the disc"
 
 
@@ -148,7 +153,7 @@ def test_starts_are_found_by_the_number_of_a_frame(tmp_path: Path) -> None:
 def test_starts_that_name_no_frame_are_refused(tmp_path: Path, rows: str, sentence: str) -> None:
     starts = tmp_path / "starts.csv"
     starts.write_text(f"image,x,y,radius\n{rows}", encoding="utf-8")
-    done = through(RAW, "--raw", f"{WIDTH}x{HEIGHT}:bgr24", "--starts", str(starts))
+    done = through(RAW, *BGR, "--starts", str(starts))
     assert (done.returncode, done.stdout, sentence in done.stderr.decode()) == (2, b"", True), done.stderr
 
 
@@ -158,10 +163,7 @@ def test_steady_frames_of_a_pipe_are_those_of_a_film(tmp_path: Path) -> None:
         Image.fromarray(pixels).save(tmp_path / f"f_{number:06d}.png")
     run = [sys.executable, "-m", "ffseg", "run", str(tmp_path), "--out", str(tmp_path / "out"), "--steady", "-q"]
     assert subprocess.run(run, check=False).returncode == 0
-    data = b"".join(pixels[:, :, ::-1].tobytes() for pixels in noisy)
-    steady, plain = (
-        masks(through(data, "--raw", f"{WIDTH}x{HEIGHT}:bgr24", *more).stdout) for more in (["--steady"], [])
-    )
+    steady, plain = (masks(through(raw(noisy), *BGR, *more).stdout) for more in (["--steady"], []))
     for number, mask in enumerate(steady):
         assert (np.asarray(Image.open(tmp_path / "out" / "masks" / f"f_{number:06d}.png")) == mask).all()
     assert (steady != plain).any()
@@ -173,9 +175,8 @@ def test_a_pipe_has_two_ends() -> None:
 
 
 def test_raw_pixels_are_those_of_a_pipe() -> None:
-    done = subprocess.run(
-        [*COMMAND[:-3], "folder", "--out", "out", "--raw", "8x6:gray"], capture_output=True, check=False
-    )
+    command = [*COMMAND[:-3], "folder", "--out", "out", "--raw", "8x6:gray"]
+    done = subprocess.run(command, capture_output=True, check=False)
     assert (done.returncode, b"--raw says what stdin holds" in done.stderr) == (2, True)
 
 
@@ -183,12 +184,7 @@ def test_it_ends_when_nobody_reads() -> None:
     """Heard of at the next frame that is written, however many are still to come."""
     code = "import sys; sys.stdin.buffer.read(10)"
     with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE) as reader:
-        done = subprocess.run(
-            [*COMMAND, "--raw", f"{WIDTH}x{HEIGHT}:bgr24"],
-            input=RAW * 25,
-            stdout=reader.stdin,
-            stderr=subprocess.PIPE,
-            check=False,
-        )
+        streams = {"stdout": reader.stdin, "stderr": subprocess.PIPE}
+        done = subprocess.run([*COMMAND, *BGR], input=RAW * 25, check=False, **streams)
     assert done.returncode == 3
     assert b"whoever reads stdout has gone" in done.stderr
