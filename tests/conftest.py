@@ -109,6 +109,12 @@ def golden(update_golden: bool) -> Callable[[Path, str], None]:
     return compare
 
 
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    """The output folder of a run, which is not there yet."""
+    return tmp_path / "out"
+
+
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
     """Folder of the real images to develop on; tests that need it skip where it is absent."""

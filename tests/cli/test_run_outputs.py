@@ -63,8 +63,7 @@ LABEL = 'yes: "a horse" \N{HORSE}'
 """Which YAML escapes, in one way and JSON in another."""
 
 
-def test_yolo_cutouts_and_labels(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_yolo_cutouts_and_labels(ffseg_command: Command, images: Path, tmp_path: Path, out: Path) -> None:
     for name in ("drawing.svg", "sub/more.svg", "notes.txt"):
         (images / name).write_text("<svg/>")
     wanted = ("--export", "coco,labelme,geojson,yolo,cutout", "--label", LABEL)
@@ -104,8 +103,7 @@ def test_outputs_under_other_names_take_the_place_of_the_old(
     assert (tmp_path / "out" / "coco.json").read_bytes() == (tmp_path / "fresh" / "coco.json").read_bytes()
 
 
-def test_exports_hold_the_mask_and_find_their_image(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_exports_hold_the_mask_and_find_their_image(ffseg_command: Command, images: Path, out: Path) -> None:
     kinds = ("--export", "coco,labelme", "--export", "geojson")
     ffseg_command("run", images, "--out", out, *START, *kinds, code=0)
     for name in ("a", "sub/b"):
@@ -144,10 +142,9 @@ def test_films_begin_at_the_start_and_end_with_the_result(
         assert (out / kind).read_bytes() == (plain / kind).read_bytes()
 
 
-def test_views_are_filmed_and_exported_too(ffseg_command: Command, tmp_path: Path) -> None:
+def test_views_are_filmed_and_exported_too(ffseg_command: Command, tmp_path: Path, out: Path) -> None:
     write_pair(tmp_path)
     camera = ("--camera", tmp_path / "camera.yaml", "--poses", tmp_path / "poses.csv")
-    out = tmp_path / "out"
     ffseg_command("run", tmp_path / "views", "--out", out, *camera, "--export", "geojson", "--animate", code=0)
     (region,) = json.loads((out / "geojson" / "2.geojson").read_text())["features"]
     area = np.count_nonzero(read_mask(out / "masks" / "2.png"))
@@ -210,12 +207,11 @@ def test_the_row_of_a_stack_says_that_only_its_first_page_was_read(
 
 
 def test_the_summary_says_the_mean_iou_and_what_was_stopped(
-    ffseg_command: Command, images: Path, tmp_path: Path
+    ffseg_command: Command, images: Path, tmp_path: Path, out: Path
 ) -> None:
     y, x = np.mgrid[0:96, 0:128]
     for name in ("a.png", "sub/b.png"):
         write_image(tmp_path / "truth" / name, np.hypot(x - 64, y - 48) < 38)
-    out = tmp_path / "out"
     given = ("run", images, "--out", out, *START, "--truth", tmp_path / "truth", "--set", "contour.max_iterations=1")
     shown = ffseg_command(*given, code=0)
     overlaps = [float(row["iou"]) for row in table(out / "timings.csv")]

@@ -27,8 +27,7 @@ def blobs(tmp_path: Path) -> Path:
     return tmp_path / "in"
 
 
-def test_run_writes_what_the_contract_names(blobs: Path, tmp_path: Path, ffseg_process: Command) -> None:
-    out = tmp_path / "out"
+def test_run_writes_what_the_contract_names(blobs: Path, out: Path, ffseg_process: Command) -> None:
     done = ffseg_process("run", blobs, "--out", out, "--overlay", "--json", *SMALL)
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)

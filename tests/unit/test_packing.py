@@ -100,8 +100,7 @@ def test_the_bytes_do_not_depend_on_how_the_work_was_shared_out(images: Path, tm
         assert packs(out) == []
 
 
-def test_a_second_run_does_what_is_missing_or_stale(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_a_second_run_does_what_is_missing_or_stale(images: Path, tmp_path: Path, out: Path) -> None:
     run_batch(images, out, products=PACKED, executor=INPROCESS)
     before = {path.name: path.stat().st_mtime_ns for path in out.glob("*.tar")}
     again = run_batch(images, out, products=PACKED, num_workers=2)
@@ -116,8 +115,7 @@ def test_a_second_run_does_what_is_missing_or_stale(images: Path, tmp_path: Path
 
 
 @pytest.mark.parametrize("damage", ["changed", "header", "cut"])
-def test_damaged_tar_files_are_made_again(damage: str, images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_damaged_tar_files_are_made_again(damage: str, images: Path, out: Path) -> None:
     run_batch(images, out, products=PACKED, executor=INPROCESS)
     expected, path = tars(out), out / "masks.tar"
     with tarfile.open(path) as archive:
@@ -182,9 +180,8 @@ COMPLETE = ("ffseg.batch.record.ordered", "module.OrderedPacks", "complete")
     ],
 )
 def test_a_killed_run_goes_on(
-    where: tuple[str, str, str], count: int, before: bool, redone: int, images: Path, tmp_path: Path
+    where: tuple[str, str, str], count: int, before: bool, redone: int, images: Path, tmp_path: Path, out: Path
 ) -> None:
-    out = tmp_path / "out"
     kill(images, out, where, count, before=before)
     for path in out.glob("*.tar"):
         subprocess.run(["tar", "-tf", path], check=True, capture_output=True)
@@ -194,8 +191,7 @@ def test_a_killed_run_goes_on(
     assert packs(out) == []
 
 
-def test_a_tail_that_was_not_finished_is_nobodys(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_a_tail_that_was_not_finished_is_nobodys(images: Path, tmp_path: Path, out: Path) -> None:
     kill(images, out, ADD, 6, before=False)
     (pack,) = packs(out)
     subprocess.run(["tar", "-tf", out / pack], check=True, capture_output=True)
@@ -209,9 +205,8 @@ def test_a_tail_that_was_not_finished_is_nobodys(images: Path, tmp_path: Path) -
     assert tars(out) == straight(images, tmp_path / "one")
 
 
-def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path) -> None:
+def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path, out: Path) -> None:
     run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
-    out = tmp_path / "out"
     kill(images, out, ADD, 3, before=False, shard="2/2")
     run_shard(images, out, "1/2")
     early = merge_shards(str(out))
@@ -237,8 +232,7 @@ def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path) -> None:
     assert tars(out) == tars(tmp_path / "two")
 
 
-def test_an_output_that_is_lost_is_named_by_the_merge(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_an_output_that_is_lost_is_named_by_the_merge(images: Path, tmp_path: Path, out: Path) -> None:
     for number in (1, 2):
         run_shard(images, out, f"{number}/2")
     (pack,) = [name for name in packs(out) if "1-of-2" in name]
@@ -251,8 +245,7 @@ def test_an_output_that_is_lost_is_named_by_the_merge(images: Path, tmp_path: Pa
     assert tars(out) == straight(images, tmp_path / "one")
 
 
-def test_files_and_members_are_not_mixed(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_files_and_members_are_not_mixed(images: Path, tmp_path: Path, out: Path) -> None:
     run_batch(images, out, products=PACKED, executor=INPROCESS)
     with pytest.raises(UsageError, match="holds outputs in tar files; add --pack tar"):
         run_batch(images, out, products=FILES, executor=INPROCESS)
@@ -274,8 +267,7 @@ def test_files_and_members_are_not_mixed(images: Path, tmp_path: Path) -> None:
         run_batch(images, tmp_path / "other", products=PACKED, executor=INPROCESS)
 
 
-def test_a_packed_output_is_an_input(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_a_packed_output_is_an_input(images: Path, tmp_path: Path, out: Path) -> None:
     run_batch(images, out, products=PACKED, executor=INPROCESS)
     assert run_batch(out / "masks.tar", tmp_path / "next", products=PACKED, executor=INPROCESS).done == 13
     with tarfile.open(tmp_path / "next" / "masks.tar") as archive:
@@ -323,11 +315,9 @@ def test_an_append_that_fails_is_not_seen(call: str, tmp_path: Path, monkeypatch
 
 
 def test_a_disk_that_is_full_at_the_end_costs_nothing_that_was_done(
-    images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    images: Path, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from ffseg.batch.record.ordered import OrderedPacks
-
-    out = tmp_path / "out"
 
     def full(*_: object) -> None:
         raise OutputError("masks.tar cannot be written (No space left on device); free some space")
@@ -343,8 +333,7 @@ def test_a_disk_that_is_full_at_the_end_costs_nothing_that_was_done(
     assert tars(out) == straight(images, tmp_path / "one")
 
 
-def test_a_run_that_is_stopped_has_its_outputs_still(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_a_run_that_is_stopped_has_its_outputs_still(images: Path, tmp_path: Path, out: Path) -> None:
     first = run_batch(images, out, products=PACKED, executor=INPROCESS, observer=Silent(last=5))
     assert first.signal == 15
     assert tars(out) == {}

@@ -46,8 +46,7 @@ def test_outputs_and_table_mirror_the_input(images: Path, tmp_path: Path) -> Non
     assert record["parameters"]["contour"]["degree"] == 3
 
 
-def test_second_run_does_only_what_is_missing_or_stale(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_second_run_does_only_what_is_missing_or_stale(images: Path, out: Path) -> None:
     run_batch(images, out)
     before, rows = snapshot(out), table(out / "timings.csv")
     assert run_batch(images, out).unchanged == 12
@@ -114,9 +113,8 @@ def test_files_no_run_made_are_not_replaced(images: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("name", ["masks/s1/image1.png", "coco.json", "yolo.yaml", "timings.parquet"])
-def test_files_no_run_made_are_not_replaced_beside_those_one_made(name: str, images: Path, tmp_path: Path) -> None:
+def test_files_no_run_made_are_not_replaced_beside_those_one_made(name: str, images: Path, out: Path) -> None:
     """A folder with a journal was taken for the run's own, whatever lay in it."""
-    out = tmp_path / "out"
     run_batch(images / "s0", out)
     (out / name).parent.mkdir(exist_ok=True)
     (out / name).write_bytes(b"mine")
@@ -139,11 +137,8 @@ def test_tables_no_run_made_are_not_replaced(name: str, images: Path, tmp_path: 
 
 
 @pytest.mark.parametrize("spoil", [("{", "x"), ('"format":2', '"format":1'), ("\n", " ")])
-def test_a_journal_that_cannot_be_read_is_not_taken_for_none(
-    spoil: tuple[str, str], images: Path, tmp_path: Path
-) -> None:
+def test_a_journal_that_cannot_be_read_is_not_taken_for_none(spoil: tuple[str, str], images: Path, out: Path) -> None:
     """All was made anew in its place, even with other parameters."""
-    out = tmp_path / "out"
     run_batch(images, out)
     before, journal = snapshot(out), out / ".ffseg" / "journal.jsonl"
     text = journal.read_text()
@@ -171,11 +166,10 @@ def test_an_image_that_fails_half_written_leaves_nothing(images: Path, tmp_path:
 
 
 @pytest.mark.parametrize("workers", [1, 3])
-def test_crash_hang_memory_and_defects_cost_only_their_image(workers: int, tmp_path: Path) -> None:
+def test_crash_hang_memory_and_defects_cost_only_their_image(workers: int, tmp_path: Path, out: Path) -> None:
     levels = {NAMES[2]: stand_in.CRASH, NAMES[3]: stand_in.HANG, NAMES[5]: stand_in.EAT,
               NAMES[6]: stand_in.FAIL, NAMES[7]: stand_in.DEFECT, NAMES[8]: stand_in.CRASH}  # fmt: skip
     make_images(tmp_path / "in", NAMES, levels)
-    out = tmp_path / "out"
     # The images that work take milliseconds: the limit is one that even a very busy machine keeps.
     summary = run_batch(tmp_path / "in", out, num_workers=workers, timeout=4, memory_bytes=1 << 30)
     reasons = {

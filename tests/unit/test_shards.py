@@ -54,8 +54,7 @@ def test_the_merged_tree_is_that_of_one_run(count: int, executor: str, images: P
     assert (again.unchanged, again.failed) == (38, 2), "the folder goes on as if one run had made it"
 
 
-def test_merging_twice_and_after_more_changes_nothing_else(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_merging_twice_and_after_more_changes_nothing_else(images: Path, out: Path) -> None:
     run_shard(images, out, "1/2")
     first = merge_shards(str(out))
     assert first.problems == ["shard 2/2 never ran; run it with --shard 2/2"]
@@ -83,9 +82,8 @@ def test_a_file_for_all_images_that_lacks_some_says_so(images: Path, tmp_path: P
     assert len(seen.notes) == 1
 
 
-def test_outputs_that_are_gone_are_named_until_their_shard_has_run_again(images: Path, tmp_path: Path) -> None:
+def test_outputs_that_are_gone_are_named_until_their_shard_has_run_again(images: Path, out: Path) -> None:
     """Those of a part that was not copied: the table said ok for each."""
-    out = tmp_path / "out"
     for part in ("1/2", "2/2"):
         run_shard(images, out, part)
     lost = f"masks/{NAMES[1]}"
@@ -98,8 +96,7 @@ def test_outputs_that_are_gone_are_named_until_their_shard_has_run_again(images:
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "[1]", "{", None], ids=["deep", "list", "cut", "pipe"])
-def test_a_shard_whose_end_cannot_be_read_did_not_finish(text: str | None, images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_a_shard_whose_end_cannot_be_read_did_not_finish(text: str | None, images: Path, out: Path) -> None:
     for part in ("1/2", "2/2"):
         run_shard(images, out, part)
     end = out / ".ffseg" / "shards" / "2-of-2" / "run.json"
@@ -108,15 +105,13 @@ def test_a_shard_whose_end_cannot_be_read_did_not_finish(text: str | None, image
     assert merge_shards(str(out)).problems == ["shard 2/2 did not finish; run it again with --shard 2/2"]
 
 
-def test_shards_that_do_not_belong_together_are_refused_by_name(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_shards_that_do_not_belong_together_are_refused_by_name(images: Path, out: Path) -> None:
     with pytest.raises(UsageError, match="holds no shards"):
         merge_shards(str(out))
     run_shard(images, out, "1/2")
     run_shard(images, out, "2/2", load_params(None, {"contour.degree": 2}))
-    with pytest.raises(
-        UsageError, match=r"shard 2/2 .*other parameters than shard 1/2 \(contour\.degree was 3, is 2\)"
-    ):
+    said = r"shard 2/2 .*other parameters than shard 1/2 \(contour\.degree was 3, is 2\)"
+    with pytest.raises(UsageError, match=said):
         merge_shards(str(out))
     run_shard(images, out, "2/2", overwrite=True)
     assert merge_shards(str(out)).problems == []
@@ -129,8 +124,7 @@ def test_shards_that_do_not_belong_together_are_refused_by_name(images: Path, tm
         merge_shards(str(out))
 
 
-def test_what_resuming_calls_stale_a_merge_names(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    out = tmp_path / "out"
+def test_what_resuming_calls_stale_a_merge_names(images: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patched:
         patched.setattr("ffseg.batch.record.keeper.__version__", "0.0.9")
         run_shard(images, out, "1/2")
@@ -148,8 +142,7 @@ def test_what_resuming_calls_stale_a_merge_names(images: Path, tmp_path: Path, m
     assert (told["counts"]["stale"], [entry["image"] for entry in told["stale"]]) == (1, [name])
 
 
-def test_one_shard_leaves_the_others_alone(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_one_shard_leaves_the_others_alone(images: Path, out: Path) -> None:
     run_shard(images, out, "1/2")
     mine = out / "masks" / "0" / ".ffseg-1-abc-1.tmp"
     mine.parent.mkdir(parents=True, exist_ok=True)
@@ -173,8 +166,8 @@ def test_every_image_belongs_to_one_shard_and_stays_there() -> None:
         assert set(parts) == set(range(1, count + 1))
         # 20,000 draws: a share leaves its mean by five standard deviations less than once in a million
         assert max(abs(part - 20_000 / count) for part in parts.values()) <= 5 * (20_000 / count) ** 0.5
-    plan = make_plan([str(Path(__file__))], "out")
-    job = plan.jobs[0]
+    plan = make_plan([__file__], "out")
+    (job,) = plan.jobs
     jobs = tuple(replace(job, index=k, source=replace(job.source, name=name)) for k, name in enumerate(names[:100]))
     parts = [only(replace(plan, jobs=jobs), Shard(number, 3)).jobs for number in (1, 2, 3)]
     assert sorted(job.source.name for part in parts for job in part) == sorted(names[:100])
@@ -190,27 +183,21 @@ def test_of_each_key_the_last_lines_are_given_in_order(lines: list[tuple[bytes, 
         assert os.listdir(folder) == []
 
 
+HEAD = {"format": 2, "settings": "s", "files": {"camera": ""}, "parameters": {}}
+ROW = {"status": "ok", "error": "", "width": 800, "total_ms": 12.5, "method": "freeform"}
+
+
 def journal_of(out: Path, count: int, shards: int = 2) -> None:
     """Journals of so many made-up images."""
     for number in range(1, shards + 1):
         folder = out / ".ffseg" / "shards" / f"{number}-of-{shards}"
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / "journal.jsonl").open("wb") as file:
-            file.write(
-                json.dumps({"format": 2, "settings": "s", "files": {"camera": ""}, "parameters": {}}).encode() + b"\n"
-            )
+            file.write(json.dumps(HEAD).encode() + b"\n")
             for index in range(number, count + 1, shards):
                 name = f"{index % 100}/{index}.png"
-                row = {
-                    "status": "ok",
-                    "error": "",
-                    "width": 800,
-                    "area_px": index,
-                    "total_ms": 12.5,
-                    "method": "freeform",
-                }
-                record = Record(name, "ok", "0.1", "s", "c", {}, row, order=order_key(0, name))
-                file.write(record_line(record))
+                row = {**ROW, "area_px": index}
+                file.write(record_line(Record(name, "ok", "0.1", "s", "c", {}, row, order=order_key(0, name))))
         (folder / "run.json").write_text(json.dumps({"status": "finished", "whole": count}))
 
 

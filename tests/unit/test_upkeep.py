@@ -45,8 +45,7 @@ def truths(images: Path, folder: Path) -> str:
     return str(folder)
 
 
-def test_a_run_over_part_of_the_images_keeps_the_rest(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_a_run_over_part_of_the_images_keeps_the_rest(images: Path, out: Path) -> None:
     run_in(images, out, products=ALL)
     coco = (out / "coco.json").read_bytes()
     before = table(out / "timings.csv")
@@ -59,8 +58,7 @@ def test_a_run_over_part_of_the_images_keeps_the_rest(images: Path, tmp_path: Pa
     assert run_in(images, out, products=ALL).unchanged == 6
 
 
-def test_other_outputs_make_only_what_is_asked_for_and_missing(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_other_outputs_make_only_what_is_asked_for_and_missing(images: Path, out: Path) -> None:
     run_in(images, out, products=ALL)
     assert run_in(images, out).unchanged == 6, "nothing is asked for that is not there"
     assert (out / "coco.json").exists()
@@ -74,9 +72,8 @@ def test_other_outputs_make_only_what_is_asked_for_and_missing(images: Path, tmp
 
 
 def test_a_truth_is_measured_on_the_mask_that_is_there(
-    images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    images: Path, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    out = tmp_path / "out"
     truth = truths(images, tmp_path / "truth")
     run_in(images, tmp_path / "straight", truth=truth)
     expected = [row["iou"] for row in table(tmp_path / "straight" / "timings.csv")]
@@ -97,10 +94,9 @@ def test_a_truth_is_measured_on_the_mask_that_is_there(
         assert run_in(images, out).failed == 0
 
 
-def test_an_image_that_takes_over_an_output_takes_its_row(tmp_path: Path) -> None:
+def test_an_image_that_takes_over_an_output_takes_its_row(tmp_path: Path, out: Path) -> None:
     make_images(tmp_path / "one", ["x.png", "y.png"])
     make_images(tmp_path / "two", ["x.jpg"])
-    out = tmp_path / "out"
     run_in(tmp_path / "one", out, products=ALL)
     run_in(tmp_path / "two", out)
     assert rows(out) == ["x.jpg", "y.png"]
@@ -137,8 +133,7 @@ def test_every_file_a_job_depends_on_makes_it_stale(images: Path, tmp_path: Path
         again()
 
 
-def test_a_preview_says_what_the_run_does(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_a_preview_says_what_the_run_does(images: Path, out: Path) -> None:
     setup = Setup(params=load_params(), segmenter=stand_in.NAME, products=ALL)
 
     def seen(params=setup.params, overwrite: bool = False) -> list[str]:
@@ -159,8 +154,7 @@ def test_a_preview_says_what_the_run_does(images: Path, tmp_path: Path) -> None:
         seen()
 
 
-def test_pipes_in_the_place_of_outputs_are_not_replaced(images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_pipes_in_the_place_of_outputs_are_not_replaced(images: Path, out: Path) -> None:
     run_in(images, out)
     for name in ("masks/a.png", "contours/b.svg"):
         (out / name).unlink()
@@ -204,8 +198,7 @@ def test_a_preview_looks_at_the_headers_of_what_is_to_do(images: Path, tmp_path:
 
 
 @pytest.mark.parametrize("name", ["timings.csv", "run.json", "coco.json"])
-def test_pipes_in_the_place_of_tables_are_not_replaced(name: str, images: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+def test_pipes_in_the_place_of_tables_are_not_replaced(name: str, images: Path, out: Path) -> None:
     out.mkdir()
     os.mkfifo(out / name)
     with pytest.raises(UsageError, match="no run made it"):
