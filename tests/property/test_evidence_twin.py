@@ -11,12 +11,8 @@ from ffseg.native import _core
 from tests.stumps import stump
 
 sides = st.tuples(st.integers(1, 9), st.integers(1, 11))
-images = st.one_of(
-    hnp.arrays(np.uint8, sides),
-    hnp.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 11), st.sampled_from([1, 3, 4]))).map(
-        lambda a: a if a.shape[2] > 1 else a[..., 0]
-    ),
-)
+channels = st.sampled_from([(), (3,), (4,)])
+images = hnp.arrays(np.uint8, st.tuples(sides, channels).map(lambda parts: parts[0] + parts[1]))
 
 
 @st.composite
@@ -51,7 +47,7 @@ def made(shape: tuple[int, ...], function: object, *arguments: object) -> np.nda
 
 
 @given(images, st.integers(1, 5))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_reduced_colours_are_those_of_the_twin(image: np.ndarray, factor: int) -> None:
     twin = naive.reduced_lab(image, factor)
     # lines between 4096 tabled values: 1e-6 of a cube root near its foot, times 500, twice
@@ -66,7 +62,7 @@ def test_lab_of_known_colours() -> None:
 
 
 @given(hilly())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_thinned_planes_and_their_largest(drawn: tuple[np.ndarray, np.ndarray]) -> None:
     plane, _ = drawn
     planes, small = np.stack([plane, plane + 1, -plane]), tuple(-(-length // 2) for length in plane.shape)
@@ -86,7 +82,7 @@ def test_a_plane_that_is_not_there_is_not_thinned() -> None:
 
 
 @given(hilly(), st.integers(1, 4), st.integers(1, 3), st.tuples(st.integers(1, 40), st.integers(1, 40)))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_enlarging_is_linear_between_the_middles_of_blocks(
     drawn: tuple[np.ndarray, np.ndarray], factor: int, stride: int, shape: tuple[int, int]
 ) -> None:
@@ -111,7 +107,7 @@ def test_a_pixel_is_smoothed_alike_in_wide_and_narrow_planes(sigma: float) -> No
 
 
 @given(coloured(), st.floats(0.2, 7))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_texture_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], sigma: float) -> None:
     lab, _ = drawn
     twin = naive.texture(lab, sigma)
@@ -124,7 +120,7 @@ def test_texture_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], sigma
 
 
 @given(coloured(), st.floats(0.2, 7))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_colour_is_the_texture_that_does_not_tell_of_shapes(drawn: tuple[np.ndarray, np.ndarray], sigma: float) -> None:
     lab, _ = drawn
     whole = made((10, *lab.shape[1:]), _core.evidence_texture, lab, sigma)
@@ -132,17 +128,16 @@ def test_colour_is_the_texture_that_does_not_tell_of_shapes(drawn: tuple[np.ndar
 
 
 @given(coloured(), st.floats(0.5, 10))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_colour_from_the_start_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], floor: float) -> None:
     lab, inside = drawn
     twin = naive.relative(lab.astype(np.float64), inside, floor)
-    np.testing.assert_allclose(
-        made(twin.shape, _core.evidence_relative, lab, inside, floor), twin, rtol=1e-5, atol=1e-4
-    )
+    found = made(twin.shape, _core.evidence_relative, lab, inside, floor)
+    np.testing.assert_allclose(found, twin, rtol=1e-5, atol=1e-4)
 
 
 @given(coloured())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_likelihood_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray]) -> None:
     lab, inside = drawn
     twin = naive.likelihood(lab, inside)
@@ -150,17 +145,16 @@ def test_likelihood_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray]) ->
 
 
 @given(hilly(), st.sampled_from([0.25, 0.01, 1.0]))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_barrier_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], step: float) -> None:
     heights, inside = drawn
     twin = naive.barrier(heights, inside, step)
-    np.testing.assert_allclose(
-        made(twin.shape, _core.evidence_barrier, heights, inside, step), twin, rtol=1e-6, atol=1e-6
-    )
+    found = made(twin.shape, _core.evidence_barrier, heights, inside, step)
+    np.testing.assert_allclose(found, twin, rtol=1e-6, atol=1e-6)
 
 
 @given(hilly(), st.sampled_from([0.25, 0.01, 1.0]), st.integers(1, 30))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_way_is_that_of_the_twin(drawn: tuple[np.ndarray, np.ndarray], step: float, least: int) -> None:
     heights, inside = drawn
     twin = naive.geodesic(heights, inside, step, least)
@@ -199,7 +193,7 @@ def grown(arrays: dict[str, list], leaves: int, random: object) -> int:
 
 
 @given(forests(), st.tuples(st.integers(1, 3), st.integers(1, 70)), st.randoms(use_true_random=False))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_forest_is_that_of_the_twin(arrays: dict[str, np.ndarray], shape: tuple[int, int], random: object) -> None:
     choices = [-1.0, 0.0, 0.5, 2.0, 7.0, np.nan, np.inf, -np.inf]  # thresholds are hit exactly
     values = [random.choice(choices) for _ in range(4 * shape[0] * shape[1])]  # type: ignore[attr-defined]
@@ -214,22 +208,19 @@ def test_forest_is_that_of_the_twin(arrays: dict[str, np.ndarray], shape: tuple[
 STUMP = stump("b", 0.5, 1.0, ("a", "b")).arrays
 
 
+NO_FORESTS = {
+    "a feature that there is not": [("feature", [4]), ("feature", [-1])],
+    "threshold is not finite": [("threshold", [np.nan])],
+    "a node is absent or has two places": [("left", [0]), ("left", [7]), ("root", [0, 0])],
+    "a leaf is absent or has two places": [("right", [-1]), ("right", [-(2**31)])],
+    "a node or a leaf belongs to no tree": [("root", []), ("value", [1, 2, 3])],
+    "leaf is not finite": [("value", [1, np.inf])],
+    "arrays of the nodes differ in size": [("feature", [1, 1])],
+}
+
+
 @pytest.mark.parametrize(
-    ("name", "values", "sentence"),
-    [
-        ("feature", [4], "a feature that there is not"),
-        ("feature", [-1], "a feature that there is not"),
-        ("threshold", [np.nan], "threshold is not finite"),
-        ("left", [0], "a node is absent or has two places"),
-        ("left", [7], "a node is absent or has two places"),
-        ("right", [-1], "a leaf is absent or has two places"),
-        ("right", [-(2**31)], "a leaf is absent or has two places"),
-        ("root", [0, 0], "a node is absent or has two places"),
-        ("root", [], "a node or a leaf belongs to no tree"),
-        ("value", [1, np.inf], "leaf is not finite"),
-        ("value", [1, 2, 3], "a node or a leaf belongs to no tree"),
-        ("feature", [1, 1], "arrays of the nodes differ in size"),
-    ],
+    ("name", "values", "sentence"), [(*one, said) for said in NO_FORESTS for one in NO_FORESTS[said]]
 )
 def test_what_is_no_forest_is_refused(name: str, values: list[float], sentence: str) -> None:
     arrays = {**STUMP, name: np.array(values, STUMP[name].dtype)}
@@ -238,21 +229,15 @@ def test_what_is_no_forest_is_refused(name: str, values: list[float], sentence: 
 
 
 def test_a_tree_of_33_leaves_is_refused() -> None:
-    count = np.arange(32)
-    chain = {
-        "feature": np.zeros(32, np.int32),
-        "threshold": np.zeros(32, np.float32),
-        "left": (-1 - count).astype(np.int32),
-        "right": np.append(count[1:], -33).astype(np.int32),
-        "root": np.zeros(1, np.int32),
-        "value": np.zeros(33, np.float32),
-    }
+    nodes = np.arange(32, dtype=np.int32)
+    chain = {"feature": 0 * nodes, "left": -1 - nodes, "right": np.append(nodes[1:], np.int32(-33)), "root": nodes[:1]}
+    chain |= {"threshold": np.zeros(32, np.float32), "value": np.zeros(33, np.float32)}
     with pytest.raises(ValueError, match="more than 32 leaves"):
         _core.EvidenceForest(**chain, features=1)
 
 
 @given(coloured(), st.floats(0.01, 2), st.floats(0.5, 20), st.integers(0, 12))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_diffusion_is_that_of_the_twin(
     drawn: tuple[np.ndarray, np.ndarray], kept: float, contrast: float, steps: int
 ) -> None:

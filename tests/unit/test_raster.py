@@ -8,7 +8,6 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed, unpacked
@@ -16,18 +15,14 @@ from ffseg.image.raster import rasterize
 from ffseg.native import _core
 from tests import naive
 from tests import strategies as own
-
-
-def disc(shape: tuple[int, int], center: tuple[float, float], radius: float) -> NDArray[np.bool_]:
-    y, x = np.indices(shape)
-    return np.hypot(x - center[0], y - center[1]) < radius
+from tests.discs import disc_of
 
 
 @pytest.mark.parametrize("degree", [3, 4, 5, 6])
 def test_circle_is_the_disc_and_does_not_paint_its_boundary(degree: int) -> None:
     radius = math.sqrt(2530)  # no sum of two squares: every centre is at least 0.009 px off the circle
     circle = FreeForm.circle((100, 80), radius, 40, degree)  # off the true circle by less than 1e-4 px
-    np.testing.assert_array_equal(rasterize([circle], (160, 200), 1e-3), disc((160, 200), (100, 80), radius))
+    np.testing.assert_array_equal(rasterize([circle], (160, 200), 1e-3), disc_of((160, 200))(100, 80, radius))
 
 
 def test_contours_of_several_degrees_go_together() -> None:
@@ -64,16 +59,13 @@ def test_crossings_at_centres_are_decided_exactly() -> None:
         np.testing.assert_array_equal(upper, (x >= y) & (x < n))
 
 
-@pytest.mark.parametrize("bad", [1e101, -1e101])
-def test_refuses_coordinates_beyond_all_use(bad: float) -> None:
-    with pytest.raises(ValueError, match="too far away"):
-        rasterize([FreeForm.box(0, 0, bad, 1)], (4, 4))
-
-
-@pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, 1e-7])
-def test_refuses_a_tolerance_too_small(bad: float) -> None:
-    with pytest.raises(ValueError, match="tolerance"):
-        rasterize([FreeForm.box(0, 0, 1, 1)], (4, 4), bad)
+def test_refuses_coordinates_beyond_all_use_and_tolerances_too_small() -> None:
+    for bad in (1e101, -1e101):
+        with pytest.raises(ValueError, match="too far away"):
+            rasterize([FreeForm.box(0, 0, bad, 1)], (4, 4))
+    for bad in (0.0, -1.0, math.nan, 1e-7):
+        with pytest.raises(ValueError, match="tolerance"):
+            rasterize([FreeForm.box(0, 0, 1, 1)], (4, 4), bad)
 
 
 def test_native_border_refuses_bad_offsets_and_values() -> None:
@@ -84,16 +76,8 @@ def test_native_border_refuses_bad_offsets_and_values() -> None:
 
     square = [[0, 0], [1, 0], [1, 1], [0, 1]]
     call(square, [0, 4], [1])
-    for offsets, degrees in [
-        ([0], [1]),
-        ([1, 4], [1]),
-        ([0, 5], [1]),
-        ([0, 4], [3]),
-        ([0, 4], [0]),
-        ([0, 4], [7]),
-        ([0, 4, 2, 4], [1, 1, 1]),
-        ([0, 0, 4], [1, 1]),
-    ]:
+    bad_offsets = [([0], [1]), ([1, 4], [1]), ([0, 5], [1]), ([0, 4, 2, 4], [1, 1, 1]), ([0, 0, 4], [1, 1])]
+    for offsets, degrees in [*bad_offsets, *(([0, 4], [degree]) for degree in (0, 3, 7))]:
         with pytest.raises(ValueError, match=r"offsets|contour"):
             call(square, offsets, degrees)
     with pytest.raises(ValueError, match="finite"):

@@ -16,36 +16,14 @@ def parsed(text: str) -> tuple[Node, list[str]]:
 
 
 # YAML 1.2.2, section 10.3.2 (core schema)
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("1e-3", 1e-3),
-        ("1E3", 1000.0),
-        ("-.5", -0.5),
-        ("+12", 12),
-        ("012", 12),
-        ("0o14", 12),
-        ("0xC", 12),
-        ("5.", 5.0),
-        ("-0", 0),
-        (".inf", math.inf),
-        ("-.INF", -math.inf),
-        ("true", True),
-        ("FALSE", False),
-        ("~", None),
-        ("Null", None),
-        ("1:30", "1:30"),
-        ("1_000", "1_000"),
-        ("yes", "yes"),
-        ("off", "off"),
-        ("0b11", "0b11"),
-        ("-0x1", "-0x1"),
-        ("2026-11-21", "2026-11-21"),
-        ("'1'", "1"),
-        ('"true"', "true"),
-        ("''", ""),
-    ],
-)
+FLOATS = [("1e-3", 1e-3), ("1E3", 1000.0), ("-.5", -0.5), ("5.", 5.0), (".inf", math.inf), ("-.INF", -math.inf)]
+INTEGERS = [("+12", 12), ("012", 12), ("0o14", 12), ("0xC", 12), ("-0", 0)]
+WORDS = [("true", True), ("FALSE", False), ("~", None), ("Null", None)]
+TEXTS = [(text, text) for text in ("1:30", "1_000", "yes", "off", "0b11", "-0x1", "2026-11-21")]
+QUOTED = [("'1'", "1"), ('"true"', "true"), ("''", "")]
+
+
+@pytest.mark.parametrize(("text", "value"), [*FLOATS, *INTEGERS, *WORDS, *TEXTS, *QUOTED])
 def test_scalar(text: str, value: object) -> None:
     node, problems = parsed(text)
     assert problems == []

@@ -9,10 +9,9 @@ from pathlib import Path
 from time import process_time
 from types import SimpleNamespace
 
-import cv2
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from ffseg.cli.app import app
 from ffseg.io import files
@@ -25,6 +24,7 @@ from ffseg.learning.tune import Tuned, _sensitivity, before_and_after, tune
 from ffseg.parameter_text import non_defaults
 from ffseg.parameters import load_params
 from tests.discs import disc_of
+from tests.masks import write_image
 
 SHAPE = (90, 130)
 disc = disc_of(SHAPE)
@@ -32,17 +32,20 @@ disc = disc_of(SHAPE)
 
 def written(folder: Path, *, lined: bool) -> Path:
     """Four bright discs; with `lined`, the masks go on beyond weak lines that the defaults stop at."""
-    (folder / "in").mkdir()
-    (folder / "truth").mkdir()
     for number in range(4):
         rng = np.random.default_rng(number)
         image, inside = rng.normal(60, 1, SHAPE), disc(60 + number, 45, 32)
         image[inside] += 120
         if lined:
             image[disc(60 + number, 45, 16) ^ disc(60 + number, 45, 14)] += 12
-        cv2.imwrite(str(folder / "in" / f"{number}.png"), np.clip(image, 0, 255).astype(np.uint8))
-        cv2.imwrite(str(folder / "truth" / f"{number}.png"), inside.astype(np.uint8) * np.uint8(255))
+        write_image(folder / "in" / f"{number}.png", np.clip(image, 0, 255).astype(np.uint8))
+        write_image(folder / "truth" / f"{number}.png", inside)
     return folder
+
+
+def ran(folder: Path, *more: str) -> Result:
+    command = ["tune", str(folder / "in"), "--truth", str(folder / "truth"), "--out", str(folder / "mine.yaml")]
+    return CliRunner().invoke(app, [*command, "--page", str(folder / "tune.html"), "-q", *more])
 
 
 SET = {"init.center": [60, 45], "init.radius": 6}
@@ -60,8 +63,7 @@ def test_settings_and_page_are_written_together_or_not_at_all(tmp_path: Path, mo
 
     monkeypatch.setattr(files, "write_fully", full)
     before = sorted(os.listdir(folder))
-    command = ["tune", str(folder / "in"), "--truth", str(folder / "truth"), "--out", str(folder / "mine.yaml")]
-    done = CliRunner().invoke(app, [*command, "--page", str(folder / "tune.html"), "--budget", "1", "-q"])
+    done = ran(folder, "--budget", "1")
     assert (type(done.exception).__name__, sorted(os.listdir(folder))) == ("OutputError", before)
     assert "tune.html cannot be written (No space left on device)" in str(done.exception)
 
@@ -70,10 +72,8 @@ def test_tuning_passes_the_lines_that_masks_pass(tmp_path: Path, monkeypatch: py
     """Its two seconds are of processor time here: on a busy machine it would try too little."""
     monkeypatch.setattr(tuning, "time", SimpleNamespace(monotonic=process_time))
     folder = written(tmp_path, lined=True)
-    command = ["tune", str(folder / "in"), "--truth", str(folder / "truth"), "--out", str(folder / "mine.yaml")]
-    command += ["--page", str(folder / "tune.html"), "--budget", "2", "--json", "-q"]
-    command += ["--set", "init.center=[60,45]", "--set", "init.radius=6", "--set", "edges.source=gradient"]
-    done = CliRunner().invoke(app, command)
+    start = ("--set", "init.center=[60,45]", "--set", "init.radius=6", "--set", "edges.source=gradient")
+    done = ran(folder, "--budget", "2", "--json", *start)
     assert done.exit_code == 0, done.stderr
     found = json.loads(done.stdout)
     assert max(found["before"]) < 0.5
@@ -82,8 +82,7 @@ def test_tuning_passes_the_lines_that_masks_pass(tmp_path: Path, monkeypatch: py
     params = load_params(str(folder / "mine.yaml"), SET)
     canny, sigma = (found["setting"][key] for key in ("edges.canny", "edges.sigma"))
     assert (params.edges.canny, params.edges.sigma) == (canny if canny == "auto" else tuple(canny), sigma)
-    text = (folder / "mine.yaml").read_text()
-    assert "best on the others" in text
+    assert "best on the others" in (folder / "mine.yaml").read_text()
     page = (folder / "tune.html").read_text()
     assert page.count("<img") == 8
     assert "before" in page
@@ -100,8 +99,7 @@ def test_where_nothing_is_better_the_parameters_are_kept(tmp_path: Path) -> None
     path = tmp_path / "kept.yaml"
     path.write_text(to_yaml(found))
     assert load_params(str(path)) == load_params()
-    masks = before_and_after(labelled, found)
-    page = to_html(found, labelled, masks, "what was written")
+    page = to_html(found, labelled, before_and_after(labelled, found), "what was written")
     assert page.count("<section>") == 4
     assert "<pre>what was written</pre>" in page
 
@@ -126,16 +124,8 @@ def test_settings_are_spread_and_differ() -> None:
 
 
 def test_levels_lie_round_the_one_at_hand_where_there_is_a_probability() -> None:
-    assert [one["region.probability"] for one in levels(load_params())] == [
-        0.62,
-        0.38,
-        0.73,
-        0.27,
-        0.82,
-        0.18,
-        0.88,
-        0.12,
-    ]
+    own = [one["region.probability"] for one in levels(load_params())]
+    assert own == [0.62, 0.38, 0.73, 0.27, 0.82, 0.18, 0.88, 0.12]
     moved = [float(str(one["region.probability"])) for one in levels(load_params(None, {"region.probability": 0.95}))]
     assert moved == pytest.approx([0.97, 0.92, 0.98, 0.87, 0.99, 0.81, 0.72], abs=0.011)  # two digits
     assert levels(load_params(None, {"edges.source": "gradient"})) == []
@@ -153,10 +143,9 @@ def test_the_budget_is_kept(budget: int, most: int, monkeypatch: pytest.MonkeyPa
     found = tune([Labelled(str(n), image, image, params, None) for n in range(8)], budget, lambda _: None)
     assert found.seconds == len(seen) <= most  # 8 for the parameters at hand, and at most a round of 2, 4 and 8 images
     assert found.tried + found.left == MOST_SETTINGS
-    assert untried(found)[0].startswith(
-        f"not tried for want of time: {found.left} of {MOST_SETTINGS} settings; a longer"
-    )
-    assert f"# {untried(found)[0]}" in to_yaml(found)
+    (said,) = untried(found)
+    assert said.startswith(f"not tried for want of time: {found.left} of {MOST_SETTINGS} settings; a longer")
+    assert f"# {said}" in to_yaml(found)
 
 
 def test_what_had_its_time_says_nothing_of_it() -> None:
@@ -188,13 +177,9 @@ def test_one_image_says_nothing_of_others() -> None:
 def test_the_file_holds_what_tuning_began_with(tmp_path: Path) -> None:
     """`--config toy-full --set contour.degree=2` were left out of the file that is to be used with --config alone."""
     (tmp_path / "mask.png").write_bytes(b"")
-    began = load_params(
-        "toy-full",
-        {
-            "contour.degree": 2, "method": "snake", "init.circles": [[1.5, 2, 3], [4, 5, 6]], "init.center": [7, 123.4567891],
-            "edges.canny": [3, 6], "contour.refine": False, "domain.mask": str(tmp_path / "mask.png"),
-        },
-    )  # fmt: skip
+    circles = {"init.circles": [[1.5, 2, 3], [4, 5, 6]], "init.center": [7, 123.4567891]}
+    others = {"method": "snake", "edges.canny": [3, 6], "domain.mask": str(tmp_path / "mask.png")}
+    began = load_params("toy-full", {"contour.degree": 2, "contour.refine": False, **circles, **others})
     path = tmp_path / "sub" / "t.yaml"
     path.parent.mkdir()
     for setting in ({}, {"edges.canny": (8.0, 16.0), "edges.sigma": 2.0}):
