@@ -1,5 +1,6 @@
 """What ``ffseg tune`` and ``ffseg learn`` refuse or warn of before they look: starts off the masks, masks of one side."""
 
+import shutil
 from pathlib import Path
 
 import cv2
@@ -18,22 +19,20 @@ from ffseg.learning.learn import Figures
 from ffseg.learning.page import told
 from ffseg.learning.tune import Bench, tune
 from ffseg.parameters import Parameters, load_params
-from tests.discs import disc_of
+from tests.discs import bright_disc, disc_of
+from tests.masks import write_image
 
 SHAPE = (60, 90)
 disc = disc_of(SHAPE)
+START = ("--set", "init.center=[20,30]", "--set", "init.radius=5")
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Three bright discs to the left of the middle, with their masks."""
-    for name in ("in", "truth"):
-        (tmp_path / name).mkdir()
     for number in range(3):
-        inside = disc(20 + number, 30, 12)
-        image = np.where(inside, 180, 60).astype(np.uint8)
-        cv2.imwrite(str(tmp_path / "in" / f"{number}.png"), image)
-        cv2.imwrite(str(tmp_path / "truth" / f"{number}.png"), inside.astype(np.uint8) * np.uint8(255))
+        write_image(tmp_path / "in" / f"{number}.png", bright_disc(SHAPE, (20 + number, 30), 12))
+        write_image(tmp_path / "truth" / f"{number}.png", disc(20 + number, 30, 12))
     return tmp_path
 
 
@@ -70,7 +69,7 @@ def test_a_start_on_unknown_ground_is_no_mistake(folder: Path) -> None:
     for number in range(3):
         truth = np.where(disc(20 + number, 30, 12), 255, 128).astype(np.uint8)
         truth[:5] = 0
-        cv2.imwrite(str(folder / "truth" / f"{number}.png"), truth)
+        write_image(folder / "truth" / f"{number}.png", truth)
     assert starts_off(gathered(folder, {"init.radius": 5})[1]) == []
 
 
@@ -83,7 +82,7 @@ def test_scribbles_say_what_the_figures_count(folder: Path) -> None:
     for number in range(3):
         strokes = np.full(SHAPE, 128, np.uint8)
         strokes[29:32, 16:26], strokes[5:8] = 255, 0
-        cv2.imwrite(str(folder / "truth" / f"{number}.png"), strokes)
+        write_image(folder / "truth" / f"{number}.png", strokes)
     _, labelled = gathered(folder, {"init.center": [20, 30], "init.radius": 3, "edges.source": "gradient"})
     line = "the masks know 5.6% of the pixels; the figures of IoU count no others"
     assert line in told(tune(labelled, 0.1, lambda _: None))
@@ -101,30 +100,27 @@ def test_without_a_start_the_figure_to_beat_says_where_it_grew_from() -> None:
 
 def test_domains_starts_and_grounds_of_the_parameters_count(folder: Path) -> None:
     """They were read by nobody: figures were those of contours that may go everywhere, from a circle in the middle."""
-    cut = np.full(SHAPE, 255, np.uint8)
-    cut[30:] = 0  # the lower half of each disc
-    start, ground = disc(20, 26, 4).astype(np.uint8) * np.uint8(255), np.zeros(SHAPE, np.uint8)
-    ground[18:23] = 255
-    for name, mask in (("cut", cut), ("start", start), ("ground", ground)):
-        cv2.imwrite(str(folder / f"{name}.png"), mask)
+    rows, start = np.indices(SHAPE)[0], disc(20, 26, 4)
+    write_image(folder / "start.png", start)
+    write_image(folder / "cut.png", rows < 30)  # without the lower half of each disc
+    write_image(folder / "ground.png", (rows >= 18) & (rows < 23))
     start_at = {"init.mask": str(folder / "start.png"), "edges.source": "gradient"}
     _, labelled = gathered(folder, start_at)
     for one in labelled:
-        np.testing.assert_array_equal(one.start, start > 0)
+        np.testing.assert_array_equal(one.start, start)
     assert Bench(labelled).overlap(0, {}) > 0.95
     _, labelled = gathered(folder, {**start_at, "domain.mask": str(folder / "cut.png")})
     assert Bench(labelled).overlap(0, {}) == pytest.approx(0.5, abs=0.06)
     assert learning._contoured(labelled[0], labelled[0].params, None) == pytest.approx(0.5, abs=0.06)
     _, labelled = gathered(folder, {**start_at, "init.background_mask": str(folder / "ground.png")})
     assert Bench(labelled).overlap(0, {}) < 0.9
-    (folder / "domains").mkdir()
-    (folder / "domains" / "0.png").write_bytes((folder / "cut.png").read_bytes())
+    write_image(folder / "domains" / "0.png", rows < 30)
     with pytest.raises(UsageError, match=r"domain\.masks: 1\.png has no mask"):
         gathered(folder, {**start_at, "domain.masks": str(folder / "domains")})
 
 
 def test_a_domain_of_another_size_is_refused(folder: Path) -> None:
-    cv2.imwrite(str(folder / "cut.png"), np.full((20, 30), 255, np.uint8))
+    write_image(folder / "cut.png", np.ones((20, 30), np.bool_))
     with pytest.raises(UsageError, match=r"0\.png: domain\.mask has 30 x 20 pixels, the image 90 x 60"):
         gathered(folder, {"init.center": [20, 30], "domain.mask": str(folder / "cut.png")})
 
@@ -153,9 +149,7 @@ def test_images_that_the_model_has_learned_from_are_named(folder: Path) -> None:
     model = folder / "a.ffmodel"
     for about, warned in (({"images": ["1.png", "x.png", 3]}, True), ({"images": 7}, False), ({}, False)):
         model.write_bytes(to_bytes(Model(base.base(), about=about)))
-        code, said = ran(
-            folder, "--set", f"edges.model={model}", "--set", "init.center=[20,30]", "--set", "init.radius=5"
-        )
+        code, said = ran(folder, "--set", f"edges.model={model}", *START)
         assert code == 0
         assert ("warning: edges.model has learned from images called 1.png;" in said) is warned
 
@@ -164,8 +158,8 @@ def test_images_and_masks_side_by_side_need_other_names(folder: Path) -> None:
     """The mask was taken for the photograph, and the photograph was blamed for being a mask in colour."""
     for number in range(3):
         image = cv2.imread(str(folder / "in" / f"{number}.png"))
-        (folder / "in" / f"{number}.png").write_bytes((folder / "truth" / f"{number}.png").read_bytes())
-        cv2.imwrite(str(folder / "in" / f"{number}.jpg"), image)
+        shutil.copy(folder / "truth" / f"{number}.png", folder / "in")
+        write_image(folder / "in" / f"{number}.jpg", image)
     with pytest.raises(UsageError, match=r"0\.png and 0\.jpg could each be the mask of the other; .* NAME_truth\.png"):
         gather([str(folder / "in")], str(folder / "in"), load_params())
     for number in range(3):
@@ -177,22 +171,22 @@ def test_images_and_masks_side_by_side_need_other_names(folder: Path) -> None:
 
 def test_a_method_without_edges_is_refused(folder: Path) -> None:
     """All settings gave the same, and the time was spent."""
-    code, said = ran(folder, "--set", "method=cv_floodfill", "--set", "init.center=[20,30]", "--set", "init.radius=5")
+    code, said = ran(folder, "--set", "method=cv_floodfill", *START)
     assert code != 0
     assert "method: cv_floodfill does not look at the edge map" in said
 
 
-@pytest.mark.parametrize(
-    ("level", "lacks"),
-    [
-        (0, "the mask knows no pixel inside"),
-        (255, "the mask knows no pixel outside"),
-        (128, ".* has no pixel that counts"),
-    ],
-)
+LACKS = {
+    0: "the mask knows no pixel inside",
+    255: "the mask knows no pixel outside",
+    128: ".* has no pixel that counts",
+}
+
+
+@pytest.mark.parametrize(("level", "lacks"), LACKS.items())
 def test_a_mask_of_one_side_is_refused(folder: Path, level: int, lacks: str) -> None:
     """`tune` counted an empty mask as 0 whatever was found, and one that is all inside as better the more leaked."""
-    cv2.imwrite(str(folder / "truth" / "1.png"), np.full(SHAPE, level, np.uint8))
+    write_image(folder / "truth" / "1.png", np.full(SHAPE, level, np.uint8))
     with pytest.raises(UsageError, match=rf"1\.png: {lacks}"):
         gathered(folder, {"init.center": [20, 30], "init.radius": 5})
 

@@ -1,6 +1,5 @@
 """Free space in metres: the robot's frame, polygons, scans and the picture from above, against shapely and the worlds."""
 
-import csv
 import json
 from dataclasses import replace
 from functools import lru_cache
@@ -10,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import shapely
+from batches import table
 from commands import Command
 from rendered import floor_pair, render_pair, segment_view
 from worlds import free_ground, in_robot_frame, range_along
@@ -25,6 +25,7 @@ from ffseg.freespace.sequence import Frame, free_space, segment_frame
 from ffseg.freespace.window import Earlier
 from ffseg.rendering.pairs import CAMERA_YAML, RenderedPair, sample_camera
 from ffseg.scene import Scene
+from tests.masks import write_image
 
 PARAMS = ffseg.load_params()
 
@@ -157,9 +158,9 @@ def test_a_camera_that_nods_is_laid_out_as_it_stood() -> None:
     errors, within = [], []
     for one in (frame, replace(frame, camera=None)):
         scan = one.scan()
-        true = np.array([range_along(world, bearing) for bearing in scan.bearings])
-        errors.append(np.nanquantile(np.abs(scan.ranges - true), 0.9))
-        within.append(np.nanmean(np.abs(scan.ranges - true) < 2.0 * scan.std))
+        off = np.abs(scan.ranges - [range_along(world, bearing) for bearing in scan.bearings])
+        errors.append(np.nanquantile(off, 0.9))
+        within.append(np.nanmean(off < 2.0 * scan.std))
     assert errors[0] < 0.5 * errors[1]
     assert within[0] > 0.9 > 0.5 > within[1]
 
@@ -235,16 +236,15 @@ def test_the_picture_from_above_has_the_front_up_and_the_left_left() -> None:
 
 
 def test_a_run_writes_the_map_of_every_image(ffseg_command: Command, tmp_path: Path) -> None:
-    (tmp_path / "views").mkdir()
-    cv2.imwrite(str(tmp_path / "views" / "a.png"), rendered()[0].current.image)
+    write_image(tmp_path / "views" / "a.png", rendered()[0].current.image)
     (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
-    asked = ("run", tmp_path / "views", "--out", tmp_path / "out", "--map")
-    ffseg_command(*asked, "--camera", tmp_path / "camera.yaml", code=0)
+    camera = ("--camera", tmp_path / "camera.yaml")
+    ffseg_command("run", tmp_path / "views", "--out", tmp_path / "out", "--map", *camera, code=0)
     document = json.loads((tmp_path / "out" / "ground" / "a.geojson").read_text())
     (region, *_) = (shapely.geometry.shape(feature["geometry"]) for feature in document["features"])
     assert region.is_valid
     assert region.contains(shapely.Point(0, 0))
-    rows = list(csv.DictReader((tmp_path / "out" / "scans" / "a.csv").read_text().splitlines()))
+    rows = table(tmp_path / "out" / "scans" / "a.csv")
     scan = json.loads((tmp_path / "out" / "scans" / "a.json").read_text())
     assert [float(row["range_m"]) for row in rows] == scan["free"]
     assert len(rows) == 360
