@@ -57,9 +57,12 @@ print(json.dumps(seen))
 
 
 def work(image: Path, before: str = "") -> dict[str, object]:
-    code = WORK.format(before=before)
-    done = subprocess.run([sys.executable, "-c", code, str(image)], check=True, capture_output=True, text=True)
-    return json.loads(done.stdout)
+    return json.loads(printed(WORK.format(before=before), str(image)))
+
+
+def printed(code: str, *arguments: str) -> str:
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
 @pytest.fixture
@@ -68,17 +71,13 @@ def image(tmp_path: Path) -> Path:
     return tmp_path / "a.png"
 
 
-@pytest.mark.parametrize(
-    ("before", "forked"),
-    [
-        ("", True),
-        ("import numpy", False),
-        ("threading.Thread(target=threading.Event().wait, daemon=True).start()", False),
-    ],
-)
-def test_worker_is_a_copy_of_a_light_process_only(before: str, forked: bool, image: Path) -> None:
+THREAD = "threading.Thread(target=threading.Event().wait, daemon=True).start()"
+
+
+@pytest.mark.parametrize("before", ["", "import numpy", THREAD])
+def test_worker_is_a_copy_of_a_light_process_only(before: str, image: Path) -> None:
     seen = work(image, before)
-    assert (seen["forked"], seen["ready"], seen["status"]) == (forked, "Ready", "Done")
+    assert (seen["forked"], seen["ready"], seen["status"]) == (before == "", "Ready", "Done")
     assert seen["heavy"] == ("numpy" in before)
     assert (seen["files"], seen["stdin"]) == (5, "/dev/null")  # its streams and two pipes, nothing of the parent's
     assert seen["codes"] == [-9, -9]
@@ -92,8 +91,7 @@ def test_worker_keeps_the_memory_of_one_image_for_the_next(image: Path) -> None:
 
 def test_what_is_loaded_before_the_first_worker_starts_is_light() -> None:
     code = "import sys, ffseg.batch.workers.launch as it; it.launch().end(); print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert {"numpy", "cv2", "yaml", "typer"}.isdisjoint(done.stdout.split())
+    assert {"numpy", "cv2", "yaml", "typer"}.isdisjoint(printed(code).split())
 
 
 def test_of_the_processes_that_are_started_no_more_are_used_than_asked_for() -> None:
@@ -112,7 +110,7 @@ def test_this_process_is_not_copied() -> None:
     assert not launching.can_fork()  # it has NumPy
 
 
-def test_a_copy_that_cannot_start_leaves_its_words(tmp_path: Path) -> None:
+def test_a_copy_that_cannot_start_leaves_its_words() -> None:
     code = (
         "import os, ffseg.batch.workers.process as process\n"
         "from ffseg.batch.workers.launch import launch\n"
@@ -121,5 +119,4 @@ def test_a_copy_that_cannot_start_leaves_its_words(tmp_path: Path) -> None:
         "worker = launch()\nassert worker.handle.wait() == 1\n"
         "print(os.pread(worker.log, 10000, 0).decode())"
     )
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert "RuntimeError: no such luck" in done.stdout
+    assert "RuntimeError: no such luck" in printed(code)

@@ -7,27 +7,22 @@ import naive_freeform as naive
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from runs import ROOT
 
 import ffseg
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import packed
 from ffseg.native import _core
-from ffseg.samples.scenes import SCENES
 from tests.discs import overlap
-
-
-def scene(name: str) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    drawn = SCENES[name]()
-    image = drawn.image if drawn.image.ndim == 2 else np.ascontiguousarray(drawn.image[..., ::-1])
-    return image, drawn.truth > 0
+from tests.masks import read_mask
 
 
 @pytest.mark.parametrize(("name", "least"), [("simple", 0.995), ("complex", 0.97), ("toy", 0.95)])
 def test_overlap_on_the_samples(name: str, least: float) -> None:
     """It stops at edges and passes obstacles; measured 0.9982, 0.9777 and 0.9588."""
-    image, truth = scene(name)
+    image = ffseg.read_image(ROOT / "samples" / f"{name}.png")
     result = ffseg.segment(image, ffseg.load_params("paper"))
-    assert overlap(result.mask, truth) > least
+    assert overlap(result.mask, read_mask(ROOT / "samples" / "truth" / f"{name}.png")) > least
     assert result.stats.stop_reason == "converged"
     assert result.stats.initial_points == 39
     assert result.stats.final_points == sum(len(c.control_points) for c in result.contours)
@@ -38,13 +33,8 @@ def test_balloon_is_cut_and_its_sign_kept() -> None:
     """It grows by two pixels an iteration in open ground, or closes in by two."""
     image = np.full((200, 200), 128, np.uint8)
     for balloon, radius in ((8.0, 40 + 2 * 10), (-8.0, 40 - 2 * 10)):
-        overrides = {
-            "contour.balloon": balloon,
-            "contour.max_iterations": 10,
-            "contour.refine": False,
-            "init.radius": 40,
-        }
-        result = ffseg.segment(image, ffseg.load_params("paper", overrides))
+        fixed = {"contour.max_iterations": 10, "contour.refine": False, "init.radius": 40}
+        result = ffseg.segment(image, ffseg.load_params("paper", {**fixed, "contour.balloon": balloon}))
         assert result.mask.sum() == pytest.approx(np.pi * radius**2, rel=0.01)
         assert result.stats.stop_reason == "max_iterations"
 
@@ -54,20 +44,14 @@ def test_diffusion_slows_it_down() -> None:
     image = np.tile(np.arange(200, dtype=np.uint8), (200, 1))
     overrides = {"contour.max_iterations": 10, "contour.patches": 20, "edges.canny": [50, 100], "init.radius": 40}
     for exponent in (1, 2, 8):
-        params = ffseg.load_params("paper", {**overrides, "edges.exponent": exponent})
-        result = ffseg.segment(image, params)
+        result = ffseg.segment(image, ffseg.load_params("paper", {**overrides, "edges.exponent": exponent}))
         assert result.mask.sum() == pytest.approx(np.pi * 50**2, rel=0.01)
-
-
-def of_patches(patches: int) -> ffseg.Segmentation:
-    image = np.full((400, 400), 128, np.uint8)
-    over = {"init.radius": 150, "contour.patches": patches, "contour.balloon": 2.0}
-    return ffseg.segment(image, ffseg.load_params("paper", over))
 
 
 def test_more_patches_than_there_may_be_end_it() -> None:
     """What crosses itself everywhere grows without end: here it starts with as many."""
-    result = of_patches(60_000)
+    over = {"init.radius": 150, "contour.patches": 60_000, "contour.balloon": 2.0}
+    result = ffseg.segment(np.full((400, 400), 128, np.uint8), ffseg.load_params("paper", over))
     assert (result.stats.iterations, result.stats.stop_reason) == (1, "max_patches")
     assert result.score <= 0.5
 
@@ -145,8 +129,7 @@ def core(
 
 def found(evolution: _core.PaperEvolution, degree: int) -> list[naive.Component]:
     points, offsets = evolution.contours()
-    spans = pairwise(offsets)
-    return [chain([tuple(point) for point in points[a:b].tolist()], degree) for a, b in spans]
+    return [chain([tuple(point) for point in points[a:b].tolist()], degree) for a, b in pairwise(offsets)]
 
 
 def same(ours: list[naive.Component], twins: list[naive.Component], tolerance: float = CLOSE) -> None:
@@ -218,9 +201,8 @@ def test_flip(seed: int, degree: int) -> None:
 
 def pinched(degree: int) -> naive.Component:
     """Two fronts that have met: the upper run bulges through the lower one in the middle."""
-    upper = [(110.0 - 10 * i, 30.0 if 3 < i < 7 else 20.0) for i in range(11)]
-    lower = [(10.0 + 10 * i, 25.0 if 3 < i < 7 else 40.0) for i in range(11)]
-    points = upper + lower
+    points = [(110.0 - 10 * i, 30.0 if 3 < i < 7 else 20.0) for i in range(11)]
+    points += [(10.0 + 10 * i, 25.0 if 3 < i < 7 else 40.0) for i in range(11)]
     return chain(points[: len(points) // degree * degree], degree)
 
 
@@ -280,8 +262,7 @@ def twin_scene(seed: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8], NDArra
 def test_whole_evolution(seed: int, balloon: float) -> None:
     gradient, edges, domain = twin_scene(seed)
     degree = 1 + seed % 6
-    radius = 10 if balloon > 0 else 42
-    components = [circle((60, 45), radius, 6, degree)]
+    components = [circle((60, 45), 10 if balloon > 0 else 42, 6, degree)]
     evolution = core(components, gradient=gradient, edges=edges, domain=domain, balloon=balloon)
     field = naive.Field((gradient / 32).tolist(), (edges > 0).tolist(), (domain > 0).tolist())
     inner: list[naive.Component] = []

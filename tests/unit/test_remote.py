@@ -68,13 +68,10 @@ def test_redirects_stay_on_the_host_that_was_named(port: int) -> None:
     assert read_remote(other, 10, redirects=True) == b"pixels"
 
 
-@pytest.mark.parametrize(
-    ("path", "reason"),
-    [
-        *(("none", "missing"), ("empty.png", "empty"), ("guarded.png", "unreadable"), ("short.png", "truncated")),
-        ("large.png", "too-many-bytes"),
-    ],
-)
+REASONS = {"none": "missing", "empty.png": "empty", "guarded.png": "unreadable", "short.png": "truncated"}
+
+
+@pytest.mark.parametrize(("path", "reason"), [*REASONS.items(), ("large.png", "too-many-bytes")])
 def test_what_cannot_be_read_says_why(port: int, path: str, reason: str) -> None:
     with pytest.raises(ImageReadError) as caught:
         read_remote(f"http://127.0.0.1:{port}/{path}", 5 if path == "large.png" else 6)

@@ -25,7 +25,8 @@ from ffseg.methods.peers import PEERS
 from ffseg.parameters import Parameters, load_params
 from ffseg.peer_parameters import PeerParameters
 from ffseg.schema.strict_csv import MAX_BYTES
-from tests.discs import LEFT, RIGHT, two_discs
+from tests.discs import LEFT, RIGHT, disc_of, two_discs
+from tests.masks import read_mask, write_image
 
 
 def write(folder: Path, text: str | bytes) -> Path:
@@ -39,13 +40,12 @@ def test_rows_are_found_by_name_or_stem_in_any_order(tmp_path: Path) -> None:
     assert load_starts(path, ["a.png", "sub/b.jpg"]) == {"a.png": Start(1, 2, 7), "sub/b.jpg": Start(3, 4.5)}
 
 
-def test_the_radius_column_may_be_absent(tmp_path: Path) -> None:
-    assert load_starts(write(tmp_path, "\ufeffimage, x, y\r\n\r\na , 1 , 2\r\n"), ["a.png"]) == {"a.png": Start(1, 2)}
-
-
-def test_a_name_that_is_not_utf8_is_written_as_tables_write_it(tmp_path: Path) -> None:
-    path = write(tmp_path, "image,x,y\n\\xff.png,1,2\n")
-    assert load_starts(path, ["\udcff.png"]) == {"\udcff.png": Start(1, 2)}
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [("\ufeffimage, x, y\r\n\r\na , 1 , 2\r\n", "a.png"), ("image,x,y\n\\xff.png,1,2\n", "\udcff.png")],
+)
+def test_radii_may_be_absent_and_names_are_as_tables_write_them(text: str, name: str, tmp_path: Path) -> None:
+    assert load_starts(write(tmp_path, text), [name]) == {name: Start(1, 2)}
 
 
 BAD = {
@@ -84,8 +84,7 @@ def test_bad_files_are_refused_by_line(name: str, tmp_path: Path) -> None:
 def test_a_file_need_not_name_every_image(tmp_path: Path) -> None:
     """One photograph without a row kept a whole folder from being run."""
     path = write(tmp_path, "image,x,y\nhorse.jpg,1,2\nzebra.jpg,5,5\n")
-    found = load_starts(path, ["horse.jpg", "IMG_0001.jpg"])
-    assert found == {"horse.jpg": found["horse.jpg"]}
+    assert load_starts(path, ["horse.jpg", "IMG_0001.jpg"]) == {"horse.jpg": Start(1, 2)}
     with pytest.raises(ParameterError, match=r"no row for the image 'zebras.jpg' \(line 3 has 'zebra.jpg'\)"):
         load_starts(path, ["horse.jpg", "zebras.jpg"])
     with pytest.raises(ParameterError, match="no row for the image 'IMG_0001.jpg'; add one"):
@@ -147,10 +146,8 @@ def test_work_is_in_proportion_to_the_rows(name: str, tmp_path: Path) -> None:
 
 
 def test_a_start_without_a_radius_leaves_it() -> None:
-    params = load_params(None, {"init.radius": 9, "init.center": [5, 5]})
-    assert (
-        Start(1, 2).placed(params, (60, 80)).init == load_params(None, {"init.radius": 9, "init.center": [1, 2]}).init
-    )
+    params, moved = (load_params(None, {"init.radius": 9, "init.center": center}) for center in ([5, 5], [1, 2]))
+    assert Start(1, 2).placed(params, (60, 80)).init == moved.init
     assert Start(1, 2, 3).placed(params, (60, 80)).init.radius == 3
 
 
@@ -160,7 +157,7 @@ def run_from(folder: Path, text: str, out: Path, params: Parameters) -> Summary:
 
 
 def mask_of(out: Path, name: str) -> np.ndarray:
-    return cv2.imread(str(out / "masks" / name), cv2.IMREAD_GRAYSCALE) > 0
+    return read_mask(out / "masks" / name)
 
 
 def test_a_run_starts_each_image_at_its_own_place_and_redoes_changed_starts(tmp_path: Path) -> None:
@@ -170,11 +167,8 @@ def test_a_run_starts_each_image_at_its_own_place_and_redoes_changed_starts(tmp_
     assert run_from(tmp_path / "in", first, out, params).done == 2
     a, b = mask_of(out, "a.png"), mask_of(out, "b.png")
     assert (a[LEFT[::-1]], a[RIGHT[::-1]], b[LEFT[::-1]], b[RIGHT[::-1]]) == (True, False, False, True)
-    rows = table(out / "timings.csv")
-    assert [[row[key] for key in ("start_x", "start_y", "start_radius")] for row in rows] == [
-        ["30.0", "40.0", "6.0"],
-        ["90.0", "40.0", "8.0"],
-    ]
+    starts = [[row[f"start_{key}"] for key in ("x", "y", "radius")] for row in table(out / "timings.csv")]
+    assert starts == [["30.0", "40.0", "6.0"], ["90.0", "40.0", "8.0"]]
     assert run_from(tmp_path / "in", first, out, params).unchanged == 2
     assert run_from(tmp_path / "in", "image,x,y\nb,90,40\na,30,40\n", out, params).done == 1  # b has another radius
     changed = run_from(tmp_path / "in", "image,x,y\nb,90,40\na,90,40\n", out, params)
@@ -201,11 +195,9 @@ def test_a_start_outside_its_image_costs_that_image(tmp_path: Path) -> None:
 
 def test_every_method_and_peer_is_given_the_same_start(tmp_path: Path) -> None:
     two_discs(tmp_path / "in", "a.png", "b.png")
-    truths = tmp_path / "truth"
-    truths.mkdir()
-    y, x = np.mgrid[:80, :120]
-    for name, place in (("a", LEFT), ("b", RIGHT)):
-        cv2.imwrite(str(truths / f"{name}.png"), np.uint8(255) * (np.hypot(x - place[0], y - place[1]) < 20))
+    truths, disc = tmp_path / "truth", disc_of((80, 120))
+    write_image(truths / "a.png", disc(*LEFT, 19.99))
+    write_image(truths / "b.png", disc(*RIGHT, 19.99))
     starts = write(tmp_path, "image,x,y,radius\na,30,40,6\nb,90,40,6\n")
     jobs = plan_comparison([str(tmp_path / "in")], str(tmp_path / "out"), str(truths), str(starts))
     grown = ("cv_floodfill", "cv_edges", "cv_edges_opened", "cv_watershed", "skfmm", "sitk_fast_marching", "sitk_gac")
@@ -228,15 +220,8 @@ def test_images_that_cannot_be_tried_need_no_start(tmp_path: Path) -> None:
 
 def test_other_kinds_of_rows_are_what_was_picked_and_are_written_as_they_are_read(tmp_path: Path) -> None:
     head = "image,kind,x,y,radius,right,bottom,value"
-    rows = (
-        "a,start,1,2,7,,,",
-        "a,start,3,4,,,,",
-        "a,not,5,6,,,,",
-        "a,not,7,8,2,,,",
-        "a,box,1,2,,30,40,",
-        "b,probability,,,,,,.3",
-    )
-    path = write(tmp_path, "\n".join([head, *rows, "b,clearance,,,,,,5", ""]))
+    a = "a,start,1,2,7,,,\na,start,3,4,,,,\na,not,5,6,,,,\na,not,7,8,2,,,\na,box,1,2,,30,40,\n"
+    path = write(tmp_path, f"{head}\n{a}b,probability,,,,,,.3\nb,clearance,,,,,,5\n")
     found = load_starts(path, ["a", "b"])
     background = ((5.0, 6.0), (7.0, 8.0, 2.0))
     assert found["a"] == Start(1, 2, 7, (Start(3, 4),), background, ((1.0, 2.0, 30.0, 40.0),))
@@ -250,9 +235,8 @@ def test_other_kinds_of_rows_are_what_was_picked_and_are_written_as_they_are_rea
     assert (placed.region.probability, placed.contour.clearance, placed.init) == (0.3, 5, params.init)
     assert placed.edges.source == "prior", "the image's own edges know no level"
     assert found["a"].placed(params, (60, 80)).edges == params.edges
-    assert (
-        len({found["a"].text(), replace(found["a"], boxes=()).text(), replace(found["a"], background=()).text()}) == 3
-    )
+    others = (replace(found["a"], boxes=()), replace(found["a"], background=()))
+    assert len({start.text() for start in (found["a"], *others)}) == 3
 
 
 @pytest.mark.parametrize(
