@@ -1,10 +1,8 @@
 """What is read out of tar files: images by every command, and the files that belong to them by their names."""
 
-import io
 import tarfile
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from batches import run_batch, table
@@ -15,7 +13,9 @@ from ffseg.batch.plan.discover import discover
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.reading import parted, read_input, told
 from ffseg.errors import ImageReadError, UsageError
+from ffseg.learning.gather import gather
 from ffseg.parameters import load_params
+from tests.masks import write_image
 
 INPROCESS = "inprocess"
 NAMES = ("a", "sub/b")
@@ -26,9 +26,7 @@ INSIDE = (COLUMNS - 40) ** 2 + (ROWS - 30) ** 2 <= 20**2
 
 def written(folder: Path, levels: np.ndarray) -> Path:
     for name in NAMES:
-        path = folder / f"{name}.png"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(str(path), levels)
+        write_image(folder / f"{name}.png", levels)
     return folder
 
 
@@ -48,15 +46,14 @@ def images(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def truths(tmp_path: Path) -> Path:
-    return written(tmp_path / "truth", np.where(INSIDE, 255, 0).astype(np.uint8))
+    return written(tmp_path / "truth", INSIDE)
 
 
 def test_a_member_is_read_by_one_text(images: Path, tmp_path: Path) -> None:
     folder = tmp_path / "a.tar"  # a folder of such a name, and members of such a folder
     folder.mkdir()
-    images.rename(tmp_path / "b.tar")
     (tmp_path / "c").mkdir()
-    (tmp_path / "b.tar").rename(tmp_path / "c" / "b.tar")
+    images.rename(tmp_path / "c" / "b.tar")
     archive = packed(tmp_path / "c").rename(folder / "c.TAR")
     found = {source.name: source for source in discover([str(archive)])}
     assert sorted(found) == ["b.tar/a.png", "b.tar/sub/b.png"]
@@ -92,8 +89,6 @@ def test_what_a_folder_would_leave_out_is_left_out_of_its_tar_file(images: Path,
 
 
 def test_learning_takes_images_in_a_tar_file(images: Path, truths: Path) -> None:
-    from ffseg.learning.gather import gather
-
     found = gather([str(packed(images))], str(truths), load_params())
     assert [one.name for one in found.labelled] == ["a.png", "sub/b.png"]
     np.testing.assert_array_equal(found.labelled[0].truth == 255, INSIDE)
@@ -110,8 +105,8 @@ def test_truths_in_a_tar_file_are_those_of_its_folder(images: Path, truths: Path
     assert overlaps(tmp_path / "out") == overlaps(tmp_path / "one")
     assert all(float(overlap) > 0 for overlap in overlaps(tmp_path / "out"))
     assert run_batch(packed(images), tmp_path / "out", truth=str(archive), **options).unchanged == 2
+    write_image(tmp_path / "all.png", np.ones(SHAPE, np.bool_))
     with tarfile.open(archive, "a") as more:  # the whole image is inside
-        cv2.imwrite(str(tmp_path / "all.png"), np.full(SHAPE, 255, np.uint8))
         more.add(tmp_path / "all.png", "./a.png")
     assert run_batch(images, tmp_path / "out", truth=str(archive), **options).unchanged == 2
     now, before = overlaps(tmp_path / "out"), overlaps(tmp_path / "one")
@@ -153,12 +148,6 @@ def test_what_is_no_tar_file_that_can_be_read_in_place_is_refused(images: Path, 
             find(sources, str(tmp_path / "other.tar"))
 
 
-def add(archive: tarfile.TarFile, name: str, kind: bytes = tarfile.REGTYPE, data: bytes = b"", link: str = "") -> None:
-    member = tarfile.TarInfo(name)
-    member.type, member.size, member.linkname = kind, len(data), link
-    archive.addfile(member, io.BytesIO(data))
-
-
 def test_links_in_an_archive_are_followed_as_in_its_folder(images: Path, tmp_path: Path) -> None:
     (images / "hard.png").hardlink_to(images / "a.png")
     (images / "sub" / "soft.png").symlink_to("../a.png")
@@ -170,9 +159,8 @@ def test_links_in_an_archive_are_followed_as_in_its_folder(images: Path, tmp_pat
     for name, inputs in (("one", images), ("two", archive)):
         run_batch(inputs, tmp_path / name, executor=INPROCESS)
     one, two = (table(tmp_path / name / "timings.csv") for name in ("one", "two"))
-    assert [(row["image"], row["status"], row["area_px"]) for row in one] == [
-        (row["image"], row["status"], row["area_px"]) for row in two
-    ]
+    told = [[(row["image"], row["status"], row["area_px"]) for row in rows] for rows in (one, two)]
+    assert told[0] == told[1]
     said = {row["image"]: row["error"] for row in two if row["status"] == "failed"}
     assert set(said) == {"loop.png", "outside.png"}
     assert "none.png, which is no file in the archive; pack it too" in said["outside.png"]
@@ -191,7 +179,7 @@ def test_headers_without_end_are_refused_in_one_sentence(kind: bytes, tmp_path: 
 def test_a_member_two_thousand_folders_deep_costs_only_itself(images: Path, tmp_path: Path) -> None:
     path = packed(images)
     with tarfile.open(path, "a") as archive:
-        add(archive, "d/" * 2000 + "c.png", data=(images / "a.png").read_bytes())
+        archive.add(images / "a.png", "d/" * 2000 + "c.png")
     run_batch(path, tmp_path / "out", executor=INPROCESS)
     rows = table(tmp_path / "out" / "timings.csv")
     assert sorted(row["status"] for row in rows) == ["failed", "ok", "ok"]

@@ -25,22 +25,19 @@ MADE_BELOW = "<!-- made from the sources by pytest --update-golden -->"
 Golden = Callable[[Path, str], None]
 
 
-def test_default_preset(golden: Golden) -> None:
-    head = "# yaml-language-server: $schema=schema.json\n# Every key with its default.\n\n"
-    golden(ROOT / "configs" / "default.yaml", head + to_yaml(Parameters()))
+PRESET = "# yaml-language-server: $schema=schema.json\n# Every key with its default.\n\n"
+PEERS = "# Parameters of the peers, for `ffseg compare --peers FILE`.\n\n"
+GENERATED: dict[str, Callable[[], str]] = {
+    "configs/default.yaml": lambda: PRESET + to_yaml(Parameters()),
+    "configs/peers.yaml": lambda: PEERS + to_yaml(PeerParameters()),
+    "configs/schema.json": schema_file,
+    "docs/parameters.md": to_markdown,
+}
 
 
-def test_peers_file(golden: Golden) -> None:
-    head = "# Parameters of the peers, for `ffseg compare --peers FILE`.\n\n"
-    golden(ROOT / "configs" / "peers.yaml", head + to_yaml(PeerParameters()))
-
-
-def test_schema_file(golden: Golden) -> None:
-    golden(ROOT / "configs" / "schema.json", schema_file())
-
-
-def test_parameter_page(golden: Golden) -> None:
-    golden(ROOT / "docs" / "parameters.md", to_markdown())
+@pytest.mark.parametrize("path", GENERATED)
+def test_files_made_of_the_parameters(path: str, golden: Golden) -> None:
+    golden(ROOT / path, GENERATED[path]())
 
 
 def test_page_of_the_pipeline_lists_the_constants(golden: Golden) -> None:
@@ -55,9 +52,8 @@ def test_page_of_formats_lists_what_scripts_may_rely_on_and_loses_no_name(golden
     head, mark, before = page.read_text("utf-8").partition(contracts.MADE_BELOW)
     lists = contracts.page(tmp_path)
     lost = [name for name in re.findall(r"`[^`]+`", before) if name not in lists]
-    assert lost == [], (
-        "promised names are gone: bring them back, or take them off the page by hand and say so in CHANGELOG.md"
-    )
+    remedy = "bring them back, or take them off the page by hand and say so in CHANGELOG.md"
+    assert lost == [], f"promised names are gone: {remedy}"
     golden(page, f"{head}{mark}\n\n{lists}")
 
 
@@ -77,10 +73,10 @@ def pages_under(*command: str) -> list[str]:
     return sections + [section for name in below for section in pages_under(*command, name)]
 
 
-@pytest.mark.skipif(
-    tuple(map(int, typer.__version__.split(".")[:2])) < (0, 28),
-    reason="an older Typer brackets arguments in other places",
-)
+OLDER = tuple(map(int, typer.__version__.split(".")[:2])) < (0, 28)
+
+
+@pytest.mark.skipif(OLDER, reason="an older Typer brackets arguments in other places")
 def test_command_page(golden: Golden) -> None:
     head = "# Commands\n\nMade from `--help` by `pytest --update-golden`."
     golden(ROOT / "docs" / "commands.md", "\n\n".join([head, *pages_under()]) + "\n")

@@ -16,22 +16,30 @@ from ffseg.image.boundary import Boundary
 from ffseg.image.edges import GRADIENT_SCALE, EdgeMap, edge_map
 from ffseg.image.exposure import MIDDLE, exposed
 from ffseg.judge import HOPE, expected_overlap, sobered
-from ffseg.learning.drawn.sights import sights
+from ffseg.learning.drawn.sights import Sight, sights
 from ffseg.metrics import iou
 from ffseg.parameters import load_params
 from ffseg.scene import Outcome, Progress, Scene
+from tests.discs import disc_of
 from tests.scenes import START, START_RADIUS, scene
 
-PARAMS = load_params(None, {"init.center": list(START), "init.radius": START_RADIUS})
+DRAWN = {"init.center": list(START), "init.radius": START_RADIUS}
+PARAMS = load_params(None, DRAWN)
+FAINT = {"init.center": [120, 100], "init.radius": 20}
 
 
 def faint(contrast: float, texture: float) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """A disc of another colour, whose brightness hardly differs, on a ground of coarse texture."""
-    rows, columns = np.indices((200, 240))
-    inside = np.hypot(columns - 120, rows - 100) < 60
+    inside = disc_of((200, 240))(120, 100, 59.99)
     coarse = np.kron(np.random.default_rng(5).normal(0, texture, (25, 30)), np.ones((8, 8)))
     image = np.stack([110 + coarse - contrast * inside, 110 + coarse, 110 + coarse + contrast * inside], axis=2)
     return np.clip(np.rint(image), 0, 255).astype(np.uint8), np.where(inside, np.uint8(255), np.uint8(0))
+
+
+def sight(kind: str, number: int, first: int) -> tuple[Sight, dict[str, object]]:
+    """A drawing, and the parameters of its start."""
+    seen = list(sights(kind, number + 1, first))[number]
+    return seen, {"init.center": list(seen.start[:2]), "init.radius": seen.start[2]}
 
 
 @pytest.mark.parametrize("number", [*range(7), 26])  # the faint tenth of the last has 3.27 times what an edge needs
@@ -39,7 +47,7 @@ def test_clear_edges_decide_alone(number: int, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("ffseg.evidence.prior.prior", pytest.fail)
     drawn = scene(number)
     found = segment(drawn.image, PARAMS)
-    plain = segment(drawn.image, load_params(None, {**_start(), "edges.source": "gradient"}))
+    plain = segment(drawn.image, load_params(None, {**DRAWN, "edges.source": "gradient"}))
     assert found.source == "gradient"
     assert np.array_equal(found.mask, plain.mask)
     assert found.score > 0.9
@@ -47,8 +55,7 @@ def test_clear_edges_decide_alone(number: int, monkeypatch: pytest.MonkeyPatch) 
 
 def test_slits_of_a_snake_ask_for_no_prior() -> None:
     """It cannot part where it meets itself behind an obstacle: its slits there lie on no edge."""
-    params = load_params(None, {**_start(), "method": "snake"})
-    found = segment(scene(0).image, params)
+    found = segment(scene(0).image, load_params(None, {**DRAWN, "method": "snake"}))
     assert found.source == "gradient"
     named = segment(scene(0).image, PARAMS, "snake")  # as `ffseg compare` and callers from Python do
     assert (named.source, np.array_equal(named.mask, found.mask)) == ("gradient", True)
@@ -56,9 +63,8 @@ def test_slits_of_a_snake_ask_for_no_prior() -> None:
 
 def test_texture_is_left_to_the_prior() -> None:
     image, truth = faint(25, 12)
-    start = {"init.center": [120, 100], "init.radius": 20}
-    found = segment(image, load_params(None, start))
-    plain = segment(image, load_params(None, {**start, "edges.source": "gradient"}))
+    found = segment(image, load_params(None, FAINT))
+    plain = segment(image, load_params(None, {**FAINT, "edges.source": "gradient"}))
     assert (found.source, plain.source) == ("prior", "gradient")
     assert iou(found.mask, truth) > iou(plain.mask, truth) + 0.1
     assert 0 < found.score < 1
@@ -67,11 +73,8 @@ def test_texture_is_left_to_the_prior() -> None:
 @pytest.mark.parametrize("source", ["auto", "prior"])
 def test_where_more_is_asked_of_the_prior_the_region_is_smaller(source: str) -> None:
     image, _ = faint(25, 12)
-    start = {"init.center": [120, 100], "init.radius": 20, "edges.source": source}
-    areas = [
-        np.count_nonzero(segment(image, load_params(None, start | {"region.probability": level})).mask)
-        for level in (0.1, 0.5, 0.9)
-    ]
+    levels = [FAINT | {"edges.source": source, "region.probability": level} for level in (0.1, 0.5, 0.9)]
+    areas = [np.count_nonzero(segment(image, load_params(None, level)).mask) for level in levels]
     assert areas[0] > areas[1] > areas[2]
 
 
@@ -84,7 +87,7 @@ def test_odds_at_a_level_and_what_is_expected_of_them() -> None:
 
 def test_given_thresholds_are_trusted() -> None:
     image, _ = faint(25, 12)
-    found = segment(image, load_params(None, {"init.center": [120, 100], "init.radius": 20, "edges.canny": [5, 10]}))
+    found = segment(image, load_params(None, FAINT | {"edges.canny": [5, 10]}))
     assert found.source == "gradient"
     assert found.thresholds == (5.0, 10.0)
 
@@ -161,9 +164,8 @@ def test_nothing_to_ask_of_an_even_image() -> None:
 @pytest.mark.parametrize(("kind", "number"), [("tissue", 5), ("street", 6)])
 def test_what_looks_only_nearly_alike_is_left_out(kind: str, number: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cells beyond a wall, the ground beside a road."""
-    seen = list(sights(kind, number + 1, 100_000))[number]
-    x, y, radius = seen.start
-    params = load_params(None, {"init.center": [x, y], "init.radius": radius})
+    seen, start = sight(kind, number, 100_000)
+    params = load_params(None, start)
     found = iou(segment(seen.image, params).mask, seen.truth)
     assert found > 0.75
     monkeypatch.setattr("ffseg.evidence.prior.CAUTION", 0.0)
@@ -172,10 +174,8 @@ def test_what_looks_only_nearly_alike_is_left_out(kind: str, number: int, monkey
 
 @pytest.mark.parametrize("kind", ["thing", "mirror"])
 def test_a_trial_on_faint_edges_ends_early_and_changes_nothing(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = list(sights(kind, 3, 100_000))[2]
-    x, y, radius = seen.start
-    params = load_params(None, {"init.center": [x, y], "init.radius": radius})
-    ends = []
+    seen, start = sight(kind, 2, 100_000)
+    params, ends = load_params(None, start), []
 
     def told(scene: Scene) -> Outcome:
         watch, heard = scene.callback, []
@@ -202,9 +202,7 @@ def test_a_trial_on_faint_edges_ends_early_and_changes_nothing(kind: str, monkey
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_region_that_meets_no_edge_before_the_image_ends_is_left_to_the_prior(number: int) -> None:
     """Cells in noise whose walls are no edges: alone, the image's own give nine tenths and more of it."""
-    seen = [*sights("tissue", 4, 200_000)][2 + number]
-    x, y, radius = seen.start
-    start = {"init.center": [x, y], "init.radius": radius}
+    seen, start = sight("tissue", 2 + number, 200_000)
     found, own = (segment(seen.image, load_params(None, start | {"edges.source": s})) for s in ("auto", "gradient"))
     assert (found.source, own.doubts) == ("prior", ("filled",))
     assert iou(found.mask, seen.truth) > iou(own.mask, seen.truth) + 0.1
@@ -225,33 +223,27 @@ def test_edges_are_trusted_from_a_strength_that_wrong_contours_do_not_reach(time
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_drawn_thing_whose_own_edges_lead_astray_is_left_to_the_prior(number: int) -> None:
     """The faint tenth of the contour on its own edges has 2.13 and 2.39 times what an edge needs, and an IoU below 0.1."""
-    seen = [*sights("thing", 2, 100_000)][number]
-    x, y, radius = seen.start
-    found = segment(seen.image, load_params(None, {"init.center": [x, y], "init.radius": radius}))
+    seen, start = sight("thing", number, 100_000)
+    found = segment(seen.image, load_params(None, start))
     assert found.source == "prior"
     assert iou(found.mask, seen.truth) > 0.7
 
 
-def _start() -> dict[str, object]:
-    return {"init.center": list(START), "init.radius": START_RADIUS}
-
-
 @pytest.mark.parametrize("contrast", [60, 80, 100])
 def test_faint_edges_of_a_plain_region_in_noise_are_clear_enough(contrast: int) -> None:
-    rows, columns = np.indices((200, 240))
-    inside = np.hypot(columns - 120, rows - 100) < 60
+    inside = disc_of((200, 240))(120, 100, 59.99)
     noise = np.random.default_rng(1).normal(0, 25, inside.shape)
     image = np.clip(np.rint(60 + contrast * inside + noise), 0, 255).astype(np.uint8)
-    found = segment(image, load_params(None, {"init.center": [120, 100], "init.radius": 20}))
+    found = segment(image, load_params(None, FAINT))
     assert found.source == "gradient"
     assert found.score > 0.9
     assert iou(found.mask, np.where(inside, np.uint8(255), np.uint8(0))) > 0.99
 
 
 def test_a_clear_thing_among_faint_clutter_keeps_its_own_edges() -> None:
-    rows, columns = np.indices((200, 300))
-    inside = np.hypot(columns - 90, rows - 100) < 45
-    clutter = np.kron(np.random.default_rng(2).normal(0, 9, (25, 38)), np.ones((8, 8)))[:, :300] * (columns > 150)
+    inside = disc_of((200, 300))(90, 100, 44.99)
+    clutter = np.kron(np.random.default_rng(2).normal(0, 9, (25, 38)), np.ones((8, 8)))[:, :300]
+    clutter[:, :151] = 0
     image = np.clip(np.rint(100 + 90 * inside + clutter), 0, 255).astype(np.uint8)
     found = segment(image, load_params(None, {"init.center": [90, 100], "init.radius": 15}))
     assert found.source == "gradient"

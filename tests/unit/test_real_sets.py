@@ -3,13 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 from ffseg.parameters import load_params
 from tests import real_data
 from tests.campaigns import real_images, real_invariance, real_sets
+from tests.masks import write_image
 
 
 def test_an_empty_variable_names_no_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -36,12 +36,10 @@ def photograph(step: int = 120, folder: str = "road") -> real_images.Photograph:
 def drawn(data: Path, folder: str, steps: tuple[int, ...], head: str = "image,seed_x,seed_y,inner_radius_px") -> None:
     """A set of images whose discs stand out by `steps`."""
     lines = [head]
-    for kind in ("images", "truth"):
-        (data / folder / kind).mkdir(parents=True)
     for index, step in enumerate(steps):
         one = photograph(step)
-        cv2.imwrite(str(data / folder / "images" / f"{index}.png"), one.image)
-        cv2.imwrite(str(data / folder / "truth" / f"{index}.png"), one.truth)
+        write_image(data / folder / "images" / f"{index}.png", one.image)
+        write_image(data / folder / "truth" / f"{index}.png", one.truth)
         lines.append(f"{index}.png,60,45,{24 if 'inner' in head else 12}")
     (data / folder / "seeds.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
@@ -59,9 +57,8 @@ def test_tables(data: Path, capsys) -> None:
     said = capsys.readouterr().out
     assert "left out: seeded_objects" in said
     table = {tuple(cells[:2]): cells[2:] for line in said.splitlines() if (cells := line.strip("| ").split(" | "))[2:]}
-    assert list(table)[2:] == [
-        (name, half) for name in ("road", "real_floors/omni", "all") for half in real_sets.HALVES
-    ]
+    names = ("road", "real_floors/omni", "all")
+    assert list(table)[2:] == [(name, half) for name in names for half in real_sets.HALVES]
     assert [float(table["road", half][1]) > 0.9 for half in real_sets.HALVES] == [True, False]
     assert [row[0] for row in table.values()][2:] == ["1", "1", "1", "1", "2", "2"]
     assert real_sets.main(data, half="odd", settings=["edges.canny=[0.1,0.2]"]) == 0

@@ -1,12 +1,12 @@
 """Which regions and holes are kept: the same in mask, contours, tables and exports."""
 
-import csv
 import json
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from batches import table
 from commands import Command
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,6 +16,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.raster import rasterize
 from ffseg.image.selection import counted, selected
 from ffseg.parameters import load_params
+from tests.masks import read_mask, write_image
 
 SHAPE = (40, 60)
 
@@ -113,17 +114,16 @@ def test_any_selection_shows_what_it_says(mask: np.ndarray, largest: int, least:
 
 def test_a_run_says_the_same_everywhere(tmp_path: Path, ffseg_command: Command) -> None:
     image = np.full((120, 160), 60, np.uint8)
-    cv2.circle(image, (70, 60), 45, 200, -1)
-    cv2.circle(image, (60, 60), 3, 60, -1)
-    cv2.circle(image, (85, 60), 9, 60, -1)
-    cv2.imwrite(str(tmp_path / "a.png"), image)
+    for x, radius, level in ((70, 45, 200), (60, 3, 60), (85, 9, 60)):
+        cv2.circle(image, (x, 60), radius, level, -1)
+    write_image(tmp_path / "a.png", image)
     start = ("--set", "init.center=[70,30]", "--set", "init.radius=8", "--export", "geojson,coco")
-    for name, more, count in (("all", (), 2), ("filled", ("--fill-holes", "100"), 1), ("one", ("--largest", "1"), 2),
-                              ("large", ("--min-area", "99"), 2)):  # fmt: skip
-        out = tmp_path / name
+    kept = {(): 2, ("--fill-holes", "100"): 1, ("--largest", "1"): 2, ("--min-area", "99"): 2}
+    for more, count in kept.items():
+        out = tmp_path / "-".join(("out", *more))
         ffseg_command("run", tmp_path / "a.png", "--out", out, *start, *more, code=0)
-        (row,) = csv.DictReader((out / "timings.csv").read_text("utf-8").splitlines())
-        mask = cv2.imread(str(out / "masks" / "a.png"), cv2.IMREAD_GRAYSCALE) > 0
+        (row,) = table(out / "timings.csv")
+        mask = read_mask(out / "masks" / "a.png")
         (feature,) = json.loads((out / "geojson" / "a.geojson").read_text("utf-8"))["features"]
         said = (int(row["components"]), int(row["holes"]), int(row["area_px"]))
         assert said == (1, count, int(mask.sum())) == (*counted(mask), feature["properties"]["area_px"])

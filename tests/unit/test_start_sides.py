@@ -1,7 +1,5 @@
 """Start circles over a boundary: on one side of it, and said so, where the image's own edges decide."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
@@ -18,11 +16,10 @@ from tests.discs import overlap
 CENTER, RADIUS, START = (110.0, 100.0), 60.0, 14.0
 
 
-def disc(inside: int = 200, outside: int = 50) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+def disc() -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     y, x = np.mgrid[:200, :220]
     depth = RADIUS - np.hypot(x - CENTER[0], y - CENTER[1])
-    image = outside + (inside - outside) * np.clip(depth + 0.5, 0, 1)
-    return np.round(image).astype(np.uint8), depth >= 0
+    return np.round(50 + 150 * np.clip(depth + 0.5, 0, 1)).astype(np.uint8), depth >= 0
 
 
 def start(over: float, angle: float) -> dict[str, object]:
@@ -60,20 +57,16 @@ def test_other_methods_are_given_the_same_start(method: str) -> None:
 
 def test_one_of_several_starts_is_moved() -> None:
     image, truth = disc()
-    over, radius = start(5.0, 0.3), START
-    circles = [[*over["init.center"], radius], [CENTER[0] - 20, CENTER[1], 9.0]]  # type: ignore[misc]
-    found = ffseg.segment(image, ffseg.load_params(None, {"init.circles": circles}))
+    circles = [[*start(5.0, 0.3)["init.center"], START], [CENTER[0] - 20, CENTER[1], 9.0]]  # type: ignore[misc]
+    found = ffseg.segment(image, {"init.circles": circles})
     assert overlap(found.mask, truth) > 0.99
     assert len(found.messages) == 1
 
 
-def test_one_of_several_starts_that_lies_outside_the_domain_is_left_out(tmp_path: Path) -> None:
+def test_one_of_several_starts_that_lies_outside_the_domain_is_left_out() -> None:
     image, domain = np.full((120, 240), 90, np.uint8), np.zeros((120, 240), np.uint8)
     domain[:, 120:] = 255
-    cv2.imwrite(str(tmp_path / "domain.png"), domain)
-    found = ffseg.segment(
-        image, {"init.circles": [[180, 60, 5], [40, 60, 5]], "domain.mask": str(tmp_path / "domain.png")}
-    )
+    found = ffseg.segment(image, {"init.circles": [[180, 60, 5], [40, 60, 5]]}, domain=domain)
     assert not found.mask[:, :120].any()
     assert any("lies outside the domain and was left out" in one for one in found.messages)
 
@@ -89,17 +82,15 @@ def test_a_mark_within_the_start_is_no_boundary() -> None:
 def test_a_start_that_would_lose_most_of_itself_stays_and_is_told() -> None:
     """A circle across five strips is no circle a little over a boundary."""
     image = np.where(np.arange(160) // 11 % 2 == 0, 60, 190).astype(np.uint8)[None].repeat(140, axis=0)
-    given = {"init.center": [80, 70], "init.radius": 25, "edges.source": "gradient"}
-    found = ffseg.segment(image, ffseg.load_params(None, given))
+    found = ffseg.segment(image, {"init.center": [80, 70], "init.radius": 25, "edges.source": "gradient"})
     assert len(found.messages) == 1
     assert "the start at (80, 70), radius 25 lies across an edge" in found.messages[0]
 
 
 def test_boxes_and_what_closes_in_may_lie_across_edges() -> None:
     image, _ = disc()
-    box = ffseg.segment(image, ffseg.load_params(None, {"init.boxes": [[140, 80, 180, 120]]}))
-    closing = {"init.circles": [[110, 100, 65]], "contour.balloon": -6.0}
-    closed = ffseg.segment(image, ffseg.load_params(None, closing))
+    box = ffseg.segment(image, {"init.boxes": [[140, 80, 180, 120]]})
+    closed = ffseg.segment(image, {"init.circles": [[110, 100, 65]], "contour.balloon": -6.0})
     assert not any("across an edge" in message for message in (*box.messages, *closed.messages))
 
 
@@ -155,14 +146,12 @@ def test_a_start_round_the_robot_in_a_mirror_means_the_ground() -> None:
 
 
 @pytest.mark.parametrize("hole", [(30, 8, 10), (14, 0, 8), (0, 0, 5)])
-def test_a_start_over_ground_outside_the_domain_leaves_it(hole: tuple[int, int, int], tmp_path: Path) -> None:
+def test_a_start_over_ground_outside_the_domain_leaves_it(hole: tuple[int, int, int]) -> None:
     """What a start covers outside the domain stayed in the region, with a score of one and no word."""
     image, truth = disc()
     right, down, radius = hole
     domain = np.full(image.shape, 255, np.uint8)
     cv2.circle(domain, (110 + right, 100 + down), radius, 0, -1)
-    assert cv2.imwrite(str(tmp_path / "domain.png"), domain)
-    given = {"init.center": list(CENTER), "init.radius": 25, "domain.mask": str(tmp_path / "domain.png")}
-    found = ffseg.segment(image, ffseg.load_params(None, given))
+    found = ffseg.segment(image, {"init.center": list(CENTER), "init.radius": 25}, domain=domain)
     assert overlap(found.mask, truth & (domain > 0)) > 0.98
     assert "lay across the domain's limit and was moved to (" in found.messages[0]

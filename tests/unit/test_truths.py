@@ -10,6 +10,7 @@ from PIL import Image
 
 from ffseg.batch.workers.pictures import read_truth
 from ffseg.errors import ImageReadError
+from tests.masks import write_image
 
 INSIDE = np.zeros((12, 16), np.bool_)
 INSIDE[3:9, 4:12] = True
@@ -118,14 +119,12 @@ def test_a_bad_truth_is_blamed_on_the_truth(tmp_path: Path) -> None:
 
 def test_truths_of_0_and_1_are_scored_like_0_and_255(tmp_path: Path) -> None:
     make_images(tmp_path / "in", ["a.png", "b.png"])
-    for folder, one in (("plain", 255), ("ones", 1), ("classes", 5)):
-        (tmp_path / folder).mkdir()
+    overlaps = []
+    for level, label in ((255, {}), (1, {}), (5, {"truth_label": 5})):
+        folder = tmp_path / str(level)
         for name in ("a.png", "b.png"):
-            cv2.imwrite(str(tmp_path / folder / name), np.where(INSIDE, one, 0).astype(np.uint8))
-    overlaps = {}
-    for folder in ("plain", "ones", "classes"):
-        label = {"truth_label": 5} if folder == "classes" else {}
-        run_batch(tmp_path / "in", tmp_path / folder / "out", truth=str(tmp_path / folder), **label)
-        overlaps[folder] = [row["iou"] for row in table(tmp_path / folder / "out" / "timings.csv")]
-    assert overlaps["ones"] == overlaps["classes"] == overlaps["plain"]
-    assert all(float(overlap) > 0 for overlap in overlaps["plain"])
+            write_image(folder / name, np.where(INSIDE, level, 0).astype(np.uint8))
+        run_batch(tmp_path / "in", folder / "out", truth=str(folder), **label)
+        overlaps.append([row["iou"] for row in table(folder / "out" / "timings.csv")])
+    assert overlaps[0] == overlaps[1] == overlaps[2]
+    assert all(float(overlap) > 0 for overlap in overlaps[0])

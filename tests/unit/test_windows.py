@@ -29,44 +29,40 @@ sys.platform = "win32"
 """
 
 
-def python(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
+def python(text: str, folder: Path) -> None:
     call = [sys.executable, "-c", LIKE_WINDOWS + text]
-    return subprocess.run(call, cwd=folder, capture_output=True, text=True, encoding="utf-8", check=False)
+    done = subprocess.run(call, cwd=folder, capture_output=True, text=True, encoding="utf-8", check=False)
+    assert done.returncode == 0, done.stderr
 
 
-def test_every_module_is_imported_without_what_windows_does_not_have(tmp_path: Path) -> None:
-    done = python(
-        """
+IMPORT_ALL = """
 import ffseg
 for one in pkgutil.walk_packages(ffseg.__path__, "ffseg."):
     if one.name != "ffseg.__main__":
         import_module(one.name)
-""",
-        tmp_path,
-    )
-    assert done.returncode == 0, done.stderr
-
-
-def test_a_run_locks_resumes_and_packs_without_what_windows_does_not_have(tmp_path: Path) -> None:
-    image = str(ROOT / "samples" / "toy.png")
-    done = python(
-        f"""
+"""
+RUNS = f"""
 def ffseg(*words):
     sys.argv = ["ffseg", *words]
     try:
         runpy.run_module("ffseg", run_name="__main__")
     except SystemExit as ended:
         assert not ended.code, ended.code
-ffseg("run", {image!r}, "--out", "out")
-ffseg("run", {image!r}, "--out", "out", "--dry-run")
-ffseg("run", {image!r}, "--out", "out", "--overlay")
-ffseg("run", {image!r}, "--out", "packed", "--pack", "tar")
+image = {str(ROOT / "samples" / "toy.png")!r}
+ffseg("run", image, "--out", "out")
+ffseg("run", image, "--out", "out", "--dry-run")
+ffseg("run", image, "--out", "out", "--overlay")
+ffseg("run", image, "--out", "packed", "--pack", "tar")
 ffseg("run", "packed/masks.tar", "--out", "again")
 ffseg("report", "out")
-""",
-        tmp_path,
-    )
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "out" / "overlays" / "toy.png").is_file()
-    assert (tmp_path / "out" / "report.html").is_file()
-    assert (tmp_path / "again" / "timings.csv").is_file()
+"""
+
+
+def test_every_module_is_imported_without_what_windows_does_not_have(tmp_path: Path) -> None:
+    python(IMPORT_ALL, tmp_path)
+
+
+def test_a_run_locks_resumes_and_packs_without_what_windows_does_not_have(tmp_path: Path) -> None:
+    python(RUNS, tmp_path)
+    for path in ("out/overlays/toy.png", "out/report.html", "again/timings.csv"):
+        assert (tmp_path / path).is_file(), path
