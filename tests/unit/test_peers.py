@@ -33,10 +33,6 @@ def disc() -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     return bright_disc(SHAPE, (80.2, 59.7), 40.3), inside.astype(np.uint8) * np.uint8(255)
 
 
-def peer_parameters() -> PeerParameters:
-    return replace(PeerParameters(), skimage_gac=SkimageGac(iterations=60))
-
-
 def segment_peer(
     image: np.ndarray, name: str, options: PeerParameters | None = None, domain: np.ndarray | None = None
 ) -> Segmentation:
@@ -50,7 +46,7 @@ def test_a_peer_finds_a_disc(name: str) -> None:
     if not PEERS[name].installed:
         pytest.skip(f"{PEERS[name].package} is not installed")
     image, truth = disc()
-    result = segment_peer(image, name, peer_parameters())
+    result = segment_peer(image, name, replace(PeerParameters(), skimage_gac=SkimageGac(iterations=60)))
     assert scores(result.mask, truth).iou >= FLOOR.get(name, 0.98)
     assert (rasterize(result.contours, SHAPE) == result.mask).all()
     assert result.timings.evolve_ms > 0
@@ -84,8 +80,7 @@ def test_opened_components_do_not_leak_through_a_gap() -> None:
     image, truth = disc()
     image[58:62, 112:135] = 180  # a passage of 4 px through the edge into a bright corridor
     image[40:80, 130:158] = 180
-    plain = segment_peer(image, "cv_edges")
-    opened = segment_peer(image, "cv_edges_opened")
+    plain, opened = (segment_peer(image, name) for name in ("cv_edges", "cv_edges_opened"))
     assert scores(opened.mask, truth).iou > 0.97
     assert plain.mask[60, 145] or scores(plain.mask, truth).iou > 0.97
 
@@ -116,8 +111,7 @@ def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_every_peer_has_its_parameters() -> None:
-    sections = {name for name in PeerParameters.__dataclass_fields__ if name != "shared_edges"}
-    assert sections == set(PEERS)
+    assert PeerParameters.__dataclass_fields__.keys() - {"shared_edges"} == set(PEERS)
 
 
 def test_a_peer_file_is_read_strictly(tmp_path: Path) -> None:
@@ -160,13 +154,10 @@ def test_parameters_at_their_limits_give_a_region_or_a_sentence(name: str, tmp_p
     """100,000 points of scikit-image's snake asked for 75 GB."""
     image = disc()[0][20:100:2, 20:140:2].copy()
     params = load_params(None, {"init.radius": 6})
-    for peer, values in at_their_limits():
-        if peer != name:
-            continue
-        (tmp_path / "peers.yaml").write_text(json.dumps({peer: values}))
+    for values in (values for peer, values in at_their_limits() if peer == name):
+        (tmp_path / "peers.yaml").write_text(json.dumps({name: values}))
         try:
-            peers_params = load_peer_parameters(tmp_path / "peers.yaml")
-            own, options = peers.configured(params, name, peers_params)
+            own, options = peers.configured(params, name, load_peer_parameters(tmp_path / "peers.yaml"))
             result = segment(image, own, name, options=options)
         except (ParameterError, SegmentationError):
             continue

@@ -24,9 +24,14 @@ def region() -> NDArray[np.bool_]:
     return (((x - 200) / 150) ** 2 + ((y - 150) / 110) ** 2 < 1) & ~hole
 
 
+def noisy(levels: NDArray[np.float64], seed: int, noise: float = 3.0) -> NDArray[np.uint8]:
+    return np.clip(levels + np.random.default_rng(seed).normal(0, noise, (*levels.shape[:2], 3)), 0, 255).astype(
+        np.uint8
+    )
+
+
 def picture(noise: float = 6.0) -> NDArray[np.uint8]:
-    levels = np.where(region()[..., None], GROUND, OTHER) + np.random.default_rng(0).normal(0, noise, (*SHAPE, 3))
-    return np.clip(levels, 0, 255).astype(np.uint8)
+    return noisy(np.where(region()[..., None], GROUND, OTHER), 0, noise)
 
 
 SLACK = 2.0
@@ -49,9 +54,8 @@ def test_colours_alone_stop_the_front_and_leave_a_hole(weight: float, window: fl
 
 def test_the_front_that_closes_in_stops_as_well() -> None:
     truth = (np.indices(SHAPE)[1] - 200) ** 2 + (np.indices(SHAPE)[0] - 150) ** 2 < 80**2
-    noise = np.random.default_rng(1).normal(0, 6, (*SHAPE, 3))
-    image = np.clip(np.where(truth[..., None], GROUND, OTHER) + noise, 0, 255).astype(np.uint8)
     start = {"init.boxes": [[20, 20, 380, 280]], "contour.balloon": -8}
+    image = noisy(np.where(truth[..., None], GROUND, OTHER), 1, 6)
     result = ffseg.segment(image, {**NO_EDGES, **start, "region.weight": 1})
     assert overlap(result.mask, truth) >= 1 - 2 * SLACK / 80  # area pi r^2: a ring of SLACK px is 2 SLACK / r of it
 
@@ -72,12 +76,10 @@ def test_edges_stand_where_they_stood() -> None:
 
 def test_a_gap_in_the_edge_does_not_leak() -> None:
     """A wall open over 40 px between two grounds: colours hold the front where no edge does."""
-    truth = np.zeros(SHAPE, np.bool_)
-    truth[:, :200] = True
     soft = np.clip((np.arange(400) - 180) / 40, 0, 1)[None, :, None]  # no edge
     levels = np.array(GROUND) * (1 - soft) + np.array(OTHER) * soft + np.zeros((*SHAPE, 1))
     levels[:130, 198:202] = levels[170:, 198:202] = 20
-    image = np.clip(levels + np.random.default_rng(2).normal(0, 3, levels.shape), 0, 255).astype(np.uint8)
+    image = noisy(levels, 2)
     start = {"edges.source": "gradient", "edges.canny": [20, 40], "init.center": [80, 150]}
     without, result = (ffseg.segment(image, {**start, "region.weight": weight}) for weight in (0, 1))
     assert without.mask[:, 210:].mean() > 0.9
@@ -86,16 +88,14 @@ def test_a_gap_in_the_edge_does_not_leak() -> None:
 
 def test_the_last_pixels_are_swept_as_well() -> None:
     """Of a rest of a few pixels no colours are known."""
-    image = np.clip(np.random.default_rng(4).normal(100, 3, (*SHAPE, 3)), 0, 255).astype(np.uint8)
-    result = ffseg.segment(image, {**NO_EDGES, "region.weight": 1})
+    result = ffseg.segment(noisy(np.full((*SHAPE, 1), 100.0), 4), {**NO_EDGES, "region.weight": 1})
     assert result.mask.mean() > 0.999  # the corners are cut
 
 
 @pytest.mark.parametrize(("brightest", "balloon", "most", "reached"), [(110, 8, 100, 300), (250, 3, 2000, 395)])
 def test_what_is_swept_teaches_what_may_be_swept(brightest: int, balloon: float, most: int, reached: int) -> None:
     """Where ground changes slowly the front learns as it goes; where faster, again when it has come to rest."""
-    levels = np.linspace(30, brightest, SHAPE[1])[None, :, None] + np.zeros((*SHAPE, 3))
-    image = np.clip(levels + np.random.default_rng(5).normal(0, 3, levels.shape), 0, 255).astype(np.uint8)
+    image = noisy(np.linspace(30, brightest, SHAPE[1])[None, :, None] + np.zeros((*SHAPE, 3)), 5)
     start = {"init.center": [40, 150], "init.radius": 30, "contour.balloon": balloon, "contour.max_iterations": most}
     result = ffseg.segment(image, {**NO_EDGES, **start, "region.weight": 0.2})
     assert np.flatnonzero(result.mask.any(axis=0)).max() >= reached
@@ -133,18 +133,16 @@ def test_the_pressure_is_that_of_two_gaussians(channels: int, closes_in: bool) -
     pressure.fit(np.ascontiguousarray(points), np.array([0, 4]), 1, closes_in)
     values = []
     for x, y in rng.integers(0, (160, 128), (60, 2)):
-        expected = naive_region.pressure(image, swept ^ closes_in, (int(x), int(y)), 0.1, floor=9.0, every=8)
-        values.append(expected)
-        assert pressure.at(float(x), float(y)) == pytest.approx(expected, abs=1e-9)  # sums are whole numbers
+        values.append(naive_region.pressure(image, swept ^ closes_in, (int(x), int(y)), 0.1, floor=9.0, every=8))
+        assert pressure.at(float(x), float(y)) == pytest.approx(values[-1], abs=1e-9)  # sums are whole numbers
     assert len(set(values)) > 10  # not all cut to 0 or 1
 
 
 def test_windows_see_what_is_near_them() -> None:
     """Ground that changes its colour slowly: each window has its own, the whole image has both."""
-    x = np.arange(640)
-    levels = np.tile((60 + x / 5)[None, :, None], (128, 1, 3)) + np.random.default_rng(3).normal(0, 2, (128, 640, 3))
+    levels = np.tile((60 + np.arange(640) / 5)[None, :, None], (128, 1, 3))
     levels[64:] += 60  # the other ground
-    image = np.clip(levels, 0, 255).astype(np.uint8)
+    image = noisy(levels, 3, 2)
     corners = np.array([[-0.5, -0.5], [639.5, -0.5], [639.5, 63.5], [-0.5, 63.5]])
     shares = {}
     for window in (0.0, 64.0):

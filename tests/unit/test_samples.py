@@ -30,6 +30,7 @@ from ffseg.samples.drive import DRIVE_CAMERA, drive, drive_camera, drive_poses, 
 from ffseg.samples.paint import CURVE_STEPS, GRID, Paper, centers, coverage, spline
 from ffseg.samples.scenes import SCENES, Scene
 from ffseg.samples.write import sample_files, write_samples
+from tests.discs import overlap
 
 MOST_BYTES = 3_000_000
 """All sample files together; they are part of every clone."""
@@ -54,19 +55,11 @@ def test_png_is_read_back_by_other_libraries(image: np.ndarray) -> None:
 
 
 def test_png_of_one_value_and_of_a_skewed_distribution() -> None:
-    for image in (np.zeros((7, 5), np.uint8), skewed()):
-        np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(png.encode(image)))), image)
-
-
-def skewed() -> np.ndarray:
     """Row differences that occur 1, 2, 4, ... times: unlimited Huffman codes would take more than 15 bits."""
     steps = np.repeat(np.arange(1, 20), 2 ** np.arange(19))
-    return np.cumsum(steps).astype(np.uint8)[:, None]
-
-
-def test_skewed_distribution_needs_the_length_limit() -> None:
-    depths = dict(png._depths(np.bincount(np.repeat(np.arange(19), 2 ** np.arange(19)))))
-    assert max(depths.values()) > png.LONGEST_CODE
+    assert max(dict(png._depths(np.bincount(steps - 1))).values()) > png.LONGEST_CODE
+    for image in (np.zeros((7, 5), np.uint8), np.cumsum(steps).astype(np.uint8)[:, None]):
+        np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(png.encode(image)))), image)
 
 
 def test_png_stream_is_what_zlib_inflates() -> None:
@@ -168,10 +161,8 @@ def test_files_are_small_and_pairs_are_scenes_of_their_own() -> None:
 
 
 def test_labels_of_the_pair_are_its_scene() -> None:
-    labels, truth = (
-        cv2.imdecode(np.frombuffer(files()[f"pair/{folder}/0002.png"], np.uint8), cv2.IMREAD_UNCHANGED)
-        for folder in ("labels", "truth")
-    )
+    stored = (np.frombuffer(files()[f"pair/{folder}/0002.png"], np.uint8) for folder in ("labels", "truth"))
+    labels, truth = (cv2.imdecode(data, cv2.IMREAD_UNCHANGED) for data in stored)
     assert set(np.unique(labels)) == {0, 1, 2, 3, 100, 101, 200, 201, 202, 203, 255}  # marks, boxes, walls, no scene
     assert (truth[(labels > 0) & (labels < 100)] == 255).all()
     assert not truth[(labels >= 100) & (labels < 255)].any()  # the disc of the robot has no label and is free
@@ -179,14 +170,13 @@ def test_labels_of_the_pair_are_its_scene() -> None:
 
 def test_the_drive_is_what_its_files_say() -> None:
     """Its map, made of the first views by the files, is the world's floor: camera, poses and truth belong together."""
-    begin = drive(4)
     camera = drive_camera()
     sequence, grid = ffseg.Sequence(camera), ffseg.OccupancyMap(reach=3.0)
-    for view, values in zip(begin.views, drive_poses(), strict=False):
+    for view, values in zip(drive(4).views, drive_poses(), strict=False):
         pose = planar_pose(camera, *values)
         frame = sequence.feed(view.image, pose)
         assert grid.add(frame, pose)
-    assert (frame.mask & view.truth).sum() / (frame.mask | view.truth).sum() > 0.95
+    assert overlap(frame.mask, view.truth) > 0.95
     chance, world = grid.probability, free_ground(drive_scene())
     rows, columns = np.nonzero(chance < 0.25)
     places = (np.stack([columns, rows], axis=1) + 0.5) * grid.cell + grid.origin
@@ -199,9 +189,8 @@ def test_the_cameras_of_the_samples_are_their_files(tmp_path: Path) -> None:
     for text, camera in ((CAMERA_YAML, sample_camera()), (DRIVE_CAMERA, drive_camera())):
         (tmp_path / "camera.yaml").write_text(text)
         read = ffseg.load_camera(tmp_path / "camera.yaml")
-        assert json.dumps(asdict(read), default=np.ndarray.tolist) == json.dumps(
-            asdict(camera), default=np.ndarray.tolist
-        )
+        told = [json.dumps(asdict(one), default=np.ndarray.tolist) for one in (read, camera)]
+        assert told[0] == told[1]
 
 
 def test_the_drive_lies_in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -223,9 +212,8 @@ def test_a_walk_over_the_samples_finds_the_scenes_alone(pairs: int, tmp_path: Pa
 
 def test_other_files_of_these_names_are_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "toy.png").write_bytes(b"mine")
-    with pytest.raises(
-        OutputError, match=r"toy\.png is there and is no such sample; choose another folder or remove it"
-    ):
+    said = r"toy\.png is there and is no such sample; choose another folder or remove it"
+    with pytest.raises(OutputError, match=said):
         write_samples(tmp_path, 0)
     assert [path.name for path in tmp_path.iterdir()] == ["toy.png"]
     assert (tmp_path / "toy.png").read_bytes() == b"mine"

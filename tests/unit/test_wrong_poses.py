@@ -89,11 +89,10 @@ def test_stated_deviations_are_taken_and_others_assumed(tmp_path: Path) -> None:
     path.write_text("image,x,y,theta,sigma_xy,sigma_theta\na,0,0,0,0.003,0.01\nb,0.3,0,0.1,0.004,0.0\n")
     with pytest.raises(CalibrationError, match="poses.csv:3: sigma_xy and sigma_theta must be above 0"):
         load_poses(path, ["a", "b"], camera)
-    path.write_text("image,x,y,theta,sigma_xy,sigma_theta\na,0,0,0,0.003,0.03\nb,0.3,0,0.1,0.004,0.04\n")
-    poses = load_poses(path, ["a", "b"], camera)
-    motion = given_motion((poses["a"], poses["b"]))
-    assert (motion.translation_sigma, motion.rotation_sigma) == pytest.approx((0.005, 0.05))
-    path.write_text("image,x,y,theta\na,0,0,0\nb,0.3,0,0.1\n")
-    poses = load_poses(path, ["a", "b"], camera)
-    motion = given_motion((poses["a"], poses["b"]))
-    assert (motion.translation_sigma, motion.rotation_sigma) == pytest.approx((0.006, np.deg2rad(0.5)))
+    stated = "image,x,y,theta,sigma_xy,sigma_theta\na,0,0,0,0.003,0.03\nb,0.3,0,0.1,0.004,0.04\n"
+    assumed = "image,x,y,theta\na,0,0,0\nb,0.3,0,0.1\n"
+    for text, sigmas in ((stated, (0.005, 0.05)), (assumed, (0.006, np.deg2rad(0.5)))):
+        path.write_text(text)
+        poses = load_poses(path, ["a", "b"], camera)
+        motion = given_motion((poses["a"], poses["b"]))
+        assert (motion.translation_sigma, motion.rotation_sigma) == pytest.approx(sigmas)
