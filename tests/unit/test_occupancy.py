@@ -93,19 +93,17 @@ def test_without_poses_the_map_stands_in_the_first_frame_and_says_its_drift() ->
     check(grid, drive, centres(grid) @ np.array([[c, s], [-s, c]]) + [x, y], 0.98)
     assert 0.0 < grid.drift[0] < 0.02
     assert grid.drift[1] > 0.0
-    last = grid.stations[-1]
     true = np.array([[c, s], [-s, c]]) @ (np.array(drive.poses[-1][:2]) - [x, y])
-    assert np.hypot(*(np.array([last.x, last.y]) - true)) < 0.01
+    assert np.hypot(*(np.array([grid.stations[-1].x, grid.stations[-1].y]) - true)) < 0.01
 
 
 def test_an_uncertain_pose_makes_outlines_uncertain() -> None:
     drive, frames = driven()
-    sure, unsure = (
-        mapped(frames[1:2], [planar_pose(CAMERA, *drive.poses[1], sigmas=one)]) for one in (None, (0.2, 0.1))
-    )
-    told = np.abs(sure.probability - 0.5), np.abs(unsure.probability - 0.5)
+    poses = (planar_pose(CAMERA, *drive.poses[1], sigmas=one) for one in (None, (0.2, 0.1)))
+    sure, unsure = (mapped(frames[1:2], [pose]) for pose in poses)
     near = (sure.probability > 0.6) & (unsure.probability != 0.5)
-    assert told[1][near].mean() < 0.6 * told[0][near].mean()
+    told = [np.abs(grid.probability - 0.5)[near].mean() for grid in (sure, unsure)]
+    assert told[1] < 0.6 * told[0]
 
 
 def test_what_stands_before_the_ground_says_nothing_of_it() -> None:
@@ -238,9 +236,7 @@ def test_a_reader_of_the_format_puts_points_where_they_are(tmp_path: Path) -> No
     eye = np.array(drive.poses[1][:2])
     for box in drive.scene.boxes:  # the nearest point of a box, a cell to either side of its front
         front = shapely.LineString([eye, box.center]).intersection(footprint(box).exterior)
-        near = np.array(
-            min((one for one in shapely.get_parts(front)), key=lambda one: one.distance(shapely.Point(eye))).coords[0]
-        )
+        near = np.array(min(shapely.get_parts(front), key=shapely.Point(eye).distance).coords[0])
         way = (near - eye) / np.hypot(*(near - eye))
         assert state(*(near - 0.1 * way)) == "free"
         assert "occupied" in {state(*(near + step * way)) for step in (0.0, 0.025, 0.05)}
@@ -282,13 +278,11 @@ def test_a_world_whose_z_points_up_makes_the_same_map(mirrored: bool) -> None:
             nod = rotation_matrices(np.array([[0.02 * number, -0.01, 0.0]]))[0]
             told = ffseg.Pose(world @ nod @ pose.rotation, world @ pose.position)
             assert grid.fuse(str(number), Sighting(mask, camera), told)
-            assert (grid.stations[-1].x, grid.stations[-1].y) == pytest.approx(
-                (told.position[0], told.position[1] * (1.0 if mirrored == (world[2, 2] > 0) else -1.0))
-            )
+            side = 1.0 if mirrored == (world[2, 2] > 0) else -1.0
+            station = (told.position[0], told.position[1] * side)
+            assert (grid.stations[-1].x, grid.stations[-1].y) == pytest.approx(station)
         maps.append(grid)
-    np.testing.assert_allclose(
-        [one.theta for one in maps[0].stations], [one.theta for one in maps[1].stations], atol=1e-12
-    )
+    np.testing.assert_allclose(*([one.theta for one in grid.stations] for grid in maps), atol=1e-12)
     assert np.array_equal(maps[0].levels(), maps[1].levels())
     assert maps[0].origin == maps[1].origin
 
@@ -322,17 +316,13 @@ def test_a_map_ends_where_no_memory_would_hold_it() -> None:
 
 
 RIGHT = planar_pose(CAMERA, 0.0, 0.0, 0.3)
+PLACES = (np.array([np.nan, 0.0, 0.0]), np.zeros(2), [0.0, 0.0, 0.0])
+TURNS = (2.0 * RIGHT.rotation, np.zeros((3, 3)), np.diag([1.0, 1.0, -1.0]))
 NO_POSES = (
     ("is of type tuple", (0.0, 0.0, 0.0)),
-    *(
-        ("position is no array", replace(RIGHT, position=one))
-        for one in (np.array([np.nan, 0.0, 0.0]), np.zeros(2), [0.0, 0.0, 0.0])
-    ),
+    *(("position is no array", replace(RIGHT, position=one)) for one in PLACES),
     ("rotation is no array", replace(RIGHT, rotation=np.eye(2))),
-    *(
-        ("rotation is none; ", replace(RIGHT, rotation=one))
-        for one in (2.0 * RIGHT.rotation, np.zeros((3, 3)), np.diag([1.0, 1.0, -1.0]))
-    ),
+    *(("rotation is none; ", replace(RIGHT, rotation=one)) for one in TURNS),
     *(("sigmas are", replace(RIGHT, sigmas=one)) for one in ((-1.0, -1.0), (np.nan, 0.0), (1.0, 1.0, 1.0))),
 )
 
@@ -365,8 +355,7 @@ def test_an_empty_map_is_not_written(tmp_path: Path) -> None:
 
 def test_the_grid_does_not_grow_on_ground_it_has() -> None:
     drive, frames = driven()
-    grid = OccupancyMap()
-    pose = planar_pose(CAMERA, *drive.poses[0])
+    grid, pose = OccupancyMap(), planar_pose(CAMERA, *drive.poses[0])
     grid.add(frames[0], pose)
     shape = grid.probability.shape
     for _ in range(3):

@@ -36,13 +36,9 @@ def scene(number: int, colour: bool = True) -> np.ndarray:
 
 def frames(own: np.ndarray | None, count: int = 12, colour: bool = True) -> list[np.ndarray]:
     """Scenes behind the same own image, a plain one with the noise of each."""
-    rng, found = np.random.default_rng(99), []
-    for number in range(count):
-        image = scene(number, colour)
-        if own is not None:
-            noise = rng.normal(0, 3, image.shape)
-            image[own] = np.clip(30 + noise, 0, 255).astype(np.uint8)[own]
-        found.append(image)
+    rng, found = np.random.default_rng(99), [scene(number, colour) for number in range(count)]
+    for image in found if own is not None else ():
+        image[own] = np.clip(rng.normal(30, 3, image.shape), 0, 255).astype(np.uint8)[own]
     return found
 
 

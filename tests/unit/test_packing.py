@@ -3,7 +3,6 @@
 import io
 import json
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -13,20 +12,22 @@ from functools import partial
 from pathlib import Path
 
 import batches
-import cv2
 import numpy as np
 import pytest
 import stand_in
 from batches import Silent, images_fixture, make_images, run_batch, table, tree
 from commands import Command
+from runs import data_of
 
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.record.journal import last_records
+from ffseg.batch.record.ordered import OrderedPacks
 from ffseg.batch.report.write import write_report
 from ffseg.batch.shards.merge import merge_shards
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.tar.writer import PackWriter, head, head_size
 from ffseg.errors import OutputError, UsageError
+from tests.masks import write_image
 
 NAMES = [f"{index % 3}/i{index}.png" for index in range(14)]
 INPROCESS = "inprocess"
@@ -46,6 +47,7 @@ images = images_fixture(NAMES, {NAMES[3]: stand_in.FAIL})
 
 
 run_shard = partial(batches.run_shard, products=PACKED)
+run_packed = partial(run_batch, products=PACKED, executor=INPROCESS)
 
 
 def tars(out: Path) -> dict[str, bytes]:
@@ -54,7 +56,7 @@ def tars(out: Path) -> dict[str, bytes]:
 
 def straight(images: Path, out: Path) -> dict[str, bytes]:
     """The tar files of a run that nothing interrupts."""
-    run_batch(images, out, products=PACKED, executor=INPROCESS)
+    run_packed(images, out)
     return tars(out)
 
 
@@ -101,7 +103,7 @@ def test_the_bytes_do_not_depend_on_how_the_work_was_shared_out(images: Path, tm
 
 
 def test_a_second_run_does_what_is_missing_or_stale(images: Path, tmp_path: Path, out: Path) -> None:
-    run_batch(images, out, products=PACKED, executor=INPROCESS)
+    run_packed(images, out)
     before = {path.name: path.stat().st_mtime_ns for path in out.glob("*.tar")}
     again = run_batch(images, out, products=PACKED, num_workers=2)
     assert (again.done, again.unchanged) == (0, 13)
@@ -109,21 +111,21 @@ def test_a_second_run_does_what_is_missing_or_stale(images: Path, tmp_path: Path
     make_images(images, [NAMES[0]], {NAMES[0]: 9})
     (images / NAMES[3]).unlink()
     make_images(images, ["later.png"])
-    changed = run_batch(images, out, products=PACKED, executor=INPROCESS)
+    changed = run_packed(images, out)
     assert (changed.done, changed.unchanged) == (2, 12)
     assert tars(out) == straight(images, tmp_path / "fresh")
 
 
 @pytest.mark.parametrize("damage", ["changed", "header", "cut"])
 def test_damaged_tar_files_are_made_again(damage: str, images: Path, out: Path) -> None:
-    run_batch(images, out, products=PACKED, executor=INPROCESS)
+    run_packed(images, out)
     expected, path = tars(out), out / "masks.tar"
     with tarfile.open(path) as archive:
         place = archive.getmembers()[7].offset_data
     data = bytearray(path.read_bytes())
     data[place - 400 if damage == "header" else place + 3] ^= 1
     path.write_bytes(data[: place + 3] if damage == "cut" else data)
-    again = run_batch(images, out, products=PACKED, executor=INPROCESS)
+    again = run_packed(images, out)
     assert again.done == {"changed": 1, "header": 1, "cut": 6}[damage]
     assert tars(out) == expected
 
@@ -133,8 +135,7 @@ import os, sys
 sys.path[:0] = {path!r}
 os.fsync = lambda _: None
 from pathlib import Path
-from test_packing import PACKED, run_shard
-from batches import run_batch
+from test_packing import run_packed, run_shard
 import {module} as module
 owner = {owner}
 real, left = getattr(owner, {name!r}), [{count}]
@@ -151,7 +152,7 @@ images, out = Path(sys.argv[1]), Path(sys.argv[2])
 if {shard!r}:
     run_shard(images, out, {shard!r})
 else:
-    run_batch(images, out, products=PACKED, executor="inprocess")
+    run_packed(images, out)
 """
 
 
@@ -185,7 +186,7 @@ def test_a_killed_run_goes_on(
     kill(images, out, where, count, before=before)
     for path in out.glob("*.tar"):
         subprocess.run(["tar", "-tf", path], check=True, capture_output=True)
-    rest = run_batch(images, out, products=PACKED, executor=INPROCESS)
+    rest = run_packed(images, out)
     assert rest.done == redone
     assert tars(out) == straight(images, tmp_path / "one")
     assert packs(out) == []
@@ -196,17 +197,15 @@ def test_a_tail_that_was_not_finished_is_nobodys(images: Path, tmp_path: Path, o
     (pack,) = packs(out)
     subprocess.run(["tar", "-tf", out / pack], check=True, capture_output=True)
     known = last_records(str(out / ".ffseg"))
-    last = max(record.members[f"geojson/{os.path.splitext(name)[0]}.geojson"][1] for name, record in known.items()
-               if record.members)  # fmt: skip
+    members = {Path(name).with_suffix(".geojson"): record.members for name, record in known.items() if record.members}
+    last = max(written[f"geojson/{name}"][1] for name, written in members.items())
     os.truncate(out / pack, last + 5)
-    assert run_batch(images, out, products=PACKED, executor=INPROCESS).done == 13 - 5 + 1, (
-        "the one that was cut is done again"
-    )
+    assert run_packed(images, out).done == 13 - 5 + 1, "the one that was cut is done again"
     assert tars(out) == straight(images, tmp_path / "one")
 
 
 def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path, out: Path) -> None:
-    run_batch(images, tmp_path / "one", products=PACKED, executor=INPROCESS)
+    run_packed(images, tmp_path / "one")
     kill(images, out, ADD, 3, before=False, shard="2/2")
     run_shard(images, out, "1/2")
     early = merge_shards(str(out))
@@ -224,9 +223,9 @@ def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path, out: Path)
     for number in (1, 2):
         run_shard(images, out, f"{number}/2")
     assert merge_shards(str(out)).problems == []
-    run_batch(images, tmp_path / "two", products=PACKED, executor=INPROCESS)
+    run_packed(images, tmp_path / "two")
     assert tars(out) == tars(tmp_path / "two") != tars(tmp_path / "one")
-    whole = run_batch(images, out, products=PACKED, executor=INPROCESS)
+    whole = run_packed(images, out)
     assert (whole.done, whole.unchanged) == (0, 13)
     assert merge_shards(str(out)).problems == []
     assert tars(out) == tars(tmp_path / "two")
@@ -246,7 +245,7 @@ def test_an_output_that_is_lost_is_named_by_the_merge(images: Path, tmp_path: Pa
 
 
 def test_files_and_members_are_not_mixed(images: Path, tmp_path: Path, out: Path) -> None:
-    run_batch(images, out, products=PACKED, executor=INPROCESS)
+    run_packed(images, out)
     with pytest.raises(UsageError, match="holds outputs in tar files; add --pack tar"):
         run_batch(images, out, products=FILES, executor=INPROCESS)
     run_batch(images, out, products=FILES, overwrite=True, executor=INPROCESS)
@@ -254,7 +253,7 @@ def test_files_and_members_are_not_mixed(images: Path, tmp_path: Path, out: Path
     run_batch(images, tmp_path / "files", products=FILES, executor=INPROCESS)
     assert tree(out) == tree(tmp_path / "files")
     with pytest.raises(UsageError, match="holds outputs in files of their own; leave out --pack"):
-        run_batch(images, out, products=PACKED, executor=INPROCESS)
+        run_packed(images, out)
     run_batch(images, out, products=PACKED, overwrite=True, executor=INPROCESS)
     assert not [path for path in out.rglob("masks/**/*") if path.is_file()]
     run_shard(images, tmp_path / "parts", "1/2")
@@ -268,7 +267,7 @@ def test_files_and_members_are_not_mixed(images: Path, tmp_path: Path, out: Path
 
 
 def test_a_packed_output_is_an_input(images: Path, tmp_path: Path, out: Path) -> None:
-    run_batch(images, out, products=PACKED, executor=INPROCESS)
+    run_packed(images, out)
     assert run_batch(out / "masks.tar", tmp_path / "next", products=PACKED, executor=INPROCESS).done == 13
     with tarfile.open(tmp_path / "next" / "masks.tar") as archive:
         assert archive.getnames()[0] == "masks/masks/0/i0.png"
@@ -287,10 +286,8 @@ def test_names_of_any_bytes_and_length(name: str, tmp_path: Path) -> None:
         (member,) = archive.getmembers()
         assert (member.name, member.size, member.offset_data) == (name, 3, len(top))
     (tmp_path / "a.tar").write_bytes(data)
-    done = subprocess.run(
-        ["tar", "-tf", tmp_path / "a.tar", "--quoting-style=literal"], check=True, capture_output=True
-    )
-    assert done.stdout == os.fsencode(name) + b"\n"
+    listing = ["tar", "-tf", tmp_path / "a.tar", "--quoting-style=literal"]
+    assert subprocess.run(listing, check=True, capture_output=True).stdout == os.fsencode(name) + b"\n"
 
 
 @pytest.mark.parametrize("call", ["open", "write", "fsync"])
@@ -317,28 +314,26 @@ def test_an_append_that_fails_is_not_seen(call: str, tmp_path: Path, monkeypatch
 def test_a_disk_that_is_full_at_the_end_costs_nothing_that_was_done(
     images: Path, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from ffseg.batch.record.ordered import OrderedPacks
-
     def full(*_: object) -> None:
         raise OutputError("masks.tar cannot be written (No space left on device); free some space")
 
     with monkeypatch.context() as patch:
         patch.setattr(OrderedPacks, "complete", full)
-        summary = run_batch(images, out, products=PACKED, executor=INPROCESS)
+        summary = run_packed(images, out)
     assert "masks.tar cannot be written" in summary.problems[0]
     assert tars(out) == {}
     assert len(packs(out)) == 1
-    again = run_batch(images, out, products=PACKED, executor=INPROCESS)
+    again = run_packed(images, out)
     assert (again.done, again.unchanged, again.problems) == (0, 13, [])
     assert tars(out) == straight(images, tmp_path / "one")
 
 
 def test_a_run_that_is_stopped_has_its_outputs_still(images: Path, tmp_path: Path, out: Path) -> None:
-    first = run_batch(images, out, products=PACKED, executor=INPROCESS, observer=Silent(last=5))
+    first = run_packed(images, out, observer=Silent(last=5))
     assert first.signal == 15
     assert tars(out) == {}
-    assert run_batch(images, out, products=PACKED, executor=INPROCESS, observer=Silent(last=14)).signal == 15
-    again = run_batch(images, out, products=PACKED, executor=INPROCESS)
+    assert run_packed(images, out, observer=Silent(last=14)).signal == 15
+    again = run_packed(images, out)
     assert (again.done, again.unchanged) == (0, 13)
     assert tars(out) == straight(images, tmp_path / "one")
 
@@ -347,8 +342,7 @@ def test_a_report_shows_what_is_packed(images: Path, tmp_path: Path) -> None:
     pages = {}
     for name, products in (("files", FILES), ("packed", PACKED)):
         run_batch(images, tmp_path / name, products=products, executor=INPROCESS)
-        page = write_report(tmp_path / name).read_text("utf-8")
-        pages[name] = json.loads(re.findall('id="data">(.*?)</script>', page, re.DOTALL)[0])["images"]
+        pages[name] = data_of(write_report(tmp_path / name))["images"]
     assert len(pages["files"]) == 14
     for file, member in zip(pages["files"], pages["packed"], strict=True):
         same = ("name", "contours", "thumbnail")
@@ -359,8 +353,7 @@ def test_a_report_shows_what_is_packed(images: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("pack", [(), ("--pack", "tar")])
 def test_an_empty_output_is_made_once(pack: tuple[str, ...], tmp_path: Path, ffseg_command: Command) -> None:
-    (tmp_path / "in").mkdir()
-    cv2.imwrite(str(tmp_path / "in" / "tiny.png"), np.zeros((1, 1), np.uint8))
+    write_image(tmp_path / "in" / "tiny.png", np.zeros((1, 1), np.uint8))
     run = ("run", tmp_path / "in", "--out", tmp_path / "out", "--export", "yolo", *pack, "--json")
     counts = [json.loads(ffseg_command(*run).stdout)["counts"] for _ in range(2)]
     assert [(one["done"], one["unchanged"]) for one in counts] == [(1, 0), (0, 1)]

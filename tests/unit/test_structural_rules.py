@@ -5,16 +5,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rendered import floor_pair
+from rendered import floor_pair, segment_view
 
 from ffseg.camera.motion import Motion, planar_parameters, planar_pose, relative_motion
 from ffseg.freespace import corners, outlines, structural
 from ffseg.freespace.corners import Matches
+from ffseg.freespace.motion.evidence import Scenery, gathered, outer_joints
+from ffseg.freespace.motion.ground import fit_ground, prior_sigmas
+from ffseg.freespace.motion.tracking import NOISE_SLOPES, placed
 from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.sequence import Sequence
 from ffseg.freespace.structural import structural_test
-from ffseg.image.components import Component
-from ffseg.image.keypoints import Alignments, Candidates
+from ffseg.image.components import Component, contour_components
+from ffseg.image.keypoints import Alignments, Candidates, limited
 from ffseg.parameters import load_params
 from ffseg.rendering.pairs import RenderedPair, sample_camera
 
@@ -22,11 +25,8 @@ EPSILON = 0.08
 
 
 def matches(altitudes: list[float], sigmas: list[float]) -> Matches:
-    count = len(altitudes)
-    places = np.zeros((count, 2))
-    return Matches(
-        np.zeros(count, np.intp), places, places, np.array(altitudes), np.array(sigmas), np.ones(count, np.bool_)
-    )
+    owner, places = np.zeros_like(altitudes, np.intp), np.zeros((len(altitudes), 2))
+    return Matches(owner, places, places, np.array(altitudes), np.array(sigmas), np.ones_like(owner, np.bool_))
 
 
 def verdict(
@@ -121,9 +121,8 @@ def test_samples_speak_beyond_two_standard_deviations(
     place = np.array([[100.0 + 2.0 * altitude, 50.0 + across]])
     aligned = Alignments(place, np.array([score]), 1e12 * np.eye(2)[None], np.ones(1))
     flat, raised = outlines._judge(aligned, ground, np.zeros((1, 2)), np.zeros((1, 2, 2)))
-    assert {(True, False): "flat", (False, True): "raised", (False, False): "silent"}[
-        bool(flat[0]), bool(raised[0])
-    ] == expected
+    said = {(True, False): "flat", (False, True): "raised", (False, False): "silent"}
+    assert said[bool(flat[0]), bool(raised[0])] == expected
 
 
 def test_doubt_about_the_motion_silences_samples_and_what_the_others_say_moves_them() -> None:
@@ -139,24 +138,18 @@ def test_doubt_about_the_motion_silences_samples_and_what_the_others_say_moves_t
 
 
 def corner(
-    monkeypatch: pytest.MonkeyPatch,
-    step: tuple[float, float],
-    score: float = 0.95,
-    *,
-    unique: bool = True,
-    near: float = 1.0,
+    patch: pytest.MonkeyPatch, step: tuple[float, float], *, score: float = 0.95, unique: bool = True, near: float = 1.0
 ) -> tuple[bool, float]:
     """Whether a corner's match counts, and its altitude; nearness grows by one in 10 px along x, the mount is at 1 m."""
     at = np.array([[100.0, 50.0]])
     start = Candidates(at[:, None], np.array([[[1.0, 0.0, 0.0, 1.0]]]))
     found = SimpleNamespace(pixels=at, owner=np.zeros(1, np.intp))
-    rate = np.array([[10.0, 0.0]])
-    nothing = np.zeros((1, 2)), np.zeros((1, 2, 2))
-    monkeypatch.setattr(corners, "harris_points", lambda *_: found)
-    monkeypatch.setattr(corners, "_sweep", lambda *_: (start, rate, np.array([near]), np.array([unique])))
+    swept = start, np.array([[10.0, 0.0]]), np.array([near]), np.array([unique])
     aligned = Alignments(at + [step], np.array([score]), np.array([1e6 * np.eye(2)]), np.ones(1))
-    monkeypatch.setattr(corners, "align_patches", lambda *_: aligned)
-    monkeypatch.setattr(corners, "swayed", lambda *_: nothing)
+    patch.setattr(corners, "harris_points", lambda *_: found)
+    patch.setattr(corners, "_sweep", lambda *_: swept)
+    patch.setattr(corners, "align_patches", lambda *_: aligned)
+    patch.setattr(corners, "swayed", lambda *_: (np.zeros((1, 2)), np.zeros((1, 2, 2))))
     pair: Any = SimpleNamespace(current=None, previous=None, camera=SimpleNamespace(mounting=lambda: 1.0))
     result = corners.match_corners(pair, [], EPSILON)
     return bool(result.good[0]), float(result.altitude[0])
@@ -210,21 +203,14 @@ def test_a_sequence_takes_the_pose_of_the_image_before() -> None:
 
 
 def test_components_are_judged_without_their_own_points() -> None:
-    from rendered import segment_view
-
-    from ffseg.freespace.motion.evidence import Scenery, gathered, outer_joints
-    from ffseg.freespace.motion.ground import fit_ground, prior_sigmas
-    from ffseg.image.components import contour_components
-
     rendered = pair()
     camera, image = rendered.camera, rendered.current.image
     found = segment_view(image, camera, load_params())
     _, components = contour_components(found.contours, found.mask.shape)
     evidence = gathered(camera, image, Scenery(found.mask, components, outer_joints(found.contours)))
-    there, here = (planar_pose(camera, *pose) for pose in rendered.poses)
-    sigmas = prior_sigmas(0.01, 0.01)
+    motion = relative_motion(*(planar_pose(camera, *pose) for pose in rendered.poses))
     images = image, rendered.previous.image
-    fit = fit_ground(camera, relative_motion(there, here), sigmas, images, evidence, ("full", "full"))
+    fit = fit_ground(camera, motion, prior_sigmas(0.01, 0.01), images, evidence, ("full", "full"))
     assert fit is not None
     doubt = fit.without(len(components))
     for place in range(len(components)):
@@ -239,9 +225,6 @@ def test_components_are_judged_without_their_own_points() -> None:
 
 
 def test_placements_keep_what_stands_above_noise() -> None:
-    from ffseg.freespace.motion.tracking import NOISE_SLOPES, placed
-    from ffseg.image.keypoints import limited
-
     random = np.random.default_rng(3)
     root = random.normal(0, 8, (40, 2, 2))
     information = np.concatenate([root @ np.swapaxes(root, 1, 2), np.zeros((1, 2, 2)), 90.0 * np.eye(2)[None]])

@@ -8,7 +8,7 @@ from rendered import floor_pair, segment_view
 
 from ffseg.batch.views import WINDOW as VIEWS_WINDOW
 from ffseg.batch.views import Views
-from ffseg.camera.motion import planar_pose, relative_motion
+from ffseg.camera.motion import Pose, planar_parameters, planar_pose, relative_motion
 from ffseg.freespace.sequence import Sequence, free_space
 from ffseg.freespace.tracks import NEAR, Tracks, linked, moved, numbered
 from ffseg.freespace.window import WINDOW, Earlier
@@ -29,8 +29,6 @@ def test_places_move_as_the_motion_of_the_camera_does() -> None:
     points = np.array([[1.0, 0.3], [-0.7, 1.2]])
     level = np.column_stack([points, [0.9, 0.9]]) @ camera.level()
     expected = (motion.apply(level) @ camera.level().T)[:, :2]
-    from ffseg.camera.motion import planar_parameters
-
     assert moved(points, planar_parameters(camera, motion).tolist()) == pytest.approx(expected, abs=1e-12)
 
 
@@ -54,10 +52,10 @@ def test_numbers_stay_with_their_things() -> None:
 def test_lines_are_numbered_in_time_whatever_their_order() -> None:
     line = {"ground_x_m": 1.0, "ground_y_m": 0.0, "links": []}
     later = {**line, "links": [["one.png", 0.0, 0.0, 0.0]]}
-    blank = {"ground_x_m": "", "ground_y_m": "", "links": []}
-    lines = {"two.png": [later], "one.png": [line, blank]}
-    found = numbered(["one.png", "two.png", "none.png"], lines)
-    assert [[row["track"] for row in found[name]] for name in ("one.png", "two.png", "none.png")] == [[0, 1], [0], []]
+    blank = {**line, "ground_x_m": "", "ground_y_m": ""}
+    names = ["one.png", "two.png", "none.png"]
+    found = numbered(names, {"two.png": [later], "one.png": [line, blank]})
+    assert [[row["track"] for row in found[name]] for name in names] == [[0, 1], [0], []]
 
 
 def test_the_chain_of_images_before_ends() -> None:
@@ -99,17 +97,23 @@ def test_decided_components_ask_for_no_further_image() -> None:
     assert asked == [0]
 
 
-def test_paint_stays_paint_where_nothing_can_be_told() -> None:
+def begun() -> tuple[Sequence, np.ndarray, Pose]:
+    """A sequence that has seen the first of a pair; the second and its pose."""
     rendered = pair()
-    poses = tuple(planar_pose(rendered.camera, *pose) for pose in rendered.poses)
+    before, now = (planar_pose(rendered.camera, *pose) for pose in rendered.poses)
     sequence = Sequence(rendered.camera, load_params())
-    sequence.feed(rendered.previous.image, poses[0])
-    second = sequence.feed(rendered.current.image, poses[1])
+    sequence.feed(rendered.previous.image, before)
+    return sequence, rendered.current.image, now
+
+
+def test_paint_stays_paint_where_nothing_can_be_told() -> None:
+    sequence, current, pose = begun()
+    second = sequence.feed(current, pose)
     paint = {row.track for row in second.components if row.verdict == "false_obstacle"}
     assert paint
     # All the images before are as good as gone: only the numbers tell what the components are.
     sequence._earlier = type(sequence._earlier)([sequence._earlier[0]], maxlen=WINDOW)
-    third = sequence.feed(rendered.current.image, poses[1])
+    third = sequence.feed(current, pose)
     assert not third.tested
     assert {row.track for row in third.components if row.verdict == "false_obstacle"} == paint
     assert {row.against for row in third.components if row.verdict == "false_obstacle"} == {"0"}
@@ -117,12 +121,9 @@ def test_paint_stays_paint_where_nothing_can_be_told() -> None:
 
 
 def test_what_is_seen_to_stand_up_is_paint_no_more() -> None:
-    rendered = pair()
-    poses = tuple(planar_pose(rendered.camera, *pose) for pose in rendered.poses)
-    sequence = Sequence(rendered.camera, load_params())
-    sequence.feed(rendered.previous.image, poses[0])
+    sequence, current, pose = begun()
     sequence._paint = dict.fromkeys(range(20), "9")
-    second = sequence.feed(rendered.current.image, poses[1])
+    second = sequence.feed(current, pose)
     standing = [row for row in second.components if row.decided and row.verdict == "obstacle"]
     assert standing
     assert not {row.track for row in standing} & set(sequence._paint)
