@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stand_in
-from PIL import Image
 
 from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
@@ -21,6 +20,7 @@ from ffseg.batch.runner import Run
 from ffseg.batch.shards.assign import only, read_shard
 from ffseg.batch.workers.messages import Setup
 from ffseg.parameters import Parameters, load_params
+from tests.masks import write_image
 
 
 @dataclass
@@ -50,9 +50,7 @@ def make_images(folder: Path, names: Iterable[str], levels: dict[str, int] | Non
     for index, name in enumerate(names):
         pixels = np.random.default_rng(index).integers(0, 250, (12, 16), dtype=np.uint8)
         pixels[0, 0] = (levels or {}).get(name, 0)
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        Image.fromarray(pixels).save(path)
+        write_image(folder / name, pixels)
 
 
 def images_fixture(names: Sequence[str], levels: dict[str, int] | None = None) -> Callable[[Path], Path]:
@@ -78,12 +76,7 @@ def run_batch(
     setup_options = {key: options.pop(key) for key in ("memory_bytes", "truth_label") if key in options}
     inputs = folder if isinstance(folder, list) else [folder]
     plan = make_plan([str(path) for path in inputs], str(out), **plan_options)
-    setup = Setup(
-        params=params or load_params(),
-        segmenter=stand_in.NAME,
-        products=plan.products,
-        **setup_options,
-    )
+    setup = Setup(params=params or load_params(), segmenter=stand_in.NAME, products=plan.products, **setup_options)
     return run_plan(plan, setup, observer, **options)
 
 
@@ -128,8 +121,6 @@ def tree(out: Path) -> dict[str, bytes]:
             found[name] = path.read_bytes()
     rows = table(out / "timings.csv")
     found["timings.csv"] = repr([{key: row[key] for key in row if key not in TIMES} for row in rows]).encode()
-    run = json.loads(found["run.json"])
-    found["run.json"] = repr(
-        [run[key] for key in ("status", "counts", "inputs", "parameters", "versions", "stale")]
-    ).encode()
+    run, kept = json.loads(found["run.json"]), ("status", "counts", "inputs", "parameters", "versions", "stale")
+    found["run.json"] = repr([run[key] for key in kept]).encode()
     return found

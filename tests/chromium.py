@@ -188,13 +188,8 @@ class Chromium:
         codes = {"Enter": 13, "Escape": 27, "ArrowLeft": 37, "ArrowRight": 39, "ArrowDown": 40}
         code = codes.get(key, ord(key[0].upper()))
         for kind in ("keyDown", "keyUp"):
-            parameters = {
-                "type": kind,
-                "key": key,
-                "windowsVirtualKeyCode": code,
-                **(text if kind == "keyDown" else {}),
-            }
-            self.call("Input.dispatchKeyEvent", parameters)
+            more = text if kind == "keyDown" else {}
+            self.call("Input.dispatchKeyEvent", {"type": kind, "key": key, "windowsVirtualKeyCode": code, **more})
 
     def hover(self, x: float, y: float) -> None:
         self.call("Input.dispatchMouseEvent", {"type": "mouseMoved", "x": x, "y": y})

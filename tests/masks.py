@@ -17,4 +17,5 @@ def read_mask(path: str | Path) -> NDArray[np.bool_]:
 def write_image(path: Path, levels: NDArray[np.generic]) -> None:
     """Write levels, or 255 inside and 0 outside of a mask, into a folder that need not be there."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    assert cv2.imwrite(str(path), np.where(levels, np.uint8(255), np.uint8(0)) if levels.dtype == bool else levels)
+    pixels = np.where(levels, np.uint8(255), np.uint8(0)) if levels.dtype == bool else levels
+    path.write_bytes(cv2.imencode(path.suffix, pixels)[1].tobytes())
