@@ -136,20 +136,20 @@ def test_an_interrupt_while_modules_load_ends_without_a_traceback(command: str) 
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
 
 
+AT_WORK = {
+    "learn . --truth . --out a.ffmodel": "ffseg.learning.gather",
+    "tune . --truth . --out a.yaml": "ffseg.learning.gather",
+    "domain . --out a.png": "ffseg.batch.cameras",
+    "bench --out a": "ffseg.bench.session",
+    "report .": "ffseg.batch.report.write",
+    "samples a": "ffseg.samples.write",
+    "merge .": "ffseg.batch.shards.merge",
+    "segment a.png b.png": "ffseg.api",
+}
+
+
 @pytest.mark.skipif(os.name == "nt", reason="no signals of this kind")
-@pytest.mark.parametrize(
-    ("arguments", "module"),
-    [
-        ("learn . --truth . --out a.ffmodel", "ffseg.learning.gather"),
-        ("tune . --truth . --out a.yaml", "ffseg.learning.gather"),
-        ("domain . --out a.png", "ffseg.batch.cameras"),
-        ("bench --out a", "ffseg.bench.session"),
-        ("report .", "ffseg.batch.report.write"),
-        ("samples a", "ffseg.samples.write"),
-        ("merge .", "ffseg.batch.shards.merge"),
-        ("segment a.png b.png", "ffseg.api"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "module"), AT_WORK.items())
 def test_an_interrupt_at_work_says_what_is_kept(arguments: str, module: str, tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes((Path(__file__).parents[2] / "samples" / "toy.png").read_bytes())
     done = interrupted(module, *arguments.split(), cwd=tmp_path)

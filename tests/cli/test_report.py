@@ -65,16 +65,10 @@ def open_image(tab: chromium.Chromium, name: str) -> None:
     tab.until("document.getElementById('viewer').open")
 
 
-def test_command_writes_the_page_and_says_where(ffseg_command: Command, tmp_path: Path) -> None:
-    runs.sample_run(tmp_path)
-    done = ffseg_command("report", tmp_path)
-    assert (done.returncode, done.stdout) == (0, f"{tmp_path / 'report.html'}\n")
-    assert (tmp_path / "report.html").stat().st_size > 50_000
-
-
-def test_page_of_a_run_links_the_images_it_was_given(ffseg_command: Command, tmp_path: Path) -> None:
+def test_the_command_says_where_its_page_is_which_links_the_images(ffseg_command: Command, tmp_path: Path) -> None:
     ffseg_command("run", "samples", "--out", tmp_path, cwd=runs.ROOT, code=0)
-    ffseg_command("report", tmp_path, code=0)
+    assert ffseg_command("report", tmp_path, code=0).stdout == f"{tmp_path / 'report.html'}\n"
+    assert (tmp_path / "report.html").stat().st_size > 50_000
     images = runs.data_of(tmp_path / "report.html")["images"]
     assert len(images) == 3
     assert [(tmp_path / image["pictures"]["image"]).is_file() for image in images] == [True] * 3

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from runs import ROOT
 
 import ffseg
-from ffseg.geometry.freeform import FreeForm
-from ffseg.geometry.ragged import packed
 from ffseg.native import _core
 from tests.discs import overlap
 from tests.masks import read_mask
@@ -67,15 +65,10 @@ def test_noise_ends_with_a_stated_reason(noise: float) -> None:
 
 def test_the_budget_ends_flips_within_an_iteration() -> None:
     """Each flip sorts anew: thousands of them in one iteration would not end in time."""
-    loops = [FreeForm.circle((60 + 3 * i, 60), 30, 40, 3) for i in range(8)]
-    options = _core.PaperOptions()
-    options.degree, options.split_threshold, options.balloon = 3, 40.0, 2.0
-    options.exponent, options.sigma, options.topology, options.max_iterations = 2.0, 1.5, True, 100
-    flips = []
+    loops = [circle((60 + 3 * i, 60), 30, 40, 3) for i in range(8)]
+    blank, flips = np.zeros((120, 160), np.uint16), []
     for budget in (0, 325):  # 320 patches are moved
-        options.budget = budget
-        blank = np.zeros((120, 160), np.uint16)
-        made = _core.PaperEvolution(*packed(loops), blank, blank.astype(np.uint8), None, options)
+        made = core(loops, 40.0, blank, refine=False, budget=budget)
         made.advance(1)
         flips.append(made.counts()["flips"])
     assert 0 < flips[1] < flips[0]
