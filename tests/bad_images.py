@@ -369,9 +369,7 @@ def _orientations() -> list[Case]:
         cases.append(Case(f"copied{code}.webp", webp_with_exif(code), pixels=truth))
         jpeg = encoded(image, "JPEG", exif=exif, quality=100, subsampling=0)
         cases.append(Case(f"turned{code}.jpg", jpeg, pixels=truth, tolerance=6))
-        if (
-            "avif" in features.get_supported_modules()
-        ):  # Pillow writes the orientation as rotation and mirroring of the item
+        if "avif" in features.get_supported_modules():  # where Pillow rotates and mirrors the item
             avif = encoded(image, "AVIF", exif=exif, quality=100, subsampling="4:4:4")
             cases.append(Case(f"turned{code}.avif", avif, pixels=truth, tolerance=3))
     return cases

@@ -47,9 +47,8 @@ def prepare(folder: Path, page: Path, scripts: Path) -> dict[str, str]:
     """Give a reader's folder photographs, masks, and the samples where the page supposes them; the environment."""
     photos = folder / "photos"
     photos.mkdir(parents=True)
-    shutil.copyfile(
-        ROOT / "samples" / "simple.png", photos / "IMG_0001.png"
-    )  # of no name or size that a page may count on
+    # of no name or size that a page may count on
+    shutil.copyfile(ROOT / "samples" / "simple.png", photos / "IMG_0001.png")
     grey = bytes(200 if (x - 160) ** 2 + (y - 120) ** 2 < 6400 else 60 for y in range(240) for x in range(320))
     (photos / "street.pgm").write_bytes(b"P5 320 240 255\n" + grey)
     shutil.copytree(ROOT / "samples" / "truth", folder / "masks")
@@ -67,10 +66,8 @@ def run(block: Block, shell: str, folder: Path, environment: dict[str, str]) -> 
     if block.needs and _without(block.needs, environment):
         return ""
     command = [*SHELLS[shell], block.code] if block.language == "sh" else ["python", "-c", block.code]
-    done = subprocess.run(
-        command, cwd=folder, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=600,
-        check=False,
-    )  # fmt: skip
+    places = {"cwd": folder, "env": environment, "stdin": subprocess.DEVNULL}
+    done = subprocess.run(command, **places, capture_output=True, text=True, timeout=600, check=False)
     if done.returncode != 0:
         return f"exit code {done.returncode}\n{block.code}\n{done.stdout}{done.stderr}"
     if block.output is not None and _words(done.stdout) != _words(block.output):

@@ -75,6 +75,10 @@ render_pair = once(pairs.render_pair)
 floor_pair = once(floors.floor_pair)
 
 
+def plain_pair() -> pairs.RenderedPair:
+    return floor_pair(100_003, "plain", 1.0, 1.0)
+
+
 @once
 def drive() -> pairs.RenderedSequence:
     """Four views of a drive over a textured floor."""

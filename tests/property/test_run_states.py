@@ -16,7 +16,6 @@ from batches import TIMES, make_images, run_batch, table
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
-from numpy.typing import NDArray
 
 from ffseg.batch.outputs.table import OUTPUTS, Output, Products
 from ffseg.errors import UsageError
@@ -79,7 +78,8 @@ class Runs(RuleBasedStateMachine):
         for name in NAMES[:3]:
             self.paint(name, 0)
         for name in NAMES:
-            write_image((self.truth / name).with_suffix(".png"), _noise(name))
+            noise = np.random.default_rng(list(name.encode())).random((12, 16)) < 0.5
+            write_image((self.truth / name).with_suffix(".png"), noise)
 
     def teardown(self) -> None:
         self.patch.undo()
@@ -225,10 +225,6 @@ def coco_of(name: str) -> str:
 
 def cells(row: dict[str, str]) -> dict[str, str]:
     return {column: cell for column, cell in row.items() if column not in (*TIMES, "iou")}
-
-
-def _noise(name: str) -> NDArray[np.bool_]:
-    return np.random.default_rng(list(name.encode())).random((12, 16)) < 0.5
 
 
 class PackedRuns(Runs):

@@ -165,16 +165,12 @@ def test_a_camera_that_nods_is_laid_out_as_it_stood() -> None:
     assert within[0] > 0.9 > 0.5 > within[1]
 
 
-def star(random: np.random.Generator, count: int, center: tuple[float, float]) -> np.ndarray:
-    turns = np.sort(random.uniform(0, 2 * np.pi, count))
-    return np.stack([np.cos(turns), np.sin(turns)], axis=1) * random.uniform(0.5, 2.0, (count, 1)) + center
-
-
 @pytest.mark.parametrize("center", [(0.0, 0.0), (2.6, 0.4), (-3.0, 1.0)])
 def test_rays_leave_polygons_where_shapely_says(center: tuple[float, float]) -> None:
     random = np.random.default_rng(7)
     for _ in range(10):
-        ring = star(random, 24, center)
+        turns = np.sort(random.uniform(0, 2 * np.pi, 24))
+        ring = np.stack([np.cos(turns), np.sin(turns)], axis=1) * random.uniform(0.5, 2.0, (24, 1)) + center
         polygon = shapely.Polygon(ring)
         if not polygon.is_valid or not polygon.exterior.is_ccw:
             continue

@@ -40,8 +40,7 @@ def textured() -> np.ndarray:
 @pytest.mark.parametrize("image", [scene(0).image, textured()], ids=["drawn", "textured"])
 def test_no_call_goes_back_up_to_a_higher_floor(image: np.ndarray) -> None:
     plan, upwards, entered = floors(), set(), set()
-    params = {"init.center": list(START), "init.radius": START_RADIUS}
-    params = params if image.shape[0] > START[1] else {}
+    params = {"init.center": list(START), "init.radius": START_RADIUS} if image.shape[0] > START[1] else {}
 
     def watch(frame: FrameType, event: str, _: Any) -> None:
         name, caller = inside(frame), inside(frame.f_back)

@@ -129,19 +129,16 @@ def test_several_rows_of_an_image_are_several_circles(tmp_path: Path) -> None:
     assert len({Start(1, 2, 7).text(), found["a.png"].text(), Start(3, 4, None, (Start(1, 2, 7),)).text()}) == 3
 
 
-def calls_of(path: Path, images: list[str]) -> int:
-    with cProfile.Profile() as profile:
-        load_starts(path, images)
-    return sum(entry.callcount for entry in profile.getstats())
-
-
 @pytest.mark.parametrize("name", ["a", "a{}"])
 def test_work_is_in_proportion_to_the_rows(name: str, tmp_path: Path) -> None:
     counts = []
     for rows in (200, 800):
         names = [name.format(row) for row in range(rows)]
         text = "".join(f"{one},{row},2\n" for row, one in enumerate(names))
-        counts.append(calls_of(write(tmp_path, f"image,x,y\n{text}"), names))
+        path = write(tmp_path, f"image,x,y\n{text}")
+        with cProfile.Profile() as profile:
+            load_starts(path, names)
+        counts.append(sum(entry.callcount for entry in profile.getstats()))
     assert counts[1] < 4.1 * counts[0]  # equal circles were looked for one by one: 16 times the calls
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rendered import floor_pair, segment_view
+from rendered import plain_pair, segment_view
 
 from ffseg.camera.motion import Motion, planar_parameters, planar_pose, relative_motion
 from ffseg.freespace import corners, outlines, structural
@@ -19,7 +19,7 @@ from ffseg.freespace.structural import structural_test
 from ffseg.image.components import Component, contour_components
 from ffseg.image.keypoints import Alignments, Candidates, limited
 from ffseg.parameters import load_params
-from ffseg.rendering.pairs import RenderedPair, sample_camera
+from ffseg.rendering.pairs import sample_camera
 
 EPSILON = 0.08
 
@@ -183,12 +183,8 @@ def test_samples_in_noise_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (flat.tolist(), raised.tolist()) == ([1], [1])
 
 
-def pair() -> RenderedPair:
-    return floor_pair(100_003, "plain", 1.0, 1.0)
-
-
 def test_a_sequence_takes_the_pose_of_the_image_before() -> None:
-    rendered = pair()
+    rendered = plain_pair()
     camera = rendered.camera
     there, here = (planar_pose(camera, *pose) for pose in rendered.poses)
     sequence = Sequence(camera, load_params())
@@ -203,7 +199,7 @@ def test_a_sequence_takes_the_pose_of_the_image_before() -> None:
 
 
 def test_components_are_judged_without_their_own_points() -> None:
-    rendered = pair()
+    rendered = plain_pair()
     camera, image = rendered.camera, rendered.current.image
     found = segment_view(image, camera, load_params())
     _, components = contour_components(found.contours, found.mask.shape)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rendered import floor_pair, segment_view
+from rendered import plain_pair, segment_view
 
 from ffseg.batch.views import WINDOW as VIEWS_WINDOW
 from ffseg.batch.views import Views
@@ -13,13 +13,9 @@ from ffseg.freespace.sequence import Sequence, free_space
 from ffseg.freespace.tracks import NEAR, Tracks, linked, moved, numbered
 from ffseg.freespace.window import WINDOW, Earlier
 from ffseg.parameters import load_params
-from ffseg.rendering.pairs import RenderedPair, sample_camera
+from ffseg.rendering.pairs import sample_camera
 
 EPSILON = 0.08
-
-
-def pair() -> RenderedPair:
-    return floor_pair(100_003, "plain", 1.0, 1.0)
 
 
 def test_places_move_as_the_motion_of_the_camera_does() -> None:
@@ -67,7 +63,7 @@ def test_the_chain_of_images_before_ends() -> None:
 
 
 def test_what_a_standing_robot_leaves_open_is_asked_of_an_earlier_image() -> None:
-    rendered = pair()
+    rendered = plain_pair()
     camera, params = rendered.camera, load_params()
     found = segment_view(rendered.current.image, camera, params)
     poses = tuple(planar_pose(camera, *pose) for pose in rendered.poses)
@@ -84,7 +80,7 @@ def test_what_a_standing_robot_leaves_open_is_asked_of_an_earlier_image() -> Non
 
 
 def test_decided_components_ask_for_no_further_image() -> None:
-    rendered = pair()
+    rendered = plain_pair()
     found = segment_view(rendered.current.image, rendered.camera, load_params())
     asked: list[int] = []
 
@@ -99,7 +95,7 @@ def test_decided_components_ask_for_no_further_image() -> None:
 
 def begun() -> tuple[Sequence, np.ndarray, Pose]:
     """A sequence that has seen the first of a pair; the second and its pose."""
-    rendered = pair()
+    rendered = plain_pair()
     before, now = (planar_pose(rendered.camera, *pose) for pose in rendered.poses)
     sequence = Sequence(rendered.camera, load_params())
     sequence.feed(rendered.previous.image, before)

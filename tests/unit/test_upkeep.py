@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import stand_in
 from batches import Silent, images_fixture, make_images, run_batch, run_plan, snapshot, table
-from PIL import Image
 
+from ffseg.batch.executors import processes
 from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.jobs import make_plan
@@ -22,6 +22,7 @@ from ffseg.batch.record.lock import OutputLock
 from ffseg.batch.workers.messages import Setup
 from ffseg.errors import OutputError, UsageError
 from ffseg.parameters import load_params
+from tests.masks import write_image
 
 NAMES = [f"{name}.png" for name in "abcdef"]
 ALL = Products(True, ("coco", "geojson"))
@@ -36,13 +37,6 @@ def run_in(images: Path | list[Path], out: Path, **options: object):
 
 def rows(out: Path) -> list[str]:
     return [row["image"] for row in table(out / "timings.csv")]
-
-
-def truths(images: Path, folder: Path) -> str:
-    folder.mkdir()
-    for name in NAMES:
-        Image.fromarray(np.eye(12, 16, dtype=np.uint8) * 255).save(folder / name)
-    return str(folder)
 
 
 def test_a_run_over_part_of_the_images_keeps_the_rest(images: Path, out: Path) -> None:
@@ -74,7 +68,9 @@ def test_other_outputs_make_only_what_is_asked_for_and_missing(images: Path, out
 def test_a_truth_is_measured_on_the_mask_that_is_there(
     images: Path, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    truth = truths(images, tmp_path / "truth")
+    for name in NAMES:
+        write_image(tmp_path / "truth" / name, np.eye(12, 16, dtype=np.bool_))
+    truth = str(tmp_path / "truth")
     run_in(images, tmp_path / "straight", truth=truth)
     expected = [row["iou"] for row in table(tmp_path / "straight" / "timings.csv")]
     run_in(images, out)
@@ -84,10 +80,10 @@ def test_a_truth_is_measured_on_the_mask_that_is_there(
         assert [row["iou"] for row in table(out / "timings.csv")] == expected
         assert run_in(images, out).unchanged == 6
         assert [row["iou"] for row in table(out / "timings.csv")] == expected, "the IoU is as true as before"
-        Image.fromarray(np.eye(12, 16, 1, dtype=np.uint8) * 255).save(Path(truth) / "b.png")
+        write_image(tmp_path / "truth" / "b.png", np.eye(12, 16, 1, dtype=np.bool_))
         assert run_in(images, out).unchanged == 6
         assert [row["iou"] for row in table(out / "timings.csv")] == [expected[0], "", *expected[2:]]
-        Image.fromarray(np.zeros((5, 5), np.uint8)).save(Path(truth) / "c.png")
+        write_image(tmp_path / "truth" / "c.png", np.zeros((5, 5), np.bool_))
         summary = run_in(images, out, truth=truth)
         assert (summary.unchanged, summary.failed) == (5, 1)
         assert (out / "masks" / "c.png").exists(), "only its truth is wrong"
@@ -235,8 +231,6 @@ def test_duplicate_names_are_all_named_and_suffixes_can_be_kept(tmp_path: Path) 
 def test_fewer_processes_than_asked_for_do_the_work(
     images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from ffseg.batch.executors import processes
-
     left, real = [1], processes.launch
 
     def scarce():
