@@ -66,8 +66,8 @@ def test_y4m_goes_in_and_out_with_its_rate() -> None:
     assert done.returncode == 0
     head, *parts = done.stdout.split(b"FRAME\n")
     assert head == b"YUV4MPEG2 W80 H60 F30000:1001 Ip A1:1 Cmono\n"
-    raw = masks(through(RAW, *BGR).stdout)
-    for part, mask in zip(parts, raw, strict=True):
+    plain = masks(through(RAW, *BGR).stdout)
+    for part, mask in zip(parts, plain, strict=True):
         found = np.frombuffer(part, np.uint8).reshape(HEIGHT, WIDTH)
         assert set(np.unique(found)) == {0, 255}
         assert np.mean(found != mask) < 0.02  # colours of two pixels are stored as one
