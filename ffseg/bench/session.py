@@ -50,6 +50,22 @@ class Outcome:
     slower: list[Slower] = field(default_factory=list)
 
 
+def check(order: Order) -> None:
+    """Look at what is ordered, before anything is made or measured.
+
+    Raises
+    ------
+    UsageError
+        If a suite does not exist, or the images cannot be used.
+    """
+    unknown = next((name for name in order.suites if name not in SUITES), None)
+    if unknown is not None:
+        near = nearest_word(unknown, tuple(SUITES)) or f"; choose from {', '.join(SUITES)}"
+        raise UsageError(f"--suite: there is no suite '{unknown}'{near}")
+    if order.images is not None:
+        images.check(order)
+
+
 def run_bench(
     order: Order, note: Note, baseline: Baseline | None = None, keep: Callable[[Outcome], object] | None = None
 ) -> Outcome:
@@ -57,6 +73,8 @@ def run_bench(
 
     Parameters
     ----------
+    order : Order
+        One that passed `check`.
     note : callable
         Hears what is being measured.
     keep : callable, optional
@@ -65,16 +83,10 @@ def run_bench(
     Raises
     ------
     UsageError
-        If a suite does not exist, the images cannot be used, or the baseline and this run have no figure in common.
+        If the baseline and this run have no figure in common.
     FfsegError
         If a suite fails or `keep` does; with exit code 3 once something was measured.
     """
-    unknown = next((name for name in order.suites if name not in SUITES), None)
-    if unknown is not None:
-        near = nearest_word(unknown, tuple(SUITES)) or f"; choose from {', '.join(SUITES)}"
-        raise UsageError(f"--suite: there is no suite '{unknown}'{near}")
-    if order.images is not None:
-        images.check(order)
     outcome = Outcome(order.quick, datetime.now(UTC).isoformat(timespec="seconds"), _machine(), _versions())
     try:
         with tempfile.TemporaryDirectory(prefix="ffseg-bench-") as folder:

@@ -141,8 +141,8 @@ def _circle_round(bright: NDArray[np.bool_], grey: Image) -> Disc | None:
     outside = disc.mask(bright.shape, 2 * SLACK) == 0
     if outside.any() and float(bright[outside].mean()) > MOST_OUTSIDE:
         return None
-    within = disc.mask(bright.shape, -2 * SLACK) > 0
-    return disc if float(grey[within].std()) >= LEAST_SPREAD else None
+    scene = grey[disc.mask(bright.shape, -2 * SLACK) > 0]
+    return disc if len(scene) and float(scene.std()) >= LEAST_SPREAD else None
 
 
 def _may_be_round(bright: NDArray[np.bool_]) -> bool:

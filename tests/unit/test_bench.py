@@ -11,7 +11,7 @@ import pytest
 from ffseg.bench import drawing, images, processes, programs
 from ffseg.bench.gate import FORMAT, RETRIES, Baseline, confirmed, read_baseline, slower
 from ffseg.bench.measure import Figure, Order, exponent, growths
-from ffseg.bench.session import SUITES, Outcome, run_bench
+from ffseg.bench.session import SUITES, Outcome, check, run_bench
 from ffseg.errors import FfsegError, UsageError
 from ffseg.image.reference import one_thread, reference_kernel
 from ffseg.io.masks import encode_mask
@@ -158,7 +158,9 @@ OTHERS = {"peers", "batch", "startup", "memory", "shards"}
 
 
 def quick(*suites: str, folder: Path | None = None) -> Outcome:
-    return run_bench(Order(suites, quick=True, images=folder), lambda text: None)
+    order = Order(suites, quick=True, images=folder)
+    check(order)
+    return run_bench(order, lambda text: None)
 
 
 def test_kernel_fills_what_the_edges_enclose() -> None:
@@ -267,13 +269,10 @@ def test_images_whose_figures_would_have_one_key_are_refused(tmp_path: Path) -> 
 
 
 def test_a_bad_image_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
-    """It ended the suite it came up in, after the suites before it, with the exit code of what was not run."""
     cv2.imwrite(str(tmp_path / "a.png"), drawing.draw(2, 80, 60).image)
     (tmp_path / "b.png").write_text("no image")
-    measured: list[str] = []
     with pytest.raises(UsageError, match=r"--images: .*b\.png"):
-        run_bench(Order(("method", "scenes"), quick=True, images=tmp_path), measured.append)
-    assert measured == []
+        check(Order(("method", "scenes"), quick=True, images=tmp_path))
 
 
 def test_holes_are_those_of_the_mask() -> None:

@@ -57,6 +57,8 @@ def test_ordinary_images_have_no_disc() -> None:
     texture = cv2.GaussianBlur(np.random.default_rng(0).normal(0, 1, shape), (0, 0), 10)
     light = np.exp(-(((x - 320) / 230) ** 2) - ((y - 240) / 170) ** 2)
     lamp = np.clip(10 + (200 + 40 * texture / texture.std()) * light, 0, 255).astype(np.uint8)
+    narrow = np.zeros((41, 252), np.uint8)
+    narrow[1:11, 76:217] = 200  # its outline lies on a circle that holds no pixel
     for image in (
         dark,
         box,
@@ -66,6 +68,7 @@ def test_ordinary_images_have_no_disc() -> None:
         lamp,
         np.zeros((3, 3), np.uint8),
         np.full((1, 1), 255, np.uint8),
+        narrow,
     ):
         assert valid_disc(image) is None
     for seed in range(40):

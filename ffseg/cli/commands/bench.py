@@ -53,13 +53,14 @@ def bench(  # noqa: PLR0913 - the options of the command
     """
     from ffseg.bench.gate import read_baseline
     from ffseg.bench.measure import Order
-    from ffseg.bench.session import run_bench
+    from ffseg.bench.session import check, run_bench
     from ffseg.io.files import make_folder
     from ffseg.plugins import methods_named
 
     known = read_baseline(baseline, max_ratio, quick=quick) if baseline else None
-    make_folder(out)
     order = Order(suite or (), repeat, budget, images, quick, methods_named(methods))
+    check(order)
+    make_folder(out)
     outcome = run_bench(order, console.message, known, lambda so_far: _write(out, so_far))
     report = _write(out, outcome)
     if as_json:
