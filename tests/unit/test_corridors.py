@@ -150,8 +150,9 @@ def test_stairs_of_one_pixel_are_shut_whichever_way_they_lead() -> None:
             if domain[int(start[1]), int(start[0])] == 0:
                 continue
             circle = [FreeForm.circle(start, 5, 13, 3)]
-            made = evolutions.evolution(circle, 0 * domain, domain, refine=True, balloon=8.0, settle=0.0)
-            made.advance(1000)
+            made = evolutions.evolution(
+                circle, 0 * domain, domain, refine=True, balloon=8.0, settle=0.0, iterations=1000
+            )
             assert made.stop_reason == "converged"
             filled.add(int(evolutions.region(made, shape=(61, 61)).sum()))
     assert len(filled) == 1

@@ -34,8 +34,7 @@ def test_a_contour_that_goes_round_an_island_for_ever_spends_its_budget() -> Non
 @pytest.mark.parametrize("most", [50, 400, 3000])
 def test_work_ends_within_an_iteration_of_the_budget(most: int) -> None:
     start = [FreeForm.circle((90, 70), 12, 13, 3)]
-    made = evolutions.evolution(start, refine=True, budget=most)
-    made.advance(10_000)
+    made = evolutions.evolution(start, refine=True, budget=most, iterations=10_000)
     assert made.stop_reason == ("budget" if most < 3000 else "converged")
     if most < 3000:
         before = evolutions.evolution(start, refine=True, budget=most)
