@@ -13,18 +13,16 @@ import pytest
 from rendered import render_pair as pair
 from rendered import segment_view
 
-from ffseg.camera.motion import planar_parameters, planar_pose, relative_motion
+from ffseg.camera.motion import Pose, planar_parameters, planar_pose, relative_motion
 from ffseg.camera.poses import load_poses
 from ffseg.errors import CalibrationError, ParameterError, SegmentationError
-from ffseg.freespace.motion.egomotion import pair_motion
+from ffseg.freespace.motion.egomotion import PairMotion, pair_motion
 from ffseg.freespace.motion.evidence import Scenery, gathered
 from ffseg.freespace.motion.ground import fit_ground, prior_sigmas
 from ffseg.freespace.pairs import ImagePair
 from ffseg.freespace.sequence import Sequence, free_space
 from ffseg.freespace.structural import structural_test
 from ffseg.freespace.window import Earlier
-from ffseg.image.components import Component
-from ffseg.image.interest import harris_points
 from ffseg.image.keypoints import Candidates, align_patches, limited, patch_scores, plane_candidates, plane_pixels
 from ffseg.image.planes import search_ground_motions
 from ffseg.io.masks import encode_mask
@@ -108,17 +106,6 @@ def test_native_borders_refuse_arrays_that_differ() -> None:
         _core.align_patches(image, image, two, two, np.zeros((3, 4)), 0, 3, np.zeros((3, 7)))
     with pytest.raises(ValueError, match="pixels a side"):
         _core.align_patches(np.zeros((1, 9), np.uint8), image, two, two, np.zeros((3, 4)), 3, 3, np.zeros((3, 7)))
-
-
-def test_harris_finds_the_corners_of_a_square() -> None:
-    image = np.full((60, 60), 50, np.uint8)
-    image[20:40, 15:45] = 200
-    points = harris_points(image, [Component(0, (5, 8), np.ones((40, 50), np.bool_))], 10, 0).pixels
-    expected = np.array([[14.5, 19.5], [44.5, 19.5], [14.5, 39.5], [44.5, 39.5]])
-    assert len(points) == 4
-    for corner in expected:
-        # The operator's window pulls a corner inward by about a pixel.
-        assert np.hypot(*(points - corner).T).min() < 1.5
 
 
 def test_hopeless_candidates_keep_the_score_of_every_second_sample() -> None:
@@ -221,37 +208,36 @@ def test_ground_motion_from_nothing_is_the_true_one() -> None:
     assert found.inliers > 60
 
 
-def test_poses_that_the_ground_contradicts_are_not_believed() -> None:
+def motion_of(previous: np.ndarray, current: np.ndarray, poses: tuple[Pose, Pose] | None) -> PairMotion:
+    """What is found on the free ground of the third pair, given other images or other poses."""
     rendered = pair(3)
     free = rendered.current.truth & (rendered.current.labels <= 0)
-    previous, current = true_poses(rendered)
-    images = (rendered.previous.image, rendered.current.image)
-    for scale in (1.5, 10.0):
-        wrong = type(previous)(previous.rotation, scale * previous.position)
-        found = pair_motion(rendered.camera, images, (wrong, current), Scenery(free), EPSILON)
-        assert found.motion is None
-        assert "poses" in found.note
+    return pair_motion(rendered.camera, (previous, current), poses, Scenery(free), EPSILON)
+
+
+@pytest.mark.parametrize("scale", [1.5, 10.0])
+def test_poses_that_the_ground_contradicts_are_not_believed(scale: float) -> None:
+    previous, current = true_poses(pair(3))
+    wrong = Pose(previous.rotation, scale * previous.position)
+    found = motion_of(pair(3).previous.image, pair(3).current.image, (wrong, current))
+    assert found.motion is None
+    assert "poses" in found.note
 
 
 def test_bare_ground_leaves_the_poses_as_they_are() -> None:
-    rendered = pair(3)
-    flat = np.full_like(rendered.current.image, 120)
-    free = rendered.current.truth & (rendered.current.labels <= 0)
-    found = pair_motion(rendered.camera, (flat, flat), true_poses(rendered), Scenery(free), EPSILON)
+    flat = np.full_like(pair(3).current.image, 120)
+    found = motion_of(flat, flat, true_poses(pair(3)))
     assert found.motion is not None
     assert found.motion.origin == "poses"
-    assert pair_motion(rendered.camera, (flat, flat), None, Scenery(free), EPSILON).motion is None
+    assert motion_of(flat, flat, None).motion is None
 
 
-def test_a_pair_without_baseline_is_degenerate() -> None:
-    rendered = pair(3)
-    _, current = true_poses(rendered)
-    images = (rendered.current.image, rendered.current.image)
-    free = rendered.current.truth & (rendered.current.labels <= 0)
-    for poses in ((current, current), None):
-        found = pair_motion(rendered.camera, images, poses, Scenery(free), EPSILON)
-        assert found.motion is None
-        assert "degenerate" in found.note
+@pytest.mark.parametrize("posed", [True, False])
+def test_a_pair_without_baseline_is_degenerate(posed: bool) -> None:
+    still = true_poses(pair(3))[1]
+    found = motion_of(*[pair(3).current.image] * 2, (still, still) if posed else None)
+    assert found.motion is None
+    assert "degenerate" in found.note
 
 
 def test_sequence_gives_what_the_pure_steps_give() -> None:

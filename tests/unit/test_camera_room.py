@@ -12,7 +12,7 @@ from rendered import segment_view
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Motion, Pose, planar_parameters, planar_pose, relative_motion
 from ffseg.camera.projections import Affine, UnifiedSphere
-from ffseg.freespace.sequence import free_space
+from ffseg.freespace.sequence import Frame, free_space
 from ffseg.freespace.window import Earlier
 from ffseg.image.keypoints import Candidates, align_patches, patch_scores, plane_candidates
 from ffseg.parameters import load_params
@@ -77,15 +77,17 @@ def test_own_matches_separate_floor_and_desks(room: Room) -> None:
     assert medians["floor"] - medians["desks"] > 45
 
 
-def test_the_floor_is_free_and_desks_are_not_merged(room: Room) -> None:
+def freed(room: Room, poses: tuple[Pose, Pose]) -> Frame:
+    """Free space of the first frame at half its size, by what the other one shows from these poses."""
     camera, images = room.halved()
     params = load_params("omni-indoor")
-    poses = (
-        Pose(room.motion.rotation.T, -room.motion.rotation.T @ room.motion.translation),
-        Pose(np.eye(3), np.zeros(3)),
-    )
     found = segment_view(images[0], camera, params)
-    frame = free_space(images[0], found, [Earlier(images[1], poses)], camera, params.obstacles.altitude)
+    return free_space(images[0], found, [Earlier(images[1], poses)], camera, params.obstacles.altitude)
+
+
+def test_the_floor_is_free_and_desks_are_not_merged(room: Room) -> None:
+    back = room.motion.rotation.T
+    frame = freed(room, (Pose(back, -back @ room.motion.translation), Pose(np.eye(3), np.zeros(3))))
     pixels = np.rint((room.reference[:, :2] + 0.5) / 2 - 0.5).astype(int)
     free = frame.mask[pixels[:, 1], pixels[:, 0]]
     depth = room.reference[:, 6]
@@ -96,19 +98,16 @@ def test_the_floor_is_free_and_desks_are_not_merged(room: Room) -> None:
         assert frame.mask[y // 2, x // 2]
 
 
-def planar_poses(room: Room, camera: Camera) -> tuple[Pose, Pose]:
+def planar_poses(room: Room) -> tuple[Pose, Pose]:
     """What a poses file can say of the motion: its part on the ground, the current image at the origin."""
-    x, y, turn = planar_parameters(camera, room.motion).tolist()
+    x, y, turn = planar_parameters(room.camera, room.motion).tolist()
     back = -np.exp(-1j * turn) * (x + 1j * y)
-    return planar_pose(camera, back.real, back.imag, -turn), planar_pose(camera, 0.0, 0.0, 0.0)
+    return planar_pose(room.camera, back.real, back.imag, -turn), planar_pose(room.camera, 0.0, 0.0, 0.0)
 
 
 def test_the_ground_says_how_the_robot_nodded(room: Room) -> None:
-    camera, images = room.halved()
-    params = load_params("omni-indoor")
-    found = segment_view(images[0], camera, params)
-    poses = planar_poses(room, camera)
-    frame = free_space(images[0], found, [Earlier(images[1], poses)], camera, params.obstacles.altitude)
+    poses = planar_poses(room)
+    frame = freed(room, poses)
     assert frame.motion is not None
     assert frame.motion.inliers > 60
     missed = frame.motion.rotation.T @ room.motion.rotation
@@ -122,10 +121,6 @@ def test_the_ground_says_how_the_robot_nodded(room: Room) -> None:
 
 
 def test_a_reversed_step_is_named(room: Room) -> None:
-    camera, images = room.halved()
-    params = load_params("omni-indoor")
-    found = segment_view(images[0], camera, params)
-    poses = planar_poses(room, camera)[::-1]
-    frame = free_space(images[0], found, [Earlier(images[1], poses)], camera, params.obstacles.altitude)
+    frame = freed(room, planar_poses(room)[::-1])
     assert "the poses of the two images are swapped" in frame.note
     assert {row.verdict for row in frame.components} == {"untested"}
