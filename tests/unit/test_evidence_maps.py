@@ -5,31 +5,21 @@ import pytest
 
 import ffseg
 from ffseg.evidence.maps import at_level, evidence_edges, strength_edges
-from ffseg.image.edges import EdgeMap, edge_map
+from ffseg.image.edges import edge_map
 from ffseg.metrics import iou
 from ffseg.native import _core
 from ffseg.parameters import Edges
 from ffseg.samples.scenes import SCENES
-
-START = {"init.center": [400, 300], "init.radius": 40}
-
-
-def flat(truth: np.ndarray) -> np.ndarray:
-    return np.full(truth.shape, 100, np.uint8)
-
-
-def segmented(image: np.ndarray, edges: EdgeMap) -> ffseg.Segmentation:
-    return ffseg.segment(image, ffseg.load_params(None, START), edges=edges)
 
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("seen", [True, False], ids=["image", "flat"])
 def test_a_perfect_map_gives_the_truth(name: str, seen: bool) -> None:
     scene = SCENES[name]()
-    inside = scene.truth == 255
-    image = scene.image if seen else flat(scene.truth)
-    result = segmented(image, evidence_edges(inside.astype(np.float32), edge_map(image, Edges())))
-    assert iou(result.mask, scene.truth) >= 0.999
+    image = scene.image if seen else np.full(scene.truth.shape, 100, np.uint8)
+    edges = evidence_edges((scene.truth == 255).astype(np.float32), edge_map(image, Edges()))
+    found = ffseg.segment(image, {"init.center": [400, 300], "init.radius": 40}, edges=edges)
+    assert iou(found.mask, scene.truth) >= 0.999
 
 
 @pytest.mark.parametrize("value", [0.0, 0.3, 0.5, 0.9, 1.0])
@@ -41,32 +31,35 @@ def test_an_even_map_adds_nothing(value: float) -> None:
     assert strength_edges(even, edges) is edges
 
 
+X, EVEN = np.arange(200, dtype=np.float32), np.full((150, 200), 100, np.uint8)
+LEFT = {"init.center": [60, 75], "init.radius": 20}
+
+
+def as_map(row: np.ndarray) -> np.ndarray:
+    return np.repeat(row[None], 150, axis=0).astype(np.float32)
+
+
+def right_end(result: ffseg.Segmentation, beyond: float = 100, rows: float = 50) -> np.ndarray:
+    """Where the contour from a start on the left ends on the right."""
+    points = result.contours[0].flatten(0.01)
+    right = points[(points[:, 0] > beyond) & (np.abs(points[:, 1] - 75) < rows)][:, 0]
+    assert len(right) > 3
+    return right
+
+
 @pytest.mark.parametrize("softness", [0.5, 2.0, 6.0])
 def test_the_contour_settles_where_the_probability_is_one_half(softness: float) -> None:
     """A slope of probability: the level lies at 120.3, wherever the slope is steepest."""
-    x = np.arange(200, dtype=np.float32)
-    row = 0.5 - 0.5 * np.tanh((x - 120.3) / softness / 2)
-    image = np.full((150, 200), 100, np.uint8)
-    edges = evidence_edges(np.repeat(row[None], 150, axis=0).astype(np.float32), edge_map(image, Edges()))
-    params = ffseg.load_params(None, {"init.center": [60, 75], "init.radius": 20})
-    result = ffseg.segment(image, params, edges=edges)
-    points = result.contours[0].flatten(0.01)
-    right = points[(points[:, 0] > 100) & (np.abs(points[:, 1] - 75) < 50)][:, 0]
-    assert len(right) > 3
-    np.testing.assert_allclose(right, 120.3, atol=0.2)  # a fraction of a pixel
+    edges = evidence_edges(as_map(0.5 - 0.5 * np.tanh((X - 120.3) / softness / 2)), edge_map(EVEN, Edges()))
+    np.testing.assert_allclose(right_end(ffseg.segment(EVEN, LEFT, edges=edges)), 120.3, atol=0.2)
 
 
 @pytest.mark.parametrize(("level", "place"), [(0.5, 100.3), (0.8, 86.4), (0.2, 114.2)])
 def test_the_region_ends_at_the_probability_that_is_asked_for(level: float, place: float) -> None:
     """Log odds fall by .1 a pixel and are 0 at 100.3: those of .8 are 1.386."""
-    x = np.arange(200, dtype=np.float32)
-    row = (1 / (1 + np.exp((x - 100.3) / 10))).astype(np.float32)
-    image, evidence = np.full((150, 200), 100, np.uint8), np.repeat(row[None], 150, axis=0)
-    params = ffseg.load_params(None, {"init.center": [50, 75], "init.radius": 20, "region.probability": level})
-    points = ffseg.segment(image, params, evidence=evidence).contours[0].flatten(0.01)
-    right = points[(points[:, 0] > 70) & (np.abs(points[:, 1] - 75) < 50)][:, 0]
-    assert len(right) > 3
-    np.testing.assert_allclose(right, place, atol=0.5)  # a soft slope: pixels between levels
+    params = {"init.center": [50, 75], "init.radius": 20, "region.probability": level}
+    found = ffseg.segment(EVEN, params, evidence=as_map(1 / (1 + np.exp((X - 100.3) / 10))))
+    np.testing.assert_allclose(right_end(found, 70), place, atol=0.5)  # a soft slope: pixels between levels
 
 
 def test_a_level_of_one_half_and_what_is_sure_change_nothing() -> None:
@@ -81,15 +74,10 @@ def test_a_level_of_one_half_and_what_is_sure_change_nothing() -> None:
 
 def test_an_edge_of_the_image_near_the_level_moves_it() -> None:
     """The map ends at 120, the image has a step at 122.5."""
-    image = np.full((150, 200), 100, np.uint8)
-    image[:, 123:] = 200
-    inside = np.zeros((150, 200), np.float32)
-    inside[:, :120] = 1
-    edges = evidence_edges(inside, edge_map(image, Edges()))
-    result = ffseg.segment(image, ffseg.load_params(None, {"init.center": [60, 75], "init.radius": 20}), edges=edges)
-    points = result.contours[0].flatten(0.01)
-    right = points[(points[:, 0] > 100) & (np.abs(points[:, 1] - 75) < 40)][:, 0]
-    assert 121 < np.median(right) < 122.6  # towards the step, as far as the map allows
+    image = np.where(X < 123, EVEN, np.uint8(200))
+    edges = evidence_edges(as_map(X < 120), edge_map(image, Edges()))
+    found = right_end(ffseg.segment(image, LEFT, edges=edges), rows=40)
+    assert 121 < np.median(found) < 122.6  # towards the step, as far as the map allows
 
 
 def test_edges_of_the_image_count_only_where_the_map_is_undecided() -> None:
@@ -108,14 +96,8 @@ def test_edges_of_the_image_count_only_where_the_map_is_undecided() -> None:
 
 
 def test_edge_strength_stops_the_contour_on_its_ridge() -> None:
-    x = np.arange(200, dtype=np.float32)
-    row = np.exp(-0.5 * ((x - 120.4) / 1.5) ** 2)
-    image = np.full((150, 200), 100, np.uint8)
-    edges = strength_edges(np.repeat(row[None], 150, axis=0).astype(np.float32), edge_map(image, Edges()))
-    result = ffseg.segment(image, ffseg.load_params(None, {"init.center": [60, 75], "init.radius": 20}), edges=edges)
-    points = result.contours[0].flatten(0.01)
-    right = points[(points[:, 0] > 100) & (np.abs(points[:, 1] - 75) < 50)][:, 0]
-    np.testing.assert_allclose(right, 120.4, atol=0.2)
+    edges = strength_edges(as_map(np.exp(-0.5 * ((X - 120.4) / 1.5) ** 2)), edge_map(EVEN, Edges()))
+    np.testing.assert_allclose(right_end(ffseg.segment(EVEN, LEFT, edges=edges)), 120.4, atol=0.2)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (7, 1), (2, 2)])

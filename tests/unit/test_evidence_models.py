@@ -1,6 +1,5 @@
 """``edges.model``: forests and networks as what tells a contour where to stop, and forests as what finds a start."""
 
-import csv
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from batches import table
 from commands import Command
 from tiny_onnx import pointwise
 
@@ -24,13 +24,24 @@ SHAPE = (90, 130)
 disc = disc_of(SHAPE)
 
 
+START = {"init.center": [50, 28], "init.radius": 8}
+SMALL, LARGE = disc(25, 30, 12), disc(90, 50, 25)
+
+
+def reddened(inside: np.ndarray) -> np.ndarray:
+    """Red among blue."""
+    return np.where(inside[..., None], np.array([60, 70, 170], np.uint8), np.array([160, 90, 70], np.uint8))
+
+
+def as_truth(inside: np.ndarray) -> np.ndarray:
+    return np.where(inside, np.uint8(255), np.uint8(0))
+
+
 def red_disc() -> tuple[np.ndarray, np.ndarray]:
     """A red disc with a dark line across it, among blue; and its truth."""
-    inside = disc(50, 45, 30)
-    image = np.full((*SHAPE, 3), (160, 90, 70), np.uint8)
-    image[inside] = (60, 70, 170)
+    image = reddened(disc(50, 45, 30))
     image[44:46, 20:80] //= 2
-    return image, np.where(inside, np.uint8(255), np.uint8(0))
+    return image, as_truth(disc(50, 45, 30))
 
 
 @pytest.fixture
@@ -43,24 +54,20 @@ def forest(tmp_path: Path) -> str:
 
 def test_a_forest_stops_the_contour_where_it_says(forest: str) -> None:
     image, truth = red_disc()
-    own = ffseg.segment(image, {"init.center": [50, 28], "init.radius": 8})
+    own = ffseg.segment(image, START)
     assert iou(own.mask, truth) < 0.8, "the line across stops what knows only edges"
-    learned = ffseg.segment(image, {"init.center": [50, 28], "init.radius": 8, "edges.model": forest})
-    assert iou(learned.mask, truth) > 0.97
+    assert iou(ffseg.segment(image, {**START, "edges.model": forest}).mask, truth) > 0.97
 
 
 def test_a_forest_finds_the_start(forest: str) -> None:
     image, truth = red_disc()
-    found = ffseg.segment(image, {"edges.model": forest})
-    assert iou(found.mask, truth) > 0.97
-    elsewhere = np.roll(image, 40, axis=1)
-    assert iou(ffseg.segment(elsewhere, {"edges.model": forest}).mask, np.roll(truth, 40, axis=1)) > 0.97
+    for aside in (0, 40):
+        found = ffseg.segment(np.roll(image, aside, axis=1), {"edges.model": forest})
+        assert iou(found.mask, np.roll(truth, aside, axis=1)) > 0.97
 
 
 def test_the_start_lies_in_the_largest_sure_region(forest: str) -> None:
-    image = np.full((*SHAPE, 3), (160, 90, 70), np.uint8)
-    image[disc(25, 30, 12)] = image[disc(90, 50, 25)] = (60, 70, 170)
-    model = Model(stump("red@1.5", 20.0, 4), stump("red@1.5", 20.0, 4))
+    image, model = reddened(SMALL | LARGE), Model(stump("red@1.5", 20.0, 4), stump("red@1.5", 20.0, 4))
     x, y, radius = model_start(image, model, 40.0) or (0, 0, 0)
     assert np.hypot(x - 90, y - 50) < 4
     assert 10 < radius < 20
@@ -71,21 +78,19 @@ def test_the_start_lies_in_the_largest_sure_region(forest: str) -> None:
 
 
 def test_a_start_that_is_found_lies_beside_what_was_clicked_outside(forest: str) -> None:
-    image = np.full((*SHAPE, 3), (160, 90, 70), np.uint8)
-    image[disc(25, 30, 12)] = image[disc(90, 50, 25)] = (60, 70, 170)
+    image = reddened(SMALL | LARGE)
     found = ffseg.segment(image, {"edges.model": forest, "init.background": [[90, 50, 12]]})
-    assert (found.mask & disc(90, 50, 25)).any(), "what is left of the larger disc is still the largest"
-    assert not (found.mask & disc(25, 30, 12)).any()
+    assert (found.mask & LARGE).any(), "what is left of the larger disc is still the largest"
+    assert not (found.mask & SMALL).any()
     assert not found.mask[disc(90, 50, 10)].any()
     found = ffseg.segment(image, {"edges.model": forest}, background=disc(90, 50, 27).view(np.uint8))
-    assert iou(found.mask, np.where(disc(25, 30, 12), np.uint8(255), np.uint8(0))) > 0.9
+    assert iou(found.mask, as_truth(SMALL)) > 0.9
 
 
 def test_a_start_that_is_named_is_kept(forest: str) -> None:
-    image = np.full((*SHAPE, 3), (160, 90, 70), np.uint8)
-    image[disc(25, 30, 12)] = image[disc(90, 50, 25)] = (60, 70, 170)
-    found = ffseg.segment(image, {"edges.model": forest, "init.center": [25, 30], "init.radius": 4})
-    assert iou(found.mask, np.where(disc(25, 30, 12), np.uint8(255), np.uint8(0))) > 0.9
+    start = {"init.center": [25, 30], "init.radius": 4}
+    found = ffseg.segment(reddened(SMALL | LARGE), {"edges.model": forest, **start})
+    assert iou(found.mask, as_truth(SMALL)) > 0.9
 
 
 @pytest.mark.parametrize("activation", ["none", "logistic", "softmax"])
@@ -95,8 +100,7 @@ def test_a_network_stops_the_contour_where_it_says(tmp_path: Path, activation: s
     path = tmp_path / "red.onnx"
     path.write_bytes(pointwise(weights, bias, squash=activation == "none"))
     settings = {"edges.model": str(path), "network.activation": activation, "network.channel": len(weights) - 1}
-    found = ffseg.segment(image, {"init.center": [50, 28], "init.radius": 8, **settings})
-    assert iou(found.mask, truth) > 0.97
+    assert iou(ffseg.segment(image, {**START, **settings}).mask, truth) > 0.97
 
 
 def test_the_input_of_a_network_is_made_as_asked(tmp_path: Path) -> None:
@@ -104,7 +108,7 @@ def test_the_input_of_a_network_is_made_as_asked(tmp_path: Path) -> None:
     path = tmp_path / "red.onnx"
     path.write_bytes(pointwise([[-20, 0, 20]], [0]))  # blue, green, red
     keys = {"network.rgb": False, "network.size": [65, 45], "network.mean": [10, 10, 10], "network.output": "out"}
-    found = ffseg.segment(image, {"init.center": [50, 28], "init.radius": 8, "edges.model": str(path), **keys})
+    found = ffseg.segment(image, {**START, "edges.model": str(path), **keys})
     assert iou(found.mask, truth) > 0.95  # at half its size
 
 
@@ -147,10 +151,9 @@ def test_a_network_with_one_bit_turned_ends_no_command(tmp_path: Path, bit: int,
 
 def test_a_model_that_changes_is_read_anew(forest: str) -> None:
     image, truth = red_disc()
-    settings = load_params(None, {"init.center": [50, 28], "init.radius": 8, "edges.model": forest})
+    settings = load_params(None, {**START, "edges.model": forest})
     assert iou(ffseg.segment(image, settings).mask, truth) > 0.97
-    anything = stump("x", 2.0, -4)
-    Path(forest).write_bytes(to_bytes(Model(anything)))
+    Path(forest).write_bytes(to_bytes(Model(stump("x", 2.0, -4))))
     assert iou(ffseg.segment(image, settings).mask, truth) < 0.9
 
 
@@ -167,14 +170,11 @@ def test_commands_start_where_a_model_says_and_a_file_adds(
     command: str, forest: str, tmp_path: Path, ffseg_command: Command
 ) -> None:
     """Two red discs: a model starts in the larger one, a file adds the smaller one, a centre takes that alone."""
-    image = np.full((*SHAPE, 3), (160, 90, 70), np.uint8)
-    small, large = disc(25, 30, 12), disc(90, 50, 25)
-    image[small | large] = (60, 70, 170)
-    for folder, content in (("in", image), ("large", large), ("small", small), ("both", small | large)):
+    truths = {"large": LARGE, "small": SMALL, "both": SMALL | LARGE}
+    images = {"in": reddened(SMALL | LARGE), **{name: as_truth(inside) for name, inside in truths.items()}}
+    for folder, image in images.items():
         (tmp_path / folder).mkdir()
-        cv2.imwrite(
-            str(tmp_path / folder / "a.png"), content if folder == "in" else content.astype(np.uint8) * np.uint8(255)
-        )
+        cv2.imwrite(str(tmp_path / folder / "a.png"), image)
     (tmp_path / "starts.csv").write_text("image,x,y,radius\na,25,30,4\n")
     alone = ["--set", "init.center=[25,30]", "--set", "init.radius=4"]
     for truth, more in (("large", []), ("both", ["--starts", str(tmp_path / "starts.csv")]), ("small", alone)):
@@ -183,7 +183,5 @@ def test_commands_start_where_a_model_says_and_a_file_adds(
         words += ["--set", f"edges.model={forest}", *(["--methods", "freeform"] if command == "compare" else [])]
         done = ffseg_command(*words)
         assert done.returncode == 0, done.stderr
-        table = out / ("timings.csv" if command == "run" else "compare.csv")
-        with table.open(newline="", encoding="utf-8") as file:
-            (row,) = csv.DictReader(file)
+        (row,) = table(out / ("timings.csv" if command == "run" else "compare.csv"))
         assert float(row["iou"]) > 0.9
