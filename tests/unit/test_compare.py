@@ -1,13 +1,13 @@
 """The comparison: rows, gates, Markdown and panels."""
 
-import csv
-import io
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from batches import table
+from runs import COMPARED
 
 from ffseg import plugins
 from ffseg.compare import run as work
@@ -24,10 +24,11 @@ from ffseg.result import Segmentation, Timings
 from ffseg.scene import Scene, Stats
 from tests.discs import write_case
 
-CONTRACT = [
-    *("image", "method", "initial_points", "final_points", "iterations", "edges_ms", "evolve_ms", "total_ms"),
-    *("iou", "boundary_mean_px", "boundary_max_px", "holes", "status", "error"),
-]
+
+@pytest.fixture
+def case(tmp_path: Path) -> Path:
+    write_case(tmp_path)
+    return tmp_path
 
 
 def task_of(folder: Path, methods: str, **settings: object) -> work.Comparison:
@@ -40,31 +41,29 @@ def silent(row: work.Row) -> None:
     """Say nothing."""
 
 
-def test_rows_files_and_panel(tmp_path: Path) -> None:
-    write_case(tmp_path)
+def test_rows_files_and_panel(case: Path) -> None:
     seen: list[work.Row] = []
     sigma = {"edges.sigma": PeerParameters().cv_edges.sigma}  # which the peer's other parameters were chosen with
-    rows = work.compare(task_of(tmp_path, "freeform,snake,levelset,cv_edges", **sigma), seen.append)
+    rows = work.compare(task_of(case, "freeform,snake,levelset,cv_edges", **sigma), seen.append)
     assert rows == seen
     assert [row.method for row in rows] == ["freeform", "snake", "levelset", "cv_edges"]
     assert all(row.status == "ok" and row.iou is not None and row.iou > 0.98 and row.holes == 0 for row in rows)
     assert rows[2].iterations is not None
     assert rows[2].iterations > 1500  # nodes of a disc of radius 30 less the start
     assert rows[3].iterations is None
-    table = list(csv.DictReader(io.StringIO((tmp_path / "out" / "compare.csv").read_text(encoding="utf-8"))))
-    assert list(table[0])[: len(CONTRACT)] == CONTRACT
-    assert float(table[0]["total_ms"]) >= float(table[0]["evolve_ms"]) > 0
-    panel = cv2.imread(str(tmp_path / "out" / "panels" / "disc.png"))
+    written = table(case / "out" / "compare.csv")[0]
+    assert tuple(written)[: len(COMPARED)] == COMPARED
+    assert float(written["total_ms"]) >= float(written["evolve_ms"]) > 0
+    panel = cv2.imread(str(case / "out" / "panels" / "disc.png"))
     assert panel is not None
     assert panel.shape == (STRIP + 300, 4 * TILE_WIDTH, 3)
-    page = (tmp_path / "out" / "compare.md").read_text(encoding="utf-8")
+    page = (case / "out" / "compare.md").read_text(encoding="utf-8")
     assert "| freeform (FF) |" in page
     assert "configs/peers.yaml, chosen on drawn scenes, or of `--peers`:\ncv_edges: sigma " in page
 
 
-def test_all_methods_have_the_same_edges_and_starts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_methods_have_the_same_edges_and_starts(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The start lies across the disc's border and is moved: once, for all."""
-    write_case(tmp_path)
     seen = []
 
     def watched(scene: Scene) -> Segmentation:
@@ -72,15 +71,13 @@ def test_all_methods_have_the_same_edges_and_starts(tmp_path: Path, monkeypatch:
         return segment(scene)
 
     monkeypatch.setattr(work, "segment", watched)
-    task = replace(
-        task_of(tmp_path, "freeform,levelset,cv_edges", **{"init.center": [84, 45], "init.radius": 8}), repeat=1
-    )
+    task = replace(task_of(case, "freeform,levelset,cv_edges", **{"init.center": [84, 45], "init.radius": 8}), repeat=1)
     rows = work.compare(task, silent)
     assert [(row.source, row.start_moved) for row in rows] == [("gradient", "yes")] * 3
     assert len({id(scene.edges) for scene in seen}) == 1
     (circles,) = {scene.params.init.circles for scene in seen}
     assert len(circles) == 1
-    assert "same edge map (source gradient, sigma 1.5 px)" in (tmp_path / "out" / "compare.md").read_text()
+    assert "same edge map (source gradient, sigma 1.5 px)" in (case / "out" / "compare.md").read_text()
     seen.clear()
     work.compare(replace(task, own_edges=True), silent)
     assert not any(scene.edges_given for scene in seen)
@@ -145,10 +142,9 @@ def test_a_comparison_that_was_killed_leaves_no_panels(tmp_path: Path) -> None:
     assert [path.name for path in panels.glob("*.png")] == ["c.png"]
 
 
-def test_one_comparison_at_a_time_in_a_folder(tmp_path: Path) -> None:
+def test_one_comparison_at_a_time_in_a_folder(case: Path) -> None:
     """Both ended well, and one had lost its table."""
-    write_case(tmp_path)
-    task = task_of(tmp_path, "cv_edges")
+    task = task_of(case, "cv_edges")
 
     def another(_: work.Row) -> None:
         work.compare(task, silent)
@@ -157,9 +153,8 @@ def test_one_comparison_at_a_time_in_a_folder(tmp_path: Path) -> None:
         work.compare(task, another)
 
 
-def test_the_median_of_the_times_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write_case(tmp_path)
-    task, calls = task_of(tmp_path, "freeform"), []
+def test_the_median_of_the_times_counts(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    task, calls = task_of(case, "freeform"), []
     plain = work.segment
 
     def counted(*args: object, **kwargs: object) -> object:
@@ -171,23 +166,21 @@ def test_the_median_of_the_times_counts(tmp_path: Path, monkeypatch: pytest.Monk
     assert len(calls) == 2
 
 
-def test_a_method_that_fails_leaves_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write_case(tmp_path)
+def test_a_method_that_fails_leaves_the_others(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     def broken(*args: object, **kwargs: object) -> None:
         raise RuntimeError("package\nbroke")
 
     monkeypatch.setattr("ffseg.methods.peers.cv_edges", broken)
-    rows = work.compare(task_of(tmp_path, "cv_edges,freeform"), silent)
+    rows = work.compare(task_of(case, "cv_edges,freeform"), silent)
     assert [row.status for row in rows] == ["failed", "ok"]
     assert rows[0].error == "internal: RuntimeError: package broke"
 
 
-def test_a_peer_that_is_not_installed_is_skipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write_case(tmp_path)
+def test_a_peer_that_is_not_installed_is_skipped(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     peer = plugins.PEERS["skfmm"]
     monkeypatch.setitem(plugins.METHODS, "skfmm", replace(peer, module="no_such_module"))
-    rows = work.compare(task_of(tmp_path, "skfmm,freeform"), silent)
+    rows = work.compare(task_of(case, "skfmm,freeform"), silent)
     assert (rows[0].status, rows[0].error) == ("skipped", "the package scikit-fmm is not installed; add ffseg[peers]")
     assert work.missed_gates(rows, {"": 0.9}) == []
     assert len(work.missed_gates(rows, {"skfmm": 0.9})) == 1
@@ -195,21 +188,19 @@ def test_a_peer_that_is_not_installed_is_skipped(tmp_path: Path, monkeypatch: py
         plugins.methods_named("skfmm")
 
 
-def test_an_unreadable_image_fails_every_method(tmp_path: Path) -> None:
-    write_case(tmp_path)
-    (tmp_path / "bad.png").write_bytes(b"<html>not an image</html>")
-    rows = work.compare(task_of(tmp_path, "freeform,snake"), silent)
+def test_an_unreadable_image_fails_every_method(case: Path) -> None:
+    (case / "bad.png").write_bytes(b"<html>not an image</html>")
+    rows = work.compare(task_of(case, "freeform,snake"), silent)
     assert [(row.image, row.status) for row in rows[:2]] == [("bad.png", "failed")] * 2
     assert rows[0].error.startswith("not-an-image: ")
     assert rows[2].status == "ok"
 
 
 @pytest.mark.parametrize("place", ["read_source", "segment"])
-def test_an_image_without_memory_fails_alone(place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_image_without_memory_fails_alone(place: str, case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It ended the comparison, and the images after it were not compared."""
-    write_case(tmp_path)
-    write_case(tmp_path, "second.png")
-    task = replace(task_of(tmp_path, "cv_edges"), repeat=1)
+    write_case(case, "second.png")
+    task = replace(task_of(case, "cv_edges"), repeat=1)
     real, calls = getattr(work, place), []
 
     def starved(*given: object, **named: object) -> object:
@@ -224,22 +215,20 @@ def test_an_image_without_memory_fails_alone(place: str, tmp_path: Path, monkeyp
     assert second.status == "ok"
 
 
-def test_a_domain_of_one_image_that_cannot_be_read_fails_that_image(tmp_path: Path) -> None:
+def test_a_domain_of_one_image_that_cannot_be_read_fails_that_image(case: Path) -> None:
     """It ended the comparison with no table, where a run has a failed row."""
-    write_case(tmp_path)
-    write_case(tmp_path, "second.png")
-    (tmp_path / "domains").mkdir()
-    (tmp_path / "domains" / "disc.png").write_text("no image")
-    cv2.imwrite(str(tmp_path / "domains" / "second.png"), np.full((90, 120), 255, np.uint8))
-    images = [str(tmp_path / name) for name in ("disc.png", "second.png")]
-    jobs = work.plan_comparison(images, str(tmp_path / "out"), domains=str(tmp_path / "domains"))
-    first, second = work.compare(replace(task_of(tmp_path, "cv_edges"), jobs=jobs), silent)
+    write_case(case, "second.png")
+    (case / "domains").mkdir()
+    (case / "domains" / "disc.png").write_text("no image")
+    cv2.imwrite(str(case / "domains" / "second.png"), np.full((90, 120), 255, np.uint8))
+    images = [str(case / name) for name in ("disc.png", "second.png")]
+    jobs = work.plan_comparison(images, str(case / "out"), domains=str(case / "domains"))
+    first, second = work.compare(replace(task_of(case, "cv_edges"), jobs=jobs), silent)
     assert (first.status, second.status) == ("failed", "ok")
     assert first.error.startswith("parameters: domain.masks: ")
 
 
-def test_holes_are_counted_as_a_run_counts_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write_case(tmp_path)
+def test_holes_are_counted_as_a_run_counts_them(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mask = np.ones((90, 120), np.bool_)
     mask[10:12, 10:12] = mask[20, 20] = mask[30, 30] = False  # what the mask shows, contours or none
     contours = (
@@ -248,14 +237,13 @@ def test_holes_are_counted_as_a_run_counts_them(tmp_path: Path, monkeypatch: pyt
     )
     found = Segmentation(mask, contours, Stats(1, 0, 0, 0, 0, 4, 4, 4, "converged"), Timings(1.0, 1.0, 2.0))
     monkeypatch.setattr(work, "segment", lambda *_, **__: found)
-    (row,) = work.compare(task_of(tmp_path, "freeform"), silent)
+    (row,) = work.compare(task_of(case, "freeform"), silent)
     assert row.holes == found.num_holes == 3
 
 
-def test_a_truth_of_another_size_fails(tmp_path: Path) -> None:
-    write_case(tmp_path)
-    cv2.imwrite(str(tmp_path / "truth" / "disc.png"), np.zeros((10, 10), np.uint8))
-    (row,) = work.compare(task_of(tmp_path, "freeform"), silent)
+def test_a_truth_of_another_size_fails(case: Path) -> None:
+    cv2.imwrite(str(case / "truth" / "disc.png"), np.zeros((10, 10), np.uint8))
+    (row,) = work.compare(task_of(case, "freeform"), silent)
     assert row.status == "failed"
     assert "size" in row.error
 
@@ -283,16 +271,14 @@ def test_a_panel_never_replaces_an_input(tmp_path: Path) -> None:
         work.plan_comparison([str(tmp_path / "panels" / "disc.png")], str(tmp_path))
 
 
-def test_a_bad_domain_mask_is_named(tmp_path: Path) -> None:
-    write_case(tmp_path)
-    task = task_of(tmp_path, "freeform", **{"domain.mask": str(tmp_path / "none.png")})
+def test_a_bad_domain_mask_is_named(case: Path) -> None:
+    task = task_of(case, "freeform", **{"domain.mask": str(case / "none.png")})
     with pytest.raises(ParameterError, match=r"domain\.mask: .*none\.png"):
         work.compare(task, silent)
 
 
-def test_markdown_shows_failures_and_means(tmp_path: Path) -> None:
-    write_case(tmp_path)
-    task = task_of(tmp_path, "freeform,snake")
+def test_markdown_shows_failures_and_means(case: Path) -> None:
+    task = task_of(case, "freeform,snake")
     rows = [
         work.Row("a|b.png", "freeform", iou=0.5, evolve_ms=2.0, total_ms=3.0, boundary_mean_px=float("nan")),
         work.Row("a|b.png", "snake", status="failed", error="it *broke*"),
@@ -318,9 +304,8 @@ def test_panels_hold_any_number_of_tiles() -> None:
     assert len(empty) > 100
 
 
-def test_the_error_of_a_method_is_a_row(tmp_path: Path) -> None:
-    write_case(tmp_path)
-    task = task_of(tmp_path, "snake", **{"init.circles": [[40, 45, 5], [80, 45, 5]]})
+def test_the_error_of_a_method_is_a_row(case: Path) -> None:
+    task = task_of(case, "snake", **{"init.circles": [[40, 45, 5], [80, 45, 5]]})
     (row,) = work.compare(task, silent)
     assert row.status == "failed"
     assert row.error.startswith("segmentation: ")

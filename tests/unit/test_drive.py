@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import shapely
+from batches import table
 from commands import Command
 from rendered import drive, write_views
 
@@ -21,12 +22,12 @@ from ffseg.rendering.raycast import render
 from ffseg.samples.drive import DRIVE_CAMERA, drive_camera, drive_poses, drive_scene
 
 COUNT = 4
+NAMES = [f"{number}.png" for number in range(COUNT)]
 
 
 def write(folder: Path, lacking: int | None = None) -> None:
     """Images, camera and poses, of which one may lack."""
-    names = [f"{number}.png" for number in range(COUNT)]
-    write_views(folder, drive().views, drive().poses, names, CAMERA_YAML + "footprint: 0.15\n")
+    write_views(folder, drive().views, drive().poses, NAMES, CAMERA_YAML + "footprint: 0.15\n")
     lines = (folder / "poses.csv").read_text().splitlines(keepends=True)
     (folder / "poses.csv").write_text("".join(line for line in lines if not line.startswith(f"{lacking}.png")))
 
@@ -42,14 +43,17 @@ def fused(folder: Path) -> dict[str, bytes]:
 def expected(folder: Path, *, posed: bool, params: ParametersLike = None) -> dict[str, bytes]:
     """The files of the map that the same frames make one after the other, without files between."""
     camera = ffseg.load_camera(folder / "camera.yaml")
-    names = [f"{number}.png" for number in range(COUNT)]
-    poses = ffseg.load_poses(folder / "poses.csv", names, camera) if posed else {}
+    poses = ffseg.load_poses(folder / "poses.csv", NAMES, camera) if posed else {}
     sequence, grid = ffseg.Sequence(camera, params, mapped=True), ffseg.OccupancyMap()
-    for name in names:
+    for name in NAMES:
         image = ffseg.read_image(folder / "views" / name)
         assert grid.add(sequence.feed(image, poses.get(name)), poses.get(name))
     ways = grid.skeleton(camera.footprint)
     return {f"map/{name}": data for name, data in (grid.files(ways) | ways.files()).items()}
+
+
+def origins(out: Path) -> list[str]:
+    return [row["origin"] for row in table(out / "map" / "trajectory.csv")]
 
 
 @pytest.mark.parametrize("posed", [True, False])
@@ -64,10 +68,11 @@ def test_a_run_fuses_what_its_frames_show(ffseg_command: Command, tmp_path: Path
     assert figures == json.loads((tmp_path / "out" / "run.json").read_text())["map"]
     found, wanted = fused(tmp_path / "out"), expected(tmp_path, posed=posed)
     assert {name for name in found if found[name] != wanted[name]} == {"map/trajectory.csv"}
-    rows = list(csv.DictReader(found["map/trajectory.csv"].decode().splitlines()))
-    assert [row.pop("frame") for row in rows] == [f"{number}.png" for number in range(COUNT)]
-    others = list(csv.DictReader(wanted["map/trajectory.csv"].decode().splitlines()))
-    assert rows == [{key: cell for key, cell in row.items() if key != "frame"} for row in others]
+    rows, others = (
+        list(csv.DictReader(files["map/trajectory.csv"].decode().splitlines())) for files in (found, wanted)
+    )
+    assert [row["frame"] for row in rows] == NAMES
+    assert rows == [row | {"frame": name} for row, name in zip(others, NAMES, strict=True)]
     features = json.loads(found["map/graph.geojson"])["features"]
     ways = [shapely.geometry.shape(one["geometry"]) for one in features if one["geometry"]["type"] == "LineString"]
     assert len(ways) == figures["edges"]
@@ -121,8 +126,7 @@ def test_frames_that_are_not_in_the_map_are_named(ffseg_command: Command, tmp_pa
     assert "not in the map: 0.png: it has no pose" in done.stderr
     assert "not in the map: 2.png: it failed" in done.stderr
     assert '"map": "data:image/webp' in (tmp_path / "out" / "report.html").read_text().replace('":"', '": "')
-    lines = (tmp_path / "out" / "map" / "trajectory.csv").read_text().splitlines()[1:]
-    assert [line.rpartition(",")[2] for line in lines] == ["lost", "pose", "lost", "pose"]
+    assert origins(tmp_path / "out") == ["lost", "pose", "lost", "pose"]
     document = json.loads((tmp_path / "out" / "run.json").read_text())["map"]
     assert [one["image"] for one in document["lost"]] == ["0.png", "2.png"]
     assert (document["frames"], document["fused"]) == (COUNT, 2)
@@ -130,9 +134,7 @@ def test_frames_that_are_not_in_the_map_are_named(ffseg_command: Command, tmp_pa
     assert alone.returncode == 3
     assert "not in the map: 2.png: it failed" in alone.stderr
     assert "not in the map: 3.png" not in alone.stderr, "it is placed by the motion since 1.png"
-    notes = {
-        row["image"]: row["note"] for row in csv.DictReader((tmp_path / "alone/timings.csv").read_text().splitlines())
-    }
+    notes = {row["image"]: row["note"] for row in table(tmp_path / "alone" / "timings.csv")}
     assert "the image before, 2.png cannot be used" in notes["3.png"]
     for number in (1, 3):
         (tmp_path / "views" / f"{number}.png").write_text("no image")
@@ -155,13 +157,12 @@ def test_a_drive_over_ground_that_encloses_nothing_is_mapped_without_poses(
     done = ffseg_command(*asked(tmp_path, "out"))
     assert done.returncode == 0
     assert "not in the map" not in done.stderr
-    rows = list(csv.DictReader((tmp_path / "out" / "map" / "trajectory.csv").read_text().splitlines()))
+    rows = table(tmp_path / "out" / "map" / "trajectory.csv")
     x, y, theta = poses[0]
     c, s = np.cos(theta), np.sin(theta)
     true = (np.array(poses)[:, :2] - [x, y]) @ np.array([[c, -s], [s, c]])
     assert np.abs(np.array([[float(row["x"]), float(row["y"])] for row in rows]) - true).max() < 0.02
-    table = list(csv.DictReader((tmp_path / "out" / "timings.csv").read_text().splitlines()))
-    assert [row["pair"] for row in table] == ["first", "empty", "empty", "empty"]
+    assert [row["pair"] for row in table(tmp_path / "out" / "timings.csv")] == ["first", "empty", "empty", "empty"]
 
 
 def write_tum(folder: Path, rotations: list[tuple[float, ...]]) -> Path:
@@ -183,7 +184,7 @@ def test_a_trajectory_whose_z_points_up_is_that_of_the_map(ffseg_command: Comman
     turns = [0.5 * theta for _, _, theta in drive().poses[:COUNT]]
     poses = write_tum(tmp_path, [(float(np.cos(turn)), float(np.sin(turn)), 0.0, 0.0) for turn in turns])
     assert ffseg_command(*asked(tmp_path, "up", "--poses", poses)).returncode == 0
-    rows = list(csv.DictReader((tmp_path / "up" / "map" / "trajectory.csv").read_text().splitlines()))
+    rows = table(tmp_path / "up" / "map" / "trajectory.csv")
     told = np.array([[float(row[key]) for key in ("x", "y", "theta")] for row in rows])
     off = told - np.array(drive().poses[:COUNT])
     assert np.abs(off[:, :2]).max() < 0.001
@@ -212,8 +213,7 @@ def test_a_pose_far_away_costs_its_frame_only(ffseg_command: Command, tmp_path: 
     assert done.returncode == 0
     assert "not in the map: 1.png: the frame lies 14142" in done.stderr
     assert json.loads((tmp_path / "out" / "run.json").read_text())["map"]["fused"] == COUNT - 1
-    rows = list(csv.DictReader((tmp_path / "out" / "map" / "trajectory.csv").read_text().splitlines()))
-    assert [row["origin"] for row in rows] == ["pose", "lost", "pose", "pose"]
+    assert origins(tmp_path / "out") == ["pose", "lost", "pose", "pose"]
 
 
 def test_a_map_of_somebody_else_is_not_replaced(ffseg_command: Command, tmp_path: Path) -> None:

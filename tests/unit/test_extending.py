@@ -1,6 +1,5 @@
 """Plug-ins from a folder outside the clone, as docs/extending.md shows them."""
 
-import csv
 import json
 import re
 import subprocess
@@ -9,6 +8,7 @@ from pathlib import Path
 from subprocess import CompletedProcess
 
 import pytest
+from batches import table
 from commands import Command
 
 from ffseg.errors import ParameterError
@@ -46,6 +46,7 @@ def folder(tmp_path: Path) -> Path:
     for name, code in blocks:
         assert len(code.splitlines()) <= 20, "a plug-in fits a small file"
         (tmp_path / name).write_text(code, encoding="utf-8")
+    (tmp_path / "odd.py").write_text(ODD)
     (tmp_path / "photos").mkdir()
     for name in ("a.png", "b.png"):
         (tmp_path / "photos" / name).write_bytes((ROOT / "samples" / "toy.png").read_bytes())
@@ -53,8 +54,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def statuses(out: Path) -> list[str]:
-    with (out / "timings.csv").open(newline="") as file:
-        return [f"{row['image']} {row['status']} {row['method']}" for row in csv.DictReader(file)]
+    return [f"{row['image']} {row['status']} {row['method']}" for row in table(out / "timings.csv")]
 
 
 def script(*arguments: str, folder: Path) -> CompletedProcess[str]:
@@ -88,7 +88,7 @@ def test_workers_find_plug_ins_and_pictures_of_theirs_are_no_inputs(folder: Path
 def test_a_method_of_ones_own_is_compared(folder: Path, ffseg_process: Command) -> None:
     done = ffseg_process("compare", "photos/a.png", "--out", "out", "--methods", "freeform,bright:run", cwd=folder)
     assert done.returncode == 0, done.stderr
-    rows = list(csv.DictReader((folder / "out" / "compare.csv").read_text().splitlines()))
+    rows = table(folder / "out" / "compare.csv")
     assert [(row["method"], row["status"]) for row in rows] == [("freeform", "ok"), ("bright:run", "ok")]
 
 
@@ -130,7 +130,6 @@ def test_a_wrong_name_is_refused_before_the_first_image(
     (folder / "wrong.py").write_text("edges = undefined\n")
     (folder / "theirs.yaml").write_text("method: bright:run\n")
     (folder / "ends.py").write_text("raise SystemExit(0)\n")
-    (folder / "odd.py").write_text(ODD)
     where = ("photos/a.png", "out.png") if command == "segment" else ("photos", "--out", "out")
     done = ffseg_process(*command.split(), *where, *options.split(), cwd=folder)
     assert (done.returncode, sentence in " ".join(done.stderr.split())) == (2, True), done.stderr
@@ -147,14 +146,12 @@ def test_a_wrong_name_is_refused_before_the_first_image(
 def test_what_a_plug_in_does_wrong_costs_the_images(
     options: str, sentence: str, folder: Path, ffseg_process: Command
 ) -> None:
-    (folder / "odd.py").write_text(ODD)
     done = ffseg_process("run", "photos", "--out", "out", *options.split(), cwd=folder)
     assert done.returncode == 3
     assert sentence in (folder / "out" / "timings.csv").read_text()
 
 
 def test_a_merge_that_fails_costs_its_file_alone(folder: Path, ffseg_process: Command) -> None:
-    (folder / "odd.py").write_text(ODD)
     done = ffseg_process("run", "photos", "--out", "out", "--export", "odd:bad", cwd=folder)
     assert done.returncode == 3
     assert "odd.txt cannot be written: odd:over of --export odd failed (ValueError: no more)" in done.stderr
@@ -164,14 +161,12 @@ def test_a_merge_that_fails_costs_its_file_alone(folder: Path, ffseg_process: Co
 
 @pytest.mark.parametrize("command", ["segment photos/a.png a.png", "run photos --out out --executor inprocess"])
 def test_a_method_that_ends_the_program_is_told(command: str, folder: Path, ffseg_process: Command) -> None:
-    (folder / "odd.py").write_text(ODD)
     done = ffseg_process(*command.split(), "--set", "method=odd:leaves", cwd=folder)
     assert done.returncode == 1
     assert "unexpected SystemExit" in done.stderr
 
 
 def test_an_executor_that_gives_nothing_is_told(folder: Path, ffseg_process: Command) -> None:
-    (folder / "odd.py").write_text(ODD)
     done = ffseg_process("run", "photos", "--out", "out", "--executor", "odd:silent", cwd=folder)
     assert done.returncode == 2
     assert "--executor: odd:silent gave NoneType, not what do(task) returned for each task" in done.stderr
