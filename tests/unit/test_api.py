@@ -40,10 +40,8 @@ def result() -> ffseg.Segmentation:
 
 
 def test_an_image_alone_is_enough() -> None:
-    alone = ffseg.segment(ffseg.read_image(ROOT / "samples" / "toy.png"))
-    assert np.array_equal(
-        alone.mask, ffseg.segment(ffseg.read_image(ROOT / "samples" / "toy.png"), ffseg.load_params()).mask
-    )
+    image = ffseg.read_image(ROOT / "samples" / "toy.png")
+    assert np.array_equal(ffseg.segment(image).mask, ffseg.segment(image, ffseg.load_params()).mask)
 
 
 def test_parameters_are_a_preset_a_file_a_dict_or_a_set(tmp_path: Path) -> None:
@@ -80,7 +78,6 @@ WRONG = {
     "infinite": (np.where(DISC > 99, np.inf, 0.5), "np.nan_to_num(image)"),
     "masked": (np.ma.masked_less(DISC, 99), "give image.filled(0), and domain=~np.ma.getmaskarray(image)"),
     "complex": (DISC.astype(complex), "is of complex128, which no pixel is"),
-    "objects": (DISC.astype(object), "is of object, which no pixel is"),
 }
 
 
@@ -88,10 +85,11 @@ WRONG = {
 def test_what_is_no_image_is_told_in_one_sentence_how_to_become_one(image: object, remedy: str) -> None:
     with pytest.raises(ffseg.SegmentationError) as caught:
         ffseg.segment(image)  # type: ignore[arg-type]
-    assert remedy in str(caught.value)
-    assert "\n" not in str(caught.value)
-    if "colours" in str(caught.value) or isinstance(image, Image.Image):
-        assert "rgb=True" in str(caught.value)
+    said = str(caught.value)
+    assert remedy in said
+    assert "\n" not in said
+    assert isinstance(image, Image.Image) <= ("rgb=True" in said)
+    assert ("colours" in said) <= bool(re.search("colours are taken as BGR.* with rgb=True as RGB", said))
 
 
 @pytest.mark.parametrize("image", [DISC / 127.5 - 1, DISC.astype(np.int32) * 257, DISC.astype(float), DISC / 1e6 - 3])
@@ -106,12 +104,6 @@ def test_the_remedy_for_other_numbers_keeps_what_they_show(image: npt.NDArray[np
 def test_16_bits_may_lie_in_either_order() -> None:
     deep = DISC.astype(np.uint16) << 8
     assert np.array_equal(ffseg.segment(deep.astype(">u2"), SMALL).mask, ffseg.segment(deep, SMALL).mask)
-
-
-@pytest.mark.parametrize("name", ["colour floats", "alpha"])
-def test_sentences_on_colours_say_their_order(name: str) -> None:
-    with pytest.raises(ffseg.SegmentationError, match="colours are taken as BGR.* with rgb=True as RGB"):
-        ffseg.segment(WRONG[name][0])  # type: ignore[arg-type]
 
 
 EDGES = ffseg.load_params().edges
@@ -130,7 +122,7 @@ EXTRAS = {
     "masked evidence": ({"evidence": np.ma.masked_less(DISC / 255, 0.5)}, "give evidence.filled(0)"),
     "a name for a point": ({"center": ("x", "y")}, "give (x, y) in pixels"),
     "interest points nowhere": ({"altitudes": np.full((1, 4), np.nan)}, "altitudes must be finite"),
-    "interest points of no size": ({"altitudes": [[1, 2, 0.1, -1]]}, "radii from 0 to 10000"),
+    "interest points of a size below 0": ({"altitudes": [[1, 2, 0.1, -1]]}, "radii from 0 to 10000"),
     "interest points far away": ({"altitudes": [[1e6, 2, 0.1, 1]]}, "x and y from -100000 to 100000"),
     "interest points beyond all floats": ({"altitudes": [[10**400, 2, 0.1, 1]]}, "altitudes must be an array"),
     "no evidence": ({"evidence": np.ones((0, 5))}, "evidence"),
@@ -190,21 +182,16 @@ def test_the_domain_of_an_edge_map_may_hold_truth_values() -> None:
 
 
 def _limits() -> list[dict[str, object]]:
-    """Every number of the parameters at its limits, and as near to zero as it may be; starts that are far away."""
-    kinds = {key: leaf.kind for key, leaf in leaves(ffseg.Parameters).items()}
+    """Every number of the parameters, a word beside it or not, at its limits and near zero; starts that are far away."""
+    kinds = {key: getattr(leaf.kind, "other", leaf.kind) for key, leaf in leaves(ffseg.Parameters).items()}
     numbers = {key: kind for key, kind in kinds.items() if isinstance(kind, Integer | Number)}
     values = [(key, value) for key, kind in numbers.items() for value in (kind.low, kind.high, 0, 1e-300, 1e300)]
     values += [
         ("init.circles", [[20, 15, 1e5]]),
         ("init.boxes", [[-1e3, -1e3, 1e3, 1e3]]),
         ("init.center", [1e5, -1e5]),
-    ]
-    values += [
-        ("init.radius", 1e-300),
-        ("init.radius", 1e300),
         ("init.background", [[1e5, 0, 1e-300]]),
         ("edges.canny", [0, 0]),
-        ("levelset.stop_speed", 1e-300),
     ]
     return [{key: value} for key, value in values]
 
@@ -372,11 +359,8 @@ def hints(item: object) -> typing.Iterator[object]:
 
 def classes(hint: object) -> set[type]:
     found = {hint} if isinstance(hint, type) else set()
-    arguments = typing.get_args(hint)
-    for argument in arguments if not isinstance(arguments, list) else ():
-        found |= (
-            classes(argument) if not isinstance(argument, list) else {c for part in argument for c in classes(part)}
-        )
+    for argument in typing.get_args(hint):
+        found |= {one for part in (argument if isinstance(argument, list) else [argument]) for one in classes(part)}
     return {one for one in found if one.__module__.startswith("ffseg")}
 
 
@@ -406,10 +390,8 @@ def test_strict_type_checking_accepts_the_python_of_the_pages(tmp_path: Path) ->
         capture_output=True, text=True, check=False, cwd=ROOT,
     )  # fmt: skip
     wrong = [line for line in done.stdout.splitlines() if ": error:" in line]
-    stubs = [
-        line for line in wrong if line.startswith("ffseg/")
-    ]  # always followed, where the sources are not installed
-    assert done.returncode == 0 or (stubs and wrong == stubs), done.stdout
+    # stubs are always followed, where the sources are not installed
+    assert done.returncode == 0 or (wrong and all(line.startswith("ffseg/") for line in wrong)), done.stdout
 
 
 @pytest.mark.parametrize(
@@ -417,23 +399,17 @@ def test_strict_type_checking_accepts_the_python_of_the_pages(tmp_path: Path) ->
 )
 @pytest.mark.parametrize("wide", [True, False])
 def test_a_side_that_no_method_takes_is_said_in_a_sentence(method: str, side: int, most: int, wide: bool) -> None:
-    image = np.full((16, side) if wide else (side, 16), 90, np.uint8)
-    sizes = f"{side} x 16" if wide else f"16 x {side}"
-    start = {"init.center": [7, 7], "init.radius": 3}
-    with pytest.raises(
-        ffseg.SegmentationError, match=f"the image has {sizes} pixels, .* takes at most {most} a side; "
-    ):
-        ffseg.segment(image, start, method=method)
+    width, height = (side, 16) if wide else (16, side)
+    said = f"the image has {width} x {height} pixels, .* takes at most {most} a side; "
+    with pytest.raises(ffseg.SegmentationError, match=said):
+        ffseg.segment(np.full((height, width), 90, np.uint8), {"init.center": [7, 7], "init.radius": 3}, method=method)
 
 
 @pytest.mark.parametrize(
     ("own", "sentence"),
     [
         (lambda scene: None, "returned NoneType; it must return an ffseg.Outcome"),
-        (
-            lambda scene: ffseg.Outcome(mask=np.ones(scene.shape)),
-            r"a mask of float64 of shape \(90, 120\); it must be of",
-        ),
+        (lambda scene: ffseg.Outcome(mask=np.ones(scene.shape)), r"a mask of float64 of shape \(90, 120\); it must be"),
         (lambda scene: ffseg.Outcome(mask=np.ones((9, 9), bool)), r"a mask of bool of shape \(9, 9\); it must be of"),
         (lambda scene: ffseg.Outcome(mask="all"), "a mask of str; it must be of bool or uint8"),
         (lambda scene: ffseg.Outcome((1, 2)), "no tuple of ffseg.FreeForm"),

@@ -23,9 +23,7 @@ MAX_RATIO = 1.15
 ROUNDS = 15
 
 
-def figure(
-    values: Sequence[float], kernel: Sequence[float], case: str = "a", x: float = 0.0, unit: str = "ms"
-) -> Figure:
+def figure(values: Sequence[float], kernel: Sequence[float], case: str = "a", x: float = 0, unit: str = "ms") -> Figure:
     numbers, reference = tuple(map(float, values)), tuple(map(float, kernel))
     return Figure("suite", case, "work", unit, x, numbers, numbers, reference)
 
@@ -199,8 +197,9 @@ def test_drawn_scene_leaves_the_start_free_and_the_rest_mixed() -> None:
 def test_patch_contours_have_as_many_patches_as_the_figure_says() -> None:
     (*_, group) = images.patches(Order(quick=True), Path())
     assert group.facts == {"circles": 10}
-    assert [task.x for task in group.tasks] == [100, 100, 100]
-    assert [task.case for task in group.tasks] == ["still, 100", "filtered, 100", "merging, 100"]
+    assert [(task.x, task.case) for task in group.tasks] == [
+        (100, f"{how}, 100") for how in ("still", "filtered", "merging")
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -235,11 +234,9 @@ def test_the_truth_of_an_image_must_say_what_is_inside(tmp_path: Path) -> None:
     scene = drawing.draw(5, 160, 120)
     (tmp_path / "one.png").write_bytes(cv2.imencode(".png", scene.image)[1].tobytes())
     levels = np.where(scene.ground, np.uint8(200), np.uint8(0))
-    for truth, said in (
-        (levels, "holds the levels 0, 200"),
-        (np.zeros((60, 80), np.uint8), "has 80x60, the image 160x120"),
-    ):
-        (tmp_path / "one_truth.png").write_bytes(cv2.imencode(".png", truth)[1].tobytes())
+    small = np.zeros((60, 80), np.uint8)
+    for truth, said in ((levels, "holds the levels 0, 200"), (small, "has 80x60, the image 160x120")):
+        cv2.imwrite(str(tmp_path / "one_truth.png"), truth)
         with pytest.raises(FfsegError, match=said):
             quick("scenes", folder=tmp_path)
 

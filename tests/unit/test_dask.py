@@ -30,6 +30,7 @@ from ffseg.batch.workers.launch import Process, launch
 from ffseg.batch.workers.messages import Setup, Task
 from ffseg.errors import UsageError, WorkerLostError
 from ffseg.parameters import load_params
+from tests.campaigns import harness
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's own, of every kind
@@ -64,14 +65,12 @@ def mortal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scheduler]:
 def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scheduler]:
     """A scheduler with two workers, each a process of its own."""
     file = tmp_path_factory.mktemp("dask") / "scheduler.json"
-    paths = os.pathsep.join(sys.path)
-    environment = {**os.environ, "PYTHONPATH": paths}
-    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
-    command += ["--no-dashboard"]
-    processes = [subprocess.Popen([*command, "--scheduler-file", file], env=environment, stderr=subprocess.DEVNULL)]
-    worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", file, "--nthreads", "1",
-              "--no-nanny", "--no-dashboard"]  # fmt: skip
-    processes += [subprocess.Popen(worker, env=environment, stderr=subprocess.DEVNULL) for _ in range(2)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    worker = ("worker", "--nthreads", "1", "--no-nanny")
+    processes = []
+    for name, *options in (("scheduler", "--host", "127.0.0.1", "--port", "0"), worker, worker):
+        command = [sys.executable, "-m", f"distributed.cli.dask_{name}", "--scheduler-file", file, "--no-dashboard"]
+        processes.append(subprocess.Popen([*command, *options], env=environment, stderr=subprocess.DEVNULL))
     try:
         yield address_in(file), processes
     finally:
@@ -128,11 +127,11 @@ def test_the_tree_is_that_of_processes(scheduler, tmp_path: Path) -> None:
     packed = replace(ALL, pack=True)
     for name, how in (("one tar", {"num_workers": 2}), ("dask tar", by_dask(scheduler[0]))):
         assert run_batch(tmp_path / "in", tmp_path / name, products=packed, **how).done == 57
-    made = [
+    one, other = (
         {path.name: path.read_bytes() for path in (tmp_path / name).glob("*.tar")} for name in ("one tar", "dask tar")
-    ]
-    assert made[0] == made[1]
-    assert sorted(made[0]) == ["coco.tar", "contours.tar", "masks.tar", "overlays.tar"]
+    )
+    assert one == other
+    assert sorted(one) == ["coco.tar", "contours.tar", "masks.tar", "overlays.tar"]
 
 
 def test_a_stopped_run_goes_on_where_it_was(scheduler, tmp_path: Path) -> None:
@@ -232,57 +231,48 @@ def test_a_scheduler_that_dies_ends_the_run_and_the_next_one_goes_on(
 ) -> None:
     make_images(tmp_path / "in", NAMES, {NAMES[-1]: stand_in.HANG})  # so that the run cannot be done before
     address, processes = mortal
-    out, way = tmp_path / "out", ("--set", f"method={stand_in.METHOD}")
-    environment = {**os.environ, "PYTHONPATH": str(Path(stand_in.__file__).parent)}
+    out = tmp_path / "out"
+
+    def run(out: Path, *options: str) -> subprocess.CompletedProcess[str]:
+        command = ("run", tmp_path / "in", "--out", out, "--set", f"method={stand_in.METHOD}", *options)
+        return ffseg_process(*command, env=harness.TESTS)
 
     def kill() -> None:
-        chunks = out / ".ffseg" / "chunks"
-        while not (chunks.is_dir() and any(path.stat().st_size > 500 for path in chunks.glob("*.jsonl"))):
+        while not any(path.stat().st_size > 500 for path in out.glob(".ffseg/chunks/*.jsonl")):
             time.sleep(0.002)
         processes[0].kill()
 
-    killer = threading.Thread(target=kill, daemon=True)
-    killer.start()
-    gone = ffseg_process(
-        "run", tmp_path / "in", "--out", out, "--quiet", "--dask", address, "--chunk", "60", *way, env=environment
-    )
+    threading.Thread(target=kill, daemon=True).start()
+    gone = run(out, "--quiet", "--dask", address, "--chunk", "60")
     assert gone.returncode == 1
     (line,) = gone.stderr.splitlines()  # no traceback of Dask's
     assert re.match("ffseg: error: the Dask scheduler is gone.*; run again to go on$", line)
     make_images(tmp_path / "in", NAMES)
-    rest = json.loads(ffseg_process("run", tmp_path / "in", "--out", out, "--json", *way, env=environment).stdout)[
-        "counts"
-    ]
+    rest = json.loads(run(out, "--json").stdout)["counts"]
     assert rest["done"] + rest["unchanged"] == 60
     assert rest["unchanged"] > 0, "what was written down of the chunk is not done again"
-    assert ffseg_process("run", tmp_path / "in", "--out", tmp_path / "one", *way, env=environment).returncode == 0
+    assert run(tmp_path / "one").returncode == 0
     assert snapshot(out) == snapshot(tmp_path / "one")
 
 
-def own_children() -> set[str]:
-    """Numbers of the processes that this one has started and that are still there."""
-    children = Path(f"/proc/self/task/{os.getpid()}/children")
-    return set(children.read_text().split()) if children.exists() else set()
-
-
 def test_a_cluster_of_this_machine_is_started_where_none_is_named(tmp_path: Path) -> None:
-    before = own_children()  # a browser of other tests may still be open
+    before = harness.children(os.getpid())  # a browser of other tests may still be open
     make_images(tmp_path / "in", NAMES, {NAMES[7]: stand_in.CRASH})
     summary = run_batch(tmp_path / "in", tmp_path / "out", executor="dask", num_workers=2)
     assert (summary.done, summary.failed) == (59, 1)
     run_batch(tmp_path / "in", tmp_path / "one", num_workers=2)
     assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
     assert multiprocessing.active_children() == []
-    assert own_children() <= before, "no worker process is left behind"
+    assert set(harness.children(os.getpid())) <= set(before), "no worker process is left behind"
 
 
 def test_a_stopped_run_waits_for_no_image(tmp_path: Path) -> None:
-    before = own_children()  # a browser of other tests may still be open
+    before = harness.children(os.getpid())  # a browser of other tests may still be open
     make_images(tmp_path / "in", NAMES, {NAMES[10]: stand_in.HANG})  # the first of the second worker
     how = {"executor": "dask", "num_workers": 2}
     assert run_batch(tmp_path / "in", tmp_path / "out", observer=Silent(last=10), **how).signal == 15
     assert held._busy == set(), "whoever waited for it has heard that it ended"
-    assert own_children() <= before, "no worker process is left behind"
+    assert set(harness.children(os.getpid())) <= set(before), "no worker process is left behind"
 
 
 def test_a_worker_that_is_being_started_when_the_run_is_stopped_ends_as_well(
@@ -297,11 +287,8 @@ def test_a_worker_that_is_being_started_when_the_run_is_stopped_ends_as_well(
         return process
 
     monkeypatch.setattr("ffseg.batch.executors.processes.launch", started)
-    executor.put(
-        Task(
-            Job(0, Source(str(tmp_path / NAMES[0]), NAMES[0]), "i0"), str(tmp_path), ("masks/i0.png", "contours/i0.svg")
-        )
-    )
+    job = Job(0, Source(str(tmp_path / NAMES[0]), NAMES[0]), "i0")
+    executor.put(Task(job, str(tmp_path), ("masks/i0.png", "contours/i0.svg")))
     assert list(executor.replies(20_000)) == []  # the process is handed the image, and its end is heard of
     with pytest.raises(WorkerLostError, match="told to end"):
         list(executor.replies(20_000))

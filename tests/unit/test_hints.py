@@ -28,9 +28,9 @@ def _nothing_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evidence, "_viewed", {})
 
 
-def segmented(seen: Sight, clicks: Clicks) -> Segmentation:
+def segmented(image: NDArray[np.uint8], clicks: Clicks, **more: object) -> Segmentation:
     circles, background = ([list(one) for one in side] for side in (clicks.inside, clicks.outside))
-    return ffseg.segment(seen.image, {"init.circles": circles, "init.background": background})
+    return ffseg.segment(image, {"init.circles": circles, "init.background": background, **more})
 
 
 def clicked(seen: Sight, count: int) -> list[tuple[Clicks, Segmentation]]:
@@ -38,7 +38,7 @@ def clicked(seen: Sight, count: int) -> list[tuple[Clicks, Segmentation]]:
     clicks, mask, found = Clicks(), np.zeros(seen.truth.shape, np.bool_), []
     for _ in range(count):
         clicks = clicks.next(mask, seen.truth, 0.01 * max(mask.shape))
-        found.append((clicks, segmented(seen, clicks)))
+        found.append((clicks, segmented(seen.image, clicks)))
         mask = found[-1][1].mask
     return found
 
@@ -98,25 +98,23 @@ def test_both_sides_teach_their_colours() -> None:
 def test_circles_that_overlap_a_click_outside_keep_their_own_pixels() -> None:
     image, _ = halves()
     clicks = Clicks(((40.0, 80.0, 8.0),), ((51.0, 80.0, 4.0),))
-    circles, background = ([list(one) for one in side] for side in (clicks.inside, clicks.outside))
-    found = ffseg.segment(image, {"init.circles": circles, "init.background": background, "edges.source": "hints"})
-    assert_held(clicks, found)
+    assert_held(clicks, segmented(image, clicks, **{"edges.source": "hints"}))
 
 
 def test_a_click_of_a_pixel_beside_the_edge_does_not_leak_over_it() -> None:
     seen = next(iter(sights("room", 1, 500_000)))
     inside = ((127.0, 334.0, 3.8), (202.0, 186.0, 3.8), (150.0, 222.0, 3.8), (177.0, 159.0, 1.0))
-    found = segmented(seen, Clicks(inside, ((228.0, 219.0, 3.8), (198.0, 154.0, 1.8))))
+    found = segmented(seen.image, Clicks(inside, ((228.0, 219.0, 3.8), (198.0, 154.0, 1.8))))
     assert iou(found.mask, seen.truth) > 0.95  # .23, the whole room, where the disc itself was all that was known
 
 
 def test_a_narrow_click_on_a_rim_shows_nothing_of_what_lies_beyond() -> None:
     seen = list(sights("tissue", 3, 710_000))[2]
-    first = (208.0, 239.0, 3.8)
-    assert iou(segmented(seen, Clicks((first, (206.0, 210.0, 1.0)))).mask, seen.truth) > 0.9  # .25, with the next cell
+    clicks = Clicks(((208.0, 239.0, 3.8), (206.0, 210.0, 1.0)))
+    assert iou(segmented(seen.image, clicks).mask, seen.truth) > 0.9  # .25, with the next cell
     seen = list(sights("organ", 7, 710_000))[6]
     inside, outside = ((44.0, 58.0, 2.3), (79.0, 81.0, 1.2)), ((50.0, 109.0, 2.3), (7.0, 77.0, 2.0))
-    assert iou(segmented(seen, Clicks(inside, outside)).mask, seen.truth) > 0.9  # .39
+    assert iou(segmented(seen.image, Clicks(inside, outside)).mask, seen.truth) > 0.9  # .39
 
 
 def test_clicks_that_are_all_narrow_show_what_they_lie_on() -> None:
@@ -199,8 +197,7 @@ def test_a_part_that_a_click_outside_cuts_off_stays_if_it_is_as_deep_as_that_was
     shown = np.full((60, 120), np.float32(3))
     shown[:, 40:60], shown[:, 100:104] = -3, -3
     monkeypatch.setattr("ffseg.evidence.hints.hints", lambda *given: (shown, given[3].before))
-    found = told(said, [], [Click(100.0, 60.0, 4.0, False), Click(204.0, 60.0, 1.0, False)])
-    stays = found.stays
+    stays = told(said, [], [Click(100.0, 60.0, 4.0, False), Click(204.0, 60.0, 1.0, False)]).stays
     assert stays[30, 80]  # 39 px high, as deep as the click outside lay
     assert not stays[30, 106]  # 12 px wide, and cut off by the second
 
@@ -229,9 +226,8 @@ def test_a_mask_of_what_lies_outside_may_be_a_single_pixel() -> None:
     image, _ = halves()
     outside = np.zeros(image.shape[:2], np.uint8)
     outside[81, 201] = 1  # neither row nor column is one of those that are looked at
-    found = ffseg.segment(
-        image, {"init.center": [40, 80], "init.radius": 12, "edges.source": "hints"}, background=outside
-    )
+    start = {"init.center": [40, 80], "init.radius": 12, "edges.source": "hints"}
+    found = ffseg.segment(image, start, background=outside)
     assert found.mask[80, 40]
     assert not found.mask[81, 201]
 
