@@ -47,14 +47,11 @@ class Figures:
     wrong: list[str] = field(default_factory=list)
     slowest_ms: tuple[float, str] = (0.0, "")
     largest_mb: tuple[float, str] = (0.0, "")
-    slowest_bomb_ms: tuple[float, str] = (0.0, "")
-    largest_bomb_mb: tuple[float, str] = (0.0, "")
 
 
 def campaign(folder: Path, work: Path) -> Figures:
     """Read every file of a folder alone, then run over all of them."""
-    figures = Figures()
-    paths = sorted(path for path in folder.iterdir() if path.suffix not in (".npy", ".json"))
+    figures, paths = Figures(), sorted(path for path in folder.iterdir() if path.suffix not in (".npy", ".json"))
     for path in paths:
         read_alone(path, figures)
     _run_over(paths, work, figures)
@@ -75,9 +72,6 @@ def read_alone(path: Path, figures: Figures) -> None:
         figures.wrong.append(f"{path.name}: {reason}")
     figures.slowest_ms = max(figures.slowest_ms, (spent, path.name))
     figures.largest_mb = max(figures.largest_mb, (grown, path.name))
-    if path.name.startswith("bomb"):
-        figures.slowest_bomb_ms = max(figures.slowest_bomb_ms, (spent, path.name))
-        figures.largest_bomb_mb = max(figures.largest_bomb_mb, (grown, path.name))
 
 
 def _run_over(paths: list[Path], work: Path, figures: Figures) -> None:
@@ -96,10 +90,9 @@ def _run_over(paths: list[Path], work: Path, figures: Figures) -> None:
     rows = table(out / "timings.csv")
     if len(rows) != len(paths):
         figures.wrong.append(f"{len(rows)} rows for {len(paths)} files")
-    reasons = {row["image"]: row["error"].split(":")[0] for row in rows if row["status"] == "failed"}
-    figures.wrong += [
-        f"{name}: {reason}" for name, reason in reasons.items() if reason not in (*REASONS, "segmentation")
-    ]
+    for row in rows:
+        if row["status"] == "failed" and row["error"].split(":")[0] not in (*REASONS, "segmentation"):
+            figures.wrong.append(f"{row['image']}: {row['error']}")
 
 
 def main(work: harness.Work, folder: Path | None = None) -> Figures:

@@ -1,4 +1,4 @@
-"""Narrow ground against its flood-filled truth: ``python -m tests.campaigns.corridors --cases 10000``.
+"""Narrow ground against its flood-filled truth; ``pytest --long tests/unit/test_corridors.py`` judges 10000 cases.
 
 Every case draws a corridor, spiral, maze, comb, tree or bent passage of 6 to 40 px at any angle, or a wall with a gap,
 and draws degree, balloon and split threshold. Pixels beside the drawn border are left out (how near the border the
@@ -7,7 +7,6 @@ contour comes is measured elsewhere): what is judged is which ground was reached
 all wider ones.
 """
 
-from collections import Counter
 from dataclasses import dataclass
 
 import cv2
@@ -17,7 +16,6 @@ from numpy.typing import NDArray
 import ffseg
 from ffseg.image.edges import edge_map
 from tests import labyrinths
-from tests.campaigns import harness
 
 LEAST_IOU = 0.995
 ENTERED_FROM = 8.0
@@ -31,13 +29,12 @@ LEAK = 1.1
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One drawn case with its settings, what it reached and what is wrong with it."""
+    """One drawn case with its settings, and what is wrong with it."""
 
     seed: int
     kind: str
     width: float
     settings: dict[str, float]
-    iou: float
     faults: tuple[str, ...]
 
 
@@ -87,7 +84,7 @@ def passage(seed: int) -> Case:
         again = iou_off_border(segmented(wider, settings).mask, wider.truth)
         if again < iou - (1 - LEAST_IOU):
             faults.append(f"less reached with 1 px more: {iou:.3f}, {again:.3f}")
-    return Case(seed, plan.kind, width, settings, iou, tuple(faults))
+    return Case(seed, plan.kind, width, settings, tuple(faults))
 
 
 def is_open(scene: labyrinths.Labyrinth) -> bool:
@@ -116,31 +113,9 @@ def gap(seed: int) -> Case:
             faults.append(f"holds at {width:g} px")
     if leaks != sorted(leaks):
         faults.append("leaks " + "".join(".x"[leak] for leak in leaks))
-    return Case(seed, "gap", float(GAPS[np.argmax(leaks)]), settings, 1.0, tuple(faults))
+    return Case(seed, "gap", float(GAPS[np.argmax(leaks)]), settings, tuple(faults))
 
 
 def judge(seed: int) -> Case:
     """Judge case number ``seed``: one in twelve is a gap in all its widths."""
     return gap(seed) if seed % 12 == 0 else passage(seed)
-
-
-def main(cases: int = 1000, first: int = 0) -> int:
-    """Run the campaign; the exit code is 1 when a case has a fault."""
-    cases = [judge(seed) for seed in range(first, first + cases)]
-    faulty = [case for case in cases if case.faults]
-    for case in faulty:
-        told = ", ".join(f"{key.split('.')[1]} {value:.3g}" for key, value in case.settings.items())
-        print(f"{case.seed} {case.kind} {case.width:g} px ({told}): {'; '.join(case.faults)}")
-    counts, wrong = Counter(case.kind for case in cases), Counter(case.kind for case in faulty)
-    print(", ".join(f"{kind} {wrong[kind]} of {count}" for kind, count in sorted(counts.items())))
-    narrow = [case.iou for case in cases if case.width < ENTERED_FROM and case.kind != "gap"]
-    wide = [case.iou for case in cases if case.width >= ENTERED_FROM and case.kind != "gap"]
-    print(
-        f"narrow ({len(narrow)}): IoU mean {np.mean(narrow or [1]):.4f}; wide ({len(wide)}): least {min(wide, default=1):.4f}"
-    )
-    print(f"{len(cases)} cases, {len(faulty)} faulty")
-    return 1 if faulty else 0
-
-
-if __name__ == "__main__":
-    harness.as_command(main)

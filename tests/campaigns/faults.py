@@ -39,23 +39,14 @@ def campaign(
     library, figures = build(work), harness.Figures()
     before, after, prepared = work / "before", work / "after", work / "prepared"
     harness.draw_blobs(before, images)
-    harness.draw_blobs(after, images + 1)
-    for index in range(images):  # the same names, other pictures
-        shutil.copy(after / f"i{index + 1}.png", after / f"i{index}.png")
-    (after / f"i{images}.png").unlink()
+    harness.draw_blobs(after, images, first=1)  # the same names, other pictures
     assert harness.run("run", before, "--out", prepared, "-q", *options).code == 0
-    old = harness.outputs(prepared)
-    new_out = work / "new"
-    assert harness.run("run", after, "--out", new_out, "-q", *options).code == 0
-    known = (old, harness.outputs(new_out))
-    for name in errors.split(","):
-        if call:
-            _one_fault(work, (library, (call, name, number)), options, known, figures)
-            continue
-        for each in CALLS:
-            numbers = itertools.count(1)
-            while _one_fault(work, (library, (each, name, next(numbers))), options, known, figures):
-                pass
+    assert harness.run("run", after, "--out", work / "new", "-q", *options).code == 0
+    known = (harness.outputs(prepared), harness.outputs(work / "new"))
+    for name, each in itertools.product(errors.split(","), [call] if call else CALLS):
+        for at in [number] if call else itertools.count(1):
+            if not _one_fault(work, (library, (each, name, at)), options, known, figures):
+                break
     return figures
 
 
@@ -67,8 +58,7 @@ def _one_fault(
     figures: harness.Figures,
 ) -> bool:
     """Whether the fault happened: once n is beyond the last call it does not."""
-    library, (call, name, number) = fault
-    old, new = known
+    (library, (call, name, number)), (old, new) = fault, known
     out, mark = work / "out", work / "hit"
     shutil.rmtree(out, ignore_errors=True)
     shutil.copytree(work / "prepared", out)

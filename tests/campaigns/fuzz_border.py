@@ -108,10 +108,8 @@ def evolve(core: ModuleType, draws: Draws) -> None:
             "ridge_low": (0, 1), "weight": (0, 1), "window": (0, 16),
         },
     )  # fmt: skip
-    contours, image = (
-        draws.contours(max(1, min(6, options.degree))),
-        draws.plane(np.uint8, 256, int(draws.rng.integers(1, 5))),
-    )
+    contours = draws.contours(max(1, min(6, options.degree)))
+    image = draws.plane(np.uint8, 256, int(draws.rng.integers(1, 5)))
     evolution = core.Evolution(*contours, draws.marks(), draws.domain(), options, image if draws.once(2) else None)
     evolution.advance(int(draws.rng.integers(-1, 6)))
     evolution.settle(draws.plane(np.uint16, 1 << 16))
@@ -200,11 +198,8 @@ def lists(core: ModuleType, draws: Draws) -> None:
 
 def packed(core: ModuleType, draws: Draws) -> None:
     """Lengths of packed bytes, whatever they are."""
-    size = int(draws.rng.integers(200))
-    usual = draws.rng.choice(
-        np.array([0, 0x80, 0xFF, draws.rng.integers(256)], np.uint8), size
-    )  # long runs, clear codes
-    data = usual.tobytes() if draws.rng.integers(2) else draws.rng.bytes(size)
+    size, usual = int(draws.rng.integers(200)), [0, 0x80, 0xFF, draws.rng.integers(256)]  # long runs, clear codes
+    data = bytes(draws.rng.choice(usual, size).tolist()) if draws.rng.integers(2) else draws.rng.bytes(size)
     core.lzw_size(data)
     core.packbits_size(data)
 

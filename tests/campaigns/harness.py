@@ -114,18 +114,16 @@ def until(true: Callable[[], bool], patience: float = 120.0) -> None:
         time.sleep(0.01)
 
 
-def draw_blobs(folder: Path, count: int, size: tuple[int, int] = (64, 48)) -> None:
+def draw_blobs(folder: Path, count: int, first: int = 0) -> None:
     """Write `count` small images, each a bright region with its own shape and noise round the start of the contour."""
     from PIL import Image
 
     folder.mkdir(parents=True, exist_ok=True)
-    width, height = size
-    y, x = np.mgrid[0:height, 0:width]
+    y, x = np.mgrid[:48, :64]
     for index in range(count):
-        rng = np.random.default_rng(index)
-        radius = 14 + 5 * np.sin(rng.integers(2, 5) * np.arctan2(y - height / 2, x - width / 2) + rng.uniform(0, 6))
-        inside = np.hypot(x - width / 2, y - height / 2) < radius
-        image = np.where(inside, 180, 60) + rng.normal(0, 3, (height, width))
+        rng = np.random.default_rng(first + index)
+        radius = 14 + 5 * np.sin(rng.integers(2, 5) * np.arctan2(y - 24, x - 32) + rng.uniform(0, 6))
+        image = np.where(np.hypot(x - 32, y - 24) < radius, 180, 60) + rng.normal(0, 3, (48, 64))
         Image.fromarray(np.clip(image, 0, 255).astype(np.uint8)).save(folder / f"i{index}.png", compress_level=1)
 
 

@@ -25,13 +25,7 @@ class Figures:
 
 
 def campaign(
-    work: harness.Work,
-    kills: int = 200,
-    jobs: int = 2,
-    images: int = 150,
-    *,
-    pack: bool = False,
-    film: bool = False,
+    work: harness.Work, kills: int = 200, jobs: int = 2, images: int = 150, *, pack: bool = False, film: bool = False
 ) -> Figures:
     """Kill runs into one folder until `kills` have hit a run at work; start anew whenever the folder is complete."""
     source, straight, out = work / "in", work / "straight", work / "out"

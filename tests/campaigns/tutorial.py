@@ -254,10 +254,7 @@ def main(work: harness.Work, images: int = 200, first: int = 10, mended: int = 1
         sys.exit("no Chromium on the search path; install it, or name one in the environment variable FFSEG_CHROMIUM")
     truths = drawn(work, images)
     begin = time.monotonic()
-    with (
-        chromium.Chromium(program, work / "profile", WINDOW) as tab,
-        at_the_page(work, tab, truths) as stranger,
-    ):
+    with chromium.Chromium(program, work / "profile", WINDOW) as tab, at_the_page(work, tab, truths) as stranger:
         if film:
             stranger.filmed = True
             tab.value(

@@ -226,11 +226,7 @@ def test_the_remedy_works(name: str) -> None:
     assert ffseg.segment(remedied, {**SMALL, "edges.canny": [5, 10]}).mask.shape == DISC.shape
 
 
-@given(
-    arrays(np.uint8, (12, 16, 3)),
-    st.sampled_from(["uint16", "float16", "float32", "float64"]),
-    st.booleans(),
-)
+@given(arrays(np.uint8, (12, 16, 3)), st.sampled_from(["uint16", "float16", "float32", "float64"]), st.booleans())
 def test_an_image_is_taken_as_the_libraries_that_read_it_hand_it_out(
     image: npt.NDArray[np.uint8], kind: str, rgb: bool
 ) -> None:

@@ -8,13 +8,7 @@ import pytest
 from rendered import render_pair, write_pair
 
 from ffseg.batch.views import Views, load_views, neighbours
-from ffseg.batch.workers.frames import (
-    Before,
-    evidence_lines,
-    merged_segmentation,
-    obstacle_rows,
-    overlay_lines,
-)
+from ffseg.batch.workers.frames import Before, evidence_lines, merged_segmentation, obstacle_rows, overlay_lines
 from ffseg.io.images import Limits
 from ffseg.io.masks import encode_png
 from ffseg.parameters import load_params
