@@ -1,5 +1,4 @@
-// Runs random cases on the core under sanitizers: ``fuzz --first N --cases M [--seed S] [--mark FILE] [--only
-// TARGET]``.
+// Runs random cases on the core under sanitizers: ``fuzz --first N --cases M [--seed S] [--mark FILE]``.
 //
 // Which part a case goes to depends on its number alone, what it does on the seed and the number. The number of the
 // case at work stands in the file, so that it is known after a finding has ended the process. A case that takes
@@ -49,7 +48,7 @@ constexpr std::array<Target, 16> kTargets{{{"evolve", fuzz::evolve, 34},
 
 struct Options {
     unsigned long long seed = 0, first = 0, cases = 1;
-    std::string mark = "/dev/null", only;
+    std::string mark = "/dev/null";
 };
 
 struct Count {
@@ -65,7 +64,6 @@ Options parse(int argc, char** argv) {
         if (name == "--first") options.first = std::strtoull(argv[i + 1], nullptr, 10);
         if (name == "--cases") options.cases = std::strtoull(argv[i + 1], nullptr, 10);
         if (name == "--mark") options.mark = argv[i + 1];
-        if (name == "--only") options.only = argv[i + 1];
     }
     return options;
 }
@@ -123,9 +121,7 @@ int main(int argc, char** argv) {
     std::signal(SIGPROF, hangs);
     std::array<Count, kTargets.size()> counts{};
     for (unsigned long long number = options.first; number < options.first + options.cases; ++number) {
-        const std::size_t target = target_of(number);
-        if (!options.only.empty() && options.only != kTargets[target].name) continue;
-        run_case(options, number, mark, counts[target]);
+        run_case(options, number, mark, counts[target_of(number)]);
     }
     for (std::size_t t = 0; t < counts.size(); ++t) {
         std::printf("%s %llu %.3f %.3f %llu\n", kTargets[t].name, counts[t].cases, counts[t].seconds, counts[t].slowest,
