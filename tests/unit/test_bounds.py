@@ -45,10 +45,8 @@ def test_the_disc_is_found_to_a_hundredth(shape, circle, surround: int) -> None:
 
 def test_ordinary_images_have_no_disc() -> None:
     shape, whole = (480, 640), mirror((480, 640), (320.0, 240.0, 1000.0))
-    assert valid_disc(whole) is None
     y, x = np.mgrid[: shape[0], : shape[1]]
-    dark = np.zeros(shape, np.uint8)
-    box = dark.copy()
+    box = np.zeros(shape, np.uint8)
     box[60:420, 80:560] = whole[60:420, 80:560].max(axis=2)
     plain = np.where(np.hypot(x - 320, y - 240) < 200, np.uint8(200), np.uint8(0))
     reflected = mirror(shape, (320.0, 240.0, 200.0))
@@ -59,20 +57,10 @@ def test_ordinary_images_have_no_disc() -> None:
     lamp = np.clip(10 + (200 + 40 * texture / texture.std()) * light, 0, 255).astype(np.uint8)
     narrow = np.zeros((41, 252), np.uint8)
     narrow[1:11, 76:217] = 200  # its outline lies on a circle that holds no pixel
-    for image in (
-        dark,
-        box,
-        plain,
-        reflected,
-        ellipse,
-        lamp,
-        np.zeros((3, 3), np.uint8),
-        np.full((1, 1), 255, np.uint8),
-        narrow,
-    ):
+    smallest = np.zeros(shape, np.uint8), np.zeros((3, 3), np.uint8), np.full((1, 1), 255, np.uint8)
+    drawn = (scenes.scene(seed).image for seed in range(40))
+    for image in (whole, box, plain, reflected, ellipse, lamp, narrow, *smallest, *drawn):
         assert valid_disc(image) is None
-    for seed in range(40):
-        assert valid_disc(scenes.scene(seed).image) is None
 
 
 @pytest.mark.parametrize(("long", "lopsided"), [(4, 0), (6, 4), (12, 8)])
@@ -121,21 +109,16 @@ def test_the_disc_bounds_the_contour_when_asked() -> None:
     loose = {"init.radius": 20, "edges.canny": [200, 300]}
     y, x = np.mgrid[:480, :640]
     outside = np.hypot(x - 320, y - 240) > 210
-    held = ffseg.segment(image, ffseg.load_params(None, loose))
+    held = ffseg.segment(image, loose)
     assert not held.mask[outside].any()
     assert held.mask[~outside].mean() > 0.9
-    free = ffseg.segment(image, ffseg.load_params(None, {**loose, "domain.disc": "off"}))
-    assert free.mask[outside].mean() > 0.9
-    # Whoever starts in the surround wants the surround.
-    elsewhere = ffseg.segment(image, ffseg.load_params(None, {**loose, "init.center": [40, 40]}))
-    assert elsewhere.mask[outside].mean() > 0.9
+    for more in ({"domain.disc": "off"}, {"init.center": [40, 40]}):  # whoever starts in the surround wants it
+        assert ffseg.segment(image, {**loose, **more}).mask[outside].mean() > 0.9
 
 
 def test_a_mask_takes_the_place_of_the_disc() -> None:
-    image = mirror((240, 320), (160.0, 120.0, 100.0))
-    domain = np.full((240, 320), 255, np.uint8)
-    found = ffseg.segment(image, ffseg.load_params(None, {"init.radius": 9, "edges.canny": [200, 300]}), domain=domain)
-    assert found.mask[5, 5]
+    image, domain = mirror((240, 320), (160.0, 120.0, 100.0)), np.full((240, 320), 255, np.uint8)
+    assert ffseg.segment(image, {"init.radius": 9, "edges.canny": [200, 300]}, domain=domain).mask[5, 5]
 
 
 def test_free_pixels_and_their_room() -> None:
@@ -162,19 +145,18 @@ def test_a_start_on_an_edge_moves_and_says_so(method: str) -> None:
     image[:, 60:100] = 200
     cv2.circle(image, (75, 60), 7, 20, 2)  # every sample of the start lies on this ring
     given = {"init.center": [75, 60], "init.radius": 7, "edges.canny": [2, 4], "edges.sigma": 0.8, "method": method}
-    found = ffseg.segment(image, ffseg.load_params(None, given))
+    found = ffseg.segment(image, given)
     assert len(found.messages) == 1
     assert "the start at (75, 60), radius 7 lay on an edge and was moved to (" in found.messages[0]
     assert found.mask.any()
-    fine = ffseg.segment(image, ffseg.load_params(None, {**given, "init.center": [88, 100]}))
-    assert not fine.messages
+    assert not ffseg.segment(image, {**given, "init.center": [88, 100]}).messages
 
 
 def test_a_start_outside_the_domain_moves_into_it() -> None:
     domain = np.zeros((120, 160), np.uint8)
     domain[40:80, 60:100] = 255
-    given = ffseg.load_params(None, {"init.center": [20, 60], "init.radius": 10})
-    found = ffseg.segment(np.full((120, 160), 90, np.uint8), given, domain=domain)
+    start = {"init.center": [20, 60], "init.radius": 10}
+    found = ffseg.segment(np.full((120, 160), 90, np.uint8), start, domain=domain)
     assert "lay outside the domain and was moved to (" in found.messages[0]
     assert found.mask[domain > 0].mean() > 0.9
     assert not found.mask[cv2.dilate(domain, np.ones((3, 3), np.uint8)) == 0].any()
@@ -185,8 +167,8 @@ def test_clearance_is_named_when_it_was_the_cause() -> None:
     image = np.full((120, 160), 200, np.uint8)
     image[:54, :80] = image[66:, :80] = 20
     given = {"init.center": [40, 60], "init.radius": 3}
-    assert not ffseg.segment(image, ffseg.load_params(None, given)).messages
-    found = ffseg.segment(image, ffseg.load_params(None, {**given, "contour.clearance": 20}))
+    assert not ffseg.segment(image, given).messages
+    found = ffseg.segment(image, {**given, "contour.clearance": 20})
     assert "lay nearer to an edge than half of contour.clearance (20) and was moved to (40, 79)" in found.messages[0]
     assert found.mask[79, 40]
     assert not found.mask[60, 40]
@@ -194,22 +176,17 @@ def test_clearance_is_named_when_it_was_the_cause() -> None:
 
 def test_without_any_free_place_the_cause_is_named() -> None:
     flat, start = np.full((60, 80), 90, np.uint8), {"init.radius": 5, "edges.canny": [2, 4]}
-    with pytest.raises(
-        SegmentationError, match=r"outside the domain at every sample, and there is no free place; move"
-    ):
-        ffseg.segment(flat, ffseg.load_params(None, start), domain=np.zeros((60, 80), np.uint8))
-    tight = ffseg.load_params(None, {**start, "init.center": [50, 20], "contour.clearance": 200})
+    with pytest.raises(SegmentationError, match="outside the domain at every sample, and there is no free place; move"):
+        ffseg.segment(flat, start, domain=np.zeros((60, 80), np.uint8))
     with pytest.raises(SegmentationError, match=r"half of contour.clearance \(200\) at every sample"):
-        ffseg.segment(np.triu(flat), tight)
+        ffseg.segment(np.triu(flat), {**start, "init.center": [50, 20], "contour.clearance": 200})
 
 
 def test_several_starts_are_all_moved() -> None:
     domain = np.zeros((120, 160), np.uint8)
     domain[:, 40:] = 255
-    circles = [[10, 30, 5], [12, 90, 6]]
-    found = ffseg.segment(
-        np.full((120, 160), 90, np.uint8), ffseg.load_params(None, {"init.circles": circles}), domain=domain
-    )
+    circles = {"init.circles": [[10, 30, 5], [12, 90, 6]]}
+    found = ffseg.segment(np.full((120, 160), 90, np.uint8), circles, domain=domain)
     assert found.messages[0].endswith(", and 1 more")
     assert found.mask[domain > 0].mean() > 0.9
 

@@ -8,9 +8,13 @@ import pytest
 from rendered import segment_view
 
 import ffseg
+from ffseg.batch.views import load_views
 from ffseg.camera.model import Camera
 from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.errors import SegmentationError
+from ffseg.geometry.ragged import packed
+from ffseg.methods.freeform import native_options
+from ffseg.native import _core
 from ffseg.rendering.pairs import CAMERA_YAML, sample_camera
 
 RADIUS = 0.15
@@ -58,11 +62,8 @@ def pinhole() -> Camera:
 
 
 def test_nothing_above_the_horizon_is_free() -> None:
-    camera = pinhole()
     horizon = 239.5 - 300.0 * np.tan(np.deg2rad(30.0))  # rows above it look upward
-    image = painted(camera, np.zeros((480, 640), np.bool_))
-    image[:] = 110  # the same grey above as below: no edge at the horizon
-    mask = segment_view(image, camera, PARAMS).mask
+    mask = segment_view(np.full((480, 640), 110, np.uint8), pinhole(), PARAMS).mask  # no edge at the horizon
     assert not mask[: int(np.floor(horizon)) + 1].any()
     assert mask[int(np.ceil(horizon)) + 3 :].mean() > 0.99
 
@@ -96,9 +97,8 @@ def test_bays_that_half_the_robot_cannot_enter_are_closed() -> None:
 def test_a_footprint_that_fits_nowhere_says_so() -> None:
     camera = replace(sample_camera(), footprint=0.6)
     image = painted(camera, ring_wall(camera, 0.6, 0.0))
-    with pytest.raises(
-        SegmentationError, match=r"^the start .* cannot move .*; .* the footprint of 0\.6 m: give a smaller one"
-    ):
+    said = r"^the start .* cannot move .*; .* the footprint of 0\.6 m: give a smaller one"
+    with pytest.raises(SegmentationError, match=said):
         segment_view(image, camera, PARAMS)
 
 
@@ -107,9 +107,8 @@ def test_a_start_round_the_robots_disc_is_not_moved_into_it() -> None:
     camera = replace(sample_camera(), robot_radius=20.0)
     x, y = np.meshgrid(np.arange(camera.width) - camera.center[0], np.arange(camera.height) - camera.center[1])
     image = np.where(np.abs(np.hypot(x, y) - 40.0) < 5.0, np.uint8(30), np.uint8(120))
-    with pytest.raises(
-        SegmentationError, match="every sample and cannot move from round the robot's disc, of radius 20; "
-    ):
+    said = "every sample and cannot move from round the robot's disc, of radius 20; "
+    with pytest.raises(SegmentationError, match=said):
         segment_view(image, camera, ffseg.load_params("omni-indoor"))
 
 
@@ -117,23 +116,14 @@ def test_the_camera_file_says_it_and_the_option_overrules(tmp_path: Path) -> Non
     (tmp_path / "camera.yaml").write_text(CAMERA_YAML + "footprint: 0.2\nmirrored: false\nforward: -90\n")
     camera = ffseg.load_camera(tmp_path / "camera.yaml")
     assert (camera.footprint, camera.mirrored, camera.forward) == (0.2, False, -90.0)
-    from ffseg.batch.views import load_views
-
-    views = load_views(str(tmp_path / "camera.yaml"), None, None, [], 0.1)
-    assert views.camera.footprint == 0.1
-    assert load_views(str(tmp_path / "camera.yaml"), None, None, []).camera.footprint == 0.2
+    for option, taken in ((0.1, 0.1), (None, 0.2)):
+        assert load_views(str(tmp_path / "camera.yaml"), None, None, [], option).camera.footprint == taken
 
 
 def test_the_core_refuses_a_plane_that_does_not_fit() -> None:
-    from ffseg.geometry.freeform import FreeForm
-    from ffseg.geometry.ragged import packed
-    from ffseg.methods.freeform import native_options
-    from ffseg.native import _core
-
-    start = packed((FreeForm(np.array([[4.0, 4.0], [12.0, 4.0], [12.0, 12.0], [4.0, 12.0]]), 1),))
     options = native_options(ffseg.load_params(None, {"contour.degree": 1}), 2.0)
-    edges = np.zeros((16, 16), np.uint8)
+    given = (*packed((ffseg.FreeForm.box(4, 4, 12, 12),)), np.zeros((16, 16), np.uint8), None, options, None)
     with pytest.raises(ValueError, match="arrays differ in size"):
-        _core.Evolution(*start, edges, None, options, None, np.zeros((16, 15), np.int32))
+        _core.Evolution(*given, np.zeros((16, 15), np.int32))
     with pytest.raises(ValueError, match="4096 cells"):
-        _core.Evolution(*start, edges, None, options, None, np.full((16, 16), 4096, np.int32))
+        _core.Evolution(*given, np.full((16, 16), 4096, np.int32))
