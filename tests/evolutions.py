@@ -18,7 +18,7 @@ def evolution(
     starts: list[FreeForm], edges: Edges | None = None, domain: Edges | None = None, *, iterations: int = 0,
     gradient: NDArray[np.uint16] | None = None, **more: object,
 ) -> _core.Evolution:  # fmt: skip
-    """An evolution in open ground with fixed patches, unless said otherwise; settled if a gradient is there to settle on."""
+    """An evolution in open ground with fixed patches, unless said otherwise; settled where a gradient is given."""
     options = _core.EvolutionOptions()
     options.degree, options.split_threshold, options.balloon = starts[0].degree, 40.0, 2.0
     options.refine, options.topology, options.max_iterations = False, True, 1000

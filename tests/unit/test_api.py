@@ -182,7 +182,7 @@ def test_the_domain_of_an_edge_map_may_hold_truth_values() -> None:
 
 
 def _limits() -> list[dict[str, object]]:
-    """Every number of the parameters, a word beside it or not, at its limits and near zero; starts that are far away."""
+    """Every number of the parameters, with a word beside it or not, at its limits and near zero; starts far away."""
     kinds = {key: getattr(leaf.kind, "other", leaf.kind) for key, leaf in leaves(ffseg.Parameters).items()}
     numbers = {key: kind for key, kind in kinds.items() if isinstance(kind, Integer | Number)}
     values = [(key, value) for key, kind in numbers.items() for value in (kind.low, kind.high, 0, 1e-300, 1e300)]

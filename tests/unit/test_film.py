@@ -56,10 +56,8 @@ def test_same_input_same_bytes(evolution: tuple[np.ndarray, list[Progress]]) -> 
 
 def test_grey_images_and_no_enlarging() -> None:
     grey = np.full((30, 40), 128, np.uint8)
-    film = Image.open(
-        io.BytesIO(animation_bytes(grey, [Progress(0, (FreeForm.circle((20, 15), 8, 6, 3),))], "webp", 640))
-    )
-    assert film.size == (40, 30)
+    snapshots = [Progress(0, (FreeForm.circle((20, 15), 8, 6, 3),))]
+    assert Image.open(io.BytesIO(animation_bytes(grey, snapshots, "webp", 640))).size == (40, 30)
 
 
 def test_contour_stays_on_its_edge_when_scaled() -> None:
@@ -93,8 +91,7 @@ def test_film_strip_holds_the_exact_contours(evolution: tuple[np.ndarray, list[P
     found = read_contours(ElementTree.tostring(last, encoding="unicode").replace("ns0:", ""))
     expected = sorted(c.signed_area for c in snapshots[-1].contours)
     assert sorted(c.signed_area for c in found) == pytest.approx(expected, abs=0.5)
-    colours = [item.get("stroke") for item in last.iter(f"{name}path")]
-    assert colours.count("#f03c3c") == 4  # the toy's holes
+    assert [item.get("stroke") for item in last.iter(f"{name}path")].count("#f03c3c") == 4  # the toy's holes
 
 
 def test_film_strip_carries_its_picture(evolution: tuple[np.ndarray, list[Progress]]) -> None:
@@ -114,6 +111,5 @@ def test_no_snapshot_is_an_error(write: object) -> None:
 
 def test_film_of_a_tall_image_fits_its_format() -> None:
     image = np.full((20_000, 12), 90, np.uint8)
-    circle = FreeForm(np.array([[2.0, 2.0], [8.0, 2.0], [8.0, 8.0]]), 1)
-    film = Image.open(io.BytesIO(animation_bytes(image, [Progress(0, (circle,))])))
-    assert film.size == (2, 4096)
+    snapshots = [Progress(0, (FreeForm.box(2, 2, 8, 8),))]
+    assert Image.open(io.BytesIO(animation_bytes(image, snapshots))).size == (2, 4096)

@@ -129,9 +129,8 @@ def test_an_archive_that_is_cut_or_damaged_is_refused(damage, images: Path, tmp_
         for name in NAMES:
             file.add(images / name, f"./{name}")
     archive.write_bytes(damage(bytearray(archive.read_bytes())))
-    with pytest.raises(
-        UsageError, match=r"all\.tar cannot be read as an uncompressed tar file \((it is cut or damaged|unexpected end)"
-    ):
+    said = r"all\.tar cannot be read as an uncompressed tar file \((it is cut or damaged|unexpected end)"
+    with pytest.raises(UsageError, match=said):
         discover([str(archive)])
 
 
@@ -178,8 +177,7 @@ def test_a_list_names_images_one_by_one(
     assert [job.source.name for job in plan.jobs] == ["b/a9.png", "a.png", "b/none.png"]
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO((tmp_path / "list").read_bytes())))
     assert listed("-", nul=nul) == sources
-    absolute = end.join(os.fsencode(images / name) for name in NAMES)
-    (tmp_path / "list").write_bytes(absolute)
+    (tmp_path / "list").write_bytes(end.join(os.fsencode(images / name) for name in NAMES))
     assert [source.name for source in listed(str(tmp_path / "list"), nul=nul)] == NAMES
     (tmp_path / "list").write_bytes(end)
     with pytest.raises(UsageError, match="names no image"):
@@ -213,9 +211,8 @@ def test_images_behind_a_url_are_run_like_files(store, images: Path, tmp_path: P
     assert [job.source.name for job in plan.jobs] == ["a.png", "b/a9.png", "b/a10.png"]
     assert [source.name for source in discover(["memory://bucket/set/b/*.png"])] == ["a9.png", "a10.png"]
     assert [source.name for source in discover(["memory://bucket/set/a.png"])] == ["a.png"]
-    run_batch(
-        ["memory://bucket/set/a.png"], tmp_path / "three", executor=INPROCESS, products=Products(exports=("labelme",))
-    )
+    labelme = Products(exports=("labelme",))
+    run_batch(["memory://bucket/set/a.png"], tmp_path / "three", executor=INPROCESS, products=labelme)
     assert '"memory://bucket/set/a.png"' in (tmp_path / "three" / "labelme" / "a.json").read_text()
     again = partial(run_plan, plan, Setup(params=load_params(), segmenter=stand_in.NAME), executor=INPROCESS)
     assert again().done == 3

@@ -35,17 +35,16 @@ def _record(name: str, content: str = "1") -> Record:
     )
 
 
-def _journal(out: Path) -> Journal:
+def _journal(out: Path, *records: Record) -> Journal:
     (out / ".ffseg").mkdir(exist_ok=True)
-    return Journal(str(out / ".ffseg"), {"parameters": {"x": 1}})
+    journal = Journal(str(out / ".ffseg"), {"parameters": {"x": 1}})
+    for record in records:
+        journal.add(record)
+    return journal
 
 
 def test_records_come_back_in_a_later_run(tmp_path: Path) -> None:
-    first = _journal(tmp_path)
-    for name in NAMES:
-        first.add(_record(name))
-    first.add(_record(NAMES[0], "2"))
-    first.close()
+    _journal(tmp_path, *map(_record, NAMES), _record(NAMES[0], "2")).close()
     second = _journal(tmp_path)
     assert list(map(second.get, NAMES)) == [_record(NAMES[0], "2"), _record(NAMES[1]), _record(NAMES[2])]
     second.close()
@@ -55,10 +54,7 @@ def test_records_come_back_in_a_later_run(tmp_path: Path) -> None:
 
 
 def test_records_of_other_images_are_kept_until_they_are_dropped(tmp_path: Path) -> None:
-    first = _journal(tmp_path)
-    for name in NAMES:
-        first.add(_record(name))
-    first.close()
+    _journal(tmp_path, *map(_record, NAMES)).close()
     part = _journal(tmp_path)
     assert list(part.records(without=NAMES[1:2])) == [_record(NAMES[0]), _record(NAMES[2])]
     part.drop(_record(NAMES[0]))
@@ -122,10 +118,7 @@ def test_order_as_text_is_the_natural_order(names: list[str]) -> None:
 
 
 def test_every_cut_of_the_file_keeps_the_whole_lines(tmp_path: Path) -> None:
-    journal = _journal(tmp_path)
-    journal.add(_record(NAMES[0]))
-    journal.add(_record(NAMES[1]))
-    journal.close()
+    _journal(tmp_path, *map(_record, NAMES[:2])).close()
     path = tmp_path / ".ffseg" / "journal.jsonl"
     data = path.read_bytes()
     ends = [index + 1 for index, byte in enumerate(data) if byte == ord("\n")]
@@ -138,9 +131,7 @@ def test_every_cut_of_the_file_keeps_the_whole_lines(tmp_path: Path) -> None:
 
 
 def test_full_disk_leaves_whole_lines_and_keeps_the_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    journal = _journal(tmp_path)
-    journal.add(_record(NAMES[0]))
-    real = os.write
+    journal, real = _journal(tmp_path, _record(NAMES[0])), os.write
     with monkeypatch.context() as patch:
         patch.setattr(os, "write", lambda descriptor, data: real(descriptor, data[:20]))
         with pytest.raises(OutputError, match="journal"):
@@ -174,10 +165,8 @@ def test_lock_is_held_by_one_process_and_dies_with_it(tmp_path: Path) -> None:
     with OutputLock(str(tmp_path)) as mine:
         with pytest.raises(UsageError, match="another ffseg run"), OutputLock(str(tmp_path)):
             pass  # not in one process either, and asking does not give it up
-        busy = subprocess.Popen(
-            [sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        )
-        assert b"another ffseg run" in busy.communicate(timeout=60)[1]
+        busy = subprocess.run([sys.executable, "-c", HOLD, str(tmp_path)], capture_output=True, timeout=60, check=False)
+        assert b"another ffseg run" in busy.stderr
     mine.__exit__()
     with OutputLock(str(tmp_path)):
         pass
