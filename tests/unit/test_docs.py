@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import ffseg
+from ffseg.schema.sections import leaves
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
@@ -99,17 +100,11 @@ def test_what_a_page_names_exists(page: Path) -> None:
     assert [name for name in names if not is_there(name)] == []
     files = re.findall(r"`(native/[\w./]+)`", text)
     assert [name for name in files if not (ROOT / "ffseg" / name).is_file()] == []
-    keys = {f"{section}.{key}" for section, keys in parameter_keys().items() for key in keys}
+    keys = {key for key in leaves(ffseg.Parameters) if "." in key}
+    sections = "|".join({key.partition(".")[0] for key in keys})
     keys |= {f"contour.{name}" for name in dir(ffseg.FreeForm)}  # a contour in Python is called that, too
-    used = re.findall(rf"`((?:{'|'.join(parameter_keys())})\.\w+)", text)
+    used = re.findall(rf"`((?:{sections})\.\w+)", text)
     assert [key for key in used if key not in keys and not key.endswith((".py", ".csv", ".json"))] == []
-
-
-def parameter_keys() -> dict[str, list[str]]:
-    from dataclasses import asdict
-
-    values = asdict(ffseg.load_params())
-    return {section: list(keys) for section, keys in values.items() if isinstance(keys, dict)}
 
 
 def test_python_page(golden: Callable[[Path, str], None]) -> None:
@@ -135,9 +130,7 @@ def section(name: str, item: object) -> str:
 
 
 def block(name: str, item: object) -> str:
-    head = ""
-    if inspect.isfunction(item):
-        head = f"{name}{signature(item)}\n\n"
+    head = f"{name}{signature(item)}\n\n" if inspect.isfunction(item) else ""
     return f"```text\n{head}{inspect.getdoc(item)}\n```"
 
 

@@ -70,10 +70,8 @@ def test_reduction_is_a_whole_factor() -> None:
 
 
 def test_a_forest_survives_its_file(tmp_path: Path) -> None:
-    forest, seen = (
-        Model(stump("barrier@1.5", 1.0, -3), about={"masks": 1}),
-        features(photograph(), disc(30, 40, 8), size=65),
-    )
+    forest = Model(stump("barrier@1.5", 1.0, -3), about={"masks": 1})
+    seen = features(photograph(), disc(30, 40, 8), size=65)
     (tmp_path / "a.ffmodel").write_bytes(to_bytes(forest))
     again = load_model(tmp_path / "a.ffmodel")
     assert again.about == {"masks": 1}
@@ -159,15 +157,12 @@ HOSTILE = {
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_a_hostile_model_file_gets_one_sentence(tmp_path: Path, kind: str) -> None:
     data, why = HOSTILE[kind]
-    path = tmp_path / "bad.ffmodel"
-    path.write_bytes(data)
+    (tmp_path / "bad.ffmodel").write_bytes(data)
     with pytest.raises(ParameterError) as caught:
-        load_model(path)
-    text = str(caught.value)
-    assert "bad.ffmodel" in text
-    assert why in text
-    assert "ffseg learn" in text
-    assert "\n" not in text
+        load_model(tmp_path / "bad.ffmodel")
+    for words in ("bad.ffmodel", why, "ffseg learn"):
+        assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_model_that_is_not_there(tmp_path: Path) -> None:

@@ -15,20 +15,26 @@ from ffseg.batch.plan.discover import discover
 from ffseg.batch.workers.pictures import read_evidence
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.rendering.pairs import CAMERA_YAML
+from tests.discs import disc_of
+from tests.masks import read_mask
 
 SHAPE = (60, 80)
+INSIDE = disc_of(SHAPE)(40, 30, 20)
+"""What is inside of two even images, which only a map can tell."""
+SHOWN = ("--set", "init.radius=8")
+Words = tuple[str | Path, ...]
 
 
-def picture(folder: Path) -> np.ndarray:
-    """Two even images, whose truth only a map can tell; returns the truth."""
-    folder.mkdir()
-    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+@pytest.fixture
+def asked(tmp_path: Path) -> Words:
+    """A run over the images, but for their maps."""
+    (tmp_path / "in").mkdir()
     for name in ("a", "b"):
-        cv2.imwrite(str(folder / f"{name}.png"), np.full((*SHAPE, 3), 120, np.uint8))
-    return (columns - 40) ** 2 + (rows - 30) ** 2 <= 20**2
+        cv2.imwrite(str(tmp_path / "in" / f"{name}.png"), np.full((*SHAPE, 3), 120, np.uint8))
+    return ("run", tmp_path / "in", "--out", tmp_path / "out", "--evidence")
 
 
-def written(folder: Path, inside: np.ndarray, kind: str) -> Path:
+def written(folder: Path, kind: str = "png", inside: np.ndarray = INSIDE) -> Path:
     folder.mkdir(exist_ok=True)
     for name in ("a", "b"):
         if kind == "npy":
@@ -41,49 +47,45 @@ def written(folder: Path, inside: np.ndarray, kind: str) -> Path:
 
 
 @pytest.mark.parametrize("kind", ["png", "tiff16", "npy", "tar"])
-def test_run_takes_maps_and_knows_when_they_change(tmp_path: Path, kind: str, ffseg_command: Command) -> None:
-    inside = picture(tmp_path / "in")
-    maps = written(tmp_path / "maps", inside, kind)
-    command = ["run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps), "--json"]
-    command += ["--set", "init.radius=8"]
+def test_run_takes_maps_and_knows_when_they_change(
+    tmp_path: Path, kind: str, asked: Words, ffseg_command: Command
+) -> None:
+    command = (*asked, written(tmp_path / "maps", kind), "--json", *SHOWN)
     first = ffseg_command(*command)
     assert first.returncode == 0, first.stderr
-    mask = cv2.imread(str(tmp_path / "out" / "masks" / "a.png"), cv2.IMREAD_GRAYSCALE) > 0
-    assert np.count_nonzero(mask ^ inside) <= 0.03 * np.count_nonzero(inside)
+    assert np.count_nonzero(read_mask(tmp_path / "out" / "masks" / "a.png") ^ INSIDE) <= 0.03 * INSIDE.sum()
     assert json.loads(ffseg_command(*command).stdout)["counts"]["unchanged"] == 2
-    written(tmp_path / "maps", np.roll(inside, 3, axis=1), kind)
+    written(tmp_path / "maps", kind, np.roll(INSIDE, 3, axis=1))
     again = json.loads(ffseg_command(*command).stdout)["counts"]
     assert (again["done"], again["unchanged"]) == (2, 0)
 
 
+@pytest.mark.usefixtures("asked")
 def test_compare_and_segment_take_maps(tmp_path: Path, ffseg_command: Command) -> None:
-    inside = picture(tmp_path / "in")
-    maps = written(tmp_path / "maps", inside, "png")
-    shown = ["--set", "init.radius=8"]
-    done = ffseg_command("compare", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps),
-                 "--truth", str(maps), "--methods", "freeform,levelset", "--min-iou", "0.95", *shown)  # fmt: skip
+    maps = written(tmp_path / "maps")
+    judged = ("--truth", maps, "--methods", "freeform,levelset", "--min-iou", "0.95")
+    done = ffseg_command("compare", tmp_path / "in", "--out", tmp_path / "out", "--evidence", maps, *judged, *SHOWN)
     assert done.returncode == 0, done.stderr + done.stdout
-    done = ffseg_command("segment", str(tmp_path / "in" / "a.png"), str(tmp_path / "a-mask.png"),
-                 "--evidence", str(maps / "a.png"), *shown)  # fmt: skip
+    image, mask = tmp_path / "in" / "a.png", tmp_path / "a-mask.png"
+    done = ffseg_command("segment", image, mask, "--evidence", maps / "a.png", *SHOWN)
     assert done.returncode == 0, done.stderr
-    mask = cv2.imread(str(tmp_path / "a-mask.png"), cv2.IMREAD_GRAYSCALE) > 0
-    assert np.count_nonzero(mask ^ inside) <= 0.03 * np.count_nonzero(inside)
+    assert np.count_nonzero(read_mask(mask) ^ INSIDE) <= 0.03 * INSIDE.sum()
 
 
-def test_a_map_of_another_size_fails_its_image(tmp_path: Path, ffseg_command: Command) -> None:
-    inside = picture(tmp_path / "in")
-    maps = written(tmp_path / "maps", inside, "png")
+def test_a_map_of_another_size_fails_its_image(tmp_path: Path, asked: Words, ffseg_command: Command) -> None:
+    maps = written(tmp_path / "maps")
     cv2.imwrite(str(maps / "b.png"), np.zeros((5, 5), np.uint8))
-    done = ffseg_command("run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps))
-    assert done.returncode == 3
+    assert ffseg_command(*asked, maps).returncode == 3
     table = (tmp_path / "out" / "timings.csv").read_text()
     assert "the map of evidence has 5 x 5 pixels, the image 80 x 60" in table
 
 
-def test_an_image_without_a_map_is_refused_before_the_first(tmp_path: Path, ffseg_command: Command) -> None:
-    maps = written(tmp_path / "maps", picture(tmp_path / "in"), "png")
+def test_an_image_without_a_map_is_refused_before_the_first(
+    tmp_path: Path, asked: Words, ffseg_command: Command
+) -> None:
+    maps = written(tmp_path / "maps")
     (maps / "b.png").unlink()
-    done = ffseg_command("run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps))
+    done = ffseg_command(*asked, maps)
     assert done.returncode == 2
     assert "b.png has no map of its name" in done.stderr
     assert not (tmp_path / "out").exists()
@@ -91,13 +93,9 @@ def test_an_image_without_a_map_is_refused_before_the_first(tmp_path: Path, ffse
         find_evidence(discover([str(tmp_path / "in")]), str(tmp_path / "none"))
 
 
-def test_maps_and_a_camera_are_refused_with_the_remedy(tmp_path: Path, ffseg_command: Command) -> None:
-    maps = written(tmp_path / "maps", picture(tmp_path / "in"), "png")
+def test_maps_and_a_camera_are_refused_with_the_remedy(tmp_path: Path, asked: Words, ffseg_command: Command) -> None:
     (tmp_path / "camera.yaml").write_text(CAMERA_YAML)
-    done = ffseg_command(
-        "run", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--evidence", str(maps),
-        "--camera", str(tmp_path / "camera.yaml"),
-    )  # fmt: skip
+    done = ffseg_command(*asked, written(tmp_path / "maps"), "--camera", tmp_path / "camera.yaml")
     assert done.returncode == 2
     said = " ".join(done.stderr.split())
     assert "--evidence and --camera do not go together" in said
