@@ -158,8 +158,7 @@ def test_grey_streaks_go_and_what_is_wide_or_coloured_stays() -> None:
     assert (found[:, 15:30] == (60, 90, 120)).all()
     assert np.array_equal(found[:, 35:], image[:, 35:])
     assert np.array_equal(without_streaks(image, 3), image)  # narrower than the streaks
-    grey = image[..., 0]
-    assert (without_streaks(grey, 11)[:, 15:30] == 60).all()
+    assert (without_streaks(image[..., 0], 11)[:, 15:30] == 60).all()
 
 
 def test_the_contour_passes_streaks_that_are_taken_out() -> None:
@@ -185,28 +184,19 @@ def naive_within(x: float, y: float, domain: np.ndarray | None) -> bool:
     return domain is not None and any(domain[at] == 0 for at in near)
 
 
-@pytest.fixture
-def joints() -> np.ndarray:
-    return np.random.default_rng(2).uniform(-4, 44, (300, 2))
-
-
 @pytest.mark.parametrize("bounded", [False, True])
-def test_gradients_under_joints_and_the_share_at_the_border(joints: np.ndarray, bounded: bool) -> None:
-    rng = np.random.default_rng(3)
+def test_gradients_under_joints_and_the_share_at_the_border(bounded: bool) -> None:
+    rng, joints = np.random.default_rng(3), np.random.default_rng(2).uniform(-4, 44, (300, 2))
     gradient = rng.integers(0, 9000, SHAPE).astype(np.uint16)
     domain = (rng.random(SHAPE) < 0.97).astype(np.uint8) if bounded else None
     at = [(round(x), round(y)) for x, y in joints]
     expected = [gradient[y - 1 : y + 2, x - 1 : x + 2].max() for x, y in at if not naive_within(x, y, domain)]
     assert _core.gradients_at(joints, gradient, domain, MARGIN).tolist() == expected != []
-    near = [naive_within(x, y, domain) for x, y in joints]
-    along = whole = 0.0
-    for begin, end in ((0, 7), (7, 300)):
-        for i in range(begin, end):
-            k = i + 1 if i + 1 < end else begin
-            length = float(np.hypot(*(joints[k] - joints[i])))
-            whole, along = whole + length, along + length * (near[i] and near[k])
+    near = np.array([naive_within(x, y, domain) for x, y in joints])
+    after = np.array([*range(1, 7), 0, *range(8, 300), 7])  # two contours
+    lengths = np.hypot(*(joints[after] - joints).T)
     share = _core.share_within(joints, np.array([0, 7, 300]), SHAPE, domain, MARGIN)
-    assert share == pytest.approx(along / whole, rel=1e-12)
+    assert share == pytest.approx(lengths[near & near[after]].sum() / lengths.sum(), rel=1e-12)
     assert _core.share_within(np.empty((0, 2)), np.array([0]), SHAPE, domain, MARGIN) == 0.0
 
 

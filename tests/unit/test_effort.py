@@ -1,5 +1,7 @@
 """An evolution ends when it has done so much work to each pixel it may fill, and says so."""
 
+from functools import partial
+
 import cv2
 import numpy as np
 import pytest
@@ -22,23 +24,21 @@ def island() -> NDArray[np.uint8]:
 
 def test_a_contour_that_goes_round_an_island_for_ever_spends_its_budget() -> None:
     """Without flips it passes over itself again and again (the paper's Figure 5, middle)."""
-    image = island()
     over = {"contour.topology": False, "init.center": [60, 80], "init.radius": 20, "edges.source": "gradient"}
-    result = ffseg.segment(image, ffseg.load_params(None, over))
+    result = ffseg.segment(island(), over)
     assert result.stats.stop_reason in {"budget", "max_patches"}
     assert any("the contour was stopped" in message for message in result.messages)
     assert result.score <= 0.5
-    assert result.stats.iterations < LEAST + freeform.WORK * image.size
+    assert result.stats.iterations < LEAST + freeform.WORK * island().size
 
 
 @pytest.mark.parametrize("most", [50, 400, 3000])
 def test_work_ends_within_an_iteration_of_the_budget(most: int) -> None:
-    start = [FreeForm.circle((90, 70), 12, 13, 3)]
-    made = evolutions.evolution(start, refine=True, budget=most, iterations=10_000)
+    run = partial(evolutions.evolution, [FreeForm.circle((90, 70), 12, 13, 3)], refine=True, budget=most)
+    made = run(iterations=10_000)
     assert made.stop_reason == ("budget" if most < 3000 else "converged")
     if most < 3000:
-        before = evolutions.evolution(start, refine=True, budget=most)
-        before.advance(made.counts()["iterations"] - 1)
+        before = run(iterations=made.counts()["iterations"] - 1)
         assert before.counts()["work"] <= most < made.counts()["work"]
 
 
@@ -60,7 +60,7 @@ def test_an_integer_bounds_iterations_and_auto_does_not() -> None:
 @pytest.mark.parametrize("method", ["freeform", "snake", "paper"])
 def test_an_evolution_cut_short_says_so(method: str) -> None:
     over = {"contour.max_iterations": 2, "init.center": [60, 80], "init.radius": 20, "method": method}
-    result = ffseg.segment(island(), ffseg.load_params(None, over))
+    result = ffseg.segment(island(), over)
     assert result.stats.stop_reason == "max_iterations"
     assert "the contour was stopped after 2 iterations (max_iterations)" in result.messages
 
@@ -68,8 +68,7 @@ def test_an_evolution_cut_short_says_so(method: str) -> None:
 @pytest.mark.parametrize(("method", "room"), [("snake", snake), ("paper", paper)])
 def test_snake_and_paper_have_a_budget_too(method: str, room: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(room, "budget", lambda scene, to_pixel: 100)
-    over = {"init.center": [60, 80], "init.radius": 20, "method": method}
-    result = ffseg.segment(island(), ffseg.load_params(None, over))
+    result = ffseg.segment(island(), {"init.center": [60, 80], "init.radius": 20, "method": method})
     assert result.stats.stop_reason == "budget"
     assert any("budget" in message for message in result.messages)
 
@@ -78,7 +77,6 @@ def test_a_contour_of_many_patches_on_a_small_image_ends() -> None:
     """A hundred thousand patches round a circle of 40 px once took 45 s."""
     image = np.full((200, 200), 90, np.uint8)
     image[21:180, 21:180] = 180  # of odd sides: no enlargement of a smaller picture
-    over = {"contour.patches": 100_000, "edges.source": "gradient"}
-    result = ffseg.segment(image, ffseg.load_params(None, over))
+    result = ffseg.segment(image, {"contour.patches": 100_000, "edges.source": "gradient"})
     assert result.stats.stop_reason == "converged"
     assert result.mask[30:170, 30:170].all()

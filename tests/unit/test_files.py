@@ -14,12 +14,14 @@ from ffseg.io.files import printable, write_all_atomic, write_bytes_atomic
 CALLS = ("open", "write", "fsync", "close", "replace")
 
 
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
 def test_writes_and_replaces(tmp_path: Path) -> None:
-    target = tmp_path / "a.bin"
-    write_bytes_atomic(target, b"one")
-    write_bytes_atomic(target, b"two")
-    assert target.read_bytes() == b"two"
-    assert os.listdir(tmp_path) == ["a.bin"]
+    for data in (b"one", b"two"):
+        write_bytes_atomic(tmp_path / "a.bin", data)
+        assert contents(tmp_path) == {"a.bin": data}
 
 
 @pytest.mark.parametrize("link", [False, True])
@@ -49,14 +51,12 @@ def _failing(call: str, code: int) -> Callable[..., int]:
 def test_failing_call_keeps_the_earlier_file(
     call: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    target = tmp_path / "a.bin"
-    write_bytes_atomic(target, b"good")
+    write_bytes_atomic(tmp_path / "a.bin", b"good")
     with monkeypatch.context() as patch:
         patch.setattr(os, call, _failing(call, code))
         with pytest.raises(OutputError, match=r"a\.bin"):
-            write_bytes_atomic(target, b"newer")
-    assert target.read_bytes() == b"good"
-    assert os.listdir(tmp_path) == ["a.bin"]
+            write_bytes_atomic(tmp_path / "a.bin", b"newer")
+    assert contents(tmp_path) == {"a.bin": b"good"}
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
@@ -87,15 +87,15 @@ def test_files_of_a_group_get_their_names_only_when_all_are_on_the_disk(
         patch.setattr(os, "write", write)
         with pytest.raises(OutputError, match=f"{failing}.*{os.strerror(code)}"):
             write_all_atomic([(str(tmp_path / name), name.encode()) for name in names])
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == dict.fromkeys(names, b"good")
+    assert contents(tmp_path) == dict.fromkeys(names, b"good")
     write_all_atomic([(str(tmp_path / name), name.encode()) for name in names])
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {name: name.encode() for name in names}
+    assert contents(tmp_path) == {name: name.encode() for name in names}
 
 
 def test_group_is_written_where_the_system_takes_no_hint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "posix_fadvise", _failing("posix_fadvise", errno.EINVAL))
     write_all_atomic([(str(tmp_path / name), name.encode()) for name in "abc"])
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {name: name.encode() for name in "abc"}
+    assert contents(tmp_path) == {name: name.encode() for name in "abc"}
 
 
 def test_group_without_files_is_written(tmp_path: Path) -> None:
@@ -108,13 +108,12 @@ def test_short_writes_are_continued(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(os, "write", lambda fd, data: real(fd, bytes(data)[:7]))
     write_bytes_atomic(tmp_path / "a.bin", bytes(range(100)))
     monkeypatch.undo()
-    assert (tmp_path / "a.bin").read_bytes() == bytes(range(100))
+    assert contents(tmp_path) == {"a.bin": bytes(range(100))}
 
 
 def test_name_that_fills_the_limit_can_be_written(tmp_path: Path) -> None:
-    target = tmp_path / ("n" * 255)
-    write_bytes_atomic(target, b"x")
-    assert target.read_bytes() == b"x"
+    write_bytes_atomic(tmp_path / ("n" * 255), b"x")
+    assert contents(tmp_path) == {"n" * 255: b"x"}
 
 
 SHOWN = {

@@ -17,7 +17,7 @@ from ffseg.plugins import METHODS
 from ffseg.scene import Scene
 from tests import stress
 from tests.crossings import self_intersections
-from tests.discs import overlap
+from tests.discs import disc_of, overlap
 from tests.evolutions import FLAT, SHAPE, areas, around, contours, evolution, ring
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,9 +25,15 @@ SHORT, LONG = 50, 2000
 """Scenes."""
 
 
-def disc(center: tuple[int, int], radius: int, size: tuple[int, int] = (120, 160)) -> np.ndarray:
-    yy, xx = np.mgrid[: size[0], : size[1]]
-    return np.hypot(xx - center[0], yy - center[1]) <= radius
+disc = disc_of((120, 160))
+
+
+def grey(path: Path) -> np.ndarray:
+    return cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+
+
+def holes_of(result: ffseg.Segmentation) -> int:
+    return sum(contour.signed_area < 0 for contour in result.contours)
 
 
 @pytest.mark.parametrize(
@@ -47,67 +53,54 @@ def test_random_scenes(overrides: dict[str, object], request: pytest.FixtureRequ
 @pytest.mark.parametrize("degree", [2, 3, 4])
 @pytest.mark.parametrize("threshold", [8.0, 24.0, 40.0])
 def test_scenes(data_folder: Path, name: str, least: float, holes: int, degree: int, threshold: float) -> None:
-    image = cv2.imread(str(data_folder / f"scenes/{name}.png"), cv2.IMREAD_GRAYSCALE)
-    truth = cv2.imread(str(data_folder / f"scenes/{name}_truth.png"), cv2.IMREAD_GRAYSCALE) > 0
-    overrides = {"contour.degree": degree, "contour.split_threshold": threshold}
+    params = {"init.center": [400, 300], "contour.degree": degree, "contour.split_threshold": threshold}
     if name == "e":
-        overrides["contour.clearance"] = 12.0  # its gaps are 8 px wide, that between ring and wall 4 px
-    result = ffseg.segment(image, ffseg.load_params(None, {"init.center": [400, 300], **overrides}))
+        params["contour.clearance"] = 12.0  # its gaps are 8 px wide, that between ring and wall 4 px
+    result = ffseg.segment(grey(data_folder / f"scenes/{name}.png"), params)
+    truth = grey(data_folder / f"scenes/{name}_truth.png") > 0
     assert overlap(result.mask, truth) >= least - 0.002 * ((degree, threshold) != (3, 40.0))
-    assert sum(c.signed_area < 0 for c in result.contours) == holes
+    assert holes_of(result) == holes
 
 
 @pytest.mark.parametrize("name", ["b", "c"])
 @pytest.mark.parametrize(("sigma", "least_b", "least_c"), [(12, 0.997, 0.988), (18, 0.996, 0.985), (25, 0.994, 0.98)])
 def test_noise(data_folder: Path, name: str, sigma: int, least_b: float, least_c: float) -> None:
-    image = cv2.imread(str(data_folder / f"scenes/{name}.png"), cv2.IMREAD_GRAYSCALE)
-    truth = cv2.imread(str(data_folder / f"scenes/{name}_truth.png"), cv2.IMREAD_GRAYSCALE) > 0
+    image, truth = grey(data_folder / f"scenes/{name}.png"), grey(data_folder / f"scenes/{name}_truth.png") > 0
     noisy = np.clip(np.round(image + np.random.default_rng(5).normal(0, sigma, image.shape)), 0, 255).astype(np.uint8)
-    result = ffseg.segment(noisy, ffseg.load_params(None, {"init.center": [400, 300]}))
+    result = ffseg.segment(noisy, {"init.center": [400, 300]})
     assert overlap(result.mask, truth) >= (least_b if name == "b" else least_c)
-    assert sum(c.signed_area < 0 for c in result.contours) == (6 if name == "b" else 7)
+    assert holes_of(result) == (6 if name == "b" else 7)
 
 
 def test_two_starts_merge_and_one_that_closes_in_splits() -> None:
-    region = disc((60, 60), 30) | disc((100, 60), 30)
-    image = np.where(region, 200, 50).astype(np.uint8)
-    params = ffseg.load_params(None, {"init.circles": [[50, 60, 8], [110, 60, 8]]})
-    merged = ffseg.segment(image, params)
+    image = np.where(disc(60, 60, 30) | disc(100, 60, 30), 200, 50).astype(np.uint8)
+    merged = ffseg.segment(image, {"init.circles": [[50, 60, 8], [110, 60, 8]]})
     assert len(merged.contours) == 1
     assert merged.stats.merges >= 1
-    apart = np.where(disc((45, 60), 22) | disc((115, 60), 22), 200, 50).astype(np.uint8)
-    params = ffseg.load_params(
-        None, {"init.boxes": [[6, 6, 153, 113]], "contour.balloon": -2.0, "edges.source": "gradient"}
-    )
-    split = ffseg.segment(apart, params)
-    assert sorted(c.signed_area > 0 for c in split.contours) == [True, True]
+    apart = np.where(disc(45, 60, 22) | disc(115, 60, 22), 200, 50).astype(np.uint8)
+    closing = {"init.boxes": [[6, 6, 153, 113]], "contour.balloon": -2.0, "edges.source": "gradient"}
+    split = ffseg.segment(apart, closing)
+    assert (len(split.contours), holes_of(split)) == (2, 0)
     assert overlap(split.mask, apart == 200) > 0.99
 
 
 def test_toy_runs_differ_as_in_the_paper() -> None:
-    image = cv2.imread(str(ROOT / "samples/toy.png"), cv2.IMREAD_GRAYSCALE)
-    truth = cv2.imread(str(ROOT / "samples/truth/toy.png"), cv2.IMREAD_GRAYSCALE) > 0
-
-    def iou(preset: str) -> tuple[float, int, str]:
-        result = ffseg.segment(image, ffseg.load_params(preset))
-        holes = sum(c.signed_area < 0 for c in result.contours)
-        return overlap(result.mask, truth), holes, result.stats.stop_reason
-
-    fixed, full = iou("toy-fixed"), iou("toy-full")
-    assert fixed[0] < 0.9
-    assert fixed[1] == 0
-    assert full[0] > 0.999
-    assert full[1:] == (4, "converged")
-    assert iou("toy-refined")[2].startswith("max_")  # loops round the holes for ever
+    image, truth = grey(ROOT / "samples/toy.png"), grey(ROOT / "samples/truth/toy.png") > 0
+    fixed, full, refined = (ffseg.segment(image, f"toy-{how}") for how in ("fixed", "full", "refined"))
+    assert overlap(fixed.mask, truth) < 0.9
+    assert holes_of(fixed) == 0
+    assert overlap(full.mask, truth) > 0.999
+    assert (holes_of(full), full.stats.stop_reason) == (4, "converged")
+    assert refined.stats.stop_reason.startswith("max_")  # loops round the holes for ever
 
 
 def test_edge_free_image_fills_and_all_edge_image_ends() -> None:
-    flat = ffseg.segment(np.full((60, 80), 90, np.uint8), ffseg.load_params(None, {"init.radius": 10.0}))
+    flat = ffseg.segment(np.full((60, 80), 90, np.uint8), {"init.radius": 10.0})
     assert flat.mask.mean() > 0.99  # the contour rounds the corners of the image
     noise = np.random.default_rng(0).integers(0, 256, (80, 90, 3), dtype=np.uint8)
-    params = ffseg.load_params(None, {"init.radius": 10.0, "edges.canny": [0.1, 0.2]})
     try:
-        assert ffseg.segment(noise, params).stats.stop_reason in {"converged", "vanished"}
+        found = ffseg.segment(noise, {"init.radius": 10.0, "edges.canny": [0.1, 0.2]})
+        assert found.stats.stop_reason in {"converged", "vanished"}
     except SegmentationError as error:
         assert "lies on an edge" in str(error)
 
@@ -120,10 +113,9 @@ def test_a_start_circle_that_leaves_the_image_fills_it(degree: int) -> None:
 
 
 def test_same_job_same_bytes() -> None:
-    image = stress.scenes.scene(5).image
-    params = ffseg.load_params(None, {"init.center": list(stress.scenes.START), "init.radius": 14.0})
-    first, second = ffseg.segment(image, params), ffseg.segment(image, params)
-    assert [c.control_points.tobytes() for c in first.contours] == [c.control_points.tobytes() for c in second.contours]
+    params = {"init.center": list(stress.scenes.START), "init.radius": 14.0}
+    first, second = (ffseg.segment(stress.scenes.scene(5).image, params).contours for _ in range(2))
+    assert [one.control_points.tobytes() for one in first] == [one.control_points.tobytes() for one in second]
 
 
 @pytest.mark.parametrize("method", ["freeform", "levelset", "snake", "paper"])

@@ -77,14 +77,11 @@ def test_a_part_outside_the_domain_gets_none() -> None:
 
 
 def test_parts_behind_narrow_places_get_a_start() -> None:
-    walls = np.zeros((60, 100), np.uint8)
-    walls[:, 48:52] = 255
-    walls[29:32, 48:52] = 0  # three pixels wide
-    starts = np.zeros((60, 100), bool)
-    starts[28:33, 20:25] = True
-    ((x, y, radius),) = starts_beyond(walls == 0, starts, 10.0)
+    free, starts = np.ones((60, 100), bool), np.zeros((60, 100), bool)
+    free[:, 48:52], starts[28:33, 20:25] = False, True
+    assert starts_beyond(free, starts, 10.0) == ()
+    free[29:32, 48:52] = True  # three pixels wide
+    ((x, y, radius),) = starts_beyond(free, starts, 10.0)
     assert 60 < x < 90
     assert 20 < y < 40
     assert radius == 10.0
-    walls[29:32, 48:52] = 255
-    assert starts_beyond(walls == 0, starts, 10.0) == ()
