@@ -11,6 +11,7 @@ border is left out of the judgement whether they are entered: nothing tells a sq
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Literal
 
 import cv2
@@ -76,15 +77,16 @@ class Case:
 
 def cases(pairs: int, kinds: tuple[str, ...], first: int = 0) -> Iterator[Case]:
     """So many pairs of every kind, and of every texture of the plain one; noises and textures come in turn."""
-    yield from (Case(seed, "drawn") for seed in range(first, first + pairs) if "drawn" in kinds)
-    for kind in (kind for kind in FLOOR_KINDS if kind in kinds):
-        place = FLOOR_KINDS.index(kind)
-        textures = TEXTURES if kind == "plain" else (None,)
-        for row, texture in enumerate(textures):
-            for index in range(first, first + pairs):
-                own = TEXTURES[index % len(TEXTURES)] if texture is None else texture
-                noise = NOISES[(index // (len(TEXTURES) if texture is None else 1)) % len(NOISES)]
-                yield Case(100_000 * place + 10_000 * row + index, kind, own, noise)
+    numbers = range(first, first + pairs)
+    yield from (Case(seed, "drawn") for seed in numbers if "drawn" in kinds)
+    for place, kind in enumerate(FLOOR_KINDS):
+        if kind == "plain" and kind in kinds:
+            for (row, texture), index in product(enumerate(TEXTURES), numbers):
+                yield Case(100_000 * place + 10_000 * row + index, kind, texture, NOISES[index % len(NOISES)])
+        elif kind in kinds:
+            for index in numbers:
+                turn, texture = divmod(index, len(TEXTURES))
+                yield Case(100_000 * place + index, kind, TEXTURES[texture], NOISES[turn % len(NOISES)])
 
 
 def rendered(case: Case) -> RenderedPair:
@@ -96,13 +98,8 @@ def rendered(case: Case) -> RenderedPair:
 def enclosed_marks(pair: RenderedPair) -> list[int]:
     """Labels of marks with ground or other marks all round them."""
     labels, last = pair.current.labels, len(pair.scene.marks)
-    found = []
-    for label in range(1, last + 1):
-        mark = labels == label
-        around = labels[ring(mark)] if mark.any() else np.array([FIRST_WALL])
-        if np.all((around >= GROUND) & (around <= last)):
-            found.append(label)
-    return found
+    allowed = (labels >= GROUND) & (labels <= last)
+    return [label for label in range(1, last + 1) if (labels == label).any() and allowed[ring(labels == label)].all()]
 
 
 def ring(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -220,10 +217,7 @@ def main(pairs: int = 15, first: int = 0, kinds: str = "drawn", footprint: float
     every = FLOOR_KINDS if footprint else tuple(kind for kind in FLOOR_KINDS if kind != "alike")
     chosen = cases(pairs, every if kinds == "floors" else tuple(kinds.split(",")), first)
     tallies = run(chosen, load_params(), footprint)
-    print(table(tallies))
-    for tally in tallies.values():
-        for miss in tally.misses:
-            print(miss)
+    print(table(tallies), *(miss for tally in tallies.values() for miss in tally.misses), sep="\n")
     return 0 if kept(tallies) else 1
 
 

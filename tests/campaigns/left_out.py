@@ -6,13 +6,13 @@ not of. ``--out FILE`` writes a row a look, ``--before FILE`` says what has chan
 looks are at one picture, and count as one.
 """
 
-import csv
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
+from batches import table
 
 from ffseg.evidence import prior
 from ffseg.evidence.features import WORKING_SIZE
@@ -63,7 +63,7 @@ def main(
     if out:
         write_bytes_atomic(out, csv_table(COLUMNS, [[*look, overlap] for look, overlap in found.items()]))
     if before:
-        print(changed(found, read(before)))
+        print(changed(found, {(row["kind"], int(row["look"])): float(row["iou"]) for row in table(before)}))
 
 
 def learned(kind: str, count: int) -> Iterator[grow.Samples]:
@@ -81,12 +81,6 @@ def judged(kind: str, forest: Forest, count: int) -> Iterator[tuple[int, float]]
         known = known_pixels(seen.truth, view.factor)[::STRIDE, ::STRIDE]
         inside, truth = voted(odds, view)[known >= 0] > 0, known[known >= 0] > 0
         yield number, float(np.count_nonzero(inside & truth) / max(1, np.count_nonzero(inside | truth)))
-
-
-def read(path: Path) -> Overlaps:
-    """What an earlier run has written."""
-    with path.open(encoding="utf-8", newline="") as file:
-        return {(row["kind"], int(row["look"])): float(row["iou"]) for row in csv.DictReader(file)}
 
 
 def changed(now: Overlaps, before: Overlaps) -> str:

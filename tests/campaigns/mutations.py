@@ -104,11 +104,8 @@ def faults_of_python(file: str) -> Iterator[Fault]:
     begins = [0, *(at.end() for at in re.finditer("\n", text))]
 
     def fault(node: ast.expr | ast.stmt, new: str) -> Fault:
-        start, end = (
-            begins[node.lineno - 1] + node.col_offset,
-            begins[(node.end_lineno or 1) - 1] + (node.end_col_offset or 0),
-        )
-        return Fault(file, start, text[start:end], new)
+        start = begins[node.lineno - 1] + node.col_offset
+        return Fault(file, start, ast.get_source_segment(text, node) or "", new)
 
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.If | ast.While | ast.IfExp):
@@ -212,11 +209,11 @@ def main(work: harness.Work, only: str | None = None, most: int = 60, seed: int 
     """Run the campaign."""
     work.mkdir(parents=True, exist_ok=True)
     for group in [only] if only else GROUPS:
-        noticed = total = 0
+        noticed = []
         for fault, test in campaign(work, group, most, seed):
-            total, noticed = total + 1, noticed + bool(test)
+            noticed.append(test != "")
             harness.say(f"{'noticed' if test else 'SURVIVED'}: {fault}  [{test}]")
-        harness.say(f"{group}: {noticed} of {total} noticed")
+        harness.say(f"{group}: {sum(noticed)} of {len(noticed)} noticed")
     return 0
 
 

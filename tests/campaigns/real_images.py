@@ -1,6 +1,5 @@
 """Photographs with truth and start circle for the campaign on real sets, and what a segmentation gives on one."""
 
-import csv
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -8,6 +7,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
+from batches import table
 from numpy.typing import NDArray
 
 from ffseg.api import segment
@@ -57,11 +57,8 @@ def load(data: Path, folders: Iterable[str]) -> Iterator[Photograph]:
     """Photographs of the folders, sorted by name in each; a folder without seeds is left out."""
     for folder in folders:
         seeds = data / folder / "seeds.csv"
-        if not seeds.is_file():
-            continue
-        with seeds.open(encoding="utf-8", newline="") as file:
-            rows = sorted(csv.DictReader(file), key=lambda row: row["image"])
-        for place, row in enumerate(rows):
+        rows = table(seeds) if seeds.is_file() else []
+        for place, row in enumerate(sorted(rows, key=lambda row: row["image"])):
             image = read_image(data / folder / "images" / row["image"])
             mask = os.fspath(data / folder / "truth" / f"{Path(row['image']).stem}.png")
             truth = read_truth(mask, (image.shape[0], image.shape[1]))

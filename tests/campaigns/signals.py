@@ -82,12 +82,9 @@ def _stop(process: subprocess.Popen[bytes], out: Path, number: signal.Signals, f
 
 def _death(process: subprocess.Popen[bytes], out: Path, images: int, rng: random.Random, figures: Figures) -> None:
     workers = harness.children(process.pid)
-    if not workers:
-        process.wait()
-        return
     try:
         os.kill(rng.choice(workers), signal.SIGKILL)
-    except ProcessLookupError:
+    except (IndexError, ProcessLookupError):  # there is none, or none any more
         process.wait()
         return
     code = process.wait(timeout=300)

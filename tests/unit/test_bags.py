@@ -66,6 +66,15 @@ def pose_fields(store: Any, x: float, y: float, turn: float) -> Any:
     )
 
 
+def transform(store: Any, time: int, pose: Any) -> tuple[str, str, int, dict[str, Any]]:
+    """A message of ``/tf`` that says a pose."""
+    moved = store.types["geometry_msgs/msg/Transform"](translation=pose.position, rotation=pose.orientation)
+    led = store.types["geometry_msgs/msg/TransformStamped"](
+        header=header(store, time, "odom", ros1=False), child_frame_id="base_link", transform=moved
+    )
+    return "/tf", "tf2_msgs/msg/TFMessage", time, {"transforms": [led]}
+
+
 def a_drive(path: Path, kind: str) -> Path:
     """Images of the rendered drive with odometry at their times, under a mirror as the world lies."""
     ros1 = kind == "ros1"
@@ -79,16 +88,11 @@ def a_drive(path: Path, kind: str) -> Path:
         twist = kinds["geometry_msgs/msg/Twist"](linear=still, angular=still)
         speed = kinds["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=np.zeros(36))
         odometry = {"header": head, "child_frame_id": "base_link", "pose": where, "twist": speed}
-        turn = pose_fields(store, *pose)
-        moved = kinds["geometry_msgs/msg/Transform"](
-            translation=kinds["geometry_msgs/msg/Vector3"](x=pose[0], y=pose[1], z=0.0), rotation=turn.orientation
-        )
-        led = kinds["geometry_msgs/msg/TransformStamped"](header=head, child_frame_id="base_link", transform=moved)
         messages += [
             ("/camera/image", "sensor_msgs/msg/Image", time, image(view.image, "mono8", head)),
             ("/odom", "nav_msgs/msg/Odometry", time, odometry),
         ]
-        messages += [("/tf", "tf2_msgs/msg/TFMessage", time, {"transforms": [led]})] if not ros1 else []
+        messages += [transform(store, time, where.pose)] if not ros1 else []
     return written(path, kind, messages)
 
 
@@ -126,13 +130,10 @@ def check_bag_out(out: Path) -> None:
         assert scan.angle_min + len(wanted) * scan.angle_increment == pytest.approx(np.pi, abs=1e-5)
     (_, _, grid), levels = next(one for one in found if one[0] == "/map"), cv2.imread(str(out / "map" / "map.pgm"), 0)
     cells = np.array(grid.data).reshape(grid.info.height, grid.info.width)[::-1]
-    assert np.array_equal(cells == 0, levels == 254)
-    assert np.array_equal(cells == 100, levels == 0)
-    assert np.array_equal(cells == -1, levels == 128)
-    assert (
-        f"origin: [{grid.info.origin.position.x!r}, {grid.info.origin.position.y!r}"
-        in (out / "map/map.yaml").read_text()
-    )
+    for cell, level in ((0, 254), (100, 0), (-1, 128)):
+        assert np.array_equal(cells == cell, levels == level)
+    place = grid.info.origin.position
+    assert f"origin: [{place.x!r}, {place.y!r}" in (out / "map" / "map.yaml").read_text()
 
 
 def test_every_encoding_is_the_image_it_was(tmp_path: Path) -> None:
@@ -141,22 +142,20 @@ def test_every_encoding_is_the_image_it_was(tmp_path: Path) -> None:
     deep = random.integers(0, 65536, (5, 7), np.uint16)
     alpha = np.dstack([colour, np.full((5, 7), 9, np.uint8)])
     head = header(store, BEGIN, "", ros1=False)
-    _, packed = cv2.imencode(".png", colour)
-    messages = [
-        ("/i", "sensor_msgs/msg/Image", BEGIN, image(pixels, name, head, big))
-        for name, pixels, big in [
-            ("mono8", colour[..., 0], 0),
-            ("bgr8", colour, 0),
-            ("rgb8", colour[..., ::-1], 0),
-            ("bgra8", alpha, 0),
-            ("16UC1", deep, 0),
-            ("mono16", deep.byteswap(), 1),
+    packed = {"header": head, "format": "png", "data": cv2.imencode(".png", colour)[1].ravel()}
+    messages = [("/c", "sensor_msgs/msg/CompressedImage", BEGIN, packed)]
+    messages += [
+        (topic, "sensor_msgs/msg/Image", BEGIN, image(pixels, name, head, big))
+        for topic, name, pixels, big in [
+            ("/i", "mono8", colour[..., 0], 0),
+            ("/i", "bgr8", colour, 0),
+            ("/i", "rgb8", colour[..., ::-1], 0),
+            ("/i", "bgra8", alpha, 0),
+            ("/i", "16UC1", deep, 0),
+            ("/i", "mono16", deep.byteswap(), 1),
+            ("/bad", "yuv422", colour, 0),
         ]
-    ]  # fmt: skip - all of one time, as a bag may hold them
-    messages.append(
-        ("/c", "sensor_msgs/msg/CompressedImage", BEGIN, {"header": head, "format": "png", "data": packed.ravel()})
-    )
-    messages.append(("/bad", "sensor_msgs/msg/Image", BEGIN, image(colour, "yuv422", head)))
+    ]  # all of one time, as a bag may hold them
     bag = written(tmp_path / "bag", "mcap", messages)
     wanted = [colour[..., 0], colour, colour, colour, deep, deep]
     for number in (3, 0, 5, 1, 4, 2):  # in any order
@@ -190,10 +189,7 @@ def test_messages_that_name_no_pose_are_passed_over(tmp_path: Path) -> None:
     for number, (x, turn, length) in enumerate([(0.0, 0.0, 0.0), (1.0, 0.5, 1.0), (np.nan, 0.0, 1.0), (3.0, 0.7, 2.0)]):
         where, time = pose_fields(store, x, 2.0, turn), BEGIN + number * STEP
         where.orientation.z, where.orientation.w = length * where.orientation.z, length * where.orientation.w
-        moved = store.types["geometry_msgs/msg/Transform"](translation=where.position, rotation=where.orientation)
-        head = header(store, time, "odom", ros1=False)
-        led = store.types["geometry_msgs/msg/TransformStamped"](header=head, child_frame_id="base", transform=moved)
-        messages.append(("/tf", "tf2_msgs/msg/TFMessage", time, {"transforms": [led]}))
+        messages.append(transform(store, time, where))
     before, *poses = bags.bag_poses(f"{written(tmp_path / 'b', 'mcap', messages)}::/tf", [one[2] for one in messages])
     assert before is None
     assert np.ravel(poses) == pytest.approx([1, 2, 0.5, 2, 2, 0.6, 3, 2, 0.7])

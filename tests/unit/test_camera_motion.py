@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import permutations
 from pathlib import Path
 
 import naive_camera
@@ -39,9 +40,8 @@ def test_relative_motion_agrees_with_matrices() -> None:
     camera = tilted()
     first, second = planar_pose(camera, 1.0, 2.0, 0.3), planar_pose(camera, -0.5, 2.2, -2.0)
     motion = relative_motion(first, second)
-    between = np.linalg.inv(naive_camera.homogeneous(first.rotation, first.position)) @ naive_camera.homogeneous(
-        second.rotation, second.position
-    )
+    one, two = (naive_camera.homogeneous(pose.rotation, pose.position) for pose in (first, second))
+    between = np.linalg.inv(one) @ two
     points = random.normal(size=(10, 3))
     expected = (np.column_stack([points, np.ones(10)]) @ between.T)[:, :3]
     assert motion.apply(points) == pytest.approx(expected, abs=1e-12)
@@ -56,9 +56,8 @@ def test_planar_parameters_undo_planar_motion() -> None:
 
 def test_contracts_pose_convention() -> None:
     pose = planar_pose(sample_camera(), 0.0, 0.0, 0.7)
-    dx, dy = 0.3, -0.4
     c, s = np.cos(0.7), np.sin(0.7)
-    assert (pose.rotation @ [dx, dy, 0.0])[:2] == pytest.approx([c * dx - s * dy, s * dx + c * dy])
+    assert pose.rotation[:2, :2] == pytest.approx(np.array([[c, -s], [s, c]]))
 
 
 def matrix_exponential(vector: np.ndarray) -> np.ndarray:
@@ -123,9 +122,9 @@ def test_a_motion_without_a_spread_has_its_planar_errors() -> None:
 
 def test_ground_points_of_a_tilted_camera_lie_on_the_ground() -> None:
     camera = tilted()
-    ground = ground_points(camera, np.array([[300.0, 250.0], [520.0, 420.0]]))
-    back = camera.project(np.column_stack([ground, [0.9, 0.9]]) @ camera.level())
-    assert back == pytest.approx(np.array([[300.0, 250.0], [520.0, 420.0]]), abs=1e-9)
+    pixels = np.array([[300.0, 250.0], [520.0, 420.0]])
+    back = camera.project(np.column_stack([ground_points(camera, pixels), [0.9, 0.9]]) @ camera.level())
+    assert back == pytest.approx(pixels, abs=1e-9)
 
 
 BOARDS = {
@@ -150,10 +149,8 @@ def test_real_boards(name: str, data_folder: Path) -> None:
         assert np.sqrt(np.mean(error**2)) == pytest.approx(image["rms_px"], abs=6e-5)
         assert error.max() == pytest.approx(image["max_px"], abs=6e-4)
     used = [image for image in data["images"] if wanted is None or image["image"] in wanted]
-    for first in used:
-        for second in used:
-            if first is not second:
-                assert _grid_error(camera, first, second, spacing) < 0.03
+    for first, second in permutations(used, 2):
+        assert _grid_error(camera, first, second, spacing) < 0.03
 
 
 def _grid_error(camera: Camera, first: dict[str, list[float]], second: dict[str, list[float]], spacing: float) -> float:

@@ -46,14 +46,13 @@ def test_the_pair_of_the_tutorial() -> None:
     names = ["0001.png", "0002.png"]
     camera = ffseg.load_camera(pair / "camera.yaml")
     poses = ffseg.load_poses(pair / "poses.csv", names, camera)
-    sequence = ffseg.Sequence(camera, ffseg.load_params())
-    frames = [sequence.feed(ffseg.read_image(pair / name), poses[name]) for name in names]
-    verdicts = sorted(component.verdict for component in frames[1].components)
+    sequence = ffseg.Sequence(camera)
+    first, second = (sequence.feed(ffseg.read_image(pair / name), poses[name]) for name in names)
+    assert {component.verdict for component in first.components} == {"untested"}
+    verdicts = sorted(component.verdict for component in second.components)
     assert verdicts == ["false_obstacle"] * 3 + ["obstacle"] * 2
-    assert {component.verdict for component in frames[0].components} == {"untested"}
-    truth = read_mask(pair / "truth" / "0002.png")
     claim = float(said("tutorial.md", r"given back \(IoU ([\d.]+)\)"))
-    assert iou(frames[1].mask, truth) == pytest.approx(claim, abs=0.0005)
+    assert iou(second.mask, read_mask(pair / "truth" / "0002.png")) == pytest.approx(claim, abs=0.0005)
 
 
 def test_grabcut_is_told_that_four_radii_round_the_start_are_probably_inside() -> None:

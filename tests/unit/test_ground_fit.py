@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ffseg.camera.motion import PARAMETERS, Motion, planar_motion
+from ffseg.camera.motion import PARAMETERS, planar_motion
 from ffseg.freespace.motion import evidence, ground
 from ffseg.freespace.motion.evidence import FREE, Evidence
 from ffseg.freespace.motion.ground import GroundFit, fit_ground, predictions, prior_sigmas
@@ -20,8 +20,7 @@ SHIFT = np.array([0.02, -0.03, 0.01, 0, 0, 0, 0, 0])
 """What the prior is off by."""
 
 
-def prior() -> Motion:
-    return planar_motion(CAMERA, np.array([0.25, 0.05, 0.1]), "ground points", 0, (0.1, 0.05))
+PRIOR = planar_motion(CAMERA, np.array([0.25, 0.05, 0.1]), "ground points", 0, (0.1, 0.05))
 
 
 def places(count: int, seed: int = 1) -> np.ndarray:
@@ -41,17 +40,15 @@ def fitted(
     """The fit to these placements; one round, as they do not come any nearer by being placed again."""
     if information is None:
         information = np.tile(np.eye(2) / SIGMA**2, (len(current), 1, 1))
-    start = predictions(CAMERA, prior(), current, np.zeros((1, PARAMETERS)))[0]
     owner = np.full(len(current), FREE) if owner is None else owner
-    tracks = Tracks(current, start, previous, information, owner, len(current))
+    tracks = Tracks(current, seen(current, np.zeros(PARAMETERS)), previous, information, owner, len(current))
     monkeypatch.setattr(ground, "tracked", lambda *_: tracks)
     grey = np.zeros((CAMERA.height, CAMERA.width), np.uint8)
-    return fit_ground(CAMERA, prior(), SIGMAS, (grey, grey), Evidence(current, owner), ("full",))
+    return fit_ground(CAMERA, PRIOR, SIGMAS, (grey, grey), Evidence(current, owner), ("full",))
 
 
 def seen(current: np.ndarray, shift: np.ndarray = SHIFT) -> np.ndarray:
-    found: np.ndarray = predictions(CAMERA, prior(), current, shift[None])[0]
-    return found
+    return predictions(CAMERA, PRIOR, current, shift[None])[0]
 
 
 def test_points_on_edges_count_across_them_only(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,9 +127,8 @@ def test_the_doubt_about_a_component_is_the_fit_of_all_others(monkeypatch: pytes
 def test_a_component_is_not_judged_by_a_motion_that_only_it_gives(monkeypatch: pytest.MonkeyPatch) -> None:
     current = places(27)
     for others, known in ((7, False), (8, True)):
-        owner = np.array([0] * 19 + [FREE] * others)
-        count = len(owner)
-        fit = fitted(monkeypatch, current[:count], seen(current[:count]), owner=owner)
+        own = current[: 19 + others]
+        fit = fitted(monkeypatch, own, seen(own), owner=np.array([0] * 19 + [FREE] * others))
         assert fit is not None
         assert fit.without(1).known.tolist() == [known]
 

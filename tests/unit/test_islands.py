@@ -6,7 +6,6 @@ import pytest
 from ffseg.api import segment
 from ffseg.evidence import auto
 from ffseg.evidence import prior as evidence
-from ffseg.parameters import load_params
 from ffseg.starts.islands import islands
 from ffseg.starts.pockets import starts_beyond
 
@@ -59,8 +58,7 @@ def prior_decides(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_contour_takes_islands_where_the_prior_decides() -> None:
     even = np.full((*SHAPE, 3), 120, np.uint8)
     given = {"init.center": [50, 60], "init.radius": 10}
-    both = segment(even, load_params(None, given))
-    alone = segment(even, load_params(None, {**given, "region.islands": False}))
+    both, alone = (segment(even, {**given, "region.islands": islands}) for islands in (True, False))
     assert both.source == alone.source == "prior"
     assert len(both.contours) == 2
     assert len(alone.contours) == 1
@@ -72,8 +70,8 @@ def test_the_contour_takes_islands_where_the_prior_decides() -> None:
 def test_a_part_outside_the_domain_gets_none() -> None:
     domain = np.full(SHAPE, 255, np.uint8)
     domain[:, 110:] = 0
-    params = load_params(None, {"init.center": [50, 60], "init.radius": 10})
-    assert len(segment(np.full((*SHAPE, 3), 120, np.uint8), params, domain=domain).contours) == 1
+    start = {"init.center": [50, 60], "init.radius": 10}
+    assert len(segment(np.full((*SHAPE, 3), 120, np.uint8), start, domain=domain).contours) == 1
 
 
 def test_parts_behind_narrow_places_get_a_start() -> None:
