@@ -233,18 +233,10 @@ def at_the_page(work: Path, tab: chromium.Chromium, truths: dict[str, Picture]) 
 
 
 def write_film(frames: list[tuple[Image.Image, int]], path: Path) -> None:
-    (first, _), *rest = frames
-    first.save(
-        path,
-        save_all=True,
-        append_images=[frame for frame, _ in rest],
-        duration=[ms for _, ms in frames],
-        loop=0,
-        quality=55,
-        method=6,
-        minimize_size=True,
-    )
-    say(f"{path}: {path.stat().st_size / 1e6:.2f} MB, {len(frames)} frames, {sum(ms for _, ms in frames) / 1e3:.0f} s")
+    (first, *others), times = zip(*frames, strict=True)
+    small = {"quality": 55, "method": 6, "minimize_size": True}
+    first.save(path, save_all=True, append_images=others, duration=list(times), loop=0, **small)
+    say(f"{path}: {path.stat().st_size / 1e6:.2f} MB, {len(frames)} frames, {sum(times) / 1e3:.0f} s")
 
 
 def main(work: harness.Work, images: int = 200, first: int = 10, mended: int = 10, film: Path | None = None) -> int:
@@ -257,9 +249,8 @@ def main(work: harness.Work, images: int = 200, first: int = 10, mended: int = 1
     with chromium.Chromium(program, work / "profile", WINDOW) as tab, at_the_page(work, tab, truths) as stranger:
         if film:
             stranger.filmed = True
-            tab.value(
-                "document.getElementById('command').style.visibility = 'hidden'"
-            )  # it names this machine's folders
+            # it names this machine's folders
+            tab.value("document.getElementById('command').style.visibility = 'hidden'")
         walk(stranger, first, mended)
     say(
         f"{sum(stranger.clicks)} clicks in {len(stranger.clicks)} images {stranger.clicks}; "

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import DEFAULT, Mock
 
 import cv2
 import numpy as np
@@ -19,9 +20,8 @@ from ffseg.io.overlays import Polyline
 from ffseg.io.panels import STRIP, TILE_WIDTH, Tile, encode_panel
 from ffseg.parameters import load_params
 from ffseg.peer_parameters import PeerParameters
-from ffseg.pipeline import segment
 from ffseg.result import Segmentation, Timings
-from ffseg.scene import Scene, Stats
+from ffseg.scene import Stats
 from tests.discs import write_case
 
 
@@ -64,23 +64,19 @@ def test_rows_files_and_panel(case: Path) -> None:
 
 def test_all_methods_have_the_same_edges_and_starts(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The start lies across the disc's border and is moved: once, for all."""
-    seen = []
-
-    def watched(scene: Scene) -> Segmentation:
-        seen.append(scene)
-        return segment(scene)
-
+    watched = Mock(wraps=work.segment)
     monkeypatch.setattr(work, "segment", watched)
     task = replace(task_of(case, "freeform,levelset,cv_edges", **{"init.center": [84, 45], "init.radius": 8}), repeat=1)
     rows = work.compare(task, silent)
     assert [(row.source, row.start_moved) for row in rows] == [("gradient", "yes")] * 3
-    assert len({id(scene.edges) for scene in seen}) == 1
-    (circles,) = {scene.params.init.circles for scene in seen}
+    scenes = [call.args[0] for call in watched.call_args_list]
+    assert len({id(scene.edges) for scene in scenes}) == 1
+    (circles,) = {scene.params.init.circles for scene in scenes}
     assert len(circles) == 1
     assert "same edge map (source gradient, sigma 1.5 px)" in (case / "out" / "compare.md").read_text()
-    seen.clear()
+    watched.reset_mock()
     work.compare(replace(task, own_edges=True), silent)
-    assert not any(scene.edges_given for scene in seen)
+    assert not any(call.args[0].edges_given for call in watched.call_args_list)
 
 
 def test_what_a_method_may_not_see_no_other_sees() -> None:
@@ -154,24 +150,14 @@ def test_one_comparison_at_a_time_in_a_folder(case: Path) -> None:
 
 
 def test_the_median_of_the_times_counts(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    task, calls = task_of(case, "freeform"), []
-    plain = work.segment
-
-    def counted(*args: object, **kwargs: object) -> object:
-        calls.append(1)
-        return plain(*args, **kwargs)  # type: ignore[arg-type]
-
+    counted = Mock(wraps=work.segment)
     monkeypatch.setattr(work, "segment", counted)
-    work.compare(task, silent)
-    assert len(calls) == 2
+    work.compare(task_of(case, "freeform"), silent)
+    assert counted.call_count == 2
 
 
 def test_a_method_that_fails_leaves_the_others(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-
-    def broken(*args: object, **kwargs: object) -> None:
-        raise RuntimeError("package\nbroke")
-
-    monkeypatch.setattr("ffseg.methods.peers.cv_edges", broken)
+    monkeypatch.setattr("ffseg.methods.peers.cv_edges", Mock(side_effect=RuntimeError("package\nbroke")))
     rows = work.compare(task_of(case, "cv_edges,freeform"), silent)
     assert [row.status for row in rows] == ["failed", "ok"]
     assert rows[0].error == "internal: RuntimeError: package broke"
@@ -201,14 +187,7 @@ def test_an_image_without_memory_fails_alone(place: str, case: Path, monkeypatch
     """It ended the comparison, and the images after it were not compared."""
     write_case(case, "second.png")
     task = replace(task_of(case, "cv_edges"), repeat=1)
-    real, calls = getattr(work, place), []
-
-    def starved(*given: object, **named: object) -> object:
-        calls.append(given)
-        if len(calls) == 1:
-            raise MemoryError
-        return real(*given, **named)
-
+    starved = Mock(wraps=getattr(work, place), side_effect=[MemoryError, *[DEFAULT] * 9])
     monkeypatch.setattr(work, place, starved)
     first, second = work.compare(task, silent)
     assert (first.status, first.error) == ("failed", "out-of-memory: there is not enough memory for it; scale it down")

@@ -15,8 +15,9 @@ GAPS = [12, 588, 1464, 2928, 3888, 6036, 6312, 8196, 10752]
 """Walls that were found to leak through 5 px and hold at 6, or to lose the contour; 3888 and 10752 held at 9 and 12 px, where
 samples moved aslant past each other, 6312 and 8196 at 5, where the curve had too few samples to follow its tip; in 6036 folded
 patches of degree 6 flipped each other until there were too many."""
-BENDS = [1732, 2918, 7222]
-"""Passages whose ends settling cut off: the curve bent away from its few samples by more than its reach."""
+BENDS = [1732, 2918, 7222, 8833]
+"""Passages whose ends settling cut off: the curve bent away from its few samples by more than its reach; in the last one, of
+degree 6, it oscillated through a wall."""
 
 
 def test_passages_are_filled(request: pytest.FixtureRequest) -> None:
@@ -28,10 +29,6 @@ def test_passages_are_filled(request: pytest.FixtureRequest) -> None:
 @pytest.mark.parametrize("seed", BENDS)
 def test_settling_follows_the_curve_where_samples_are_few(seed: int) -> None:
     assert corridors.passage(seed).faults == ()
-
-
-def test_a_curve_of_high_degree_does_not_oscillate_through_a_wall() -> None:
-    assert corridors.passage(8833).faults == ()  # degree 6
 
 
 @pytest.mark.parametrize("seed", GAPS)

@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from statistics import mean
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -206,20 +207,13 @@ def test_only_clicks_inside_are_looked_from_anew(monkeypatch: pytest.MonkeyPatch
     image, _ = halves()
     first = np.zeros(image.shape[:2], np.bool_)
     first[76:85, 36:45] = True
-    looked: list[int] = []
-
-    def look(*given: object) -> object:
-        looked.append(1)
-        return seen(*given)
-
-    seen = prior.look
+    look = Mock(wraps=prior.look)
     monkeypatch.setattr(prior, "look", look)
     asked = Asked(image, first, np.zeros_like(first), None, 0.0, None)
     outside = [Click(200.0, 80.0, 6.0, False), Click(210.0, 40.0, 6.0, False)]
-    assert corrected(asked, [], outside) is not None
-    assert len(looked) == 1
-    assert corrected(asked, [Click(60.0, 40.0, 6.0, True)], outside) is not None
-    assert len(looked) == 2
+    for circles, looks in (([], 1), ([Click(60.0, 40.0, 6.0, True)], 2)):
+        assert corrected(asked, circles, outside) is not None
+        assert look.call_count == looks
 
 
 def test_a_mask_of_what_lies_outside_may_be_a_single_pixel() -> None:
