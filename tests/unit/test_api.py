@@ -176,7 +176,6 @@ def test_the_domain_of_an_edge_map_may_hold_truth_values() -> None:
     domain = np.zeros(DISC.shape, np.bool_)
     domain[:, :60] = True
     found = ffseg.edge_map(DISC, EDGES, domain)
-    assert found.domain is not None
     assert (found.domain.dtype, np.array_equal(found.domain > 0, domain)) == (np.uint8, True)
     assert found.thresholds == ffseg.edge_map(DISC, EDGES, np.where(domain, np.uint8(255), np.uint8(0))).thresholds
 

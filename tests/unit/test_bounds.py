@@ -36,10 +36,8 @@ def mirror(shape: tuple[int, int], circle: tuple[float, float, float], surround:
 )
 def test_the_disc_is_found_to_a_hundredth(shape, circle, surround: int) -> None:
     found = valid_disc(mirror(shape, circle, surround))
-    assert found is not None
     assert np.abs(np.array([found.x, found.y, found.radius]) - circle).max() < 0.012 * circle[2]
     grey = valid_disc(mirror(shape, circle, surround).max(axis=2))
-    assert grey is not None
     assert grey.radius == pytest.approx(found.radius, rel=0.01)
 
 
@@ -77,7 +75,6 @@ def test_a_reflection_beside_the_disc_does_not_hide_it() -> None:
     image = mirror((300, 400), (170.0, 150.0, 100.0))
     image[146:154, 290:298] = 230  # the box round what is bright is wider than high
     found = valid_disc(image)
-    assert found is not None
     assert found.radius == pytest.approx(100, rel=0.02)
 
 
@@ -134,7 +131,6 @@ def test_free_pixels_and_their_room() -> None:
     assert room[20, 17] == 12.0
     assert room[0, 45] == 1.0  # the border of the image
     left = ground_under(free, np.indices((40, 60))[1] < 31)
-    assert left is not None
     assert np.nonzero(left[20])[0].tolist() == list(range(5, 29))
     assert ground_under(free, np.indices((40, 60))[1] < 4) is None
 

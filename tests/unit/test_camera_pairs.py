@@ -197,9 +197,7 @@ def test_ground_motion_from_nothing_is_the_true_one() -> None:
     rough = next(search_ground_motions(rendered.camera, *images, free))
     evidence = gathered(rendered.camera, images[0], Scenery(free))
     looks = ("half", "full", "full")
-    fit = fit_ground(rendered.camera, rough, prior_sigmas(0.1, 0.04), images, evidence, looks)
-    assert fit is not None
-    found = fit.motion
+    found = fit_ground(rendered.camera, rough, prior_sigmas(0.1, 0.04), images, evidence, looks).motion
     true = planar_parameters(rendered.camera, relative_motion(*true_poses(rendered)))
     error = planar_parameters(rendered.camera, found) - true
     # Five of its own standard deviations: it says what it does not know.
@@ -227,7 +225,6 @@ def test_poses_that_the_ground_contradicts_are_not_believed(scale: float) -> Non
 def test_bare_ground_leaves_the_poses_as_they_are() -> None:
     flat = np.full_like(pair(3).current.image, 120)
     found = motion_of(flat, flat, true_poses(pair(3)))
-    assert found.motion is not None
     assert found.motion.origin == "poses"
     assert motion_of(flat, flat, None).motion is None
 

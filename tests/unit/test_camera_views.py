@@ -40,7 +40,6 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     assert {line.kind for line in drawn} >= {"agrees", "differs"}
     assert len(frame.samples) > 0
     # A dot and a residual for each point that agrees, a dot for each that differs, two strokes for each sample.
-    assert frame.fit is not None
     assert len(drawn) == len(frame.fit.inliers) + frame.fit.count + 2 * len(frame.samples)
     places = [line.points.mean(axis=0) for line in drawn if len(line.points) == 4]
     assert np.array(places) == pytest.approx(frame.fit.tracks.current)

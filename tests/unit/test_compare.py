@@ -55,7 +55,6 @@ def test_rows_files_and_panel(case: Path) -> None:
     assert tuple(written)[: len(COMPARED)] == COMPARED
     assert float(written["total_ms"]) >= float(written["evolve_ms"]) > 0
     panel = cv2.imread(str(case / "out" / "panels" / "disc.png"))
-    assert panel is not None
     assert panel.shape == (STRIP + 300, 4 * TILE_WIDTH, 3)
     page = (case / "out" / "compare.md").read_text(encoding="utf-8")
     assert "| freeform (FF) |" in page
@@ -277,7 +276,6 @@ def test_panels_hold_any_number_of_tiles() -> None:
     for count, shape in ((1, (1, 1)), (4, (1, 4)), (5, (2, 4))):
         tiles = [Tile("method", np.ones((30, 40), bool), [square])] * count
         panel = cv2.imdecode(np.frombuffer(encode_panel(image, tiles), np.uint8), cv2.IMREAD_COLOR)
-        assert panel is not None
         assert panel.shape[:2] == (shape[0] * (STRIP + 300), shape[1] * TILE_WIDTH)
     empty = encode_panel(image[..., 0], [Tile("failed", None, ())])
     assert len(empty) > 100

@@ -26,7 +26,6 @@ def sampled(share: float) -> Samples:
 @pytest.mark.parametrize(("share", "found"), [(0.8, True), (0.7, False)])
 def test_one_mask_asks_the_prior_where_it_serves(share: float, found: bool) -> None:
     decided = asking([sampled(share)])
-    assert decided is not None
     assert (decided.asked, decided.enough, decided.taught) == (found, enough_of(1), None)
     assert decided.prior == pytest.approx(share)
 
@@ -41,7 +40,6 @@ def test_more_masks_ask_it_where_it_adds_to_what_they_teach_each_other(
     monkeypatch.setattr("ffseg.learning.training._told_by_others", lambda _, corrected: told)
     chosen = [sampled(share)] * count
     decided = asking(chosen)
-    assert decided is not None
     assert decided.asked is found
     assert (decided.taught, decided.both) == (pytest.approx(taught, abs=0.01), pytest.approx(share, abs=0.01))
     assert asking([*chosen, Samples(chosen[0].rows, chosen[0].inside)]) is None
@@ -80,7 +78,6 @@ def test_learning_decides_and_says_so(sign: int) -> None:
 def test_samples_hold_the_odds_of_their_own_pixels() -> None:
     """Of the start and the place of each: pixels inside are told from others as the prior tells them."""
     one = samples(example(1))
-    assert one.prior is not None
     overlap = np.count_nonzero((one.prior >= 0) & one.inside) / np.count_nonzero((one.prior >= 0) | one.inside)
     assert overlap > 0.8
 

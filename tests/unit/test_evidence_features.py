@@ -91,7 +91,6 @@ def test_a_model_may_hold_a_second_forest(tmp_path: Path) -> None:
     (tmp_path / "a.ffmodel").write_bytes(to_bytes(both))
     again = load_model(tmp_path / "a.ffmodel")
     assert again.size == 300
-    assert again.start is not None
     assert again.start.arrays["threshold"].tolist() == [0.25]
     assert again.inside.arrays["threshold"].tolist() == [0.5]
 

@@ -62,7 +62,6 @@ def test_two_masks_teach_what_is_inside() -> None:
 
 def test_the_second_forest_needs_no_start() -> None:
     model = learn([samples(example(seed)) for seed in (1, 2)])
-    assert model.start is not None
     one = example(3)
     anywhere = features(model.shown(one.image), disc(5, 5, 3))
     assert iou(model.start.probability(anywhere.planes) > 0.5, one.truth) > 0.8

@@ -59,7 +59,6 @@ def test_points_on_edges_count_across_them_only(monkeypatch: pytest.MonkeyPatch)
     off = np.random.default_rng(3).uniform(-6, 6, 60)
     information = across[:, :, None] * across[:, None] / SIGMA**2 + 1e-9 * np.eye(2)
     fit = fitted(monkeypatch, current, seen(current) + off[:, None] * along, information)
-    assert fit is not None
     assert fit.count == 60
     np.testing.assert_allclose(fit.offset[:3], SHIFT[:3], atol=5e-4)  # the prior holds a little, and slopes are linear
 
@@ -69,7 +68,6 @@ def test_a_motion_stands_out_among_points_that_each_go_their_own_way(monkeypatch
     previous = seen(current)
     previous[:55] += np.random.default_rng(5).uniform(10, 200, (55, 2))
     fit = fitted(monkeypatch, current, previous)
-    assert fit is not None
     assert fit.inliers.tolist() == [False] * 55 + [True] * 45
     np.testing.assert_allclose(fit.offset[:3], SHIFT[:3], atol=5e-4)
 
@@ -80,7 +78,6 @@ def test_a_point_counts_up_to_three_and_a_half_standard_deviations(monkeypatch: 
     previous[0, 0] += 3.4 * SIGMA
     previous[1, 0] -= 3.7 * SIGMA
     fit = fitted(monkeypatch, current, previous)
-    assert fit is not None
     assert fit.inliers.tolist() == [True, False] + [True] * 198
 
 
@@ -107,14 +104,12 @@ def test_the_doubt_about_a_component_is_the_fit_of_all_others(monkeypatch: pytes
     previous = seen(current) + np.random.default_rng(9).normal(0, SIGMA, (90, 2))
     previous[:20] += 0.15  # a thing of its own mind, but not so much as to be left out
     fit = fitted(monkeypatch, current, previous, owner=owner)
-    assert fit is not None
     assert fit.inliers.all()
     doubt = fit.without(count)
     assert doubt.known.tolist() == [True, True]
     for component in range(count):
         others = owner != component
         alone = fitted(monkeypatch, current[others], previous[others], owner=owner[others])
-        assert alone is not None
         assert alone.inliers.all()
         moved = np.sqrt(np.diag(doubt.covariances[component]))
         # To a twentieth of a standard deviation: the motion is linear only so far from where it was fitted.
@@ -129,7 +124,6 @@ def test_a_component_is_not_judged_by_a_motion_that_only_it_gives(monkeypatch: p
     for others, known in ((7, False), (8, True)):
         own = current[: 19 + others]
         fit = fitted(monkeypatch, own, seen(own), owner=np.array([0] * 19 + [FREE] * others))
-        assert fit is not None
         assert fit.without(1).known.tolist() == [known]
 
 

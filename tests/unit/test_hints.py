@@ -141,21 +141,15 @@ def told(said: NDArray[np.float32], circles: list[Click], points: list[Click] = 
     image = np.random.default_rng(3).integers(100, 140, (*said.shape, 3), np.uint8)
     y, x = np.ogrid[: said.shape[0], : said.shape[1]]
     inside = np.hypot(x - 20, y - 60) <= 6
-    found = corrected(Asked(image, inside, np.zeros_like(inside), said, 0.0, None), circles, points)
-    assert found is not None
-    return found
+    return corrected(Asked(image, inside, np.zeros_like(inside), said, 0.0, None), circles, points)
 
 
-def shows(monkeypatch: pytest.MonkeyPatch, *odds: float) -> list[int]:
-    """Let the forest show such log odds everywhere, one after another; how often it was asked."""
-    asked: list[int] = []
-
-    def shown(_image: object, _inside: object, _outside: object, click: hints.Correction, _said: object) -> object:
-        asked.append(len(asked))
-        return np.full_like(click.before, odds[len(asked) - 1]), click.before
-
-    monkeypatch.setattr("ffseg.evidence.hints.hints", shown)
-    return asked
+def shows(monkeypatch: pytest.MonkeyPatch, *odds: float) -> Mock:
+    """Let the forest show such log odds everywhere, one after another."""
+    left = iter(odds)
+    forest = Mock(side_effect=lambda *given: (np.full_like(given[3].before, next(left)), given[3].before))
+    monkeypatch.setattr("ffseg.evidence.hints.hints", forest)
+    return forest
 
 
 def test_a_click_counts_near_where_it_lies_only(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -228,11 +222,11 @@ def test_a_mask_of_what_lies_outside_may_be_a_single_pixel() -> None:
 
 def test_one_click_more_asks_the_forest_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
     said = np.where(np.arange(240) < 42, np.float32(3), np.float32(-3))[None].repeat(120, axis=0)
-    asked = shows(monkeypatch, 5.0, 4.0, 3.0)
+    forest = shows(monkeypatch, 5.0, 4.0, 3.0)
     clicks = [Click(x, 60.0, 4.0, True) for x in (60.0, 120.0, 180.0)]
     for number in (1, 2, 3, 3):
         told(said, clicks[:number])
-    assert len(asked) == 3
+    assert forest.call_count == 3
 
 
 def test_a_map_that_takes_the_first_start_for_outside_does_not_count() -> None:

@@ -49,7 +49,6 @@ def test_records_come_back_in_a_later_run(tmp_path: Path) -> None:
     assert list(map(second.get, NAMES)) == [_record(NAMES[0], "2"), _record(NAMES[1]), _record(NAMES[2])]
     second.close()
     header = read_header(str(tmp_path / ".ffseg"))
-    assert header is not None
     assert header["parameters"] == {"x": 1}
 
 
@@ -155,7 +154,6 @@ with OutputLock(sys.argv[1]):
 
 def test_lock_is_held_by_one_process_and_dies_with_it(tmp_path: Path) -> None:
     holder = subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE)
-    assert holder.stdout is not None
     assert holder.stdout.readline() == b"held\n"
     with pytest.raises(UsageError, match="another ffseg run"), OutputLock(str(tmp_path)):
         pass
