@@ -136,8 +136,7 @@ def costs(rounds: int = 25) -> bool:
 
 def main(drives: int = 12, frames: int = 20, nod: float = 0.0, cost: bool = False) -> int:
     """Run what is asked for; 1 when a promise is not kept."""
-    kept = costs() if cost else reliability(drives, frames, nod)
-    return int(not kept)
+    return int(not (costs() if cost else reliability(drives, frames, nod)))
 
 
 if __name__ == "__main__":

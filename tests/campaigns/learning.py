@@ -50,8 +50,7 @@ def evaluate(photographs: Sequence[Photograph], chosen: Sequence[Samples], masks
     """Say the figures of one set."""
     folder, count = photographs[0].folder, len(photographs)
     pool = range(0, count, 2 if folder == "road" else 1)
-    plain = mean(overlap(one, None) for one in photographs)
-    print(f"{folder}: {count} images, without a model {plain:.3f}")
+    print(f"{folder}: {count} images, without a model {mean(overlap(one, None) for one in photographs):.3f}")
     for number in masks:
         if number > len(pool) or number >= count:
             continue

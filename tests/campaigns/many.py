@@ -58,8 +58,7 @@ def campaign(
         if done > first / 2:  # every worker has loaded what it needs
             (late if done > first else early).append(memory)
     code = process.returncode
-    at_first = max(early or late[:1])
-    return Figures(images, time.monotonic() - begin, at_first, max(late[:-2] or [0.0]), code)
+    return Figures(images, time.monotonic() - begin, max(early or late[:1]), max(late[:-2] or [0.0]), code)
 
 
 if __name__ == "__main__":

@@ -244,8 +244,7 @@ def test_an_image_is_taken_as_the_libraries_that_read_it_hand_it_out(
 def test_a_range_makes_an_image_of_any_numbers() -> None:
     plain = ffseg.segment(DISC, SMALL).mask
     for typed, levels in ((DISC.astype(np.uint16) * 16, [0, 4080]), (DISC * 100.0 - 7, [-7, 25_493]), (DISC, [0, 9])):
-        found = ffseg.segment(typed, {**SMALL, "input.range": levels})
-        assert np.array_equal(found.mask, plain)
+        assert np.array_equal(ffseg.segment(typed, {**SMALL, "input.range": levels}).mask, plain)
     with pytest.raises(ffseg.ParameterError, match=r"input.range: \[9, 9\] is not .*, ascending and apart"):
         ffseg.segment(DISC / 255, {"input.range": [9, 9]})
 

@@ -112,8 +112,7 @@ def test_a_bag_runs_as_its_images_and_poses_do(
     assert ffseg_command("run", tmp_path / "views", *options, *posed, "--out", tmp_path / "files").returncode == 0
     for path in (tmp_path / "files").rglob("*.p[gn]*"):
         assert (tmp_path / "out" / path.relative_to(tmp_path / "files")).read_bytes() == path.read_bytes(), path
-    again = json.loads(ffseg_command(*asked, "--out", tmp_path / "out", "--json").stdout)
-    assert again["counts"]["unchanged"] == COUNT
+    assert json.loads(ffseg_command(*asked, "--out", tmp_path / "out", "--json").stdout)["counts"]["unchanged"] == COUNT
     check_bag_out(tmp_path / "out")
 
 

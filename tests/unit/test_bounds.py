@@ -37,8 +37,7 @@ def mirror(shape: tuple[int, int], circle: tuple[float, float, float], surround:
 def test_the_disc_is_found_to_a_hundredth(shape, circle, surround: int) -> None:
     found = valid_disc(mirror(shape, circle, surround))
     assert np.abs(np.array([found.x, found.y, found.radius]) - circle).max() < 0.012 * circle[2]
-    grey = valid_disc(mirror(shape, circle, surround).max(axis=2))
-    assert grey.radius == pytest.approx(found.radius, rel=0.01)
+    assert valid_disc(mirror(shape, circle, surround).max(axis=2)).radius == pytest.approx(found.radius, rel=0.01)
 
 
 def test_ordinary_images_have_no_disc() -> None:
@@ -74,8 +73,7 @@ def test_a_thing_that_is_nearly_round_is_no_disc(long: int, lopsided: int) -> No
 def test_a_reflection_beside_the_disc_does_not_hide_it() -> None:
     image = mirror((300, 400), (170.0, 150.0, 100.0))
     image[146:154, 290:298] = 230  # the box round what is bright is wider than high
-    found = valid_disc(image)
-    assert found.radius == pytest.approx(100, rel=0.02)
+    assert valid_disc(image).radius == pytest.approx(100, rel=0.02)
 
 
 def test_discs_of_real_images(data_folder: Path) -> None:

@@ -176,8 +176,7 @@ def test_csv_poses_are_found_by_name(tmp_path: Path, camera: Camera) -> None:
     poses = load_poses(path, ["a.png", "b.png", "c.png"], camera)
     assert list(poses) == ["a.png", "b.png"]
     assert poses["b.png"].position.tolist() == [1, 2, 0]
-    direction = poses["b.png"].rotation @ [1.0, 0.0, 0.0]
-    assert direction == pytest.approx([np.cos(0.5), np.sin(0.5), 0])
+    assert (poses["b.png"].rotation @ [1.0, 0.0, 0.0]) == pytest.approx([np.cos(0.5), np.sin(0.5), 0])
 
 
 def test_tum_trajectory_in_image_order(tmp_path: Path, camera: Camera) -> None:
@@ -253,8 +252,7 @@ def test_the_lines_a_lens_file_is_told_to_be_named_by_make_a_camera(name: str, t
         load_mounted_camera(write(tmp_path, text, name))
     lines = re.findall(r"'([^']+)'", str(caught.value))
     assert lines == [f"model: {model}", f"file: {name}", "mount_height: METRES"]
-    camera = load_mounted_camera(write(tmp_path, "\n".join(lines).replace("METRES", "1.5")))
-    assert camera.mounting() == 1.5
+    assert load_mounted_camera(write(tmp_path, "\n".join(lines).replace("METRES", "1.5"))).mounting() == 1.5
 
 
 def test_a_camera_file_without_a_height_is_told_the_key(tmp_path: Path) -> None:

@@ -123,8 +123,7 @@ def test_hopeless_candidates_keep_the_score_of_every_second_sample() -> None:
 
 
 def test_information_is_limited_as_if_noise_were_added() -> None:
-    random = np.random.default_rng(10)
-    root = random.normal(0, 3, (50, 2, 2))
+    root = np.random.default_rng(10).normal(0, 3, (50, 2, 2))
     information = root @ np.swapaxes(root, 1, 2)
     expected = np.linalg.inv(np.linalg.inv(information) + 0.2**2 * np.eye(2))
     assert limited(information, 0.2) == pytest.approx(expected, rel=1e-6, abs=1e-9)

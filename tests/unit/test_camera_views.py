@@ -34,8 +34,7 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     )
     merged = merged_segmentation(frame)
     assert (merged.mask & pair.current.truth).sum() / (merged.mask | pair.current.truth).sum() > 0.985
-    lines = overlay_lines(frame, 0.1)
-    assert {line.kind for line in lines} == {"outer", "obstacle", "false"}
+    assert {line.kind for line in overlay_lines(frame, 0.1)} == {"outer", "obstacle", "false"}
     drawn = evidence_lines(frame)
     assert {line.kind for line in drawn} >= {"agrees", "differs"}
     assert len(frame.samples) > 0

@@ -54,8 +54,7 @@ def test_rows_files_and_panel(case: Path) -> None:
     written = table(case / "out" / "compare.csv")[0]
     assert tuple(written)[: len(COMPARED)] == COMPARED
     assert float(written["total_ms"]) >= float(written["evolve_ms"]) > 0
-    panel = cv2.imread(str(case / "out" / "panels" / "disc.png"))
-    assert panel.shape == (STRIP + 300, 4 * TILE_WIDTH, 3)
+    assert cv2.imread(str(case / "out" / "panels" / "disc.png")).shape == (STRIP + 300, 4 * TILE_WIDTH, 3)
     page = (case / "out" / "compare.md").read_text(encoding="utf-8")
     assert "| freeform (FF) |" in page
     assert "configs/peers.yaml, chosen on drawn scenes, or of `--peers`:\ncv_edges: sigma " in page
@@ -277,8 +276,7 @@ def test_panels_hold_any_number_of_tiles() -> None:
         tiles = [Tile("method", np.ones((30, 40), bool), [square])] * count
         panel = cv2.imdecode(np.frombuffer(encode_panel(image, tiles), np.uint8), cv2.IMREAD_COLOR)
         assert panel.shape[:2] == (shape[0] * (STRIP + 300), shape[1] * TILE_WIDTH)
-    empty = encode_panel(image[..., 0], [Tile("failed", None, ())])
-    assert len(empty) > 100
+    assert len(encode_panel(image[..., 0], [Tile("failed", None, ())])) > 100
 
 
 def test_the_error_of_a_method_is_a_row(case: Path) -> None:

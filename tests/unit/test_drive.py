@@ -46,8 +46,7 @@ def expected(folder: Path, *, posed: bool, params: ParametersLike = None) -> dic
     poses = ffseg.load_poses(folder / "poses.csv", NAMES, camera) if posed else {}
     sequence, grid = ffseg.Sequence(camera, params, mapped=True), ffseg.OccupancyMap()
     for name in NAMES:
-        image = ffseg.read_image(folder / "views" / name)
-        assert grid.add(sequence.feed(image, poses.get(name)), poses.get(name))
+        assert grid.add(sequence.feed(ffseg.read_image(folder / "views" / name), poses.get(name)), poses.get(name))
     ways = grid.skeleton(camera.footprint)
     return {f"map/{name}": data for name, data in (grid.files(ways) | ways.files()).items()}
 
@@ -151,8 +150,7 @@ def test_a_drive_over_ground_that_encloses_nothing_is_mapped_without_poses(
     poses = drive_poses()[:4]
     (tmp_path / "views").mkdir()
     for number, pose in enumerate(poses):
-        image = render(scene, camera, pose, number, subsamples=1).image
-        cv2.imwrite(str(tmp_path / "views" / f"{number}.png"), image)
+        cv2.imwrite(str(tmp_path / "views" / f"{number}.png"), render(scene, camera, pose, number, subsamples=1).image)
     (tmp_path / "camera.yaml").write_text(DRIVE_CAMERA)
     done = ffseg_command(*asked(tmp_path, "out"))
     assert done.returncode == 0

@@ -97,8 +97,7 @@ def test_canny_is_that_of_the_twin(image: np.ndarray, low: int, above: int) -> N
 
 @pytest.mark.parametrize("channels", [1, 3])
 def test_thresholds_follow_the_noise(channels: int) -> None:
-    rng = np.random.default_rng(3)
-    image = np.clip(rng.normal(120, 12, (200, 300, channels)), 0, 255).astype(np.uint8).squeeze()
+    image = np.clip(np.random.default_rng(3).normal(120, 12, (200, 300, channels)), 0, 255).astype(np.uint8).squeeze()
     gradient, edges = native(image, 1.0)
     quiet = _core.canny_auto(gradient, None, 5.5 / 1.1774, 48.0, 0.5, 2.0, edges)
     assert abs(quiet - np.median(gradient)) < 0.1 * np.median(gradient)

@@ -76,8 +76,7 @@ def test_a_map_of_another_size_fails_its_image(tmp_path: Path, asked: Words, ffs
     maps = written(tmp_path / "maps")
     cv2.imwrite(str(maps / "b.png"), np.zeros((5, 5), np.uint8))
     assert ffseg_command(*asked, maps).returncode == 3
-    table = (tmp_path / "out" / "timings.csv").read_text()
-    assert "the map of evidence has 5 x 5 pixels, the image 80 x 60" in table
+    assert "the map of evidence has 5 x 5 pixels, the image 80 x 60" in (tmp_path / "out" / "timings.csv").read_text()
 
 
 def test_an_image_without_a_map_is_refused_before_the_first(

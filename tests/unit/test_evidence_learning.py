@@ -182,8 +182,7 @@ def test_one_mask_corrects_the_base_and_trusts_open_ground(
 ) -> None:
     monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: enough)
     one = learn([samples(example(1))], searched=False)
-    last = one.inside.arrays["feature"][-1]
-    assert one.inside.features[last] == TRUSTED
+    assert one.inside.features[one.inside.arrays["feature"][-1]] == TRUSTED
     assert one.inside.arrays["value"][-2:].tolist() == [-TRUST, TRUST]
     assert len(one.inside.arrays["root"]) == len(base().arrays["root"]) + 2 * round(PART * trees) + 1
     assert iou(predicted(one, example(2)) > 0.5, example(2).truth) > 0.8

@@ -24,8 +24,7 @@ def test_a_perfect_map_gives_the_truth(name: str, seen: bool) -> None:
 
 @pytest.mark.parametrize("value", [0.0, 0.3, 0.5, 0.9, 1.0])
 def test_an_even_map_adds_nothing(value: float) -> None:
-    image = SCENES["simple"]().image
-    edges = edge_map(image, Edges())
+    edges = edge_map(SCENES["simple"]().image, Edges())
     even = np.full(edges.edges.shape, value, np.float32)
     assert evidence_edges(even, edges) is edges
     assert strength_edges(even, edges) is edges
@@ -104,8 +103,7 @@ def test_edge_strength_stops_the_contour_on_its_ridge() -> None:
 def test_maps_of_a_few_pixels(shape: tuple[int, int]) -> None:
     image = np.zeros(shape, np.uint8)
     probability = np.linspace(0, 1, shape[0] * shape[1], dtype=np.float32).reshape(shape)
-    found = evidence_edges(probability, edge_map(image, Edges()))
-    assert found.edges.shape == shape
+    assert evidence_edges(probability, edge_map(image, Edges())).edges.shape == shape
 
 
 def test_the_native_level_refuses_what_is_not_finite() -> None:

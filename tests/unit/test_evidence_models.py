@@ -54,8 +54,7 @@ def forest(tmp_path: Path) -> str:
 
 def test_a_forest_stops_the_contour_where_it_says(forest: str) -> None:
     image, truth = red_disc()
-    own = ffseg.segment(image, START)
-    assert iou(own.mask, truth) < 0.8, "the line across stops what knows only edges"
+    assert iou(ffseg.segment(image, START).mask, truth) < 0.8, "the line across stops what knows only edges"
     assert iou(ffseg.segment(image, {**START, "edges.model": forest}).mask, truth) > 0.97
 
 
@@ -72,8 +71,7 @@ def test_the_start_lies_in_the_largest_sure_region(forest: str) -> None:
     assert np.hypot(x - 90, y - 50) < 4
     assert 10 < radius < 20
     assert model_start(image, model, 5.0)[2] == 5.0  # type: ignore[index]
-    nowhere = Model(model.inside, stump("x", -1.0, -4))
-    assert model_start(image, nowhere, 5.0) is None
+    assert model_start(image, Model(model.inside, stump("x", -1.0, -4)), 5.0) is None
     assert model_start(image, Model(model.inside), 5.0) is None
 
 
@@ -108,8 +106,7 @@ def test_the_input_of_a_network_is_made_as_asked(tmp_path: Path) -> None:
     path = tmp_path / "red.onnx"
     path.write_bytes(pointwise([[-20, 0, 20]], [0]))  # blue, green, red
     keys = {"network.rgb": False, "network.size": [65, 45], "network.mean": [10, 10, 10], "network.output": "out"}
-    found = ffseg.segment(image, {**START, "edges.model": str(path), **keys})
-    assert iou(found.mask, truth) > 0.95  # at half its size
+    assert iou(ffseg.segment(image, {**START, "edges.model": str(path), **keys}).mask, truth) > 0.95  # at half its size
 
 
 @pytest.mark.parametrize(("key", "value"), [("network.output", "nothing"), ("network.channel", 5)])

@@ -200,8 +200,7 @@ def test_a_phone_held_upright_gives_upright_frames(tmp_path: Path) -> None:
             if packet.dts is not None:
                 packet.stream = track
                 film.mux(packet)
-    first = read_source(discover([str(tmp_path / "turned.mp4")])[0])
-    assert first.shape[:2] == (80, 60)
+    assert read_source(discover([str(tmp_path / "turned.mp4")])[0]).shape[:2] == (80, 60)
 
 
 def test_a_mirrored_film_is_mirrored(tmp_path: Path) -> None:
@@ -247,8 +246,7 @@ def test_a_film_cut_without_coding_it_anew_has_the_frames_that_players_show(tmp_
 def test_a_cut_animation_costs_itself_alone(tmp_path: Path) -> None:
     cut(write_animation(tmp_path / "a.gif", pictures(6, noise=30)), 0.6)
     (tmp_path / "a.gif").unlink()
-    done = run_batch(tmp_path / "cut.gif", tmp_path / "out", executor=INPROCESS, film=True)
-    assert done.failed >= 1
+    assert run_batch(tmp_path / "cut.gif", tmp_path / "out", executor=INPROCESS, film=True).failed >= 1
     assert "damaged" in (tmp_path / "out" / "timings.csv").read_text()
 
 

@@ -43,8 +43,7 @@ def holes_of(result: ffseg.Segmentation) -> int:
 )
 def test_random_scenes(overrides: dict[str, object], request: pytest.FixtureRequest) -> None:
     seeds = range(LONG if request.config.getoption("--long") else SHORT)
-    faults = [o for o in (stress.check(seed, overrides) for seed in seeds) if o.faults]
-    assert faults == []
+    assert [o for o in (stress.check(seed, overrides) for seed in seeds) if o.faults] == []
 
 
 @pytest.mark.parametrize(

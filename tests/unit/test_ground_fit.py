@@ -129,8 +129,7 @@ def test_a_component_is_not_judged_by_a_motion_that_only_it_gives(monkeypatch: p
 
 @pytest.mark.parametrize("shape", [(165, 193), (164, 192), (20, 200)])  # windows that end at the border, and one less
 def test_the_grid_keeps_clear_of_all_that_is_not_free(shape: tuple[int, int]) -> None:
-    random = np.random.default_rng(3)
-    free = random.random(shape) > 0.002
+    free = np.random.default_rng(3).random(shape) > 0.002
     rig = replace(sample_camera(), center=(90.0, 60.0), robot_radius=15.0)
     expected = []
     for y in range(evidence.GRID_STEP // 2, shape[0] - evidence.CLEAR, evidence.GRID_STEP):
@@ -139,6 +138,5 @@ def test_the_grid_keeps_clear_of_all_that_is_not_free(shape: tuple[int, int]) ->
             window = free[y - reach : y + reach + 1, x - reach : x + reach + 1]
             if window.all() and np.hypot(x - 90, y - 60) > 15 + reach:
                 expected.append([x, y])
-    found = evidence.ground_grid(rig, free)
-    assert found.tolist() == expected
+    assert evidence.ground_grid(rig, free).tolist() == expected
     assert bool(expected) == (shape[0] > 2 * evidence.CLEAR)

@@ -75,15 +75,13 @@ def halves() -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Two speckled halves of almost one colour with no edge between them, and the left one as a truth."""
     image = np.full((160, 240, 3), 120, np.uint8)
     image[:, 120:] = (120, 132, 108)
-    rng = np.random.default_rng(0)
-    image = np.clip(image + rng.normal(0, 12, image.shape), 0, 255).astype(np.uint8)
+    image = np.clip(image + np.random.default_rng(0).normal(0, 12, image.shape), 0, 255).astype(np.uint8)
     return image, np.where(np.arange(240) < 120, INSIDE, 0).astype(np.uint8)[None].repeat(160, axis=0)
 
 
 def test_one_start_alone_is_the_priors() -> None:
     image, _ = halves()
-    start = {"init.center": [40, 80], "init.radius": 12}
-    assert ffseg.segment(image, start).source in {"gradient", "prior"}
+    assert ffseg.segment(image, {"init.center": [40, 80], "init.radius": 12}).source in {"gradient", "prior"}
 
 
 def test_both_sides_teach_their_colours() -> None:
@@ -241,5 +239,4 @@ def test_no_contour_grows_from_a_click_that_mends_a_rim() -> None:
     y, x = np.mgrid[:300, :300]
     image = np.where(np.hypot(x - 150, y - 150) <= 60, np.uint8(200), np.uint8(60))
     truth = np.where(np.hypot(x - 150, y - 150) <= 60, np.uint8(INSIDE), np.uint8(0))
-    found = ffseg.segment(image, {"init.circles": [[150, 150, 10], [150, 88, 1]]})
-    assert iou(found.mask, truth) > 0.9
+    assert iou(ffseg.segment(image, {"init.circles": [[150, 150, 10], [150, 88, 1]]}).mask, truth) > 0.9

@@ -35,8 +35,7 @@ def test_good_and_odd_images_give_their_pixels(case: bad_images.Case) -> None:
     assert image.shape[:2] == expected.shape[:2]
     if expected.ndim == 3 and image.ndim == 2:
         image = np.dstack([image] * 3)
-    difference = np.abs(image.astype(int) - expected.reshape(image.shape))
-    assert difference.max() <= case.tolerance
+    assert np.abs(image.astype(int) - expected.reshape(image.shape)).max() <= case.tolerance
 
 
 @pytest.mark.parametrize("case", [case for case in CASES if case.pixels is None], ids=lambda case: case.name)
@@ -217,8 +216,7 @@ def _frames(kind: str, **options: object) -> bytes:
 def test_first_of_several_frames_is_read(kind: str, options: dict[str, object]) -> None:
     data = _frames(kind, **options)
     assert inspect(data, Limits()).several
-    reading = readings.pillow(data)
-    np.testing.assert_array_equal(decode_image(data), reading)
+    np.testing.assert_array_equal(decode_image(data), readings.pillow(data))
 
 
 def test_the_note_on_several_frames_names_what_was_read() -> None:

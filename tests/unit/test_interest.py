@@ -106,8 +106,7 @@ def test_the_points_of_a_component_do_not_depend_on_its_neighbours() -> None:
     for find in (harris_points, outline_points):
         together = find(image, components, 6)
         for place, component in enumerate(components):
-            alone = find(image, [component], 6).pixels
-            assert np.array_equal(together.pixels[together.owner == place], alone)
+            assert np.array_equal(together.pixels[together.owner == place], find(image, [component], 6).pixels)
 
 
 def test_a_hole_outside_the_image_is_an_empty_component() -> None:

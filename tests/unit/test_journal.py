@@ -48,8 +48,7 @@ def test_records_come_back_in_a_later_run(tmp_path: Path) -> None:
     second = _journal(tmp_path)
     assert list(map(second.get, NAMES)) == [_record(NAMES[0], "2"), _record(NAMES[1]), _record(NAMES[2])]
     second.close()
-    header = read_header(str(tmp_path / ".ffseg"))
-    assert header["parameters"] == {"x": 1}
+    assert read_header(str(tmp_path / ".ffseg"))["parameters"] == {"x": 1}
 
 
 def test_records_of_other_images_are_kept_until_they_are_dropped(tmp_path: Path) -> None:

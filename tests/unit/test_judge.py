@@ -78,8 +78,7 @@ def test_a_contour_that_was_stopped_is_doubted() -> None:
 def test_the_given_domain_counts_and_not_what_rivals_leave() -> None:
     domain = np.zeros((480, 640), np.uint8)
     domain[150:330, 200:440] = 255
-    grey = np.full((480, 640), 90, np.uint8)
-    assert ffseg.segment(grey, domain=domain).doubts == ("filled",)
+    assert ffseg.segment(np.full((480, 640), 90, np.uint8), domain=domain).doubts == ("filled",)
     assert ffseg.segment(disc(), {"region.border": "outside"}).doubts == ()
 
 
