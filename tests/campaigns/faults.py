@@ -44,7 +44,7 @@ def campaign(
     assert harness.run("run", after, "--out", work / "new", "-q", *options).code == 0
     known = (harness.outputs(prepared), harness.outputs(work / "new"))
     for name, each in itertools.product(errors.split(","), [call] if call else CALLS):
-        for at in [number] if call else itertools.count(1):
+        for at in [number] if number else itertools.count(1):
             if not _one_fault(work, (library, (each, name, at)), options, known, figures):
                 break
     return figures

@@ -19,6 +19,7 @@ from ffseg.metrics import INSIDE, iou
 from tests.masks import read_mask
 
 Picture = NDArray[np.uint8]
+KINDS = ("thing", "animal", "organ", "nuclei", "colony", "field")
 UNSEEN = 300_000
 """Number of the first picture: the forest has learned from the first ones, and choices were made on those from 100,000 on."""
 
@@ -67,7 +68,7 @@ def test_what_is_of_one_colour_is_not_cut_by_colours(monkeypatch: pytest.MonkeyP
 def test_boxes_round_drawn_objects_serve_at_least_as_well_as_they_serve_grabcut() -> None:
     """Six kinds of drawings; before, what stood in the box was what the box itself grew into."""
     ours, theirs = [], []
-    for kind in ("thing", "animal", "organ", "nuclei", "colony", "field"):
+    for kind in KINDS:
         for image, truth, box in objects(kind, 2):
             found = ffseg.segment(image, {"init.boxes": [prompt(box)]})
             assert found.source == "box"
@@ -166,7 +167,7 @@ def test_two_boxes_hold_two_objects_and_a_circle_in_one_leaves_the_other() -> No
 def test_clicks_correct_what_a_box_holds() -> None:
     """Each click of a simulated user took the starts of the box away, and lost a quarter of the IoU."""
     overlaps = []
-    for kind in ("thing", "animal", "organ", "nuclei", "colony", "field"):
+    for kind in KINDS:
         image, truth, box = next(objects(kind, 1))
         clicks, mask = Clicks(), np.zeros(truth.shape, np.bool_)
         for _ in range(3):

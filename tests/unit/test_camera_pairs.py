@@ -240,14 +240,14 @@ def test_sequence_gives_what_the_pure_steps_give() -> None:
     rendered = pair(1)
     params = load_params()
     sequence = Sequence(rendered.camera, params)
-    previous, current = true_poses(rendered)
-    first = sequence.feed(rendered.previous.image, previous)
+    poses = true_poses(rendered)
+    first = sequence.feed(rendered.previous.image, poses[0])
     assert {row.verdict for row in first.components} == {"untested"}
     assert "first image" in first.note
-    second = sequence.feed(rendered.current.image, current)
+    second = sequence.feed(rendered.current.image, poses[1])
     found = segment_view(rendered.current.image, rendered.camera, params)
-    before = Earlier(rendered.previous.image, (previous, current))
-    pure = free_space(rendered.current.image, found, [before], rendered.camera, EPSILON)
+    before = [Earlier(rendered.previous.image, poses)]
+    pure = free_space(rendered.current.image, found, before, rendered.camera, EPSILON)
     assert np.array_equal(second.mask, pure.mask)
     assert all(row.track >= 0 and row.against == "0" for row in second.components)
     assert tuple(replace(row, track=-1, against="") for row in second.components) == pure.components

@@ -92,11 +92,8 @@ def test_sampling_does_not_decide_what_leaks(width: float, angle: float) -> None
 def test_bays_are_filled_when_closing_in() -> None:
     image = np.full((160, 200), 60, np.uint8)
     image[30:130, 40:160] = 200
-    image[40:120, 60:72] = 60  # two bays of 12 px, open upwards and downwards
-    image[30:50, 60:72] = 60
-    image[60:130, 110:122] = 60
-    params = ffseg.load_params(None, {"init.boxes": [[4, 4, 195, 155]], "contour.balloon": -6.0})
-    result = ffseg.segment(image, params)
+    image[30:120, 60:72] = image[60:130, 110:122] = 60  # two bays of 12 px, open upwards and downwards
+    result = ffseg.segment(image, {"init.boxes": [[4, 4, 195, 155]], "contour.balloon": -6.0})
     assert result.stats.stop_reason == "converged"
     assert corridors.iou_off_border(result.mask, image == 200) >= corridors.LEAST_IOU
 
