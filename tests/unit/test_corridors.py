@@ -16,8 +16,8 @@ GAPS = [12, 588, 1464, 2928, 3888, 6036, 6312, 8196, 10752]
 samples moved aslant past each other, 6312 and 8196 at 5, where the curve had too few samples to follow its tip; in 6036 folded
 patches of degree 6 flipped each other until there were too many."""
 BENDS = [1732, 2918, 7222, 8833]
-"""Passages whose ends settling cut off: the curve bent away from its few samples by more than its reach; in the last one, of
-degree 6, it oscillated through a wall."""
+"""Passages whose ends settling cut off: the curve bent away from its few samples by more than its reach; in the last
+one, of degree 6, it oscillated through a wall."""
 
 
 def test_passages_are_filled(request: pytest.FixtureRequest) -> None:
