@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 
 class FfsegError(Exception):
     """Base of every error ffseg raises on purpose; its text is fit to be shown to a user.
@@ -67,6 +69,9 @@ class ImageReadError(FfsegError):
     def __init__(self, reason: str, message: str) -> None:
         super().__init__(message)
         self.reason = reason
+
+    def __reduce__(self) -> tuple[type[Self], tuple[str, str]]:
+        return type(self), (self.reason, str(self))  # pools of processes send errors so
 
 
 class SegmentationError(FfsegError):

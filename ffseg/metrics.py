@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +33,8 @@ class Scores:
         Pixels; the largest of these distances (Hausdorff). NaN when one is empty.
     boundary_f : float
         Harmonic mean of the shares of either boundary within `BOUNDARY_TOLERANCE` of the other; where neither has any,
-        1 for equal regions and 0 for others.
+        1 for equal regions and 0 for others. NaN where the truth has an inside and an outside, but only ignored pixels
+        between them.
     """
 
     iou: float
@@ -65,10 +67,12 @@ def scores(mask: Mask, truth: NDArray[np.uint8]) -> Scores:
     if mask.shape != truth.shape:
         raise ValueError(f"the mask has shape {mask.shape}, the truth {truth.shape}")
     counted, inside = truth != IGNORED, truth == INSIDE
-    found, wanted = boundary(mask, counted), boundary(inside, counted)
-    mean, most, f = _boundary_scores(found, wanted)
-    overlap = iou(mask, truth)
-    return Scores(overlap, mean, most, f if len(found) or len(wanted) else float(overlap == 1))
+    found, wanted, overlap = boundary(mask, counted), boundary(inside, counted), iou(mask, truth)
+    if len(found) and len(wanted):
+        return Scores(overlap, *_boundary_scores(found, wanted))
+    if not len(wanted) and inside.any() and (counted & ~inside).any():
+        return Scores(overlap, math.nan, math.nan, math.nan)
+    return Scores(overlap, math.nan, math.nan, 0.0 if len(found) or len(wanted) else float(overlap == 1))
 
 
 def iou(mask: Mask, truth: NDArray[np.uint8]) -> float:
@@ -89,8 +93,6 @@ def boundary(mask: Mask, counted: Mask) -> NDArray[np.float64]:
 
 
 def _boundary_scores(found: NDArray[np.float64], wanted: NDArray[np.float64]) -> tuple[float, float, float]:
-    if not len(found) or not len(wanted):
-        return float("nan"), float("nan"), 0.0
     out, back = _core.nearest_distances(found, wanted), _core.nearest_distances(wanted, found)
     precision = float((out <= BOUNDARY_TOLERANCE).mean())
     recall = float((back <= BOUNDARY_TOLERANCE).mean())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -69,15 +69,15 @@ def _may_be_a_file(path: Path) -> bool:
         return error.errno == errno.ENOENT
 
 
-def refuse_pictures(paths: Sequence[str], remedy: str) -> None:
-    """Refuse to replace a picture that is no mask; what an earlier call wrote as a mask, and other files, may go."""
+def refuse_others(wanted: Iterable[tuple[str, str]], remedy: str) -> None:
+    """Refuse to replace files, given with their kinds, that are not known as what an earlier call wrote."""
     from ffseg.errors import UsageError
     from ffseg.io.files import printable
-    from ffseg.io.masks import holds_other_than_mask
+    from ffseg.io.saving import is_own
 
-    for path in paths:
-        if os.path.isfile(path) and holds_other_than_mask(path):
-            raise UsageError(f"{printable(path)} is a picture that is there already; {remedy}")
+    for path, kind in wanted:
+        if os.path.isfile(path) and not is_own(path, kind):
+            raise UsageError(f"{printable(path)} is there already and not known as a file of ffseg; {remedy}")
 
 
 def require_truth(truth: Path | None, label: int | None) -> None:

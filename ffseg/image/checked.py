@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ffseg.errors import SegmentationError
 
 _CHANNELS = (1, 3, 4)
+_FEW_LEVELS = 15  # of 4 bits: of floats that end below, rounding would leave no picture
 _ORDER = "colours are taken as BGR, as cv2 reads them; with rgb=True as RGB, as others do"
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.floating[Any]]
@@ -138,7 +139,8 @@ def _other_pixels(image: NDArray[Any]) -> str:
     if image.dtype.kind == "f" and low >= 0 and high <= 1:
         return f"for {image.dtype} from 0 to 1 give (image * 255).round().astype(np.uint8)"
     values = f"for {image.dtype} with values from {low:g} to {high:g}"
-    if low >= 0 and high <= 255:
+    rounds = image.dtype.kind != "f" or high > _FEW_LEVELS or bool((image == np.round(image)).all())
+    if low >= 0 and high <= 255 and rounds:
         return f"{values} give image.round().astype(np.uint8)"
     ends = f"({low:g}, {high:g})"
     return f"{values}, black and white, give np.interp(image, {ends}, (0, 255)).round().astype(np.uint8)"

@@ -244,9 +244,7 @@ def require_replaceable(target: str) -> None:
     except OSError:  # nothing is there, or making the temporary says what is wrong
         return
     if mode in (stat.S_IFIFO, stat.S_IFCHR, stat.S_IFBLK, stat.S_IFSOCK):
-        raise OutputError(
-            f"{printable(target)} is {_KINDS[mode]} and is not replaced; remove it or choose another name"
-        )
+        raise OutputError(f"{printable(target)} is {_KINDS[mode]} and is not replaced; choose another name")
 
 
 def _start_writing(descriptor: int) -> None:

@@ -54,11 +54,11 @@ def encode_mask(mask: NDArray[np.bool_]) -> bytes:
 
 
 def holds_other_than_mask(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is, or may be, an image with anything but 0 and 255 in it."""
+    """Whether a file holds, or may hold, anything but an image of 0 and 255."""
     try:
         image = read_image(path, None, None)
     except ImageReadError as error:
-        return error.reason not in ("missing", "empty", "not-an-image")  # the others may be images
+        return error.reason not in ("missing", "empty")
     return image.ndim != 2 or bool((image + np.uint8(1)).max() > 1)  # 255 becomes 0
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 
 from ffseg.errors import OutputError, SegmentationError
 from ffseg.image.checked import Pixels, taken_image
+from ffseg.io.masks import holds_other_than_mask
 from ffseg.io.tables import counted
 
 if TYPE_CHECKING:
@@ -79,6 +82,30 @@ def kind_of(path: str, kinds: Sequence[str] = ()) -> str:
         wrong = f"the suffix {suffix} stands for no output" if suffix else "there is no suffix"
         raise OutputError(f"{path or 'the name of the output is empty'}: {wrong}; write one of {named}")
     return known[suffix]
+
+
+_BEGINNINGS = {
+    "svg": rb'<\?xml version="1\.0" encoding="UTF-8"\?>\n<svg xmlns="[^"]+" width="\d+" height="\d+" viewBox="[\d ]+">\n<title>',
+    "geojson": rb'{"type":"FeatureCollection","features":\[({"type":"Feature","id":1,"properties":{"image":|\])',
+    "coco": rb'{"info":{"description":"Regions segmented by ffseg"}',
+    "labelme": rb'{"version":"[\d.]+","flags":{},"shapes":\[',
+    "yolo": rb"0( [01]\.\d{7}){6}",
+}
+"""How files begin that `encoded` writes; programs that others draw with write them otherwise."""
+_LOOKED_AT = 512
+"""Bytes of a file that tell how it begins."""
+
+
+def is_own(path: str, kind: str) -> bool:
+    """Whether a file may be replaced as what `encoded` wrote for this kind, of whatever image; one that is empty may."""
+    if kind not in _BEGINNINGS:  # what is drawn on a picture does not show
+        return not holds_other_than_mask(path)
+    try:
+        with Path(path).open("rb") as file:
+            begins = file.read(_LOOKED_AT)
+    except OSError:  # to be told when it is written
+        return True
+    return not begins or re.match(_BEGINNINGS[kind], begins) is not None
 
 
 def encoded(result: Segmentation, kind: str, source: Source, suffix: str = ".png") -> bytes:

@@ -43,6 +43,10 @@ def told(tuned: Tuned) -> list[str]:
         )
     if tuned.setting:
         lines.append(f"with the setting below, on all of them: {mean(tuned.after):.3f}")
+        if count > 1 and mean(tuned.left_out) < mean(tuned.before):
+            lines.append(
+                "what is best on some does worse on the others than the parameters did: draw more masks before it is used"
+            )
     elif count > 1:
         lines.append("no setting beats them beyond the noise: they are kept")
     else:

@@ -85,7 +85,7 @@ def test_a_sample_is_spread_over_all_images(ffseg_command: Command, tmp_path: Pa
         (("none", "--out", "own.png"), "there is no file or folder none"),
         (("in", "few", "--out", "own.png"), "has another size than the images before it"),
         (("few", "--out", "own.png"), "3 images are too few"),
-        (("in", "--out", "few/0.png"), "few/0.png is a picture that is there already"),
+        (("in", "--out", "few/0.png"), "few/0.png is there already and not known as a file of ffseg"),
     ],
 )
 def test_nothing_is_written_where_nothing_can_be_found(

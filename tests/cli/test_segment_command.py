@@ -150,20 +150,37 @@ def test_a_picture_is_not_replaced_unasked(
     (tmp_path / out).write_bytes((tmp_path / out).read_bytes()[:length])
     before = (tmp_path / out).read_bytes()
     done = ffseg_command("segment", TOY, out, *kind, cwd=tmp_path)
-    said = f"ffseg: error: {out} is a picture that is there already; choose another name or add --overwrite\n"
+    said = f"ffseg: error: {out} is there already and not known as a file of ffseg; choose another name or add --overwrite\n"
     assert (done.returncode, done.stderr) == (2, said)
     assert (tmp_path / out).read_bytes() == before
     ffseg_command("segment", TOY, out, *kind, "--overwrite", cwd=tmp_path, code=0)
     assert (tmp_path / out).read_bytes() != before
 
 
-def test_a_mask_and_what_is_no_picture_are_replaced(mask: np.ndarray, tmp_path: Path, ffseg_command: Command) -> None:
-    (tmp_path / "a.svg").write_text("mine")
-    (tmp_path / "a.png").write_bytes(b"no picture")
-    for _ in range(2):
-        ffseg_command("segment", TOY, "a.png", "a.svg", cwd=tmp_path, code=0)
-    assert np.array_equal(read_mask(tmp_path / "a.png"), mask)
-    assert "<title>toy.png</title>" in (tmp_path / "a.svg").read_text("utf-8")
+@pytest.mark.parametrize(
+    ("name", "kind", "foreign"),
+    [
+        ("a.png", "mask", "no picture"),
+        ("a.svg", "svg", '<svg xmlns="http://www.w3.org/2000/svg"/>'),
+        ("a.json", "coco", '{"info": {}, "images": []}'),
+        ("a.json", "labelme", '{"version": "5.4.1", "flags": {}, "shapes": []}'),
+        ("a.geojson", "geojson", '{"type": "FeatureCollection", "features": []}'),
+        ("a.txt", "yolo", "0 0.5 0.5 0.25 0.25"),
+    ],
+)
+def test_what_an_earlier_call_wrote_is_replaced_and_no_other_file(
+    name: str, kind: str, foreign: str, tmp_path: Path, ffseg_command: Command
+) -> None:
+    (tmp_path / name).write_bytes(b"")
+    for image in (TOY, TOY.with_name("simple.png")):
+        ffseg_command("segment", image, name, "--as", kind, cwd=tmp_path, code=0)
+    own = (tmp_path / name).read_bytes()
+    ffseg_command("segment", TOY.with_name("simple.png"), "new", "--as", kind, cwd=tmp_path, code=0)
+    assert own == (tmp_path / "new").read_bytes()
+    (tmp_path / name).write_text(foreign)
+    done = ffseg_command("segment", TOY, name, "--as", kind, cwd=tmp_path, code=2)
+    assert f"{name} is there already and not known as a file of ffseg" in done.stderr
+    assert (tmp_path / name).read_text() == foreign
 
 
 @pytest.mark.skipif(not READS_GIF, reason="this OpenCV reads no GIF")

@@ -92,7 +92,9 @@ def test_what_is_no_image_is_told_in_one_sentence_how_to_become_one(image: objec
     assert ("colours" in said) <= bool(re.search("colours are taken as BGR.* with rgb=True as RGB", said))
 
 
-@pytest.mark.parametrize("image", [DISC / 127.5 - 1, DISC.astype(np.int32) * 257, DISC.astype(float), DISC / 1e6 - 3])
+@pytest.mark.parametrize(
+    "image", [DISC / 127.5 - 1, DISC.astype(np.int32) * 257, DISC.astype(float), DISC / 1e6 - 3, DISC / 180]
+)
 def test_the_remedy_for_other_numbers_keeps_what_they_show(image: npt.NDArray[np.number]) -> None:
     with pytest.raises(ffseg.SegmentationError) as caught:
         ffseg.segment(image, SMALL)  # type: ignore[arg-type]

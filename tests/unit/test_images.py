@@ -3,6 +3,7 @@
 import contextlib
 import io
 import os
+import pickle
 import re
 import subprocess
 import sys
@@ -382,3 +383,8 @@ def test_black_lies_below_white(levels: object) -> None:
     said = r"levels: .* is not \"auto\", None or \(black, white\), black below white"
     with pytest.raises(ParameterError, match=said):
         read_image("any.png", levels=levels)
+
+
+def test_an_image_that_cannot_be_read_comes_out_of_a_pool_of_processes() -> None:
+    error = pickle.loads(pickle.dumps(ImageReadError("missing", "there is no such file")))
+    assert (type(error), error.reason, str(error)) == (ImageReadError, "missing", "there is no such file")

@@ -57,6 +57,14 @@ def test_ignored_pixels_do_not_count() -> None:
     assert metrics.scores(box(10, 10, 45, 25), truth_of(box(10, 10, 30, 25))).iou < 0.6
 
 
+def test_a_truth_whose_boundary_is_ignored_tells_no_distance() -> None:
+    truth = truth_of(box(10, 10, 30, 25))
+    truth[box(8, 8, 32, 27) & ~box(11, 11, 29, 24)] = metrics.IGNORED
+    for region in (box(10, 10, 30, 25), box(5, 5, 35, 30)):
+        found = metrics.scores(region, truth)
+        assert [math.isnan(one) for one in (found.boundary_mean, found.boundary_max, found.boundary_f)] == [True] * 3
+
+
 def test_the_image_border_is_no_boundary() -> None:
     assert len(metrics.boundary(np.ones((5, 7), bool), np.ones((5, 7), bool))) == 0
 

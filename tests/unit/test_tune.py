@@ -168,6 +168,12 @@ def test_thresholds_survive_their_file(tmp_path: Path) -> None:
     assert (params.edges.source, params.edges.canny, params.contour.clearance) == ("gradient", (2.5, 5.0), 6.0)
 
 
+@pytest.mark.parametrize("others", [0.4, 0.6])
+def test_a_setting_that_serves_no_other_image_is_told(others: float) -> None:
+    found = Tuned({"edges.sigma": 2.0}, {"edges.sigma": 2.0}, (0.5, 0.5), (0.9, 0.9), (others, others), (), 3, 1.0)
+    assert any("draw more masks" in line for line in told(found)) == (others < 0.5)
+
+
 def test_one_image_says_nothing_of_others() -> None:
     found = Tuned({}, {"edges.sigma": 2.0}, (0.5,), (0.9,), (0.5,), (), 3, 1.0)
     assert not any("others" in line for line in told(found))

@@ -43,7 +43,7 @@ def bench(  # noqa: PLR0913 - the options of the command
         float,
         typer.Option(min=1, callback=number, metavar="X", help="Exit with 4 when a figure is X times its baseline."),
     ] = 1.15,
-    quick: Annotated[bool, typer.Option("--quick", help="Tiny inputs, to see that it runs.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Tiny inputs, each once, to see that it runs.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print bench.json instead of the tables.")] = False,
 ) -> None:
     """Measure speed and memory: medians, ratios to a fixed kernel K, exponents.

@@ -13,7 +13,7 @@ import typer
 
 from ffseg.cli import console
 from ffseg.cli.checks import folder as named
-from ffseg.cli.checks import output_file, refuse_pictures
+from ffseg.cli.checks import output_file, refuse_others
 from ffseg.cli.options import AsJsonOrSentences, Inputs
 from ffseg.errors import UsageError
 
@@ -46,7 +46,7 @@ def domain(
     _require_output(out, single=single)
     found: list[Found] = []
     planned = cameras(discover(inputs), os.fspath(out))
-    refuse_pictures([camera.out for camera in planned], "choose another name for --out")
+    refuse_others([(camera.out, "mask") for camera in planned], "choose another name for --out")
     for number, camera in enumerate(planned, 1):
         if not quiet:
             seen = min(sample, len(camera.images))

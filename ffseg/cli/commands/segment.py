@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import completion, console, options
-from ffseg.cli.checks import ready_params, refuse_pictures
+from ffseg.cli.checks import ready_params, refuse_others
 from ffseg.cli.completion import KINDS
 from ffseg.errors import FfsegError, ImageReadError, OutputError, UsageError, is_out_of_memory
 
@@ -53,20 +53,21 @@ def segment(  # noqa: PLR0913 - the options of the command
         Path | None, typer.Option(metavar="FILE", help="Map of what is inside: grey image, or .npy.")
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace also pictures that are no masks, perhaps photographs.")
+        bool, typer.Option("--overwrite", help="Replace also files that are not known as ffseg's, perhaps photographs.")
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No word of how it went; errors only.")] = False,
 ) -> None:
     """Segment one image and write what the suffix of OUT asks for.
 
     NAME.png is the mask, NAME.svg the exact contours, NAME.geojson, NAME.json (COCO) and NAME.txt (YOLO) the regions,
-    NAME.jpg or NAME.webp the image with the region drawn. A picture that is there is replaced if it is a mask. Exit
-    code: 0 done; 2 nothing was run; 3 the image cannot be read or segmented, or an output cannot be written.
+    NAME.jpg or NAME.webp the image with the region drawn. A file that is there is replaced if it is a mask, or begins as
+    ffseg writes such files. Exit code: 0 done; 2 nothing was run; 3 the image cannot be read or segmented, or an output
+    cannot be written.
     """
     wanted = [(path, _kind(path, kind)) for path in outputs]
     _require_other_names(image, wanted)
     if not overwrite:
-        refuse_pictures([path for path in outputs if path != PIPE], "choose another name or add --overwrite")
+        refuse_others([one for one in wanted if one[0] != PIPE], "choose another name or add --overwrite")
     params = ready_params(config, options.overrides(context.params), evidence, allow_code=allow_code)
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     from ffseg.api import segment as segment_pixels
