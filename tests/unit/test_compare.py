@@ -10,6 +10,7 @@ import pytest
 from batches import table
 from runs import COMPARED
 
+import ffseg
 from ffseg import plugins
 from ffseg.compare import run as work
 from ffseg.compare.shared import common_source
@@ -148,10 +149,12 @@ def test_one_comparison_at_a_time_in_a_folder(case: Path) -> None:
 
 
 def test_the_median_of_the_times_counts(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    counted = Mock(wraps=work.segment)
-    monkeypatch.setattr(work, "segment", counted)
-    work.compare(task_of(case, "freeform"), silent)
-    assert counted.call_count == 2
+    result = ffseg.segment(ffseg.read_image(case / "disc.png"))
+    times = [Timings(1, ms, ms + 1) for ms in (9.0, 1.0, 2.0)]
+    runs = Mock(side_effect=[replace(result, timings=one) for one in times])
+    monkeypatch.setattr(work, "segment", runs)
+    (row,) = work.compare(replace(task_of(case, "freeform"), repeat=3), silent)
+    assert row.evolve_ms == 2
 
 
 def test_a_method_that_fails_leaves_the_others(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
