@@ -213,6 +213,16 @@ def test_fronts_that_meet_over_obstacles_leave_a_hole_round_each(shift: int, bal
     assert inside == [0] * len(places)
 
 
+def test_hundreds_of_fronts_that_meet_leave_holes_round_obstacles_only() -> None:
+    """So many loops that turn inside out at once are asked for by rows."""
+    edges, places = np.zeros((300, 300), np.uint8), [(18.0 * x, 18.0 * y) for x in range(1, 16) for y in range(1, 16)]
+    between = [(round(x) + 9, round(y) + 9) for x, y in places if (x + y) % 5 == 0]
+    for x, y in between:
+        edges[y - 1 : y + 2, x - 1 : x + 2] = 255
+    found = areas(evolution([FreeForm.circle(one, 6, 8, 3) for one in places], edges, iterations=300, refine=True))
+    assert [area > 0 for area in found] == [False] * len(between) + [True]
+
+
 @pytest.mark.parametrize("degree", [1, 2, 3, 4, 5])
 def test_no_component_is_left_in_open_ground(degree: int) -> None:
     """Nine fronts meet: one outline stays, no sliver between them and nothing covered twice."""

@@ -52,6 +52,7 @@ struct Effort {
     mutable std::size_t visits = 0;
     std::size_t most = 0;
     std::size_t work = 0;  // patches moved or looked at closely; kMostVisits visits count as one
+    std::size_t asked = 0;  // in one iteration, whether a loop is nested
     bool unresolved = false;  // polygons crossed in this iteration that no flip has parted
 };
 
@@ -62,7 +63,9 @@ struct Buffers {
     std::vector<int> queue;
     std::vector<std::pair<double, int>> keys;
     std::vector<topology::Strip> strips;
-    std::vector<std::uint8_t> moving, own;
+    std::vector<std::uint8_t> moving;
+    std::vector<int> seen;  // the last question in which a patch was looked at, or of whose loop it is
+    int question = 0;
 };
 
 // A free form (Definition 1): closed components of patches. Between two steps of an iteration

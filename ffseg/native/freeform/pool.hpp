@@ -1,5 +1,6 @@
 // A pool of patches in closed chains: split, remove and flip are O(1) and move no array.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -35,6 +36,29 @@ struct Patch {
 // Bits of all samples of a patch.
 template <int D>
 constexpr std::uint8_t kAllSteady = static_cast<std::uint8_t>((1u << D) - 1u);
+
+// Patches by the rows of the image that their boxes reach into, for questions of many points. One may stand twice in a
+// row, or where it is no longer: who asks looks at the box. Only as long as it is used it follows what is refreshed.
+class Rows {
+public:
+    void reset(int height) {
+        rows_.resize(static_cast<std::size_t>(height / kHeight + 1));
+        for (auto& row : rows_) row.clear();
+    }
+    void add(int i, const Box& box) {
+        for (std::size_t at = row_of(box.y0), last = row_of(box.y1); at <= last; ++at) rows_[at].push_back(i);
+    }
+    const std::vector<int>& at(double y) const { return rows_[row_of(y)]; }
+
+    bool used = false;
+
+private:
+    static constexpr int kHeight = 16;  // pixels: few patches reach into two
+    std::size_t row_of(double y) const {
+        return static_cast<std::size_t>(std::clamp(y / kHeight, 0.0, static_cast<double>(rows_.size() - 1)));
+    }
+    std::vector<std::vector<int>> rows_;
+};
 
 template <int D>
 class Pool {
@@ -98,6 +122,7 @@ public:
         Box box;
         for (const Vec2& p : patch.control) box.add(p);
         boxes_[static_cast<std::size_t>(i)] = box;
+        if (rows.used) rows.add(i, box);
     }
     // Algorithm 2: the same curve as two patches; the new one follows i. Returns it.
     int split(int i) {
@@ -120,6 +145,8 @@ public:
         refresh(fresh);
         return fresh;
     }
+
+    Rows rows;
 
 private:
     std::vector<Patch<D>> patches_;

@@ -50,18 +50,33 @@ bool contains(const Contour<D>& contour, int loop, Vec2 p) {
     return inside;
 }
 
+// From so many questions in one iteration on, the patches stand by rows: with thousands of loops each would be as slow
+// as all of them are many.
+constexpr std::size_t kManyAsked = 16;
+
+template <int D>
+void use_rows(Contour<D>& contour) {
+    contour.rows.reset(contour.field.height());
+    for (const int i : contour.order) contour.rows.add(i, contour.box(i));
+    contour.rows.used = true;
+}
+
 // Does a positive loop lie in what the others have filled: is their winding number there one or more?
 template <int D>
 bool is_nested(Contour<D>& contour, int loop) {
-    contour.buffers.own.assign(static_cast<std::size_t>(contour.size()), 0);
-    contour.each_in(loop, [&](int at) { contour.buffers.own[static_cast<std::size_t>(at)] = 1; });
+    auto& seen = contour.buffers.seen;
+    seen.resize(static_cast<std::size_t>(contour.size()), 0);
+    const int question = ++contour.buffers.question;
+    contour.each_in(loop, [&](int at) { seen[static_cast<std::size_t>(at)] = question; });
     const Vec2 p = contour[loop].m[0];
     int winding = contour.outside_filled ? 1 : 0;
     contour.effort.visits += contour.order.size() / kBoxesToAPatch;
-    for (const int i : contour.order) {
+    if (++contour.effort.asked == kManyAsked) use_rows(contour);
+    for (const int i : contour.rows.used ? contour.rows.at(p.y) : contour.order) {
         const Box& box = contour.box(i);
         if (!((box.y0 <= p.y) & (p.y <= box.y1) & (p.x <= box.x1))) continue;
-        if (!contour[i].alive || contour.buffers.own[static_cast<std::size_t>(i)] != 0) continue;
+        if (!contour[i].alive || seen[static_cast<std::size_t>(i)] == question) continue;
+        seen[static_cast<std::size_t>(i)] = question;  // in a row it may stand once more
         const Points<D> points = contour.samples(i);
         for (int k = 0; k < D; ++k) {
             if (passes_right_of(p, points[k], points[k + 1])) winding += points[k + 1].y > points[k].y ? 1 : -1;

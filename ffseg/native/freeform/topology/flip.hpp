@@ -121,7 +121,7 @@ template <int D>
 void flip_crossings(Contour<D>& contour) {
     for (int i : contour.active) contour[i].touched = false;
     contour.effort.unresolved = false;
-    contour.effort.visits = 0;
+    contour.effort.visits = contour.effort.asked = 0;
     contour.effort.most = kMostVisits * (contour.order.size() + kMostVisits);
     bool crossing = true;
     for (int round = 0; round < kFlipRounds && crossing; ++round) crossing = flip_round(contour, round > 0);
@@ -136,6 +136,7 @@ void flip_crossings(Contour<D>& contour) {
         flip_adjacent(contour, contour.active[at]);
         drop_turned(contour, contour.active[at]);
     }
+    contour.rows.used = false;
 }
 
 }  // namespace ffseg::topology
