@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 
 from ffseg.errors import ImageReadError
 from ffseg.io.files import read_bytes, write_bytes_atomic
@@ -111,6 +111,8 @@ class Work:
     project : Project
     forget : callable
         Called when regions are to be found anew: the model or the run is another one.
+    changing : context manager
+        Held while files are written that follow from the steps.
 
     Attributes
     ----------
@@ -122,10 +124,10 @@ class Work:
         Counts the models and runs.
     """
 
-    def __init__(self, project: Project, forget: Callable[[], None]) -> None:
+    def __init__(self, project: Project, forget: Callable[[], None], changing: AbstractContextManager[object]) -> None:
         self.project = project
         self.line, self.ran, self.order, self.generation = "", "", list[str](), 0
-        self._forget, self._spared, self._measuring = forget, False, False
+        self._forget, self._changing, self._spared, self._measuring = forget, changing, False, False
         self._of: list[object] = []  # what is being learned from
         self._learning, self._running = Background(self._learned), Background(self._ran)
 
@@ -203,13 +205,15 @@ class Work:
                 os.unlink(path)
         self._forget()
         self.generation += 1
-        self.project.write_starts()
+        with self._changing:
+            self.project.write_starts()
 
     def run(self) -> None:
         """Do the folder, anew where it was done before."""
         if self.runs:
             return
-        self.project.write_starts()
+        with self._changing:
+            self.project.write_starts()
         self.ran = f"running {counted(len(self.project.sources), 'image')}"
         self._running.start([*self.project.arguments(), "--json", "--quiet"])
 

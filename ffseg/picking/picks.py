@@ -69,6 +69,11 @@ class Picked:
     status: str = "open"
 
     @property
+    def grows(self) -> bool:
+        """Whether a contour grows from it, whatever region was there before."""
+        return bool(self.starts or self.boxes)
+
+    @property
     def start(self) -> Start | None:
         """As a starts file has it; None where nothing would stand in it."""
         first, *others = [Start(*circle) for circle in dict.fromkeys(self.starts)] or [Start()]
@@ -279,13 +284,13 @@ class Journal:
             return False
         entry = {"image": image, "do": do, "size": size} | ({} if picked is None else {"picked": asdict(picked)})
         line = json.dumps(entry, separators=(",", ":")).encode("ascii") + b"\n"
-        before = os.fstat(self._descriptor).st_size
+        before = os.fstat(self._descriptor)
         try:
             if os.write(self._descriptor, line) != len(line):
                 raise OSError(28, "no space")
             os.fsync(self._descriptor)
         except OSError as error:
-            os.ftruncate(self._descriptor, before)
+            os.ftruncate(self._descriptor, before.st_size)
             raise unwritten(self._path, error) from error
         self._before = before, image, replace(track, past=[*track.past], future=[*track.future])
         track.size = size
@@ -293,8 +298,9 @@ class Journal:
 
     def take_back(self) -> None:
         """Take back the last step that was added: what follows from it cannot be written."""
-        size, image, track = self._before
-        os.ftruncate(self._descriptor, size)
+        before, image, track = self._before
+        os.ftruncate(self._descriptor, before.st_size)
+        os.utime(self._path, ns=(before.st_atime_ns, before.st_mtime_ns))  # older than what follows from it
         self.tracks[image] = track
 
     def names(self, wanted: Callable[[Track], bool]) -> list[str]:

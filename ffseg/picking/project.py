@@ -6,16 +6,26 @@ import contextlib
 import os
 import shlex
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.batch.outputs.encoding import path_from
 from ffseg.batch.plan.sources import Source
+from ffseg.batch.report.folder import OutputFolder
 from ffseg.errors import ImageReadError, UsageError
 from ffseg.image.polygons import polygons
 from ffseg.io.exports import AnnotatedImage, json_text, labelme_document
-from ffseg.io.files import SKIP_FILE, make_folder, printable, read_bytes, write_all_atomic, write_bytes_atomic
+from ffseg.io.files import (
+    SKIP_FILE,
+    make_folder,
+    printable,
+    read_bytes,
+    unwritten,
+    write_all_atomic,
+    write_bytes_atomic,
+)
 from ffseg.io.masks import decode_mask, encode_mask
 from ffseg.io.starts import Start, starts_table
 from ffseg.parameter_text import non_defaults, yaml_lines, yaml_value
@@ -25,7 +35,7 @@ from ffseg.picking.scene import Found
 
 JOURNAL, STARTS, SETTINGS, MODEL, COMMAND = "picks.jsonl", "starts.csv", "pick.yaml", "model.ffmodel", "run.sh"
 LEARNED = "learned.json"
-MASKS, LABELS, IMPORTED, RUN = "masks", "labels", "imported", "run"
+MASKS, LABELS, IMPORTED, REVIEWED, RUN = "masks", "labels", "imported", "reviewed", "run"
 MOST_BYTES = 1 << 28
 
 
@@ -67,6 +77,7 @@ class Project:
     ) -> None:
         self.folder, self.sources, self.inputs, self.label = folder, sources, inputs, label
         self._params, self.review = params, review
+        self._run: OutputFolder | None = None
         make_folder(os.path.join(folder, MASKS))
         self.journal = Journal(self.path(JOURNAL))
         try:
@@ -113,39 +124,50 @@ class Project:
         model = self.model
         return replace(self._params, edges=replace(self._params.edges, model=model)) if model else self._params
 
-    def base(self, name: str) -> NDArray[np.bool_] | None:
+    def base(self, name: str, *, kept: bool = False) -> NDArray[np.bool_] | None:
         """What another program or a run has found in an image; None where there is no mask of it."""
-        return self.mask(name, self.path(IMPORTED), *([os.path.join(self.review, MASKS)] if self.review else []))
+        imported = self.mask(name, IMPORTED)
+        if imported is not None:
+            return imported
+        now, before = self._reviewed(name), self.mask(name, REVIEWED)
+        first, second = (before, now) if kept else (now, before)
+        return second if first is None else first
 
-    def mask(self, name: str, *folders: str) -> NDArray[np.bool_] | None:
-        """The mask of an image in the first of these folders that has one, or of an accepted one; None where there is none."""
-        for path in (self.mask_path(name, folder) for folder in folders or (self.path(MASKS),)):
-            with contextlib.suppress(ImageReadError):
-                return decode_mask(read_bytes(path, MOST_BYTES))
+    def _reviewed(self, name: str) -> NDArray[np.bool_] | None:
+        """The mask of an image in the run that is reviewed, also where it was packed."""
+        if self._run is None or self._run.path != Path(self.review):
+            self._run = OutputFolder(Path(self.review), "run", [], {})
+        path = self._run.output(MASKS, printable(name)) if self.review else ""
+        with contextlib.suppress(ImageReadError):
+            return decode_mask(self._run.content(path, MOST_BYTES)) if path else None
         return None
 
-    def _keep_base(self, name: str) -> None:
-        """Keep what an accepted mask began with: another run, or none, may be reviewed next."""
-        path = self.mask_path(name, self.path(IMPORTED))
-        base = None if os.path.exists(path) else self.base(name)
-        if base is not None:
-            self._write_base(path, base)
-
-    def _write_base(self, path: str, mask: NDArray[np.bool_]) -> None:
-        make_folder(os.path.dirname(path))
-        write_bytes_atomic(path, encode_mask(mask))
+    def mask(self, name: str, folder: str = MASKS) -> NDArray[np.bool_] | None:
+        """The mask of an image in one of the own folders; None where there is none."""
+        with contextlib.suppress(ImageReadError):
+            return decode_mask(read_bytes(self.mask_path(name, self.path(folder)), MOST_BYTES))
+        return None
 
     def take(self, source: Source, mask: NDArray[np.bool_]) -> None:
         """Take a mask that was drawn elsewhere as that of an image in which nothing was picked, and accept it."""
-        self._write_base(self.mask_path(source.name, self.path(IMPORTED)), mask)
+        path = self.mask_path(source.name, self.path(IMPORTED))
+        make_folder(os.path.dirname(path))
+        write_bytes_atomic(path, encode_mask(mask))
         self.journal.add(source.name, "pick", Picked(status="accepted"), size_of(source.path))
 
     def count(self, status: str) -> int:
         """Images of a status other than ``open``."""
         return len(self.journal.names(lambda track: track.now.status == status))
 
-    def keep(self, source: Source, found: Found | None) -> None:
-        """Bring the files up to what the journal says, all or none; `found` is the region of an accepted image.
+    def keep(self, source: Source, found: Found | None, base: NDArray[np.bool_] | None = None) -> None:
+        """Bring the files up to what the journal says, all or none.
+
+        Parameters
+        ----------
+        found : Found or None
+            The region of an accepted image.
+        base : ndarray of bool, shape (H, W), or None
+            What it began with, to be found again though another run is reviewed then.
 
         Raises
         ------
@@ -155,16 +177,23 @@ class Project:
         mask, labels = self._written(source.name)
         files = []
         if found is not None:
-            if found.source == "run":
-                self._keep_base(source.name)
             files = [(mask, encode_mask(found.mask)), (labels, self._labelme(source, found, labels))]
+            if found.source == "run" and base is not None:
+                files.append((self.mask_path(source.name, self.path(REVIEWED)), encode_mask(base)))
             for path, _ in files:
                 make_folder(os.path.dirname(path))
         write_all_atomic([*files, *self._following()])
+        if found is not None:  # surely newer than the step, however coarse the clock
+            at = max(os.stat(mask).st_mtime_ns, os.stat(self.path(JOURNAL)).st_mtime_ns + 1)
+            os.utime(mask, ns=(at, at))
         if found is None and self.journal.track(source.name).accepted:  # its own, of an image accepted no longer
             for path in (mask, labels):
-                with contextlib.suppress(FileNotFoundError):
+                try:
                     os.unlink(path)
+                except FileNotFoundError:
+                    continue
+                except OSError as error:
+                    raise unwritten(path, error) from error
 
     def _written(self, name: str) -> tuple[str, str]:
         """The mask of an accepted image and its file for LabelMe."""

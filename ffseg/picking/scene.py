@@ -89,6 +89,7 @@ class Scene:
         self._copies: dict[int, NDArray[np.uint8]] = {}
         self._picture = b""
         self._last: tuple[Picked, Parameters, Found] | None = None
+        self._models = 0  # that were forgotten
         self._finding = Lock()  # in the whole image: who asks for what is being found waits for it
 
     @property
@@ -118,11 +119,12 @@ class Scene:
             return self._asked(picked, params, base, quick=True)
         key = replace(picked, status="open")
         with self._finding:
-            last = self._last
-            if last is not None and last[:2] == (key, params) and last[2].source != "run":
+            last = self._last if base is None or picked.grows else None  # a base is of a class and of a run
+            if last is not None and last[:2] == (key, params):
                 return last[2]
-            found = self._asked(picked, params, base, quick=False)
-            self._last = (key, params, found)
+            models, found = self._models, self._asked(picked, params, base, quick=False)
+            if models == self._models and (base is None or picked.grows):
+                self._last = (key, params, found)
         return found
 
     def _asked(self, picked: Picked, params: Parameters, base: Mask | None, *, quick: bool) -> Found:
@@ -138,7 +140,8 @@ class Scene:
         return replace(found, ms=ms)
 
     def forget(self) -> None:
-        """Drop what was found: the model is another one."""
+        """Drop what was found, and what is being found: the model is another one."""
+        self._models += 1
         self._last = None
 
     def _copy(self) -> tuple[NDArray[np.uint8], float]:
@@ -163,16 +166,15 @@ class Scene:
     def _grown(
         self, image: NDArray[np.uint8], factor: float, picked: Picked, params: Parameters, base: Mask | None
     ) -> Found:
-        grows = bool(picked.starts or picked.boxes)
         shape = (image.shape[0], image.shape[1])
-        if base is not None and not grows:
+        if base is not None and not picked.grows:
             levels = base.view(np.uint8) * np.uint8(255)
             mask = base if factor == 1 else _reduced(levels, max(shape))[:, :, 0] > 127
             unheard = picked.nots or picked.probability is not None or picked.clearance is not None
             said = "on a region that was there, points outside and levels count once there is a start inside; use the brush"
             return Found(mask, outlines_of(mask), factor, said if unheard else "", source="run")
         empty = Found(np.zeros(shape, np.bool_), (), factor)
-        if not grows and params.edges.model is None:
+        if not picked.grows and params.edges.model is None:
             return empty
         start = picked.start or Start()
         try:

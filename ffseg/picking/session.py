@@ -12,6 +12,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ffseg.batch.plan.beside import find_domains
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.plan.reading import place_of
@@ -88,9 +91,10 @@ class Session:
         self._masks = named_masks(params)
         self._domains = find_domains(self.sources, params.domain.masks) if params.domain.masks else {}
         check_starts(params, os.path.join(out, STARTS))
+        self._levels, self.labels = params.input.range, tuple(labels) or ("",)
+        self.folders = [os.path.join(out, label) if label else out for label in self.labels]
         self._require_apart()
         make_folder(out)
-        self._levels, self.labels = params.input.range, tuple(labels) or ("",)
         with ExitStack() as held:
             held.enter_context(OutputLock(out))
             self._begin(params, labels, review, held)
@@ -100,24 +104,24 @@ class Session:
         """Refuse the images' folder: what is picked is marked as none, which would hide them from other commands."""
         folders = {os.path.realpath(one) for one in self.inputs}
         folders |= {os.path.dirname(os.path.realpath(one.path)) for one in self.sources}
-        if os.path.realpath(self.out) in folders:
-            raise UsageError(f"{printable(self.out)} holds the images themselves; name a folder beside them with --out")
+        own = next((one for one in self.folders if os.path.realpath(one) in folders), None)
+        if own is not None:
+            raise UsageError(f"{printable(own)} holds the images themselves; name a folder beside them with --out")
 
     def _begin(self, params: Parameters, labels: Sequence[str], review: str, held: ExitStack) -> None:
         """Read what was picked before, and write what follows from it."""
         out = self.out
         if labels:
             write_bytes_atomic(os.path.join(out, CLASSES), "".join(f"{one}\n" for one in labels).encode())
-        folders = [os.path.join(out, label) if label else out for label in self.labels]
         self.projects: list[Project] = []
-        for folder, label in zip(folders, self.labels, strict=True):
+        for folder, label in zip(self.folders, self.labels, strict=True):
             project = Project(folder, self.sources, self.inputs, params, review=review, label=label)
             held.callback(project.journal.close)
             self.projects.append(project)
         self._scenes: OrderedDict[int, Scene] = OrderedDict()
         self._marks: dict[int, Mark] = {}
         self._opening, self._changing = threading.Lock(), threading.RLock()
-        self._work = [Work(project, self.forget) for project in self.projects]
+        self._work = [Work(project, self.forget, self._changing) for project in self.projects]
         for work in self._work:
             for name in work.project.outdated():
                 self._keep(work.project, name)
@@ -252,12 +256,13 @@ class Session:
                 return Found(mask, outlines_of(mask), source="mask").document()
         return self._found(project, index, picked, quick=quick).document()
 
-    def _found(self, project: Project, index: int, picked: Picked, *, quick: bool = False) -> Found:
-        scene = self.scene(index)
-        base = project.base(self.sources[index].name)
-        if base is not None and base.shape != scene.shape:
-            base = None
-        return scene.find(picked, project.params, base, quick=quick)
+    def _found(self, project: Project, index: int, picked: Picked, *, quick: bool = False, kept: bool = False) -> Found:
+        return self.scene(index).find(picked, project.params, self._base(project, index, kept=kept), quick=quick)
+
+    def _base(self, project: Project, index: int, *, kept: bool) -> NDArray[np.bool_] | None:
+        """What a region begins with: of the run that is reviewed, or what was kept when it was accepted."""
+        base = project.base(self.sources[index].name, kept=kept)
+        return base if base is not None and base.shape == self.scene(index).shape else None
 
     def change(self, label: int, index: int, version: int, do: str, document: object = None) -> dict[str, Any]:
         """Take a step in an image and keep it on the disk before the page hears of it.
@@ -281,27 +286,29 @@ class Session:
                 raise StaleError
             after = track.after(do, picked)
             if after is not None and after.status == "accepted":
-                mask = self._found(project, index, after).mask
+                mask = self._found(project, index, after, kept=do != "pick").mask
                 if not mask.any() or mask.all():
                     raise UsageError("a mask needs pixels inside and outside; pick a region first, or skip the image")
             if project.journal.add(name, do, picked, size_of(self.sources[index].path)):
                 try:
-                    changed = self._keep(project, name)
+                    changed = self._keep(project, name, kept=do != "pick")
                 except FfsegError:
                     project.journal.take_back()
+                    with suppress(FfsegError):
+                        project.write_starts()
                     raise
                 if changed:
                     self._work[label].learn(again=True)
         return self.image(label, index)
 
-    def _keep(self, project: Project, name: str) -> bool:
+    def _keep(self, project: Project, name: str, *, kept: bool = True) -> bool:
         """Bring the files up to the journal; whether a mask has changed."""
         track = project.journal.track(name)
         index = next((number for number, one in enumerate(self.sources) if one.name == name), -1)
         if index < 0:
             return False
-        accepted = track.now.status == "accepted"
-        project.keep(self.sources[index], self._found(project, index, track.now) if accepted else None)
+        found = self._found(project, index, track.now, kept=kept) if track.now.status == "accepted" else None
+        project.keep(self.sources[index], found, None if found is None else self._base(project, index, kept=kept))
         return track.accepted
 
     def following(self, label: int, index: int) -> int:

@@ -12,6 +12,7 @@ import threading
 import time
 from itertools import pairwise
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -36,6 +37,7 @@ from ffseg.picking.scene import Found, Scene
 from ffseg.picking.server import Server
 from ffseg.picking.session import Session, StaleError, settings_of
 from tests.discs import overlap
+from tests.masks import write_image
 
 POINT = st.tuples(st.floats(-5, 30), st.floats(-5, 25))
 
@@ -247,6 +249,49 @@ def test_a_reviewed_mask_stays_when_the_run_is_gone(tmp_path: Path, ffseg_comman
     assert np.array_equal(mask_of(out / "masks" / "a.png"), kept)
 
 
+def test_a_review_shows_its_own_run_packed_or_not(tmp_path: Path, ffseg_command: Command) -> None:
+    """Of an image that was given up, too: what was kept of an earlier review is for steps that are undone and redone."""
+    folder, out = draw(tmp_path / "in", ["a.png"]), tmp_path / "out"
+    for place, run, more in ((LEFT, "one", []), (RIGHT, "two", ["--pack", "tar"])):
+        settings = ["--set", f"init.center={list(place)}", "--set", "init.radius=6", *more]
+        ffseg_command("run", str(folder), "--out", str(tmp_path / run), *settings, code=0)
+    masks = [disc(LEFT), disc(RIGHT)]
+    with session(folder, out, review=str(tmp_path / "one")) as own:
+        own.change(0, 0, 0, "pick", OPEN | {"status": "accepted"})
+        own.change(0, 0, 1, "pick", OPEN)
+    with session(folder, out, review=str(tmp_path / "two")) as own:
+        assert overlap(own._found(own.projects[0], 0, Picked()).mask, masks[1]) > 0.95
+        own.change(0, 0, 2, "undo")
+        assert overlap(mask_of(out / "masks" / "a.png"), masks[0]) > 0.95
+        own.change(0, 0, 3, "pick", OPEN)
+        own.change(0, 0, 4, "pick", OPEN | {"status": "accepted"})
+    assert overlap(mask_of(out / "masks" / "a.png"), masks[1]) > 0.95
+
+
+def test_a_mask_that_cannot_be_removed_keeps_its_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with session(draw(tmp_path / "in", ["a.png"]), tmp_path / "out") as own:
+        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        monkeypatch.setattr(project.os, "unlink", Mock(side_effect=PermissionError(13, "no")))
+        with pytest.raises(OutputError, match=r"a\.png cannot be written"):
+            own.change(0, 0, 1, "pick", picked(LEFT))
+        assert own.image(0, 0)["picked"]["status"] == "accepted"
+
+
+def test_what_a_model_that_has_gone_is_finding_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, asked = Scene(np.zeros(SIZE, np.uint8)), list[object]()
+
+    def grow(self: Scene, image: np.ndarray, factor: float, *_of: object) -> Found:
+        asked.append(image)
+        if len(asked) == 1:
+            self.forget()
+        return Found(disc(LEFT), (), factor)
+
+    monkeypatch.setattr(Scene, "_grown", grow)
+    for _ in range(3):
+        scene.find(Picked(((*LEFT, 6),)), load_params(), None)
+    assert len(asked) == 2
+
+
 def test_an_image_that_is_replaced_while_it_is_open_is_read_anew(tmp_path: Path) -> None:
     folder = draw(tmp_path / "in", ["a.png"])
     with session(folder, tmp_path / "out") as own:
@@ -261,6 +306,32 @@ def test_an_image_that_is_replaced_while_it_is_open_is_read_anew(tmp_path: Path)
         assert not own.picture(0, before.partition("?")[2])[1], "no browser keeps it for the other file"
         own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
     assert mask_of(tmp_path / "out" / "masks" / "a.png").shape[0] == 100
+
+
+def test_what_was_drawn_of_one_class_is_not_shown_of_another(tmp_path: Path) -> None:
+    folder, imported = draw(tmp_path / "in", ["a.png"]), tmp_path / "out" / "road" / "imported"
+    write_image(imported / "a.png", disc(LEFT))
+    with session(folder, tmp_path / "out", labels=("road", "kerb")) as own:
+        shown = [own.find(kind, 0, OPEN, quick=False)["path"] for kind in (0, 1, 0)]
+    assert (shown[0] == shown[2] != "", shown[1]) == (True, "")
+
+
+def test_masks_stay_newer_than_their_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the clock; else they would be found anew at the next start, with the model there is then."""
+    folder, out = draw(tmp_path / "in", ["a.png", "b.png"]), tmp_path / "out"
+    with session(folder, out) as own:
+        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        monkeypatch.setattr(project, "write_all_atomic", Mock(side_effect=OutputError("full")))
+        with pytest.raises(OutputError):
+            own.change(0, 1, 0, "pick", picked(LEFT))
+        monkeypatch.undo()
+        assert (out / "masks" / "a.png").stat().st_mtime_ns > (out / "picks.jsonl").stat().st_mtime_ns
+        coarse = os.stat(out / "picks.jsonl").st_mtime_ns
+        monkeypatch.setattr(project, "write_all_atomic", lambda files: [
+            (Path(path).write_bytes(data), os.utime(path, ns=(0, 0))) for path, data in files
+        ])  # fmt: skip
+        own.change(0, 1, 0, "pick", picked(RIGHT, status="accepted"))
+        assert (out / "masks" / "b.png").stat().st_mtime_ns > (out / "picks.jsonl").stat().st_mtime_ns >= coarse
 
 
 def test_a_model_goes_with_the_masks_it_is_of(tmp_path: Path) -> None:
@@ -289,6 +360,8 @@ def test_the_folder_of_the_images_is_not_marked_as_one_without(tmp_path: Path) -
     for inputs in ([str(folder)], [str(folder / "*.png")]):
         with pytest.raises(UsageError, match="holds the images themselves"):
             Session(inputs, str(folder), load_params())
+    with pytest.raises(UsageError, match="in holds the images themselves"):
+        Session([str(folder)], str(tmp_path), load_params(), labels=["in"])
     assert sorted(os.listdir(folder)) == ["a.png", "sub"]
 
 
@@ -606,6 +679,17 @@ def test_who_asks_for_a_region_that_is_being_found_waits_for_it(monkeypatch: pyt
     for thread in asking:
         thread.join(60)
     assert (len(grown), found[0] is found[1]) == (1, True)
+
+
+def test_what_is_learned_behind_writes_no_file_while_a_step_is_kept(tmp_path: Path) -> None:
+    with session(draw(tmp_path / "in", ["a.png"]), tmp_path / "out") as own:
+        behind = threading.Thread(target=own._work[0]._use, kwargs={"learned": False})
+        with own._changing:
+            behind.start()
+            behind.join(0.2)
+            assert behind.is_alive()
+        behind.join(60)
+        assert not behind.is_alive()
 
 
 def test_a_command_behind_is_ended_by_a_newer_one() -> None:
