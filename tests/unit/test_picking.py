@@ -39,7 +39,16 @@ from ffseg.picking.session import Session, StaleError, settings_of
 from tests.discs import overlap
 from tests.masks import write_image
 
+Started = list[list[str]]
 POINT = st.tuples(st.floats(-5, 30), st.floats(-5, 25))
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> Started:
+    """Commands that would run behind the page; none does: a model would change what is found."""
+    found: Started = []
+    monkeypatch.setattr(Background, "start", lambda _self, arguments: found.append(list(arguments)))
+    return found
 
 
 @given(st.lists(POINT, min_size=1, max_size=4), st.floats(0.5, 8), st.booleans())
@@ -112,8 +121,8 @@ def test_a_step_that_cannot_be_written_is_not_taken(tmp_path: Path, monkeypatch:
     assert len((tmp_path / "picks.jsonl").read_bytes().splitlines()) == 1
 
 
-def test_a_click_takes_the_disc_and_a_run_takes_the_same(tmp_path: Path, ffseg_command: Command, monkeypatch) -> None:
-    monkeypatch.setattr(Background, "start", lambda *_: None)  # a model would change what the run finds
+@pytest.mark.usefixtures("started")
+def test_a_click_takes_the_disc_and_a_run_takes_the_same(tmp_path: Path, ffseg_command: Command) -> None:
     folder, out = draw(tmp_path / "in", ["a.png", "sub/b.png"]), tmp_path / "out"
     with session(folder, out) as own:
         own.change(0, 0, 0, "pick", picked(LEFT))
@@ -516,11 +525,9 @@ FIGURES = {
 
 
 def test_learning_and_the_run_read_the_images_with_the_parameters_of_the_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, started: Started, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A model was learned from values of 16 bits scaled by another range than that it was used with."""
-    started: list[list[str]] = []
-    monkeypatch.setattr(Background, "start", lambda _self, arguments: started.append(list(arguments)))
     monkeypatch.chdir(tmp_path)
     folder = draw(tmp_path / "in", ["a.png", "b.png"])
     corner = np.zeros(ffseg.read_image(folder / "a.png").shape[:2], np.bool_)
@@ -536,10 +543,10 @@ def test_learning_and_the_run_read_the_images_with_the_parameters_of_the_page(
     assert load_params(None, said).init.background_mask == str(tmp_path / "corner.png")
 
 
+@pytest.mark.usefixtures("started")
 @pytest.mark.parametrize("key", ["domain.mask", "domain.masks"])
 def test_the_page_keeps_to_the_domain_as_the_run_does(key: str, tmp_path: Path, monkeypatch) -> None:
     """Copies that follow the hand are smaller than the mask, which was refused; those of each image were passed over."""
-    monkeypatch.setattr(Background, "start", lambda *_: None)
     monkeypatch.setattr(scenes, "WIDEST", 60)
     folder = draw(tmp_path / "in", ["a.png"])
     shape = ffseg.read_image(folder / "a.png").shape[:2]
@@ -556,8 +563,8 @@ def test_the_page_keeps_to_the_domain_as_the_run_does(key: str, tmp_path: Path, 
             assert not found.mask[:, found.mask.shape[1] // 3 + 1 :].any()
 
 
-def test_images_that_were_replaced_after_they_were_accepted_are_named(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(Background, "start", lambda *_: None)
+@pytest.mark.usefixtures("started")
+def test_images_that_were_replaced_after_they_were_accepted_are_named(tmp_path: Path) -> None:
     folder, out = draw(tmp_path / "in", ["a.png", "b.png", "c.png"]), tmp_path / "out"
     with session(folder, out) as own:
         for index in (0, 1):
@@ -575,11 +582,7 @@ def test_images_that_were_replaced_after_they_were_accepted_are_named(tmp_path: 
         assert own.changed() == ["a.png", "b.png"]
 
 
-def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    started: list[list[str]] = []
-    monkeypatch.setattr(Background, "start", lambda _self, arguments: started.append(list(arguments)))
+def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(tmp_path: Path, started: Started) -> None:
     folder, out = draw(tmp_path / "in", ["a.png", "b.png", "c.png", "d.png"]), tmp_path / "out"
     with session(folder, out) as own:
         work = own._work[0]
@@ -633,11 +636,7 @@ def test_an_accepted_image_shows_the_mask_that_was_kept(tmp_path: Path, monkeypa
         assert own.statuses(0) == {}
 
 
-def test_what_is_being_learned_when_the_program_is_killed_is_learned_anew(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    started: list[list[str]] = []
-    monkeypatch.setattr(Background, "start", lambda _self, arguments: started.append(list(arguments)))
+def test_what_is_being_learned_when_the_program_is_killed_is_learned_anew(tmp_path: Path, started: Started) -> None:
     folder, out = draw(tmp_path / "in", ["a.png", "b.png", "c.png"]), tmp_path / "out"
     with session(folder, out) as own:
         for index in (0, 1):
@@ -811,8 +810,8 @@ def test_a_server_closes_when_the_last_answer_is_found_and_begins_no_other(tmp_p
             pass
 
 
-def test_labels_of_an_image_that_cannot_be_read_keep_no_other_from_being_taken(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(Background, "start", lambda *_: None)
+@pytest.mark.usefixtures("started")
+def test_labels_of_an_image_that_cannot_be_read_keep_no_other_from_being_taken(tmp_path: Path) -> None:
     folder = draw(tmp_path / "in", ["b.png"])
     (folder / "a.png").write_text("broken")
     boxes = [{"image_id": name, "bbox": [20, 20, 30, 30]} for name in ("a.png", "b.png")]
@@ -823,9 +822,9 @@ def test_labels_of_an_image_that_cannot_be_read_keep_no_other_from_being_taken(t
         assert own.statuses(0) == {1: "accepted"}
 
 
+@pytest.mark.usefixtures("started")
 @pytest.mark.parametrize("thin", [[20.6, 20, 0.3, 30], [500, 500, 9, 9], [-9, -9, 999, 999]])
-def test_labels_that_hold_no_pixel_or_all_are_named(thin: list[float], tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(Background, "start", lambda *_: None)
+def test_labels_that_hold_no_pixel_or_all_are_named(thin: list[float], tmp_path: Path) -> None:
     folder = draw(tmp_path / "in", ["a.png", "b.png", "c.png"])
     boxes = [("a.png", thin), ("b.png", [20, 20, 30, 30]), ("b.png", thin), ("c.png", [20, 20, 30, 30])]
     images = [{"id": name, "file_name": name} for name in ("a.png", "b.png", "c.png")]
