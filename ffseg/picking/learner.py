@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, suppress
 
-from ffseg.errors import ImageReadError
+from ffseg.errors import FfsegError, ImageReadError
 from ffseg.io.files import read_bytes, write_bytes_atomic
 from ffseg.io.tables import counted
 from ffseg.picking.project import LEARNED, MODEL, MOST_BYTES, RUN, Project
@@ -183,6 +183,12 @@ class Work:
 
     def _learned(self, code: int, out: str, err: str) -> None:
         self._spared = False
+        try:
+            self._take(code, out, err)
+        except (FfsegError, OSError) as error:  # a full disk
+            self.line = f"what was learned cannot be kept: {error}"
+
+    def _take(self, code: int, out: str, err: str) -> None:
         if code:
             self.line = f"nothing was learned: {last_line(err)}"
             return

@@ -94,7 +94,7 @@ const step = (change, does = "pick") => {
   if (change) pending.push(change);
   saving = saving.then(async () => {
     const before = picked.status, next = { ...picked, ...change?.(picked) }, there = place === index && image;
-    const found = there && await post("change", { version: image.version, do: does, picked: next }).catch((error) => error);
+    const found = there && await post("change", { version: image.version, do: does, picked: next, picture: image.picture }).catch((error) => error);
     if (change) pending.splice(pending.indexOf(change), 1);
     if (!there) return false;
     if (found.code === 409) await load(index, "changed in another tab: this is how it stands now");

@@ -166,8 +166,8 @@ class Handler(BaseHTTPRequestHandler):
             if not 0 <= index < len(self.server.session.sources):
                 raise IndexError(index)
             with self.server.working():
-                picture, current = self.server.session.picture(index, urlsplit(self.path).query)
-            self._send(200, picture, "image/jpeg", keep=current)
+                picture = self.server.session.scene(index).picture()
+            self._send(200, picture, "image/jpeg", keep=True)
         else:
             self._send(404, b"there is no such page\n", "text/plain")
 
@@ -198,7 +198,8 @@ class Handler(BaseHTTPRequestHandler):
             case "find":
                 return session.find(label, index, asked["picked"], quick=bool(asked.get("quick")))
             case "change":
-                return session.change(label, index, int(asked["version"]), str(asked["do"]), asked.get("picked"))
+                seen = str(asked.get("picture", ""))
+                return session.change(label, index, int(asked["version"]), str(asked["do"]), asked.get("picked"), seen)
             case "statuses":
                 return {"statuses": session.statuses(label)}
             case "following":

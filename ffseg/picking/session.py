@@ -179,7 +179,7 @@ class Session:
         return [one.name for one in self.sources if any(_replaced(one, project) for project in self.projects)]
 
     def scene(self, index: int) -> Scene:
-        """An image, decoded.
+        """An image, decoded; anew where its file has changed.
 
         Raises
         ------
@@ -188,8 +188,9 @@ class Session:
         """
         source = self.sources[index]
         with self._opening:
-            if index not in self._scenes:
-                self._marks[index] = mark_of(source.path)
+            mark = mark_of(source.path)
+            if index not in self._scenes or self._marks[index] != mark:
+                self._marks[index] = mark
                 masks = self._masks.within(self._domains.get(source.name, ""))
                 self._scenes[index] = Scene(read_source(source, levels=self._levels), masks)
                 while len(self._scenes) > MOST_OPEN:
@@ -197,14 +198,9 @@ class Session:
             self._scenes.move_to_end(index)
             return self._scenes[index]
 
-    def picture(self, index: int, mark: str) -> tuple[bytes, bool]:
-        """JPEG of an image, and whether it is of the file that this mark is of."""
-        picture = self.scene(index).picture()
-        return picture, mark == _told(self._marks[index])
-
     def picture_address(self, index: int) -> str:
         """Of the image's picture on the page: another one for another file."""
-        return f"image/{index}?{_told(mark_of(self.sources[index].path))}"
+        return f"image/{index}?{'-'.join(map(str, mark_of(self.sources[index].path)))}"
 
     def forget(self) -> None:
         """Find regions anew: a model is another one."""
@@ -224,10 +220,7 @@ class Session:
         return {index: status for index, status in found.items() if status != "open"}
 
     def image(self, label: int, index: int) -> dict[str, Any]:
-        """What is picked in an image, read anew where its file changed, and what the page shows; else why it cannot be."""
-        if self._marks.get(index) != mark_of(self.sources[index].path):
-            with self._opening:
-                self._scenes.pop(index, None)
+        """What is picked in an image, and what the page shows; else why it cannot be."""
         track, problem = self.projects[label].track(index), ""
         try:
             height, width = self.scene(index).shape
@@ -264,8 +257,15 @@ class Session:
         base = project.base(self.sources[index].name, kept=kept)
         return base if base is not None and base.shape == self.scene(index).shape else None
 
-    def change(self, label: int, index: int, version: int, do: str, document: object = None) -> dict[str, Any]:
+    def change(
+        self, label: int, index: int, version: int, do: str, document: object = None, seen: str = ""
+    ) -> dict[str, Any]:
         """Take a step in an image and keep it on the disk before the page hears of it.
+
+        Parameters
+        ----------
+        seen : str
+            Address of the picture that it was taken on.
 
         Raises
         ------
@@ -278,7 +278,7 @@ class Session:
             raise KeyError(do)
         project, name = self.projects[label], self.sources[index].name
         picked = Picked.read(document) if do == "pick" else None
-        if self._marks.get(index) not in (None, mark_of(self.sources[index].path)):
+        if seen and seen != self.picture_address(index):
             raise UsageError("the image's file was replaced or removed since it was opened; reload the page to see it")
         with self._changing:
             track = project.track(index)
@@ -344,10 +344,6 @@ class Session:
     def run(self, label: int) -> None:
         """Do the whole folder in the background."""
         self._work[label].run()
-
-
-def _told(mark: Mark) -> str:
-    return "-".join(map(str, mark))
 
 
 def _replaced(source: Source, project: Project) -> bool:

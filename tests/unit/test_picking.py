@@ -308,11 +308,11 @@ def test_an_image_that_is_replaced_while_it_is_open_is_read_anew(tmp_path: Path)
         before = own.image(0, 0)["picture"]
         (folder / "a.png").write_bytes(encode_mask(disc(LEFT)[:100]))
         with pytest.raises(UsageError, match="since it was opened"):
-            own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
-        address = own.image(0, 0)["picture"]
-        assert own.image(0, 0)["height"] == 100
-        assert own.picture(0, address.partition("?")[2])[1]
-        assert not own.picture(0, before.partition("?")[2])[1], "no browser keeps it for the other file"
+            own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"), before)
+        assert own.image(0, 0)["height"] == 100, "another tab has opened it"
+        assert own.image(0, 0)["picture"] != before, "no browser keeps one for the other"
+        with pytest.raises(UsageError, match="since it was opened"):
+            own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"), before)
         own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
     assert mask_of(tmp_path / "out" / "masks" / "a.png").shape[0] == 100
 
@@ -620,6 +620,8 @@ def test_what_was_learned_is_used_where_it_helps_and_orders_the_images(tmp_path:
         work = own._work[0]
         work._learned(2, "", "ffseg: error: ffseg learn needs LightGBM; install ffseg[learn]\n")
         assert own.news(0, 0)["lines"][1] == "nothing was learned: ffseg learn needs LightGBM; install ffseg[learn]"
+        work._learned(0, json.dumps(FIGURES), "")  # of a model that is not there
+        assert own.news(0, 0)["lines"][1].startswith("what was learned cannot be kept: ")
 
 
 def test_an_accepted_image_shows_the_mask_that_was_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
