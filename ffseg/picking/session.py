@@ -387,7 +387,10 @@ def settings_of(folder: str | os.PathLike[str]) -> list[str]:
         raise ParameterError(
             f"{printable(path)}: {code[0]} imports code; if you trust it, give the parameters with --config FILE"
         )
-    return [f"{key}={yaml_value(value)}" for key, value in non_defaults(params).items()]
+    own = non_defaults(params)
+    if params.edges.source == "evidence":  # of maps that are not known here
+        del own["edges.source"]
+    return [f"{key}={yaml_value(value)}" for key, value in own.items()]
 
 
 def start_radius(shape: tuple[int, int]) -> float:

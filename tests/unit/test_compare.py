@@ -150,8 +150,7 @@ def test_one_comparison_at_a_time_in_a_folder(case: Path) -> None:
 
 def test_the_median_of_the_times_counts(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     result = ffseg.segment(ffseg.read_image(case / "disc.png"))
-    times = [Timings(1, ms, ms + 1) for ms in (9.0, 1.0, 2.0)]
-    runs = Mock(side_effect=[replace(result, timings=one) for one in times])
+    runs = Mock(side_effect=[replace(result, timings=Timings(1, ms, ms + 1)) for ms in (9.0, 1.0, 2.0)])
     monkeypatch.setattr(work, "segment", runs)
     (row,) = work.compare(replace(task_of(case, "freeform"), repeat=3), silent)
     assert row.evolve_ms == 2

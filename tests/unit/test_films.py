@@ -187,20 +187,25 @@ def test_without_its_reader_a_film_is_refused_by_name(
     assert importlib.util.find_spec("av") is not None
 
 
-def test_a_phone_held_upright_gives_upright_frames(tmp_path: Path) -> None:
-    """Turned by the container's note, as players do; a quarter turn, either way."""
-    frames = pictures(3)
-    plain = write_film(tmp_path / "plain.mp4", frames)
-    with av.open(str(plain)) as source, av.open(str(tmp_path / "turned.mp4"), "w") as film:
-        track = film.add_stream_from_template(source.streams.video[0])
-        if not hasattr(track, "set_display_rotation"):
-            pytest.skip("this PyAV cannot write a rotation")
-        track.set_display_rotation(90)
+def copied(film: Path, begin: float = 0, turn: int = 0) -> Path:
+    """The same packets, shown from so many seconds on, or turned by the container."""
+    copy = film.with_name("copy.mp4")
+    with av.open(str(film)) as source, av.open(str(copy), "w") as made:
+        track = made.add_stream_from_template(source.streams.video[0])
+        if turn:
+            track.set_display_rotation(turn)
         for packet in source.demux(video=0):
             if packet.dts is not None:
-                packet.stream = track
-                film.mux(packet)
-    assert read_source(discover([str(tmp_path / "turned.mp4")])[0]).shape[:2] == (80, 60)
+                late = round(begin / packet.time_base)
+                packet.pts, packet.dts, packet.stream = packet.pts - late, packet.dts - late, track
+                made.mux(packet)
+    return copy
+
+
+def test_a_phone_held_upright_gives_upright_frames(tmp_path: Path) -> None:
+    """Turned by the container's note, as players do; a quarter turn, either way."""
+    turned = copied(write_film(tmp_path / "plain.mp4", pictures(3)), turn=90)
+    assert read_source(discover([str(turned)])[0]).shape[:2] == (80, 60)
 
 
 def test_a_mirrored_film_is_mirrored(tmp_path: Path) -> None:
@@ -229,17 +234,10 @@ def test_a_film_that_starts_late_is_whole(tmp_path: Path) -> None:
 @pytest.mark.parametrize("codec", ["libx264", "mpeg4"])
 def test_a_film_cut_without_coding_it_anew_has_the_frames_that_players_show(tmp_path: Path, codec: str) -> None:
     """Those before the cut, which only the edit list leaves out, are what the first ones are decoded from."""
-    whole = write_film(tmp_path / "whole.mp4", pictures(30, noise=8), codec, options={"g": "30"})
-    with av.open(str(whole)) as source, av.open(str(tmp_path / "part.mp4"), "w") as film:
-        track = film.add_stream_from_template(source.streams.video[0])
-        for packet in source.demux(video=0):
-            if packet.dts is not None:
-                late = round(0.4 / packet.time_base)
-                packet.pts, packet.dts, packet.stream = packet.pts - late, packet.dts - late, track
-                film.mux(packet)
-    found = discover([str(tmp_path / "part.mp4")])
+    part = copied(write_film(tmp_path / "a.mp4", pictures(30, noise=8), codec, options={"g": "30"}), begin=0.4)
+    found = discover([str(part)])
     assert ([one.problem for one in found], found[0].time) == ([""] * 20, 0)
-    for source, (_time, pixels) in zip(found, played(tmp_path / "part.mp4"), strict=True):
+    for source, (_time, pixels) in zip(found, played(part), strict=True):
         assert np.array_equal(read_source(source), pixels[:, :, ::-1])
 
 

@@ -176,12 +176,11 @@ def test_what_encloses_nothing_or_claims_a_huge_image_costs_itself(tmp_path: Pat
     document = {
         "images": [{"id": 1, "file_name": "a.png"}, {"id": 2, "file_name": "huge.png"}],
         "annotations": [
-            {"image_id": 1, "keypoints": [4, 4, 2]},
-            {"image_id": 1, "segmentation": [[1, 1, 9, 9]]},
+            {"image_id": 1, "keypoints": [4, 4, 2]}, {"image_id": 1, "segmentation": [[1, 1, 9, 9]]},
             {"image_id": 1, "bbox": [3, 2, 7, 6]},
             {"image_id": 2, "segmentation": {"size": [side, side], "counts": [0, side * side]}},
         ],
-    }
+    }  # fmt: skip
     found = read_labels(write(tmp_path, document))
     assert np.array_equal(found.mask("a.png", "", SHAPE), box(3, 2, 10, 8))
     with pytest.raises(UsageError, match="run lengths of 1048576x1048576 pixels"):

@@ -13,7 +13,7 @@ import typer
 from ffseg.cli import console
 from ffseg.cli.checks import folder, ready_params
 from ffseg.cli.options import Config, Settings
-from ffseg.errors import UsageError
+from ffseg.errors import ParameterError, UsageError
 from ffseg.io.files import printable
 
 if TYPE_CHECKING:
@@ -50,6 +50,10 @@ def pick(  # noqa: PLR0913 - the options of the command
     from ffseg.picking.session import Session, inputs_of, settings_of
 
     reviewed = settings_of(review) if review is not None and config is None else []
+    try:
+        ready_params(None, reviewed)
+    except ParameterError as error:
+        raise ParameterError(f"{review}: {error}; name what the run was made with in --config FILE") from error
     params = ready_params(config, [*reviewed, *(settings or ())])
     if review is not None and not inputs:
         inputs = inputs_of(review)
