@@ -53,7 +53,9 @@ def pick(  # noqa: PLR0913 - the options of the command
     try:
         ready_params(None, reviewed)
     except ParameterError as error:
-        raise ParameterError(f"{review}: {error}; name what the run was made with in --config FILE") from error
+        raise ParameterError(
+            f"{printable(os.fspath(review or ''))}: {error}; name what the run was made with in --config FILE"
+        ) from error
     params = ready_params(config, [*reviewed, *(settings or ())])
     if review is not None and not inputs:
         inputs = inputs_of(review)
