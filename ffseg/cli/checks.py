@@ -139,16 +139,11 @@ def ready_params(
     config: str | None, settings: Sequence[str] | None, evidence: Path | None = None, *, allow_code: bool = False
 ) -> Parameters:
     """Load the parameter set of a command that segments: its edge source has its model, or maps that are named."""
-    from ffseg.errors import ParameterError
+    from ffseg.parameters import check_source
 
     params = checked_params(config, settings, allow_code=allow_code)
-    if params.edges.model is None and evidence is None:
-        if params.edges.source == "model":
-            raise ParameterError("edges.source: model needs a model; set edges.model to a file")
-        if params.edges.source == "evidence":
-            raise ParameterError(
-                "edges.source: evidence needs a map of each image; name them with --evidence of run, compare or segment"
-            )
+    if evidence is None:
+        check_source(params)
     return params
 
 

@@ -316,6 +316,7 @@ const keys = {
     root.dataset.theme = themes[(themes.indexOf(root.dataset.theme ?? "") + 1) % 3];
   },
 };
+const tried = (act) => void Promise.resolve(act()).catch((error) => say(error.message, true));
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]") || event.target.matches("input")) return;
   if (event.key === " " && !event.target.matches("button")) { space = true; stage.classList.add("moving"); event.preventDefault(); return; }
@@ -324,12 +325,12 @@ document.addEventListener("keydown", (event) => {
   if (!act || event.repeat && /^(a|s|enter)$/i.test(event.key)) return;
   if (event.key === "Enter" && event.target.matches("button")) return;
   event.preventDefault();
-  void act();
+  tried(act);
 });
 document.addEventListener("keyup", (event) => {
   if (event.key === " ") { space = false; stage.classList.remove("moving"); }
 });
-for (const button of document.querySelectorAll("button[data-key]")) button.addEventListener("click", () => keys[button.dataset.key]());
+for (const button of document.querySelectorAll("button[data-key]")) button.addEventListener("click", () => tried(keys[button.dataset.key]));
 $("run").addEventListener("click", () => saving.then(() => post("run")).then(news).catch((error) => say(error.message, true)));
 
 const classes = () => $("classes").replaceChildren(...about.labels.filter(Boolean).map((name, kind) => {

@@ -31,7 +31,7 @@ from ffseg.io.labels import Labels
 from ffseg.io.masks import named_masks
 from ffseg.io.starts import check_starts
 from ffseg.parameter_text import non_defaults, yaml_value
-from ffseg.parameters import Parameters, load_params
+from ffseg.parameters import Parameters, check_source, load_params
 from ffseg.picking.learner import Work
 from ffseg.picking.picks import Picked
 from ffseg.picking.project import RUN, STARTS, Project, size_of
@@ -91,6 +91,7 @@ class Session:
         self._masks = named_masks(params)
         self._domains = find_domains(self.sources, params.domain.masks) if params.domain.masks else {}
         check_starts(params, os.path.join(out, STARTS))
+        check_source(params)
         self._levels, self.labels = params.input.range, tuple(labels) or ("",)
         self.folders = [os.path.join(out, label) if label else out for label in self.labels]
         self._require_apart()
@@ -168,7 +169,7 @@ class Session:
                 mask = None if track.version else labels.mask(source.name, project.label, shape)
                 if mask is not None and mask.any() and not mask.all():
                     project.take(source, mask)
-                    self._keep(project, source.name)
+                    self._kept(project, source.name)
                     taken += 1
         for work in self._work:
             work.learn(again=taken > 0)
@@ -289,17 +290,20 @@ class Session:
                 mask = self._found(project, index, after, kept=do != "pick").mask
                 if not mask.any() or mask.all():
                     raise UsageError("a mask needs pixels inside and outside; pick a region first, or skip the image")
-            if project.journal.add(name, do, picked, size_of(self.sources[index].path)):
-                try:
-                    changed = self._keep(project, name, kept=do != "pick")
-                except FfsegError:
-                    project.journal.take_back()
-                    with suppress(FfsegError):
-                        project.write_starts()
-                    raise
-                if changed:
-                    self._work[label].learn(again=True)
+            taken = project.journal.add(name, do, picked, size_of(self.sources[index].path))
+            if taken and self._kept(project, name, kept=do != "pick"):
+                self._work[label].learn(again=True)
         return self.image(label, index)
+
+    def _kept(self, project: Project, name: str, *, kept: bool = True) -> bool:
+        """As `_keep`, after a step, which is taken back where what follows from it cannot be written."""
+        try:
+            return self._keep(project, name, kept=kept)
+        except FfsegError:
+            project.journal.take_back()
+            with suppress(FfsegError):
+                project.write_starts()
+            raise
 
     def _keep(self, project: Project, name: str, *, kept: bool = True) -> bool:
         """Bring the files up to the journal; whether a mask has changed."""
