@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,7 @@ from ffseg.errors import ParameterError, UsageError
 from ffseg.io.files import printable
 
 if TYPE_CHECKING:
+    from ffseg.parameters import Parameters
     from ffseg.picking.session import Session
 
 
@@ -47,16 +49,9 @@ def pick(  # noqa: PLR0913 - the options of the command
     Serves a page to this machine only, until Ctrl-C. Under DIR: starts.csv, masks of what was accepted, pick.yaml, a
     model learned from the masks while you pick, and run.sh, which does all images.
     """
-    from ffseg.picking.session import Session, inputs_of, settings_of
+    from ffseg.picking.session import Session, inputs_of
 
-    reviewed = settings_of(review) if review is not None and config is None else []
-    try:
-        ready_params(None, reviewed)
-    except ParameterError as error:
-        raise ParameterError(
-            f"{printable(os.fspath(review or ''))}: {error}; name what the run was made with in --config FILE"
-        ) from error
-    params = ready_params(config, [*reviewed, *(settings or ())])
+    params = _params(review, config, settings or ())
     if review is not None and not inputs:
         inputs = inputs_of(review)
     if not inputs:
@@ -91,6 +86,21 @@ def pick(  # noqa: PLR0913 - the options of the command
             names = named([*map(printable, changed)])
             console.message(f"ffseg: changed since they were picked in, look at them and accept them again: {names}")
         _serve(session, port, browser)
+
+
+def _params(review: Path | None, config: str | None, settings: Sequence[str]) -> Parameters:
+    """What is asked for; of a run that is reviewed what it was made with, where no file says others."""
+    from ffseg.picking.session import settings_of
+
+    if review is None or config is not None:
+        return ready_params(config, settings)
+    own = settings_of(review)
+    try:
+        ready_params(None, own)
+    except ParameterError as error:
+        name = printable(os.fspath(review))
+        raise ParameterError(f"{name}: {error}; name what the run was made with in --config FILE") from error
+    return ready_params(None, [*own, *settings])
 
 
 def _serve(session: Session, port: int, browser: bool) -> None:
