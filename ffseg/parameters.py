@@ -399,24 +399,6 @@ def load_params(
     return build(Parameters, {**given, **values})
 
 
-def check_source(params: Parameters) -> None:
-    """Refuse an edge source that has no model, or no maps that come with the images.
-
-    Raises
-    ------
-    ParameterError
-        Saying what it needs.
-    """
-    if params.edges.model is not None:
-        return
-    if params.edges.source == "model":
-        raise ParameterError("edges.source: model needs a model; set edges.model to a file")
-    if params.edges.source == "evidence":
-        raise ParameterError(
-            "edges.source: evidence needs a map of each image; name them with --evidence of run, compare or segment"
-        )
-
-
 def written(source: str | os.PathLike[str], problems: Problems) -> dict[str, object]:
     """Values that a parameter file or preset gives, by dotted key."""
     return collect(Parameters, _file(source, problems), problems)

@@ -33,6 +33,22 @@ def require(module: str, what: str, extra: str) -> None:
         raise UsageError(f"{what}; install it with: pip install 'ffseg[{extra}]'")
 
 
+def check_source(source: str, model: str | None) -> None:
+    """Refuse the evidence source of a command that gives it no map and no model where it needs them.
+
+    Raises
+    ------
+    ParameterError
+        Saying what it needs.
+    """
+    if source == "model" and model is None:
+        raise ParameterError("edges.source: model needs a model; set edges.model to a file")
+    if source == "evidence" and model is None:
+        raise ParameterError(
+            "edges.source: evidence needs a map of each image; name them with --evidence of run, compare or segment"
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Method:
     """A row of `METHODS`.

@@ -139,11 +139,11 @@ def ready_params(
     config: str | None, settings: Sequence[str] | None, evidence: Path | None = None, *, allow_code: bool = False
 ) -> Parameters:
     """Load the parameter set of a command that segments: its edge source has its model, or maps that are named."""
-    from ffseg.parameters import check_source
+    from ffseg.plugins import check_source
 
     params = checked_params(config, settings, allow_code=allow_code)
     if evidence is None:
-        check_source(params)
+        check_source(params.edges.source, params.edges.model)
     return params
 
 

@@ -31,12 +31,13 @@ from ffseg.io.labels import Labels
 from ffseg.io.masks import named_masks
 from ffseg.io.starts import check_starts
 from ffseg.parameter_text import non_defaults, yaml_value
-from ffseg.parameters import Parameters, check_source, load_params
+from ffseg.parameters import Parameters, load_params
 from ffseg.picking.learner import Work
 from ffseg.picking.picks import Picked
 from ffseg.picking.project import RUN, STARTS, Project, size_of
 from ffseg.picking.scene import Found, Scene
 from ffseg.pipeline import outlines_of
+from ffseg.plugins import check_source
 from ffseg.schema.kinds import names_code
 
 MOST_OPEN = 3
@@ -91,7 +92,7 @@ class Session:
         self._masks = named_masks(params)
         self._domains = find_domains(self.sources, params.domain.masks) if params.domain.masks else {}
         check_starts(params, os.path.join(out, STARTS))
-        check_source(params)
+        check_source(params.edges.source, params.edges.model)
         self._levels, self.labels = params.input.range, tuple(labels) or ("",)
         self.folders = [os.path.join(out, label) if label else out for label in self.labels]
         self._require_apart()
