@@ -52,6 +52,11 @@ def non_defaults(params: Parameters) -> dict[str, object]:
     }
 
 
+def as_settings(params: Parameters) -> list[str]:
+    """Texts ``KEY=VALUE`` of what differs from the defaults, as ``--set`` takes them."""
+    return [f"{key}={yaml_value(value)}" for key, value in non_defaults(params).items()]
+
+
 def yaml_lines(values: Mapping[str, object], text: Callable[[object], str] = yaml_value) -> list[str]:
     """Lines of a parameter file that sets these keys, by section; ``{}`` where there is none."""
     sections: dict[str, list[str]] = {"": []}

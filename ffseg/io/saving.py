@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ffseg.errors import OutputError, SegmentationError
 from ffseg.image.checked import Pixels, taken_image
-from ffseg.io.masks import holds_other_than_mask
 from ffseg.io.tables import counted
 
 if TYPE_CHECKING:
@@ -99,6 +98,8 @@ _LOOKED_AT = 512
 def is_own(path: str, kind: str) -> bool:
     """Whether a file may be replaced as what `encoded` wrote for this kind, of whatever image; one that is empty may."""
     if kind not in _BEGINNINGS:  # what is drawn on a picture does not show
+        from ffseg.io.masks import holds_other_than_mask  # loads OpenCV
+
         return not holds_other_than_mask(path)
     try:
         with Path(path).open("rb") as file:

@@ -28,7 +28,7 @@ from ffseg.io.files import (
 )
 from ffseg.io.masks import decode_mask, encode_mask
 from ffseg.io.starts import Start, starts_table
-from ffseg.parameter_text import non_defaults, yaml_lines, yaml_value
+from ffseg.parameter_text import as_settings, non_defaults, yaml_lines
 from ffseg.parameters import Parameters
 from ffseg.picking.picks import Journal, Picked, Track
 from ffseg.picking.scene import Found
@@ -244,8 +244,7 @@ class Project:
 
     def learning(self, out: str) -> list[str]:
         """Arguments of the ``ffseg learn`` from the masks there are: images are read as the run reads them."""
-        own = [f"{key}={yaml_value(value)}" for key, value in non_defaults(self._params).items()]
-        settings = [word for one in own for word in ("--set", one)]
+        settings = [word for one in as_settings(self._params) for word in ("--set", one)]
         return ["learn", *self.inputs, "--truth", self.path(MASKS), "--out", out, *settings, "--json", "--quiet"]
 
     def learned_from(self) -> list[object]:

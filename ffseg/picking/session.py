@@ -8,7 +8,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from ffseg.io.images import single_thread
 from ffseg.io.labels import Labels
 from ffseg.io.masks import named_masks
 from ffseg.io.starts import check_starts
-from ffseg.parameter_text import non_defaults, yaml_value
+from ffseg.parameter_text import as_settings
 from ffseg.parameters import Parameters, load_params
 from ffseg.picking.learner import Work
 from ffseg.picking.picks import Picked
@@ -170,7 +170,7 @@ class Session:
                 mask = None if track.version else labels.mask(source.name, project.label, shape)
                 if mask is not None and mask.any() and not mask.all():
                     project.take(source, mask)
-                    self._kept(project, source.name)
+                    self._keep_step(project, source.name)
                     taken += 1
         for work in self._work:
             work.learn(again=taken > 0)
@@ -292,11 +292,11 @@ class Session:
                 if not mask.any() or mask.all():
                     raise UsageError("a mask needs pixels inside and outside; pick a region first, or skip the image")
             taken = project.journal.add(name, do, picked, size_of(self.sources[index].path))
-            if taken and self._kept(project, name, kept=do != "pick"):
+            if taken and self._keep_step(project, name, kept=do != "pick"):
                 self._work[label].learn(again=True)
         return self.image(label, index)
 
-    def _kept(self, project: Project, name: str, *, kept: bool = True) -> bool:
+    def _keep_step(self, project: Project, name: str, *, kept: bool = True) -> bool:
         """As `_keep`, after a step, which is taken back where what follows from it cannot be written."""
         try:
             return self._keep(project, name, kept=kept)
@@ -312,8 +312,11 @@ class Session:
         index = next((number for number, one in enumerate(self.sources) if one.name == name), -1)
         if index < 0:
             return False
-        found = self._found(project, index, track.now, kept=kept) if track.now.status == "accepted" else None
-        project.keep(self.sources[index], found, None if found is None else self._base(project, index, kept=kept))
+        found = base = None
+        if track.now.status == "accepted":
+            base = self._base(project, index, kept=kept)
+            found = self.scene(index).find(track.now, project.params, base)
+        project.keep(self.sources[index], found, base)
         return track.accepted
 
     def following(self, label: int, index: int) -> int:
@@ -392,10 +395,9 @@ def settings_of(folder: str | os.PathLike[str]) -> list[str]:
         raise ParameterError(
             f"{printable(path)}: {code[0]} imports code; if you trust it, give the parameters with --config FILE"
         )
-    own = non_defaults(params)
     if params.edges.source == "evidence":  # of maps that are not known here
-        del own["edges.source"]
-    return [f"{key}={yaml_value(value)}" for key, value in own.items()]
+        params = replace(params, edges=replace(params.edges, source="auto"))
+    return as_settings(params)
 
 
 def start_radius(shape: tuple[int, int]) -> float:
