@@ -134,7 +134,7 @@ class Ending:
         summary, plan = self.ledger.summary, self.keeper.plan
         stale = [{"image": printable(name), "reason": reason} for name, reason in found.stale]
         left = [{"output": printable(path), "reason": "not what was written"} for path in found.left]
-        part = {"shard": plan.shard, "whole": plan.whole, "asked": sorted(self._asked())}  # what a merge has to know
+        part = {"shard": plan.shard, "whole": plan.whole, "names": plan.names, "asked": sorted(self._asked())}
         return {
             "ffseg": __version__,
             "status": "interrupted" if summary.signal else "finished",
@@ -148,5 +148,5 @@ class Ending:
             "problems": summary.problems,
             "stale": [*stale, *left],
             **({"map": summary.drive} if summary.drive else {}),
-            **(part if plan.shard else {}),
+            **(part if plan.shard else {}),  # what a merge has to know
         }

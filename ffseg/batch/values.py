@@ -49,6 +49,8 @@ class Record:
     """Sorts records as their images were found (`ffseg.batch.plan.sources`)."""
     members: Mapping[str, Member] = field(default_factory=dict)
     """Where those of its outputs lie that are no files of their own."""
+    stale: str = ""
+    """Why it stood in no table at the end of the last run, as that found: a merge cannot ask the disk of its machine."""
 
     @property
     def made(self) -> bool:
@@ -62,12 +64,13 @@ class Record:
 
 _TEXTS = ("name", "status", "version", "settings", "content", "truth", "order")
 _FIELDS = (*_TEXTS, "outputs", "row", "extra", "files", "left")
+_SELDOM = ("members", "stale")
 
 
 def record_line(record: Record) -> bytes:
     """A record as one line."""
     value = {name: getattr(record, name) for name in _FIELDS}  # asdict would copy every cell first
-    return json_line({**value, "members": record.members} if record.members else value)
+    return json_line(value | {name: seldom for name in _SELDOM if (seldom := getattr(record, name))})
 
 
 def json_line(value: Mapping[str, Any]) -> bytes:
@@ -89,9 +92,9 @@ def parsed_line(line: bytes) -> dict[str, Any] | None:
 def parsed_record(line: bytes) -> Record | None:
     """Record of a line; None when it is none, or one of another shape."""
     value = parsed_line(line)
-    if value is None or value.keys() - {"members"} != set(_FIELDS):
+    if value is None or value.keys() - {*_SELDOM} != set(_FIELDS):
         return None
-    if not all(isinstance(value[name], str) for name in _TEXTS):
+    if not all(isinstance(value[name], str) for name in (*_TEXTS, *(value.keys() & {"stale"}))):
         return None
     try:
         members = {path: _member(*member) for path, member in value.get("members", {}).items()}

@@ -89,14 +89,18 @@ _BEGINNINGS = {
     "coco": rb'{"info":{"description":"Regions segmented by ffseg"}',
     "labelme": rb'{"version":"[\d.]+","flags":{},"shapes":\[',
     "yolo": rb"0( [01]\.\d{7}){6}",
+    "model": rb"ffmodel 1\n",
+    "settings": rb"# ffseg tune ",
+    "before and after": rb'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>ffseg tune</title>',
+    "report": rb'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<meta http-equiv="Content-Security-Policy"',
 }
-"""How files begin that `encoded` writes; programs that others draw with write them otherwise."""
+"""How files begin that `encoded`, `learn`, `tune` and `report` write; other programs write them otherwise."""
 _LOOKED_AT = 512
 """Bytes of a file that tell how it begins."""
 
 
 def is_own(path: str, kind: str) -> bool:
-    """Whether a file may be replaced as what `encoded` wrote for this kind, of whatever image; one that is empty may."""
+    """Whether a file may be replaced as what ffseg wrote of this kind, of whatever image; one that is empty may."""
     if kind not in _BEGINNINGS:  # what is drawn on a picture does not show
         from ffseg.io.masks import holds_other_than_mask  # loads OpenCV
 

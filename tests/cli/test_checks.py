@@ -120,6 +120,16 @@ WRONG = {
     "something else": (["report", "."], "holds neither timings.csv nor compare.csv; give the --out folder"),
     "a long name for a baseline": ([*BENCH, "--baseline", LONG], "cannot be read (File name too long)"),
     "a folder for a baseline": ([*BENCH, "--baseline", "there"], "there is not a regular file"),
+    "settings of one's own": ([*TUNE, "my.yaml"], "my.yaml is there already and not known as a file of ffseg; choose"),
+    "a page of one's own": (
+        [*TUNE, "a.yaml", "--page", "my.html"],
+        "not known as a file of ffseg; choose another name for --page",
+    ),
+    "a model of others": ([*LEARN, "my.ffmodel"], "not known as a file of ffseg; choose another name for --out"),
+    "a report of one's own": (
+        ["report", "there"],
+        "there/report.html is there already and not known as a file of ffseg; move",
+    ),
     "a long name for settings": ([*TUNE, f"{LONG}.yaml"], ".yaml cannot be written; choose another name"),
 }
 
@@ -128,13 +138,15 @@ WRONG = {
 def test_errors_name_what_was_given_and_the_remedy(
     command: list[str | Path], said: str, tmp_path: Path, ffseg_command: Command
 ) -> None:
-    (tmp_path / "file").write_text("mine")
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "timings.csv").write_text("image,status\n")
+    for name in (mine := ("file", "my.ffmodel", "my.html", "my.yaml", "there/report.html")):
+        (tmp_path / name).write_text("mine")
     done = ffseg_command(*command, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert said in " ".join(done.stderr.split())
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "there"]
+    assert {path.name for path in tmp_path.iterdir()} == {*mine[:-1], "there"}
+    assert {(tmp_path / name).read_text() for name in mine} == {"mine"}
 
 
 def test_a_tilde_that_the_shell_left_is_the_home_folder(

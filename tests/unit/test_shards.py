@@ -118,7 +118,7 @@ def test_shards_that_do_not_belong_together_are_refused_by_name(images: Path, ou
     make_images(images, ["new.png"])
     run_shard(images, out, f"{number_of('new.png', 2)}/2")
     (problem,) = merge_shards(str(out)).problems
-    assert "different numbers of images" in problem
+    assert "different images (" in problem
     run_shard(images, out, "1/3")
     with pytest.raises(UsageError, match="in 2 and 3 parts"):
         merge_shards(str(out))
@@ -135,11 +135,31 @@ def test_what_resuming_calls_stale_a_merge_names(images: Path, out: Path, monkey
     assert [text.partition(",")[0] for text in merge.problems] == [f"{old} images were made by ffseg 0.0.9"]
     run_shard(images, out, "1/2")
     name = next(job.source.name for job in make_plan([str(images)], str(out)).jobs)
+    content = (images / name).read_bytes()
     (images / name).unlink()
-    merge = merge_shards(str(out))
-    assert (merge.problems, merge.num_stale) == ([], 1)
-    told = json.loads((out / "run.json").read_text())
-    assert (told["counts"]["stale"], [entry["image"] for entry in told["stale"]]) == (1, [name])
+    for run, rows in ((False, 40), (True, 39)):  # only the shard knows the disk that the image is gone from
+        for part in ("1/2", "2/2") if run else ():
+            run_shard(images, out, part)
+        merge = merge_shards(str(out))
+        told = json.loads((out / "run.json").read_text())
+        assert (told["counts"]["stale"], [entry["image"] for entry in told["stale"]]) == (1, [name])
+        assert (merge.problems, merge.num_stale, merge.counts["total"]) == ([], 1, rows)
+        assert (len(table(out / "timings.csv")), name in (out / "coco.json").read_text()) == (rows, not run)
+    (images / name).write_bytes(content)
+    run_batch(images, out, products=ALL, executor="inprocess")
+    assert merge_shards(str(out)).counts["total"] == 40, "the shard has not heard that it came back"
+
+
+def test_shards_of_other_images_and_copied_folders_are_named(images: Path, tmp_path: Path, out: Path) -> None:
+    make_images(tmp_path / "others", [f"{name}x.png" for name in NAMES])
+    run_shard(images, out, "1/2")
+    run_shard(tmp_path / "others", out, "2/2")
+    (problem,) = merge_shards(str(out)).problems
+    assert "different images (40 by shard 1/2, 40 by shard 2/2)" in problem
+    shards = out / ".ffseg" / "shards"
+    shutil.rmtree(shards / "2-of-2")
+    shutil.copytree(shards / "1-of-2", shards / "2-of-2")
+    assert merge_shards(str(out)).problems == ["the folder of shard 2/2 is another's (1-of-2); run it with --shard 2/2"]
 
 
 def test_one_shard_leaves_the_others_alone(images: Path, out: Path) -> None:

@@ -44,6 +44,8 @@ class Plan:
     """Name of the shard this is, as ``3-of-8``; empty when it is the whole."""
     whole: int = 0
     """Images of all shards together."""
+    names: str = ""
+    """Digest of their names, when this is a shard."""
     skipped: tuple[tuple[str, int], ...] = ()
     """Suffixes of the files in folders that are taken for no images, and how many there are of each."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
@@ -15,6 +16,7 @@ from ffseg.batch.record.keeper import retire
 from ffseg.batch.record.tables import Records
 from ffseg.batch.values import Record
 from ffseg.batch.workers.freshness import output_stands, still_true, unchanged
+from ffseg.errors import OutputError
 
 
 def stale_reason(record: Record, out: str, settings: str) -> str:
@@ -56,6 +58,9 @@ class Survey(Records):
 
     def takes(self, record: Record, reason: str) -> bool:
         """Whether a record stands, for there is no reason why it is no longer true; it is taken into account."""
+        if record.stale != reason:
+            with suppress(OutputError):  # a merge learns of it later
+                self.journal.add(replace(record, stale=reason))
         if not reason:
             self.note(record)
         elif record.made:

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass, replace
 
 from ffseg.batch.plan.jobs import Plan
+from ffseg.batch.tar.members import digest
 from ffseg.errors import UsageError
 
 MOST_SHARDS = 100_000
@@ -64,4 +65,5 @@ def only(plan: Plan, shard: Shard) -> Plan:
     """The part of a plan that is a shard's; predecessors and starts are those of the whole."""
     jobs = [job for job in plan.jobs if number_of(job.source.name, shard.count) == shard.number]
     numbered = tuple(replace(job, index=index) for index, job in enumerate(jobs))
-    return replace(plan, jobs=numbered, shard=shard.name, whole=len(plan.jobs))
+    names = digest("\0".join(sorted(job.source.name for job in plan.jobs)).encode("utf-8", "surrogateescape"))
+    return replace(plan, jobs=numbered, shard=shard.name, whole=len(plan.jobs), names=names)

@@ -84,7 +84,7 @@ class MergedRecords(Records):
             file.readline()
             for line in file:
                 record = parsed_record(line)
-                if record is not None:
+                if record is not None and not record.stale:
                     yield without_old_truth(record)
 
 
@@ -138,6 +138,10 @@ def _write_journal(
         file.write(json_line(header))
         for record, line in lines:
             file.write(line)
+            if record.stale:  # as the shard found it
+                if record.made:
+                    records.miss(record.name, record.stale)
+                continue
             records.note(record)
             merge.counts["total"] += 1
             merge.counts[record.status] += 1
@@ -219,6 +223,8 @@ def _part(folder: str, shard: Shard) -> Part:
     part = Part(shard, folder, header, run if isinstance(run, dict) else {})
     if not header:
         part.problem = f"shard {shard} never ran; run it with --shard {shard}"
+    elif part.run.get("shard", shard.name) != shard.name:
+        part.problem = f"the folder of shard {shard} is another's ({part.run['shard']}); run it with --shard {shard}"
     elif part.run.get("status") != "finished":
         part.problem = f"shard {shard} did not finish; run it again with --shard {shard}"
     return part
@@ -247,12 +253,13 @@ def _refuse_mixture(out: str, parts: list[Part]) -> None:
 
 
 def _different_inputs(parts: list[Part]) -> list[str]:
-    """A sentence when shards that have finished saw different numbers of images in all."""
-    seen = {part.run.get("whole"): part.shard for part in parts if part.run.get("status") == "finished"}
+    """A sentence when shards that have finished saw different images in all, by number or by name."""
+    runs = [(part.run, part.shard) for part in parts if part.run.get("status") == "finished"]
+    seen = {(run.get("whole"), run.get("names")): shard for run, shard in runs}
     if len(seen) < 2:
         return []
-    shown = ", ".join(f"{whole} by shard {shard}" for whole, shard in seen.items())
-    return [f"the shards found different numbers of images ({shown}); run them all again over the same inputs"]
+    shown = ", ".join(f"{whole} by shard {shard}" for (whole, _), shard in seen.items())
+    return [f"the shards found different images ({shown}); run them all again over the same inputs"]
 
 
 def _sweep(out: str) -> None:
@@ -304,11 +311,16 @@ def last_lines(lines: Iterable[tuple[bytes, int, bytes]], folder: str) -> Iterat
 def chosen(lines: Iterable[tuple[bytes, bytes]], out: str, settings: str) -> Iterator[tuple[Record, bytes]]:
     """Of the folder's own line and the shards' line of each image the one that counts, if it is a record.
 
-    A record of the folder's own journal stays only where no shard knows the image and it is still true.
+    A record of the folder's own journal stays only where it is still true, and no shard knows the image or one has found
+    it gone.
     """
     for own, shards in lines:
         record = parsed_record(shards or own)
         if record is None or record.settings != settings:
+            continue
+        mine = parsed_record(own) if shards and record.stale else None
+        if mine is not None and not stale_reason(mine, out, settings):
+            yield mine, own
             continue
         merged = parsed_record(own) if shards and record.members else None
         if merged is not None:  # an earlier merge has moved the outputs

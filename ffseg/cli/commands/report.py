@@ -11,7 +11,7 @@ import typer
 
 from ffseg.cli import console
 from ffseg.cli.checks import folder as named
-from ffseg.cli.checks import number
+from ffseg.cli.checks import number, refuse_others
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
 
@@ -32,9 +32,11 @@ def report(
     The page needs no network and no server: open it in a browser. Sent alone it keeps its numbers, contours and
     thumbnails; the pictures beyond --embed, and those behind the thumbnails, are links into DIR.
     """
+    from ffseg.batch.outputs.table import REPORT
     from ffseg.batch.report.write import write_report
 
     for text in images or ():  # those that run.json names may be gone
         if not (os.path.exists(text) or any(glob.iglob(text, recursive=True))):
             raise UsageError(f"--images: there is no file or folder {printable(text)}; check the name")
+    refuse_others([(os.fspath(folder / REPORT), "report")], "move it")
     console.data(console.escape(str(write_report(folder, images or (), round(embed * 1e6)))))
