@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import astuple, replace
+from math import floor
 from statistics import median
 from time import perf_counter
 
@@ -155,7 +156,7 @@ def missed_gates(rows: Sequence[Row], gates: dict[str, float]) -> list[str]:
         if row.iou is None:
             missed.append(f"{row.image}: {row.method} has no IoU, the gate is {gate:g}")
         elif row.iou < gate:
-            missed.append(f"{row.image}: {row.method} has IoU {row.iou:.4f}, the gate is {gate:g}")
+            missed.append(f"{row.image}: {row.method} has IoU {floor(row.iou * 1e4) / 1e4:.4f}, the gate is {gate:g}")
     return missed
 
 

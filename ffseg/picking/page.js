@@ -7,7 +7,7 @@ const NEAR = 10, MOVED = 5; // screen pixels within which a mark is meant, and f
 const OPEN = { starts: [], nots: [], boxes: [], strokes: [], probability: null, clearance: null, status: "open" };
 const LEVEL = 0.002, WIDTH = 0.5; // probability and clearance (px) for one screen pixel of a drag
 const SMALL = 600; // pixels of the longer side up to which an image is found whole as quickly as reduced
-const MOST_LISTED = 300, NEWS_MS = 1500;
+const MOST_LISTED = 300, NEWS_MS = 1500, TWICE_MS = 300; // presses of a key that follow sooner are one
 
 const pending = []; // changes that the server has not yet
 let about, label = 0, index = -1, image = null, picked = OPEN, statuses = {}, model = -1;
@@ -175,6 +175,8 @@ const settle = async (status) => {
   }
 };
 
+const pass = () => settling || next();
+
 // --- news of the server: other tabs, the model, the run ----------------------------------------------------------------
 
 const news = async () => {
@@ -304,7 +306,7 @@ const choose = (kind) => {
 };
 const keys = {
   a: () => settle("accepted"), Enter: () => settle("accepted"), s: () => settle("skipped"),
-  n: next, ArrowRight: next, p: previous, ArrowLeft: previous,
+  n: pass, ArrowRight: pass, p: previous, ArrowLeft: previous,
   z: () => step(null, "undo"), y: () => step(null, "redo"),
   x: () => pick(() => OPEN),
   b: () => use("brush"), e: () => use("eraser"), "[": () => size(1 / 1.25), "]": () => size(1.25),
@@ -316,13 +318,16 @@ const keys = {
     root.dataset.theme = themes[(themes.indexOf(root.dataset.theme ?? "") + 1) % 3];
   },
 };
+let pressed = { key: "", at: 0 };
 const tried = (act) => void Promise.resolve(act()).catch((error) => say(error.message, true));
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]") || event.target.matches("input")) return;
   if (event.key === " " && !event.target.matches("button")) { space = true; stage.classList.add("moving"); event.preventDefault(); return; }
   if (/^[1-9]$/.test(event.key)) return choose(Number(event.key) - 1);
   const act = keys[event.key] ?? keys[event.key.toLowerCase()];
-  if (!act || event.repeat && /^(a|s|enter)$/i.test(event.key)) return;
+  const again = event.repeat || event.key === pressed.key && event.timeStamp - pressed.at < TWICE_MS;
+  pressed = { key: event.key, at: event.timeStamp };
+  if (!act || again && /^(a|s|enter)$/i.test(event.key)) return;
   if (event.key === "Enter" && event.target.matches("button")) return;
   event.preventDefault();
   tried(act);

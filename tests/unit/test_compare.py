@@ -228,10 +228,10 @@ def test_a_truth_of_another_size_fails(case: Path) -> None:
 
 
 def test_gates() -> None:
-    rows = [work.Row("a", "freeform", iou=0.99), work.Row("a", "snake", iou=0.95), work.Row("b", "snake", iou=None)]
+    rows = [work.Row("a", "freeform", iou=0.99), work.Row("a", "snake", iou=0.959996), work.Row("b", "snake", iou=None)]
     assert work.missed_gates(rows[:2], {}) == []
     assert work.missed_gates(rows[:2], {"": 0.95}) == []
-    assert work.missed_gates(rows[:2], {"": 0.96}) == ["a: snake has IoU 0.9500, the gate is 0.96"]
+    assert work.missed_gates(rows[:2], {"": 0.96}) == ["a: snake has IoU 0.9599, the gate is 0.96"]
     assert work.missed_gates(rows[:2], {"": 0.96, "snake": 0.9}) == []
     assert work.missed_gates(rows, {"snake": 0.9}) == ["b: snake has no IoU, the gate is 0.9"]
 
