@@ -191,6 +191,11 @@ class Chromium:
             more = text if kind == "keyDown" else {}
             self.call("Input.dispatchKeyEvent", {"type": kind, "key": key, "windowsVirtualKeyCode": code, **more})
 
+    def touch(self, kind: str, *points: tuple[float, float]) -> None:
+        """Fingers ``touchStart`` and ``touchMove`` at points of the window, and ``touchEnd`` all together."""
+        fingers = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(points)]
+        self.call("Input.dispatchTouchEvent", {"type": kind, "touchPoints": fingers})
+
     def hover(self, x: float, y: float) -> None:
         self.call("Input.dispatchMouseEvent", {"type": "mouseMoved", "x": x, "y": y})
 

@@ -215,21 +215,50 @@ const levelled = (event) => { // up is larger
   return { probability: Math.min(0.99, Math.max(0.01, (current().probability ?? image.probability) - by * LEVEL)) };
 };
 
+const fingers = new Map(); // that touch the stage, and where: two zoom and move
+const pinch = (event) => {
+  const measure = () => {
+    const [[a, b], [c, d]] = fingers.values();
+    return [Math.max(1, Math.hypot(c - a, d - b)), (a + c) / 2, (b + d) / 2];
+  };
+  const [apart, x, y] = measure(), box = stage.getBoundingClientRect();
+  fingers.set(event.pointerId, [event.clientX, event.clientY]);
+  const [wide, toX, toY] = measure();
+  view.move(toX - x, toY - y);
+  view.zoom(wide / apart, toX - box.left, toY - box.top);
+};
+const lift = (event) => { // whether it was one of two fingers, or another than the one that drags
+  fingers.delete(event.pointerId);
+  const other = drag?.kind === "fingers" || drag && drag.id !== event.pointerId;
+  if (drag?.kind === "fingers" && !fingers.size) letGo();
+  return other;
+};
+
 stage.addEventListener("pointerdown", (event) => {
-  if (!image || image.problem || drag || event.button > 2) return;
+  if (event.pointerType === "touch") fingers.set(event.pointerId, [event.clientX, event.clientY]);
+  if (!image || image.problem || event.button > 2) return;
   stage.setPointerCapture(event.pointerId);
+  if (drag && fingers.size === 2) {
+    letGo();
+    drag = { kind: "fingers" };
+    whole(current());
+  }
+  if (drag) return;
   const point = view.at(event), not = event.button === 2 || event.altKey;
   if (event.button === 1 || space) drag = { kind: "move" };
   else if (tool !== "pick") drag = { kind: "stroke", stroke: { inside: (tool === "brush") !== not, radius: brush / view.scale, points: [point] } };
   else if (!view.holds(point)) return;
   else drag = { kind: not ? "not" : "press", point, mark: near(point), x: event.clientX, y: event.clientY };
   if (drag.kind === "stroke") view.stroke(drag.stroke);
+  drag.id = event.pointerId;
   forget();
 });
 stage.addEventListener("pointermove", (event) => {
   const begin = event.timeStamp;
   if (!image || image.problem) return;
   if (!drag) return hover(view.at(event), begin);
+  if (drag.kind === "fingers") return fingers.size === 2 && fingers.has(event.pointerId) && pinch(event);
+  if (drag.id !== event.pointerId) return;
   if (drag.kind === "move") return view.move(event.movementX, event.movementY);
   if (drag.kind === "stroke") {
     drag.stroke.points.push(...(event.getCoalescedEvents?.() ?? [event]).map((one) => view.at(one)));
@@ -258,7 +287,8 @@ const letGo = () => {
   view.stroke(null);
   return done;
 };
-stage.addEventListener("pointerup", () => {
+stage.addEventListener("pointerup", (event) => {
+  if (lift(event)) return;
   const done = letGo();
   if (!done || !image) return;
   const { kind, point, mark } = done;
@@ -270,7 +300,8 @@ stage.addEventListener("pointerup", () => {
   else if (kind === "press") add("starts", circle(point));
   else if (kind === "not") add("nots", circle(point));
 });
-stage.addEventListener("pointercancel", () => {
+stage.addEventListener("pointercancel", (event) => {
+  if (lift(event)) return;
   letGo();
   whole(picked);
 });

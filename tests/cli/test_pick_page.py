@@ -249,6 +249,24 @@ def test_what_is_done_while_a_class_opens_is_meant_for_none(
         assert server.session.statuses(1) == {}
 
 
+def test_two_fingers_zoom_and_pick_nothing_one_picks(hand: PageHand, server: Server) -> None:
+    """Fingers that parted set a start or drew a box where the first had been."""
+    middle, (_, y) = hand.at(*LEFT), hand.at(*LEFT)
+    width = "document.getElementById('layers').getBoundingClientRect().width"
+    before = hand.tab.value(width)
+    hand.tab.touch("touchStart", (middle[0] - 20, y))
+    for kind, apart in (("touchStart", 20), ("touchMove", 40), ("touchMove", 60)):
+        hand.tab.touch(kind, (middle[0] - apart, y), (middle[0] + apart, y))
+    hand.tab.until(f"Math.abs({width} / {before} - 3) < 0.03")
+    assert hand.at(*LEFT) == pytest.approx(middle, abs=2)
+    for kind, points in (("touchEnd", []), ("touchStart", [middle]), ("touchEnd", [])):
+        hand.tab.touch(kind, *points)
+    hand.until_marks("start")
+    wait_for(lambda: len(server.session.image(0, 0)["picked"]["starts"]) == 1)
+    assert state(server, 0)["starts"][0][:2] == pytest.approx(LEFT, abs=0.5)
+    assert state(server, 0)["boxes"] == ()
+
+
 @pytest.mark.parametrize("key", ["Enter", "A", "s"])
 def test_a_key_that_is_held_accepts_no_image_unseen(key: str, hand: PageHand, server: Server) -> None:
     event = f"new KeyboardEvent('keydown', {{key: {key!r}, repeat: true, bubbles: true}})"
