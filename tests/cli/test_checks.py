@@ -67,9 +67,7 @@ EMPTY = {
 
 
 @pytest.mark.parametrize(("command", "said"), EMPTY.values(), ids=EMPTY)
-def test_an_empty_value_is_refused(
-    command: list[str | Path], said: str, tmp_path: Path, ffseg_command: Command
-) -> None:
+def test_empty_values_are_refused(command: list[str | Path], said: str, tmp_path: Path, ffseg_command: Command) -> None:
     """As `--truth "$TRUTH"` of an unset variable, which stood for the working directory."""
     done = ffseg_command(*command, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
@@ -163,8 +161,7 @@ def test_quiet_commands_tell_failures_only(tmp_path: Path, ffseg_command: Comman
     shutil.copy(SAMPLES / "toy.png", tmp_path / "in" / "good.png")
     (tmp_path / "in" / "text.png").write_text("no image")
     moved = ["--set", "init.radius=160"]  # across an edge: a note, not a failure
-    loud = ffseg_command("run", "in", "--out", "loud", *moved, cwd=tmp_path)
-    assert "good.png: the start at" in loud.stderr
+    assert "good.png: the start at" in ffseg_command("run", "in", "--out", "loud", *moved, cwd=tmp_path).stderr
     for command in (["run", "in", "--out", "q", *moved], ["compare", "in", "--out", "c", "--methods", "freeform"]):
         done = ffseg_command(*command, "-q", cwd=tmp_path)
         assert (done.returncode, done.stdout) == (3, "")

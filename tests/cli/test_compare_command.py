@@ -29,8 +29,7 @@ def test_a_missed_gate_is_exit_4(tmp_path: Path, ffseg_command: Command) -> None
     write_case(tmp_path)
     given = ("compare", tmp_path / "disc.png", "--out", tmp_path / "out", "--truth", tmp_path / "truth")
     loose = ("--methods", "levelset", "--set", "init.radius=10", "--set", "levelset.settle=0")
-    done = ffseg_command(*given, *loose, "--min-iou", "0.99", code=4)
-    assert "levelset has IoU" in done.stderr
+    assert "levelset has IoU" in ffseg_command(*given, *loose, "--min-iou", "0.99", code=4).stderr
     assert (tmp_path / "out" / "compare.csv").exists()
 
 
@@ -69,17 +68,14 @@ def test_panels_inside_the_input_are_no_images(tmp_path: Path, ffseg_command: Co
     assert len(planned.splitlines()) == 1
 
 
-def test_an_output_that_cannot_be_written_is_exit_3_once_something_was_run(
-    tmp_path: Path, ffseg_command: Command
-) -> None:
+def test_an_unwritable_output_is_exit_3_once_something_was_run(tmp_path: Path, ffseg_command: Command) -> None:
     """It was 2, which says that nothing was run; as it still does of a folder that cannot be made."""
     write_case(tmp_path)
     write_case(tmp_path / "in" / "sub")
     command = (tmp_path / "in", "--methods", "cv_edges", "--set", "init.radius=8", "-q", "--out")
     (tmp_path / "out" / "panels").mkdir(parents=True)
     (tmp_path / "out" / "panels" / "sub").write_text("in the way")
-    done = ffseg_command("compare", *command, tmp_path / "out", code=3)
-    assert "panels/sub cannot be made" in done.stderr
+    assert "panels/sub cannot be made" in ffseg_command("compare", *command, tmp_path / "out", code=3).stderr
     assert (tmp_path / "out" / "compare.csv").exists()
     ffseg_command("compare", *command, tmp_path / "disc.png", code=2)
 

@@ -78,9 +78,7 @@ def test_the_table_of_0_1_is_its_default_file_and_each_key_is_still_read() -> No
     assert lines[0] == "edges.source: gradient  # auto now"
 
 
-def test_check_says_what_to_add_to_a_file_of_0_1_for_the_results_of_then(
-    ffseg_command: Command, tmp_path: Path
-) -> None:
+def test_check_says_what_to_add_to_a_file_of_0_1_for_its_results(ffseg_command: Command, tmp_path: Path) -> None:
     file = tmp_path / "old.yaml"
     file.write_text("contour:\n  clearance: 8\n  balloon: 4\ninit:\n  radius: 80\n")
     done = ffseg_command("config", "check", "old.yaml", cwd=tmp_path)
@@ -101,9 +99,7 @@ def test_check_says_what_to_add_to_a_file_of_0_1_for_the_results_of_then(
     assert not said, "a file of now leaves out what it likes"
 
 
-def test_check_says_nothing_of_0_1_for_presets_and_files_with_newer_keys(
-    ffseg_command: Command, tmp_path: Path
-) -> None:
+def test_check_says_nothing_of_0_1_for_presets_and_newer_keys(ffseg_command: Command, tmp_path: Path) -> None:
     (tmp_path / "new.yaml").write_text("edges: {levels: root}\n")
     done = ffseg_command("config", "check", "toy-full", "new.yaml", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")

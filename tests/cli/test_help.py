@@ -71,8 +71,7 @@ MISTYPED = {
 def test_mistyped_words_are_told_the_nearest(
     arguments: list[str], said: str, tmp_path: Path, ffseg_command: Command
 ) -> None:
-    done = ffseg_command(*arguments, cwd=tmp_path, code=2)
-    assert said in " ".join(done.stderr.split())
+    assert said in " ".join(ffseg_command(*arguments, cwd=tmp_path, code=2).stderr.split())
 
 
 COMPLETED = {

@@ -366,7 +366,7 @@ def test_a_name_of_a_class_and_the_list_of_images(browser: chromium.Chromium, fo
         assert [server.session.image(kind, 1)["picked"]["starts"][0][:2] for kind in (0, 1)] == [LEFT, RIGHT]
 
 
-def test_an_image_that_cannot_be_read_shows_nothing_of_another_and_can_be_skipped(
+def test_an_unreadable_image_shows_nothing_of_another_and_can_be_skipped(
     browser: chromium.Chromium, tmp_path: Path
 ) -> None:
     folder = draw(tmp_path / "in", ["a.png", "b.png", "c.png"])

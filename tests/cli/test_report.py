@@ -290,9 +290,7 @@ def test_comparison_shows_methods_side_by_side(browser: chromium.Chromium, tmp_p
     assert browser.problems == []
 
 
-def test_of_two_thousand_images_only_those_in_sight_have_their_picture(
-    browser: chromium.Chromium, tmp_path: Path
-) -> None:
+def test_of_2000_images_only_those_in_sight_have_their_picture(browser: chromium.Chromium, tmp_path: Path) -> None:
     runs.large_run(tmp_path, 2000)
     browser.requests.clear()
     browser.open(write_report(tmp_path, (), 0).as_uri())

@@ -123,9 +123,7 @@ def test_exports_hold_the_mask_and_find_their_image(ffseg_command: Command, imag
 
 
 @pytest.mark.parametrize("method", ["freeform", "snake", "levelset"])
-def test_films_begin_at_the_start_and_end_with_the_result(
-    method: str, ffseg_command: Command, images: Path, tmp_path: Path
-) -> None:
+def test_films_show_start_to_result(method: str, ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     plain, out = tmp_path / "plain", tmp_path / "out"
     settings = (*START, "--set", f"method={method}")
     ffseg_command("run", images, "--out", plain, *settings, code=0)
@@ -153,9 +151,7 @@ def test_views_are_filmed_and_exported_too(ffseg_command: Command, tmp_path: Pat
         assert film.n_frames > 5
 
 
-def test_report_that_cannot_be_written_is_a_problem_and_not_a_loss(
-    ffseg_command: Command, images: Path, tmp_path: Path
-) -> None:
+def test_an_unwritable_report_is_a_problem_and_no_loss(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     (tmp_path / "out" / "report.html").mkdir(parents=True)
     result = ffseg_command("run", images, "--out", tmp_path / "out", *START, "--report", "--overwrite", code=3)
     assert "report.html" in result.stderr

@@ -96,9 +96,7 @@ def test_r4_killed_runs_resume_to_the_same_bytes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("how", [{"jobs": 2, "pack": True}, {"jobs": 1, "film": True}], ids=["packed", "film"])
-def test_r4_killed_runs_into_tar_files_and_of_films_resume_to_the_same_bytes(
-    how: dict[str, Any], tmp_path: Path
-) -> None:
+def test_r4_killed_packed_runs_and_films_resume_to_the_same_bytes(how: dict[str, Any], tmp_path: Path) -> None:
     figures = killed.campaign(tmp_path, kills=2, images=60, **how)
     assert (figures.partial, figures.resumed_differ, figures.left_over, figures.orphans) == (0, 0, 0, 0)
 

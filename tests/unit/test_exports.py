@@ -90,9 +90,7 @@ def test_coco_regions_with_holes_come_back_pixel_for_pixel(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(("x", "y", "size"), [(199.6, 150.3, 140.2), (60, 60, 50), (60.5, 60.75, 50)])
-def test_coco_polygons_agree_with_the_mask_to_a_fifth_of_a_pixel(
-    x: float, y: float, size: float, tmp_path: Path
-) -> None:
+def test_coco_polygons_are_the_mask_to_a_fifth_of_a_pixel(x: float, y: float, size: float, tmp_path: Path) -> None:
     image = annotated([circle(x, y, size)])
     coco = loaded_coco(coco_document(image), tmp_path)
     (annotation,) = coco.loadAnns(coco.getAnnIds())

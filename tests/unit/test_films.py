@@ -174,9 +174,7 @@ def test_sound_alone_is_no_film(tmp_path: Path) -> None:
     assert source.problem.startswith("not-an-image: the film has no picture track")
 
 
-def test_without_its_reader_a_film_is_refused_by_name(
-    film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_film_without_reader_is_refused_by_name(film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     animation = write_animation(tmp_path / "a.gif", pictures(3))
     monkeypatch.setattr("ffseg.plugins.find_spec", lambda _: None)
     with pytest.raises(UsageError, match=r"film.mp4: a film needs PyAV; install it with: pip install 'ffseg\[video\]'"):
@@ -257,8 +255,7 @@ def test_frames_of_one_time_make_a_film(tmp_path: Path) -> None:
 
 def test_the_command_takes_films_beside_images(film: Path, tmp_path: Path, ffseg_command: Command) -> None:
     write_animation(tmp_path / "stack.tiff", pictures(3))
-    done = ffseg_command("run", film, tmp_path / "stack.tiff", "--film", "--out", tmp_path / "out", "--jobs", "2")
-    assert done.returncode == 0, done.stderr
+    ffseg_command("run", film, tmp_path / "stack.tiff", "--film", "--out", tmp_path / "out", "--jobs", "2", code=0)
     rows = [(row["image"], row["time_s"]) for row in table(tmp_path / "out" / "timings.csv")]
     assert rows[11:] == [("film_000011.mp4", "0.44"), *((f"stack_00000{number}.tiff", "") for number in range(3))]
     assert (tmp_path / "out" / "masks" / "stack_000002.png").is_file()

@@ -71,9 +71,7 @@ def test_the_disk_is_asked_once_for_an_archive(tmp_path: Path, monkeypatch: pyte
     assert len(asked) < 10, "however many members it has"
 
 
-def test_messages_name_the_member_and_not_the_archive_alone(
-    images: Path, tmp_path: Path, ffseg_command: Command
-) -> None:
+def test_messages_name_the_member_not_the_archive_alone(images: Path, tmp_path: Path, ffseg_command: Command) -> None:
     (images / "a.png").write_text("no image")
     archive = packed(images, tmp_path / "all.tar")
     done = ffseg_command("run", archive, "--out", tmp_path / "out", "-v")
@@ -165,9 +163,7 @@ def test_archives_that_cannot_be_read_in_place_are_refused(images: Path, tmp_pat
 
 
 @pytest.mark.parametrize("nul", [False, True])
-def test_a_list_names_images_one_by_one(
-    nul: bool, images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_lists_name_images_one_by_one(nul: bool, images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(images)
     end = b"\0" if nul else b"\n"
     (tmp_path / "list").write_bytes(end.join([b"b/a9.png", b"a.png", b"a.png", b"b/none.png"]) + end)
@@ -186,8 +182,7 @@ def test_a_list_names_images_one_by_one(
 
 def test_the_command_takes_a_list_from_stdin(images: Path, tmp_path: Path, ffseg_command: Command) -> None:
     names = "".join(f"{name}\n" for name in NAMES)
-    done = ffseg_command("run", "--list", "-", "--out", tmp_path / "out", "--dry-run", cwd=images, input=names)
-    assert done.returncode == 0, done.stderr
+    done = ffseg_command("run", "--list", "-", "--out", tmp_path / "out", "--dry-run", cwd=images, input=names, code=0)
     assert [line.split(" -> ")[0] for line in done.stdout.splitlines()] == NAMES
     assert done.stdout.splitlines()[0] == f"{NAMES[0]} -> masks/{NAMES[0][:-4]}.png, contours/{NAMES[0][:-4]}.svg"
 

@@ -125,9 +125,7 @@ def test_troubled_polygons_agree_exactly_at_any_scale(points: own.Points, scale:
 
 
 @given(own.troubled_contour(scaled=False), st.sampled_from([4.0, 40.0]))
-def test_curves_differ_from_the_exact_region_only_within_the_tolerance(
-    made: tuple[own.Points, int], scale: float
-) -> None:
+def test_curves_differ_from_the_exact_region_within_the_tolerance(made: tuple[own.Points, int], scale: float) -> None:
     points, degree = made
     contour = FreeForm(points * scale + 7.0, degree)
     vertices = contour.flatten(1e-3)

@@ -250,5 +250,4 @@ def test_a_table_can_be_parquet_too(images: Path, tmp_path: Path) -> None:
 
 def test_the_command_names_a_shard_that_never_ran(images: Path, tmp_path: Path, ffseg_command: Command) -> None:
     ffseg_command("run", images, "--out", "parts", "--shard", "1/2", cwd=tmp_path, code=0)
-    left_out = ffseg_command("merge", "parts", cwd=tmp_path, code=3)
-    assert "shard 2/2 never ran" in left_out.stderr
+    assert "shard 2/2 never ran" in ffseg_command("merge", "parts", cwd=tmp_path, code=3).stderr

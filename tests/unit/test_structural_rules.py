@@ -114,9 +114,7 @@ def test_corners_speak_beyond_two_standard_deviations(altitude: float, sigma: fl
         (0.0, 0.0, np.nan, "silent"),
     ],
 )
-def test_samples_speak_beyond_two_standard_deviations(
-    altitude: float, across: float, score: float, expected: str
-) -> None:
+def test_samples_speak_beyond_two_sigmas(altitude: float, across: float, score: float, expected: str) -> None:
     ground = Candidates(np.array([[[100.0, 50.0], [102.0, 50.0]]]), np.zeros((1, 2, 4)))
     place = np.array([[100.0 + 2.0 * altitude, 50.0 + across]])
     aligned = Alignments(place, np.array([score]), 1e12 * np.eye(2)[None], np.ones(1))
