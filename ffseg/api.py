@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ffseg import pipeline, plugins
 from ffseg.errors import ParameterError, SegmentationError
-from ffseg.image.checked import Pixels, refuse_masked, require_size, taken_image
-from ffseg.image.edges import EdgeMap
+from ffseg.image.checked import Pixels, refuse_masked, taken_image
+from ffseg.image.edges import EdgeMap, require_edges
 from ffseg.io.masks import load_mask
 from ffseg.parameters import FARTHEST, ParametersLike, parameter_set
 from ffseg.result import Segmentation
@@ -111,7 +111,7 @@ def segment(  # noqa: PLR0913 - everything that is particular to one image has i
             start_mask=_mask("start_mask", start_mask, "init.mask", chosen.init.mask),
             background=_mask("background", background, "init.background_mask", chosen.init.background_mask),
             evidence=_evidence(evidence),
-            center=center,
+            center=None if center is None else (float(center[0]), float(center[1])),
             options=options,
             altitudes=np.empty((0, 4)) if altitudes is None else np.asarray(altitudes, np.float64),
             callback=callback,
@@ -133,8 +133,8 @@ def _check_extras(image: NDArray[np.uint8], edges: object, center: object, altit
     if edges is not None and not isinstance(edges, EdgeMap):
         raise SegmentationError(f"edges is of type {type(edges).__name__}; give an EdgeMap, as of ffseg.edge_map")
     if isinstance(edges, EdgeMap):
-        require_size("the edge map", edges.edges, image.shape, "give the map of this image")
-    if center is not None and _numbers(center).shape != (2,):
+        require_edges(edges, image.shape)
+    if center is not None and not (_numbers(center).shape == (2,) and np.isfinite(_numbers(center)).all()):
         raise SegmentationError(f"center is {reprlib.repr(center)}; give (x, y) in pixels")
     if altitudes is None:
         return

@@ -8,14 +8,14 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.contour import Found, contour
+from ffseg.contour import Found, contour, tried
 from ffseg.enlargement import before_enlargement, enlarged
 from ffseg.errors import ParameterError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.ragged import unpacked
 from ffseg.image.checked import checked_image, require_size
 from ffseg.image.disc import valid_disc
-from ffseg.image.edges import EdgeMap
+from ffseg.image.edges import EdgeMap, require_edges
 from ffseg.image.free import distances
 from ffseg.image.raster import rasterize
 from ffseg.image.selection import is_shown, selected
@@ -130,7 +130,7 @@ def with_evidence(scene: Scene) -> Scene:
     ParameterError
         If there is no such source, or it gives no edge map.
     SegmentationError
-        If the map has another size than the image.
+        If the map is none of this image.
     """
     if scene.edges_given:
         return scene
@@ -138,7 +138,8 @@ def with_evidence(scene: Scene) -> Scene:
     edges = find("evidence", name)(scene)
     if not isinstance(edges, EdgeMap):
         raise ParameterError(f"edges.source: {name} returned {type(edges).__name__}; it must return an ffseg.EdgeMap")
-    require_size("the edge map", edges.edges, scene.shape, "give the map of this image")
+    if name not in EDGE_SOURCES:
+        require_edges(edges, scene.shape)
     return replace(scene, edges=edges)
 
 
@@ -157,7 +158,7 @@ def source_of(scene: Scene) -> str:
 
 def contour_of(scene: Scene) -> Found:
     """The contour of a scene; one that its evidence has asked for already is not asked for again."""
-    trial: Found | None = scene.edges.trial
+    trial = None if scene.edges_given else tried(scene.edges)
     return contour(scene) if trial is None or scene.callback is not None else trial
 
 
@@ -232,7 +233,7 @@ def _has_middle(start: FreeForm, mask: NDArray[np.bool_]) -> bool:
 def _timings(scene: Scene, found: Found, edges_s: float, total_s: float) -> Timings:
     """Milliseconds of the steps; a trial contour that counts was no part of the edge map."""
     evolve_ms, edges_ms, total_ms = found.evolve_ms, edges_s * 1e3, total_s * 1e3
-    if found is scene.edges.trial:
+    if found is tried(scene.edges):
         edges_ms -= evolve_ms
     if scene.method is None or scene.method.uses_edges:
         return Timings(edges_ms, evolve_ms, total_ms)

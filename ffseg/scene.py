@@ -74,7 +74,7 @@ class Outcome:
     Raises
     ------
     ParameterError
-        If the contours are none.
+        If the contours are none and there is no mask, or the stats are none.
 
     Examples
     --------
@@ -92,9 +92,16 @@ class Outcome:
 
     def __post_init__(self) -> None:
         found: object = self.contours
-        if found is None or (isinstance(found, Sequence) and all(isinstance(one, FreeForm) for one in found)):
-            return
-        raise ParameterError("the contours of an ffseg.Outcome are no tuple of ffseg.FreeForm; give those, or a mask")
+        told = isinstance(found, Sequence) and all(isinstance(one, FreeForm) for one in found)
+        if not (told or (found is None and self.mask is not None)):
+            raise ParameterError(
+                "the contours of an ffseg.Outcome are no tuple of ffseg.FreeForm; give those, or a mask"
+            )
+        stats: object = self.stats
+        if not isinstance(stats, Stats):
+            raise ParameterError(
+                f"the stats of an ffseg.Outcome are of type {type(stats).__name__}; give ffseg.Stats()"
+            )
 
 
 NO_EDGES = EdgeMap(np.empty((0, 0), np.uint16), np.empty((0, 0), np.uint8), None, (0.0, 0.0))

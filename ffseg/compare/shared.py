@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 
 from ffseg import pipeline
+from ffseg.contour import tried
 from ffseg.errors import FfsegError
 from ffseg.image.edges import EdgeMap
 from ffseg.parameters import Parameters
@@ -62,7 +63,7 @@ def shared(scene: Scene, methods: Sequence[str]) -> Shared | None:
         found = pipeline.contour_of(known)
     except (FfsegError, MemoryError):
         return None
-    if found is known.edges.trial:
+    if found is tried(known.edges):
         edges_ms -= found.evolve_ms
     if was_moved(found.messages):
         circles = (as_circle(start) for start in found.scene.starts[: len(asked.starts)])
@@ -71,7 +72,7 @@ def shared(scene: Scene, methods: Sequence[str]) -> Shared | None:
         )
         params = replace(params, init=init)
     domain = known.disc if known.domain is None else known.domain
-    bounded = replace(known.edges, domain=domain if known.edges.domain is None else known.edges.domain, trial=None)
+    bounded = replace(known.edges, domain=domain if known.edges.domain is None else known.edges.domain)
     return Shared(params, bounded, edges_ms, was_moved(found.messages))
 
 

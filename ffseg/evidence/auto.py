@@ -33,7 +33,7 @@ def auto(scene: Scene) -> EdgeMap:
         return edges
     found = None if _mends_a_rim(scene) else _trial(replace(_not_told_outside(scene), edges=edges, callback=None))
     if found is not None and not _holds_clicks_outside(found, scene):
-        return replace(edges, trial=found)
+        return replace(edges, trial=(edges, found))
     if scene.has_hints:
         from ffseg.evidence.clicks import with_clicks  # these load forests, which clear edges do not need
 

@@ -20,6 +20,8 @@ from ffseg.image.free import deeper
 from ffseg.image.polygons import polygons
 from ffseg.image.resized import read_at
 
+MOST_BEARINGS = 30_000
+"""Of a scan: one each 0.012 degrees."""
 REACH = 6.0
 """Metres: beyond it a pixel of a mirror over a robot shows a quarter of a metre, and its outline tells nothing."""
 RIM_PX = 2.5
@@ -146,20 +148,20 @@ class Ground:
         Parameters
         ----------
         count : int
-            Bearings; the first is straight back.
+            Bearings, up to 30,000; the first is straight back.
 
         Raises
         ------
         ParameterError
-            If there is none.
+            If there is none, or too many.
 
         Notes
         -----
         A ray ends where it first leaves the free space; under a robot that its camera does not show, free space begins
         somewhere ahead.
         """
-        if not isinstance(count, int | np.integer) or count < 1:
-            raise ParameterError(f"count is {count!r}; give how many bearings, 1 or more")
+        if isinstance(count, bool) or not (isinstance(count, int | np.integer) and 1 <= count <= MOST_BEARINGS):
+            raise ParameterError(f"count is {count!r}; give how many bearings, from 1 to {MOST_BEARINGS}")
         bearings = -np.pi + 2.0 * np.pi * np.arange(count) / count
         ranges = _first_exits([ring for rings in self.polygons for ring in rings], count)
         points = ranges[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
@@ -200,7 +202,7 @@ def ground_of(
     ParameterError
         If the reach is not above 0.
     """
-    if not reach > 0:
+    if not 0 < reach < np.inf:
         raise ParameterError(f"reach is {reach!r}; give metres above 0")
     seen, camera = _within(cameras[0], reach), cameras[1]
     if domain is not None:

@@ -446,10 +446,11 @@ class Sequence:
         pixels = taken_image(image, self._rgb, self._params.input.range)
         if pose is not None:
             require_pose(pose)
+            pose = replace(pose, rotation=pose.rotation.copy(), position=pose.position.copy())
         self._camera.check_size(pixels.shape[1], pixels.shape[0], "the image")
         name, self._count = str(self._count), self._count + 1
         window = list(self._earlier)
-        self._earlier.appendleft((name, grey_image(pixels), pose))
+        self._earlier.appendleft((name, grey_image(pixels).copy(), pose))  # the caller's buffer may take the next
         views = [Earlier(one, _both(before, pose), number) for number, one, before in window]
         scene = Scene(pixels, self._params, **self._masks.bounds)
         frame = segment_frame(scene, views, self._camera, mapped=self._mapped)

@@ -16,18 +16,18 @@ _ORDER = "colours are taken as BGR, as cv2 reads them; with rgb=True as RGB, as 
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.floating[Any]]
 """What `taken_image` takes."""
+Levels = tuple[float, float] | Literal["auto"]
+"""Of black and white; ``auto`` stands for all that the type of the pixels can hold, of floats for 0 and 1."""
 
 
 def scaled(image: NDArray[Any], levels: tuple[float, float]) -> NDArray[np.uint8]:
     """The image as 8 bits, with the level of black as 0 and that of white as 255, rounded; what lies beyond is cut."""
     low, high = levels
-    share = (np.clip(image, low, high).astype(np.float32) - np.float32(low)) * np.float32(255 / (high - low))
+    share = (np.clip(image, low, high) - low).astype(np.float32) * np.float32(255 / (high - low))
     return np.asarray(np.rint(share), np.uint8)
 
 
-def taken_image(
-    image: object, rgb: bool = False, levels: tuple[float, float] | Literal["auto"] = "auto"
-) -> NDArray[np.uint8]:
+def taken_image(image: object, rgb: bool = False, levels: Levels = "auto") -> NDArray[np.uint8]:
     """An image as libraries of the field hand it out, as the core takes it: 8 bits, BGR.
 
     Parameters

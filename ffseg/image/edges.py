@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
-from ffseg.image.checked import Pixels, refuse_masked, taken_image
+from ffseg.image.checked import Levels, Pixels, refuse_masked, require_size, taken_image
 from ffseg.image.evening import evened
 from ffseg.native import _core
 from ffseg.parameters import Edges
 
 GRADIENT_SCALE = 32.0
 """Units of ``EdgeMap.gradient`` per grey level and pixel: 255/2*sqrt(2)*32 stays below 2**16."""
+MARKED = 255
+"""Of edge pixels in ``EdgeMap.edges``."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,8 +41,9 @@ class EdgeMap:
         hangs together in it belongs together, also through places too narrow for a contour.
     kept : ndarray of bool, shape (H, W), or None
         Where clicks correct what a model or a map says: the region it tells, but for what clicks take away.
-    trial : object, optional
-        What a contour has found on exactly these edges, where the source has asked for one (`ffseg.contour.Found`).
+    trial : tuple, optional
+        Where the source has asked for a contour: this map, and what it found (`ffseg.contour.tried`). It counts for no
+        other map, image or method.
 
     References
     ----------
@@ -61,7 +64,7 @@ class EdgeMap:
     source: str = ""
     odds: NDArray[np.float32] | None = None
     kept: NDArray[np.bool_] | None = None
-    trial: Any = None
+    trial: tuple[EdgeMap, Any] | None = None
 
     def magnitude(self) -> NDArray[np.float64]:
         """Gradient magnitude in grey levels per pixel, shape (H, W)."""
@@ -81,6 +84,32 @@ class EdgeMap:
         return speed
 
 
+def require_edges(edges: EdgeMap, shape: tuple[int, ...]) -> None:
+    """Refuse an edge map that is none of an image of this shape.
+
+    Raises
+    ------
+    SegmentationError
+        Saying what is wrong with it.
+    """
+    for name, kinds in (("edges", "u1"), ("gradient", "u2"), ("domain", "u1 b1"), ("odds", "f4 f8"), ("kept", "b1 u1")):
+        plane: object = getattr(edges, name)
+        if plane is None and name not in ("edges", "gradient"):
+            continue
+        if not isinstance(plane, np.ndarray) or plane.dtype not in map(np.dtype, kinds.split()) or plane.ndim != 2:
+            given = f"{plane.dtype} of shape {plane.shape}" if isinstance(plane, np.ndarray) else type(plane).__name__
+            raise SegmentationError(
+                f"the edge map's {name} is {given}; give {np.dtype(kinds.split()[0])} of shape (H, W)"
+            )
+        require_size("the edge map", plane, shape, "give the map of this image")
+    if not ((edges.edges == 0) | (edges.edges == MARKED)).all():
+        raise SegmentationError(
+            f"the edge map's edges are {MARKED} on edge pixels and 0 elsewhere; this one has others"
+        )
+    if np.shape(edges.thresholds) != (2,) or not np.isfinite(edges.thresholds).all():
+        raise SegmentationError(f"the edge map's thresholds are {edges.thresholds!r}; give (low, high)")
+
+
 RAYLEIGH_MEDIAN = 1.1774
 """Median of the gradient magnitude of smoothed white noise (Rayleigh) in units of its scale."""
 
@@ -97,7 +126,7 @@ AUTO_SPREAD = 2.0
 """Local noise is believed within this factor of that in the quieter windows: shading to a third spans 3, texture more."""
 
 
-def edge_map(image: Pixels, params: Edges, domain: NDArray[np.uint8] | None = None) -> EdgeMap:
+def edge_map(image: Pixels, params: Edges, domain: NDArray[np.uint8] | None = None, levels: Levels = "auto") -> EdgeMap:
     """Edge map of an image (first step of Algorithm 5, Eq. 8).
 
     Parameters
@@ -109,6 +138,8 @@ def edge_map(image: Pixels, params: Edges, domain: NDArray[np.uint8] | None = No
         of the smoothed image, or ``auto``.
     domain : ndarray of uint8 or bool, shape (H, W), optional
         Nonzero where the contour may go; ``auto`` thresholds are measured inside it.
+    levels : tuple of float or "auto"
+        Of black and white, as ``input.range``.
 
     Raises
     ------
@@ -131,7 +162,7 @@ def edge_map(image: Pixels, params: Edges, domain: NDArray[np.uint8] | None = No
     >>> edges.thresholds, edges.edges.shape
     ((0.75, 1.5), (600, 800))
     """
-    pixels = taken_image(image)
+    pixels = taken_image(image, levels=levels)
     shape = pixels.shape[:2]
     if not isinstance(params, Edges):
         raise SegmentationError(
@@ -151,7 +182,7 @@ def _checked_domain(domain: object, shape: tuple[int, ...]) -> NDArray[np.uint8]
     refuse_masked("domain", domain)
     if not isinstance(domain, np.ndarray) or domain.dtype not in (np.uint8, np.bool_) or domain.shape != shape:
         raise SegmentationError(f"the domain must be an array of uint8 or bool of the image's shape {shape}")
-    return domain.astype(np.uint8, copy=False)
+    return np.where(domain > 0, np.uint8(255), np.uint8(0))
 
 
 def _canny(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
-from ffseg.image.checked import Pixels, taken_image
+from ffseg.image.checked import Levels, Pixels, taken_image
 from ffseg.image.disc import Disc, valid_disc
 from ffseg.image.parts import parts
 
@@ -74,7 +74,7 @@ class _Seen:
     disc: Disc | None  # of the mirror or fisheye, in the image's pixels
 
 
-def own_image(images: Iterable[Pixels], *, rgb: bool = False) -> Mask:
+def own_image(images: Iterable[Pixels], *, rgb: bool = False, levels: Levels = "auto") -> Mask:
     """Where a camera sees itself or nothing.
 
     Parameters
@@ -84,6 +84,8 @@ def own_image(images: Iterable[Pixels], *, rgb: bool = False) -> Mask:
         are enough.
     rgb : bool
         Their channels are red, green, blue.
+    levels : tuple of float or "auto"
+        Of black and white, as ``input.range``.
 
     Returns
     -------
@@ -115,7 +117,9 @@ def own_image(images: Iterable[Pixels], *, rgb: bool = False) -> Mask:
     >>> bool(own[500, 400]), bool(own[100, 200])
     (True, False)
     """
-    shape, seen = _look(taken_image(image, rgb) for image in images)
+    if isinstance(images, np.ndarray) and (images.ndim < 3 or (images.ndim == 3 and images.shape[2] in (3, 4))):
+        raise SegmentationError(f"images is one of shape {images.shape}; give a list of several")
+    shape, seen = _look(taken_image(image, rgb, levels) for image in images)
     kinds = _parted(seen)
     dark = np.zeros(shape, np.bool_) if seen.disc is None else seen.disc.mask(shape) == 0
     if not (kinds == OWN).any():

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import OutputError, SegmentationError
-from ffseg.image.checked import Pixels, taken_image
+from ffseg.image.checked import Levels, Pixels, taken_image
 from ffseg.io.tables import counted
 
 if TYPE_CHECKING:
@@ -194,14 +194,18 @@ class Savable:
             raise OutputError(f"behind is of type {type(behind).__name__}; give the name of an image file")
         self._save(path, "svg", Source(title, behind=behind))
 
-    def save_cutout(self, path: str | os.PathLike[str], image: Pixels, *, rgb: bool = False) -> None:
+    def save_cutout(
+        self, path: str | os.PathLike[str], image: Pixels, *, rgb: bool = False, levels: Levels = "auto"
+    ) -> None:
         """Write the image inside the region, transparent elsewhere: PNG or WebP by the suffix.
 
         Parameters and errors are those of `save_overlay`.
         """
-        self._save(path, "cutout", _with_image(image, rgb))
+        self._save(path, "cutout", _with_image(image, rgb, levels))
 
-    def save_overlay(self, path: str | os.PathLike[str], image: Pixels, *, rgb: bool = False) -> None:
+    def save_overlay(
+        self, path: str | os.PathLike[str], image: Pixels, *, rgb: bool = False, levels: Levels = "auto"
+    ) -> None:
         """Write the image with the region tinted and its contours drawn: PNG, JPEG or WebP by the suffix.
 
         Parameters
@@ -210,13 +214,15 @@ class Savable:
             The one that was segmented, as `ffseg.segment` took it.
         rgb : bool
             Its channels are red, green, blue.
+        levels : tuple of float or "auto"
+            Of black and white, as the ``input.range`` that it was segmented with.
 
         Raises
         ------
         OutputError
             For another suffix or an image of another size, or if the file cannot be written.
         """
-        self._save(path, "overlay", _with_image(image, rgb))
+        self._save(path, "overlay", _with_image(image, rgb, levels))
 
     def to_geojson(self, name: str = "", label: str = "region") -> Document:
         """GeoJSON feature collection in pixels: a Polygon per region with its holes; `name` stands for the image."""
@@ -258,8 +264,8 @@ class Savable:
         write_bytes_atomic(text, encoded(self._result(), kind, source, suffix))
 
 
-def _with_image(image: Pixels, rgb: bool) -> Source:
+def _with_image(image: Pixels, rgb: bool, levels: Levels) -> Source:
     try:
-        return Source(image=taken_image(image, rgb))
+        return Source(image=taken_image(image, rgb, levels))
     except SegmentationError as error:
         raise OutputError(f"the picture needs the image that was segmented: {error}") from None

@@ -58,7 +58,10 @@ def svg_document(contours: Sequence[FreeForm], width: int, height: int, title: s
     if title:
         lines.append(f"<title>{escape(title)}</title>")
     if behind:
-        lines.append(f'<image href="{escape(behind)}" width="{width}" height="{height}"/>')
+        from urllib.parse import quote
+
+        address = quote(behind, safe="/:", errors="surrogateescape")
+        lines.append(f'<image href="{address}" width="{width}" height="{height}"/>')
     for region in group_regions(contours):
         data = " ".join(path_data(contour) for contour in region.contours)
         lines.append(f'<path fill-rule="evenodd"{_TINT if behind else ""} d="{data}"/>')

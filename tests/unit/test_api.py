@@ -7,7 +7,10 @@ import re
 import subprocess
 import sys
 import typing
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -24,6 +27,7 @@ from ffseg.io.exports import geojson_document
 from ffseg.io.images import decode_image
 from ffseg.io.saving import annotated
 from ffseg.metrics import iou
+from ffseg.plugins import find
 from ffseg.schema.kinds import Integer, Number
 from ffseg.schema.sections import leaves
 from tests.masks import read_mask
@@ -243,10 +247,15 @@ def test_an_image_is_taken_as_the_libraries_that_read_it_hand_it_out(
         assert np.array_equal(taken, decode_image(cv2.imencode(".png", deep)[1].tobytes()))
 
 
-def test_a_range_makes_an_image_of_any_numbers() -> None:
-    plain = ffseg.segment(DISC, SMALL).mask
-    for typed, levels in ((DISC.astype(np.uint16) * 16, [0, 4080]), (DISC * 100.0 - 7, [-7, 25_493]), (DISC, [0, 9])):
-        assert np.array_equal(ffseg.segment(typed, {**SMALL, "input.range": levels}).mask, plain)
+def test_a_range_makes_an_image_of_any_numbers(tmp_path: Path) -> None:
+    plain, far = ffseg.segment(DISC, SMALL).mask, 400_000_000
+    deep, wide = (DISC.astype(np.uint16) * 16, (0, 4080)), (DISC * 100.0 - 7, (-7, 25_493))
+    for typed, levels in (deep, wide, (DISC, (0, 9)), (DISC.astype(np.int32) + far, (far, far + 255))):
+        found = ffseg.segment(typed, {**SMALL, "input.range": levels})
+        assert np.array_equal(found.mask, plain)
+        found.save_cutout(tmp_path / "cut.png", typed, levels=levels)
+        assert cv2.imread(str(tmp_path / "cut.png"), cv2.IMREAD_UNCHANGED)[..., :3].max() == DISC.max()
+        assert np.array_equal(ffseg.edge_map(typed, ffseg.Edges(), levels=levels).edges, LINES.edges)
     with pytest.raises(ffseg.ParameterError, match=r"input.range: \[9, 9\] is not .*, ascending and apart"):
         ffseg.segment(DISC / 255, {"input.range": [9, 9]})
 
@@ -410,6 +419,8 @@ def test_a_side_that_no_method_takes_is_said_in_a_sentence(method: str, side: in
         (lambda scene: ffseg.Outcome(mask="all"), "a mask of str; it must be of bool or uint8"),
         (lambda scene: ffseg.Outcome((1, 2)), "no tuple of ffseg.FreeForm"),
         (lambda scene: ffseg.Outcome(scene.starts[0]), "no tuple of ffseg.FreeForm"),
+        (lambda scene: ffseg.Outcome(), "no tuple of ffseg.FreeForm; give those, or a mask"),
+        (lambda scene: ffseg.Outcome(scene.starts, stats=None), "of type NoneType; give ffseg.Stats"),  # type: ignore[arg-type]
     ],
 )
 def test_what_is_no_outcome_is_refused(own: typing.Callable[[ffseg.Scene], ffseg.Outcome], sentence: str) -> None:
@@ -417,11 +428,55 @@ def test_what_is_no_outcome_is_refused(own: typing.Callable[[ffseg.Scene], ffseg
         ffseg.segment(DISC, method=own)
 
 
-def test_a_mask_of_bytes_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mask_of_bytes_is_one() -> None:
     bright = np.where(DISC > 100, np.uint8(255), np.uint8(0))
     found = ffseg.segment(DISC, method=lambda scene: ffseg.Outcome(mask=bright)).mask
     assert found.dtype == np.bool_
     assert np.array_equal(found, bright > 0)
-    monkeypatch.setattr("ffseg.evidence.gradient.gradient", lambda scene: ffseg.edge_map(DISC[:-5], scene.params.edges))
-    with pytest.raises(ffseg.SegmentationError, match="the edge map has 120 x 85 pixels, the image 120 x 90"):
-        ffseg.segment(DISC, {"edges.source": "gradient"})
+
+
+LINES = ffseg.edge_map(DISC, ffseg.Edges())
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"edges": LINES.edges[:-5]}, "the edge map has 120 x 85 pixels, the image 120 x 90"),
+        ({"gradient": LINES.gradient[:-5]}, "the edge map has 120 x 85 pixels, the image 120 x 90"),
+        ({"edges": LINES.edges > 0}, "edges is bool of shape"),
+        ({"edges": LINES.edges // 255}, "255 on edge pixels and 0 elsewhere"),
+        ({"gradient": LINES.gradient.astype(">u2")}, "gradient is >u2 of shape"),
+        ({"odds": np.zeros(3)}, "odds is float64 of shape"),
+        ({"thresholds": None}, "thresholds are None"),
+    ],
+)
+def test_an_edge_map_of_something_else_is_refused(changes: dict[str, Any], sentence: str, monkeypatch) -> None:
+    own = replace(LINES, **changes)
+    monkeypatch.setitem(sys.modules, "own_lines", SimpleNamespace(made=lambda scene: own))
+    for params, lines in ((None, own), ({"edges.source": "own_lines:made"}, None)):
+        with pytest.raises(ffseg.SegmentationError, match=sentence):
+            ffseg.segment(DISC, params, edges=lines)
+
+
+def test_what_a_contour_found_counts_for_its_own_edges_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wall that a source drew into the map of `auto` was passed over, and so was all else beside a map that was given."""
+    seen: list[ffseg.EdgeMap] = []
+
+    def walled(scene: ffseg.Scene) -> ffseg.EdgeMap:
+        seen.append(find("evidence", "auto")(scene))
+        edges, gradient = seen[0].edges.copy(), seen[0].gradient.copy()
+        edges[:, 70], gradient[:, 70] = 255, 60_000
+        return replace(seen[0], edges=edges, gradient=gradient)
+
+    monkeypatch.setitem(sys.modules, "own_lines", SimpleNamespace(walled=walled))
+    assert not ffseg.segment(DISC, {**SMALL, "edges.source": "own_lines:walled"}).mask[:, 72:].any()
+    assert seen[0].trial is not None
+    assert ffseg.segment(DISC, {**SMALL, "contour.max_iterations": 1}, edges=seen[0]).stats.iterations == 1
+
+
+def test_an_edge_map_is_none_of_the_callers_domain() -> None:
+    domain = np.ones(DISC.shape, np.uint8)
+    found = ffseg.edge_map(DISC, ffseg.Edges(), domain)
+    domain[:] = 0
+    assert found.domain is not None
+    assert found.domain.min() == 255

@@ -212,10 +212,11 @@ def test_a_frame_of_no_camera_says_so() -> None:
     _, frame = rendered()
     with pytest.raises(CalibrationError, match="of no camera"):
         replace(frame, lens=None).ground()
-    for reach in (-1.0, 0.0, np.nan):
+    for reach in (-1.0, 0.0, np.nan, np.inf):
         with pytest.raises(ParameterError, match="reach is .*; give metres above 0"):
             frame.ground(reach)
-    for count in (0, -1, 2.5):
+    assert len(frame.scan(30_000).ranges) == 30_000
+    for count in (0, -1, 2.5, True, 40_000):
         with pytest.raises(ParameterError, match="count is .*; give how many bearings"):
             frame.scan(count)
 

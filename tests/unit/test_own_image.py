@@ -83,6 +83,8 @@ def test_few_images_and_images_of_two_sizes_are_refused() -> None:
         own_image([*images[:4], np.ascontiguousarray(images[4].transpose(1, 0, 2))])
     with pytest.raises(SegmentationError, match="0 images are too few"):
         own_image([])
+    with pytest.raises(SegmentationError, match=r"images is one of shape .*; give a list"):
+        own_image(images[0])
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 50), (7, 5)])

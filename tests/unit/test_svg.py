@@ -111,6 +111,12 @@ def test_any_title_stays_text(title: str) -> None:
     assert root[0].text == expected.replace("\r\n", "\n").replace("\r", "\n")
 
 
+def test_the_image_behind_is_an_address_whatever_its_name() -> None:
+    """`#3` would be a place in the image, `%` none."""
+    shown = re.findall('href="(.*?)"', svg_document([], 1, 1, behind="of/photo #3 50%\udcff.png"))
+    assert shown == ["of/photo%20%233%2050%25%FF.png"]
+
+
 def test_escape_covers_attributes() -> None:
     assert escape("\"'<&>") == "&quot;&#39;&lt;&amp;&gt;"
 
