@@ -121,7 +121,7 @@ def with_model_start(
     lies in that, in what is left. A centre, boxes or a mask that are named take its place.
     """
     path, init = params.edges.model, params.init
-    elsewhere = (init.center != "auto" and not init.circles) or init.boxes or init.mask
+    elsewhere = init.center != "auto" or init.boxes or init.mask
     if path is None or elsewhere or not path.endswith(FOREST_SUFFIX):
         return params
     model, most = ready(path)[0], init.radius_in(image.shape)

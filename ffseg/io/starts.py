@@ -7,12 +7,12 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 from ffseg.errors import ParameterError
 from ffseg.io.files import printable
 from ffseg.io.tables import csv_table, neutral
-from ffseg.parameters import FARTHEST, Box, Parameters, Seed
+from ffseg.parameters import FARTHEST, Box, Parameters, Point, Seed
 from ffseg.schema.nodes import Problems
 from ffseg.schema.strict_csv import finite, read_table, rows_of
 
@@ -23,6 +23,7 @@ KINDS = {
     "start": ("x", "y", "radius"),
     "not": ("x", "y", "radius"),
     "box": ("x", "y", "right", "bottom"),
+    "model": (),
     "probability": ("value",),
     "clearance": ("value",),
 }
@@ -51,6 +52,8 @@ class Start:
     probability, clearance : float or None
         In place of ``region.probability`` and ``contour.clearance``. With a probability of its own, what tells one
         decides: ``edges.source`` is ``prior`` where it is ``auto`` and there is no box.
+    found : bool
+        The start that a model finds comes before the circles, which correct it; else they take its place.
     """
 
     x: float | None = None
@@ -61,11 +64,18 @@ class Start:
     boxes: tuple[Box, ...] = ()
     probability: float | None = None
     clearance: float | None = None
+    found: bool = False
 
     @property
     def circles(self) -> tuple[Start, ...]:
         """The first circle, if there is one, and the others."""
         return self.others if self.x is None else (replace(self, others=()), *self.others)
+
+    @property
+    def fixed(self) -> frozenset[str]:
+        """Keys of the parameters that are this image's own, whatever else they are."""
+        values = {"region.probability": self.probability, "contour.clearance": self.clearance}
+        return frozenset(key for key, value in values.items() if value is not None)
 
     def placed(self, params: Parameters, shape: tuple[int, ...]) -> Parameters:
         """The parameters with what was picked in this image of shape (H, W, ...)."""
@@ -75,10 +85,11 @@ class Start:
             for one in self.circles
             if one.x is not None and one.y is not None
         ]
-        if len(circles) == 1 and not (self.boxes or init.boxes or params.edges.model):
-            init = replace(init, center=circles[0][:2], radius=circles[0][2], circles=())
-        elif circles:
-            init = replace(init, center=circles[0][:2], radius=circles[0][2], circles=tuple(circles))
+        found = self.found and params.edges.model is not None
+        if circles:
+            alone = len(circles) == 1 and not (self.boxes or init.boxes or found)
+            center: Point | Literal["auto"] = "auto" if found else circles[0][:2]
+            init = replace(init, center=center, radius=circles[0][2], circles=() if alone else tuple(circles))
         init = replace(init, boxes=self.boxes or init.boxes, background=(*init.background, *self.background))
         contour, region, edges = params.contour, params.region, params.edges
         if self.clearance is not None:
@@ -93,6 +104,7 @@ class Start:
         """All that it says: equal texts, equal starts."""
         circles = ";".join(f"{one.x!r},{one.y!r},{one.radius!r}" for one in self.circles)
         more = (self.background, self.boxes, self.probability, self.clearance)
+        circles += ";model" if self.found else ""
         return circles if more == ((), (), None, None) else f"{circles};{more!r}"
 
     def rows(self, image: str) -> list[list[str | float | None]]:
@@ -107,7 +119,7 @@ class Start:
         rows += [[name, "box", left, top, none, right, bottom, none] for left, top, right, bottom in self.boxes]
         values = (("probability", self.probability), ("clearance", self.clearance))
         rows += [[name, kind, none, none, none, none, none, value] for kind, value in values if value is not None]
-        return rows
+        return [*rows, [name, "model", *[none] * 6]] if self.found else rows
 
 
 def starts_table(starts: Mapping[str, Start]) -> bytes:
@@ -261,6 +273,8 @@ def _start(said: _Said) -> Start:
             circles.append(Start(*numbers))
         elif kind in LIMITS:
             more[kind] = value
+        elif kind == "model":
+            more["found"] = True
         else:
             row = tuple(number for number in numbers if number is not None)
             more.setdefault("background" if kind == "not" else "boxes", []).append(row)

@@ -45,6 +45,8 @@ class Labelled:
         The start region; None where neither a file nor the parameters name one.
     masks : Masks
         Where the contour may go, start and may not be, as far as the parameters say.
+    fixed : frozenset of str
+        Keys of the parameters that the image's row of the starts file sets.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Labelled:
     params: Parameters
     start: NDArray[np.bool_] | None
     masks: Masks = NO_MASKS
+    fixed: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,6 +97,7 @@ def gather(
     sources = [one for one in sources if os.path.realpath(one.content) not in used and not one.problem]
     known = dict(load_starts(starts, [one.name for one in sources], partial=finds_starts(params))) if starts else {}
     masks, chosen = named_masks(params), [one for one in sources if one.name in truths]
+    _require_own_masks(chosen)
     domains = find_domains(chosen, params.domain.masks) if params.domain.masks else {}
     labelled = []
     for source in chosen:
@@ -105,6 +109,16 @@ def gather(
     for one in labelled:
         _require_both_sides(one)
     return Gathered(labelled, [one for one in sources if one.name not in truths], known, masks)
+
+
+def _require_own_masks(sources: Sequence[Source]) -> None:
+    """Refuse images of one name, as of two folders: one mask would stand for both."""
+    by_name: dict[str, Source] = {}
+    for one in sources:
+        other = by_name.setdefault(one.name, one)
+        if other is not one:
+            shown = f"{printable(other.told)} and {printable(one.told)}"
+            raise UsageError(f"{shown} are both called {printable(one.name)}; give the folder above them as the input")
 
 
 def _require_both_sides(one: Labelled) -> None:
@@ -128,7 +142,7 @@ def _read(
         begun = start_region(image.shape[:2], params, masks.start)
     except (ImageReadError, SegmentationError) as error:
         raise UsageError(f"{printable(source.name)}: {error}") from error
-    return Labelled(source.name, image, levels, params, begun, masks)
+    return Labelled(source.name, image, levels, params, begun, masks, frozenset() if start is None else start.fixed)
 
 
 def start_region(

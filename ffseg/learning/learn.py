@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from statistics import mean, pstdev
+from statistics import mean, pstdev, stdev
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,15 +159,19 @@ def _figures(labelled: Sequence[Labelled], chosen: Sequence[Samples], tell: Tell
             other[i] = _overlap(labelled[i], None)
         tell(f"left out part {number + 1} of {len(folds)}: IoU {mean(own[i] for i in fold):.3f}")
     gains = [a - b for a, b in zip(own, other, strict=True)]
-    helps = mean(gains) > NOISE * pstdev(gains) / len(gains) ** 0.5
+    helps = mean(gains) > NOISE * stdev(gains) / len(gains) ** 0.5
     curve = _curve(labelled, chosen)
     more = _worth_drawing(curve, count)
     return Figures(count, mean(own), pstdev(own), mean(other), pstdev(other), helps, curve, more)
 
 
+def _without_model(params: Parameters) -> Parameters:
+    return replace(params, edges=replace(params.edges, model=None))
+
+
 def _overlap(one: Labelled, model: Model | None) -> float:
     """IoU of the contour on an image, with what a model says or without any, also of the parameters."""
-    params, start = replace(one.params, edges=replace(one.params.edges, model=None)), one.start
+    params, start = _without_model(one.params), one.start
     if start is None and model is not None:
         circle = model_start(one.image, model, params.init.radius_in(one.image.shape))
         params = params if circle is None else replace(params, init=replace(params.init, circles=(circle,)))
@@ -190,7 +194,7 @@ def _curve(labelled: Sequence[Labelled], chosen: Sequence[Samples]) -> tuple[tup
     Where no start is named it is drawn inside the mask: the curve shows what masks teach, not how well starts are found.
     """
     count, rng, points = len(chosen), np.random.default_rng(0), []
-    labelled = [_started(one, rng) for one in labelled]
+    labelled = [_started(replace(one, params=_without_model(one.params)), rng) for one in labelled]
     seen = [features(exposed(one.image), one.start, names=KNOWN) for one in labelled if one.start is not None]
     odds = [prior(one.image, one.start) for one in labelled if one.start is not None]
     if len(seen) < count:

@@ -21,6 +21,7 @@ from ffseg.evidence.features import (
     Features,
     features,
     reduced_mean,
+    reduction,
 )
 from ffseg.evidence.forest import Forest, Model
 from ffseg.evidence.openings import OPEN
@@ -150,7 +151,7 @@ def samples(example: Example) -> Samples:
         seen = features(image, start, names=KNOWN)
         scribbled = np.count_nonzero(example.truth != IGNORED) < LEAST_KNOWN * example.truth.size
         known = (known_of_some if scribbled else known_pixels)(example.truth, seen.factor)
-        chosen = rng.permutation(np.flatnonzero(known >= 0))[: PIXELS // STARTS]
+        chosen = _chosen(known.ravel(), rng)
         found = np.ascontiguousarray(seen.planes.reshape(len(KNOWN), -1)[:, chosen].T)
         rows += [found, mirrored(found)]
         labels += [known.ravel()[chosen] > 0] * 2
@@ -159,10 +160,20 @@ def samples(example: Example) -> Samples:
     if inside.all() or not inside.any():
         side, level = ("outside", OUTSIDE) if inside.any() else ("inside", INSIDE)
         if (example.truth == level).any():
-            reduced = f"an image of {image.shape[1]}x{image.shape[0]} pixels is seen at {WORKING_SIZE}"
-            raise UsageError(f"what the mask knows {side} is too small or thin: {reduced}; cut it out, or leave it out")
+            small, size = reduction(image.shape) > 1, f"{image.shape[1]}x{image.shape[0]}"
+            why = f": an image of {size} pixels is seen at {WORKING_SIZE}; cut it out" if small else "; draw more of it"
+            raise UsageError(f"what the mask knows {side} is too small or thin{why}, or leave it out")
         raise UsageError(f"the mask knows no pixel {side}: 255 is inside, 0 outside, 128 unknown; draw some of both")
     return Samples(np.concatenate(rows), inside, np.concatenate(odds))
+
+
+def _chosen(known: NDArray[np.int8], rng: np.random.Generator) -> NDArray[np.intp]:
+    """Places of known pixels, drawn evenly, but for as many of each side, where there are, as a leaf holds."""
+    places = rng.permutation(np.flatnonzero(known >= 0))
+    chosen, left = np.split(places, [PIXELS // STARTS])
+    few = [max(0, LEAST_IN_LEAF - np.count_nonzero(known[chosen] == side)) for side in (0, 1)]
+    more = [left[known[left] == side][:count] for side, count in enumerate(few)]
+    return np.concatenate([chosen, *more])
 
 
 def starts_in(example: Example, rng: np.random.Generator) -> list[NDArray[np.bool_]]:
@@ -171,7 +182,7 @@ def starts_in(example: Example, rng: np.random.Generator) -> list[NDArray[np.boo
     inside = example.truth == INSIDE
     radius = example.radius
     places = np.argwhere(_windows_inside(inside, radius))
-    while not len(places) and radius > 1:
+    while not len(places) and radius >= 1:
         radius /= 2
         places = np.argwhere(_windows_inside(inside, radius))
     if not len(places):

@@ -93,7 +93,7 @@ class Bench:
     def mask(self, number: int, setting: Setting) -> NDArray[np.bool_] | None:
         """The region on one image; None where it cannot be segmented."""
         one = self._labelled[number]
-        params = applied(one.params, setting)
+        params = applied(one.params, {key: value for key, value in setting.items() if key not in one.fixed})
         try:
             shared = params.edges.source == SHARED and params.edges.model is None
             edges = self._edges(number, params) if shared else None
@@ -122,10 +122,11 @@ def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
     bench, count = Bench(labelled), len(labelled)
     plain, trials = bench.tried({}), list[Trial]()
     # of a model the level alone can be moved: it does not ask for thresholds
-    modelled = labelled[0].params.edges.model is not None
+    params = next((one for one in labelled if not one.fixed), labelled[0]).params
+    modelled = params.edges.model is not None
     source = iter(()) if modelled else settings()
     end = begin + (1 if modelled else LEVELS_SHARE) * budget
-    wanted = levels(labelled[0].params)
+    wanted = levels(params)
     moved = [bench.tried(setting) for setting in wanted if time.monotonic() < end]
     while time.monotonic() - begin < budget:
         bracket = [Trial(setting) for setting in islice(source, BRACKET)]
@@ -136,7 +137,7 @@ def tune(labelled: Sequence[Labelled], budget: float, tell: Tell) -> Tuned:
         tell(f"{len(moved) + len(trials)} settings tried, best {_best([plain, *moved, *trials], count).mean:.3f}")
     if modelled:
         tell(f"{len(moved)} levels tried, best {_best([plain, *moved], count).mean:.3f}")
-    tried = Tried(plain, labelled[0].params.region.probability, moved, [it for it in trials if len(it.found) == count])
+    tried = Tried(plain, params.region.probability, moved, [it for it in trials if len(it.found) == count])
     taken = tried.chosen(tried.images)
     best = tried.best() if taken is plain else taken
     found = Tuned(

@@ -6,6 +6,7 @@ import contextlib
 import os
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -119,8 +120,6 @@ class Project:
     @property
     def params(self) -> Parameters:
         """For all images, with the model where there is one."""
-        from dataclasses import replace
-
         model = self.model
         return replace(self._params, edges=replace(self._params.edges, model=model)) if model else self._params
 
@@ -221,7 +220,8 @@ class Project:
         """What was picked in these images, by their names."""
         ours = {one.name for one in self.sources}
         found = {name: track.now.start for name, track in self.journal.tracks.items() if name in ours}
-        return {name: start for name, start in found.items() if start is not None}
+        model = self.params.edges.model is not None
+        return {name: replace(one, found=model and bool(one.circles)) for name, one in found.items() if one is not None}
 
     def outdated(self) -> list[str]:
         """Accepted images whose mask a crash or an error has kept from being written, or from being removed; told once."""

@@ -176,7 +176,7 @@ class Scene:
         empty = Found(np.zeros(shape, np.bool_), (), factor)
         if not picked.grows and params.edges.model is None:
             return empty
-        start = picked.start or Start()
+        start = replace(picked.start or Start(), found=params.edges.model is not None)
         try:
             own = scaled(start, factor).placed(params, shape)
             if factor != 1 and own.contour.clearance > 0:

@@ -166,16 +166,16 @@ def test_sources_without_what_they_need_say_so() -> None:
 def test_commands_start_where_a_model_says_and_a_file_adds(
     command: str, forest: str, tmp_path: Path, ffseg_command: Command
 ) -> None:
-    """Two red discs: a model starts in the larger one, a file adds the smaller one, a centre takes that alone."""
+    """Two red discs: a model starts in the larger one, a file takes the smaller one, or adds it where it says so."""
     truths = {"large": LARGE, "small": SMALL, "both": SMALL | LARGE}
     images = {"in": reddened(SMALL | LARGE), **{name: as_truth(inside) for name, inside in truths.items()}}
     for folder, image in images.items():
         (tmp_path / folder).mkdir()
         cv2.imwrite(str(tmp_path / folder / "a.png"), image)
-    (tmp_path / "starts.csv").write_text("image,x,y,radius\na,25,30,4\n")
-    alone = ["--set", "init.center=[25,30]", "--set", "init.radius=4"]
-    for truth, more in (("large", []), ("both", ["--starts", str(tmp_path / "starts.csv")]), ("small", alone)):
-        out = tmp_path / f"out-{truth}"
+    added = "image,kind,x,y,radius,right,bottom,value\na,start,25,30,4,,,\na,model,,,,,,\n"
+    for truth, text in (("large", ""), ("small", "image,x,y,radius\na,25,30,4\n"), ("both", added)):
+        (tmp_path / f"{truth}.csv").write_text(text)
+        out, more = tmp_path / f"out-{truth}", ["--starts", tmp_path / f"{truth}.csv"] if text else []
         words = [command, str(tmp_path / "in"), "--truth", str(tmp_path / truth), "--out", str(out), *more]
         words += ["--set", f"edges.model={forest}", *(["--methods", "freeform"] if command == "compare" else [])]
         ffseg_command(*words, code=0)

@@ -79,6 +79,15 @@ def test_a_perspective_camera_over_a_plane(gap: float, passes: bool) -> None:
     assert free > 0.98 if passes else free == 0.0
 
 
+@pytest.mark.parametrize("radius", [0.02, 0.0005])
+def test_a_small_robot_goes_as_far_as_any(radius: float) -> None:
+    """Its map of the ground ended at 128 radii, and so did the free space."""
+    camera = replace(sample_camera(), footprint=radius)
+    image = painted(camera, ring_wall(camera, 4.0, 0.0))
+    whole = segment_view(image, replace(camera, footprint=0.0), PARAMS).mask
+    assert (segment_view(image, camera, PARAMS).mask & whole).sum() > 0.995 * whole.sum()
+
+
 def test_bays_that_half_the_robot_cannot_enter_are_closed() -> None:
     """As squares of a box that have the floor's grey; a bay wider than half of it stays open, and one wider than the robot."""
     camera = replace(sample_camera(), footprint=RADIUS)

@@ -97,6 +97,8 @@ def test_without_the_model_is_without_that_of_the_parameters_too(folder: Path) -
     without = [learning._overlap(one, None) for one in plain.labelled]
     assert [learning._contoured(one, one.params, None) for one in named.labelled] != without
     assert [learning._overlap(one, None) for one in named.labelled] == without
+    chosen = [learning._samples(one, params) for one in plain.labelled]
+    assert learning._curve(named.labelled, chosen) == learning._curve(plain.labelled, chosen)
 
 
 def test_the_verdict_comes_first_and_no_figure_has_two_meanings() -> None:

@@ -2,6 +2,7 @@
 
 import shutil
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from ffseg.learning import learn as learning
 from ffseg.learning.gather import few_known, gather, known_share, starts_off
 from ffseg.learning.learn import Figures
 from ffseg.learning.page import told
+from ffseg.learning.training import LEAST_IN_LEAF, STARTS, Example, _chosen, starts_in
 from ffseg.learning.tune import Bench, tune
 from ffseg.parameters import Parameters, load_params
 from tests.discs import bright_disc, disc_of
@@ -167,6 +169,42 @@ def test_images_and_masks_side_by_side_need_other_names(folder: Path) -> None:
     found = gather([str(folder / "in")], str(folder / "in"), load_params())
     assert [one.name for one in found.labelled] == ["0.jpg", "1.jpg", "2.jpg"]
     assert found.others == []
+
+
+def test_images_of_one_name_are_refused(folder: Path) -> None:
+    """One mask stood for both, silently."""
+    shutil.copytree(folder / "in", folder / "more")
+    with pytest.raises(UsageError, match=r"in/0\.png and .*more/0\.png are both called 0\.png; give the folder above"):
+        gather([str(folder / "in"), str(folder / "more")], str(folder / "truth"), load_params())
+
+
+def test_what_a_starts_file_sets_stays_whatever_is_tried(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`run` lets the row win, so that the figure `tune` promised did not come."""
+    (folder / "s.csv").write_text(
+        "image,kind,x,y,radius,right,bottom,value\n1,probability,,,,,,0.3\n1,clearance,,,,,,5\n"
+    )
+    labelled = gather([str(folder / "in")], str(folder / "truth"), load_params(), str(folder / "s.csv")).labelled
+    seen: list[tuple[float, float]] = []
+    monkeypatch.setattr(
+        "ffseg.learning.tune.segment",
+        lambda scene: seen.append((scene.params.region.probability, scene.params.contour.clearance)) or Mock(),
+    )
+    for number in (0, 1):
+        Bench(labelled).mask(number, {"region.probability": 0.8, "contour.clearance": 3.0, "edges.source": "prior"})
+    assert seen == [(0.8, 3.0), (0.3, 5.0)]
+
+
+@pytest.mark.parametrize("radius", [16, 31])
+def test_a_line_of_a_pixel_has_starts_whatever_the_radius(radius: float) -> None:
+    truth = np.full(SHAPE, 128, np.uint8)
+    truth[20, 10:50] = 255
+    assert len(starts_in(Example(truth, truth, None, radius), np.random.default_rng(0))) == STARTS
+
+
+def test_few_pixels_of_a_side_are_looked_at_all_the_same() -> None:
+    known = np.zeros(100_000, np.int8)
+    known[:30] = 1
+    assert np.count_nonzero(known[_chosen(known, np.random.default_rng(0))]) == LEAST_IN_LEAF
 
 
 def test_a_method_without_edges_is_refused(folder: Path) -> None:

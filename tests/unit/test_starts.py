@@ -218,11 +218,11 @@ def test_images_that_cannot_be_tried_need_no_start(tmp_path: Path) -> None:
 def test_other_kinds_of_rows_are_what_was_picked_and_are_written_as_they_are_read(tmp_path: Path) -> None:
     head = "image,kind,x,y,radius,right,bottom,value"
     a = "a,start,1,2,7,,,\na,start,3,4,,,,\na,not,5,6,,,,\na,not,7,8,2,,,\na,box,1,2,,30,40,\n"
-    path = write(tmp_path, f"{head}\n{a}b,probability,,,,,,.3\nb,clearance,,,,,,5\n")
+    path = write(tmp_path, f"{head}\n{a}b,probability,,,,,,.3\nb,clearance,,,,,,5\nb,model,,,,,,\n")
     found = load_starts(path, ["a", "b"])
     background = ((5.0, 6.0), (7.0, 8.0, 2.0))
     assert found["a"] == Start(1, 2, 7, (Start(3, 4),), background, ((1.0, 2.0, 30.0, 40.0),))
-    assert found["b"] == Start(probability=0.3, clearance=5)
+    assert found["b"] == Start(probability=0.3, clearance=5, found=True)
     assert load_starts(write(tmp_path, starts_table(found)), ["a", "b"]) == found
     params = load_params(None, {"init.background": [[9, 9]]})
     placed = found["a"].placed(params, (60, 80))
@@ -232,8 +232,8 @@ def test_other_kinds_of_rows_are_what_was_picked_and_are_written_as_they_are_rea
     assert (placed.region.probability, placed.contour.clearance, placed.init) == (0.3, 5, params.init)
     assert placed.edges.source == "prior", "the image's own edges know no level"
     assert found["a"].placed(params, (60, 80)).edges == params.edges
-    others = (replace(found["a"], boxes=()), replace(found["a"], background=()))
-    assert len({start.text() for start in (found["a"], *others)}) == 3
+    others = (replace(found["a"], boxes=()), replace(found["a"], background=()), replace(found["a"], found=True))
+    assert len({start.text() for start in (found["a"], *others)}) == 4
 
 
 @pytest.mark.parametrize(
