@@ -104,7 +104,7 @@ class Ground:
         Of each region its outer ring, counterclockwise, then its holes, clockwise; not closed by their first points.
     camera : Camera
     reach : float
-        Metres: no pixel farther away is told; outlines lie half a pixel beyond.
+        Metres: nothing farther away is told.
     seen : ndarray of bool, shape (H, W)
         Pixels of the scene within reach that can show ground at all.
     lean_sigma : float
@@ -177,7 +177,7 @@ class Ground:
 def ground_of(
     mask: Mask,
     contours: Sequence[FreeForm],
-    cameras: tuple[Camera, Camera],
+    camera: Camera,
     reach: float = REACH,
     domain: Mask | None = None,
 ) -> Ground:
@@ -188,8 +188,8 @@ def ground_of(
     mask : ndarray of bool, shape (H, W)
     contours : sequence of FreeForm
         Of which the mask was made.
-    cameras : tuple of Camera
-        As calibrated, and as it stood at this image.
+    camera : Camera
+        As it stood at this image.
     reach : float
         Metres.
     domain : ndarray of bool, shape (H, W), optional
@@ -204,7 +204,7 @@ def ground_of(
     """
     if not 0 < reach < np.inf:
         raise ParameterError(f"reach is {reach!r}; give metres above 0")
-    seen, camera = _within(cameras[0], reach), cameras[1]
+    seen = _within(camera, reach)
     if domain is not None:
         seen = seen & (domain | mask)
     regions, found = polygons(mask & seen, contours, flatness=0.0), []
@@ -212,8 +212,8 @@ def ground_of(
     ends = np.cumsum([len(ring) for ring in outlines])
     laid = iter(np.split(to_robot(camera, np.concatenate(outlines)), ends[:-1]) if outlines else ())
     for region in regions:
-        rings = [next(laid) for _ in region.rings]
-        if all(np.isfinite(ring).all() for ring in rings):
+        rings = [_near(next(laid), reach) for _ in region.rings]
+        if len(rings[0]):
             found.append(tuple(ring[::-1] for ring in rings) if ring_area(rings[0]) < 0 else tuple(rings))
     return Ground(tuple(found), camera, reach, seen)
 
@@ -225,6 +225,13 @@ def _within(camera: Camera, reach: float) -> Mask:
         near: Mask = camera.domain() & (np.sum(camera.ground() ** 2, axis=-1) < reach * reach)
     near.setflags(write=False)
     return near
+
+
+def _near(ring: Array, reach: float) -> Array:
+    """An outline without what of it lies above the horizon, as far as the reach: half a pixel is many metres far away."""
+    ring = ring[np.isfinite(ring).all(axis=1)]
+    far = np.hypot(*ring.T)[:, None]
+    return np.where(far > reach, ring * (reach / np.maximum(far, reach)), ring)
 
 
 def _first_exits(rings: Sequence[Array], count: int) -> Array:

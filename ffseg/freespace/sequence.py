@@ -131,7 +131,7 @@ class Frame:
         camera = self.standing()
         lean = None if camera is self.lens else lean_of(self.lens, self.camera, self.motion)
         sigma = 0.0 if lean is None else SLACK * lean.sigma
-        found = ground_of(self.mask, self.contours, (self.lens or camera, camera), reach, self.domain)
+        found = ground_of(self.mask, self.contours, camera, reach, self.domain)
         return replace(found, lean_sigma=sigma)
 
     def scan(self, count: int = 360, reach: float = REACH) -> Scan:

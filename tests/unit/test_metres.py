@@ -20,9 +20,10 @@ from ffseg.camera.motion import planar_pose, robot_axes, to_pixels, to_robot
 from ffseg.camera.projections import Affine, UnifiedSphere
 from ffseg.errors import CalibrationError, ParameterError
 from ffseg.freespace.birdseye import HALF_M, SCALE, birds_eye
-from ffseg.freespace.outline import Ground, _first_exits
+from ffseg.freespace.outline import REACH, Ground, _first_exits, ground_of
 from ffseg.freespace.sequence import Frame, free_space, segment_frame
 from ffseg.freespace.window import Earlier
+from ffseg.pipeline import outlines_of
 from ffseg.rendering.pairs import CAMERA_YAML, RenderedPair, sample_camera
 from ffseg.scene import Scene
 from tests.masks import write_image
@@ -206,6 +207,17 @@ def test_what_a_domain_leaves_out_is_no_obstacle(bearing: float) -> None:
     far = np.flatnonzero(degrees > 9)
     assert [masked.ends[at] for at in far] == [plain.ends[at] for at in far]
     assert np.median(np.abs(masked.ranges - plain.ranges)[far]) < 0.01
+
+
+@pytest.mark.parametrize(("lean", "height", "off"), [(0.0, 0.9, 0.02), (0.07, 0.9, 0.02), (0.07, 0.3, 0.15)])
+def test_the_reach_is_a_circle_however_the_camera_leans(lean: float, height: float, off: float) -> None:
+    """It was that of the camera as it is mounted: 4 m on one side, 9 on the other. At the end a pixel shows .3 m, or .8."""
+    up = np.array([0.0, np.sin(lean), np.copysign(np.cos(lean), sample_camera().up[2])])
+    camera = replace(sample_camera(), mount_height=height, up=up)
+    mask = camera.domain()
+    ((outer, *_),) = ground_of(mask, outlines_of(mask), camera).polygons
+    assert np.hypot(*outer.T).max() == pytest.approx(REACH)
+    assert shapely.Polygon(outer).area == pytest.approx(np.pi * REACH**2, rel=off)
 
 
 def test_a_frame_of_no_camera_says_so() -> None:
