@@ -15,6 +15,7 @@ from ffseg.batch.record.tables import in_time
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.values import Record
 from ffseg.batch.views import Views
+from ffseg.camera.motion import Pose
 from ffseg.errors import CalibrationError, ImageReadError
 from ffseg.freespace.leans import Lean
 from ffseg.freespace.occupancy import OccupancyMap
@@ -37,10 +38,14 @@ class Drive:
     ways: Skeleton = field(default_factory=lambda: Skeleton((), ()))
     frames: int = 0
     """All of the drive."""
+    posed: bool = False
+    """Whether there are poses."""
     lost: dict[str, str] = field(default_factory=dict)
     """Why a frame is not in the map, by its name."""
     scans: dict[int, Any] = field(default_factory=dict)
     """Of the images of a bag, by their nanoseconds."""
+    _doubted: tuple[Record, Sighting, Pose] | None = None
+    """A frame whose pose the ground contradicts: it is wrong if that of the next one is contradicted as well."""
 
     def figures(self) -> dict[str, Any]:
         """For ``run.json``."""
@@ -67,9 +72,26 @@ class Drive:
                 self.scans[views.stamps[record.name]] = json.loads(_stored(record, out, SCAN_JSON))
         except (ImageReadError, KeyError, TypeError, ValueError) as error:
             told = f"what is stored of it cannot be read ({type(error).__name__}: {error})"
+            self.settle()
             self._lose(name, f"it failed: {record.row['error']}" if record.status == "failed" else told)
             return
-        if pose is None and views.poses and not any(self.grid.stations):
+        self.settle(wrong=seen.contradicted)
+        if pose is not None and seen.contradicted:
+            self._doubted = record, seen, pose
+        else:
+            self._fuse(record, seen, pose)
+
+    def settle(self, *, wrong: bool = False) -> None:
+        """Fuse the frame that is doubted, if there is one, or leave it out."""
+        doubted, self._doubted = self._doubted, None
+        if doubted is not None and wrong:
+            self._lose(printable(doubted[0].name), doubted[0].row.get("note", ""))
+        elif doubted is not None:
+            self._fuse(*doubted)
+
+    def _fuse(self, record: Record, seen: Sighting, pose: Pose | None) -> None:
+        name = printable(record.name)
+        if pose is None and self.posed and not any(self.grid.stations):
             self._lose(name, "it has no pose, nor has a frame before it")
             return
         try:
@@ -112,9 +134,10 @@ def drive_of(records: Iterable[Record], out: str, views: Views) -> Drive:
         Whose poses place them; a frame without a pose is placed by its motion since one that has a place.
     """
     known = {record.name: record for record in records}
-    drive = Drive(frames=len(known))
+    drive = Drive(frames=len(known), posed=bool(views.poses))
     for name in in_time(known.values()):
         drive.take(known[name], out, views)
+    drive.settle()
     drive.ways = drive.grid.skeleton(views.camera.footprint)
     return drive
 
@@ -144,4 +167,4 @@ def _sighting(record: Record, out: str, views: Views) -> Sighting:
     inside, domain = views.camera.domain(), None
     if "left_out" in stood:
         domain = inside & ~from_run_lengths(stood["left_out"], inside.shape)
-    return Sighting(decode_mask(mask), views.camera, links, (sigma_m, sigma_rad), lean, domain)
+    return Sighting(decode_mask(mask), views.camera, links, (sigma_m, sigma_rad), lean, domain, "contradicted" in stood)

@@ -215,17 +215,18 @@ class OccupancyMap:
     def _between(self, given: Station, led: Station, step: tuple[float, float], *, stated: bool) -> Station:
         """A pose and what the ground says, weighted by their variances; of a pose that states none, as they have differed.
 
-        Of the ground the part counts by which its steps err alone: so many times a step's variance.
+        Of the ground the part counts by which its steps err alone, so many times a step's variance, and all that it has from
+        stated poses before.
         """
         x, y, turn = given.x - led.x, given.y - led.y, (given.theta - led.theta + np.pi) % (2 * np.pi) - np.pi
         self._errors += [0.5 * (x * x + y * y), turn * turn, 1.0]
         own = np.square([given.sigma_m, given.sigma_rad]) if stated else self._errors[:2] / self._errors[2]
-        so_far = np.array([led.sigma_m, led.sigma_rad])
-        ground = so_far * step
+        walked, posed = np.array(led.walked), _posed(led)
+        ground = walked * step + posed
         share = ground / np.maximum(own + ground, 1e-18)
-        sigma_m, sigma_rad = (np.sqrt(1.0 - share) * so_far).tolist()
+        posed, walked = posed * (1.0 - share) ** 2 + own * share**2 * stated, np.sqrt(1.0 - share) * walked
         a, b = share.tolist()
-        return Station(led.x + a * x, led.y + a * y, led.theta + b * turn, sigma_m, sigma_rad)
+        return _station((led.x + a * x, led.y + a * y, led.theta + b * turn), walked, posed, estimated=False)
 
     def _add(self, name: str, seen: Sighting, station: Station) -> None:
         low = np.floor((np.array([station.x, self._flip * station.y]) - self.reach) / self.cell).astype(np.int64)
@@ -345,10 +346,20 @@ def _moved(before: Station, planar: tuple[float, float, float], sigmas: tuple[fl
     x, y, turn = planar
     c, s, length = np.cos(before.theta), np.sin(before.theta), float(np.hypot(x, y))
     step, bend = sigmas if sigmas[0] > 0 else (ODOMETRY[0] * length, ODOMETRY[1])
-    return Station(
-        float(before.x + c * x - s * y), float(before.y + s * x + c * y), before.theta + turn,
-        float(before.sigma_m + np.hypot(step, before.sigma_rad * length)), float(before.sigma_rad + bend), estimated=True,
-    )  # fmt: skip
+    (far, turned), posed = before.walked, _posed(before)
+    place = float(before.x + c * x - s * y), float(before.y + s * x + c * y), before.theta + turn
+    walked = np.array([far + np.hypot(step, turned * length), turned + bend])
+    return _station(place, walked, posed + [posed[1] * length**2, 0.0], estimated=True)
+
+
+def _posed(station: Station) -> Array:
+    """The part of a station's variances, m2 and rad2, that it has from stated poses."""
+    return np.square([station.sigma_m, station.sigma_rad]) - np.square(station.walked)
+
+
+def _station(place: tuple[float, float, float], walked: Array, posed: Array, *, estimated: bool) -> Station:
+    sigma_m, sigma_rad = np.hypot(walked, np.sqrt(np.maximum(posed, 0.0))).tolist()
+    return Station(*place, sigma_m, sigma_rad, estimated, tuple(walked.tolist()))
 
 
 def _cells(one: Station | None) -> Sequence[str | float]:

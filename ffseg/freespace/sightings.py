@@ -50,6 +50,8 @@ class Station:
         Standard deviations, against the frame of the poses; without poses against the first frame.
     estimated : bool
         Whether it was read off the ground.
+    walked : tuple of float
+        What the motions of the ground put into these deviations, metres and radians; the rest comes from stated poses.
 
     Examples
     --------
@@ -63,6 +65,7 @@ class Station:
     sigma_m: float = 0.0
     sigma_rad: float = 0.0
     estimated: bool = False
+    walked: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +86,8 @@ class Sighting:
         How it leaned; None where the ground does not show it.
     domain : ndarray of bool, shape (H, W), or None
         Where the free space could be; None: wherever the camera shows ground.
+    contradicted : bool
+        Whether the ground says that its pose is wrong, or that of the frame before.
     """
 
     mask: NDArray[np.bool_]
@@ -91,6 +96,7 @@ class Sighting:
     sigmas: tuple[float, float] = (0.0, 0.0)
     lean: Lean | None = None
     domain: NDArray[np.bool_] | None = None
+    contradicted: bool = False
 
 
 def sighting_of(frame: Frame) -> Sighting:
@@ -108,7 +114,7 @@ def sighting_of(frame: Frame) -> Sighting:
     motion = frame.motion
     sigmas = (0.0, 0.0) if motion is None else (motion.translation_sigma, motion.rotation_sigma)
     lean = lean_of(frame.lens, frame.camera, motion)
-    return Sighting(frame.mask, frame.lens, frame.links, sigmas, lean, frame.domain)
+    return Sighting(frame.mask, frame.lens, frame.links, sigmas, lean, frame.domain, frame.contradicted)
 
 
 def read_cells(seen: Sighting, lens: Camera, window: Window, reach: float) -> tuple[NDArray[np.bool_], Values]:

@@ -187,10 +187,21 @@ def test_frames_whose_poses_no_map_can_have_are_named(ffseg_command: Command, tm
     write(tmp_path)
     poses = write_tum(tmp_path, [(0.5**0.5, 0.0, 0.0, 0.5**0.5)] * COUNT)
     done = ffseg_command(*asked(tmp_path, "out", "--poses", poses), code=0)
-    for number in range(COUNT):
-        assert f"not in the map: {number}.png: the camera's up is (0.00, 1.00, " in done.stderr
+    for number, why in enumerate(["the camera's up is (0.00, 1.00, ", *["no motion"] * (COUNT - 2), "the camera's up"]):
+        assert f"not in the map: {number}.png: {why}" in done.stderr
     assert not any((tmp_path / "out" / name).exists() for name in MAP_FILES)
     assert len((tmp_path / "out" / "timings.csv").read_text().splitlines()) == 1 + COUNT
+
+
+def test_poses_that_every_pair_refutes_make_no_map(ffseg_command: Command, tmp_path: Path) -> None:
+    """Degrees for radians: the map had all frames, and no drift."""
+    write(tmp_path)
+    lines = [row.split(",") for row in (tmp_path / "poses.csv").read_text().splitlines()[1:]]
+    rows = [f"{name},{x},{y},{float(np.rad2deg(float(theta)))!r}" for name, x, y, theta in lines]
+    (tmp_path / "poses.csv").write_text("\n".join(["image,x,y,theta", *rows, ""]))
+    done = ffseg_command(*asked(tmp_path, "out", "--poses", tmp_path / "poses.csv"), code=0)
+    assert "not in the map: 1.png: no motion: " in done.stderr
+    assert origins(tmp_path / "out") == ["pose", *["lost"] * (COUNT - 2), "pose"]
 
 
 def test_a_pose_far_away_costs_its_frame_only(ffseg_command: Command, tmp_path: Path) -> None:
@@ -198,7 +209,7 @@ def test_a_pose_far_away_costs_its_frame_only(ffseg_command: Command, tmp_path: 
     lines = (tmp_path / "poses.csv").read_text().splitlines()
     (tmp_path / "poses.csv").write_text("\n".join([*lines[:2], "1.png,1e5,-1e5,0", *lines[3:], ""]))
     done = ffseg_command(*asked(tmp_path, "out", "--poses", tmp_path / "poses.csv"), code=0)
-    assert "not in the map: 1.png: the frame lies 14142" in done.stderr
+    assert "not in the map: 1.png: no motion: x and y of the poses look like millimetres" in done.stderr
     assert json.loads((tmp_path / "out" / "run.json").read_text())["map"]["fused"] == COUNT - 1
     assert origins(tmp_path / "out") == ["pose", "lost", "pose", "pose"]
 

@@ -168,6 +168,19 @@ def test_errors_of_steps_add_up_as_they_are() -> None:
     assert grid.drift == pytest.approx((0.005, 0.001))
 
 
+def test_stated_poses_are_weighed_by_their_variances() -> None:
+    """A coarse pose was believed as if the ground had told it: an exact one after it was missed by 21 of its deviations."""
+    grid, mask = OccupancyMap(), driven()[1][0].mask
+    off = [*np.random.default_rng(1).normal(0.0, 0.3, 9).tolist(), 0.0]
+    for number, x in enumerate(off):
+        links = (Link(str(number - 1), (0.0, 0.0, 0.0)),) if number else ()
+        pose = planar_pose(CAMERA, x, 0.0, 0.0, sigmas=(0.3 if number < 9 else 0.01, 0.1))
+        assert grid.fuse(str(number), Sighting(mask, CAMERA, links, (0.0003, 0.0001)), pose)
+    *_, mean, last = (one for one in grid.stations if one is not None)
+    assert (mean.x, mean.sigma_m) == (pytest.approx(np.mean(off[:9]), abs=0.01), pytest.approx(0.1, rel=0.02))
+    assert abs(last.x) < 3 * last.sigma_m < 0.031
+
+
 def nodding() -> OccupancyMap:
     """The map of a robot that stands in a square room and nods."""
     random, grid = np.random.default_rng(6), OccupancyMap()

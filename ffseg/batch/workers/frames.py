@@ -117,6 +117,7 @@ def stood(frame: Frame) -> dict[str, Any]:
     lean = None if seen is None else [seen.x, seen.y, seen.sigma, seen.nod_sigma]
     up = frame.standing().up.tolist()
     told = {"up": up, "moved": moved, "sigmas": [float(one) for one in sigmas], "lean": lean}
+    told |= {"contradicted": True} if frame.contradicted else {}
     if frame.lens is None or frame.domain is None:
         return told
     return told | {"left_out": run_lengths(frame.lens.domain() & ~frame.domain)}
