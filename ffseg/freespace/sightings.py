@@ -111,10 +111,15 @@ def sighting_of(frame: Frame) -> Sighting:
         raise CalibrationError(f"the frame is of type {type(frame).__name__}; give what ffseg.Sequence.feed returns")
     if frame.lens is None:
         raise CalibrationError("the frame is of no camera; segment with ffseg.Sequence(camera, ...)")
-    motion = frame.motion
-    sigmas = (0.0, 0.0) if motion is None else (motion.translation_sigma, motion.rotation_sigma)
-    lean = lean_of(frame.lens, frame.camera, motion)
+    lean, sigmas = lean_of(frame.lens, frame.camera, frame.motion), sigmas_of(frame)
     return Sighting(frame.mask, frame.lens, frame.links, sigmas, lean, frame.domain, frame.contradicted)
+
+
+def sigmas_of(frame: Frame) -> tuple[float, float]:
+    """Standard deviations of a frame's motion, metres and radians; 0 where it says none."""
+    if frame.motion is not None:
+        return frame.motion.translation_sigma, frame.motion.rotation_sigma
+    return frame.links[0].sigmas if frame.links else (0.0, 0.0)
 
 
 def read_cells(seen: Sighting, lens: Camera, window: Window, reach: float) -> tuple[NDArray[np.bool_], Values]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ffseg.camera.model import Camera
-from ffseg.camera.motion import Motion, Pose, ground_points, planar_parameters
+from ffseg.camera.motion import Pose, ground_points, planar_parameters
 from ffseg.freespace.motion.egomotion import PairMotion, pair_motion
 from ffseg.freespace.motion.evidence import Scenery, gathered
 from ffseg.freespace.pairs import ImagePair
@@ -59,6 +59,8 @@ class Link:
     nod : tuple of float
         Radians: up of the earlier camera, where it leaned toward x and y of its levelled frame, less that of the current
         one, turned by the turn. 0 where only poses speak.
+    sigmas : tuple of float
+        Standard deviations of the motion, metres and radians.
 
     Examples
     --------
@@ -71,6 +73,7 @@ class Link:
     name: str
     planar: tuple[float, float, float]
     nod: tuple[float, float] = (0.0, 0.0)
+    sigmas: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +87,8 @@ class Judged:
     tested : bool
         Whether any pair had a motion.
     links : tuple of Link
-        One for each pair with a motion, the nearest image first.
+        One for each pair with a motion, the nearest image first; without any, of the nearest pair that lies too close to
+        judge by.
     samples : ndarray of float64, shape (n, 3)
         Of the components' outlines, as `structural_test` hands them out; of all pairs with a motion.
     """
@@ -116,6 +120,7 @@ def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: 
     rows = untested(components)
     first: PairMotion | None = None
     links: list[Link] = []
+    still: list[Link] = []
     samples: list[Array] = [NO_SAMPLES]
     views = iter(earlier)
     nearest = next(views, None)
@@ -131,6 +136,7 @@ def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: 
         if chosen.contradicted:
             break
         if chosen.motion is None:
+            still += _links(view.name, camera, chosen.still)
             continue
         own = chosen.camera or camera
         seen = ImagePair(current, before, own, chosen.motion, noise)
@@ -138,11 +144,12 @@ def judged(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: 
             structural_test(seen, components, epsilon, chosen.fit, samples, evidence.corners), own, view.name
         )
         rows = tuple(map(_better, rows, found))
-        links.append(_link(view.name, camera, own, chosen.motion))
+        links += _links(view.name, camera, chosen)
         if len(links) == MOST_ASKED or all(row.decided for row in rows):
             break
     rows = rows if links else _placed(rows, camera)
-    return Judged(rows, first or PairMotion(None, NOTHING_ENCLOSED), bool(links), tuple(links), np.concatenate(samples))
+    told = tuple(links or still[:1])
+    return Judged(rows, first or PairMotion(None, NOTHING_ENCLOSED), bool(links), told, np.concatenate(samples))
 
 
 def moved(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: Camera, epsilon: float) -> Judged:
@@ -163,9 +170,8 @@ def moved(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: C
         camera.check_size(view.image.shape[1], view.image.shape[0], "the previous image")
         chosen = pair_motion(camera, (grey_image(view.image), current), view.poses, scenery, epsilon, evidence)
         note = f"{NOTHING_ENCLOSED}; {chosen.note}"
-        if chosen.motion is not None:
-            link = _link(view.name, camera, chosen.camera or camera, chosen.motion)
-            return Judged((), replace(chosen, note=note), links=(link,))
+        if links := _links(view.name, camera, chosen if chosen.motion is not None else chosen.still):
+            return Judged((), replace(chosen, note=note), links=tuple(links))
     return Judged((), PairMotion(None, note))
 
 
@@ -185,8 +191,11 @@ def _placed(rows: tuple[ComponentVerdict, ...], camera: Camera, against: str = "
     )
 
 
-def _link(name: str, camera: Camera, stood: Camera, motion: Motion) -> Link:
-    """As the camera is mounted, and as it stood."""
-    x, y, turn = planar_parameters(stood, motion).tolist()
+def _links(name: str, camera: Camera, pair: PairMotion | None) -> list[Link]:
+    """The one of a pair with a motion."""
+    if pair is None or pair.motion is None:
+        return []
+    motion = pair.motion
+    x, y, turn = planar_parameters(pair.camera or camera, motion).tolist()
     nod_x, nod_y = (-camera.level()[:2] @ motion.rotation @ camera.level()[2]).tolist()
-    return Link(name, (x, y, turn), (nod_x, nod_y))
+    return [Link(name, (x, y, turn), (nod_x, nod_y), (motion.translation_sigma, motion.rotation_sigma))]

@@ -168,6 +168,17 @@ def test_errors_of_steps_add_up_as_they_are() -> None:
     assert grid.drift == pytest.approx((0.005, 0.001))
 
 
+def test_a_robot_that_stands_stays_on_the_map() -> None:
+    """The motion was lost with the parallax that obstacles are judged by, and with it every frame after."""
+    grid, sequence, image = OccupancyMap(), ffseg.Sequence(CAMERA), driven()[0].views[0].image
+    frames = [sequence.feed(image) for _ in range(3)]
+    assert [grid.add(frame) for frame in frames] == [True] * 3
+    assert ([frame.tested for frame in frames], frames[-1].motion) == ([False] * 3, None)
+    assert grid.drift[0] < 0.005
+    assert grid.stations[-1] is not None
+    assert abs(grid.stations[-1].x) < 3 * grid.drift[0]
+
+
 def test_stated_poses_are_weighed_by_their_variances() -> None:
     """A coarse pose was believed as if the ground had told it: an exact one after it was missed by 21 of its deviations."""
     grid, mask = OccupancyMap(), driven()[1][0].mask

@@ -14,6 +14,7 @@ from ffseg.batch.views import Views
 from ffseg.errors import ImageReadError
 from ffseg.freespace.leans import lean_of
 from ffseg.freespace.sequence import Frame, segment_frame
+from ffseg.freespace.sightings import sigmas_of
 from ffseg.freespace.window import FIRST_IMAGE, NOTHING_ENCLOSED, Earlier
 from ffseg.io.exports import run_lengths
 from ffseg.io.files import printable
@@ -111,12 +112,11 @@ def _cell(value: float, digits: int) -> float | str:
 
 def stood(frame: Frame) -> dict[str, Any]:
     """How the camera stood at an image, how it moved since earlier ones, and what of its view was left out, for the map."""
-    sigmas = (frame.motion.translation_sigma, frame.motion.rotation_sigma) if frame.motion is not None else (0.0, 0.0)
     moved = [[link.name, *link.planar, *link.nod] for link in frame.links]
     seen = lean_of(frame.lens, frame.camera, frame.motion)
     lean = None if seen is None else [seen.x, seen.y, seen.sigma, seen.nod_sigma]
     up = frame.standing().up.tolist()
-    told = {"up": up, "moved": moved, "sigmas": [float(one) for one in sigmas], "lean": lean}
+    told = {"up": up, "moved": moved, "sigmas": [float(one) for one in sigmas_of(frame)], "lean": lean}
     told |= {"contradicted": True} if frame.contradicted else {}
     if frame.lens is None or frame.domain is None:
         return told

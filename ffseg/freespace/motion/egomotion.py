@@ -52,6 +52,8 @@ class PairMotion:
         The points the motion was read off; None where only poses speak.
     contradicted : bool
         Whether the poses are wrong: other images with poses of the same file tell no more.
+    still : PairMotion or None
+        What the pair tells where the camera moved too little to judge by: a map goes on with that.
     """
 
     motion: Motion | None
@@ -59,6 +61,7 @@ class PairMotion:
     camera: Camera | None = None
     fit: GroundFit | None = None
     contradicted: bool = False
+    still: PairMotion | None = None
 
 
 def pair_motion(
@@ -97,6 +100,7 @@ def pair_motion(
             None,
             f"degenerate pair: a baseline of {found.motion.baseline:.3f} m moves the altitude threshold by "
             f"{parallax:.2f} px only; pair images that lie further apart",
+            still=found,
         )
     return found
 
