@@ -198,10 +198,12 @@ def skeleton_of(free: Mask, unknown: Mask, cell: float, origin: tuple[float, flo
     Hesselink and Roerdink, 2008). So the graph has the loops of the ground that the robot's middle may be on.
     """
     far, outside = nearest_outside(free)
-    drivable = free & (far * cell >= max(footprint, cell))
+    aside = np.abs(np.moveaxis(outside, -1, 0) - np.indices(free.shape))
+    room = np.hypot(*np.maximum(aside - 0.5, 0.0)) * cell  # metres to the side or corner of that cell
+    drivable = free & (room >= footprint)
     anchors = drivable & _between(outside, max(LEAST_SPREAD, footprint) / cell)
     thin = _thinned(_thinned(drivable, far, anchors), far, np.zeros_like(free))
-    return _graph(thin, far, unknown, cell, origin)
+    return _graph(thin, far, room, unknown, cell, origin)
 
 
 def _between(outside: NDArray[np.intp], spread: float) -> Mask:
@@ -260,7 +262,9 @@ def _simple(pattern: int) -> bool:
     return runs == 1
 
 
-def _graph(thin: Mask, far: NDArray[np.float32], unknown: Mask, cell: float, origin: tuple[float, float]) -> Skeleton:
+def _graph(
+    thin: Mask, far: NDArray[np.float32], room: Array, unknown: Mask, cell: float, origin: tuple[float, float]
+) -> Skeleton:
     cells = {(row, column) for row, column in np.argwhere(thin).tolist()}
     beside = {one: _neighbours(one, cells) for one in cells}
     numbers = _numbered(beside)
@@ -274,11 +278,11 @@ def _graph(thin: Mask, far: NDArray[np.float32], unknown: Mask, cell: float, ori
         end = len(members) == 1 and len(beside[first]) <= 1
         kind: NodeKind = ("frontier" if _near(unknown, first, float(far[first])) else "end") if end else "junction"
         x, y = origin[0] + (column + 0.5) * cell, origin[1] + (row + 0.5) * cell
-        nodes.append(Node(x, y, kind, float(far[first]) * cell))
+        nodes.append(Node(x, y, kind, float(room[first])))
     edges = []
     for way in _ways(beside, numbers):
         points = (np.array(way)[:, ::-1] + 0.5) * cell + origin
-        width = 2.0 * cell * float(min(far[one] for one in way))
+        width = 2.0 * float(min(room[one] for one in way))
         length = float(np.hypot(*np.diff(points, axis=0).T).sum())
         edges.append(Edge(numbers[way[0]], numbers[way[-1]], points, length, width))
     return Skeleton(tuple(nodes), tuple(edges))

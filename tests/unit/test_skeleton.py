@@ -59,7 +59,7 @@ def test_one_loop_for_each_box_and_junctions_on_the_medial_axis(seed: int) -> No
     places = [shapely.Point(one.x, one.y) for one in graph.nodes if one.kind == "junction"]
     assert max((place.distance(axis) for place in places), default=0.0) <= 0.10
     for edge in graph.edges:
-        assert shapely.LineString(edge.points).within(ground.buffer(-FOOTPRINT + 1.5 * CELL))
+        assert shapely.LineString(edge.points).within(ground.buffer(-FOOTPRINT + 0.75 * CELL))
         assert edge.width_m >= 2 * FOOTPRINT
 
 
@@ -71,8 +71,8 @@ def test_what_the_robot_cannot_drive_is_no_way() -> None:
         return len(graph.nodes) - len(graph.edges) + graph.num_loops
 
     assert parts(made(rooms, 0.1)) == 1
-    assert min(edge.width_m for edge in made(rooms, 0.1).edges) == pytest.approx(0.4, abs=2 * CELL)
-    assert parts(made(rooms, 0.3)) == 2
+    assert min(edge.width_m for edge in made(rooms, 0.1).edges) == pytest.approx(0.4, abs=1.01 * CELL)
+    assert parts(made(rooms, 0.21)) == 2, "it went through doors a cell narrower than itself"
 
 
 def test_an_end_beside_what_nobody_has_seen_is_a_frontier() -> None:
