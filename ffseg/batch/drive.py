@@ -72,6 +72,8 @@ class Drive:
                 self.scans[views.stamps[record.name]] = json.loads(_stored(record, out, SCAN_JSON))
         except (ImageReadError, KeyError, TypeError, ValueError) as error:
             told = f"what is stored of it cannot be read ({type(error).__name__}: {error})"
+            if not any(path.startswith(f"{GROUND.folder}/") for path in record.outputs):
+                told = "it was made without --map; run it again with it"
             self.settle()
             self._lose(name, f"it failed: {record.row['error']}" if record.status == "failed" else told)
             return

@@ -366,7 +366,7 @@ def _cells(one: Station | None) -> Sequence[str | float]:
     if one is None:
         return ["", "", "", "", "", "lost"]
     numbers = [round(one.x, 4), round(one.y, 4), round(one.theta, 5), round(one.sigma_m, 4), round(one.sigma_rad, 5)]
-    return [*numbers, "ground" if one.estimated else "pose"]
+    return [*(one + 0.0 for one in numbers), "ground" if one.estimated else "pose"]
 
 
 def _levelled(camera: Camera, lean: Array) -> Array:

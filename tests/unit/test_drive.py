@@ -95,7 +95,10 @@ def test_the_map_is_the_same_however_the_run_came_to_its_end(ffseg_command: Comm
     again = ffseg_command(*asked(tmp_path, "parts", "--json"))
     assert json.loads(again.stdout)["counts"]["unchanged"] == COUNT, "as the merge said: nothing is segmented again"
     assert fused(tmp_path / "parts") == whole
-    assert ffseg_command("run", tmp_path / "views", "--out", tmp_path / "whole", "--overwrite").returncode == 0
+    cv2.imwrite(str(tmp_path / "views" / "3.png"), cv2.imread(str(tmp_path / "views" / "2.png")))
+    less = [one for one in asked(tmp_path, "whole") if one != "--map"]
+    assert "not in the map: 3.png: it was made without --map; run it again" in ffseg_command(*less, code=0).stderr
+    ffseg_command("run", tmp_path / "views", "--out", tmp_path / "whole", "--overwrite", code=0)
     assert not any((tmp_path / "whole" / name).exists() for name in MAP_FILES), "no frame has a ground any more"
 
 
