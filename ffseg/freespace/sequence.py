@@ -314,7 +314,8 @@ def _frame_by_altitudes(scene: Scene, before: Earlier, camera: Camera) -> Frame:
     timings = Timings(second.timings.edges_ms, sum(t.evolve_ms for t in spent), sum(t.total_ms for t in spent))
     frame = free_space(scene.image, replace(second, timings=timings), (), camera, epsilon)
     matched_ms = (perf_counter() - begin) * 1e3 - timings.total_ms
-    return replace(frame, motion=chosen.motion, note=f"{chosen.note}; {said}", obstacles_ms=matched_ms)
+    asked = chosen.motion is not None
+    return replace(frame, motion=chosen.motion, note=f"{chosen.note}; {said}", obstacles_ms=matched_ms, tested=asked)
 
 
 def free_space(

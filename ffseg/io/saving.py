@@ -48,7 +48,7 @@ class Source:
     image : ndarray of uint8, shape (H, W) or (H, W, 3), or None
         Needed for an overlay.
     behind : str
-        Name of an image file that an SVG shows behind its contours.
+        Address of an image that an SVG shows behind its contours.
     label : str
         Class that documents give to every region.
     """
@@ -190,9 +190,11 @@ class Savable:
         OutputError
             If the suffix is not .svg or `behind` is no name, or the file cannot be written.
         """
+        from urllib.parse import quote  # 2 ms that importing ffseg should not cost
+
         if not isinstance(behind, str):  # perhaps the image itself
             raise OutputError(f"behind is of type {type(behind).__name__}; give the name of an image file")
-        self._save(path, "svg", Source(title, behind=behind))
+        self._save(path, "svg", Source(title, behind=quote(behind, safe="/:", errors="surrogateescape")))
 
     def save_cutout(
         self, path: str | os.PathLike[str], image: Pixels, *, rgb: bool = False, levels: Levels = "auto"

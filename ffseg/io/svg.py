@@ -42,7 +42,7 @@ def svg_document(contours: Sequence[FreeForm], width: int, height: int, title: s
     title : str
         Shown by viewers, escaped; left out when empty.
     behind : str
-        Name of an image file, relative to the document, to be shown behind the regions, which are then tinted instead
+        Address of an image, relative to the document, to be shown behind the regions, which are then tinted instead
         of black.
 
     Returns
@@ -58,10 +58,7 @@ def svg_document(contours: Sequence[FreeForm], width: int, height: int, title: s
     if title:
         lines.append(f"<title>{escape(title)}</title>")
     if behind:
-        from urllib.parse import quote
-
-        address = quote(behind, safe="/:", errors="surrogateescape")
-        lines.append(f'<image href="{address}" width="{width}" height="{height}"/>')
+        lines.append(f'<image href="{escape(behind)}" width="{width}" height="{height}"/>')
     for region in group_regions(contours):
         data = " ".join(path_data(contour) for contour in region.contours)
         lines.append(f'<path fill-rule="evenodd"{_TINT if behind else ""} d="{data}"/>')

@@ -215,6 +215,7 @@ const levelled = (event) => { // up is larger
   return { probability: Math.min(0.99, Math.max(0.01, (current().probability ?? image.probability) - by * LEVEL)) };
 };
 
+let pressed = { key: "", at: 0 }; // the key before, unless something was picked since
 const fingers = new Map(); // that touch the stage, and where: two zoom and move
 const pinch = (event) => {
   const measure = () => {
@@ -238,6 +239,7 @@ stage.addEventListener("pointerdown", (event) => {
   if (event.pointerType === "touch") fingers.set(event.pointerId, [event.clientX, event.clientY]);
   if (!image || image.problem || event.button > 2) return;
   stage.setPointerCapture(event.pointerId);
+  pressed = { key: "", at: 0 };
   if (drag && fingers.size === 2) {
     letGo();
     drag = { kind: "fingers" };
@@ -349,7 +351,6 @@ const keys = {
     root.dataset.theme = themes[(themes.indexOf(root.dataset.theme ?? "") + 1) % 3];
   },
 };
-let pressed = { key: "", at: 0 };
 const tried = (act) => void Promise.resolve(act()).catch((error) => say(error.message, true));
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]") || event.target.matches("input")) return;

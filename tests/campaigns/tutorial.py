@@ -162,6 +162,7 @@ class Stranger:
             self.click(self.region(), self.truths[name])
             best, count = iou(self.region(), self.truths[name]), count + 1
         self.clicks.append(count)
+        time.sleep(0.3)  # a key pressed again sooner has bounced
         self.hand.tab.press("a" if best >= GOOD - 0.1 else "s")
         self.until(f"(shown => shown && !shown.startsWith('{name}.'))(document.getElementById('name').textContent)")
 

@@ -94,9 +94,7 @@ def exit_code(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> int:
     return int(str(caught.value.code))
 
 
-def test_an_error_of_ours_is_its_sentence_and_2(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_our_errors_are_sentences_and_2(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_code(monkeypatch, OutputError("out: is read-only; choose another folder")) == 2
     assert capsys.readouterr() == ("", "ffseg: error: out: is read-only; choose another folder\n")
 

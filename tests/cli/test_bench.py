@@ -52,9 +52,7 @@ def test_gate_missed_exits_with_4_and_names_what_got_slower(
     assert "## Slower than the baseline" in (tmp_path / "out" / "bench.md").read_text("utf-8")
 
 
-def test_gate_held_exits_with_0(
-    report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path
-) -> None:
+def test_gate_held_exits_0(report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path) -> None:
     ffseg_command(*QUICK, tmp_path / "out", "--baseline", with_steady(report[0], 100, tmp_path / "slow.json"), code=0)
 
 

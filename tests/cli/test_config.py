@@ -61,8 +61,7 @@ def test_samples_writes_the_committed_bytes(ffseg_command: Command, tmp_path: Pa
         {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
         for folder in (tmp_path / "new" / "folder", ROOT / "samples")
     )
-    assert written == committed
-    assert len(done.stdout.splitlines()) == len(written)
+    assert (written, len(done.stdout.splitlines())) == (committed, len(written))
 
 
 THEN_FILE = ROOT / "tests/golden/parameters-0.1.yaml"

@@ -98,8 +98,7 @@ def test_nothing_is_written_where_nothing_can_be_found(
     before = sorted(tmp_path.iterdir())
     done = ffseg_command("domain", *arguments, cwd=tmp_path, code=2)
     assert words in " ".join(done.stderr.split())
-    assert done.stdout == ""
-    assert sorted(tmp_path.iterdir()) == before
+    assert (done.stdout, sorted(tmp_path.iterdir())) == ("", before)
 
 
 FLAT = np.full((60, 80), 90, np.uint8)

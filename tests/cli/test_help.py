@@ -68,9 +68,7 @@ MISTYPED = {
 
 
 @pytest.mark.parametrize(("arguments", "said"), MISTYPED.values(), ids=MISTYPED)
-def test_mistyped_words_are_told_the_nearest(
-    arguments: list[str], said: str, tmp_path: Path, ffseg_command: Command
-) -> None:
+def test_mistypings_hear_the_nearest(arguments: list[str], said: str, tmp_path: Path, ffseg_command: Command) -> None:
     assert said in " ".join(ffseg_command(*arguments, cwd=tmp_path, code=2).stderr.split())
 
 
@@ -108,5 +106,4 @@ def test_words_of_a_key_are_completed() -> None:
 
 
 def test_completion_knows_all_suites_and_exports() -> None:
-    assert completion.suites("") == list(SUITES)
-    assert completion.exports("") == list(EXPORTS)
+    assert (completion.suites(""), completion.exports("")) == (list(SUITES), list(EXPORTS))

@@ -62,6 +62,16 @@ class PageHand(Hand):
     def until_image(self, name: str) -> None:
         self.tab.until(f"document.getElementById('name').textContent === {json.dumps(name)}")
 
+    def go(self, key: str, name: str) -> None:
+        """Press a key that opens an image of this name."""
+        self.tab.press(key)
+        self.until_image(name)
+
+    def pick(self, place: tuple[int, int]) -> None:
+        """Click, and wait for the start alone."""
+        self.click(*place)
+        self.until_marks("start")
+
     def until_status(self, text: str) -> None:
         self.tab.until(f"document.getElementById('status').textContent === {json.dumps(text)}")
 
@@ -80,10 +90,8 @@ def state(server: Server, index: int) -> dict[str, Any]:
 def test_clicks_keys_and_what_they_leave_on_the_disk(hand: PageHand, server: Server, tmp_path: Path) -> None:
     out = tmp_path / "out"
     hand.until_image("<img src=x onerror=alert(1)>'\"\\u000a&amp;.png")
-    hand.tab.press("n")
-    hand.until_image("a.png")
-    hand.click(*LEFT)
-    hand.until_marks("start")
+    hand.go("n", "a.png")
+    hand.pick(LEFT)
     hand.until_area(45, 55)
     assert load_starts(out / "starts.csv", ["a.png"])["a.png"].circles == (Start(*map(float, LEFT), 2.0),)
     hand.click(*RIGHT)
@@ -100,16 +108,12 @@ def test_clicks_keys_and_what_they_leave_on_the_disk(hand: PageHand, server: Ser
     hand.click(*RIGHT)
     hand.until_marks("start", "not", "not")
     hand.until_area(45, 55)
-    hand.tab.press("a")
-    hand.until_image("b.png")
+    hand.go("a", "b.png")
     assert overlap(mask_of(out / "masks" / "a.png"), disc(LEFT)) > 0.95
-    hand.tab.press("s")
-    hand.until_image("z.png")
-    hand.tab.press("p")
-    hand.until_image("b.png")
+    hand.go("s", "z.png")
+    hand.go("p", "b.png")
     hand.until_status("skipped")
-    hand.tab.press("p")
-    hand.until_image("a.png")
+    hand.go("p", "a.png")
     hand.until_status("accepted")
     hand.tab.press("x")
     hand.until_marks()
@@ -121,15 +125,13 @@ def test_clicks_keys_and_what_they_leave_on_the_disk(hand: PageHand, server: Ser
 
 
 def test_drags_are_boxes_levels_and_strokes(hand: PageHand, server: Server) -> None:
-    hand.tab.press("n")
-    hand.until_image("a.png")
+    hand.go("n", "a.png")
     hand.drag((15, 30), (40, 60), (75, 90))
     hand.until_marks("round")
     wait_for(lambda: state(server, 1)["boxes"] == ((15, 30, 75, 90),))
     hand.tab.press("x")
     hand.until_marks()
-    hand.click(*LEFT)
-    hand.until_marks("start")
+    hand.pick(LEFT)
     x, y = hand.at(*LEFT)
     hand.tab.drag([(x, y), (x, y - 20), (x, y - 50)])
     wait_for(lambda: state(server, 1)["probability"] is not None)
@@ -147,8 +149,7 @@ def test_drags_are_boxes_levels_and_strokes(hand: PageHand, server: Server) -> N
     hand.until_area(0, 12)
     wait_for(lambda: [one["inside"] for one in state(server, 1)["strokes"]] == [True, False])
     hand.tab.press("e")
-    hand.click(*RIGHT)
-    hand.until_marks("start")
+    hand.pick(RIGHT)
 
 
 def wait_for(true: Callable[[], bool]) -> None:
@@ -159,8 +160,7 @@ def wait_for(true: Callable[[], bool]) -> None:
 
 
 def test_the_contour_follows_the_hand_and_zoom_does_not_move_what_is_meant(hand: PageHand, server: Server) -> None:
-    hand.tab.press("n")
-    hand.until_image("a.png")
+    hand.go("n", "a.png")
     hand.tab.hover(*hand.at(*RIGHT))
     hand.tab.until("document.getElementById('preview').getAttribute('d')")
     assert state(server, 1)["starts"] == (), "only shown"
@@ -187,20 +187,17 @@ def test_what_is_begun_in_one_image_is_not_kept_in_the_next(hand: PageHand, serv
     at = [hand.at(*place) for place in ((20, 20), (40, 30))]
     hand.tab.mouse("mousePressed", *at[0], "left")
     hand.tab.mouse("mouseMoved", *at[1], "left")
-    hand.tab.press("n")
-    hand.until_image("a.png")
+    hand.go("n", "a.png")
     hand.tab.mouse("mouseReleased", *at[1], "left")
     hand.tab.press("b")
     hand.tab.value(OPENING_WAITS)
-    hand.tab.press("n")
-    hand.until_image("")
+    hand.go("n", "")
     hand.tab.click(*at[0])
     hand.tab.press("a")
     hand.tab.value("window.letOpen()")
     hand.until_image("b.png")
     hand.click(*LEFT, button="forward")  # through the pages seen, and no more
-    hand.click(*LEFT)
-    hand.until_marks("start")
+    hand.pick(LEFT)
     wait_for(lambda: len(state(server, 2)["starts"]) == 1)
     assert [len(state(server, index)["strokes"]) for index in range(3)] == [0, 0, 0]
     assert [len(state(server, index)["starts"]) for index in range(2)] == [0, 0]
@@ -210,8 +207,7 @@ def test_what_is_begun_in_one_image_is_not_kept_in_the_next(hand: PageHand, serv
 def test_an_accepted_image_is_drawn_as_it_is_changed(hand: PageHand) -> None:
     hand.click(*LEFT)
     hand.until_area(45, 55)
-    hand.tab.press("a")
-    hand.until_image("a.png")
+    hand.go("a", "a.png")
     hand.tab.press("p")
     hand.until_status("accepted")
     hand.click(*RIGHT)
@@ -226,24 +222,19 @@ def test_a_blank_presses_the_button_that_has_the_focus(hand: PageHand) -> None:
     hand.tab.until("document.getElementById('brush').getAttribute('aria-pressed') === 'true'")
 
 
-def test_what_is_done_while_a_class_opens_is_meant_for_none(
-    browser: chromium.Chromium, folder: Path, tmp_path: Path
-) -> None:
+def test_what_is_done_while_a_class_opens_is_for_none(browser: chromium.Chromium, folder: Path, tmp_path: Path) -> None:
     with served(folder, tmp_path / "classes", labels=["left", "right"]) as server:
         hand = PageHand(browser, server.address)
-        hand.click(*LEFT)
-        hand.until_marks("start")
+        hand.pick(LEFT)
         wait_for(lambda: len(state(server, 0)["starts"]) == 1)
         hand.tab.value(OPENING_WAITS)
         at = hand.at(*RIGHT)
-        hand.tab.press("2")
-        hand.until_image("")
+        hand.go("2", "")
         hand.tab.click(*at)
         hand.tab.press("a")
         hand.tab.value("window.letOpen()")
         hand.tab.until("document.getElementById('name').textContent")
-        hand.click(*RIGHT)
-        hand.until_marks("start")
+        hand.pick(RIGHT)
         wait_for(lambda: len(server.session.image(1, 0)["picked"]["starts"]) == 1)
         assert server.session.image(1, 0)["picked"]["starts"][0][:2] == pytest.approx(RIGHT, abs=0.2)
         assert server.session.statuses(1) == {}
@@ -270,8 +261,7 @@ def test_two_fingers_zoom_and_pick_nothing_one_picks(hand: PageHand, server: Ser
 @pytest.mark.parametrize("key", ["Enter", "A", "s"])
 def test_a_key_that_is_held_accepts_no_image_unseen(key: str, hand: PageHand, server: Server) -> None:
     event = f"new KeyboardEvent('keydown', {{key: {key!r}, repeat: true, bubbles: true}})"
-    hand.click(*LEFT)
-    hand.until_marks("start")
+    hand.pick(LEFT)
     hand.tab.value(f"document.body.dispatchEvent({event})")
     hand.tab.until("window.underWay === 0")
     assert server.session.statuses(0) == {}
@@ -291,8 +281,7 @@ def test_a_key_pressed_twice_passes_no_image_and_what_is_left_open_is_told(hand:
         hand.tab.value(send)
     hand.tab.until("window.underWay === 0")
     assert server.session.statuses(0) == {0: "accepted", 1: "skipped"}
-    hand.tab.press("S")
-    hand.until_image("z.png")
+    hand.go("S", "z.png")
     hand.tab.press("n")
     hand.tab.until("document.getElementById('said').textContent === 'all other images are accepted or skipped'")
     hand.tab.press("s")
@@ -317,10 +306,8 @@ def test_the_contour_is_as_wide_on_a_photograph_of_any_size(hand: PageHand) -> N
 
 
 def test_a_reload_and_another_tab_show_what_is_kept(hand: PageHand, server: Server) -> None:
-    hand.tab.press("n")
-    hand.until_image("a.png")
-    hand.click(*LEFT)
-    hand.until_marks("start")
+    hand.go("n", "a.png")
+    hand.pick(LEFT)
     address = hand.tab.value("location.href")
     assert address.endswith("#0/1")
     hand.tab.reload()
@@ -347,14 +334,11 @@ def test_a_reload_and_another_tab_show_what_is_kept(hand: PageHand, server: Serv
 def test_a_name_of_a_class_and_the_list_of_images(browser: chromium.Chromium, folder: Path, tmp_path: Path) -> None:
     with served(folder, tmp_path / "classes", labels=["left", "right one"]) as server:
         hand = PageHand(browser, server.address)
-        hand.tab.press("n")
-        hand.until_image("a.png")
-        hand.click(*LEFT)
-        hand.until_marks("start")
+        hand.go("n", "a.png")
+        hand.pick(LEFT)
         hand.tab.press("2")
         hand.until_marks()
-        hand.click(*RIGHT)
-        hand.until_marks("start")
+        hand.pick(RIGHT)
         hand.tab.press("1")
         hand.tab.press("l")
         hand.tab.value(
@@ -366,24 +350,20 @@ def test_a_name_of_a_class_and_the_list_of_images(browser: chromium.Chromium, fo
         assert [server.session.image(kind, 1)["picked"]["starts"][0][:2] for kind in (0, 1)] == [LEFT, RIGHT]
 
 
-def test_an_unreadable_image_shows_nothing_of_another_and_can_be_skipped(
-    browser: chromium.Chromium, tmp_path: Path
-) -> None:
+def test_an_unreadable_image_shows_no_other_and_can_be_skipped(browser: chromium.Chromium, tmp_path: Path) -> None:
     folder = draw(tmp_path / "in", ["a.png", "b.png", "c.png"])
     (folder / "b.png").write_bytes((folder / "a.png").read_bytes()[:99])
     with served(folder, tmp_path / "out") as server:
         hand = PageHand(browser, server.address)
         hand.click(*LEFT)
         hand.until_area(45, 55)
-        hand.tab.press("a")
-        hand.until_image("b.png")
+        hand.go("a", "b.png")
         hand.until_marks()
         hand.until_area(0, 0)
         assert "copy the file again" in hand.tab.value("document.getElementById('said').textContent")
         assert not hand.tab.value("document.getElementById('picture').hasAttribute('src')")
         hand.until_status("")
-        hand.tab.press("s")
-        hand.until_image("c.png")
+        hand.go("s", "c.png")
         assert server.session.statuses(0) == {0: "accepted", 1: "skipped"}
 
 
@@ -401,10 +381,8 @@ def test_a_killed_server_goes_on_where_it_was(
     hand = PageHand(browser, first.stdout.readline().strip())
     refused = ffseg_command("pick", folder, "--out", out, "--no-browser")
     assert (refused.returncode, "another ffseg" in refused.stderr) == (2, True)
-    hand.tab.press("n")
-    hand.until_image("a.png")
-    hand.click(*LEFT)
-    hand.until_marks("start")
+    hand.go("n", "a.png")
+    hand.pick(LEFT)
     hand.until_area(45, 55)
     wait_for(lambda: (out / "starts.csv").is_file() and "a.png" in (out / "starts.csv").read_text())
     os.kill(first.pid, signal.SIGKILL)

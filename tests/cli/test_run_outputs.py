@@ -188,9 +188,7 @@ def test_svg_export_has_the_image_behind_the_contours(ffseg_command: Command, im
     assert [path.get("d") for path in paths] == [path.get("d") for path in plain.iter(f"{namespace}path")]
 
 
-def test_the_row_of_a_stack_says_that_only_its_first_page_was_read(
-    ffseg_command: Command, images: Path, tmp_path: Path
-) -> None:
+def test_the_row_of_a_stack_says_that_one_page_was_read(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     page = Image.open(images / "a.png")
     page.save(images / "stack.tif", save_all=True, append_images=[page])
     page.convert("P").save(images / "film.gif", save_all=True, append_images=[Image.new("P", page.size)])
@@ -202,9 +200,7 @@ def test_the_row_of_a_stack_says_that_only_its_first_page_was_read(
     assert notes == {"stack.tif": "only the first page was read; the TIFF file has more", **film}
 
 
-def test_the_summary_says_the_mean_iou_and_what_was_stopped(
-    ffseg_command: Command, images: Path, tmp_path: Path, out: Path
-) -> None:
+def test_the_summary_says_iou_and_what_stopped(ffseg_command: Command, images: Path, tmp_path: Path, out: Path) -> None:
     y, x = np.mgrid[0:96, 0:128]
     for name in ("a.png", "sub/b.png"):
         write_image(tmp_path / "truth" / name, np.hypot(x - 64, y - 48) < 38)

@@ -61,8 +61,7 @@ def test_r2_each_bomb_alone_is_refused_in_50_ms_and_100_mb(tmp_path: Path) -> No
     figures = bad_files.Figures()
     for path in sorted(tmp_path.iterdir()):
         bad_files.read_alone(path, figures)
-    assert figures.wrong == []
-    assert figures.read == 0
+    assert (figures.wrong, figures.read) == ([], 0)
     assert figures.largest_mb[0] < 100, figures.largest_mb
     assert figures.slowest_ms[0] < 50 * 10, figures.slowest_ms  # of processor time; the long form holds the 50 ms
 
@@ -77,8 +76,7 @@ def test_r3_pipes_loops_and_odd_names_cost_only_their_row(blobs: Path, tmp_path:
     for name in ("a\nb.png", "\U0001f600.png", "-rf.png", not_utf8, longest, too_long):
         (blobs / name).write_bytes(image)
     ended = harness.run("run", blobs, blobs / too_long, "--out", tmp_path / "out", *SMALL)
-    assert ended.code == 3
-    assert "\n".join(ended.stderr.splitlines()) + "\n" == ended.stderr
+    assert (ended.code, "\n".join(ended.stderr.splitlines()) + "\n") == (3, ended.stderr)
     rows = table(tmp_path / "out" / "timings.csv")
     assert {row["image"]: row["error"].split(":")[0] for row in rows if row["error"]} == {
         "pipe.png": "not-a-file", "loop.png": "link-loop", "gone.png": "missing", "zero.png": "not-a-file",
@@ -105,20 +103,15 @@ CALLS = [("open", 5, False), ("write", 4, False), ("fsync", 3, False), ("rename"
 
 
 @pytest.mark.parametrize(("call", "number", "pack"), [*CALLS, ("write", 6, True), ("rename", 4, True)])
-def test_r5_failing_calls_keep_earlier_outputs_and_name_the_path(
-    call: str, number: int, pack: bool, tmp_path: Path
-) -> None:
+def test_r5_failing_calls_keep_outputs_and_name_the_path(call: str, number: int, pack: bool, tmp_path: Path) -> None:
     if os.uname().sysname != "Linux":
         pytest.skip("the faulty calls are put in with LD_PRELOAD")
     figures = faults.campaign(tmp_path, "ENOSPC", images=1, call=call, number=number, pack=pack)
-    assert figures.wrong == []
-    assert figures.runs == 1
+    assert (figures.wrong, figures.runs) == ([], 1)
 
 
 @pytest.mark.parametrize("pack", [False, True])
-def test_r6_small_disks_and_limits_leave_whole_files_only(
-    pack: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_r6_small_disks_leave_whole_files_only(pack: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mount = ["unshare", "-rm", "mount", "-t", "tmpfs", "tmpfs", tmp_path]
     if os.uname().sysname != "Linux" or subprocess.run(mount, check=False).returncode != 0:
         pytest.skip("a tmpfs cannot be mounted in a namespace here")
@@ -172,8 +165,7 @@ def test_r7_and_r8_stops_and_deaths_at_random_moments(tmp_path: Path) -> None:
 
 def test_r9_long_form_compares_every_variant(tmp_path: Path) -> None:
     figures = same_bytes.campaign(tmp_path, images=4)
-    assert figures.differ == []
-    assert figures.files == 3 * 4
+    assert (figures.differ, figures.files) == ([], 3 * 4)
     assert figures.variants == len(same_bytes.VARIANTS)
 
 

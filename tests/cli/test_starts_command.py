@@ -80,9 +80,7 @@ def test_a_start_that_had_to_move_is_told_and_noted(ffseg_command: Command, imag
     assert rows["b.png"]["status"] == "ok"
 
 
-def test_several_rows_of_an_image_grow_and_merge_in_every_command(
-    ffseg_command: Command, images: Path, tmp_path: Path
-) -> None:
+def test_several_rows_of_an_image_merge_in_every_command(ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     path, out = starts(tmp_path, "a,30,40,6", "b,30,40,6", "a,90,40,"), tmp_path / "out"
     arguments = ("run", images, "--out", out, "--starts", path, "--set", "init.radius=7")
     plan = ffseg_command(*arguments, "--dry-run")

@@ -238,9 +238,7 @@ def test_a_tree_of_33_leaves_is_refused() -> None:
 
 @given(coloured(), st.floats(0.01, 2), st.floats(0.5, 20), st.integers(0, 12))
 @settings(max_examples=60)
-def test_diffusion_is_that_of_the_twin(
-    drawn: tuple[np.ndarray, np.ndarray], kept: float, contrast: float, steps: int
-) -> None:
+def test_diffusion_is_the_twins(drawn: tuple[np.ndarray, np.ndarray], kept: float, contrast: float, steps: int) -> None:
     lab, inside = drawn
     values = 14 * inside.astype(np.float32) - 7
     system, twin = naive.neighbours(lab, kept, contrast), values.ravel().astype(np.float64)

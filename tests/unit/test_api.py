@@ -232,9 +232,7 @@ def test_the_remedy_works(name: str) -> None:
 
 
 @given(arrays(np.uint8, (12, 16, 3)), st.sampled_from(["uint16", "float16", "float32", "float64"]), st.booleans())
-def test_an_image_is_taken_as_the_libraries_that_read_it_hand_it_out(
-    image: npt.NDArray[np.uint8], kind: str, rgb: bool
-) -> None:
+def test_an_image_is_taken_as_other_libraries_hand_it_out(image: npt.NDArray[np.uint8], kind: str, rgb: bool) -> None:
     """Orders and types of the same picture are one picture; 16 bits as `read_image` takes a file of them."""
     pixels = image[..., ::-1] if rgb else image
     typed = pixels * np.uint16(256) + pixels[::-1] if kind == "uint16" else (pixels / 255).astype(kind)
@@ -302,18 +300,17 @@ def test_short_texts(result: ffseg.Segmentation) -> None:
 def test_a_notebook_shows_a_picture(factor: int, size: tuple[int, int]) -> None:
     large = ffseg.segment(np.kron(DISC, np.ones((factor, factor), np.uint8)), {"init.radius": 10 * factor})
     picture = Image.open(io.BytesIO(large._repr_png_()))
-    assert picture.size == size
-    assert picture.getpixel((size[0] // 2, size[1] // 2)) == (235, 235, 235)
+    assert (picture.size, picture.getpixel((size[0] // 2, size[1] // 2))) == (size, (235, 235, 235))
     assert picture.getpixel((1, 1)) == (70, 70, 70)
 
 
 def test_files_of_a_result(result: ffseg.Segmentation, tmp_path: Path) -> None:
     result.save_mask(tmp_path / "m.png")
     assert np.array_equal(read_mask(tmp_path / "m.png"), result.mask)
-    result.save_svg(tmp_path / "c.svg", title="a & b", behind="disc.png")
+    result.save_svg(tmp_path / "c.svg", title="a & b", behind="of/disc #3 50%.png")
     text = (tmp_path / "c.svg").read_text("utf-8")
     assert "<title>a &amp; b</title>" in text
-    assert '<image href="disc.png" width="120" height="90"/>' in text
+    assert '<image href="of/disc%20%233%2050%25.png" width="120" height="90"/>' in text
     for suffix in ("png", "jpg", "webp"):
         result.save_overlay(tmp_path / f"o.{suffix}", DISC)
         assert ffseg.read_image(tmp_path / f"o.{suffix}").shape == (90, 120, 3)
@@ -330,9 +327,7 @@ def test_an_overlay_needs_the_image(image: typing.Any, result: ffseg.Segmentatio
         result.save_overlay(tmp_path / "o.png", image)
 
 
-def test_files_of_other_suffixes_and_images_behind_an_svg_are_told_what_goes(
-    result: ffseg.Segmentation, tmp_path: Path
-) -> None:
+def test_other_suffixes_and_images_behind_an_svg_are_told_what_goes(result: ffseg.Segmentation, tmp_path: Path) -> None:
     with pytest.raises(ffseg.OutputError, match=r"write one of \.png \(overlay\), \.jpg \(overlay\)"):
         result.save_overlay(tmp_path / "o.tif", DISC)
     with pytest.raises(ffseg.OutputError, match=r"m: there is no suffix; write one of \.png \(mask\)$"):

@@ -99,9 +99,7 @@ def a_drive(path: Path, kind: str) -> Path:
 @pytest.mark.parametrize(
     ("kind", "name", "poses"), [("ros1", "d.bag", "/odom"), ("mcap", "d", "/tf"), ("db3", "d", "")]
 )
-def test_a_bag_runs_as_its_images_and_poses_do(
-    ffseg_command: Command, tmp_path: Path, kind: str, name: str, poses: str
-) -> None:
+def test_a_bag_runs_as_its_images_do(ffseg_command: Command, tmp_path: Path, kind: str, name: str, poses: str) -> None:
     bag, names = a_drive(tmp_path / name, kind), [f"camera_image_{number:06d}.png" for number in range(COUNT)]
     write_views(tmp_path, sight().views, sight().poses, names, DRIVE_CAMERA)
     options = ("--camera", tmp_path / "camera.yaml", "--map")

@@ -125,8 +125,7 @@ def test_free_pixels_and_their_room() -> None:
     assert np.nonzero(~free[20])[0].tolist() == [0, 1, 2, 3, 4, 29, 30, 31]
     assert np.nonzero(~free_pixels(edges, None, 9.0)[20])[0].tolist() == list(range(26, 35))  # less than 4.5 away
     room = room_round(free)
-    assert room[20, 10] == 6.0
-    assert room[20, 17] == 12.0
+    assert (room[20, 10], room[20, 17]) == (6.0, 12.0)
     assert room[0, 45] == 1.0  # the border of the image
     left = ground_under(free, np.indices((40, 60))[1] < 31)
     assert np.nonzero(left[20])[0].tolist() == list(range(5, 29))

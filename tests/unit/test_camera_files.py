@@ -174,8 +174,7 @@ def camera(tmp_path: Path) -> Camera:
 def test_csv_poses_are_found_by_name(tmp_path: Path, camera: Camera) -> None:
     path = write(tmp_path, "image,x,y,theta\nb.png,1,2,0.5\na.png,0,0,0\nother.png,9,9,9\n", "poses.csv")
     poses = load_poses(path, ["a.png", "b.png", "c.png"], camera)
-    assert list(poses) == ["a.png", "b.png"]
-    assert poses["b.png"].position.tolist() == [1, 2, 0]
+    assert (list(poses), poses["b.png"].position.tolist()) == (["a.png", "b.png"], [1, 2, 0])
     assert (poses["b.png"].rotation @ [1.0, 0.0, 0.0]) == pytest.approx([np.cos(0.5), np.sin(0.5), 0])
 
 

@@ -42,8 +42,7 @@ def shares(mask: np.ndarray) -> tuple[list[float], list[float]]:
 def test_the_snake_passes_marks_with_the_term_and_stops_without(with_poses: bool) -> None:
     without = segment_view(pair().current.image, pair().camera, SNAKE)
     marks, boxes = shares(without.mask)
-    assert len(marks) == 4
-    assert len(boxes) == 3
+    assert (len(marks), len(boxes)) == (4, 3)
     assert max(marks) < 0.3  # what is free of a mark is its mixed border, most of it where the mark is small
     found = frame(with_poses=with_poses)
     marks, boxes = shares(found.mask)

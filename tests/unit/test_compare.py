@@ -46,8 +46,7 @@ def test_rows_files_and_panel(case: Path) -> None:
     seen: list[work.Row] = []
     sigma = {"edges.sigma": PeerParameters().cv_edges.sigma}  # which the peer's other parameters were chosen with
     rows = work.compare(task_of(case, "freeform,snake,levelset,cv_edges", **sigma), seen.append)
-    assert rows == seen
-    assert [row.method for row in rows] == ["freeform", "snake", "levelset", "cv_edges"]
+    assert (rows, [row.method for row in rows]) == (seen, ["freeform", "snake", "levelset", "cv_edges"])
     assert all(row.status == "ok" and row.iou is not None and row.iou > 0.98 and row.holes == 0 for row in rows)
     assert rows[2].iterations is not None
     assert rows[2].iterations > 1500  # nodes of a disc of radius 30 less the start
@@ -168,8 +167,7 @@ def test_a_peer_that_is_not_installed_is_skipped(case: Path, monkeypatch: pytest
     monkeypatch.setitem(plugins.METHODS, "skfmm", replace(peer, module="no_such_module"))
     rows = work.compare(task_of(case, "skfmm,freeform"), silent)
     assert (rows[0].status, rows[0].error) == ("skipped", "the package scikit-fmm is not installed; add ffseg[peers]")
-    assert work.missed_gates(rows, {"": 0.9}) == []
-    assert len(work.missed_gates(rows, {"skfmm": 0.9})) == 1
+    assert (work.missed_gates(rows, {"": 0.9}), len(work.missed_gates(rows, {"skfmm": 0.9}))) == ([], 1)
     with pytest.raises(SegmentationError, match=r"needs the package scikit-fmm; install it, or ffseg\[peers\]"):
         plugins.methods_named("skfmm")
 
@@ -229,8 +227,7 @@ def test_a_truth_of_another_size_fails(case: Path) -> None:
 
 def test_gates() -> None:
     rows = [work.Row("a", "freeform", iou=0.99), work.Row("a", "snake", iou=0.959996), work.Row("b", "snake", iou=None)]
-    assert work.missed_gates(rows[:2], {}) == []
-    assert work.missed_gates(rows[:2], {"": 0.95}) == []
+    assert (work.missed_gates(rows[:2], {}), work.missed_gates(rows[:2], {"": 0.95})) == ([], [])
     assert work.missed_gates(rows[:2], {"": 0.96}) == ["a: snake has IoU 0.9599, the gate is 0.96"]
     assert work.missed_gates(rows[:2], {"": 0.96, "snake": 0.9}) == []
     assert work.missed_gates(rows, {"snake": 0.9}) == ["b: snake has no IoU, the gate is 0.9"]

@@ -130,8 +130,7 @@ def test_the_tree_is_that_of_processes(scheduler, tmp_path: Path) -> None:
     one, other = (
         {path.name: path.read_bytes() for path in (tmp_path / name).glob("*.tar")} for name in ("one tar", "dask tar")
     )
-    assert one == other
-    assert sorted(one) == ["coco.tar", "contours.tar", "masks.tar", "overlays.tar"]
+    assert (one, sorted(one)) == (other, ["coco.tar", "contours.tar", "masks.tar", "overlays.tar"])
 
 
 def test_a_stopped_run_goes_on_where_it_was(scheduler, tmp_path: Path) -> None:
@@ -226,7 +225,7 @@ def test_a_worker_that_dies_costs_nothing(mortal, tmp_path: Path) -> None:
     assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
 
 
-def test_a_scheduler_that_dies_ends_the_run_and_the_next_one_goes_on(
+def test_a_dying_scheduler_ends_the_run_and_the_next_one_goes_on(
     mortal, ffseg_process: Command, tmp_path: Path
 ) -> None:
     make_images(tmp_path / "in", NAMES, {NAMES[-1]: stand_in.HANG})  # so that the run cannot be done before
@@ -251,8 +250,7 @@ def test_a_scheduler_that_dies_ends_the_run_and_the_next_one_goes_on(
     rest = json.loads(run(out, "--json").stdout)["counts"]
     assert rest["done"] + rest["unchanged"] == 60
     assert rest["unchanged"] > 0, "what was written down of the chunk is not done again"
-    assert run(tmp_path / "one").returncode == 0
-    assert snapshot(out) == snapshot(tmp_path / "one")
+    assert (run(tmp_path / "one").returncode, snapshot(out)) == (0, snapshot(tmp_path / "one"))
 
 
 def test_a_cluster_of_this_machine_is_started_where_none_is_named(tmp_path: Path) -> None:
@@ -275,9 +273,7 @@ def test_a_stopped_run_waits_for_no_image(tmp_path: Path) -> None:
     assert set(harness.children(os.getpid())) <= set(before), "no worker process is left behind"
 
 
-def test_a_worker_that_is_being_started_when_the_run_is_stopped_ends_as_well(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_being_started_at_the_stop_ends_as_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make_images(tmp_path, NAMES[:1], {NAMES[0]: stand_in.HANG})
     executor = Processes(Assignment(Setup(params=load_params(), segmenter=stand_in.NAME)))
 

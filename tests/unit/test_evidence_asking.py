@@ -58,8 +58,7 @@ def test_a_model_adds_the_log_odds_of_the_prior() -> None:
 
 def test_the_file_remembers_the_prior() -> None:
     asks, own = Model(stump("x", 0.5), prior=0.75), Model(stump("x", 0.5))
-    assert from_bytes(to_bytes(asks)).prior == 0.75
-    assert from_bytes(to_bytes(own)).prior == 0.0
+    assert (from_bytes(to_bytes(asks)).prior, from_bytes(to_bytes(own)).prior) == (0.75, 0.0)
     assert b"prior" not in to_bytes(own)
 
 

@@ -27,8 +27,7 @@ def photograph() -> np.ndarray:
 
 def test_all_features_are_finite_and_named_once() -> None:
     seen = features(photograph(), disc(30, 40, 8), size=65)
-    assert seen.factor == 2
-    assert seen.planes.shape == (len(NAMES), 45, 65)
+    assert (seen.factor, seen.planes.shape) == (2, (len(NAMES), 45, 65))
     assert len(set(NAMES)) == len(NAMES)
     assert np.isfinite(seen.planes).all()
 
@@ -56,8 +55,7 @@ def test_a_small_start_keeps_a_pixel_and_an_empty_one_is_refused() -> None:
 def test_means_of_blocks_and_back() -> None:
     plane = np.arange(7 * 5, dtype=np.float32).reshape(7, 5)
     small = reduced_mean(plane, 2)
-    assert small.shape == (4, 3)
-    assert small[0, 0] == plane[:2, :2].mean()
+    assert (small.shape, small[0, 0]) == ((4, 3), plane[:2, :2].mean())
     assert small[3, 2] == plane[6, 4]
     slope = np.repeat(np.arange(40, dtype=np.float32)[None], 8, axis=0)
     back = enlarged(reduced_mean(slope, 4), 4, slope.shape)
@@ -73,8 +71,7 @@ def test_a_forest_survives_its_file(tmp_path: Path) -> None:
     seen = features(photograph(), disc(30, 40, 8), size=65)
     (tmp_path / "a.ffmodel").write_bytes(to_bytes(forest))
     again = load_model(tmp_path / "a.ffmodel")
-    assert again.about == {"masks": 1}
-    assert to_bytes(again) == to_bytes(forest)
+    assert (again.about, to_bytes(again)) == ({"masks": 1}, to_bytes(forest))
     np.testing.assert_array_equal(again.map(seen), forest.map(seen))
     assert forest.map(seen)[40, 60] > 0.9 > 0.1 > forest.map(seen)[40, 120]
 
@@ -89,8 +86,7 @@ def test_a_model_may_hold_a_second_forest(tmp_path: Path) -> None:
     both = Model(stump("x", 0.5), stump("y", 0.25), size=300)
     (tmp_path / "a.ffmodel").write_bytes(to_bytes(both))
     again = load_model(tmp_path / "a.ffmodel")
-    assert again.size == 300
-    assert again.start.arrays["threshold"].tolist() == [0.25]
+    assert (again.size, again.start.arrays["threshold"].tolist()) == (300, [0.25])
     assert again.inside.arrays["threshold"].tolist() == [0.5]
 
 

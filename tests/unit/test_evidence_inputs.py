@@ -47,9 +47,7 @@ def written(folder: Path, kind: str = "png", inside: np.ndarray = INSIDE) -> Pat
 
 
 @pytest.mark.parametrize("kind", ["png", "tiff16", "npy", "tar"])
-def test_run_takes_maps_and_knows_when_they_change(
-    tmp_path: Path, kind: str, asked: Words, ffseg_command: Command
-) -> None:
+def test_run_takes_maps_and_sees_them_change(tmp_path: Path, kind: str, asked: Words, ffseg_command: Command) -> None:
     command = (*asked, written(tmp_path / "maps", kind), "--json", *SHOWN)
     ffseg_command(*command, code=0)
     assert np.count_nonzero(read_mask(tmp_path / "out" / "masks" / "a.png") ^ INSIDE) <= 0.03 * INSIDE.sum()

@@ -177,9 +177,7 @@ def test_a_forest_is_the_mean_of_two_of_which_one_sees_no_open_ground() -> None:
 
 
 @pytest.mark.parametrize(("enough", "trees"), [(0.0, round(CORRECTED * TREES)), (2.0, TREES)])
-def test_one_mask_corrects_the_base_and_trusts_open_ground(
-    enough: float, trees: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_one_mask_mends_the_base_and_trusts_ground(enough: float, trees: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: enough)
     one = learn([samples(example(1))], searched=False)
     assert one.inside.features[one.inside.arrays["feature"][-1]] == TRUSTED

@@ -85,8 +85,7 @@ def test_coco_regions_with_holes_come_back_pixel_for_pixel(tmp_path: Path) -> No
     assert num_holes(mask) == 2
     mask_of = pytest.importorskip("pycocotools.mask")
     encoded = coco.annToRLE(holed)
-    assert mask_of.area(encoded) == holed["area"]
-    assert mask_of.toBbox(encoded).tolist() == holed["bbox"]
+    assert (mask_of.area(encoded), mask_of.toBbox(encoded).tolist()) == (holed["area"], holed["bbox"])
 
 
 @pytest.mark.parametrize(("x", "y", "size"), [(199.6, 150.3, 140.2), (60, 60, 50), (60.5, 60.75, 50)])
@@ -115,8 +114,7 @@ def test_coco_merge_counts_ids_through_and_joins_categories(tmp_path: Path) -> N
     assert [a["image_id"] for a in merged["annotations"]] == [1, 1, 2, 3]
     assert [a["category_id"] for a in merged["annotations"]] == [1, 1, 2, 1]
     assert [(c["id"], c["name"]) for c in merged["categories"]] == [(1, "region"), (2, "floor")]
-    assert merge_coco([merged]) == merged
-    assert merge_coco([])["images"] == []
+    assert (merge_coco([merged]), merge_coco([])["images"]) == (merged, [])
     assert len(loaded_coco(merged, tmp_path).getAnnIds(catIds=[2])) == 1
 
 
@@ -197,8 +195,7 @@ def test_labelme_opens_it(tmp_path: Path) -> None:
 def test_regions_without_a_pixel_are_nowhere() -> None:
     speck = annotated([circle(50.5, 50.5, 0.3)])
     assert coco_document(speck)["annotations"] == labelme_document(speck)["shapes"] == []
-    assert geojson_document(speck)["features"] == []
-    assert len(coco_document(annotated([]))["images"]) == 1
+    assert (geojson_document(speck)["features"], len(coco_document(annotated([]))["images"])) == ([], 1)
 
 
 def judged(image: AnnotatedImage, shown: Mask) -> None:

@@ -142,9 +142,7 @@ def test_a_wrong_name_is_refused_before_the_first_image(
         ("--export odd:text", "segmentation: the output odd:text gave str, not bytes"),
     ],
 )
-def test_what_a_plug_in_does_wrong_costs_the_images(
-    options: str, sentence: str, folder: Path, ffseg_process: Command
-) -> None:
+def test_a_wrong_plug_in_costs_the_images(options: str, sentence: str, folder: Path, ffseg_process: Command) -> None:
     done = ffseg_process("run", "photos", "--out", "out", *options.split(), cwd=folder)
     assert done.returncode == 3
     assert sentence in (folder / "out" / "timings.csv").read_text()

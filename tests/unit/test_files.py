@@ -48,7 +48,7 @@ def _failing(call: str, code: int) -> Callable[..., int]:
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO, errno.EACCES])
 @pytest.mark.parametrize("call", CALLS)
-def test_failing_call_keeps_the_earlier_file(
+def test_failing_calls_keep_earlier_files(
     call: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_bytes_atomic(tmp_path / "a.bin", b"good")
@@ -129,8 +129,7 @@ SHOWN = {
 
 @pytest.mark.parametrize(("name", "shown"), SHOWN.items())
 def test_printable(name: str, shown: str) -> None:
-    assert printable(name) == shown
-    assert printable(name).encode("utf-8").decode() == shown
+    assert (printable(name), printable(name).encode("utf-8").decode()) == (shown, shown)
 
 
 @pytest.mark.parametrize(

@@ -84,8 +84,7 @@ def test_steady_films_resume_to_the_same_bytes_and_flicker_less(film: Path, tmp_
     assert ran(film, tmp_path / "plain").returncode == 0
     assert snapshot(tmp_path / "plain") == snapshot(measured)  # to measure changes nothing
     ran(film, out, "--steady", "--exclude", "*_00000[4-9].mp4")  # as far as a run came that was stopped
-    assert ran(film, out, "--steady").returncode == 0
-    assert snapshot(out) == snapshot(straight)
+    assert (ran(film, out, "--steady").returncode, snapshot(out)) == (0, snapshot(straight))
 
 
 def test_a_frame_is_done_again_when_the_mask_before_it_is_another(film: Path, tmp_path: Path, ran: Command) -> None:

@@ -67,8 +67,7 @@ def test_a_patch_that_another_crosses_twice_is_done_with_in_one_iteration(widths
     """What a flip has changed is looked at again in the next round: few patches, and enough for the sorted sweep."""
     starts = [box(20, 60, 160, 110, 7), *(box(left, 40, right, 80, 3) for left, right in widths)]
     made = evolution(starts, balloon=0.3, iterations=1)
-    assert made.counts()["flips"] == 2 * len(widths)
-    assert len(contours(made)) == 1
+    assert (made.counts()["flips"], len(contours(made))) == (2 * len(widths), 1)
     assert self_intersections(contours(made)) == []
 
 
@@ -146,8 +145,7 @@ def test_a_patch_over_several_strips_of_the_filter_is_in_each() -> None:
     starts = [box(40, 40, 100, 600, 1), FreeForm.circle((100, 560), 12, 12, 3)]
     starts += [FreeForm.circle((140 + 30 * (i % 25), 100 + 30 * (i // 25)), 8, 12, 3) for i in range(50)]
     made = evolution(starts, np.zeros((640, 900), np.uint8), balloon=0.3, iterations=1)
-    assert made.counts()["merges"] == 1
-    assert len(contours(made)) == 51
+    assert (made.counts()["merges"], len(contours(made))) == (1, 51)
 
 
 def eight(patches: int, loop_radius: float, loop_patches: int) -> FreeForm:

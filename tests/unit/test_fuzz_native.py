@@ -31,8 +31,7 @@ def test_native_cases_under_sanitizers_are_clean(pytestconfig: pytest.Config) ->
         pytest.skip(str(error))
     work = pytestconfig.cache.mkdir("sanitized")  # compiled objects are kept for as long as their sources are the same
     figures = fuzz_native.campaign(work, CASES)
-    assert figures.findings == []
-    assert figures.cases == CASES
+    assert (figures.findings, figures.cases) == ([], CASES)
     assert {"evolve", "rasterize", "edges", "march", "level_set", "snake", "scores"} <= set(figures.targets)
     assert all(count.cases > 0 for count in figures.targets.values())
 

@@ -72,8 +72,7 @@ def test_a_box_of_what_is_no_number_is_refused() -> None:
 
 
 def test_box_has_positive_area_and_reversal_changes_the_sign() -> None:
-    assert UNIT_SQUARE.signed_area == 1.0
-    assert UNIT_SQUARE.reversed().signed_area == -1.0
+    assert (UNIT_SQUARE.signed_area, UNIT_SQUARE.reversed().signed_area) == (1.0, -1.0)
     np.testing.assert_array_equal(UNIT_SQUARE.reversed().control_points[0], UNIT_SQUARE.control_points[0])
     assert FreeForm.box(5, 7, 2, 3).signed_area == 12.0
 
@@ -120,8 +119,7 @@ def test_bounding_box_of_a_cubic_bulge() -> None:
 
 def test_one_patch_and_single_point_contours_are_legal() -> None:
     drop = FreeForm([[0, 0], [3, 1], [1, 3]], 3)
-    assert drop.num_patches == 1
-    assert drop.patches.shape == (1, 4, 2)
+    assert (drop.num_patches, drop.patches.shape) == (1, (1, 4, 2))
     point = FreeForm([[2, 5]], 1)
     assert (point.signed_area, point.length) == (0.0, 0.0)
     np.testing.assert_array_equal(point.bounding_box, [[2, 5], [2, 5]])
@@ -325,8 +323,7 @@ def test_winding_of_a_circle_close_to_its_curve() -> None:
 
 def test_winding_keeps_the_shape_of_the_points() -> None:
     ring = circle(0, 0, 10)
-    assert ring.winding([0.0, 0.0]).shape == ()
-    assert ring.winding(np.zeros((2, 3, 2))).shape == (2, 3)
+    assert (ring.winding([0.0, 0.0]).shape, ring.winding(np.zeros((2, 3, 2))).shape) == ((), (2, 3))
     assert ring.winding(np.zeros((0, 2))).shape == (0,)
 
 
@@ -341,16 +338,14 @@ def test_holes_go_to_the_smallest_outer_round_them() -> None:
     pond, far = circle(50, 50, 5).reversed(), circle(200, 50, 20)
     regions = group_regions([pond, sea, far, lake, island])
     assert [r.outer for r in regions] == [sea, far, island]
-    assert [r.holes for r in regions] == [(lake,), (), (pond,)]
-    assert regions[0].contours == (sea, lake)
+    assert ([r.holes for r in regions], regions[0].contours) == ([(lake,), (), (pond,)], (sea, lake))
     assert regions[0].area == sea.signed_area + lake.signed_area
 
 
 def test_lost_and_empty_contours_are_dropped() -> None:
     stray = circle(0, 0, 5).reversed()
     flat = FreeForm.polygon([(0, 0), (5, 0)])
-    assert group_regions([stray, flat]) == ()
-    assert group_regions([]) == ()
+    assert (group_regions([stray, flat]), group_regions([])) == ((), ())
 
 
 def test_a_hole_that_touches_its_outer_stays_with_it() -> None:

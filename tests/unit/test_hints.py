@@ -181,9 +181,7 @@ def test_of_circles_and_points_the_one_deeper_in_what_is_wrong_counts_first(monk
     assert known == [(False, True), (True, True), (False, False), (False, True), (True, True)]
 
 
-def test_a_part_that_a_click_outside_cuts_off_stays_if_it_is_as_deep_as_that_was(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_part_that_a_click_outside_cuts_off_stays_if_it_is_as_deep(monkeypatch: pytest.MonkeyPatch) -> None:
     said = np.full((120, 240), np.float32(-3))
     said[40:80] = 3
     said[:, 220:] = -3

@@ -32,8 +32,7 @@ needs_gif = pytest.mark.skipif(not bad_images.READS_GIF, reason="this OpenCV rea
 @pytest.mark.parametrize("case", [case for case in CASES if case.pixels is not None], ids=lambda case: case.name)
 def test_good_and_odd_images_give_their_pixels(case: bad_images.Case) -> None:
     image, expected = decode_image(case.data), case.pixels
-    assert image.dtype == np.uint8
-    assert image.shape[:2] == expected.shape[:2]
+    assert (image.dtype, image.shape[:2]) == (np.uint8, expected.shape[:2])
     if expected.ndim == 3 and image.ndim == 2:
         image = np.dstack([image] * 3)
     assert np.abs(image.astype(int) - expected.reshape(image.shape)).max() <= case.tolerance

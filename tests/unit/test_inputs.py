@@ -210,8 +210,7 @@ def test_images_behind_a_url_are_run_like_files(store, images: Path, tmp_path: P
     run_batch(["memory://bucket/set/a.png"], tmp_path / "three", executor=INPROCESS, products=labelme)
     assert '"memory://bucket/set/a.png"' in (tmp_path / "three" / "labelme" / "a.json").read_text()
     again = partial(run_plan, plan, Setup(params=load_params(), segmenter=stand_in.NAME), executor=INPROCESS)
-    assert again().done == 3
-    assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
+    assert (again().done, snapshot(tmp_path / "out")) == (3, snapshot(tmp_path / "one"))
     assert again().unchanged == 3
     store.pipe("/bucket/set/a.png", (images / "b" / "a9.png").read_bytes())
     store.rm("/bucket/set/b/a9.png")

@@ -106,9 +106,7 @@ def test_a_polygon_that_crosses_itself_keeps_both_parts(tmp_path: Path) -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.95))
-def test_compressed_run_lengths_are_those_of_coco(
-    tmp_path_factory: pytest.TempPathFactory, seed: int, share: float
-) -> None:
+def test_short_run_lengths_are_those_of_coco(tmp_path_factory: pytest.TempPathFactory, seed: int, share: float) -> None:
     mask = cv2.blur(np.random.default_rng(seed).random(SHAPE), (3, 5)) < share
     packed = coco_mask.encode(np.asfortranarray(mask.astype(np.uint8)))
     segmentation = {"size": list(SHAPE), "counts": packed["counts"].decode()}

@@ -54,8 +54,7 @@ def test_learn_then_run(folder: Path, ffseg_command: Command) -> None:
     assert told["following"] in {"3.png", "4.png"}
     assert [number for number, _ in told["curve"]] == [1, 2]
     about = load_model(model).about
-    assert about["images"] == ["0.png", "1.png", "2.png"]
-    assert about["base"] == told["base"]
+    assert (about["images"], about["base"]) == (["0.png", "1.png", "2.png"], told["base"])
     assert about["prior"] == told["prior"]
     assert told["prior"]["asked"] is (told["prior"]["both"] > told["prior"]["taught"])
     assert told["base"]["corrected"] is (told["base"]["base"] >= told["base"]["enough"])
@@ -125,9 +124,7 @@ def test_the_verdict_comes_first_and_no_figure_has_two_meanings() -> None:
 @pytest.mark.parametrize("curve", [(), ((1, 0.5), (3, 0.58))])
 @pytest.mark.parametrize("more", [0, 3])
 @pytest.mark.parametrize("helps", [False, True])
-def test_nobody_is_told_to_draw_what_will_hardly_help(
-    curve: tuple[tuple[int, float], ...], more: int, helps: bool
-) -> None:
+def test_nobody_is_told_to_draw_what_hardly_helps(curve: tuple[tuple[int, float], ...], more: int, helps: bool) -> None:
     figures = Figures(4, 0.6, 0.1, 0.61, 0.1, helps, curve, more, "b.png")
     said = " ".join(sentences(figures, "a.ffmodel"))
     assert ("hardly raise" in said) == (bool(curve) and not more)
@@ -160,8 +157,7 @@ def test_the_curve_scores_contours_of_models_as_they_are_used(folder: Path, monk
     plain = learning._contoured
     monkeypatch.setattr(learning, "_contoured", lambda one, own, told: maps.append(told) or plain(one, own, told))
     curve = learning._curve(labelled, chosen)
-    assert [number for number, _ in curve] == [1, 2]
-    assert len(maps) == 3 * (2 + 1)
+    assert ([number for number, _ in curve], len(maps)) == ([1, 2], 3 * (2 + 1))
     models = [grown([one], learning.CURVE_TREES) for one in chosen]
     used = [told(model, one.image, one.start) for model in models for one in labelled]
     assert all(any(np.array_equal(one, other) for other in used) for one in maps[:6])  # those of one mask

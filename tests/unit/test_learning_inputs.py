@@ -167,8 +167,7 @@ def test_images_and_masks_side_by_side_need_other_names(folder: Path) -> None:
     for number in range(3):
         (folder / "in" / f"{number}.png").rename(folder / "in" / f"{number}_truth.png")
     found = gather([str(folder / "in")], str(folder / "in"), load_params())
-    assert [one.name for one in found.labelled] == ["0.jpg", "1.jpg", "2.jpg"]
-    assert found.others == []
+    assert ([one.name for one in found.labelled], found.others) == (["0.jpg", "1.jpg", "2.jpg"], [])
 
 
 def test_images_of_one_name_are_refused(folder: Path) -> None:
@@ -234,6 +233,5 @@ def test_with_a_model_its_level_alone_is_moved(folder: Path) -> None:
     said: list[str] = []
     _, labelled = gathered(folder, {"init.center": [20, 30], "init.radius": 5, "edges.model": str(base.BASE)})
     found = tune(labelled, 30.0, said.append)
-    assert [key for key, _ in found.sensitivity] == ["region.probability"]
-    assert found.tried == 8
+    assert ([key for key, _ in found.sensitivity], found.tried) == (["region.probability"], 8)
     assert said[-1].startswith("8 levels tried")

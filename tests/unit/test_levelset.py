@@ -112,8 +112,7 @@ def test_closing_in_ends_half_way_beyond_a_border_that_is_an_edge() -> None:
     slowness = np.where(np.arange(65536) < options.stop, 1.0, np.inf)
     points, offsets, _ = _core.level_set(gradient, slowness, inside, None, options)
     x = points.reshape(-1, 2)[:, 0]
-    assert offsets.tolist() == [0, len(x)]
-    assert set(x[x > 7].tolist()) == {7.5}
+    assert (offsets.tolist(), set(x[x > 7].tolist())) == ([0, len(x)], {7.5})
     assert np.count_nonzero(x == 7.5) == 6
 
 

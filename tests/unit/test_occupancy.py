@@ -266,8 +266,7 @@ def test_a_reader_of_the_format_puts_points_where_they_are(tmp_path: Path) -> No
         assert "occupied" in {state(*(near + step * way)) for step in (0.0, 0.025, 0.05)}
         assert state(*(near + 0.25 * way)) == "unknown"
     lines = (tmp_path / "trajectory.csv").read_text().splitlines()
-    assert lines[0] == "frame,x,y,theta,sigma_m,sigma_rad,origin"
-    assert len(lines) == 1 + len(frames)
+    assert (lines[0], len(lines)) == ("frame,x,y,theta,sigma_m,sigma_rad,origin", 1 + len(frames))
 
 
 @pytest.mark.parametrize("mirrored", [True, False])

@@ -63,16 +63,13 @@ def test_a_member_is_read_by_one_text(images: Path, tmp_path: Path) -> None:
     assert told(source.content) == f"{archive}/b.tar/a.png"
     plain = folder / "x.png#1+2"
     plain.write_bytes(b"whole")
-    assert parted(str(plain)) == (str(plain), "", None)
-    assert read_input(str(plain), 1 << 20) == b"whole"
+    assert (parted(str(plain)), read_input(str(plain), 1 << 20)) == ((str(plain), "", None), b"whole")
     archive.unlink()
     with pytest.raises(ImageReadError, match="no such file"):
         read_input(source.content, 1 << 20)
 
 
-def test_methods_are_compared_on_images_in_a_tar_file(
-    images: Path, truths: Path, tmp_path: Path, ffseg_command: Command
-) -> None:
+def test_methods_are_compared_on_a_tar_file(images: Path, truths: Path, tmp_path: Path, ffseg_command: Command) -> None:
     shown = ("--methods", "freeform", "--min-iou", "0.9", "--set", "init.radius=8")
     ffseg_command("compare", packed(images), "--out", tmp_path / "out", "--truth", truths, *shown, code=0)
 

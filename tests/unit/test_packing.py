@@ -96,8 +96,7 @@ def test_the_bytes_do_not_depend_on_how_the_work_was_shared_out(images: Path, tm
         for number in range(count, 0, -1):
             run_shard(images, out, f"{number}/{count}")
             assert tars(out) == {}
-        assert merge_shards(str(out)).problems == []
-        assert tars(out) == expected
+        assert (merge_shards(str(out)).problems, tars(out)) == ([], expected)
         assert (out / "coco.json").read_bytes() == (tmp_path / "one" / "coco.json").read_bytes()
         assert packs(out) == []
 
@@ -126,8 +125,7 @@ def test_damaged_tar_files_are_made_again(damage: str, images: Path, out: Path) 
     data[place - 400 if damage == "header" else place + 3] ^= 1
     path.write_bytes(data[: place + 3] if damage == "cut" else data)
     again = run_packed(images, out)
-    assert again.done == {"changed": 1, "header": 1, "cut": 6}[damage]
-    assert tars(out) == expected
+    assert (again.done, tars(out)) == ({"changed": 1, "header": 1, "cut": 6}[damage], expected)
 
 
 KILLED = """
@@ -187,8 +185,7 @@ def test_a_killed_run_goes_on(
     for path in out.glob("*.tar"):
         subprocess.run(["tar", "-tf", path], check=True, capture_output=True)
     rest = run_packed(images, out)
-    assert rest.done == redone
-    assert tars(out) == straight(images, tmp_path / "one")
+    assert (rest.done, tars(out)) == (redone, straight(images, tmp_path / "one"))
     assert packs(out) == []
 
 
@@ -213,8 +210,7 @@ def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path, out: Path)
     some = tars(out)
     assert 0 < len(some["masks.tar"]) < len(tars(tmp_path / "one")["masks.tar"])
     run_shard(images, out, "2/2")
-    assert tars(out) == some
-    assert merge_shards(str(out)).problems == []
+    assert (tars(out), merge_shards(str(out)).problems) == (some, [])
     assert tars(out) == tars(tmp_path / "one")
     run_shard(images, out, "1/2")
     counts = json.loads((out / ".ffseg" / "shards" / "1-of-2" / "run.json").read_text())["counts"]
@@ -227,8 +223,7 @@ def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path, out: Path)
     assert tars(out) == tars(tmp_path / "two") != tars(tmp_path / "one")
     whole = run_packed(images, out)
     assert (whole.done, whole.unchanged) == (0, 13)
-    assert merge_shards(str(out)).problems == []
-    assert tars(out) == tars(tmp_path / "two")
+    assert (merge_shards(str(out)).problems, tars(out)) == ([], tars(tmp_path / "two"))
 
 
 def test_an_output_that_is_lost_is_named_by_the_merge(images: Path, tmp_path: Path, out: Path) -> None:
@@ -240,8 +235,7 @@ def test_an_output_that_is_lost_is_named_by_the_merge(images: Path, tmp_path: Pa
     assert problems
     assert all("is not what was written; run its shard again" in problem for problem in problems)
     run_shard(images, out, "1/2")
-    assert merge_shards(str(out)).problems == []
-    assert tars(out) == straight(images, tmp_path / "one")
+    assert (merge_shards(str(out)).problems, tars(out)) == ([], straight(images, tmp_path / "one"))
 
 
 def test_files_and_members_are_not_mixed(images: Path, tmp_path: Path, out: Path) -> None:
@@ -321,8 +315,7 @@ def test_a_disk_that_is_full_at_the_end_costs_nothing_that_was_done(
         patch.setattr(OrderedPacks, "complete", full)
         summary = run_packed(images, out)
     assert "masks.tar cannot be written" in summary.problems[0]
-    assert tars(out) == {}
-    assert len(packs(out)) == 1
+    assert (tars(out), len(packs(out))) == ({}, 1)
     again = run_packed(images, out)
     assert (again.done, again.unchanged, again.problems) == (0, 13, [])
     assert tars(out) == straight(images, tmp_path / "one")
@@ -330,8 +323,7 @@ def test_a_disk_that_is_full_at_the_end_costs_nothing_that_was_done(
 
 def test_a_run_that_is_stopped_has_its_outputs_still(images: Path, tmp_path: Path, out: Path) -> None:
     first = run_packed(images, out, observer=Silent(last=5))
-    assert first.signal == 15
-    assert tars(out) == {}
+    assert (first.signal, tars(out)) == (15, {})
     assert run_packed(images, out, observer=Silent(last=14)).signal == 15
     again = run_packed(images, out)
     assert (again.done, again.unchanged) == (0, 13)

@@ -21,8 +21,7 @@ def test_overlap_on_the_samples(name: str, least: float) -> None:
     image = ffseg.read_image(ROOT / "samples" / f"{name}.png")
     result = ffseg.segment(image, ffseg.load_params("paper"))
     assert overlap(result.mask, read_mask(ROOT / "samples" / "truth" / f"{name}.png")) > least
-    assert result.stats.stop_reason == "converged"
-    assert result.stats.initial_points == 39
+    assert (result.stats.stop_reason, result.stats.initial_points) == ("converged", 39)
     assert result.stats.final_points == sum(len(c.control_points) for c in result.contours)
     assert result.stats.flips >= result.num_holes
 
@@ -188,8 +187,7 @@ def test_flip(seed: int, degree: int) -> None:
     inner: list[naive.Component] = []
     flips = naive.flip(components, inner)
     same(found(evolution, degree), components + inner)
-    assert evolution.counts()["flips"] == flips
-    assert evolution.counts()["evolving"] == len(components)
+    assert (evolution.counts()["flips"], evolution.counts()["evolving"]) == (flips, len(components))
 
 
 def pinched(degree: int) -> naive.Component:

@@ -61,8 +61,7 @@ def test_toy_presets_are_those_of_the_papers_figure() -> None:
 def test_overrides_win_over_the_file_and_the_last_one_wins(tmp_path: Path) -> None:
     path = file_with("contour: {degree: 2, balloon: 1e-3}\nedges.canny: [10, 30]\n", tmp_path)
     params = load_params(path, ["contour.degree=4", "init.center=[400,300]", "contour.degree=5"])
-    assert params.contour == Contour(degree=5, balloon=0.001)
-    assert params.edges == Edges(canny=(10.0, 30.0))
+    assert (params.contour, params.edges) == (Contour(degree=5, balloon=0.001), Edges(canny=(10.0, 30.0)))
     assert params.init == Init(center=(400.0, 300.0))
 
 
@@ -99,8 +98,7 @@ def test_an_error_is_reported_even_where_an_override_replaces_the_value(tmp_path
 
 def test_more_errors_than_a_screen_holds_are_counted(tmp_path: Path) -> None:
     lines = lines_of(load_params, file_with("".join(f"k{i}: 1\n" for i in range(30)), tmp_path))
-    assert len(lines) == 21
-    assert lines[-1] == "... and 10 more problems"
+    assert (len(lines), lines[-1]) == (21, "... and 10 more problems")
 
 
 @pytest.mark.parametrize(
@@ -132,8 +130,7 @@ def test_sections_check_themselves() -> None:
 def test_file_names_are_relative_to_the_file_they_stand_in(tmp_path: Path) -> None:
     path = file_with("domain: {mask: sub/../m.png}\ninit.mask: /abs/i.png\n", tmp_path)
     params = load_params(path)
-    assert params.domain.mask == str(tmp_path / "m.png")
-    assert params.init.mask == "/abs/i.png"
+    assert (params.domain.mask, params.init.mask) == (str(tmp_path / "m.png"), "/abs/i.png")
     assert load_params(path, ["domain.mask=m.png"]).domain.mask == "m.png"
 
 
@@ -149,8 +146,7 @@ def test_overrides_as_one_text_are_refused() -> None:
 
 def test_parameters_are_values() -> None:
     params = load_params("toy-full")
-    assert pickle.loads(pickle.dumps(params)) == params
-    assert hash(params) == hash(load_params("toy-full"))
+    assert (pickle.loads(pickle.dumps(params)), hash(params)) == (params, hash(load_params("toy-full")))
     for part, key in ((params, "method"), (params.contour, "degree")):
         with pytest.raises(FrozenInstanceError):
             setattr(part, key, getattr(part, key))
@@ -235,16 +231,14 @@ def test_written_parameters_are_read_back(settings: dict[str, object]) -> None:
     params = load_params(None, settings)
     problems = Problems()
     values = collect(Parameters, parse(to_yaml(params), Source("f"), problems), problems)
-    assert problems.lines == []
-    assert values == flat(params)
+    assert (problems.lines, values) == ([], flat(params))
 
 
 @given(JSON)
 def test_json_is_read_as_json(value: object) -> None:
     problems = Problems()
     node = parse(json.dumps(value, ensure_ascii=False), Source("f"), problems)
-    assert problems.lines == []
-    assert node.plain() == value
+    assert (problems.lines, node.plain()) == ([], value)
 
 
 @given(st.text(max_size=60) | st.text("[]{}:,-?&*!|>'\"%@` \n\t#a1", max_size=60))

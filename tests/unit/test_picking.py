@@ -161,8 +161,7 @@ def test_undoing_takes_a_mask_back_and_a_restart_changes_nothing(tmp_path: Path)
         own.change(0, 0, 1, "pick", picked(LEFT, status="accepted"))
         own.change(0, 1, 0, "pick", OPEN | {"status": "skipped"})
         assert mask.is_file()
-        assert own.statuses(0) == {0: "accepted", 1: "skipped"}
-        assert own.following(0, 0) == -1
+        assert (own.statuses(0), own.following(0, 0)) == ({0: "accepted", 1: "skipped"}, -1)
         own.change(0, 0, 2, "undo")
         assert not mask.exists()
         assert own.following(0, 1) == 0
@@ -173,8 +172,7 @@ def test_undoing_takes_a_mask_back_and_a_restart_changes_nothing(tmp_path: Path)
     assert not mask_of(mask)[60, 45]
     files = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
     with session(folder, out) as own:
-        assert own.image(0, 0) == before
-        assert own.image(0, 0)["undo"] == 3
+        assert (own.image(0, 0), own.image(0, 0)["undo"]) == (before, 3)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == files
 
 
@@ -224,8 +222,7 @@ def test_a_step_on_what_was_changed_elsewhere_is_refused(tmp_path: Path) -> None
         own.change(0, 0, 0, "pick", picked(LEFT))
         with pytest.raises(StaleError):
             own.change(0, 0, 0, "pick", picked(LEFT))
-        assert own.image(0, 0)["picked"]["starts"] == ((*LEFT, 6),)
-        assert own.image(0, 0)["version"] == 1
+        assert (own.image(0, 0)["picked"]["starts"], own.image(0, 0)["version"]) == (((*LEFT, 6),), 1)
         with pytest.raises(UsageError, match="pick a region first"):
             own.change(0, 0, 1, "pick", OPEN | {"status": "accepted"})
 
@@ -372,8 +369,7 @@ def test_the_folder_of_the_images_is_not_marked_as_one_without(tmp_path: Path) -
 def test_a_review_goes_on_with_the_parameters_of_the_run(tmp_path: Path, ffseg_command: Command) -> None:
     draw(tmp_path / "in", ["a.png"])
     ffseg_command("run", str(tmp_path / "in"), "--out", str(tmp_path / "run"), "--set", "edges.sigma=3")
-    assert settings_of(tmp_path / "run") == ["edges.sigma=3.0"]
-    assert settings_of(tmp_path / "in") == []
+    assert (settings_of(tmp_path / "run"), settings_of(tmp_path / "in")) == (["edges.sigma=3.0"], [])
     told = json.loads((tmp_path / "run" / "run.json").read_text())
     evidence = told | {"parameters": {"edges": {"source": "evidence", "sigma": 3}}}
     (tmp_path / "run" / "run.json").write_text(json.dumps(evidence))
@@ -427,8 +423,7 @@ def test_a_reduced_copy_tells_nearly_the_same() -> None:
         picked() | {"starts": [[905, 690, 20]], "strokes": [{"inside": True, "radius": 40, "points": [[1400, 300]]}]}
     )
     quick, whole = scene.find(one, params, None, quick=True), scene.find(one, params, None)
-    assert quick.factor == 5
-    assert whole.factor == 1
+    assert (quick.factor, whole.factor) == (5, 1)
     assert overlap(np.kron(quick.mask, np.ones((5, 5), np.bool_)), whole.mask) > 0.98
 
 
@@ -442,8 +437,7 @@ def server(tmp_path_factory: pytest.TempPathFactory):
 
 def test_only_this_page_is_answered(server) -> None:
     own, other = f"{pick_page.HOST}:{server.port}", "http://evil.example"
-    assert ask(server, "")[0] == 200
-    assert ask(server, "", Host=f"localhost:{server.port}")[0] == 200
+    assert (ask(server, "")[0], ask(server, "", Host=f"localhost:{server.port}")[0]) == (200, 200)
     assert ask(server, "about", {}, Origin=f"http://{own}")[0] == 200
     for path, headers in (
         ("/", {}),
@@ -470,8 +464,7 @@ def test_questions_that_are_none_are_refused_and_name_no_file(server) -> None:
         assert ask(server, path)[0] in (400, 404), path
     for body in ({"image": 9}, {"image": -1}, {"label": 1}, {"image": "x"}, {"image": float("inf")}, [], 3):
         assert ask(server, "image", body)[0] == 400, body
-    assert ask(server, "find", {})[0] == 400
-    assert ask(server, "nothing", {})[0] == 400
+    assert (ask(server, "find", {})[0], ask(server, "nothing", {})[0]) == (400, 400)
     assert ask(server, "change", {"version": 0, "do": "redoo"})[0] == 400
     assert ask(server, "find", {"picked": {"starts": [[1, 2]]}}) == (
         400,
@@ -697,8 +690,7 @@ def test_a_command_behind_is_ended_by_a_newer_one() -> None:
     behind.start(["samples", "/dev/null/none"])
     behind.start(["--version"])
     assert done.wait(120)
-    assert len(heard) == 1
-    assert heard[0][0] == 0
+    assert (len(heard), heard[0][0]) == (1, 0)
     assert heard[0][1].startswith("ffseg ")
     assert not behind.running
 

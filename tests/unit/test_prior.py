@@ -88,8 +88,7 @@ def test_odds_at_a_level_and_what_is_expected_of_them() -> None:
 def test_given_thresholds_are_trusted() -> None:
     image, _ = faint(25, 12)
     found = segment(image, load_params(None, FAINT | {"edges.canny": [5, 10]}))
-    assert found.source == "gradient"
-    assert found.thresholds == (5.0, 10.0)
+    assert (found.source, found.thresholds) == ("gradient", (5.0, 10.0))
 
 
 def test_a_turned_or_mirrored_image_gives_the_turned_or_mirrored_odds() -> None:

@@ -142,8 +142,7 @@ def test_pictures_for_which_there_is_no_memory_are_left_out(tmp_path: Path, monk
 def test_parameters_that_differ_are_marked(tmp_path: Path) -> None:
     runs.sample_run(tmp_path)
     lines = {key: (value, changed) for key, value, changed in runs.data_of(write_report(tmp_path))["parameters"]}
-    assert lines["contour.degree"] == ("2", True)
-    assert lines["init.center"] == ('"auto"', False)
+    assert (lines["contour.degree"], lines["init.center"]) == (("2", True), ('"auto"', False))
 
 
 def test_odd_names_are_linked_to_their_files(tmp_path: Path) -> None:
@@ -275,8 +274,7 @@ def test_names_that_lead_out_find_no_picture(tmp_path: Path) -> None:
     runs.write_tables(out, [runs.failed_row(name, "segmentation: x") for name in names], [tmp_path / "in"])
     (out / "timings.csv").write_text((out / "timings.csv").read_text().replace(",failed,", ",ok,"))
     images = runs.data_of(write_report(out))["images"]
-    assert len(images) == len(names)
-    assert [image["pictures"] for image in images] == [{}] * len(names)
+    assert (len(images), [image["pictures"] for image in images]) == (len(names), [{}] * len(names))
 
 
 @pytest.mark.parametrize(

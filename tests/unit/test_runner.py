@@ -47,8 +47,7 @@ def test_outputs_and_table_mirror_the_input(images: Path, tmp_path: Path) -> Non
 def test_second_run_does_only_what_is_missing_or_stale(images: Path, out: Path) -> None:
     run_batch(images, out)
     before, rows = snapshot(out), table(out / "timings.csv")
-    assert run_batch(images, out).unchanged == 12
-    assert table(out / "timings.csv") == rows
+    assert (run_batch(images, out).unchanged, table(out / "timings.csv")) == (12, rows)
     (out / "masks" / NAMES[0]).unlink()
     (out / "contours" / NAMES[1]).with_suffix(".svg").write_bytes(b"<svg")
     make_images(images, ["s0/new.png"])
@@ -139,8 +138,7 @@ def test_a_journal_that_cannot_be_read_is_not_taken_for_none(spoil: tuple[str, s
     journal.unlink()
     with pytest.raises(UsageError, match="no run made it"):
         run_batch(images, out)
-    assert snapshot(out) == before
-    assert run_batch(images, out, overwrite=True).done == 12
+    assert (snapshot(out), run_batch(images, out, overwrite=True).done) == (before, 12)
 
 
 def test_an_image_that_fails_half_written_leaves_nothing(images: Path, tmp_path: Path) -> None:
@@ -187,9 +185,7 @@ def test_opencv_without_memory_is_out_of_memory(images: Path, monkeypatch: pytes
     assert reply.reason == "out-of-memory"
 
 
-def test_worker_that_dies_before_it_is_ready_ends_the_run(
-    images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_worker_that_dies_early_ends_the_run(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stand_in, "NAME", "stand_in:absent")
     with pytest.raises(WorkerLostError, match="absent"):
         run_batch(images, tmp_path / "out")
@@ -240,8 +236,7 @@ def test_truth_adds_the_overlap_and_a_truth_of_other_size_fails_its_image(images
     rows = {row["image"]: row for row in table(tmp_path / "out" / "timings.csv")}
     assert summary.failed == 1
     assert rows[NAMES[0]]["error"].startswith("truth: ")
-    assert rows[NAMES[1]]["iou"] == ""
-    assert {rows[name]["iou"] for name in NAMES[2:]} == {"1.0"}
+    assert (rows[NAMES[1]]["iou"], {rows[name]["iou"] for name in NAMES[2:]}) == ("", {"1.0"})
 
 
 @pytest.mark.parametrize("gone", [True, False], ids=["removed", "not-among-other-truths"])

@@ -44,8 +44,7 @@ def test_the_merged_tree_is_that_of_one_run(count: int, executor: str, images: P
     for number in sorted(range(1, count + 1), key=lambda number: number * 5 % 8):
         run_shard(images, tmp_path / "parts", f"{number}/{count}", executor=executor)
     merged = merge_shards(str(tmp_path / "parts"))
-    assert merged.problems == []
-    assert merged.counts == {"total": 40, "ok": 38, "failed": 2}
+    assert (merged.problems, merged.counts) == ([], {"total": 40, "ok": 38, "failed": 2})
     one, parts = tree(tmp_path / "one"), tree(tmp_path / "parts")
     defect = {name: content.replace(f".ffseg/shards/{number_of(NAMES[8], count)}-of-{count}".encode(), b".ffseg")
               for name, content in parts.items()}  # fmt: skip
@@ -64,8 +63,7 @@ def test_merging_twice_and_after_more_changes_nothing_else(images: Path, out: Pa
     run_shard(images, out, "2/2")
     assert merge_shards(str(out)).counts["total"] == 40
     before = tree(out)
-    assert merge_shards(str(out)).counts["total"] == 40
-    assert tree(out) == before
+    assert (merge_shards(str(out)).counts["total"], tree(out)) == (40, before)
 
 
 def test_a_file_for_all_images_that_lacks_some_says_so(images: Path, tmp_path: Path) -> None:
@@ -199,8 +197,7 @@ def test_of_each_key_the_last_lines_are_given_in_order(lines: list[tuple[bytes, 
     last = {(key, rank): line for key, rank, line in lines}
     wanted = [(last.get((key, 0), b""), last.get((key, 1), b"")) for key in sorted({key for key, _ in last})]
     with tempfile.TemporaryDirectory() as folder:
-        assert list(last_lines(lines, folder)) == wanted
-        assert os.listdir(folder) == []
+        assert (list(last_lines(lines, folder)), os.listdir(folder)) == (wanted, [])
 
 
 HEAD = {"format": 2, "settings": "s", "files": {"camera": ""}, "parameters": {}}

@@ -70,8 +70,7 @@ def test_round_an_island_it_closes_to_a_slit() -> None:
     contours, stats = evolved(edges_of(image), (START,), Parameters())
     truth = (np.hypot(x - 100.2, y - 79.7) < 70) & ~island
     mask = rasterize(contours, SHAPE)
-    assert len(contours) == 1
-    assert stats.stop_reason == "converged"
+    assert (len(contours), stats.stop_reason) == (1, "converged")
     assert overlap(mask, truth) > 0.98
     assert mask[island].mean() < 0.125  # half a pixel of its outline
 
@@ -137,8 +136,7 @@ def test_callbacks_do_not_change_the_result() -> None:
     (plain,), stats = evolved(edges, (START,), Parameters())
     (watched,), _ = evolved(edges, (START,), Parameters(), callback=seen.append, every=7)
     assert (plain.control_points == watched.control_points).all()
-    assert [p.iteration for p in seen[:3]] == [0, 7, 14]
-    assert seen[-1].iteration == stats.iterations
+    assert ([p.iteration for p in seen[:3]], seen[-1].iteration) == ([0, 7, 14], stats.iterations)
 
 
 def test_stiff_forces_move_far_points_step_by_step() -> None:
@@ -178,9 +176,7 @@ def test_the_core_refuses_what_it_cannot_run_on() -> None:
 
 
 @given(st.integers(5, 60), st.floats(0, 1000), st.floats(0, 1000), st.integers(0, 2**32 - 1))
-def test_a_snake_without_forces_solves_its_system_as_a_dense_one(
-    count: int, tension: float, rigidity: float, seed: int
-) -> None:
+def test_a_snake_without_forces_solves_as_a_dense_one(count: int, tension: float, rigidity: float, seed: int) -> None:
     right = np.random.default_rng(seed).uniform(0, 60, (count, 2))
     matrix = naive.internal_matrix(count, tension, rigidity)
     options = _core.SnakeOptions()

@@ -121,8 +121,7 @@ def test_other_kinds_of_starts_are_refused_by_key(settings: dict[str, object]) -
 def test_several_rows_of_an_image_are_several_circles(tmp_path: Path) -> None:
     path = write(tmp_path, "image,x,y,radius\na,1,2,7\nb,5,5,\na,3,4,\n")
     found = load_starts(path, ["a.png", "b.png"])
-    assert found["a.png"] == Start(1, 2, 7, (Start(3, 4),))
-    assert found["b.png"] == Start(5, 5)
+    assert (found["a.png"], found["b.png"]) == (Start(1, 2, 7, (Start(3, 4),)), Start(5, 5))
     params = load_params(None, {"init.radius": 9})
     assert found["a.png"].placed(params, (60, 80)).init.circles == ((1, 2, 7), (3, 4, 9))
     assert found["b.png"].placed(params, (60, 80)).init.circles == ()

@@ -26,8 +26,7 @@ QUOTED = [("'1'", "1"), ('"true"', "true"), ("''", "")]
 @pytest.mark.parametrize(("text", "value"), [*FLOATS, *INTEGERS, *WORDS, *TEXTS, *QUOTED])
 def test_scalar(text: str, value: object) -> None:
     node, problems = parsed(text)
-    assert problems == []
-    assert node.value == value
+    assert (problems, node.value) == ([], value)
     assert type(node.value) is type(value)
 
 
@@ -67,8 +66,7 @@ def test_empty_file_is_an_empty_mapping(tmp_path: Path) -> None:
     file = tmp_path / "empty.yaml"
     file.write_bytes(b"\xef\xbb\xbf# nothing but a byte order mark\r\n")
     problems = Problems()
-    assert read(file, problems).value == {}
-    assert problems.lines == []
+    assert (read(file, problems).value, problems.lines) == ({}, [])
 
 
 @pytest.mark.parametrize("kind", ["absent", "folder", "pipe", "device", "loop", "nul"])
@@ -82,8 +80,7 @@ def test_what_is_no_regular_file_is_refused_without_waiting(kind: str, tmp_path:
         path.symlink_to(path)
     name = {"device": "/dev/zero", "nul": "a\0.yaml"}.get(kind, os.fspath(path))
     problems = Problems()
-    assert read(name, problems).value == {}
-    assert len(problems.lines) == 1
+    assert (read(name, problems).value, len(problems.lines)) == ({}, 1)
     assert problems.lines[0].startswith(f"{name}: ")
 
 

@@ -31,8 +31,7 @@ def test_places_move_as_the_motion_of_the_camera_does() -> None:
 def test_places_are_linked_when_each_is_the_others_nearest() -> None:
     before = np.array([[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]])
     now = np.array([[0.1, 0.0], [0.15, 0.0], [3.0, NEAR + 0.01], [np.nan, 0.0]])
-    assert linked(now, before) == [0, -1, -1, -1]
-    assert linked(now, np.empty((0, 2))) == [-1] * 4
+    assert (linked(now, before), linked(now, np.empty((0, 2)))) == ([0, -1, -1, -1], [-1] * 4)
     assert linked(np.empty((0, 2)), before) == []
 
 

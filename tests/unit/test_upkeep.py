@@ -47,8 +47,7 @@ def test_a_run_over_part_of_the_images_keeps_the_rest(images: Path, out: Path) -
     assert table(out / "timings.csv") == before
     assert (out / "coco.json").read_bytes() == coco
     shutil.copy(images / "d.png", images / "c.png")
-    assert run_in(images / "c.png", out, products=ALL).done == 1
-    assert rows(out) == NAMES
+    assert (run_in(images / "c.png", out, products=ALL).done, rows(out)) == (1, NAMES)
     assert run_in(images, out, products=ALL).unchanged == 6
 
 
@@ -97,8 +96,7 @@ def test_an_image_that_takes_over_an_output_takes_its_row(tmp_path: Path, out: P
     run_in(tmp_path / "two", out)
     assert rows(out) == ["x.jpg", "y.png"]
     assert not (out / "overlays" / "x.png").exists()
-    assert run_in(tmp_path / "two", out).unchanged == 1
-    assert rows(out) == ["x.jpg", "y.png"]
+    assert (run_in(tmp_path / "two", out).unchanged, rows(out)) == (1, ["x.jpg", "y.png"])
 
 
 def test_a_run_in_which_every_image_failed_stands_in_nobodys_way(tmp_path: Path) -> None:
@@ -228,9 +226,7 @@ def test_duplicate_names_are_all_named_and_suffixes_can_be_kept(tmp_path: Path) 
     assert run_in(tmp_path / "in", tmp_path / "other", exclude=["*.jpg", "b.b*"]).done == 3
 
 
-def test_fewer_processes_than_asked_for_do_the_work(
-    images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_fewer_processes_than_asked_do_the_work(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     left, real = [1], processes.launch
 
     def scarce():

@@ -109,8 +109,7 @@ def test_overlay_draws_each_kind_in_its_colour_and_leaves_the_image_alone() -> N
     square = np.array([[5.0, 5], [25, 5], [25, 25], [5, 25]])
     drawn = draw_overlay(image, [Polyline(square, "outer"), Polyline(square + np.array([30, 5]), "obstacle")])
     assert _nearest_kind(drawn[5, 15]) == "outer"  # antialiasing leaves a little of the image on the line
-    assert _nearest_kind(drawn[10, 45]) == "obstacle"
-    assert tuple(drawn[15, 15]) == (90, 90, 90)
+    assert (_nearest_kind(drawn[10, 45]), tuple(drawn[15, 15])) == ("obstacle", (90, 90, 90))
     assert (image == 90).all()
 
 
