@@ -69,9 +69,10 @@ def contour(scene: Scene) -> Found:
         raise SegmentationError(
             "no pixel of the image lies in the domain and in a box; move the box, or change the domain"
         )
-    scene = replace(scene, starts=(*scene.starts, *parts(scene)))
     begin = perf_counter()
     free, messages, across = on_one_side(scene)
+    beyond = parts(free)  # of what lies on the starts' side
+    scene, free = (replace(one, starts=(*one.starts, *beyond)) for one in (scene, free))
     free = outermost(free)
     try:
         outcome = run(free)

@@ -212,7 +212,8 @@ class Scene:
     def has_hints(self) -> bool:
         """Whether more is told than one start, which teaches what this image shows (the source ``hints``)."""
         corrects = bool(self.boxes and self.params.init.circles)
-        return len(self.starts) > 1 or self.clicked_outside or corrects
+        several = len(self.starts) > 1 and self.params.contour.balloon >= 0  # what closes in is each about one object
+        return several or self.clicked_outside or corrects
 
     def start_region(self) -> NDArray[np.bool_]:
         """Pixels whose centre lies in a start contour, shape (H, W)."""

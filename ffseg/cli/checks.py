@@ -111,6 +111,8 @@ def checked_params(
     ]
     if params.domain.mask is not None and params.domain.masks is not None:
         missing.append("domain.mask and domain.masks do not go together; leave out one of them")
+    others = [key for key in ("boxes", "circles") if params.init.mask is not None and getattr(params.init, key)]
+    missing += [f"init.mask and init.{key} do not go together; leave out one of them" for key in others]
     if params.method == "freeform" and params.contour.balloon == 0:
         missing.append(f"{printable(config) + ': ' if config else ''}{STILL}")
     if missing:

@@ -32,6 +32,7 @@ from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
 from ffseg.starts.boxes import in_boxes
 from ffseg.starts.initial import circle_start, middles
+from ffseg.starts.parts import core
 from ffseg.starts.rivals import POINT_RADIUS, add_disc, seeds
 
 Plane = NDArray[np.float32]
@@ -187,7 +188,7 @@ def with_clicks(scene: Scene, own: EdgeMap, said: Plane | None = None) -> EdgeMa
     level, points = log_odds(params.region.probability), params.init.background
     if scene.boxes and said is not None:
         scene = _in_boxes(scene, said - np.float32(level))
-    inside = scene.start_region()
+    inside = core(scene)
     outside = seeds(points, inside, scene.background)
     within = None if limits is None else limits > 0
     if within is not None:

@@ -23,6 +23,7 @@ from ffseg.image.edges import EdgeMap
 from ffseg.image.exposure import exposed
 from ffseg.native import _core
 from ffseg.scene import Scene
+from ffseg.starts.parts import core
 
 MODEL = Path(__file__).with_name("prior.ffmodel")
 
@@ -136,7 +137,7 @@ def prior_edges(scene: Scene) -> EdgeMap:
 
 def with_prior(scene: Scene, image_edges: EdgeMap) -> EdgeMap:
     """Edges where the evidence falls to its level; the image's own edges if the start covers nothing of the domain."""
-    starts, domain = scene.start_region(), scene.disc if scene.domain is None else scene.domain
+    starts, domain = core(scene), scene.disc if scene.domain is None else scene.domain
     if domain is not None:
         starts &= domain > 0
     if not starts.any():

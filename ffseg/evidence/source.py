@@ -26,6 +26,7 @@ from ffseg.native import _core
 from ffseg.parameters import Network, Parameters
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start, middles
+from ffseg.starts.parts import core
 from ffseg.starts.pockets import depths, discs
 from ffseg.starts.rivals import seeds
 
@@ -61,7 +62,7 @@ def model_edges(scene: Scene) -> EdgeMap:
 def _before_clicks(scene: Scene) -> NDArray[np.bool_]:
     """The start region; circles beside boxes are clicks that correct what is told of the middles of these."""
     if not (scene.boxes and scene.params.init.circles):
-        return scene.start_region()
+        return core(scene)
     return rasterize(middles(scene.params, scene.shape), scene.shape)
 
 

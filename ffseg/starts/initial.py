@@ -43,11 +43,15 @@ def start_contours(
     Raises
     ------
     SegmentationError
-        If a start lies outside the image, or the mask has another size or is empty.
+        If a start lies outside the image, the mask has another size or is empty, or there are others beside it.
     """
+    circles, boxes = params.init.circles, params.init.boxes
+    if start_mask is not None and (circles or boxes):
+        raise SegmentationError(
+            f"a start mask and init.{'boxes' if boxes else 'circles'} do not go together; leave out one"
+        )
     if start_mask is not None:
         return _from_mask(start_mask, shape, params, domain)
-    circles, boxes = params.init.circles, params.init.boxes
     if not circles and not boxes:
         circles = ((*_center(shape, params, center), params.init.radius_in(shape)),)
     for x, y, radius in circles:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ffseg.geometry.freeform import FreeForm
+from ffseg.image.raster import rasterize
 from ffseg.scene import Scene
 from ffseg.starts.initial import circle_start
 
@@ -25,6 +27,19 @@ def kept(scene: Scene) -> Scene:
     large = np.setdiff1d(np.flatnonzero(told.areas >= LEAST_PIXELS), told.touching(scene.start_region()))
     found = discs(depths(stays.view(np.uint8)), told, large, params.init.radius_in(scene.shape))
     return replace(scene, starts=(*scene.starts, *(circle_start(circle, params) for circle in found)))
+
+
+def core(scene: Scene) -> NDArray[np.bool_]:
+    """Pixels that are surely inside: the start region; of what closes in, which holds ground round the object, its depth."""
+    region = scene.start_region()
+    if scene.params.contour.balloon >= 0 or not region.any():
+        return region
+    from ffseg.image.parts import parts as together
+    from ffseg.starts.pockets import depths, discs
+
+    told = together(region)
+    circles = discs(depths(region.view(np.uint8)), told, np.flatnonzero(told.areas), np.inf)
+    return rasterize([circle_start(circle, scene.params) for circle in circles], scene.shape)
 
 
 def _one_contour(scene: Scene) -> bool:

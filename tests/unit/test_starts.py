@@ -25,7 +25,7 @@ from ffseg.methods.peers import PEERS
 from ffseg.parameters import Parameters, load_params
 from ffseg.peer_parameters import PeerParameters
 from ffseg.schema.strict_csv import MAX_BYTES
-from tests.discs import LEFT, RIGHT, disc_of, two_discs
+from tests.discs import LEFT, RIGHT, disc_of, overlap, two_discs
 from tests.masks import read_mask, write_image
 
 
@@ -317,3 +317,31 @@ def test_an_image_with_a_box_only_has_no_start_in_its_row(tmp_path: Path) -> Non
     run_from(tmp_path / "in", given, tmp_path / "out", load_params())
     (row,) = table(tmp_path / "out" / "timings.csv")
     assert (row["start_x"], row["start_radius"]) == ("", "")
+
+
+def test_a_start_that_is_moved_into_the_region_leaves_nothing_outside_it() -> None:
+    """The ground that it had covered got a start of its own: 76,000 px for 9,500."""
+    y, x = np.mgrid[:240, :320]
+    map_of = (1 / (1 + np.exp((np.hypot(x - 160, y - 120) - 55) / 12))).astype(np.float32)
+    moved = {"init.center": [202, 120], "init.radius": 16}
+    found = ffseg.segment(np.full((240, 320), 128, np.uint8), moved, evidence=map_of)
+    assert "was moved to" in found.messages[0]
+    assert found.mask.sum() == pytest.approx(np.pi * 55**2, rel=0.02)
+
+
+@pytest.mark.parametrize("source", ["auto", "prior"])
+@pytest.mark.parametrize("how", [{"init.boxes": [[30, 20, 211, 161]]}, {"init.radius": 85}, {"init.mask": "mask.png"}])
+def test_what_closes_in_asks_the_depth_of_its_start(source: str, how: dict[str, object], tmp_path: Path) -> None:
+    """The ground round the object counted as inside: nothing was left."""
+    y, x = np.mgrid[:180, :240]
+    truth, noise = (
+        ((x - 120) / 70) ** 2 + ((y - 90) / 50) ** 2 < 1,
+        np.random.default_rng(0).normal(0, 14, (180, 240, 3)),
+    )
+    image = np.clip(np.where(truth[..., None], (80, 150, 120), (120, 115, 140)) + noise, 0, 255).astype(np.uint8)
+    write_image(tmp_path / "mask.png", (np.abs(x - 120) < 90) & (np.abs(y - 90) < 70))
+    own = {key: str(tmp_path / value) if key == "init.mask" else value for key, value in how.items()}
+    params: dict[str, object] = {"contour.balloon": -4, "edges.source": source, **own}
+    assert overlap(ffseg.segment(image, params).mask, truth) > 0.97
+    with pytest.raises(ffseg.SegmentationError, match="a start mask and init.circles do not go together"):
+        ffseg.segment(image, {"init.circles": [[9, 9, 3]]}, start_mask=truth)
