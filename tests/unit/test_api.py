@@ -405,6 +405,13 @@ def test_a_side_that_no_method_takes_is_said_in_a_sentence(method: str, side: in
         ffseg.segment(np.full((height, width), 90, np.uint8), {"init.center": [7, 7], "init.radius": 3}, method=method)
 
 
+@pytest.mark.parametrize("shape", [(40, 65_535), (65_535, 40)])
+def test_the_longest_side_there_may_be_is_segmented(shape: tuple[int, int]) -> None:
+    image = np.pad(np.full((shape[0] - 20, shape[1] - 20), 200, np.uint8), 10, constant_values=40)
+    found = ffseg.segment(image, {"init.radius": 8})
+    assert (found.num_regions, found.num_holes, bool(found.mask[image > 100].mean() > 0.99)) == (1, 0, True)
+
+
 @pytest.mark.parametrize(
     ("own", "sentence"),
     [

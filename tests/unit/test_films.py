@@ -311,6 +311,22 @@ def test_a_film_of_a_folder_is_called_by_it_and_never_replaces_an_input(film: Pa
     assert (tmp_path / "film_mask.mp4").read_bytes() == before
 
 
+def test_films_last_as_long_as_theirs_whatever_failed_or_shares_a_name(tmp_path: Path) -> None:
+    for name in ("a.mp4", "a.mkv"):
+        write_film(tmp_path / name, pictures(4), rate=10)
+    (tmp_path / "in").mkdir()
+    for number, pixels in enumerate(pictures(4)):
+        cv2.imwrite(str(tmp_path / "in" / f"{number}.png"), pixels)
+    (tmp_path / "in" / "1.png").write_text("no picture")
+    options = {"executor": INPROCESS, "products": Products(films=("mask",)), "keep_suffix": True}
+    run_batch([tmp_path / "a.mp4", tmp_path / "a.mkv", tmp_path / "in"], tmp_path / "out", **options)
+    found = {path.name: path for path in (tmp_path / "out").glob("*.mp4")}
+    assert sorted(found) == ["a.mkv_mask.mp4", "a.mp4_mask.mp4", "images_mask.mp4"]
+    assert [time for time, _ in played(found["images_mask.mp4"])] == pytest.approx([0, 0.08, 0.12], abs=1e-4)
+    with av.open(str(found["a.mp4_mask.mp4"])) as film:
+        assert (film.streams.video[0].average_rate, film.duration) == (10, 400_000)
+
+
 def test_no_film_is_made_where_no_frame_was(tmp_path: Path) -> None:
     (tmp_path / "film.mp4").write_bytes(bytes(range(256)) * 8)
     products = Products(films=("mask",))

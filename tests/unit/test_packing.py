@@ -101,6 +101,16 @@ def test_the_bytes_do_not_depend_on_how_the_work_was_shared_out(images: Path, tm
         assert packs(out) == []
 
 
+def test_what_lies_on_a_disk_that_is_away_keeps_its_members(images: Path, tmp_path: Path, out: Path) -> None:
+    """The tar files lost them, and nothing named the images."""
+    make_images(tmp_path / "others", ["x.png"])
+    run_packed(images, out)
+    images.rename(tmp_path / "away")
+    assert run_packed(tmp_path / "others", out).stale == len(NAMES) - 1
+    with tarfile.open(out / "masks.tar") as archive:
+        assert len(archive.getnames()) == len(NAMES)
+
+
 def test_a_second_run_does_what_is_missing_or_stale(images: Path, tmp_path: Path, out: Path) -> None:
     run_packed(images, out)
     before = {path.name: path.stat().st_mtime_ns for path in out.glob("*.tar")}

@@ -21,7 +21,7 @@ from ffseg.batch.outputs.table import (
 from ffseg.batch.plan.beside import find_domains, find_evidence, find_truths
 from ffseg.batch.plan.discover import discover, identity
 from ffseg.batch.plan.reading import parted, place_of
-from ffseg.batch.plan.sources import Job, Source, film_of
+from ffseg.batch.plan.sources import Job, Source, film_of, film_stems
 from ffseg.errors import OutputError, UsageError
 from ffseg.io.files import SKIP_FILE, is_temporary, make_folder, printable, remove_files, write_bytes_atomic
 from ffseg.io.starts import load_starts
@@ -62,7 +62,8 @@ class Plan:
     @property
     def films(self) -> tuple[str, ...]:
         """Films of all outputs, relative to `out`."""
-        names = dict.fromkeys(film_of(job.source.name) for job in self.jobs) if self.products.films else ()
+        films = {film_of(job.source.name): None for job in self.jobs} if self.products.films else {}
+        names = film_stems(films).values()
         return tuple(f"{name}_{kind}.{FILM_KINDS[kind]}" for name in names for kind in self.products.films)
 
     def written(self, job: Job) -> tuple[str, ...]:

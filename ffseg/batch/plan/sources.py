@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import posixpath
 import re
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -85,10 +87,19 @@ class Job:
 def film_of(name: str) -> str:
     """Name of the film an image belongs to: of a frame its film's, else its folder's."""
     found = _FRAME.fullmatch(name) if name.lower().endswith((*FILMS, *ANIMATIONS)) else None
-    return (found[1] if found else posixpath.dirname(name) or "images").replace("/", "_")
+    return (f"{found[1]}{found[2]}" if found else posixpath.dirname(name) or "images").replace("/", "_")
 
 
-_FRAME = re.compile(r"(.+)_\d{6,}\.\w+", re.DOTALL)
+def film_stems(films: Iterable[str]) -> dict[str, str]:
+    """What the outputs of films are called: without the suffix, unless two would share a name."""
+    stems = {
+        film: posixpath.splitext(film)[0] if film.lower().endswith((*FILMS, *ANIMATIONS)) else film for film in films
+    }
+    shared = Counter(stems.values())
+    return {film: film if shared[stem] > 1 else stem for film, stem in stems.items()}
+
+
+_FRAME = re.compile(r"(.+)_\d{6,}(\.\w+)", re.DOTALL)
 
 _END, _PART, _NUMBER = "\x00\x00", "\x00\x01", "\x00\x02"
 """Marks after a piece of a name; they begin with what no name holds, so that a shorter piece comes first."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ffseg.batch.outputs.table import FILM_KINDS
 from ffseg.batch.plan.reading import parted, read_input
-from ffseg.batch.plan.sources import film_of
+from ffseg.batch.plan.sources import film_of, film_stems
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.values import Record
 from ffseg.errors import ImageReadError, OutputError, UsageError
@@ -57,14 +57,14 @@ def read_film_kinds(text: str) -> tuple[str, ...]:
 def write_films(out: str, kinds: Sequence[str], standing: Records, tell: Callable[[str], None]) -> list[str]:
     """Write the films of all images that stand; `tell` hears of each that cannot be written. Gives their names."""
     written: list[str] = []
-    films = dict.fromkeys(film_of(record.name) for record in standing.records() if record.outputs) if kinds else {}
+    films = {film_of(record.name): None for record in standing.records() if record.outputs} if kinds else {}
     inputs = (
         {os.path.realpath(parted(record.files["image"][0])[0]) for record in standing.records()} if films else set()
     )
-    for film in films:
+    for film, stem in film_stems(films).items():
         for kind in kinds:
-            name = f"{film}_{kind}.{FILM_KINDS[kind]}"
-            frames = (record for record in standing.records() if record.outputs and film_of(record.name) == film)
+            name = f"{stem}_{kind}.{FILM_KINDS[kind]}"
+            frames = (record for record in standing.records() if film_of(record.name) == film)
             try:
                 if os.path.realpath(os.path.join(out, name)) in inputs:
                     raise OutputError(
@@ -79,6 +79,8 @@ def write_films(out: str, kinds: Sequence[str], standing: Records, tell: Callabl
 
 def _timed(out: str, kind: str, records: Iterable[Record]) -> Iterator[Timed]:
     for number, record in enumerate(records):
+        if not record.outputs:  # it failed: the frame before it stands
+            continue
         time = record.row.get("time_s")
         yield number / _RATE if time is None else float(time), _picture(out, kind, record)
 
@@ -104,17 +106,37 @@ def _frame(pixels: NDArray[np.uint8]) -> Any:  # noqa: ANN401 - of PyAV
     return av.VideoFrame.from_ndarray(np.vstack([pixels, colourless]), format="yuv420p")  # 0 and 255 in either range
 
 
+def _lasting(frames: Iterable[Timed]) -> Iterator[tuple[int, int, NDArray[np.uint8]]]:
+    """When each frame begins and how long it lasts, in ticks; the last one as long as the one before it."""
+    before: tuple[int, NDArray[np.uint8]] | None = None
+    lasts = _CLOCK // _RATE
+    for time, pixels in frames:
+        begin = round(time * _CLOCK)
+        if before is not None:
+            begin = max(before[0] + 1, begin)  # in a GIF two frames may have one time
+            lasts = begin - before[0]
+            yield before[0], lasts, before[1]
+        before = begin, pixels
+    if before is not None:
+        yield before[0], lasts, before[1]
+
+
+def _with_duration(packet: Any, shown: dict[int, int]) -> Any:  # noqa: ANN401 - of PyAV
+    packet.duration = shown.pop(packet.pts, packet.duration)
+    return packet
+
+
 def _write(path: str, kind: str, frames: Iterator[Timed]) -> None:
     import av
 
     codec, layout, options = _CODECS[kind]
-    size, shown = (0, 0), -1
+    size, shown = (0, 0), dict[int, int]()
     with replacement(path) as temporary:
         try:
             with av.open(temporary, "w", format=FILM_KINDS[kind], container_options={"fflags": "+bitexact"}) as film:
                 track: Any = film.add_stream(codec, rate=_RATE, options=options)
                 track.pix_fmt, track.codec_context.time_base = layout, Fraction(1, _CLOCK)
-                for time, pixels in frames:
+                for begin, lasts, pixels in _lasting(frames):
                     if not any(size):
                         track.width, track.height = size = (pixels.shape[1], pixels.shape[0])
                     if size != (pixels.shape[1], pixels.shape[0]):
@@ -122,9 +144,9 @@ def _write(path: str, kind: str, frames: Iterator[Timed]) -> None:
                             f"{printable(path)}: frames of several sizes make no film; run them one film at a time"
                         )
                     frame = _frame(pixels)
-                    shown = max(shown + 1, round(time * _CLOCK))  # in a GIF two frames may have one time
-                    frame.pts, frame.time_base = shown, Fraction(1, _CLOCK)
-                    film.mux(track.encode(frame))
-                film.mux(track.encode())
+                    frame.pts, frame.time_base = begin, Fraction(1, _CLOCK)
+                    shown[begin] = lasts
+                    film.mux([_with_duration(packet, shown) for packet in track.encode(frame)])
+                film.mux([_with_duration(packet, shown) for packet in track.encode()])
         except av.FFmpegError as error:
             raise OutputError(f"{printable(path)} cannot be written ({error}); free some space") from error

@@ -86,11 +86,18 @@ def survey(journal: Journal, plan: Plan, settings: str, finished: bytearray) -> 
     return found
 
 
+def _is_gone(record: Record) -> bool:
+    """Whether an image has been renamed, removed or changed, as far as its folder is there to tell."""
+    image = record.files.get("image", ("",))[0]
+    return bool(still_true(record.files)) and os.path.isdir(os.path.dirname(parted(image)[0]) or ".")
+
+
 def tidy(journal: Journal, plan: Plan, settings: str) -> int:
     """Remove what earlier runs left that belongs to no image any longer: of other parameters, or under another's name.
 
     To be called when every image of the plan is finished. Of tar files also the members of images that have been renamed,
-    removed or changed since: files of theirs are named as stale and can be removed one by one, members cannot.
+    removed or changed since: files of theirs are named as stale and can be removed one by one, members cannot. Not where
+    their whole folder is gone, as with a disk that is not mounted.
 
     Returns
     -------
@@ -105,7 +112,7 @@ def tidy(journal: Journal, plan: Plan, settings: str) -> int:
     owned = {path for record in records if record is not None for path in record.outputs}
     removed = 0
     for other in others:
-        over = other.settings != settings or (plan.tars and still_true(other.files))
+        over = other.settings != settings or (plan.tars and _is_gone(other))
         if over or not owned.isdisjoint(other.outputs):
             retired = {path: digest for path, (digest, _) in other.outputs.items() if path not in owned}
             count, left = retire(plan.out, retired, other.members)

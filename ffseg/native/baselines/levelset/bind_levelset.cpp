@@ -22,10 +22,16 @@ using Table = ffseg::Array<const double, nb::shape<65536>>;
 // Beyond it the square of a slowness or the sum of two times could overflow.
 constexpr double kFastest = 1e100, kSlowest = 1e-100;
 
+constexpr std::size_t kMostMarched = 32767;
+
 template <class Plane>
-ffseg::marching::Grid grid_of(const Plane& plane) {
-    const ffseg::Size size = ffseg::size_of(plane, 32767);
-    return {size.height, size.width};
+ffseg::marching::Grid grid_of(const Plane& plane, std::size_t most = kMostMarched) {
+    const ffseg::Size size = ffseg::size_of(plane, most);
+    const ffseg::marching::Grid grid{size.height, size.width};
+    if (grid.size() > std::size_t{std::numeric_limits<std::int32_t>::max()}) {
+        throw std::invalid_argument("the image has more pixels than can be numbered");
+    }
+    return grid;
 }
 
 // Slowness on the grid with its ring; the ring and all that is not faster than `stop` is infinite.
@@ -116,7 +122,7 @@ nb::tuple py_level_set(const Words& gradient, const Table& slowness, const Bytes
 }
 
 nb::tuple py_outlines(const Bytes& mask) {
-    const ffseg::marching::Grid grid = grid_of(mask);
+    const ffseg::marching::Grid grid = grid_of(mask, ffseg::kMostSide);
     std::vector<double> flat;
     std::vector<std::int64_t> ends{0};
     {
