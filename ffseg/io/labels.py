@@ -18,7 +18,7 @@ from ffseg.geometry.freeform import FreeForm
 from ffseg.image.raster import rasterize
 from ffseg.io.exports import from_run_lengths
 from ffseg.io.files import printable, read_bytes
-from ffseg.io.masks import decode_mask
+from ffseg.io.images import decode_image
 
 Mask = NDArray[np.bool_]
 Paint = Callable[[Mask], None]
@@ -237,10 +237,14 @@ def _labelme(shape: Mapping[str, Any]) -> Paint:
     if kind == "circle":
         radius = float(np.hypot(x1 - x0, y1 - y0))
         return _ellipse(x0, y0, radius, radius)
-    part, left, top = decode_mask(base64.b64decode(shape["mask"])), round(x0), round(y0)
+    pixels = decode_image(base64.b64decode(shape["mask"]))
+    part = (pixels if pixels.ndim == 2 else pixels.max(axis=2)) > 0  # LabelMe writes 0 and 1
+    left, top = round(x0), round(y0)
 
     def paint(mask: Mask) -> None:
-        mask[top : top + part.shape[0], left : left + part.shape[1]] |= part
+        seen = part[max(0, -top) :, max(0, -left) :]
+        window = mask[max(0, top) :, max(0, left) :][: seen.shape[0], : seen.shape[1]]
+        window |= seen[: window.shape[0], : window.shape[1]]
 
     return paint
 
@@ -291,7 +295,7 @@ def _unpacked(text: str) -> list[int]:
 
 def _via(shape: Mapping[str, Any]) -> Paint:
     kind = shape["name"]
-    if kind in ("polygon", "polyline"):
+    if kind == "polygon":
         return polygon(np.stack([shape["all_points_x"], shape["all_points_y"]], axis=1))
     if kind == "rect":
         return _rectangle(shape["x"], shape["y"], shape["x"] + shape["width"], shape["y"] + shape["height"])

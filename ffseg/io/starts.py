@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -171,7 +171,8 @@ def load_starts(path: str | os.PathLike[str], images: Iterable[str], *, partial:
     name, problems = os.fspath(path), Problems()
     rows = _rows(read_table(name, ParameterError), printable(name), problems)
     problems.raise_as(ParameterError)
-    names = {image: _row_of(image, rows, printable(name), problems) for image in images}
+    exact = dict.fromkeys(images)
+    names = {image: _row_of(image, rows, exact, printable(name), problems) for image in exact}
     if not partial:
         _require_rows(names, rows, printable(name), problems)
     problems.raise_as(ParameterError)
@@ -283,9 +284,12 @@ def _start(said: _Said) -> Start:
     return replace(first, others=tuple(others), **named) if others or named else first
 
 
-def _row_of(image: str, rows: Mapping[str, _Row], name: str, problems: Problems) -> str:
-    """What the file calls an image, empty where it has no row; a problem when it has some under each of two names."""
-    given = [key for key in _cells_of(image) if key in rows]
+def _row_of(image: str, rows: Mapping[str, _Row], exact: Collection[str], name: str, problems: Problems) -> str:
+    """What the file calls an image, empty where it has no row; a problem when it has some under each of two names.
+
+    The exact names of other images are theirs, as ``b.png`` beside ``b.png.jpg``.
+    """
+    given = [key for key in _cells_of(image) if key in rows and (key == image or key not in exact)]
     if len(given) > 1:
         first, second = given[:2]
         lines = f"lines {rows[first][0]} ({first[:60]!r}) and {rows[second][0]} ({second[:60]!r})"

@@ -300,7 +300,6 @@ class Journal:
         """Take back the last step that was added: what follows from it cannot be written."""
         before, image, track = self._before
         os.ftruncate(self._descriptor, before.st_size)
-        os.utime(self._path, ns=(before.st_atime_ns, before.st_mtime_ns))  # older than what follows from it
         self.tracks[image] = track
 
     def names(self, wanted: Callable[[Track], bool]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import shlex
 from collections.abc import Sequence
@@ -35,7 +36,7 @@ from ffseg.picking.picks import Journal, Picked, Track
 from ffseg.picking.scene import Found
 
 JOURNAL, STARTS, SETTINGS, MODEL, COMMAND = "picks.jsonl", "starts.csv", "pick.yaml", "model.ffmodel", "run.sh"
-LEARNED = "learned.json"
+LEARNED, KEPT = "learned.json", "kept.json"
 MASKS, LABELS, IMPORTED, REVIEWED, RUN = "masks", "labels", "imported", "reviewed", "run"
 MOST_BYTES = 1 << 28
 
@@ -147,26 +148,30 @@ class Project:
             return decode_mask(read_bytes(self.mask_path(name, self.path(folder)), MOST_BYTES))
         return None
 
-    def take(self, source: Source, mask: NDArray[np.bool_]) -> None:
+    def take(self, source: Source, mask: bytes) -> None:
         """Take a mask that was drawn elsewhere as that of an image in which nothing was picked, and accept it."""
         path = self.mask_path(source.name, self.path(IMPORTED))
         make_folder(os.path.dirname(path))
-        write_bytes_atomic(path, encode_mask(mask))
+        write_bytes_atomic(path, mask)
         self.journal.add(source.name, "pick", Picked(status="accepted"), size_of(source.path))
 
     def count(self, status: str) -> int:
         """Images of a status other than ``open``."""
         return len(self.journal.names(lambda track: track.now.status == status))
 
-    def keep(self, source: Source, found: Found | None, base: NDArray[np.bool_] | None = None) -> None:
+    def keep_base(self, name: str, base: NDArray[np.bool_]) -> None:
+        """Keep what an accepted mask begins with, to be found again though another run is reviewed then."""
+        path = self.mask_path(name, self.path(REVIEWED))
+        make_folder(os.path.dirname(path))
+        write_bytes_atomic(path, encode_mask(base))
+
+    def keep(self, source: Source, found: Found | None) -> None:
         """Bring the files up to what the journal says, all or none.
 
         Parameters
         ----------
         found : Found or None
             The region of an accepted image.
-        base : ndarray of bool, shape (H, W), or None
-            What it began with, to be found again though another run is reviewed then.
 
         Raises
         ------
@@ -177,14 +182,10 @@ class Project:
         files = []
         if found is not None:
             files = [(mask, encode_mask(found.mask)), (labels, self._labelme(source, found, labels))]
-            if found.source == "run" and base is not None:
-                files.append((self.mask_path(source.name, self.path(REVIEWED)), encode_mask(base)))
             for path, _ in files:
                 make_folder(os.path.dirname(path))
-        write_all_atomic([*files, *self._following()])
-        if found is not None:  # surely newer than the step, however coarse the clock
-            at = max(os.stat(mask).st_mtime_ns, os.stat(self.path(JOURNAL)).st_mtime_ns + 1)
-            os.utime(mask, ns=(at, at))
+        step = json.dumps([source.name, self.journal.track(source.name).version]).encode("ascii")
+        write_all_atomic([*files, *self._following(), (self.path(KEPT), step)])
         if found is None and self.journal.track(source.name).accepted:  # its own, of an image accepted no longer
             for path in (mask, labels):
                 try:
@@ -229,12 +230,16 @@ class Project:
         return names
 
     def _stands(self, name: str) -> bool:
-        """Whether there is a mask of an image just where it is accepted, and surely a newer one than the last step of all."""
+        """Whether there is a mask of an image just where it is accepted, and written after the last step of all."""
         accepted = self.journal.track(name).now.status == "accepted"
         path = self.mask_path(name)
         if not accepted or not os.path.isfile(path):
             return os.path.isfile(path) == accepted
-        return name != self.journal.last or os.stat(path).st_mtime_ns > os.stat(self.path(JOURNAL)).st_mtime_ns
+        try:
+            kept = json.loads(read_bytes(self.path(KEPT), MOST_BYTES))
+        except (ImageReadError, ValueError):  # of a version that wrote none
+            return True
+        return name != self.journal.last or kept == [name, self.journal.track(name).version]
 
     def arguments(self) -> list[str]:
         """Arguments of the ``ffseg run`` that does all images, wherever it is called."""

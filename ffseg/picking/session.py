@@ -6,7 +6,7 @@ import os
 import re
 import threading
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -28,7 +28,7 @@ from ffseg.errors import FfsegError, ImageReadError, ParameterError, UsageError
 from ffseg.io.files import make_folder, printable, write_bytes_atomic
 from ffseg.io.images import single_thread
 from ffseg.io.labels import Labels
-from ffseg.io.masks import named_masks
+from ffseg.io.masks import encode_mask, named_masks
 from ffseg.io.starts import check_starts
 from ffseg.parameter_text import as_settings
 from ffseg.parameters import Parameters, load_params
@@ -126,7 +126,7 @@ class Session:
         self._work = [Work(project, self.forget, self._changing) for project in self.projects]
         for work in self._work:
             for name in work.project.outdated():
-                self._keep(work.project, name)
+                self._mend(work.project, name)
             work.project.write_starts()
             work.learn()
 
@@ -157,7 +157,17 @@ class Session:
         UsageError
             If a region does not fit its image.
         """
-        taken, labels = 0, labels.named([source.name for source in self.sources])
+        labels = labels.named([source.name for source in self.sources])
+        found = list(self._drawn(labels))  # all of them can be read before one is taken
+        for project, source, mask in found:
+            project.take(source, mask)
+            self._keep_step(project, source.name)
+        for work in self._work:
+            work.learn(again=bool(found))
+        return len(found), [*labels.odd]
+
+    def _drawn(self, labels: Labels) -> Iterator[tuple[Project, Source, bytes]]:
+        """Masks of labels, as PNG, of images in which nothing was picked."""
         for index, source in enumerate(self.sources):
             if source.name not in labels.regions:
                 continue
@@ -169,12 +179,7 @@ class Session:
                 track = project.journal.track(source.name)
                 mask = None if track.version else labels.mask(source.name, project.label, shape)
                 if mask is not None and mask.any() and not mask.all():
-                    project.take(source, mask)
-                    self._keep_step(project, source.name)
-                    taken += 1
-        for work in self._work:
-            work.learn(again=taken > 0)
-        return taken, [*labels.odd]
+                    yield project, source, encode_mask(mask)
 
     def changed(self) -> list[str]:
         """Images whose file is newer than the mask, or of another size than at the last step: another may have been meant."""
@@ -249,7 +254,8 @@ class Session:
             mask = project.mask(self.sources[index].name)
             if mask is not None and mask.shape == self.scene(index).shape:
                 return Found(mask, outlines_of(mask), source="mask").document()
-        return self._found(project, index, picked, quick=quick).document()
+        accepted = project.track(index).now.status == "accepted"
+        return self._found(project, index, picked, quick=quick, kept=accepted).document()
 
     def _found(self, project: Project, index: int, picked: Picked, *, quick: bool = False, kept: bool = False) -> Found:
         return self.scene(index).find(picked, project.params, self._base(project, index, kept=kept), quick=quick)
@@ -287,36 +293,53 @@ class Session:
             if track.version != version:
                 raise StaleError
             after = track.after(do, picked)
+            kept = do != "pick" or track.now.status == "accepted"  # a stroke more changes no more than it paints
             if after is not None and after.status == "accepted":
-                mask = self._found(project, index, after, kept=do != "pick").mask
-                if not mask.any() or mask.all():
+                found = self._found(project, index, after, kept=kept)
+                if not found.mask.any() or found.mask.all():
                     raise UsageError("a mask needs pixels inside and outside; pick a region first, or skip the image")
+                base = self._base(project, index, kept=kept)
+                if found.source == "run" and base is not None:
+                    project.keep_base(name, base)
             taken = project.journal.add(name, do, picked, size_of(self.sources[index].path))
-            if taken and self._keep_step(project, name, kept=do != "pick"):
+            if taken and self._keep_step(project, name):
                 self._work[label].learn(again=True)
         return self.image(label, index)
 
-    def _keep_step(self, project: Project, name: str, *, kept: bool = True) -> bool:
+    def _mend(self, project: Project, name: str) -> None:
+        """Write the mask that a crash has kept from being written; an image that has none any more is open again."""
+        track, index = project.journal.track(name), self._place(name)
+        if track.now.status == "accepted" and index >= 0:
+            try:
+                mask = self._found(project, index, track.now, kept=True).mask
+            except ImageReadError:  # the page says why
+                return
+            if mask.all() or not mask.any():
+                project.journal.add(name, "undo")
+        self._keep(project, name)
+
+    def _place(self, name: str) -> int:
+        """Of an image of this name; -1 where it is not among these."""
+        return next((number for number, one in enumerate(self.sources) if one.name == name), -1)
+
+    def _keep_step(self, project: Project, name: str) -> bool:
         """As `_keep`, after a step, which is taken back where what follows from it cannot be written."""
         try:
-            return self._keep(project, name, kept=kept)
+            return self._keep(project, name)
         except FfsegError:
             project.journal.take_back()
             with suppress(FfsegError):
                 project.write_starts()
             raise
 
-    def _keep(self, project: Project, name: str, *, kept: bool = True) -> bool:
+    def _keep(self, project: Project, name: str) -> bool:
         """Bring the files up to the journal; whether a mask has changed."""
-        track = project.journal.track(name)
-        index = next((number for number, one in enumerate(self.sources) if one.name == name), -1)
+        track, index = project.journal.track(name), self._place(name)
         if index < 0:
             return False
-        found = base = None
-        if track.now.status == "accepted":
-            base = self._base(project, index, kept=kept)
-            found = self.scene(index).find(track.now, project.params, base)
-        project.keep(self.sources[index], found, base)
+        accepted = track.now.status == "accepted"
+        found = self._found(project, index, track.now, kept=True) if accepted else None
+        project.keep(self.sources[index], found)
         return track.accepted
 
     def following(self, label: int, index: int) -> int:

@@ -34,6 +34,7 @@ USAGE = {
         ["--film-out", "mask", "--shard", "1/2"],
         "--film-out and --shard do not go together; merge the",
     ),
+    "pages of parts": (["--report", "--shard", "1/2"], "--report and --shard do not go together; 'ffseg merge DIR"),
     "names without a list": (["-0"], "-0"),
     "chunks of no cluster": (["--chunk", "60"], "--chunk"),
     "another cluster": (["--executor", "inprocess", "--dask", "tcp://a:1"], "--dask is of the executor dask"),

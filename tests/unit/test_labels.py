@@ -126,18 +126,21 @@ def box(left: int, top: int, right: int, bottom: int) -> np.ndarray:
 
 def test_shapes_of_every_program_are_painted_where_they_stand(tmp_path: Path) -> None:
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    part = base64.b64encode(cv2.imencode(".png", np.full((4, 6), 255, np.uint8))[1].tobytes()).decode()
+    part = base64.b64encode(cv2.imencode(".png", np.ones((4, 6), np.uint8))[1].tobytes()).decode()
     document = {
         "imagePath": "a.png",
         "shapes": [
             {"label": "r", "shape_type": "rectangle", "points": [[10, 8], [3, 2]]},
             {"label": "c", "shape_type": "circle", "points": [[20, 15], [20, 21]]},
             {"label": "m", "shape_type": "mask", "points": [[30, 20], [35, 23]], "mask": part},
+            {"label": "o", "shape_type": "mask", "points": [[-2, -3], [3, 0]], "mask": part},
+            {"label": "o", "shape_type": "mask", "points": [[37, 28], [42, 31]], "mask": part},
         ],
     }
     found = read_labels(write(tmp_path, document))
     assert np.array_equal(found.mask("a.png", "r", SHAPE), box(3, 2, 10, 8))
     assert np.array_equal(found.mask("a.png", "m", SHAPE), box(30, 20, 36, 24))
+    assert np.array_equal(found.mask("a.png", "o", SHAPE), box(0, 0, 4, 1) | box(37, 28, 40, 30))
     disc = found.mask("a.png", "c", SHAPE)
     distance = np.hypot(x + 0.5 - 20, y + 0.5 - 15)
     assert disc[distance < 5.98].all()
@@ -145,6 +148,7 @@ def test_shapes_of_every_program_are_painted_where_they_stand(tmp_path: Path) ->
     rect = {"name": "rect", "x": 3, "y": 2, "width": 7, "height": 6}
     triangle = {"name": "polygon", "all_points_x": [0, 40, 0], "all_points_y": [0, 0, 30]}
     regions = [{"shape_attributes": rect, "region_attributes": {"kind": "r"}}, {"shape_attributes": triangle}]
+    regions += [{"shape_attributes": {**triangle, "name": "polyline"}, "region_attributes": {"kind": "line"}}]
     for place in (  # lists, and objects of VIA 1
         {"a.png1": {"filename": "a.png", "regions": regions}},
         {"a.png1": {"filename": "a.png", "regions": {"0": regions[0]}}},

@@ -33,6 +33,7 @@ from ffseg.picking import project
 from ffseg.picking import scene as scenes
 from ffseg.picking.learner import Background
 from ffseg.picking.picks import Journal, Picked, Stroke, painted
+from ffseg.picking.project import Project
 from ffseg.picking.scene import Found, Scene
 from ffseg.picking.server import Server
 from ffseg.picking.session import Session, StaleError, settings_of
@@ -319,21 +320,39 @@ def test_what_was_drawn_of_one_class_is_not_shown_of_another(tmp_path: Path) -> 
     assert (shown[0] == shown[2] != "", shown[1]) == (True, "")
 
 
-def test_masks_stay_newer_than_their_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the clock; else they would be found anew at the next start, with the model there is then."""
-    folder, out = draw(tmp_path / "in", ["a.png", "b.png"]), tmp_path / "out"
+def test_masks_stand_wherever_a_folder_is_copied(tmp_path: Path) -> None:
+    """The last one was found anew, by the times of files, with the model there is then or with none."""
+    folder, out = draw(tmp_path / "in", ["a.png"]), tmp_path / "out"
     with session(folder, out) as own:
         own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
-        monkeypatch.setattr(project, "write_all_atomic", Mock(side_effect=OutputError("full")))
-        with pytest.raises(OutputError):
-            own.change(0, 1, 0, "pick", picked(LEFT))
-        monkeypatch.undo()
-        assert (out / "masks" / "a.png").stat().st_mtime_ns > (out / "picks.jsonl").stat().st_mtime_ns
-        monkeypatch.setattr(project, "write_all_atomic", lambda files: [
-            (Path(path).write_bytes(data), os.utime(path, ns=(0, 0))) for path, data in files
-        ])  # fmt: skip
-        own.change(0, 1, 0, "pick", picked(RIGHT, status="accepted"))
-        assert (out / "masks" / "b.png").stat().st_mtime_ns > (out / "picks.jsonl").stat().st_mtime_ns
+    write_image(out / "masks" / "a.png", disc(RIGHT))
+    os.utime(out / "masks" / "a.png", ns=(0, 0))
+    session(folder, out).close()
+    assert np.array_equal(mask_of(out / "masks" / "a.png"), disc(RIGHT))
+
+
+def test_a_stroke_on_an_accepted_mask_of_a_run_changes_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another run was begun with, and undoing found that, too; a crash before the mask was written left an empty one."""
+    folder, out, run = draw(tmp_path / "in", ["a.png"]), tmp_path / "out", tmp_path / "run"
+    write_image(run / "masks" / "a.png", disc(LEFT))
+    (run / "timings.csv").write_text("image,status\na.png,ok\n")
+    with monkeypatch.context() as patched, session(folder, out, review=str(run)) as own:
+        patched.setattr(Project, "keep", Mock(side_effect=KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            own.change(0, 0, 0, "pick", OPEN | {"status": "accepted"})
+    session(folder, out).close()
+    assert np.array_equal(mask_of(out / "masks" / "a.png"), disc(LEFT))
+    write_image(run / "masks" / "a.png", disc(RIGHT))
+    stroke = {"inside": True, "radius": 2, "points": [[5, 5]]}
+    with session(folder, out, review=str(run)) as own:
+        own.change(0, 0, 1, "pick", OPEN | {"strokes": [stroke], "status": "accepted"})
+        assert (mask_of(out / "masks" / "a.png") ^ disc(LEFT)).sum() < 20
+        own.change(0, 0, 2, "undo")
+    assert np.array_equal(mask_of(out / "masks" / "a.png"), disc(LEFT))
+    for gone in ("masks", "reviewed"):
+        (out / gone / "a.png").unlink()
+    with session(folder, out) as own:
+        assert own.statuses(0) == {}, "no mask is better than an empty one"
 
 
 def test_a_model_goes_with_the_masks_it_is_of(tmp_path: Path) -> None:
@@ -825,6 +844,18 @@ def test_labels_that_hold_no_pixel_or_all_are_named(thin: list[float], tmp_path:
     (tmp_path / "coco.json").write_text(json.dumps(document))
     with session(folder, tmp_path / "out") as own:
         assert own.take(read_labels(tmp_path / "coco.json"))[1] == ["a.png", "b.png"]
+
+
+def test_labels_that_are_refused_have_changed_nothing(tmp_path: Path) -> None:
+    folder = draw(tmp_path / "in", ["a.png", "b.png"])
+    boxes = [{"image_id": name, "bbox": [20, 20, 30, 30]} for name in ("a.png", "b.png")]
+    images = [{"id": name, "file_name": name, "height": 9 if name == "b.png" else SIZE[0], "width": SIZE[1]}
+              for name in ("a.png", "b.png")]  # fmt: skip
+    (tmp_path / "coco.json").write_text(json.dumps({"images": images, "annotations": boxes}))
+    with session(folder, tmp_path / "out") as own:
+        with pytest.raises(UsageError, match=r"b\.png were drawn on 160x9"):
+            own.take(read_labels(tmp_path / "coco.json"))
+        assert own.statuses(0) == {}
 
 
 def test_labels_come_from_other_programs_and_go_back(tmp_path: Path) -> None:

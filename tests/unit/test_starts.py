@@ -38,6 +38,7 @@ def write(folder: Path, text: str | bytes) -> Path:
 def test_rows_are_found_by_name_or_stem_in_any_order(tmp_path: Path) -> None:
     path = write(tmp_path, "image,x,y,radius\nother.png,1,1,1\nsub/b,3,4.5,\na.png,1,2,7\n")
     assert load_starts(path, ["a.png", "sub/b.jpg"]) == {"a.png": Start(1, 2, 7), "sub/b.jpg": Start(3, 4.5)}
+    assert load_starts(path, ["a.png", "a.png.jpg"]) == {"a.png": Start(1, 2, 7)}, "an exact name is of no other image"
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,7 @@ _NEED = {
 """What options mean nothing without, and what is said of them."""
 _APART = {
     ("film_out", "shard"): "; merge the shards, then run it once more without --shard",
+    ("report", "shard"): "; 'ffseg merge DIR --report' writes the page of all shards",
     ("evidence", "camera"): ": the images of a camera are segmented without maps; leave out one of them, or name the "
     "network or .ffmodel that made the maps as edges.model",
     **{
