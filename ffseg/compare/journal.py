@@ -110,10 +110,10 @@ class Journal:
     def key(self, job: Job) -> str:
         """Name and content of everything particular to an image; empty where it cannot be read."""
         try:
-            seen = read_job(job, self._setup).digests if job.source.span is None else None
+            seen = read_job(job, self._setup).digests
         except ImageReadError:
             return ""
-        return f"{job.source.name} {seen.content} {seen.truth}" if seen is not None else ""
+        return f"{job.source.name} {seen.content} {seen.truth}"
 
     def rows(self, key: str) -> list[Row]:
         """Rows of an image that is done; none of another."""

@@ -1,5 +1,6 @@
 """The comparison: rows, gates, Markdown and panels."""
 
+import tarfile
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import DEFAULT, Mock
@@ -84,10 +85,17 @@ def test_what_a_method_may_not_see_no_other_sees() -> None:
     assert common_source(prior, ("freeform", "cv_grabcut")) == "prior"
 
 
-def test_an_interrupted_comparison_goes_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize("packed", [False, True])
+def test_an_interrupted_comparison_goes_on(packed: bool, tmp_path: Path) -> None:
     for name in ("a.png", "b.png", "c.png"):
         write_case(tmp_path, name)
     task, seen = task_of(tmp_path, "freeform,cv_edges"), list[work.Row]()
+    if packed:
+        with tarfile.open(tmp_path / "in.tar", "w") as archive:
+            for path in sorted(tmp_path.glob("*.png")):
+                archive.add(path, path.name)
+        packs = [str(tmp_path / "in.tar")]
+        task = replace(task, jobs=work.plan_comparison(packs, str(tmp_path / "out"), str(tmp_path / "truth")))
 
     def tell(row: work.Row) -> None:
         seen.append(row)
