@@ -128,9 +128,7 @@ def data_folder() -> Path:
 def program_at_work(tmp_path_factory: pytest.TempPathFactory) -> Iterator[chromium.Chromium]:
     program = chromium.find()
     if program is None:
-        pytest.skip(
-            "no Chromium on the search path; install it, or name one in the environment variable FFSEG_CHROMIUM"
-        )
+        pytest.skip("no Chromium on the search path; install it, or name one in FFSEG_CHROMIUM")
     with chromium.Chromium(program, tmp_path_factory.mktemp("profile")) as running:
         yield running
 

@@ -19,12 +19,10 @@ def disc_of(shape: tuple[int, int]) -> Callable[[float, float, float], Mask]:
     return lambda x, y, radius: (columns - x) ** 2 + (rows - y) ** 2 <= radius**2
 
 
-def bright_disc(
-    shape: tuple[int, int], center: tuple[float, float], radius: float, level: int = 180
-) -> NDArray[np.uint8]:
+def bright_disc(shape: tuple[int, int], at: tuple[float, float], radius: float, level: int = 180) -> NDArray[np.uint8]:
     """A disc of this level on ground of 60, with an antialiased edge one pixel wide."""
     y, x = np.mgrid[: shape[0], : shape[1]]
-    inside = np.clip(radius - np.hypot(x - center[0], y - center[1]) + 0.5, 0, 1)
+    inside = np.clip(radius - np.hypot(x - at[0], y - at[1]) + 0.5, 0, 1)
     return np.rint(60 + (level - 60) * inside).astype(np.uint8)
 
 

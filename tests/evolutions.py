@@ -53,11 +53,9 @@ def ring(radius: float, center: tuple[float, float] = (90.0, 70.0)) -> Edges:
     return edges
 
 
-def around(
-    angles: ArrayLike, radii: ArrayLike, degree: int = 3, center: tuple[float, float] = (90.0, 70.0)
-) -> FreeForm:
+def around(angles: ArrayLike, radii: ArrayLike, degree: int = 3, at: tuple[float, float] = (90.0, 70.0)) -> FreeForm:
     """A contour through places round a centre."""
-    return FreeForm.from_samples(center + np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1), degree)
+    return FreeForm.from_samples(at + np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1), degree)
 
 
 def box(left: float, top: float, right: float, bottom: float, patches: int) -> FreeForm:

@@ -84,9 +84,7 @@ def cross(a: Point, b: Point, c: Point, d: Point) -> bool:
 
 def pairs(components: list[Component]) -> list[tuple[Place, Place]]:
     """Places of all patches that are not adjacent, in the order of their boxes, whose boxes may meet."""
-    entries = sorted(
-        (box_of(patch), (c, i)) for c, component in enumerate(components) for i, patch in enumerate(component)
-    )
+    entries = sorted((box_of(patch), (c, i)) for c, own in enumerate(components) for i, patch in enumerate(own))
     found = []
     for at, (box, a) in enumerate(entries):
         for other, b in entries[at + 1 :]:

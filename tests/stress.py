@@ -40,10 +40,8 @@ def is_simple(contours: tuple[ffseg.FreeForm, ...]) -> bool:
 def check(seed: int, overrides: dict[str, object]) -> Outcome:
     """Segment scene number ``seed`` and say what is wrong."""
     scene = scenes.scene(seed)
-    params = ffseg.load_params(
-        None, {"init.center": list(scenes.START), "init.radius": scenes.START_RADIUS, **overrides}
-    )
-    result = ffseg.segment(scene.image, params)
+    own = ffseg.load_params(None, {"init.center": list(scenes.START), "init.radius": scenes.START_RADIUS, **overrides})
+    result = ffseg.segment(scene.image, own)
     iou, faults = overlap(result.mask, scene.truth), []
     if result.stats.stop_reason != "converged":
         faults.append(f"stopped by {result.stats.stop_reason}")

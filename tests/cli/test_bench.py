@@ -40,9 +40,7 @@ def with_steady(path: Path, factor: float, target: Path) -> Path:
     return target
 
 
-def test_gate_missed_exits_with_4_and_names_what_got_slower(
-    report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path
-) -> None:
+def test_a_gate_missed_is_4(report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path) -> None:
     baseline = with_steady(report[0], 0.01, tmp_path / "fast.json")
     done = ffseg_command(*QUICK, tmp_path / "out", "--baseline", baseline, "--max-ratio", "2", "--json", code=4)
     document = json.loads(done.stdout)
@@ -66,9 +64,7 @@ def test_a_baseline_that_no_parser_takes_is_refused(text: str, ffseg_command: Co
     assert "odd.json is no bench.json; give that of an earlier run" in done.stderr
 
 
-def test_a_baseline_without_a_common_figure_cannot_pass(
-    report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path
-) -> None:
+def test_no_common_figure(report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path) -> None:
     baseline = report[0] / "bench.json"
     done = ffseg_command("bench", "--quick", "--suite", "size", "--out", tmp_path, "--baseline", baseline, code=2)
     assert "no figure of this run" in done.stderr

@@ -49,9 +49,7 @@ USAGE = {
 
 @pytest.mark.parametrize(("options", "said"), USAGE.values(), ids=USAGE)
 @pytest.mark.parametrize("more", [[], ["--dry-run"]], ids=["run", "dry run"])
-def test_refused_before_the_first_image(
-    options: list[str], said: str, more: list[str], tmp_path: Path, ffseg_command: Command
-) -> None:
+def test_refused_early(options: list[str], said: str, more: list[str], tmp_path: Path, ffseg_command: Command) -> None:
     done = ffseg_command("run", SAMPLES, "--out", tmp_path / "out", *options, *more)
     assert (done.returncode, done.stdout) == (2, "")
     assert said in done.stderr
@@ -134,9 +132,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("command", "said"), WRONG.values(), ids=WRONG)
-def test_errors_name_what_was_given_and_the_remedy(
-    command: list[str | Path], said: str, tmp_path: Path, ffseg_command: Command
-) -> None:
+def test_errors_name_the_remedy(command: list[str | Path], said: str, tmp_path: Path, ffseg_command: Command) -> None:
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "timings.csv").write_text("image,status\n")
     for name in (mine := ("file", "my.ffmodel", "my.html", "my.yaml", "there/report.html")):
@@ -148,9 +144,7 @@ def test_errors_name_what_was_given_and_the_remedy(
     assert {(tmp_path / name).read_text() for name in mine} == {"mine"}
 
 
-def test_a_tilde_that_the_shell_left_is_the_home_folder(
-    tmp_path: Path, ffseg_command: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_tilde_is_the_home_folder(tmp_path: Path, ffseg_command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     """`--out=~/out`, whose tilde no shell replaces, made a folder `~` to be removed with care."""
     monkeypatch.setenv("HOME", str(tmp_path))
     ffseg_command("run", SAMPLES / "toy.png", "--out=~/out", cwd=SAMPLES, code=0)

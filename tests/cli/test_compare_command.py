@@ -19,8 +19,7 @@ def test_a_comparison_and_its_json(tmp_path: Path, ffseg_command: Command) -> No
     gates = ("--min-iou", "0.9", "--min-iou", "levelset=0.95")
     done = ffseg_command(*given, "--methods", "freeform,levelset", "--json", *gates, code=0)
     document = json.loads(done.stdout)
-    assert [row["method"] for row in document["rows"]] == ["freeform", "levelset"]
-    assert document["missed"] == []
+    assert ([row["method"] for row in document["rows"]], document["missed"]) == (["freeform", "levelset"], [])
     assert sorted(path.name for path in out.iterdir()) == ["compare.csv", "compare.md", "panels"]
     assert "disc.png: levelset ok" in done.stderr
 

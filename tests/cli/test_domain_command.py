@@ -88,9 +88,7 @@ def test_a_sample_is_spread_over_all_images(ffseg_command: Command, tmp_path: Pa
         (("in", "--out", "few/0.png"), "few/0.png is there already and not known as a file of ffseg"),
     ],
 )
-def test_nothing_is_written_where_nothing_can_be_found(
-    ffseg_command: Command, tmp_path: Path, arguments: tuple[str, ...], words: str
-) -> None:
+def test_nothing_is_written(ffseg_command: Command, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
     images(tmp_path / "in")
     images(tmp_path / "few", 3)
     for path in (tmp_path / "few").iterdir():

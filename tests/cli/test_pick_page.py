@@ -200,8 +200,7 @@ def test_what_is_begun_in_one_image_is_not_kept_in_the_next(hand: PageHand, serv
     hand.pick(LEFT)
     wait_for(lambda: len(state(server, 2)["starts"]) == 1)
     assert [len(state(server, index)["strokes"]) for index in range(3)] == [0, 0, 0]
-    assert [len(state(server, index)["starts"]) for index in range(2)] == [0, 0]
-    assert server.session.statuses(0) == {}
+    assert ([len(state(server, index)["starts"]) for index in range(2)], server.session.statuses(0)) == ([0, 0], {})
 
 
 def test_an_accepted_image_is_drawn_as_it_is_changed(hand: PageHand) -> None:
@@ -372,9 +371,7 @@ def command(folder: Path, out: Path, *more: str) -> subprocess.Popen[str]:
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def test_a_killed_server_goes_on_where_it_was(
-    browser: chromium.Chromium, folder: Path, tmp_path: Path, ffseg_command: Command
-) -> None:
+def test_killed_servers_go_on(browser: chromium.Chromium, folder: Path, tmp_path: Path, ffseg_command: Command) -> None:
     out = tmp_path / "killed"
     first = command(folder, out)
     assert first.stdout is not None

@@ -70,8 +70,7 @@ def test_the_command_says_where_its_page_is_which_links_the_images(ffseg_command
     assert ffseg_command("report", tmp_path, code=0).stdout == f"{tmp_path / 'report.html'}\n"
     assert (tmp_path / "report.html").stat().st_size > 50_000
     images = runs.data_of(tmp_path / "report.html")["images"]
-    assert len(images) == 3
-    assert [(tmp_path / image["pictures"]["image"]).is_file() for image in images] == [True] * 3
+    assert (len(images), [(tmp_path / image["pictures"]["image"]).is_file() for image in images]) == (3, [True] * 3)
     assert all(image["contours"] for image in images)
 
 
@@ -110,8 +109,7 @@ def test_filters_by_text_status_and_numbers(tab: chromium.Chromium) -> None:
     choose(tab, holes__min="", iou__max="0.9885")
     assert names(tab) == ["toy.png"]
     choose(tab, iou__max="", total_ms__max="12")
-    assert names(tab) == ["complex.png"]
-    assert tab.value("document.getElementById('count').textContent") == "1 of 5 images"
+    assert (names(tab), tab.value("document.getElementById('count').textContent")) == (["complex.png"], "1 of 5 images")
     assert tab.value("document.querySelectorAll('#plots .dot').length") == 2  # one in each plot
 
 
@@ -161,9 +159,7 @@ def test_doubts_are_filtered_by_kind(browser: chromium.Chromium, doubted: Path) 
     assert names(browser) == ["toy.png", "simple.png"]
 
 
-def test_the_first_screen_shows_results_and_a_page_alone_shows_them(
-    browser: chromium.Chromium, doubted: Path, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_the_first_screen(browser: chromium.Chromium, doubted: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     alone = tmp_path_factory.mktemp("alone") / "report.html"
     alone.write_bytes(doubted.read_bytes())
     browser.open(alone.as_uri())

@@ -90,9 +90,7 @@ def test_yolo_cutouts_and_labels(ffseg_command: Command, images: Path, tmp_path:
 
 @pytest.mark.parametrize("pack", [(), ("--pack", "tar")])
 @pytest.mark.parametrize("order", [((), ("--keep-suffix",)), (("--keep-suffix",), ())])
-def test_outputs_under_other_names_take_the_place_of_the_old(
-    order: tuple, pack: tuple, ffseg_command: Command, images: Path, tmp_path: Path
-) -> None:
+def test_new_names_replace_old(order: tuple, pack: tuple, ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     run = ("run", images, *START, "--export", "coco", *pack, "--out")
     for names in order:
         ffseg_command(*run, tmp_path / "out", *names, code=0)

@@ -141,9 +141,7 @@ def test_usage_errors(arguments: list[str], said: str, tmp_path: Path, ffseg_com
 
 @pytest.mark.parametrize("length", [None, 600], ids=["whole", "cut"])
 @pytest.mark.parametrize(("out", "kind"), [("b.png", []), ("b.jpg", []), ("b.png", ["--as", "svg"])])
-def test_a_picture_is_not_replaced_unasked(
-    out: str, kind: list[str], length: int | None, tmp_path: Path, ffseg_command: Command
-) -> None:
+def test_pictures_stay(out: str, kind: list[str], length: int | None, tmp_path: Path, ffseg_command: Command) -> None:
     """`ffseg segment *.png` in a folder of two must not turn the second photograph into a mask of the first."""
     photo = np.random.default_rng(0).integers(0, 256, (30, 40, 3), np.uint8)
     Image.fromarray(photo).save(tmp_path / out)
@@ -168,9 +166,7 @@ def test_a_picture_is_not_replaced_unasked(
         ("a.txt", "yolo", "0 0.5 0.5 0.25 0.25"),
     ],
 )
-def test_what_an_earlier_call_wrote_is_replaced_and_no_other_file(
-    name: str, kind: str, foreign: str, tmp_path: Path, ffseg_command: Command
-) -> None:
+def test_own_files_are_replaced(name: str, kind: str, foreign: str, tmp_path: Path, ffseg_command: Command) -> None:
     (tmp_path / name).write_bytes(b"")
     for image in (TOY, TOY.with_name("simple.png")):
         ffseg_command("segment", image, name, "--as", kind, cwd=tmp_path, code=0)
@@ -192,9 +188,7 @@ def test_frames_that_are_not_read_are_told(tmp_path: Path, ffseg_command: Comman
 
 
 @pytest.mark.parametrize("error", [MemoryError(), cv2.error("no memory")], ids=["Python", "OpenCV"])
-def test_an_image_without_memory_is_no_defect(
-    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ffseg_command: Command
-) -> None:
+def test_no_memory(error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ffseg_command: Command) -> None:
     def starved(*_: object, **__: object) -> None:
         raise error
 

@@ -83,7 +83,7 @@ def test_a_plane_that_is_not_there_is_not_thinned() -> None:
 
 @given(hilly(), st.integers(1, 4), st.integers(1, 3), st.tuples(st.integers(1, 40), st.integers(1, 40)))
 @settings(max_examples=60)
-def test_enlarging_is_linear_between_the_middles_of_blocks(
+def test_enlarged_is_linear(
     drawn: tuple[np.ndarray, np.ndarray], factor: int, stride: int, shape: tuple[int, int]
 ) -> None:
     plane, _ = drawn

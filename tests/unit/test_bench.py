@@ -116,8 +116,7 @@ def test_what_stays_slow_is_measured_a_few_times_and_named_with_its_ratio() -> N
         return [figure([6.0], [2.0])]
 
     (item,) = slower(confirmed([figure([8.0], [2.0])], baseline, again), baseline)
-    assert len(asked) == RETRIES
-    assert str(item) == "suite/a/work: 1.50 times the baseline (2.000 -> 3.000 K)"
+    assert (len(asked), str(item)) == (RETRIES, "suite/a/work: 1.50 times the baseline (2.000 -> 3.000 K)")
 
 
 def test_figures_the_baseline_lacks_pass() -> None:

@@ -108,8 +108,8 @@ def test_domain_is_the_disc_inside_the_rim() -> None:
     domain = camera.domain()
     assert domain[299, 399]
     assert domain[299, 691]
-    assert not domain[299, 692]
-    assert not domain[0, 0]
+    assert not (domain[299, 692])
+    assert not (domain[0, 0])
     whole = Camera(MODELS["unified"][0], 800, 600, (399.5, 299.5), mount_height=0.9)
     assert np.array_equal(whole.domain(), np.isfinite(whole.ground()).all(axis=-1))
     assert whole.domain()[299, 692], "without a rim the horizon is the end: 294.7 px from the centre"

@@ -29,9 +29,7 @@ def test_a_pair_becomes_rows_lines_and_a_merged_mask(tmp_path: Path) -> None:
     frame = Before(views, "2.png", [previous], Limits()).frame(Scene(pair.current.image, load_params()))
     rows = obstacle_rows(frame)
     assert {row["verdict"] for row in rows} == {"obstacle", "false_obstacle"}
-    assert all(
-        row["max_altitude_m"] == pytest.approx(0, abs=0.08) for row in rows if row["verdict"] == "false_obstacle"
-    )
+    assert all(r["max_altitude_m"] == pytest.approx(0, abs=0.08) for r in rows if r["verdict"] == "false_obstacle")
     merged = merged_segmentation(frame)
     assert (merged.mask & pair.current.truth).sum() / (merged.mask | pair.current.truth).sum() > 0.985
     assert {line.kind for line in overlay_lines(frame, 0.1)} == {"outer", "obstacle", "false"}

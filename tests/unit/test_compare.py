@@ -166,8 +166,7 @@ def test_the_median_of_the_times_counts(case: Path, monkeypatch: pytest.MonkeyPa
 def test_a_method_that_fails_leaves_the_others(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ffseg.methods.peers.cv_edges", Mock(side_effect=RuntimeError("package\nbroke")))
     rows = work.compare(task_of(case, "cv_edges,freeform"), silent)
-    assert [row.status for row in rows] == ["failed", "ok"]
-    assert rows[0].error == "internal: RuntimeError: package broke"
+    assert ([row.status for row in rows], rows[0].error) == (["failed", "ok"], "internal: RuntimeError: package broke")
 
 
 def test_a_peer_that_is_not_installed_is_skipped(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:

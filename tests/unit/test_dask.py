@@ -225,9 +225,7 @@ def test_a_worker_that_dies_costs_nothing(mortal, tmp_path: Path) -> None:
     assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
 
 
-def test_a_dying_scheduler_ends_the_run_and_the_next_one_goes_on(
-    mortal, ffseg_process: Command, tmp_path: Path
-) -> None:
+def test_a_dying_scheduler_ends_the_run_and_the_next_goes_on(mortal, ffseg_process: Command, tmp_path: Path) -> None:
     make_images(tmp_path / "in", NAMES, {NAMES[-1]: stand_in.HANG})  # so that the run cannot be done before
     address, processes = mortal
     out = tmp_path / "out"
@@ -259,8 +257,7 @@ def test_a_cluster_of_this_machine_is_started_where_none_is_named(tmp_path: Path
     summary = run_batch(tmp_path / "in", tmp_path / "out", executor="dask", num_workers=2)
     assert (summary.done, summary.failed) == (59, 1)
     run_batch(tmp_path / "in", tmp_path / "one", num_workers=2)
-    assert snapshot(tmp_path / "out") == snapshot(tmp_path / "one")
-    assert multiprocessing.active_children() == []
+    assert (snapshot(tmp_path / "out"), multiprocessing.active_children()) == (snapshot(tmp_path / "one"), [])
     assert set(harness.children(os.getpid())) <= set(before), "no worker process is left behind"
 
 

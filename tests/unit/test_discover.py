@@ -52,9 +52,7 @@ def test_patterns_are_relative_to_their_fixed_folder(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.parametrize("pattern", ["in/*/../../other/*.png", "in/**/../../other/a.png", "in/*/../a.png"])
-def test_patterns_that_lead_upward_behind_a_wildcard_are_refused(
-    pattern: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_patterns_that_lead_upward_are_refused(pattern: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _touch(tmp_path, "in/sub/a.png", "in/a.png", "other/a.png")
     monkeypatch.chdir(tmp_path)
     with pytest.raises(UsageError, match=r"'\.\.' behind a wildcard"):
@@ -161,8 +159,7 @@ def test_planning_takes_work_in_proportion_to_the_images(tmp_path: Path) -> None
         started = time.process_time()
         plan = make_plan([str(tmp_path / str(count))], str(tmp_path / "out"))
         used.append(time.process_time() - started)
-    assert len(plan.jobs) == 10_000
-    assert [job.source.name for job in plan.jobs[:2]] == ["f0/image0.png", "f0/image20.png"]
+    assert (len(plan.jobs), [job.source.name for job in plan.jobs[:2]]) == (10_000, ["f0/image0.png", "f0/image20.png"])
     assert used[1] < 40 * used[0]  # ten times the images; a hundred where each is compared with all
 
 

@@ -66,11 +66,9 @@ def test_a_run_fuses_what_its_frames_show(ffseg_command: Command, tmp_path: Path
     assert figures == json.loads((tmp_path / "out" / "run.json").read_text())["map"]
     found, wanted = fused(tmp_path / "out"), expected(tmp_path, posed=posed)
     assert {name for name in found if found[name] != wanted[name]} == {"map/trajectory.csv"}
-    rows, others = (
-        list(csv.DictReader(files["map/trajectory.csv"].decode().splitlines())) for files in (found, wanted)
-    )
+    rows, more = (list(csv.DictReader(files["map/trajectory.csv"].decode().splitlines())) for files in (found, wanted))
     assert [row["frame"] for row in rows] == NAMES
-    assert rows == [row | {"frame": name} for row, name in zip(others, NAMES, strict=True)]
+    assert rows == [row | {"frame": name} for row, name in zip(more, NAMES, strict=True)]
     features = json.loads(found["map/graph.geojson"])["features"]
     ways = [shapely.geometry.shape(one["geometry"]) for one in features if one["geometry"]["type"] == "LineString"]
     assert len(ways) == figures["edges"]

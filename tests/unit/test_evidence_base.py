@@ -81,9 +81,7 @@ def test_masks_teach_each_other_unless_they_contradict() -> None:
 
 
 @pytest.mark.parametrize(("taught", "corrected"), [(0.0, True), (1.0, False)])
-def test_a_base_is_corrected_where_masks_teach_each_other_less(
-    taught: float, corrected: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_base_is_mended_by_better_masks(taught: float, corrected: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("lightgbm")
     monkeypatch.setattr("ffseg.learning.training.enough_of", lambda _: 2.0)
     monkeypatch.setattr("ffseg.learning.training._taught_by_others", lambda _: taught)

@@ -163,9 +163,7 @@ def test_sources_without_what_they_need_say_so() -> None:
 
 
 @pytest.mark.parametrize("command", ["run", "compare"])
-def test_commands_start_where_a_model_says_and_a_file_adds(
-    command: str, forest: str, tmp_path: Path, ffseg_command: Command
-) -> None:
+def test_commands_start_where_told(command: str, forest: str, tmp_path: Path, ffseg_command: Command) -> None:
     """Two red discs: a model starts in the larger one, a file takes the smaller one, or adds it where it says so."""
     truths = {"large": LARGE, "small": SMALL, "both": SMALL | LARGE}
     images = {"in": reddened(SMALL | LARGE), **{name: as_truth(inside) for name, inside in truths.items()}}

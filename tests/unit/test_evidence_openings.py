@@ -81,8 +81,7 @@ def test_only_a_model_that_asks_for_open_ground_looks_for_it() -> None:
     """A model made before there was any keeps its features, and what it says."""
     old, new = Model(stump("barrier@1.5", 0.5, 3)), Model(stump("open3", 0.5, 3, KNOWN))
     image = walled(0)
-    assert len(old.look(image, start()).planes) == len(NAMES)
-    assert len(new.look(image, start()).planes) == len(KNOWN)
+    assert (len(old.look(image, start()).planes), len(new.look(image, start()).planes)) == (len(NAMES), len(KNOWN))
     again = from_bytes(to_bytes(new))
     assert again.inside.features == KNOWN
     everything = features(image, start(), names=KNOWN)

@@ -123,9 +123,7 @@ def test_a_method_of_ones_own_is_measured(folder: Path) -> None:
         ("run", "--executor dusk", "--executor: there is no 'dusk'; did you mean 'dask'?"),
     ],
 )
-def test_a_wrong_name_is_refused_before_the_first_image(
-    command: str, options: str, sentence: str, folder: Path, ffseg_process: Command
-) -> None:
+def test_a_wrong_name_is_told(command: str, options: str, sentence: str, folder: Path, ffseg_process: Command) -> None:
     (folder / "wrong.py").write_text("edges = undefined\n")
     (folder / "theirs.yaml").write_text("method: bright:run\n")
     (folder / "ends.py").write_text("raise SystemExit(0)\n")

@@ -48,9 +48,7 @@ def _failing(call: str, code: int) -> Callable[..., int]:
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO, errno.EACCES])
 @pytest.mark.parametrize("call", CALLS)
-def test_failing_calls_keep_earlier_files(
-    call: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failing_calls_keep_old_files(call: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_bytes_atomic(tmp_path / "a.bin", b"good")
     with monkeypatch.context() as patch:
         patch.setattr(os, call, _failing(call, code))
@@ -62,9 +60,7 @@ def test_failing_calls_keep_earlier_files(
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
 @pytest.mark.parametrize("failing", ["a.bin", "b.bin", "c.bin"])
 @pytest.mark.parametrize("call", ["write", "fsync", "close"])
-def test_files_of_a_group_get_their_names_only_when_all_are_on_the_disk(
-    call: str, failing: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_groups_come_last(call: str, failing: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     names = ["a.bin", "b.bin", "c.bin"]
     write_all_atomic([(str(tmp_path / name), b"good") for name in names])
     real, real_write = getattr(os, call), os.write

@@ -77,7 +77,7 @@ def limacon() -> FreeForm:
     joints = [*np.linspace(0.08 - node, node - 0.08, 7), *np.linspace(node + 0.02, 2 * pi - node - 0.02, 161)]
     joints.append(joints[0] + 2 * pi)
     angles = np.concatenate([np.linspace(a, b, 4)[:-1] for a, b in pairwise(joints)])
-    return around(angles, 100 + 200 * np.cos(angles), center=(100, 260))
+    return around(angles, 100 + 200 * np.cos(angles), at=(100, 260))
 
 
 def test_the_outer_one_of_two_loops_stays_though_it_has_fewer_patches() -> None:
@@ -205,8 +205,7 @@ def test_fronts_that_meet_over_obstacles_leave_a_hole_round_each(shift: int, bal
     starts = [FreeForm.circle((40 + shift / 3, 70), 12, 13, 3), FreeForm.circle((141, 70 - shift / 2), 12, 13, 3)]
     made = refined(starts, blocks(places), balloon=balloon, iterations=500)
     found = areas(made)
-    assert made.stop_reason == "converged"
-    assert [area > 0 for area in found] == [False] * len(places) + [True]
+    assert (made.stop_reason, [area > 0 for area in found]) == ("converged", [False] * len(places) + [True])
     inside = [sum(c.winding([[float(x), float(y)]])[0] for c in contours(made)) for x, y in places]
     assert inside == [0] * len(places)
 

@@ -51,8 +51,7 @@ def test_refuses_other_degrees(bad: object) -> None:
 
 def test_chord_count_of_a_parabola_is_tight() -> None:
     parabola = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 2.0]])  # y = x^2 / 2: chords over n steps are off by 1/(2 n^2)
-    assert bezier.chord_count(parabola, 0.5 / 100) == 10
-    assert bezier.chord_count(parabola, 0.4999 / 100) == 11
+    assert (bezier.chord_count(parabola, 0.5 / 100), bezier.chord_count(parabola, 0.4999 / 100)) == (10, 11)
 
 
 def test_evaluate_broadcasts_over_stacks() -> None:

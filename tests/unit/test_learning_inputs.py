@@ -179,10 +179,8 @@ def test_images_of_one_name_are_refused(folder: Path) -> None:
 
 def test_what_a_starts_file_sets_stays_whatever_is_tried(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`run` lets the row win, so that the figure `tune` promised did not come."""
-    (folder / "s.csv").write_text(
-        "image,kind,x,y,radius,right,bottom,value\n1,probability,,,,,,0.3\n1,clearance,,,,,,5\n"
-    )
-    labelled = gather([str(folder / "in")], str(folder / "truth"), load_params(), str(folder / "s.csv")).labelled
+    (folder / "s").write_text("image,kind,x,y,radius,right,bottom,value\n1,probability,,,,,,0.3\n1,clearance,,,,,,5\n")
+    labelled = gather([str(folder / "in")], str(folder / "truth"), load_params(), str(folder / "s")).labelled
     seen: list[tuple[float, float]] = []
     monkeypatch.setattr(
         "ffseg.learning.tune.segment",

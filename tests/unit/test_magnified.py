@@ -64,8 +64,7 @@ def test_a_picture_in_which_only_the_liveliest_lines_are_enlarged_is_none(way: s
 
 
 def test_nothing_is_told_of_an_even_picture_nor_of_a_small_one() -> None:
-    assert magnified(np.full((400, 400), 7, np.uint8))[0] == 1
-    assert magnified(larger(scene(1).image[:60, :80], 2))[0] == 1
+    assert (magnified(np.full((400, 400), 7, np.uint8))[0], magnified(larger(scene(1).image[:60, :80], 2))[0]) == (1, 1)
     assert magnified(larger(scene(1).image, 4), most=3)[0] == 2
 
 

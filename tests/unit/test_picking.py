@@ -52,6 +52,12 @@ def started(monkeypatch: pytest.MonkeyPatch) -> Started:
     return found
 
 
+def accept(own: Session, *images: int) -> None:
+    """Images in which nothing was picked yet, with a click on the left disc."""
+    for index in images:
+        own.change(0, index, 0, "pick", picked(LEFT, status="accepted"))
+
+
 @given(st.lists(POINT, min_size=1, max_size=4), st.floats(0.5, 8), st.booleans())
 def test_strokes_paint_the_pixels_whose_centres_are_near(points: list, radius: float, inside: bool) -> None:
     before = np.zeros((20, 24), np.bool_)
@@ -118,8 +124,7 @@ def test_a_step_that_cannot_be_written_is_not_taken(tmp_path: Path, monkeypatch:
     with pytest.raises(OutputError, match="free some space"):
         journal.add("a", "pick", Picked.read(picked(RIGHT)))
     monkeypatch.undo()
-    assert journal.track("a").version == 1
-    assert len((tmp_path / "picks.jsonl").read_bytes().splitlines()) == 1
+    assert (journal.track("a").version, len((tmp_path / "picks.jsonl").read_bytes().splitlines())) == (1, 1)
 
 
 @pytest.mark.usefixtures("started")
@@ -141,9 +146,7 @@ def test_a_click_takes_the_disc_and_a_run_takes_the_same(tmp_path: Path, ffseg_c
         assert (out / "run" / "masks" / name).read_bytes() == (out / "masks" / name).read_bytes()
 
 
-def test_the_command_of_the_folder_works_wherever_it_is_called(
-    tmp_path: Path, ffseg_command: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_works_anywhere(tmp_path: Path, ffseg_command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     draw(tmp_path / "in", ["a.png"])
     monkeypatch.chdir(tmp_path)
     with Session(["in/*.png"], "out", load_params()) as own:
@@ -180,8 +183,7 @@ def test_undoing_takes_a_mask_back_and_a_restart_changes_nothing(tmp_path: Path)
 def test_what_a_crash_has_left_undone_is_done_at_the_next_start(tmp_path: Path) -> None:
     folder, out = draw(tmp_path / "in", ["a.png", "b.png"]), tmp_path / "out"
     with session(folder, out) as own:
-        for index in (0, 1):
-            own.change(0, index, 0, "pick", picked(LEFT, status="accepted"))
+        accept(own, 0, 1)
         own.change(0, 1, 1, "pick", picked(LEFT))
     whole = (out / "masks" / "a.png").read_bytes()
     (out / "masks" / "a.png").unlink()  # accepted, killed before it was written
@@ -194,9 +196,7 @@ def test_what_a_crash_has_left_undone_is_done_at_the_next_start(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(("how", "place"), [("killed", RIGHT), ("full", LEFT)])
-def test_masks_and_steps_are_of_one_state(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str, place: tuple[int, int]
-) -> None:
+def test_masks_match_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str, place: tuple[int, int]) -> None:
     """What a crash kept from being written is made at the next start; a step that cannot be written is not taken."""
     folder, out = draw(tmp_path / "in", ["a.png"]), tmp_path / "out"
     mask, later = out / "masks" / "a.png", picked(RIGHT, status="accepted")
@@ -206,7 +206,7 @@ def test_masks_and_steps_are_of_one_state(
         raise error
 
     with session(folder, out) as own:
-        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        accept(own, 0)
         monkeypatch.setattr(project, "write_all_atomic", stopped)
         with pytest.raises(type(error)):
             own.change(0, 0, 1, "pick", later)
@@ -234,7 +234,7 @@ def test_masks_of_a_run_stand_until_something_is_picked(tmp_path: Path, ffseg_co
     ffseg_command("run", folder, "--out", tmp_path / "run", "--set", place, "--set", "init.radius=6", code=0)
     with session(folder, out, review=str(tmp_path / "run")) as own:
         own.change(0, 0, 0, "pick", OPEN | {"status": "accepted"})
-        own.change(0, 1, 0, "pick", picked(LEFT, status="accepted"))
+        accept(own, 1)
     assert (out / "masks" / "a.png").read_bytes() == (tmp_path / "run" / "masks" / "a.png").read_bytes()
     assert overlap(mask_of(out / "masks" / "b.png"), disc(LEFT)) > 0.95
 
@@ -274,7 +274,7 @@ def test_a_review_shows_its_own_run_packed_or_not(tmp_path: Path, ffseg_command:
 
 def test_a_mask_that_cannot_be_removed_keeps_its_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with session(draw(tmp_path / "in", ["a.png"]), tmp_path / "out") as own:
-        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        accept(own, 0)
         monkeypatch.setattr(project.os, "unlink", Mock(side_effect=PermissionError(13, "no")))
         with pytest.raises(OutputError, match=r"a\.png cannot be written"):
             own.change(0, 0, 1, "pick", picked(LEFT))
@@ -308,7 +308,7 @@ def test_an_image_that_is_replaced_while_it_is_open_is_read_anew(tmp_path: Path)
         assert own.image(0, 0)["picture"] != before, "no browser keeps one for the other"
         with pytest.raises(UsageError, match="since it was opened"):
             own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"), before)
-        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        accept(own, 0)
     assert mask_of(tmp_path / "out" / "masks" / "a.png").shape[0] == 100
 
 
@@ -324,14 +324,14 @@ def test_masks_stand_wherever_a_folder_is_copied(tmp_path: Path) -> None:
     """The last one was found anew, by the times of files, with the model there is then or with none."""
     folder, out = draw(tmp_path / "in", ["a.png"]), tmp_path / "out"
     with session(folder, out) as own:
-        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        accept(own, 0)
     write_image(out / "masks" / "a.png", disc(RIGHT))
     os.utime(out / "masks" / "a.png", ns=(0, 0))
     session(folder, out).close()
     assert np.array_equal(mask_of(out / "masks" / "a.png"), disc(RIGHT))
 
 
-def test_a_stroke_on_an_accepted_mask_of_a_run_changes_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stroke_on_an_accepted_mask_changes_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another run was begun with, and undoing found that, too; a crash before the mask was written left an empty one."""
     folder, out, run = draw(tmp_path / "in", ["a.png"]), tmp_path / "out", tmp_path / "run"
     write_image(run / "masks" / "a.png", disc(LEFT))
@@ -533,9 +533,7 @@ FIGURES = {
 }  # fmt: skip
 
 
-def test_learning_and_the_run_read_the_images_with_the_parameters_of_the_page(
-    tmp_path: Path, started: Started, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_and_the_run_read_alike(tmp_path: Path, started: Started, monkeypatch: pytest.MonkeyPatch) -> None:
     """A model was learned from values of 16 bits scaled by another range than that it was used with."""
     monkeypatch.chdir(tmp_path)
     folder = draw(tmp_path / "in", ["a.png", "b.png"])
@@ -544,11 +542,9 @@ def test_learning_and_the_run_read_the_images_with_the_parameters_of_the_page(
     (tmp_path / "corner.png").write_bytes(encode_mask(corner))
     params = load_params(None, {"input.range": [0, 500], "init.background_mask": "corner.png"})
     with Session([str(folder)], "out", params) as own:
-        for index in (0, 1):
-            own.change(0, index, 0, "pick", picked(LEFT, status="accepted"))
+        accept(own, 0, 1)
     said = [one for word, one in pairwise(started[0]) if word == "--set"]
-    assert load_params(None, said) == load_params("out/pick.yaml")
-    assert load_params(None, said).input.range == (0, 500)
+    assert (load_params(None, said), load_params(None, said).input.range) == (load_params("out/pick.yaml"), (0, 500))
     assert load_params(None, said).init.background_mask == str(tmp_path / "corner.png")
 
 
@@ -576,8 +572,7 @@ def test_the_page_keeps_to_the_domain_as_the_run_does(key: str, tmp_path: Path, 
 def test_images_that_were_replaced_after_they_were_accepted_are_named(tmp_path: Path) -> None:
     folder, out = draw(tmp_path / "in", ["a.png", "b.png", "c.png"]), tmp_path / "out"
     with session(folder, out) as own:
-        for index in (0, 1):
-            own.change(0, index, 0, "pick", picked(LEFT, status="accepted"))
+        accept(own, 0, 1)
         assert own.changed() == []
     later = (out / "masks" / "b.png").stat().st_mtime_ns + 10**9
     for name in ("b.png", "c.png"):
@@ -637,7 +632,7 @@ def test_an_accepted_image_shows_the_mask_that_was_kept(tmp_path: Path, monkeypa
     """Whatever a later model would find; and nothing is accepted again that has no region any more."""
     found = Scene.find
     with session(draw(tmp_path / "in", ["a.png"]), tmp_path / "out") as own:
-        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        accept(own, 0)
         kept = own.find(0, 0, own.image(0, 0)["picked"], quick=False)
         monkeypatch.setattr(Scene, "find", lambda self, picked, *rest, **how: found(self, Picked(), *rest, **how))
         assert own.find(0, 0, own.image(0, 0)["picked"], quick=False)["path"] == kept["path"] != ""
@@ -650,8 +645,7 @@ def test_an_accepted_image_shows_the_mask_that_was_kept(tmp_path: Path, monkeypa
 def test_what_is_being_learned_when_the_program_is_killed_is_learned_anew(tmp_path: Path, started: Started) -> None:
     folder, out = draw(tmp_path / "in", ["a.png", "b.png", "c.png"]), tmp_path / "out"
     with session(folder, out) as own:
-        for index in (0, 1):
-            own.change(0, index, 0, "pick", picked(LEFT, status="accepted"))
+        accept(own, 0, 1)
         (out / "learning.ffmodel").write_bytes(b"of two masks")
         own._work[0]._learned(0, json.dumps(FIGURES | {"iou": None}), "")
         assert len(started) == 2, "it is measured"
@@ -659,7 +653,7 @@ def test_what_is_being_learned_when_the_program_is_killed_is_learned_anew(tmp_pa
         assert own.news(0, 0)["lines"][1] == "learned from 3 masks, now measured on each left out"
         assert ("--quick" in started[2], len(started)) == (False, 3)
         (out / "model.ffmodel").unlink()
-        own.change(0, 2, 0, "pick", picked(LEFT, status="accepted"))
+        accept(own, 2)
     with session(folder, out) as own:
         assert own.news(0, 0)["lines"][1] == "learning from 3 masks"
         assert ("--quick" in started[4], len(started)) == (True, 5)
@@ -830,8 +824,7 @@ def test_labels_of_an_image_that_cannot_be_read_keep_no_other_from_being_taken(t
     images = [{"id": one["image_id"], "file_name": one["image_id"]} for one in boxes]
     (tmp_path / "coco.json").write_text(json.dumps({"images": images, "annotations": boxes}))
     with session(folder, tmp_path / "out") as own:
-        assert own.take(read_labels(tmp_path / "coco.json")) == (1, [])
-        assert own.statuses(0) == {1: "accepted"}
+        assert (own.take(read_labels(tmp_path / "coco.json")), own.statuses(0)) == ((1, []), {1: "accepted"})
 
 
 @pytest.mark.usefixtures("started")
@@ -849,8 +842,10 @@ def test_labels_that_hold_no_pixel_or_all_are_named(thin: list[float], tmp_path:
 def test_labels_that_are_refused_have_changed_nothing(tmp_path: Path) -> None:
     folder = draw(tmp_path / "in", ["a.png", "b.png"])
     boxes = [{"image_id": name, "bbox": [20, 20, 30, 30]} for name in ("a.png", "b.png")]
-    images = [{"id": name, "file_name": name, "height": 9 if name == "b.png" else SIZE[0], "width": SIZE[1]}
-              for name in ("a.png", "b.png")]  # fmt: skip
+    images = [
+        {"id": f"{name}.png", "file_name": f"{name}.png", "height": high, "width": 160}
+        for name, high in (("a", 120), ("b", 9))
+    ]
     (tmp_path / "coco.json").write_text(json.dumps({"images": images, "annotations": boxes}))
     with session(folder, tmp_path / "out") as own:
         with pytest.raises(UsageError, match=r"b\.png were drawn on 160x9"):
@@ -861,7 +856,7 @@ def test_labels_that_are_refused_have_changed_nothing(tmp_path: Path) -> None:
 def test_labels_come_from_other_programs_and_go_back(tmp_path: Path) -> None:
     folder, out = draw(tmp_path / "in", ["a.png", "sub/b.png"]), tmp_path / "out"
     with session(folder, out) as own:
-        own.change(0, 0, 0, "pick", picked(LEFT, status="accepted"))
+        accept(own, 0)
     exported = json.loads((out / "labels" / "a.json").read_text())
     assert (out / "labels" / exported["imagePath"]).resolve() == folder / "a.png"
     drawn = read_labels(out / "labels")

@@ -240,9 +240,7 @@ def test_truth_adds_the_overlap_and_a_truth_of_other_size_fails_its_image(images
 
 
 @pytest.mark.parametrize("gone", [True, False], ids=["removed", "not-among-other-truths"])
-def test_no_overlap_is_kept_of_a_truth_that_is_not_among_those_asked_for(
-    gone: bool, images: Path, tmp_path: Path, ffseg_command: Command
-) -> None:
+def test_no_overlap_is_kept_of_other_truths(gone: bool, images: Path, tmp_path: Path, ffseg_command: Command) -> None:
     """The table and the summary once disagreed, and one column held overlaps with masks of two folders."""
     command = ("run", images, "--out", tmp_path / "out", "--json", "--truth")
     ffseg_command(*command[:5], code=0)

@@ -257,8 +257,8 @@ def test_a_model_finds_the_starts_of_images_without_a_row(tmp_path: Path) -> Non
     path = write(tmp_path, "image,x,y\na,1,2\n")
     assert load_starts(path, ["a", "b"], partial=True) == {"a": Start(1, 2)}
     assert finds_starts(load_params(None, {"edges.model": "own.ffmodel"}))
-    assert not finds_starts(load_params(None, {"edges.model": "net.onnx"}))
-    assert not finds_starts(load_params())
+    assert not (finds_starts(load_params(None, {"edges.model": "net.onnx"})))
+    assert not (finds_starts(load_params()))
 
 
 def test_a_name_that_looks_like_a_formula_is_found_as_tables_write_it(tmp_path: Path) -> None:
@@ -298,8 +298,7 @@ def test_what_a_start_mask_has_outside_the_domain_is_left_out() -> None:
     start[50:70, 40:60] = start[50:70, 150:170] = 255
     found = ffseg.segment(image, start_mask=start, domain=domain)
     alone = ffseg.segment(image, start_mask=np.where(domain > 0, start, 0).astype(np.uint8), domain=domain)
-    assert found.messages == ("what the start mask has outside the domain was left out",)
-    assert alone.messages == ()
+    assert (found.messages, alone.messages) == (("what the start mask has outside the domain was left out",), ())
     np.testing.assert_array_equal(found.mask, alone.mask)
     assert not found.mask[domain == 0].any()
 

@@ -114,8 +114,7 @@ def test_the_page_names_the_setting_it_shows_where_none_is_taken() -> None:
 
 def test_settings_are_spread_and_differ() -> None:
     drawn = list(islice(settings(), 100))
-    assert len({str(one) for one in drawn}) == 100
-    assert len({str(one) for one in settings()}) == MOST_SETTINGS
+    assert (len({str(one) for one in drawn}), len({str(one) for one in settings()})) == (100, MOST_SETTINGS)
     assert len({str(one["edges.canny"]) for one in drawn}) == 10
     assert [halton(index, 2) for index in (1, 2, 3, 4)] == [0.5, 0.25, 0.75, 0.125]
     params = applied(load_params(), drawn[0])

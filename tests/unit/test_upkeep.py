@@ -43,8 +43,7 @@ def test_a_run_over_part_of_the_images_keeps_the_rest(images: Path, out: Path) -
     run_in(images, out, products=ALL)
     coco = (out / "coco.json").read_bytes()
     before = table(out / "timings.csv")
-    assert run_in(images / "c.png", out, products=ALL).unchanged == 1
-    assert table(out / "timings.csv") == before
+    assert (run_in(images / "c.png", out, products=ALL).unchanged, table(out / "timings.csv")) == (1, before)
     assert (out / "coco.json").read_bytes() == coco
     shutil.copy(images / "d.png", images / "c.png")
     assert (run_in(images / "c.png", out, products=ALL).done, rows(out)) == (1, NAMES)
@@ -64,9 +63,7 @@ def test_other_outputs_make_only_what_is_asked_for_and_missing(images: Path, out
     assert masks == {path: path.stat().st_mtime_ns for path in (out / "masks").iterdir()}
 
 
-def test_a_truth_is_measured_on_the_mask_that_is_there(
-    images: Path, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_truths_measure_what_is_there(images: Path, tmp_path: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in NAMES:
         write_image(tmp_path / "truth" / name, np.eye(12, 16, dtype=np.bool_))
     truth = str(tmp_path / "truth")
@@ -76,8 +73,7 @@ def test_a_truth_is_measured_on_the_mask_that_is_there(
     with monkeypatch.context() as patch:
         patch.setattr(stand_in, "segment", None)  # nothing is segmented from here on
         assert run_in(images, out, truth=truth).unchanged == 6
-        assert [row["iou"] for row in table(out / "timings.csv")] == expected
-        assert run_in(images, out).unchanged == 6
+        assert ([row["iou"] for row in table(out / "timings.csv")], run_in(images, out).unchanged) == (expected, 6)
         assert [row["iou"] for row in table(out / "timings.csv")] == expected, "the IoU is as true as before"
         write_image(tmp_path / "truth" / "b.png", np.eye(12, 16, 1, dtype=np.bool_))
         assert run_in(images, out).unchanged == 6
@@ -158,9 +154,7 @@ def test_pipes_in_the_place_of_outputs_are_not_replaced(images: Path, out: Path)
     assert "is a named pipe and is not replaced" in table(out / "timings.csv")[0]["error"]
 
 
-def test_a_preview_of_a_record_that_cannot_be_opened_says_what_the_run_will(
-    images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_previews_of_bad_records_say_the_same(images: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It passed over a state folder without permissions, and said that all is to be done."""
     run_in(images, tmp_path / "out")
     lock, real = str(tmp_path / "out" / ".ffseg" / "lock"), os.open
