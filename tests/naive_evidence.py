@@ -13,15 +13,13 @@ def reduced_lab(image: np.ndarray, factor: int) -> np.ndarray:
     image = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
     height, width = (-(-side // factor) for side in image.shape[:2])
     out = np.empty((3, height, width))
-    matrix = np.array(
-        [[0.433953, 0.376219, 0.189828], [0.212671, 0.71516, 0.072169], [0.0177576, 0.1094769, 0.8727655]]
-    )
+    xyz = np.array([[0.433953, 0.376219, 0.189828], [0.212671, 0.71516, 0.072169], [0.0177576, 0.1094769, 0.8727655]])
     for y in range(height):
         for x in range(width):
             block = image[y * factor : (y + 1) * factor, x * factor : (x + 1) * factor, 2::-1]
             rgb = block.reshape(-1, 3).mean(0) / 255
             light = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-            white = matrix @ light
+            white = xyz @ light
             f = [np.cbrt(v) if v > 216 / 24389 else (24389 / 27 * v + 16) / 116 for v in white]
             out[:, y, x] = 116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])
     return out
@@ -88,10 +86,8 @@ def likelihood(lab: np.ndarray, inside: np.ndarray) -> np.ndarray:
         counts = np.zeros(shape)
         np.add.at(counts, tuple(b[chosen] for b in bins), 1)
         for axis in (0, 0, 1, 1, 2, 2):
-            wide = np.moveaxis(
-                np.pad(counts, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode="edge"), axis, 0
-            )
-            counts = np.moveaxis((wide[:-2] + 2 * wide[1:-1] + wide[2:]) / 4, 0, axis)
+            w = np.moveaxis(np.pad(counts, [(1, 1) if a == axis else (0, 0) for a in range(3)], mode="edge"), axis, 0)
+            counts = np.moveaxis((w[:-2] + 2 * w[1:-1] + w[2:]) / 4, 0, axis)
         shares.append(counts / max(counts.sum(), 1))
     return np.log((shares[0] + 1e-6) / (shares[1] + 1e-6))[bins]
 

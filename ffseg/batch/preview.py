@@ -13,6 +13,7 @@ from ffseg.batch.record.foreign import refuse_foreign
 from ffseg.batch.record.header import refuse_mixing, run_header
 from ffseg.batch.record.journal import last_records, state_folder
 from ffseg.batch.record.lock import refuse_locked
+from ffseg.batch.record.ordered import moved_records
 from ffseg.batch.values import Record
 from ffseg.batch.workers.freshness import kept_outputs, read_job
 from ffseg.batch.workers.messages import Setup
@@ -53,6 +54,7 @@ def preview(plan: Plan, setup: Setup, options: Options) -> Iterator[Preview]:
         refuse_mixing(plan.out, folder, header, pack=plan.products.pack)
     _refuse_unwritable(plan.out)
     known = {} if options.overwrite else last_records(folder)
+    known |= {record.name: record for record in moved_records(plan.out, known.get)} if plan.shard else {}
     for job in plan.jobs:
         record = known.get(job.source.name)
         yield _preview(plan, job, setup, record if record is not None and record.fits(header["settings"]) else None)

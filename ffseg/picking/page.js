@@ -263,7 +263,10 @@ stage.addEventListener("pointermove", (event) => {
   if (drag.id !== event.pointerId) return;
   if (drag.kind === "move") return view.move(event.movementX, event.movementY);
   if (drag.kind === "stroke") {
-    drag.stroke.points.push(...(event.getCoalescedEvents?.() ?? [event]).map((one) => view.at(one)));
+    for (const place of (event.getCoalescedEvents?.() ?? [event]).map((one) => view.at(one))) {
+      const [x, y] = drag.stroke.points.at(-1);
+      if (Math.hypot(place[0] - x, place[1] - y) * view.scale >= 1) drag.stroke.points.push(place); // a stroke has 20,000 at most
+    }
     return view.stroke(drag.stroke);
   }
   if (drag.kind === "press" && Math.hypot(event.clientX - drag.x, event.clientY - drag.y) > MOVED) drag.kind = drag.mark?.kind === "starts" ? "level" : "box";

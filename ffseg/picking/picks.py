@@ -101,11 +101,13 @@ class Picked:
                 raise TypeError("it is no object")
             given: Mapping[str, Any] = document
             strokes = given.get("strokes") or ()
+            if len(strokes) > MOST:
+                raise ValueError(f"more than {MOST} strokes")
             picked = cls(
                 _rows(given.get("starts"), 3),
                 _rows(given.get("nots"), 3),
                 _rows(given.get("boxes"), 4),
-                tuple(_stroke(one) for one in strokes[:MOST]),
+                tuple(map(_stroke, strokes)),
                 _value(given.get("probability"), "probability"),
                 _value(given.get("clearance"), "clearance"),
                 given.get("status", "open"),
@@ -137,9 +139,9 @@ def _stroke(one: Mapping[str, Any]) -> Stroke:
 
 
 def _rows_of_two(value: Any) -> tuple[Point, ...]:  # noqa: ANN401 - checked here
-    points = tuple((_number(x), _number(y)) for x, y in list(value)[:MOST_POINTS])
-    if not points:
-        raise ValueError("a stroke without a point")
+    points = tuple((_number(x), _number(y)) for x, y in value)
+    if not 0 < len(points) <= MOST_POINTS:
+        raise ValueError(f"a stroke of {len(points)} points")
     return points
 
 

@@ -94,9 +94,7 @@ def _fault(file: str, old: str, new: str) -> Fault:
 
 RULES = (
     *(Rule(name, (_fault(file, old, new),)) for file, rules in CORE.items() for name, old, new in rules),
-    Rule(
-        "ground covered already is dropped", tuple(_fault(file, *text) for file, own in COVERED.items() for text in own)
-    ),
+    Rule("ground covered already is dropped", tuple(_fault(f, *text) for f, own in COVERED.items() for text in own)),
     Rule("attraction after the contour has stopped (`contour.settle`)", settings={"contour.settle": 0}),
 )
 FAULTS = tuple(fault for rule in RULES for fault in rule.faults)

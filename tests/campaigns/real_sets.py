@@ -54,9 +54,7 @@ def summary(outcomes: Sequence[Outcome]) -> Iterator[str]:
     yield "| --- " * 8 + "|"
     for folder in (*dict.fromkeys(one.photograph.folder for one in outcomes), "all"):
         for half, name in enumerate(HALVES):
-            group = [
-                one for one in outcomes if one.photograph.half == half and folder in ("all", one.photograph.folder)
-            ]
+            group = [o for o in outcomes if o.photograph.half == half and folder in ("all", o.photograph.folder)]
             if group:
                 yield f"| {folder} | {name} | {len(group)} | " + " | ".join(_figures(group)) + " |"
 

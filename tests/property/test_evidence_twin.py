@@ -219,9 +219,7 @@ NO_FORESTS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("name", "values", "sentence"), [(*one, said) for said in NO_FORESTS for one in NO_FORESTS[said]]
-)
+@pytest.mark.parametrize(("name", "values", "sentence"), [(*one, s) for s in NO_FORESTS for one in NO_FORESTS[s]])
 def test_what_is_no_forest_is_refused(name: str, values: list[float], sentence: str) -> None:
     arrays = {**STUMP, name: np.array(values, STUMP[name].dtype)}
     with pytest.raises(ValueError, match=sentence):

@@ -19,14 +19,20 @@ from batches import Silent, images_fixture, make_images, run_batch, table, tree
 from commands import Command
 from runs import data_of
 
+from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
+from ffseg.batch.plan.jobs import make_plan
+from ffseg.batch.preview import preview
 from ffseg.batch.record.journal import last_records
 from ffseg.batch.record.ordered import OrderedPacks
 from ffseg.batch.report.write import write_report
+from ffseg.batch.shards.assign import Shard, only
 from ffseg.batch.shards.merge import merge_shards
 from ffseg.batch.tar.members import output_bytes
 from ffseg.batch.tar.writer import PackWriter, head, head_size
+from ffseg.batch.workers.messages import Setup
 from ffseg.errors import OutputError, UsageError
+from ffseg.parameters import load_params
 from tests.masks import write_image
 
 NAMES = [f"{index % 3}/i{index}.png" for index in range(14)]
@@ -221,9 +227,12 @@ def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path, out: Path)
     run_shard(images, out, "2/2")
     assert (tars(out), merge_shards(str(out)).problems) == (some, [])
     assert tars(out) == tars(tmp_path / "one")
+    plan = only(make_plan([str(images)], str(out), products=PACKED), Shard(1, 2))
+    setup = Setup(params=load_params(), segmenter=stand_in.NAME, products=PACKED)
+    seen = [one.status for one in preview(plan, setup, Options())]
+    assert len(seen) > 2 >= seen.count("to do") + 1, "what a merge has moved is found; one image fails"
     run_shard(images, out, "1/2")
-    counts = json.loads((out / ".ffseg" / "shards" / "1-of-2" / "run.json").read_text())["counts"]
-    assert counts["done"] == 0, "what a merge has moved is found"
+    assert json.loads((out / ".ffseg" / "shards" / "1-of-2" / "run.json").read_text())["counts"]["done"] == 0
     make_images(images, [NAMES[0]], {NAMES[0]: 9})
     for number in (1, 2):
         run_shard(images, out, f"{number}/2")

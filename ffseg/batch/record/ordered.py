@@ -233,12 +233,16 @@ def put_in_order(
 def find_moved(out: str, journal: Journal, plan: Plan) -> None:
     """Let the journal of a shard know where a merge has moved the outputs of its images."""
     planned = {job.source.name for job in plan.jobs}
-    for record in filter(None, map(parsed_record, journal_lines(state_folder(out)))):
-        mine = journal.get(record.name) if record.name in planned else None
-        if mine is not None:
-            found = relocated(out, mine, record)
-            if found is not mine:
-                journal.add(found)
+    for found in moved_records(out, lambda name: journal.get(name) if name in planned else None):
+        journal.add(found)
+
+
+def moved_records(out: str, mine: Callable[[str], Record | None]) -> Iterator[Record]:
+    """Records of a shard, which `mine` gives by their names, whose outputs a merge has moved: with the places they have now."""
+    for merged in filter(None, map(parsed_record, journal_lines(state_folder(out)))):
+        record = mine(merged.name)
+        if record is not None and (found := relocated(out, record, merged)) is not record:
+            yield found
 
 
 def relocated(out: str, record: Record, merged: Record) -> Record:
