@@ -26,6 +26,8 @@ from ffseg.io.exports import from_run_lengths
 from ffseg.io.files import make_folder, printable, write_all_atomic
 from ffseg.io.masks import decode_mask
 
+REFUTED = 2
+"""Frames in a row whose poses the ground contradicts, after which the last of a drive is not believed either."""
 _NAMED = 1000
 """Frames that are not in the map and are named in ``run.json``; their number is always given."""
 
@@ -44,6 +46,8 @@ class Drive:
     """Why a frame is not in the map, by its name."""
     scans: dict[int, Any] = field(default_factory=dict)
     """Of the images of a bag, by their nanoseconds."""
+    refuted: int = 0
+    """Frames before the one that is doubted whose poses the ground contradicts, one after the other."""
     _doubted: tuple[Record, Sighting, Pose] | None = None
     """A frame whose pose the ground contradicts: it is wrong if that of the next one is contradicted as well."""
 
@@ -87,8 +91,10 @@ class Drive:
         """Fuse the frame that is doubted, if there is one, or leave it out."""
         doubted, self._doubted = self._doubted, None
         if doubted is not None and wrong:
+            self.refuted += 1
             self._lose(printable(doubted[0].name), doubted[0].row.get("note", ""))
         elif doubted is not None:
+            self.refuted = 0
             self._fuse(*doubted)
 
     def _fuse(self, record: Record, seen: Sighting, pose: Pose | None) -> None:
@@ -139,7 +145,7 @@ def drive_of(records: Iterable[Record], out: str, views: Views) -> Drive:
     drive = Drive(frames=len(known), posed=bool(views.poses))
     for name in in_time(known.values()):
         drive.take(known[name], out, views)
-    drive.settle()
+    drive.settle(wrong=drive.refuted >= REFUTED)
     drive.ways = drive.grid.skeleton(views.camera.footprint)
     return drive
 

@@ -180,7 +180,7 @@ class Run:
         remove_chunks(keeper.state)
         if plan.shard:  # until it has finished, it has not
             if plan.tars:
-                find_moved(plan.out, keeper.journal, plan)
+                find_moved(plan.out, keeper.journal)
             remove_files([os.path.join(keeper.state, RUN)])
 
     def _left_over(self) -> Iterator[Done]:

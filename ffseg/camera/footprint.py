@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from ffseg.camera.model import Camera
 
 RADIUS_CELLS = 8
-"""Cells of the plane that the footprint's radius is long, at most: a passage is measured to an eighth of it."""
+"""Cells of the plane that the footprint's radius is long: a passage is measured to an eighth of it."""
 MOST_CELLS = 2048
-"""Side of the plane."""
-SPARSE = 1.0
-"""Metres between what two neighbouring pixels show of the ground: all nearer than that fits on the plane."""
+"""Side of the plane: 128 radii to each side of the camera. What lies beyond is not shut, however narrow."""
+BEYOND = -2
+"""Stands for a cell of ground beyond the plane."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,8 +25,8 @@ class Footprint:
     Attributes
     ----------
     cells : ndarray of int32, shape (H, W)
-        Cell of the plane that each pixel's centre shows, ``row << 16 | column``; -1 where it shows no ground, or the
-        robot itself.
+        Cell of the plane that each pixel's centre shows, ``row << 16 | column``; `BEYOND` where that lies beyond the
+        plane, -1 where it shows no ground, or the robot itself.
     diameter : float
         Of the disc, in cells.
     radius_m : float
@@ -62,21 +62,13 @@ def footprint_of(camera: Camera, radius: float, own: float) -> Footprint:
         When the camera file has no mount_height.
     """
     ground = camera.ground()
-    scale = min(RADIUS_CELLS / radius, MOST_CELLS / 2 / _reach(ground))
-    cells = np.rint(ground * scale) + MOST_CELLS // 2
+    cells = np.rint(ground * (RADIUS_CELLS / radius)) + MOST_CELLS // 2
     with np.errstate(invalid="ignore"):
         shown = ((cells >= 0) & (cells < MOST_CELLS)).all(axis=-1)
+    beyond = ~shown & np.isfinite(ground).all(axis=-1)
     x, y = np.arange(camera.width) - camera.center[0], np.arange(camera.height) - camera.center[1]
     shown &= x**2 + (y**2)[:, None] > own**2
     column, row = np.where(shown[..., None], cells, 0.0).astype(np.int32).transpose(2, 0, 1)
-    packed = np.ascontiguousarray(np.where(shown, row << 16 | column, np.int32(-1)))
+    packed = np.ascontiguousarray(np.where(shown, row << 16 | column, np.where(beyond, np.int32(BEYOND), np.int32(-1))))
     packed.setflags(write=False)
-    return Footprint(packed, 2.0 * radius * scale, radius)
-
-
-def _reach(ground: NDArray[np.float64]) -> float:
-    """Metres to the farthest ground that is not `SPARSE`."""
-    with np.errstate(invalid="ignore"):
-        down, right = (np.linalg.norm(np.diff(ground, axis=axis), axis=-1) for axis in (0, 1))
-        dense = np.maximum(down[:, 1:], right[1:]) <= SPARSE
-        return float(np.linalg.norm(ground[1:, 1:], axis=-1).max(where=dense, initial=SPARSE))
+    return Footprint(packed, 2.0 * RADIUS_CELLS, radius)

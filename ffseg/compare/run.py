@@ -156,7 +156,9 @@ def missed_gates(rows: Sequence[Row], gates: dict[str, float]) -> list[str]:
         if row.iou is None:
             missed.append(f"{row.image}: {row.method} has no IoU, the gate is {gate:g}")
         elif row.iou < gate:
-            missed.append(f"{row.image}: {row.method} has IoU {floor(row.iou * 1e4) / 1e4:.4f}, the gate is {gate:g}")
+            missed.append(
+                f"{row.image}: {row.method} has IoU {floor(round(row.iou * 1e4, 6)) / 1e4:.4f}, the gate is {gate:g}"
+            )
     return missed
 
 

@@ -41,7 +41,8 @@ class Shared:
     def scene(self, scene: Scene) -> Scene:
         """A method's scene with it."""
         params = replace(scene.params, init=self.params.init)
-        return replace(scene, params=params, edges=self.edges, edges_given=True)
+        start_mask = None if self.moved else scene.start_mask  # whose place the circles take
+        return replace(scene, params=params, edges=self.edges, edges_given=True, start_mask=start_mask)
 
 
 def common_source(params: Parameters, methods: Sequence[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import reprlib
 from typing import Any, Literal
 
 import numpy as np
@@ -46,15 +47,29 @@ def taken_image(image: object, rgb: bool = False, levels: Levels = "auto") -> ND
         As `checked_image`.
     """
     refuse_masked("image", image)
+    ends = None if isinstance(levels, str) and levels == "auto" else _ends(levels)
     if isinstance(image, np.ndarray) and image.size:
-        if levels != "auto" and image.dtype.kind in "iuf" and image.dtype != np.uint8 and np.isfinite(image).all():
-            image = scaled(image, levels)
+        if ends is not None and image.dtype.kind in "iuf" and image.dtype != np.uint8 and np.isfinite(image).all():
+            image = scaled(image, ends)
         elif image.dtype.kind == "u" and image.dtype.itemsize == 2:
             image = (image >> 8).astype(np.uint8)
         elif image.dtype.kind == "f" and image.min() >= 0 and image.max() <= 1:
             image = np.rint(image * image.dtype.type(255)).astype(np.uint8)
     found = checked_image(image)
     return np.ascontiguousarray(found[..., ::-1]) if rgb and found.ndim == 3 else found
+
+
+def _ends(levels: object) -> tuple[float, float]:
+    """Black and white, below it.
+
+    Raises
+    ------
+    SegmentationError
+    """
+    ends = np.asarray(levels)
+    if ends.dtype.kind not in "iuf" or ends.shape != (2,) or not -np.inf < ends[0] < ends[1] < np.inf:
+        raise SegmentationError(f'levels: {reprlib.repr(levels)} is not "auto" or (black, white), black below white')
+    return float(ends[0]), float(ends[1])
 
 
 def refuse_masked(name: str, values: object) -> None:

@@ -106,7 +106,8 @@ def require_edges(edges: EdgeMap, shape: tuple[int, ...]) -> None:
         raise SegmentationError(
             f"the edge map's edges are {MARKED} on edge pixels and 0 elsewhere; this one has others"
         )
-    if np.shape(edges.thresholds) != (2,) or not np.isfinite(edges.thresholds).all():
+    numbers = np.asarray(edges.thresholds)
+    if numbers.shape != (2,) or numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all():
         raise SegmentationError(f"the edge map's thresholds are {edges.thresholds!r}; give (low, high)")
 
 

@@ -183,7 +183,7 @@ class Savable:
         Parameters
         ----------
         behind : str
-            Name of the image file, relative to the SVG, to be shown behind the contours.
+            Name of the image file, relative to the SVG, or address, to be shown behind the contours.
 
         Raises
         ------
@@ -194,7 +194,9 @@ class Savable:
 
         if not isinstance(behind, str):  # perhaps the image itself
             raise OutputError(f"behind is of type {type(behind).__name__}; give the name of an image file")
-        self._save(path, "svg", Source(title, behind=quote(behind, safe="/:", errors="surrogateescape")))
+        if not re.match("[a-z][a-z0-9+.-]+:", behind):  # no address, but a name
+            behind = quote(behind, errors="surrogateescape")
+        self._save(path, "svg", Source(title, behind=behind))
 
     def save_cutout(
         self, path: str | os.PathLike[str], image: Pixels, *, rgb: bool = False, levels: Levels = "auto"

@@ -240,7 +240,7 @@ stage.addEventListener("pointerdown", (event) => {
   if (!image || image.problem || event.button > 2) return;
   stage.setPointerCapture(event.pointerId);
   pressed = { key: "", at: 0 };
-  if (drag && fingers.size === 2) {
+  if (fingers.size === 2 && event.pointerType === "touch") {
     letGo();
     drag = { kind: "fingers" };
     whole(current());
@@ -361,7 +361,7 @@ document.addEventListener("keydown", (event) => {
   if (/^[1-9]$/.test(event.key)) return choose(Number(event.key) - 1);
   const act = keys[event.key] ?? keys[event.key.toLowerCase()];
   const again = event.repeat || event.key === pressed.key && event.timeStamp - pressed.at < TWICE_MS;
-  pressed = { key: event.key, at: event.timeStamp };
+  if (!again) pressed = { key: event.key, at: event.timeStamp };
   if (!act || again && /^(a|s|enter)$/i.test(event.key)) return;
   if (event.key === "Enter" && event.target.matches("button")) return;
   event.preventDefault();

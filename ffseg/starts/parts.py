@@ -30,7 +30,10 @@ def kept(scene: Scene) -> Scene:
 
 
 def core(scene: Scene) -> NDArray[np.bool_]:
-    """Pixels that are surely inside: the start region; of what closes in, which holds ground round the object, its depth."""
+    """Pixels that show what is inside: the start region; of what closes in, which holds ground round the object, its depth.
+
+    As far as the object fills that: three fifths of the way to the start's limit.
+    """
     region = scene.start_region()
     if scene.params.contour.balloon >= 0 or not region.any():
         return region

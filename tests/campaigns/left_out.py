@@ -89,9 +89,7 @@ def changed(now: Overlaps, before: Overlaps) -> str:
     for kind, look in now.keys() & before.keys():
         pictures.setdefault((kind, look // STARTS), []).append(now[kind, look] - before[kind, look])
     means = np.array([np.mean(changes) for changes in pictures.values()])
-    return (
-        f"changed by {means.mean():+.4f}, standard error {means.std() / np.sqrt(len(means)):.4f}, {len(means)} pictures"
-    )
+    return f"changed by {means.mean():+.4f}, error {means.std() / np.sqrt(len(means)):.4f}, {len(means)} pictures"
 
 
 if __name__ == "__main__":

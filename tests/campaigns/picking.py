@@ -103,9 +103,7 @@ def follow(tab: chromium.Chromium, work: Path, size: tuple[int, int]) -> None:
         tab.mouse("mousePressed", *corner, "left")
         watched.moves(
             "box",
-            lambda share: tab.mouse(
-                "mouseMoved", *(a + (b - a) * share for a, b in zip(corner, far, strict=True)), "left"
-            ),
+            lambda s: tab.mouse("mouseMoved", *(a + (b - a) * s for a, b in zip(corner, far, strict=True)), "left"),
         )
         tab.mouse("mouseReleased", *far, "left")
         tab.press("x")
@@ -113,7 +111,7 @@ def follow(tab: chromium.Chromium, work: Path, size: tuple[int, int]) -> None:
         tab.click(*start)
         tab.until("document.querySelectorAll('#marks circle').length === 1")
         tab.mouse("mousePressed", *start, "left")
-        watched.moves("level", lambda share: tab.mouse("mouseMoved", start[0], start[1] - 10 - 60 * share, "left"))
+        watched.moves("level", lambda s: tab.mouse("mouseMoved", start[0], start[1] - 10 - 60 * s, "left"))
         tab.mouse("mouseReleased", start[0], start[1] - 70, "left")
         server.shutdown()
 

@@ -41,9 +41,7 @@ def campaign(work: harness.Work, images: int = 500) -> Figures:
         found |= {f"overlays/{path.name}": path.read_bytes() for path in (out / "overlays").iterdir()}
         first = first or found
         figures.variants += 1
-        figures.differ += [
-            f"{name}: {file}" for file in sorted(first.keys() | found) if first.get(file) != found.get(file)
-        ]
+        figures.differ += [f"{name}: {f}" for f in sorted(first.keys() | found) if first.get(f) != found.get(f)]
     figures.files = len(first)
     return figures
 

@@ -254,6 +254,9 @@ def test_a_range_makes_an_image_of_any_numbers(tmp_path: Path) -> None:
         found.save_cutout(tmp_path / "cut.png", typed, levels=levels)
         assert cv2.imread(str(tmp_path / "cut.png"), cv2.IMREAD_UNCHANGED)[..., :3].max() == DISC.max()
         assert np.array_equal(ffseg.edge_map(typed, ffseg.Edges(), levels=levels).edges, LINES.edges)
+    for ends in ((5, 5), (np.nan, 1), "x", (1, 2, 3)):
+        with pytest.raises(ffseg.SegmentationError, match="black below white"):
+            ffseg.edge_map(deep[0], ffseg.Edges(), levels=ends)  # type: ignore[arg-type]
     with pytest.raises(ffseg.ParameterError, match=r"input.range: \[9, 9\] is not .*, ascending and apart"):
         ffseg.segment(DISC / 255, {"input.range": [9, 9]})
 

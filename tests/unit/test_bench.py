@@ -196,9 +196,7 @@ def test_drawn_scene_leaves_the_start_free_and_the_rest_mixed() -> None:
 def test_patch_contours_have_as_many_patches_as_the_figure_says() -> None:
     (*_, group) = images.patches(Order(quick=True), Path())
     assert group.facts == {"circles": 10}
-    assert [(task.x, task.case) for task in group.tasks] == [
-        (100, f"{how}, 100") for how in ("still", "filtered", "merging")
-    ]
+    assert [(t.x, t.case) for t in group.tasks] == [(100, f"{how}, 100") for how in ("still", "filtered", "merging")]
 
 
 @pytest.fixture(scope="module")

@@ -25,6 +25,7 @@ from ffseg.peer_parameters import PeerParameters
 from ffseg.result import Segmentation, Timings
 from ffseg.scene import Stats
 from tests.discs import write_case
+from tests.masks import write_image
 
 
 @pytest.fixture
@@ -76,6 +77,14 @@ def test_all_methods_have_the_same_edges_and_starts(case: Path, monkeypatch: pyt
     watched.reset_mock()
     work.compare(replace(task, own_edges=True), silent)
     assert not any(call.args[0].edges_given for call in watched.call_args_list)
+
+
+def test_a_start_mask_that_is_moved_is_moved_for_all(case: Path) -> None:
+    y, x = np.mgrid[:90, :120]
+    write_image(case.parent / "bar.png", (np.abs(x - 89.5) < 1.5) & (np.abs(y - 45) < 3))
+    on_an_edge = {"init.mask": str(case.parent / "bar.png"), "edges.source": "gradient"}
+    rows = work.compare(task_of(case, "freeform,snake", **on_an_edge), silent)
+    assert [(row.status, row.start_moved) for row in rows] == [("ok", "yes")] * 2
 
 
 def test_what_a_method_may_not_see_no_other_sees() -> None:

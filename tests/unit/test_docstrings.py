@@ -11,9 +11,7 @@ import pytest
 import ffseg
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
-PUBLIC = [
-    name for name in ffseg.__all__ if name != "__version__" and not isinstance(getattr(ffseg, name), types.UnionType)
-]
+PUBLIC = [n for n in ffseg.__all__ if n != "__version__" and not isinstance(getattr(ffseg, n), types.UnionType)]
 
 
 def examples(name: str) -> list[doctest.DocTest]:

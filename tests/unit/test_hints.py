@@ -53,9 +53,7 @@ def test_every_click_holds(kind: str) -> None:
 
 def assert_held(clicks: Clicks, found: Segmentation) -> None:
     """But for a rim of a pixel and a half: the contour settles on an edge that near."""
-    inside, outside = (
-        tuple((x, y, max(radius - 1.5, 0.5)) for x, y, radius in side) for side in (clicks.inside, clicks.outside)
-    )
+    inside, outside = (tuple((x, y, max(r - 1.5, 0.5)) for x, y, r in side) for side in (clicks.inside, clicks.outside))
     assert found.mask[covered(inside, found.mask.shape)].all()
     assert not found.mask[covered(outside, found.mask.shape)].any()
 

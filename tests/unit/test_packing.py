@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tarfile
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import batches
@@ -23,7 +24,7 @@ from ffseg.batch.executors.base import Options
 from ffseg.batch.outputs.table import Products
 from ffseg.batch.plan.jobs import make_plan
 from ffseg.batch.preview import preview
-from ffseg.batch.record.journal import last_records
+from ffseg.batch.record.journal import last_records, state_folder
 from ffseg.batch.record.ordered import OrderedPacks
 from ffseg.batch.report.write import write_report
 from ffseg.batch.shards.assign import Shard, only
@@ -242,6 +243,15 @@ def test_killed_shards_and_merges_go_on(images: Path, tmp_path: Path, out: Path)
     whole = run_packed(images, out)
     assert (whole.done, whole.unchanged) == (0, 13)
     assert (merge_shards(str(out)).problems, tars(out)) == ([], tars(tmp_path / "two"))
+
+
+def test_a_run_over_other_images_finds_what_a_merge_has_moved(images: Path, tmp_path: Path, out: Path) -> None:
+    make_images(tmp_path / "others", ["x.png"])
+    for folder, part in product((images, tmp_path / "others"), ("1/2", "2/2")):
+        run_shard(folder, out, part)
+        merge_shards(str(out))
+    records = [one for number in (1, 2) for one in last_records(state_folder(str(out), f"{number}-of-2")).values()]
+    assert (len(records), {one.stale for one in records}) == (len(NAMES) + 1, {""})
 
 
 def test_an_output_that_is_lost_is_named_by_the_merge(images: Path, tmp_path: Path, out: Path) -> None:

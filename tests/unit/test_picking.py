@@ -53,7 +53,6 @@ def started(monkeypatch: pytest.MonkeyPatch) -> Started:
 
 
 def accept(own: Session, *images: int) -> None:
-    """Images in which nothing was picked yet, with a click on the left disc."""
     for index in images:
         own.change(0, index, 0, "pick", picked(LEFT, status="accepted"))
 
@@ -472,9 +471,7 @@ def test_only_this_page_is_answered(server) -> None:
         assert ask(server, path.replace("\xff", "%ff"), **headers)[0] == 403, (path, headers)
     for headers in ({"Origin": other}, {"Host": "evil.example"}):
         assert ask(server, "change", {"version": 0, "do": "pick", "picked": picked(LEFT)}, **headers)[0] == 403
-    assert ask(server, "change", {"do": "pick"}, Content_Type="text/plain")[0] == 400, (
-        "what a form of another site may send"
-    )
+    assert ask(server, "change", {"do": "pick"}, Content_Type="text/plain")[0] == 400, "as a form of another site"
     assert ask(server, "image", {"image": 0})[1]["version"] == 0
 
 

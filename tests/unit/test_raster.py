@@ -142,9 +142,7 @@ def test_order_of_contours_does_not_matter(one: tuple[own.Points, int], two: tup
     np.testing.assert_array_equal(rasterize(contours, SHAPE), rasterize(contours[::-1], SHAPE))
 
 
-@given(
-    st.lists(own.half_grid_polygon(), min_size=1, max_size=3), own.troubled_points(9), st.sampled_from([1.0, 8.0, 1e3])
-)
+@given(st.lists(own.half_grid_polygon(), min_size=1, max_size=3), own.troubled_points(9), st.sampled_from([1, 8, 1e3]))
 def test_steps_move_where_contours_cross_them(polygons: list[own.Points], troubled: own.Points, scale: float) -> None:
     polygons = [*polygons, troubled * scale + 5.0]
     contours = [FreeForm.polygon(p) for p in polygons]

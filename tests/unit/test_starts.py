@@ -110,12 +110,10 @@ def test_any_bytes_are_starts_or_an_error(tmp_path_factory: pytest.TempPathFacto
         assert np.isfinite([found.x, found.y, found.radius or 1]).all()
 
 
-@pytest.mark.parametrize(
-    "settings", [{"init.circles": [[1, 2, 3]]}, {"init.boxes": [[1, 2, 3, 4]]}, {"init.mask": "mask.png"}]
-)
-def test_other_kinds_of_starts_are_refused_by_key(settings: dict[str, object]) -> None:
-    with pytest.raises(ParameterError, match=rf"s\.csv gives .*, but {next(iter(settings))} is set too"):
-        check_starts(load_params(None, settings), "s.csv")
+@pytest.mark.parametrize("own", [{"init.circles": [[1, 2, 3]]}, {"init.boxes": [[1, 2, 3, 4]]}, {"init.mask": "m"}])
+def test_other_kinds_of_starts_are_refused_by_key(own: dict[str, object]) -> None:
+    with pytest.raises(ParameterError, match=rf"s\.csv gives .*, but {next(iter(own))} is set too"):
+        check_starts(load_params(None, own), "s.csv")
     check_starts(load_params(None, {"init.center": [1, 2]}), "s.csv")
 
 

@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any
 
 from ffseg.batch.outputs.table import PACKS
-from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.plan.sources import STATE_FOLDER
 from ffseg.batch.record.journal import Journal, journal_lines, state_folder
 from ffseg.batch.record.survey import Survey
@@ -230,10 +229,9 @@ def put_in_order(
     return published
 
 
-def find_moved(out: str, journal: Journal, plan: Plan) -> None:
+def find_moved(out: str, journal: Journal) -> None:
     """Let the journal of a shard know where a merge has moved the outputs of its images."""
-    planned = {job.source.name for job in plan.jobs}
-    for found in moved_records(out, lambda name: journal.get(name) if name in planned else None):
+    for found in moved_records(out, journal.get):
         journal.add(found)
 
 

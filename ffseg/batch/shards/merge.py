@@ -255,7 +255,8 @@ def _refuse_mixture(out: str, parts: list[Part]) -> None:
 def _different_inputs(parts: list[Part]) -> list[str]:
     """A sentence when shards that have finished saw different images in all, by number or by name."""
     runs = [(part.run, part.shard) for part in parts if part.run.get("status") == "finished"]
-    seen = {(run.get("whole"), run.get("names")): shard for run, shard in runs}
+    named = all("names" in run for run, _ in runs)  # earlier versions did not
+    seen = {(run.get("whole"), run["names"] if named else ""): shard for run, shard in runs}
     if len(seen) < 2:
         return []
     shown = ", ".join(f"{whole} by shard {shard}" for (whole, _), shard in seen.items())

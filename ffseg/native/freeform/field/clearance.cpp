@@ -52,7 +52,10 @@ void for_pixels(const Bitmap& pixels, const Each& each) {
     }
 }
 
-// The pixels of the ground nearer than `radius` cells to that in these pixels.
+// The cell of a pixel that shows ground beyond the plane: how wide passages are there is not told, and none is shut.
+constexpr std::int32_t kBeyondPlane = -2;
+
+// The pixels of the ground nearer than `radius` cells to that in these pixels; beyond the plane, these themselves.
 Bitmap grown_on(const freeform::Plane& plane, const Bitmap& pixels, int width, double radius) {
     Bitmap ground(plane.side, plane.side), out(pixels.height(), width);
     const auto cell = [&](int x, int y) {
@@ -64,7 +67,8 @@ Bitmap grown_on(const freeform::Plane& plane, const Bitmap& pixels, int width, d
     ground = ground.grown(radius);
     for (int y = 0; y < out.height(); ++y) {
         for (int x = 0; x < width; ++x) {
-            if (cell(x, y) >= 0 && ground.holds(cell(x, y) & 0xffff, cell(x, y) >> 16)) out.add(x, y);
+            const std::int32_t at = cell(x, y);
+            if (at >= 0 ? ground.holds(at & 0xffff, at >> 16) : at == kBeyondPlane && pixels.holds(x, y)) out.add(x, y);
         }
     }
     return out;
@@ -76,7 +80,7 @@ void keep_ground(const freeform::Plane& plane, int width, Bitmap& pixels) {
     std::size_t at = 0;
     for (int y = 0; y < shown.height(); ++y) {
         for (int x = 0; x < width; ++x, ++at) {
-            if (plane.cells[at] >= 0) shown.add(x, y);
+            if (plane.cells[at] >= 0 || plane.cells[at] == kBeyondPlane) shown.add(x, y);
         }
     }
     pixels.keep(shown);
