@@ -88,8 +88,8 @@ def changed(now: Overlaps, before: Overlaps) -> str:
     pictures: dict[tuple[str, int], list[float]] = {}
     for kind, look in now.keys() & before.keys():
         pictures.setdefault((kind, look // STARTS), []).append(now[kind, look] - before[kind, look])
-    means = np.array([np.mean(changes) for changes in pictures.values()])
-    return f"changed by {means.mean():+.4f}, error {means.std() / np.sqrt(len(means)):.4f}, {len(means)} pictures"
+    m = np.array([np.mean(changes) for changes in pictures.values()])
+    return f"changed by {m.mean():+.4f}, standard error {m.std() / np.sqrt(len(m)):.4f}, {len(m)} pictures"
 
 
 if __name__ == "__main__":
