@@ -72,14 +72,13 @@ def contour(scene: Scene) -> Found:
     begin = perf_counter()
     free, messages, across = on_one_side(scene)
     beyond = parts(free)  # of what lies on the starts' side
-    scene, free = (replace(one, starts=(*one.starts, *beyond)) for one in (scene, free))
-    free = outermost(free)
+    free = outermost(replace(free, starts=(*free.starts, *beyond)))
     try:
         outcome = run(free)
     except BlockedStartError as blocked:
         from ffseg.starts.moved import moved  # loads what only this needs
 
-        free, told = moved(scene, str(blocked))
+        free, told = moved(replace(scene, starts=(*scene.starts, *beyond)), str(blocked))
         try:
             outcome, messages, across = run(free), (told,), False
         except BlockedStartError as still:

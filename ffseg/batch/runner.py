@@ -22,7 +22,7 @@ from ffseg.batch.record.journal import state_folder
 from ffseg.batch.record.keeper import Keeper, kept
 from ffseg.batch.record.ledger import Ledger, Observer, Stop, Summary
 from ffseg.batch.record.lock import OutputLock
-from ffseg.batch.record.ordered import find_moved
+from ffseg.batch.record.ordered import moved_records
 from ffseg.batch.record.survey import without_old_truth
 from ffseg.batch.workers.launch import Process
 from ffseg.batch.workers.messages import Done, Failed, Note, Ready, Reply, Setup, Task
@@ -180,7 +180,8 @@ class Run:
         remove_chunks(keeper.state)
         if plan.shard:  # until it has finished, it has not
             if plan.tars:
-                find_moved(plan.out, keeper.journal)
+                for moved in moved_records(plan.out, keeper.journal.get):
+                    keeper.journal.add(moved)
             remove_files([os.path.join(keeper.state, RUN)])
 
     def _left_over(self) -> Iterator[Done]:

@@ -94,7 +94,7 @@ def parsed_record(line: bytes) -> Record | None:
     value = parsed_line(line)
     if value is None or value.keys() - {*_SELDOM} != set(_FIELDS):
         return None
-    if not all(isinstance(value[name], str) for name in (*_TEXTS, *(value.keys() & {"stale"}))):
+    if not all(isinstance(value.get(name, ""), str) for name in (*_TEXTS, "stale")):
         return None
     try:
         members = {path: _member(*member) for path, member in value.get("members", {}).items()}

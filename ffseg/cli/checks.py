@@ -46,8 +46,8 @@ def number(value: float) -> float:
     return value
 
 
-def output_file(option: str, path: Path) -> None:
-    """Refuse, before the work, a file that could not be written after it."""
+def output_file(option: str, path: Path, kind: str = "") -> None:
+    """Refuse, before the work, a file that could not be written after it, or that is no earlier one of its kind."""
     from ffseg.errors import OutputError, UsageError
     from ffseg.io.files import printable, require_replaceable
 
@@ -60,6 +60,8 @@ def output_file(option: str, path: Path) -> None:
         require_replaceable(os.fspath(path))
     except OutputError as error:
         raise UsageError(f"{option}: {error}") from error
+    if kind:
+        refuse_others([(os.fspath(path), kind)], f"choose another name for {option}")
 
 
 def _may_be_a_file(path: Path) -> bool:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import reprlib
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
+from ffseg.parameters import Levels
 
 _CHANNELS = (1, 3, 4)
 _FEW_LEVELS = 15  # of 4 bits: of floats that end below, rounding would leave no picture
@@ -17,8 +18,6 @@ _ORDER = "colours are taken as BGR, as cv2 reads them; with rgb=True as RGB, as 
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.floating[Any]]
 """What `taken_image` takes."""
-Levels = tuple[float, float] | Literal["auto"]
-"""Of black and white; ``auto`` stands for all that the type of the pixels can hold, of floats for 0 and 1."""
 
 
 def scaled(image: NDArray[Any], levels: tuple[float, float]) -> NDArray[np.uint8]:
@@ -47,7 +46,9 @@ def taken_image(image: object, rgb: bool = False, levels: Levels = "auto") -> ND
         As `checked_image`.
     """
     refuse_masked("image", image)
-    ends = None if isinstance(levels, str) and levels == "auto" else _ends(levels)
+    ends = ends_of(levels)
+    if ends is None and not (isinstance(levels, str) and levels == "auto"):
+        raise SegmentationError(f'levels: {reprlib.repr(levels)} is not "auto" or (black, white), black below white')
     if isinstance(image, np.ndarray) and image.size:
         if ends is not None and image.dtype.kind in "iuf" and image.dtype != np.uint8 and np.isfinite(image).all():
             image = scaled(image, ends)
@@ -59,17 +60,11 @@ def taken_image(image: object, rgb: bool = False, levels: Levels = "auto") -> ND
     return np.ascontiguousarray(found[..., ::-1]) if rgb and found.ndim == 3 else found
 
 
-def _ends(levels: object) -> tuple[float, float]:
-    """Black and white, below it.
-
-    Raises
-    ------
-    SegmentationError
-    """
+def ends_of(levels: object) -> tuple[float, float] | None:
+    """Black and white, the one below the other; None of what is no such pair."""
     ends = np.asarray(levels)
-    if ends.dtype.kind not in "iuf" or ends.shape != (2,) or not -np.inf < ends[0] < ends[1] < np.inf:
-        raise SegmentationError(f'levels: {reprlib.repr(levels)} is not "auto" or (black, white), black below white')
-    return float(ends[0]), float(ends[1])
+    told = ends.dtype.kind in "iuf" and ends.shape == (2,) and -np.inf < ends[0] < ends[1] < np.inf
+    return (float(ends[0]), float(ends[1])) if told else None
 
 
 def refuse_masked(name: str, values: object) -> None:

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
-from ffseg.image.checked import Levels, Pixels, refuse_masked, require_size, taken_image
+from ffseg.image.checked import Pixels, refuse_masked, require_size, taken_image
 from ffseg.image.evening import evened
 from ffseg.native import _core
-from ffseg.parameters import Edges
+from ffseg.parameters import Edges, Levels
 
 GRADIENT_SCALE = 32.0
 """Units of ``EdgeMap.gradient`` per grey level and pixel: 255/2*sqrt(2)*32 stays below 2**16."""

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import SegmentationError
-from ffseg.image.checked import Levels, Pixels, taken_image
+from ffseg.image.checked import Pixels, taken_image
 from ffseg.image.disc import Disc, valid_disc
 from ffseg.image.parts import parts
+from ffseg.parameters import Levels
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]

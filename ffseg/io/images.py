@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import ImageReadError, ParameterError
-from ffseg.image.checked import scaled
+from ffseg.image.checked import ends_of, scaled
 from ffseg.io.files import printable, read_bytes
 from ffseg.io.validation.base import Header, damaged
 from ffseg.io.validation.boxes import avif, heic, jpeg2000
@@ -106,12 +106,8 @@ def read_image(
     ((600, 800), dtype('uint8'))
     """
     limits = limits or Limits()
-    if levels is not None and levels != "auto":
-        ends = np.asarray(levels)
-        if ends.dtype.kind not in "iuf" or ends.shape != (2,) or not -np.inf < ends[0] < ends[1] < np.inf:
-            raise ParameterError(
-                f'levels: {reprlib.repr(levels)} is not "auto", None or (black, white), black below white'
-            )
+    if levels is not None and levels != "auto" and ends_of(levels) is None:
+        raise ParameterError(f'levels: {reprlib.repr(levels)} is not "auto", None or (black, white), black below white')
     try:
         return decode_image(read_bytes(path, limits.max_bytes), limits, levels)
     except ImageReadError as error:

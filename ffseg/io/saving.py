@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ffseg.errors import OutputError, SegmentationError
-from ffseg.image.checked import Levels, Pixels, taken_image
+from ffseg.image.checked import Pixels, taken_image
 from ffseg.io.tables import counted
+from ffseg.parameters import Levels
 
 if TYPE_CHECKING:
     from ffseg.io.exports import AnnotatedImage, Document

@@ -233,13 +233,12 @@ class Project:
         """Whether there is a mask of an image just where it is accepted, and written after the last step of all."""
         accepted = self.journal.track(name).now.status == "accepted"
         path = self.mask_path(name)
-        if not accepted or not os.path.isfile(path):
+        if not accepted or name != self.journal.last or not os.path.isfile(path):
             return os.path.isfile(path) == accepted
         try:
-            kept = json.loads(read_bytes(self.path(KEPT), MOST_BYTES))
+            return bool(json.loads(read_bytes(self.path(KEPT), MOST_BYTES)) == [name, self.journal.track(name).version])
         except (ImageReadError, ValueError):  # of a version that wrote none
             return True
-        return name != self.journal.last or kept == [name, self.journal.track(name).version]
 
     def arguments(self) -> list[str]:
         """Arguments of the ``ffseg run`` that does all images, wherever it is called."""

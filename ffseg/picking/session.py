@@ -159,14 +159,14 @@ class Session:
         """
         labels = labels.named([source.name for source in self.sources])
         found = list(self._drawn(labels))  # all of them can be read before one is taken
-        for project, source, mask in found:
-            project.take(source, mask)
-            self._keep_step(project, source.name)
+        for project, index, mask in found:
+            project.take(self.sources[index], mask)
+            self._keep_step(project, index, self._found(project, index, project.track(index).now, kept=True))
         for work in self._work:
             work.learn(again=bool(found))
         return len(found), [*labels.odd]
 
-    def _drawn(self, labels: Labels) -> Iterator[tuple[Project, Source, bytes]]:
+    def _drawn(self, labels: Labels) -> Iterator[tuple[Project, int, bytes]]:
         """Masks of labels, as PNG, of images in which nothing was picked."""
         for index, source in enumerate(self.sources):
             if source.name not in labels.regions:
@@ -178,8 +178,8 @@ class Session:
             for project in self.projects:
                 track = project.journal.track(source.name)
                 mask = None if track.version else labels.mask(source.name, project.label, shape)
-                if mask is not None and mask.any() and not mask.all():
-                    yield project, source, encode_mask(mask)
+                if mask is not None and _has_two_sides(mask):
+                    yield project, index, encode_mask(mask)
 
     def changed(self) -> list[str]:
         """Images whose file is newer than the mask, or of another size than at the last step: another may have been meant."""
@@ -294,53 +294,48 @@ class Session:
                 raise StaleError
             after = track.after(do, picked)
             kept = do != "pick" or track.now.status == "accepted"  # a stroke more changes no more than it paints
+            found: Found | None = None
             if after is not None and after.status == "accepted":
-                found = self._found(project, index, after, kept=kept)
-                if not found.mask.any() or found.mask.all():
-                    raise UsageError("a mask needs pixels inside and outside; pick a region first, or skip the image")
                 base = self._base(project, index, kept=kept)
+                found = self.scene(index).find(after, project.params, base)
+                if not _has_two_sides(found.mask):
+                    raise UsageError("a mask needs pixels inside and outside; pick a region first, or skip the image")
                 if found.source == "run" and base is not None:
                     project.keep_base(name, base)
-            taken = project.journal.add(name, do, picked, size_of(self.sources[index].path))
-            if taken and self._keep_step(project, name):
-                self._work[label].learn(again=True)
+            if project.journal.add(name, do, picked, size_of(self.sources[index].path)):
+                self._keep_step(project, index, found)
+                if project.track(index).accepted:
+                    self._work[label].learn(again=True)
         return self.image(label, index)
 
     def _mend(self, project: Project, name: str) -> None:
         """Write the mask that a crash has kept from being written; an image that has none any more is open again."""
-        track, index = project.journal.track(name), self._place(name)
-        if track.now.status == "accepted" and index >= 0:
+        index, now = (
+            next((at for at, one in enumerate(self.sources) if one.name == name), -1),
+            project.journal.track(name).now,
+        )
+        if index < 0:  # of an image that is not among these
+            return
+        found: Found | None = None
+        if now.status == "accepted":
             try:
-                mask = self._found(project, index, track.now, kept=True).mask
+                found = self._found(project, index, now, kept=True)
             except ImageReadError:  # the page says why
                 return
-            if mask.all() or not mask.any():
+            if not _has_two_sides(found.mask):
                 project.journal.add(name, "undo")
-        self._keep(project, name)
+                found = None
+        project.keep(self.sources[index], found)
 
-    def _place(self, name: str) -> int:
-        """Of an image of this name; -1 where it is not among these."""
-        return next((number for number, one in enumerate(self.sources) if one.name == name), -1)
-
-    def _keep_step(self, project: Project, name: str) -> bool:
-        """As `_keep`, after a step, which is taken back where what follows from it cannot be written."""
+    def _keep_step(self, project: Project, index: int, found: Found | None) -> None:
+        """Bring the files up to a step, which is taken back where what follows from it cannot be written."""
         try:
-            return self._keep(project, name)
+            project.keep(self.sources[index], found)
         except FfsegError:
             project.journal.take_back()
             with suppress(FfsegError):
                 project.write_starts()
             raise
-
-    def _keep(self, project: Project, name: str) -> bool:
-        """Bring the files up to the journal; whether a mask has changed."""
-        track, index = project.journal.track(name), self._place(name)
-        if index < 0:
-            return False
-        accepted = track.now.status == "accepted"
-        found = self._found(project, index, track.now, kept=True) if accepted else None
-        project.keep(self.sources[index], found)
-        return track.accepted
 
     def following(self, label: int, index: int) -> int:
         """The open image to show after another; -1 where there is no other.
@@ -375,6 +370,10 @@ class Session:
     def run(self, label: int) -> None:
         """Do the whole folder in the background."""
         self._work[label].run()
+
+
+def _has_two_sides(mask: NDArray[np.bool_]) -> bool:
+    return bool(mask.any() and not mask.all())
 
 
 def _replaced(source: Source, project: Project) -> bool:

@@ -62,8 +62,7 @@ class Plan:
     @property
     def films(self) -> tuple[str, ...]:
         """Films of all outputs, relative to `out`."""
-        films = {film_of(job.source.name): None for job in self.jobs} if self.products.films else {}
-        names = film_stems(films).values()
+        names = film_stems(job.source.name for job in self.jobs).values() if self.products.films else ()
         return tuple(f"{name}_{kind}.{FILM_KINDS[kind]}" for name in names for kind in self.products.films)
 
     def written(self, job: Job) -> tuple[str, ...]:

@@ -86,15 +86,17 @@ class Job:
 
 def film_of(name: str) -> str:
     """Name of the film an image belongs to: of a frame its film's, else its folder's."""
-    found = _FRAME.fullmatch(name) if name.lower().endswith((*FILMS, *ANIMATIONS)) else None
+    found = _FRAME.fullmatch(name) if _is_film(name) else None
     return (f"{found[1]}{found[2]}" if found else posixpath.dirname(name) or "images").replace("/", "_")
 
 
-def film_stems(films: Iterable[str]) -> dict[str, str]:
-    """What the outputs of films are called: without the suffix, unless two would share a name."""
-    stems = {
-        film: posixpath.splitext(film)[0] if film.lower().endswith((*FILMS, *ANIMATIONS)) else film for film in films
-    }
+def _is_film(name: str) -> bool:
+    return name.lower().endswith((*FILMS, *ANIMATIONS))
+
+
+def film_stems(names: Iterable[str]) -> dict[str, str]:
+    """The films that images of these names make, and what their outputs are called: two of one name keep their suffixes."""
+    stems = {film: posixpath.splitext(film)[0] if _is_film(film) else film for film in map(film_of, names)}
     shared = Counter(stems.values())
     return {film: film if shared[stem] > 1 else stem for film, stem in stems.items()}
 

@@ -57,11 +57,11 @@ def read_film_kinds(text: str) -> tuple[str, ...]:
 def write_films(out: str, kinds: Sequence[str], standing: Records, tell: Callable[[str], None]) -> list[str]:
     """Write the films of all images that stand; `tell` hears of each that cannot be written. Gives their names."""
     written: list[str] = []
-    films = {film_of(record.name): None for record in standing.records() if record.outputs} if kinds else {}
+    films = film_stems(record.name for record in standing.records() if record.outputs) if kinds else {}
     inputs = (
         {os.path.realpath(parted(record.files["image"][0])[0]) for record in standing.records()} if films else set()
     )
-    for film, stem in film_stems(films).items():
+    for film, stem in films.items():
         for kind in kinds:
             name = f"{stem}_{kind}.{FILM_KINDS[kind]}"
             frames = (record for record in standing.records() if film_of(record.name) == film)

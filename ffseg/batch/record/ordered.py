@@ -229,12 +229,6 @@ def put_in_order(
     return published
 
 
-def find_moved(out: str, journal: Journal) -> None:
-    """Let the journal of a shard know where a merge has moved the outputs of its images."""
-    for found in moved_records(out, journal.get):
-        journal.add(found)
-
-
 def moved_records(out: str, mine: Callable[[str], Record | None]) -> Iterator[Record]:
     """Records of a shard, which `mine` gives by their names, whose outputs a merge has moved: with the places they have now."""
     for merged in filter(None, map(parsed_record, journal_lines(state_folder(out)))):

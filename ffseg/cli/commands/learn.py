@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ffseg.cli import console, options
-from ffseg.cli.checks import output_file, ready_params, refuse_others
+from ffseg.cli.checks import output_file, ready_params
 from ffseg.cli.commands.telling import progress, warn_of_starts
 from ffseg.errors import UsageError
 from ffseg.io.files import printable
@@ -50,8 +50,7 @@ def learn(  # noqa: PLR0913 - the options of the command
     """
     if out.suffix != SUFFIX:
         raise UsageError(f"--out {out}: a model is a {SUFFIX} file; name it so")
-    output_file("--out", out)
-    refuse_others([(os.fspath(out), "model")], "choose another name for --out")
+    output_file("--out", out, "model")
     params = ready_params(config, settings)
     from ffseg.evidence.forest import to_bytes
     from ffseg.io.files import write_bytes_atomic

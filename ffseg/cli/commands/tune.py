@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from ffseg.cli import console, options
-from ffseg.cli.checks import number, output_file, ready_params, refuse_others
+from ffseg.cli.checks import number, output_file, ready_params
 from ffseg.cli.commands.telling import progress, warn_of_seen, warn_of_starts
 from ffseg.errors import UsageError
 
@@ -45,8 +45,7 @@ def tune(  # noqa: PLR0913 - the options of the command
         raise UsageError(f"--page {page}: the page is an HTML file; name it .html")
     for option, path, kind in (("--out", out, "settings"), ("--page", page, "before and after")):
         if path is not None:
-            output_file(option, path)
-            refuse_others([(os.fspath(path), kind)], f"choose another name for {option}")
+            output_file(option, path, kind)
     params = ready_params(config, settings)
     from ffseg.io.files import write_all_atomic
     from ffseg.learning.gather import gather
