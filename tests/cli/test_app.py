@@ -99,9 +99,7 @@ def test_our_errors_are_sentences_and_2(monkeypatch: pytest.MonkeyPatch, capsys:
     assert capsys.readouterr() == ("", "ffseg: error: out: is read-only; choose another folder\n")
 
 
-def test_defects_leave_files(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_the_unexpected_is_one_line_and_a_file(monkeypatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     assert exit_code(monkeypatch, ZeroDivisionError("two\nlines")) == 1
     said = capsys.readouterr().err

@@ -10,6 +10,8 @@ from commands import Command
 
 QUICK = ("bench", "--quick", "--suite", "patches", "--out")
 
+Report = tuple[Path, CompletedProcess[str]]
+
 
 @pytest.fixture(scope="module")
 def report(ffseg_command: Command, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, CompletedProcess[str]]:
@@ -17,7 +19,7 @@ def report(ffseg_command: Command, tmp_path_factory: pytest.TempPathFactory) -> 
     return folder, ffseg_command(*QUICK, folder)
 
 
-def test_report_is_written_and_shown(report: tuple[Path, CompletedProcess[str]]) -> None:
+def test_report_is_written_and_shown(report: Report) -> None:
     folder, done = report
     assert done.returncode == 0, done.stderr
     assert done.stdout == (folder / "bench.md").read_text("utf-8").rstrip("\n") + "\n"
@@ -40,7 +42,7 @@ def with_steady(path: Path, factor: float, target: Path) -> Path:
     return target
 
 
-def test_a_gate_missed_is_4(report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path) -> None:
+def test_gate_missed_exits_4_and_names_what_got_slower(report: Report, ffseg_command: Command, tmp_path: Path) -> None:
     baseline = with_steady(report[0], 0.01, tmp_path / "fast.json")
     done = ffseg_command(*QUICK, tmp_path / "out", "--baseline", baseline, "--max-ratio", "2", "--json", code=4)
     document = json.loads(done.stdout)
@@ -50,7 +52,7 @@ def test_a_gate_missed_is_4(report: tuple[Path, CompletedProcess[str]], ffseg_co
     assert "## Slower than the baseline" in (tmp_path / "out" / "bench.md").read_text("utf-8")
 
 
-def test_gate_held_exits_0(report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path) -> None:
+def test_gate_held_exits_with_0(report: Report, ffseg_command: Command, tmp_path: Path) -> None:
     ffseg_command(*QUICK, tmp_path / "out", "--baseline", with_steady(report[0], 100, tmp_path / "slow.json"), code=0)
 
 
@@ -64,7 +66,7 @@ def test_a_baseline_that_no_parser_takes_is_refused(text: str, ffseg_command: Co
     assert "odd.json is no bench.json; give that of an earlier run" in done.stderr
 
 
-def test_no_common_figure(report: tuple[Path, CompletedProcess[str]], ffseg_command: Command, tmp_path: Path) -> None:
+def test_a_baseline_without_a_common_figure_cannot_pass(report: Report, ffseg_command: Command, tmp_path: Path) -> None:
     baseline = report[0] / "bench.json"
     done = ffseg_command("bench", "--quick", "--suite", "size", "--out", tmp_path, "--baseline", baseline, code=2)
     assert "no figure of this run" in done.stderr

@@ -88,7 +88,7 @@ COMPLETED = {
 
 
 @pytest.mark.parametrize(("words", "expected"), COMPLETED.items(), ids=COMPLETED)
-def test_completion(words: str, expected: list[str], ffseg_command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_shell_completes(words: str, expected: list[str], ffseg_command: Command, monkeypatch) -> None:
     count = len(words.split()) - (not words.endswith(" "))
     for name, value in (("_FFSEG_COMPLETE", "complete_bash"), ("COMP_WORDS", words), ("COMP_CWORD", str(count))):
         monkeypatch.setenv(name, value)

@@ -159,7 +159,7 @@ def test_doubts_are_filtered_by_kind(browser: chromium.Chromium, doubted: Path) 
     assert names(browser) == ["toy.png", "simple.png"]
 
 
-def test_the_first_screen(browser: chromium.Chromium, doubted: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_the_first_screen_and_a_lone_page_show_all(browser: chromium.Chromium, doubted: Path, tmp_path_factory) -> None:
     alone = tmp_path_factory.mktemp("alone") / "report.html"
     alone.write_bytes(doubted.read_bytes())
     browser.open(alone.as_uri())

@@ -141,7 +141,7 @@ def test_usage_errors(arguments: list[str], said: str, tmp_path: Path, ffseg_com
 
 @pytest.mark.parametrize("length", [None, 600], ids=["whole", "cut"])
 @pytest.mark.parametrize(("out", "kind"), [("b.png", []), ("b.jpg", []), ("b.png", ["--as", "svg"])])
-def test_pictures_stay(out: str, kind: list[str], length: int | None, tmp_path: Path, ffseg_command: Command) -> None:
+def test_photos_are_kept(out: str, kind: list[str], length: int | None, tmp_path: Path, ffseg_command: Command) -> None:
     """`ffseg segment *.png` in a folder of two must not turn the second photograph into a mask of the first."""
     photo = np.random.default_rng(0).integers(0, 256, (30, 40, 3), np.uint8)
     Image.fromarray(photo).save(tmp_path / out)
@@ -188,7 +188,7 @@ def test_frames_that_are_not_read_are_told(tmp_path: Path, ffseg_command: Comman
 
 
 @pytest.mark.parametrize("error", [MemoryError(), cv2.error("no memory")], ids=["Python", "OpenCV"])
-def test_no_memory(error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ffseg_command: Command) -> None:
+def test_want_of_memory_is_no_defect(error: Exception, tmp_path: Path, monkeypatch, ffseg_command: Command) -> None:
     def starved(*_: object, **__: object) -> None:
         raise error
 

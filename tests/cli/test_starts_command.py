@@ -47,7 +47,7 @@ def test_images_without_a_row_start_as_ever_and_are_told(ffseg_command: Command,
 
 
 @pytest.mark.parametrize("command", ["run", "compare"])
-def test_wrong_ones_are_2_and_write_nothing(command: str, ffseg_command: Command, images: Path, tmp_path: Path) -> None:
+def test_wrong_starts_end_with_2_unwritten(command: str, ffseg_command: Command, images: Path, tmp_path: Path) -> None:
     cases = {
         "starts.csv: no row for the image 'b.png' (line 3 has 'b.pgn')": ("a,30,40,6", "b.pgn,90,40,6"),
         "starts.csv:3: y: '4O' is not a finite number": ("a,30,40,6", "b,90,4O,6"),

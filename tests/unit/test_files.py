@@ -60,7 +60,7 @@ def test_failing_calls_keep_old_files(call: str, code: int, tmp_path: Path, monk
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
 @pytest.mark.parametrize("failing", ["a.bin", "b.bin", "c.bin"])
 @pytest.mark.parametrize("call", ["write", "fsync", "close"])
-def test_groups_come_last(call: str, failing: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_group_is_named_once_all_is_on_disk(call: str, failing: str, code: int, tmp_path: Path, monkeypatch) -> None:
     names = ["a.bin", "b.bin", "c.bin"]
     write_all_atomic([(str(tmp_path / name), b"good") for name in names])
     real, real_write = getattr(os, call), os.write
