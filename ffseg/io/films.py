@@ -22,6 +22,7 @@ from threading import Lock
 from typing import Any
 
 from ffseg.errors import ImageReadError
+from ffseg.io.containers import is_cut
 from ffseg.io.files import printable
 from ffseg.plugins import require
 
@@ -31,8 +32,6 @@ ANIMATIONS = (".gif", ".webp", ".png", ".apng", ".tif", ".tiff")
 CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi"
 _PHOTOMETRIC, _SAMPLE_FORMAT = 262, 339
 """Tags of TIFF."""
-_LATE = 2.5
-"""Frames that a film may end before its own head says, which rounds and counts the last frame in its own way."""
 _RATE = 25.0
 """Frames a second of a film that does not say."""
 _COPY = "copy the film again, or write what is left of it anew: ffmpeg -i IN OUT.mkv"
@@ -161,82 +160,50 @@ def _is_shown(track: Any, packet: Any) -> bool:  # noqa: ANN401 - of PyAV
 
 
 @dataclass(frozen=True, slots=True)
-class _Track:
-    """What the head of a film says, taken while it is open: what PyAV gives is gone with the container."""
+class _Stamps:
+    """When the frames of a film are shown, in the order in which they are."""
 
+    ticks: list[int | None]
+    """Of the packets; None where they have none, or not each its own."""
     clock: float
     """Seconds of a tick."""
     rate: float
-    frames: int
-    """0 where the head does not say."""
-    seconds: float
-    has_times: bool
+    """Frames a second."""
+
+    def seconds(self) -> Iterator[float]:
+        """After the first frame."""
+        first = self.ticks[0] or 0
+        for number, tick in enumerate(self.ticks):
+            yield number / self.rate if tick is None else (tick - first) * self.clock
 
 
-def _described(track: Any) -> _Track:  # noqa: ANN401 - of PyAV
-    rate = float(track.average_rate or track.guessed_rate or _RATE)
-    has_times = track.container.format.name != "avi"  # which stores none: those made up are in the order of storage
-    said = _seconds(track.metadata.get("DURATION", ""))
-    return _Track(float(track.time_base), rate, int(track.frames), said, has_times)
-
-
-@dataclass(frozen=True, slots=True)
-class _Stamps:
-    """Times of a film's packets."""
-
-    shown: list[int | None]
-    """Of each frame that is shown, in ticks, in the order in which they are."""
-    last: int
-    """Ticks for which the last is shown."""
-    left_out: int
-    """Packets of frames that are not shown."""
-
-
-def _stamps(path: str) -> tuple[_Track | None, _Stamps]:
-    head: _Track | None = None
-    stamps: dict[int | None, int] = {}
-    count = left_out = 0
-    for track, packet in _packets(path):
-        head = head or _described(track)
+def _stamps(path: str) -> _Stamps:
+    found: list[int | None] = []
+    clock, rate, stored = 1.0, _RATE, False
+    for track, packet in _packets(path):  # what a track says is gone with its container
+        clock, rate = float(track.time_base), float(track.average_rate or track.guessed_rate or _RATE)
+        stored = track.container.format.name != "avi"  # whose times are made up, in the order of storage
         if packet.size and _is_shown(track, packet):
-            count += 1
-            stamps[packet.pts] = packet.duration or 0
-        else:
-            left_out += packet.size > 0
-    if None in stamps or len(stamps) < count or head is None or not head.has_times:
-        return head, _Stamps([None] * count, 0, left_out)
-    shown = sorted(stamp for stamp in stamps if stamp is not None)
-    return head, _Stamps([*shown], stamps[shown[-1]] if shown else 0, left_out)
+            found.append(packet.pts)
+    ticks = {tick for tick in found if tick is not None}
+    if not stored or len(ticks) < len(found):
+        return _Stamps([None] * len(found), clock, rate)
+    return _Stamps([*sorted(ticks)], clock, rate)
 
 
 def _film_contents(path: str) -> Contents:
-    head, stamps = _stamps(path)
-    if head is None or not stamps.shown:
+    stamps = _stamps(path)
+    count = len(stamps.ticks)
+    if not count:
         raise ImageReadError("truncated", f"the film has no frame left; {_COPY}")
-    first, final = stamps.shown[0] or 0, stamps.shown[-1] or 0
-    times = [
-        index / head.rate if stamp is None else (stamp - first) * head.clock for index, stamp in enumerate(stamps.shown)
-    ]
-    end = (final + stamps.last) * head.clock  # counted, as the head does, from 0, whenever the first is shown
-    missing = head.frames > len(times) + stamps.left_out or head.seconds > max(end, times[-1]) + _LATE / head.rate
-    problem = f"truncated: the film ends after {len(times)} frames, before its head says; {_COPY}" if missing else ""
-    return Contents(tuple(round(time, 6) for time in times), problem)
-
-
-def _seconds(text: str) -> float:
-    """Seconds of Matroska's ``00:00:12.345000000``; 0 of anything else."""
-    try:
-        hours, minutes, seconds = text.split(":")
-        return int(hours) * 3600 + int(minutes) * 60 + float(seconds)
-    except ValueError:
-        return 0.0
+    problem = f"truncated: the film ends after {count} frames, before its head says; {_COPY}" if is_cut(path) else ""
+    return Contents(tuple(round(time, 6) for time in stamps.seconds()), problem)
 
 
 def _film_frames(path: str, max_bytes: int) -> Iterator[Numbered]:
     import av
 
-    stamps = _stamps(path)[1]
-    places = {stamp: number for number, stamp in enumerate(stamps.shown) if stamp is not None}
+    places = {tick: number for number, tick in enumerate(_stamps(path).ticks) if tick is not None}
     count = 0
     for _track, packet in _packets(path):
         with suppress(av.FFmpegError):  # this frame is missing, and said to be when it is asked for

@@ -128,12 +128,24 @@ def cut(path: Path, part: float) -> Path:
     return short
 
 
-@pytest.mark.parametrize(("name", "codec"), [("a.mp4", "mjpeg"), ("a.mkv", "libx264"), ("a.avi", "mjpeg")])
-def test_a_film_that_was_cut_says_so_behind_its_last_frame(tmp_path: Path, name: str, codec: str) -> None:
-    *frames, last = discover([str(cut(write_film(tmp_path / name, pictures(40, noise=20), codec), 0.7))])
-    assert 5 < len(frames) < 40
+@pytest.mark.parametrize("part", [0.85, 0.985])
+@pytest.mark.parametrize("name", CODECS)
+def test_a_film_that_was_cut_says_so_behind_its_last_frame(tmp_path: Path, name: str, part: float) -> None:
+    film = write_film(tmp_path / name, pictures(40, noise=20), CODECS[name])
+    *frames, last = discover([str(cut(film, part))])
+    assert 5 < len(frames) <= 40
     assert last.problem.startswith(f"truncated: the film ends after {len(frames)} frames, before its head says; copy")
     read_source(frames[0])
+
+
+@pytest.mark.parametrize("part", [1, 0.7, 0.985])
+@pytest.mark.parametrize("name", ["a.mkv", "a.mp4"])
+def test_a_film_recorded_live_is_known_to_be_cut_inside_its_last_part(tmp_path: Path, name: str, part: float) -> None:
+    """As its head states neither its length nor how many frames it has."""
+    live = {"live": "1"} if name == "a.mkv" else {"movflags": "frag_every_frame+empty_moov"}
+    film = write_film(tmp_path / name, pictures(40, noise=20), muxer=live)
+    found = discover([str(cut(film, part))])
+    assert [one.problem.partition(":")[0] for one in found[-2:]] == (["", "truncated"] if part < 1 else ["", ""])
 
 
 def test_a_damaged_film_costs_the_frames_it_damaged(tmp_path: Path) -> None:
