@@ -118,6 +118,10 @@ BAD = {
     "zero up": (GOOD.replace("[0, 0, -2]", "[0, 0, 0]"), "up: the vector has no direction"),
     "rim inside robot": (GOOD.replace("rim_radius: 292", "rim_radius: 40"), "rim_radius: must exceed"),
     "zero mount": (GOOD.replace("mount_height: 0.9", "mount_height: 0"), "mount_height: 0 is not"),
+    "mount in millimetres": (
+        GOOD.replace("mount_height: 0.9", "mount_height: 900"),
+        "mount_height: 900 is not a number above 0 and up to 150",
+    ),
     "K and fx": (GOOD + "K: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n", "fx: given beside K"),
     "not a camera matrix": (
         "model: omnidir\nwidth: 9\nheight: 9\nxi: 1\nK: [[1, 0, 0], [5, 1, 0], [0, 0, 1]]\n",
