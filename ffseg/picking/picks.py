@@ -100,13 +100,13 @@ class Picked:
             if not isinstance(document, Mapping):
                 raise TypeError("it is no object")
             given: Mapping[str, Any] = document
-            strokes = given.get("strokes") or ()
-            if len(strokes) > MOST:
-                raise ValueError(f"more than {MOST} strokes")
+            starts, nots, boxes, strokes = (given.get(kind) or () for kind in ("starts", "nots", "boxes", "strokes"))
+            if max(map(len, (starts, nots, boxes, strokes))) > MOST:
+                raise ValueError(f"more than {MOST} of one kind")
             picked = cls(
-                _rows(given.get("starts"), 3),
-                _rows(given.get("nots"), 3),
-                _rows(given.get("boxes"), 4),
+                _rows(starts, 3),
+                _rows(nots, 3),
+                _rows(boxes, 4),
                 tuple(map(_stroke, strokes)),
                 _value(given.get("probability"), "probability"),
                 _value(given.get("clearance"), "clearance"),
@@ -127,7 +127,7 @@ def _number(value: object) -> float:
 
 
 def _rows(value: Any, length: int) -> Any:  # noqa: ANN401 - tuples of this length
-    rows = tuple(tuple(_number(one) for one in row) for row in list(value or ())[:MOST])
+    rows = tuple(tuple(_number(one) for one in row) for row in value)
     if any(len(row) != length or (length == 3 and row[2] <= 0) for row in rows):
         raise ValueError(f"a row needs {length} numbers")
     return rows

@@ -78,7 +78,8 @@ def test_strokes_paint_the_pixels_whose_centres_are_near(points: list, radius: f
 BAD = [
     None, [], "x", {"starts": [[1, 2]]}, {"starts": [[1, 2, 0]]}, {"starts": [[1, 2, float("nan")]]}, {"boxes": [[1, 2, 3]]},
     {"starts": [[1, 2, 1e9]]}, {"strokes": [{"inside": True, "radius": 3, "points": []}]}, {"strokes": [{}]},
-    {"status": "done"}, {"probability": "x"}, {"strokes": 3}, {"status": []}, {"starts": [[10**400, 1, 1]]},
+    {"nots": [[1, 2, 3]] * 1001}, {"status": "done"}, {"probability": "x"}, {"strokes": 3}, {"status": []},
+    {"starts": [[10**400, 1, 1]]},
 ]  # fmt: skip
 
 
