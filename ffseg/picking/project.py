@@ -21,9 +21,11 @@ from ffseg.image.polygons import polygons
 from ffseg.io.exports import AnnotatedImage, json_text, labelme_document
 from ffseg.io.files import (
     SKIP_FILE,
+    is_temporary,
     make_folder,
     printable,
     read_bytes,
+    remove_files,
     unwritten,
     write_all_atomic,
     write_bytes_atomic,
@@ -87,6 +89,9 @@ class Project:
         except UsageError:
             self.journal.close()
             raise
+        for name, inner, files in os.walk(folder):  # of a session that was killed
+            inner[:] = [one for one in inner if one != RUN]  # where a run may be writing
+            remove_files([os.path.join(name, one) for one in files if is_temporary(one)])
         write_bytes_atomic(os.path.join(folder, SKIP_FILE), b"outputs of ffseg pick\n")
         self._outdated = [name for name in self.journal.names(lambda track: track.accepted) if not self._stands(name)]
 

@@ -25,6 +25,7 @@ from pick_page import LEFT, OPEN, RIGHT, SIZE, ask, disc, draw, mask_of, picked,
 
 import ffseg
 from ffseg.errors import OutputError, UsageError
+from ffseg.io.files import temporary_path
 from ffseg.io.labels import read_labels
 from ffseg.io.masks import encode_mask
 from ffseg.io.starts import load_starts
@@ -189,7 +190,10 @@ def test_what_a_crash_has_left_undone_is_done_at_the_next_start(tmp_path: Path) 
     (out / "masks" / "a.png").unlink()  # accepted, killed before it was written
     (out / "masks" / "b.png").write_bytes(whole)  # open again, killed before it was removed
     (out / "starts.csv").unlink()
+    left = Path(temporary_path(str(out / "masks" / "a.png")))  # killed while it was written
+    left.write_bytes(whole)
     with session(folder, out):
+        assert not left.exists()
         assert (out / "masks" / "a.png").read_bytes() == whole
         assert not (out / "masks" / "b.png").exists()
         assert set(load_starts(out / "starts.csv", ["a.png", "b.png"])) == {"a.png", "b.png"}
