@@ -30,7 +30,6 @@ from ffseg.learning.training import (
     learn,
     samples,
     starts_in,
-    uncertainty,
 )
 from ffseg.metrics import iou
 from ffseg.parameters import Parameters
@@ -235,17 +234,19 @@ def _worth_drawing(curve: Sequence[tuple[int, float]], count: int) -> int:
 
 def _order(gathered: Gathered, model: Model, params: Parameters, tell: Tell) -> tuple[str, ...]:
     """Images without a mask, at most ``MOST_LOOKED_AT``, those the model is least sure of first."""
-    doubts = {one.name: _doubt(one, gathered, model, params) for one in gathered.others[:MOST_LOOKED_AT]}
+    doubts = {one.name: _doubt(one, gathered, model, params, tell) for one in gathered.others[:MOST_LOOKED_AT]}
     order = tuple(sorted((name for name, doubt in doubts.items() if doubt >= 0), key=doubts.__getitem__, reverse=True))
     if order:
         tell(f"least sure of {printable(order[0])}")
     return order
 
 
-def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters) -> float:
+def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters, tell: Tell) -> float:
+    """The uncertainty of an image; -1 where it cannot be read, which is told."""
     try:
         image = read_source(source, levels=params.input.range)
-    except ImageReadError:
+    except ImageReadError as error:
+        tell(f"passed over: {error}")
         return -1.0
     own = gathered.starts[source.name].placed(params, image.shape) if source.name in gathered.starts else params
     start = start_region(image.shape[:2], own, gathered.masks.start)
@@ -256,4 +257,9 @@ def _doubt(source: Source, gathered: Gathered, model: Model, params: Parameters)
         start = start_region(image.shape[:2], replace(params, init=replace(params.init, circles=(circle,))))
     if start is None or not start.any():
         return 1.0
-    return uncertainty(model, model.look(image, start))
+    return uncertainty(model, image, start)
+
+
+def uncertainty(model: Model, image: NDArray[np.uint8], start: NDArray[np.bool_]) -> float:
+    """Mean of how undecided a model, with the prior where it asks it, is: 0 where all is sure, 1 where all is even."""
+    return float(np.mean(1 - np.abs(2 * told(model, image, start) - 1)))

@@ -18,7 +18,6 @@ from ffseg.evidence.features import (
     PLACE,
     TEXTURE,
     WORKING_SIZE,
-    Features,
     features,
     reduced_mean,
     reduction,
@@ -454,9 +453,3 @@ def _added(node: dict[str, Any], lists: dict[str, list[Any]]) -> int:
     lists["left"][place] = _added(node["left_child"], lists)
     lists["right"][place] = _added(node["right_child"], lists)
     return place
-
-
-def uncertainty(model: Model, seen: Features) -> float:
-    """Mean of how undecided the model is on an image: 0 where all is sure, 1 where all is even."""
-    probability = model.inside.probability(seen.planes)
-    return float(np.mean(1 - np.abs(2 * probability - 1)))

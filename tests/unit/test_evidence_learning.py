@@ -1,5 +1,7 @@
 """Learning from masks: samples, trees as LightGBM grows them, models that find what they were shown."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from ffseg.evidence.features import KNOWN, features
 from ffseg.evidence.forest import Model
 from ffseg.evidence.openings import OPEN
 from ffseg.evidence.source import told
+from ffseg.learning.learn import uncertainty
 from ffseg.learning.training import (
     CORRECTED,
     PART,
@@ -28,7 +31,6 @@ from ffseg.learning.training import (
     samples,
     starts_in,
     trusting,
-    uncertainty,
 )
 from ffseg.metrics import iou
 from tests.discs import disc_of
@@ -145,11 +147,13 @@ def test_what_is_too_small_to_be_seen_is_not_said_to_be_missing() -> None:
         samples(Example(image, truth, None, 4.0))
 
 
-def test_uncertainty_is_higher_on_what_was_never_seen() -> None:
+def test_uncertainty_is_higher_on_what_was_never_seen_and_hears_the_prior() -> None:
     model = learn([samples(example(seed)) for seed in (1, 2)])
     one = example(3)
     odd = np.random.default_rng(0).integers(0, 255, one.image.shape, np.uint8)
-    assert uncertainty(model, model.look(odd, one.start)) > uncertainty(model, model.look(one.image, one.start))
+    assert uncertainty(model, odd, one.start) > uncertainty(model, one.image, one.start)
+    sure = replace(model, prior=9.0)
+    assert uncertainty(sure, one.image, one.start) < uncertainty(replace(model, prior=0.0), one.image, one.start)
 
 
 def test_trusting_adds_to_open_ground_and_takes_elsewhere() -> None:

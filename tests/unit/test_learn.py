@@ -73,9 +73,13 @@ def test_without_starts_the_model_finds_them(folder: Path) -> None:
     assert figures.iou > 0.85
     assert [number for number, _ in figures.curve] == [1, 2]
     assert min(value for _, value in figures.curve) > 0.7  # from starts drawn inside the masks
-    quick, unmeasured = learned(gathered, params, lambda _: None, measured=False)
+    (folder / "in" / "4.png").write_bytes(b"")
+    quick, unmeasured = learned(gathered, params, (said := []).append, measured=False)
+    assert [line for line in said if "passed over" in line] == [
+        f"passed over: {folder}/in/4.png: the file is empty; copy it again"
+    ]
     assert all(np.array_equal(values, quick.inside.arrays[name]) for name, values in model.inside.arrays.items())
-    assert unmeasured.following == figures.following
+    assert unmeasured.order == tuple(name for name in figures.order if name != "4.png")
     assert unmeasured.helps is None
     assert sentences(unmeasured, "m.ffmodel")[0].endswith("was not measured: that takes longer, and no --quick")
 
