@@ -492,4 +492,7 @@ def _assignment(text: str, problems: Problems) -> Node:
 
     count = len(problems.lines)
     node = strict_yaml.parse(value, source, problems)
+    before, mark, _ = value.partition(" #")
+    if mark and node == strict_yaml.parse(before, source, Problems()):
+        problems.add(source.name, f"what follows ' #' is a comment and would be lost; quote it: {key}=\"{value}\"")
     return Node({key.strip(): node} if len(problems.lines) == count else {}, source)

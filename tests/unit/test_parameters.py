@@ -81,13 +81,15 @@ def test_two_equal_levels_are_thresholds_but_no_range() -> None:
 def test_all_errors_at_once_each_with_its_place(tmp_path: Path) -> None:
     text = "contour:\n  degree: 9\n  split_treshold: 3\nedges:\n  canny: [30,\n    10]\nzebra: 1\ndegree: 2\n"
     path = file_with(text, tmp_path)
-    assert lines_of(load_params, path, ["contour.refine=yes", "balloon"]) == [
+    assert load_params(None, ['region.label="part #2"']).region.label == "part #2"
+    assert lines_of(load_params, path, ["contour.refine=yes", "balloon", "region.label=part #2"]) == [
         f"{path}:2: contour.degree: 9 is not an integer from 1 to 6",
         f"{path}:3: contour.split_treshold: unknown key; did you mean 'contour.split_threshold'?",
         f"{path}:5: edges.canny: [30, 10] is not [low, high], each a number from 0 to 10000, ascending",
         f"{path}:7: zebra: unknown key; 'ffseg config show' lists every key",
         f"{path}:8: degree: unknown key; did you mean 'contour.degree'?",
         "--set balloon: write KEY=VALUE, such as contour.degree=2",
+        "--set region.label=part #2: what follows ' #' is a comment and would be lost; quote it: region.label=\"part #2\"",
         "--set contour.refine=yes: contour.refine: 'yes' is not true or false; write true",
     ]
 
