@@ -130,8 +130,9 @@ def _remedy(image: NDArray[Any]) -> str:
     if image.ndim not in (2, 3):
         return f"this one has shape {shape}"
     if image.ndim == 3 and shape[2] not in _CHANNELS:
-        first = "image.transpose(1, 2, 0)" if shape[0] in _CHANNELS else "image[..., :3]"
-        return f"shape {shape} does not end with the channels; give {first}"
+        if shape[0] in _CHANNELS:
+            return f"shape {shape} does not end with the channels; give image.transpose(1, 2, 0)"
+        return f"shape {shape} has {shape[2]} channels or is a stack; give one plane, image[..., 0] or image[0]"
     order = f"; {_ORDER}" if image.ndim == 3 and shape[2] > 1 else ""
     if image.ndim == 3 and shape[2] != 3:
         return f"shape {shape} has {shape[2]} channels; give image[..., {'0' if shape[2] == 1 else ':3'}]{order}"

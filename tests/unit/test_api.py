@@ -75,6 +75,8 @@ WRONG = {
     "channels first": (COLOUR.transpose(2, 0, 1), "image.transpose(1, 2, 0)"),
     "float, channels first": (COLOUR.transpose(2, 0, 1) / 255, "image.transpose(1, 2, 0)"),
     "stack": (COLOUR[None], "images[0]"),
+    "grey stack": (np.stack([DISC] * 9), "image[..., 0] or image[0]"),
+    "grey and alpha": (np.dstack([DISC, DISC]), "image[..., 0]"),
     "alpha": (np.dstack([COLOUR, DISC]), "image[..., :3]"),
     "one channel": (DISC[..., None], "image[..., 0]"),
     "nothing": (DISC[:0], "has no pixel"),
