@@ -170,7 +170,8 @@ def moved(current: Grey, scenery: Scenery, earlier: Iterable[Earlier], camera: C
         camera.check_size(view.image.shape[1], view.image.shape[0], "the previous image")
         chosen = pair_motion(camera, (grey_image(view.image), current), view.poses, scenery, epsilon, evidence)
         note = f"{NOTHING_ENCLOSED}; {chosen.note}"
-        if links := _links(view.name, camera, chosen if chosen.motion is not None else chosen.still):
+        links = _links(view.name, camera, chosen if chosen.motion is not None else chosen.still)
+        if links or chosen.contradicted:
             return Judged((), replace(chosen, note=note), links=tuple(links))
     return Judged((), PairMotion(None, note))
 

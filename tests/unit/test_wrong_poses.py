@@ -16,7 +16,7 @@ from ffseg.freespace.motion.contradictions import LONGEST, TALLEST, unlikely_uni
 from ffseg.freespace.motion.egomotion import given_motion, pair_motion
 from ffseg.freespace.motion.evidence import Scenery
 from ffseg.freespace.sequence import free_space
-from ffseg.freespace.window import Earlier
+from ffseg.freespace.window import Earlier, moved
 from ffseg.parameters import load_params
 from ffseg.rendering.pairs import RenderedPair, sample_camera
 from tests.campaigns.freespace import true_poses
@@ -63,6 +63,15 @@ def test_wrong_poses_are_named_and_nothing_is_judged(kind: str, texture: float) 
     assert {row.verdict for row in frame.components} == {"untested"}
     assert frame.contradicted
     assert not frame.tested
+
+
+def test_a_wrong_pose_of_an_image_that_encloses_nothing_is_known_to_be() -> None:
+    rendered, params = pair(3.0), load_params()
+    camera, poses = wrong(rendered, "theta in degrees")
+    free = Scenery(segment_view(rendered.current.image, camera, params).mask)
+    before = Earlier(rendered.previous.image, poses)
+    found = moved(rendered.current.image, free, [before], camera, params.obstacles.altitude)
+    assert (found.pair.contradicted, found.pair.motion, found.links) == (True, None, ())
 
 
 def test_right_poses_are_not_accused() -> None:
