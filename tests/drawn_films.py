@@ -24,18 +24,13 @@ def pictures(count: int, size: tuple[int, int] = SIZE, noise: int = 0) -> list[n
 
 
 def write_film(
-    path: Path,
-    frames: list[np.ndarray],
-    codec: str = "libx264",
-    rate: int = 25,
-    options: dict[str, str] | None = None,
-    muxer: dict[str, str] | None = None,
+    path: Path, frames: list[np.ndarray], codec: str = "libx264", rate: int = 25, options: dict[str, str] | None = None
 ) -> Path:
     """Write a film; its container is told by the suffix, and its index stands before the frames."""
     height, width = frames[0].shape[:2]
-    muxer = muxer or ({"movflags": "faststart"} if path.suffix in (".mp4", ".mov") else {})
-    with av.open(str(path), "w", options=muxer) as film:
-        track = film.add_stream(codec, rate=rate, options=options or {})
+    options = {"movflags": "faststart"} | (options or {})
+    with av.open(str(path), "w", options=options) as film:
+        track = film.add_stream(codec, rate=rate, options=options)
         track.width, track.height, track.pix_fmt = width, height, "yuvj420p" if codec == "mjpeg" else "yuv420p"
         for pixels in frames:
             film.mux(track.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24")))

@@ -34,6 +34,8 @@ def _after_box(file: BinaryIO) -> int:
     place, size, kind = file.tell(), int.from_bytes(file.read(4), "big"), file.read(4)
     if size == 1:
         size = int.from_bytes(file.read(8), "big")
+    if len(kind) < 4:  # its head is cut
+        return place + 8
     return place + size if size >= 8 and kind.isascii() else 0
 
 

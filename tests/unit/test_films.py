@@ -138,14 +138,19 @@ def test_a_film_that_was_cut_says_so_behind_its_last_frame(tmp_path: Path, name:
     read_source(frames[0])
 
 
-@pytest.mark.parametrize("part", [1, 0.7, 0.985])
-@pytest.mark.parametrize("name", ["a.mkv", "a.mp4"])
-def test_a_film_recorded_live_is_known_to_be_cut_inside_its_last_part(tmp_path: Path, name: str, part: float) -> None:
-    """As its head states neither its length nor how many frames it has."""
-    live = {"live": "1"} if name == "a.mkv" else {"movflags": "frag_every_frame+empty_moov"}
-    film = write_film(tmp_path / name, pictures(40, noise=20), muxer=live)
-    found = discover([str(cut(film, part))])
-    assert [one.problem.partition(":")[0] for one in found[-2:]] == (["", "truncated"] if part < 1 else ["", ""])
+@pytest.mark.parametrize("left", [0, 3, 30])
+@pytest.mark.parametrize(("name", "options", "mark"), [
+    ("a.mkv", {"live": "1"}, b"\xa3"), ("a.mp4", {"movflags": "frag_every_frame+empty_moov"}, b"mdat"),
+])  # fmt: skip
+def test_a_film_recorded_live_is_known_to_be_cut(
+    tmp_path: Path, name: str, options: dict, mark: bytes, left: int
+) -> None:
+    """Its head states neither its length nor how many frames it has: its last part, of a frame, does."""
+    film = write_film(tmp_path / name, pictures(40, noise=20), options=options)
+    whole = film.read_bytes()
+    film.write_bytes(whole[: whole.rindex(mark, 0, -100) + left] if left else whole)
+    found = discover([str(film)])
+    assert [one.problem.partition(":")[0] for one in found[-2:]] == ["", "truncated" if left else ""]
 
 
 def test_a_damaged_film_costs_the_frames_it_damaged(tmp_path: Path) -> None:
