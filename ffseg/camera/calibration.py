@@ -15,7 +15,8 @@ from ffseg.errors import CalibrationError
 from ffseg.schema.kinds import FilePath, Flag, Integer, Many, Number, Row, Text
 from ffseg.schema.nodes import Node, Problems, Source
 from ffseg.schema.sections import Section, collect, declarations, declared
-from ffseg.schema.strict_yaml import parse, read_text
+from ffseg.schema.strict_text import read_text
+from ffseg.schema.strict_yaml import parse
 
 MODELS = ("unified", "omnidir", "fisheye", "ocam")
 MAX_SIDE = 65_500

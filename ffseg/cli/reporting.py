@@ -11,18 +11,20 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ffseg.batch.plan.jobs import Plan
 from ffseg.batch.plan.reading import told
 from ffseg.batch.plan.sources import Job
-from ffseg.batch.preview import Preview
 from ffseg.batch.record.ledger import Summary
 from ffseg.batch.runner import Run
 from ffseg.cli import console
 from ffseg.io.files import printable
 from ffseg.io.starts import Start
 from ffseg.io.tables import counted
+
+if TYPE_CHECKING:
+    from ffseg.batch.preview import Preview  # loads OpenCV
 
 _MOST_TOLD = 100
 """Failures, and as many notes, told on the terminal; ``timings.csv`` has them all."""

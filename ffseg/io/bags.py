@@ -9,7 +9,6 @@ import atexit
 import itertools
 import math
 import os
-import tempfile
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -215,6 +214,8 @@ def map_bag(
     scans : mapping
         By nanoseconds, `Scan.document` of each image.
     """
+    import tempfile
+
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 

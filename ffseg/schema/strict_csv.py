@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 from ffseg.errors import FfsegError
 from ffseg.schema.nodes import Problems
-from ffseg.schema.strict_yaml import read_text
+from ffseg.schema.strict_text import read_text
 
 MAX_BYTES = 64_000_000
 """Hundreds of thousands of rows, which take some seconds at worst: every reader of a table is linear in them."""

@@ -36,6 +36,13 @@ def test_help_and_version_load_nothing_heavy(arguments: list[str]) -> None:
     assert loaded_by(*arguments) & set(HEAVY) == set()
 
 
+def test_a_run_leaves_what_is_heavy_to_its_workers(tmp_path: Path) -> None:
+    toy = Path(__file__).parents[2] / "samples" / "toy.png"
+    loaded = loaded_by("run", str(toy), "--out", str(tmp_path / "out"), "-q")
+    assert (tmp_path / "out" / "masks" / "toy.png").is_file()
+    assert loaded & {"numpy", "cv2", "yaml", "ffseg.native"} == set()
+
+
 def test_import_ffseg_loads_nothing_heavy() -> None:
     code = "import sys, ffseg; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

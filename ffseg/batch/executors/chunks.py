@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import uuid
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import chain
@@ -35,7 +34,7 @@ class Chunks:
         """Make the folder below a state folder; chunks of earlier runs that are still worked on stop."""
         folder = os.path.join(state, CHUNKS)
         make_folder(folder)
-        chunks = cls(folder, uuid.uuid4().hex[:12])
+        chunks = cls(folder, os.urandom(6).hex())
         remove_files(os.path.join(folder, name) for name in os.listdir(folder) if name.endswith(_GOING))
         Path(chunks.going).touch()
         return chunks

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import posixpath
-import tarfile
 from collections.abc import Collection, Mapping
 from itertools import accumulate
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ffseg.batch.outputs.table import OUTPUT_FOLDERS
 from ffseg.batch.plan.sources import STATE_FOLDER, SUFFIXES, Source
 from ffseg.errors import UsageError
 from ffseg.io.files import SKIP_FILE, printable
+
+if TYPE_CHECKING:
+    import tarfile
 
 _PACKED = (".tar.gz", ".tgz", ".tar.bz2", ".tbz", ".tar.xz", ".txz", ".tar.zst")
 _MOST_MEMBERS = 100_000_000
@@ -42,6 +44,8 @@ def members(path: str, suffixes: Collection[str] = SUFFIXES) -> list[Source]:
     UsageError
         If it is compressed, so that nothing in it can be read in place, no tar file, or cut or damaged between members.
     """
+    import tarfile  # loads what other inputs do not need
+
     if path.lower().endswith(_PACKED):
         raise UsageError(f"{printable(path)} is compressed; unpack it to a .tar first, images do not get smaller by it")
     try:

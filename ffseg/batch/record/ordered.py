@@ -6,7 +6,6 @@ They are made at the end of a packed run, and of a merge; what a merge has moved
 from __future__ import annotations
 
 import os
-import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -54,7 +53,7 @@ class OrderedPacks:
 
     def __init__(self, out: str) -> None:
         self._out = out
-        self._token = uuid.uuid4().hex[:12]
+        self._token = os.urandom(6).hex()
         self._tars: dict[str, PackWriter] = {}
         self._sources: dict[str, int] = {}
         self.packs: list[str] = []

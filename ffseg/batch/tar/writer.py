@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import tarfile
-import uuid
 from collections.abc import Sequence
 
 from ffseg.batch.outputs.table import PACKS
@@ -16,12 +14,15 @@ from ffseg.io.files import OWN, make_folder, printable, remove_files, write_all_
 
 _TIME = 315_532_800
 """Time of change of every member, the first of 1980: the same outputs are the same bytes, and no program doubts it."""
-_NAME_BYTES = tarfile.LENGTH_NAME
+_NAME_BYTES = 100
+"""Of a name that has room in a header; a longer one has a member of its own before it."""
 _CLOSED = -1
 
 
 def head(path: str, length: int) -> bytes:
     """Header of a member, in GNU's format, which holds names of any bytes and length."""
+    import tarfile  # loads what only packing needs
+
     member = tarfile.TarInfo(path)
     member.size, member.mtime = length, _TIME
     return member.tobuf(tarfile.GNU_FORMAT, "utf-8", "surrogateescape")
@@ -125,7 +126,7 @@ class Store:
 
     def __init__(self, out: str, state: str, *, packed: bool) -> None:
         self._out = out
-        pack = f"{os.path.relpath(os.path.join(state, PACKS), out).replace(os.sep, '/')}/{uuid.uuid4().hex[:12]}.tar"
+        pack = f"{os.path.relpath(os.path.join(state, PACKS), out).replace(os.sep, '/')}/{os.urandom(6).hex()}.tar"
         self._pack = PackWriter(out, pack) if packed else None
 
     def write(self, files: Sequence[tuple[str, bytes]]) -> dict[str, Member]:
