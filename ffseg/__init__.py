@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ffseg.api import segment as segment
-    from ffseg.camera import Camera as Camera
-    from ffseg.camera import Motion as Motion
-    from ffseg.camera import Pose as Pose
-    from ffseg.camera import load_camera as load_camera
-    from ffseg.camera import load_poses as load_poses
-    from ffseg.camera import planar_pose as planar_pose
+    from ffseg.camera.calibration import load_camera as load_camera
     from ffseg.camera.footprint import Footprint as Footprint
+    from ffseg.camera.model import Camera as Camera
+    from ffseg.camera.motion import Motion as Motion
+    from ffseg.camera.motion import Pose as Pose
+    from ffseg.camera.motion import planar_pose as planar_pose
+    from ffseg.camera.poses import load_poses as load_poses
     from ffseg.camera.projections import Projection as Projection
     from ffseg.errors import CalibrationError as CalibrationError
     from ffseg.errors import FfsegError as FfsegError
@@ -89,7 +89,10 @@ _NAMES = {
     "ffseg.image.edges": "EdgeMap edge_map",
     "ffseg.image.own": "own_image",
     "ffseg.geometry.freeform": "FreeForm",
-    "ffseg.camera": "Camera load_camera Pose planar_pose load_poses Motion",
+    "ffseg.camera.calibration": "load_camera",
+    "ffseg.camera.model": "Camera",
+    "ffseg.camera.motion": "Pose planar_pose Motion",
+    "ffseg.camera.poses": "load_poses",
     "ffseg.freespace.sequence": "Sequence Frame",
     "ffseg.freespace.outline": "Ground Scan",
     "ffseg.freespace.occupancy": "OccupancyMap",

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ffseg.camera.footprint import Footprint
 from ffseg.errors import ParameterError, SegmentationError
 from ffseg.geometry.freeform import FreeForm
 from ffseg.geometry.regions import oriented
@@ -16,9 +17,6 @@ from ffseg.image.edges import EdgeMap
 from ffseg.image.raster import rasterize
 from ffseg.parameters import Box, Parameters
 from ffseg.plugins import Method
-
-if TYPE_CHECKING:
-    from ffseg.camera.footprint import Footprint  # loads YAML
 
 Plane = NDArray[np.uint8]
 

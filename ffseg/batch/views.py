@@ -9,8 +9,10 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
-from ffseg.camera import Camera, Pose, load_mounted_camera, load_pairs, load_poses
-from ffseg.camera.motion import robot_pose
+from ffseg.camera.calibration import load_mounted_camera
+from ffseg.camera.model import Camera
+from ffseg.camera.motion import Pose, robot_pose
+from ffseg.camera.poses import load_pairs, load_poses
 from ffseg.io.bags import MARK, bag_of, bag_poses
 
 WINDOW = 8

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ffseg.camera.model import Camera
+if TYPE_CHECKING:
+    from ffseg.camera.model import Camera  # loads what images of other cameras do not need
 
 RADIUS_CELLS = 8
 """Cells of the plane that the footprint's radius is long: a passage is measured to an eighth of it."""

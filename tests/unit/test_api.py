@@ -376,10 +376,7 @@ a run's map is fused of: no user makes or asks for them."""
 
 @pytest.mark.parametrize("name", [name for name in ffseg.__all__ if name != "__version__"])
 def test_every_type_in_a_public_signature_can_be_had(name: str) -> None:
-    try:
-        found = {one.__name__ for hint in hints(getattr(ffseg, name)) for one in classes(hint)}
-    except NameError:  # a name that only type checkers load
-        pytest.skip("a signature with names for type checkers")
+    found = {one.__name__ for hint in hints(getattr(ffseg, name)) for one in classes(hint)}
     assert found - set(ffseg.__all__) - INTERNAL == set()
 
 

@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ffseg.camera import Camera, load_camera, load_mounted_camera, load_pairs, load_poses
+from ffseg.camera.calibration import load_camera, load_mounted_camera
+from ffseg.camera.model import Camera
+from ffseg.camera.poses import load_pairs, load_poses
 from ffseg.camera.projections import Fisheye, Polynomial, UnifiedSphere
 from ffseg.errors import CalibrationError
 

@@ -93,7 +93,9 @@ def test_what_is_loaded_before_the_first_worker_starts_is_light() -> None:
     code = "import sys, ffseg.batch.workers.launch as it; it.launch().end(); print(*sys.modules)"
     assert {"numpy", "cv2", "yaml", "typer"}.isdisjoint(printed(code).split())
     code = "import sys, ffseg.batch.workers.work; print(*sys.modules)"
-    assert {"yaml", "typer", "tarfile", "ffseg.camera", "ffseg.batch.runner"}.isdisjoint(printed(code).split())
+    assert {"yaml", "typer", "tarfile", "ffseg.camera.calibration", "ffseg.batch.runner"}.isdisjoint(
+        printed(code).split()
+    )
 
 
 def test_of_the_processes_that_are_started_no_more_are_used_than_asked_for() -> None:

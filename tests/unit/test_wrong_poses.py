@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from rendered import floor_pair, segment_view
 
-from ffseg.camera import load_poses
 from ffseg.camera.model import Camera
 from ffseg.camera.motion import Pose, planar_pose
+from ffseg.camera.poses import load_poses
 from ffseg.errors import CalibrationError
 from ffseg.freespace.motion.contradictions import LONGEST, TALLEST, unlikely_units
 from ffseg.freespace.motion.egomotion import given_motion, pair_motion
